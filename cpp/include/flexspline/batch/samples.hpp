@@ -1,0 +1,85 @@
+/// A log's channels as arrays, and short blocks of them as samples.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <limits>
+
+#include "flexspline/sample.hpp"
+
+namespace flexspline::batch {
+
+/// Borrowed columns of equal length; a null pointer is a channel that the log lacks.
+struct Channels {
+  std::size_t size = 0;
+  const double* output_position = nullptr;      ///< rad
+  const double* output_velocity = nullptr;      ///< rad/s
+  const double* output_acceleration = nullptr;  ///< rad/s²
+  const double* motor_position = nullptr;       ///< rad
+  const double* temperature = nullptr;          ///< °C
+  const double* known_load = nullptr;           ///< Nm
+};
+
+/// Up to `capacity` samples, a column each, so that a loop over them vectorises.
+struct SampleBlock {
+  static constexpr std::size_t capacity = 512;
+  template <typename T>
+  using Column = std::array<T, capacity>;
+
+  std::size_t size = 0;
+  Column<std::int32_t> turns;
+  Column<std::uint64_t> output_phase, motor_phase, flexspline_phase, circular_spline_phase;
+  Column<double> output_velocity, output_acceleration, temperature, known_load, load;
+
+  /// Copies rows [first, first + count) and fills the phases; the load stays the known load.
+  /// A position that is not finite gives phase zero.
+  void read(const Channels& from, std::size_t first, std::size_t count, const Gear<double>& gear,
+            bool motor_side) noexcept {
+    size = count;
+    copy(from.output_velocity, first, 0.0, output_velocity);
+    copy(from.output_acceleration, first, 0.0, output_acceleration);
+    copy(from.temperature, first, 25.0, temperature);
+    copy(from.known_load, first, 0.0, known_load);
+    copy(from.known_load, first, 0.0, load);
+    for (std::size_t i = 0; i < count; ++i) {
+      const auto q = Angle<double>::from_radians(
+          from.output_position != nullptr ? from.output_position[first + i] : 0.0);
+      turns[i] = q.turns;
+      output_phase[i] = q.phase.fraction;
+    }
+    if (motor_side) read_motor(from, first, gear);
+  }
+
+  Sample<double> operator[](std::size_t i) const noexcept {
+    Sample<double> at;
+    at.output_position = {turns[i], {output_phase[i]}};
+    at.output_velocity = output_velocity[i];
+    at.output_acceleration = output_acceleration[i];
+    at.motor_position = {0, {motor_phase[i]}};
+    at.temperature = temperature[i];
+    at.known_load = known_load[i];
+    at.wave_generator_on_flexspline = {flexspline_phase[i]};
+    at.wave_generator_on_circular_spline = {circular_spline_phase[i]};
+    at.load = load[i];
+    return at;
+  }
+
+ private:
+  void copy(const double* from, std::size_t first, double absent, Column<double>& to) noexcept {
+    for (std::size_t i = 0; i < size; ++i) to[i] = from != nullptr ? from[first + i] : absent;
+  }
+
+  void read_motor(const Channels& from, std::size_t first, const Gear<double>& gear) noexcept {
+    for (std::size_t i = 0; i < size; ++i) {
+      const Phase<double> q{output_phase[i]};
+      const Phase<double> theta =
+          gear.motor_encoder ? Angle<double>::from_radians(from.motor_position[first + i]).phase
+                             : gear.motor_phase({turns[i], q});
+      motor_phase[i] = theta.fraction;
+      flexspline_phase[i] = gear.against_flexspline(q, theta).fraction;
+      circular_spline_phase[i] = gear.against_circular_spline(q, theta).fraction;
+    }
+  }
+};
+
+}  // namespace flexspline::batch

@@ -1,0 +1,196 @@
+"""The catalogue of physical effects, and one effect with its shapes and orders set."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+from typing import Any
+
+from flexspline import _core
+from flexspline.errors import InputError, did_you_mean, listed
+
+__all__ = ["CATALOGUE", "Effect", "EffectInfo", "ShapeInfo", "TermInfo", "effect", "unit_in"]
+
+TARGETS = {"sensor_torque": "S", "motor_torque": "M", "motor_current": "M", "torsion": "D"}
+UNITS = {"sensor_torque": "Nm", "motor_torque": "Nm", "motor_current": "A", "torsion": "rad"}
+
+Harmonic = tuple[int, str]
+
+
+@dataclass(frozen=True)
+class TermInfo:
+    """Name of a coefficient and its unit where the target is in Nm."""
+
+    name: str
+    unit: str
+
+
+@dataclass(frozen=True)
+class ShapeInfo:
+    """A number that bends an effect's row, with the bounds of the search for it."""
+
+    name: str
+    unit: str
+    default: float
+    lower: float
+    upper: float
+    fitted: bool
+
+
+@dataclass(frozen=True)
+class EffectInfo:
+    """What the core says of an effect.
+
+    `targets`: letters of S (sensor), M (drive), D (torsion). `reads`: channels, "load" among
+    them. `pairs`: pairs of parts that a ripple effect may turn with, empty for others.
+    """
+
+    name: str
+    targets: str
+    signature: str
+    source: str
+    terms: tuple[TermInfo, ...]
+    shapes: tuple[ShapeInfo, ...]
+    reads: tuple[str, ...]
+    pairs: tuple[str, ...]
+    carries_load: bool
+
+
+def _catalogue() -> Mapping[str, EffectInfo]:
+    known = {}
+    for entry in _core.catalogue():
+        terms = tuple(TermInfo(*term) for term in entry.pop("terms"))
+        shapes = tuple(ShapeInfo(**shape) for shape in entry.pop("shapes"))
+        tuples = {key: tuple(entry.pop(key)) for key in ("reads", "pairs")}
+        known[entry["name"]] = EffectInfo(terms=terms, shapes=shapes, **tuples, **entry)
+    return MappingProxyType(known)
+
+
+CATALOGUE: Mapping[str, EffectInfo] = _catalogue()
+
+
+@dataclass(frozen=True)
+class Effect:
+    """An effect with its shapes and orders.
+
+    Parameters
+    ----------
+    name : str
+        A name of `CATALOGUE`.
+    shapes : mapping of str to float
+        Values in the units of the catalogue; what is left out has its default.
+    harmonics : sequence of (order, pair)
+        Of ripple effects: periods per turn of a pair of parts, such as
+        (2, "wave_generator_on_flexspline").
+
+    Raises
+    ------
+    InputError
+        For an unknown effect, shape or pair, or a shape outside its bounds.
+    """
+
+    name: str
+    shapes: Mapping[str, float] = field(default_factory=dict)
+    harmonics: tuple[Harmonic, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.name not in CATALOGUE:
+            near = did_you_mean(self.name, CATALOGUE)
+            raise InputError(
+                f"there is no effect '{self.name}'{near}; known are {listed(CATALOGUE)}"
+            )
+        known = {shape.name: shape for shape in self.info.shapes}
+        values = {shape.name: shape.default for shape in self.info.shapes}
+        for name, value in self.shapes.items():
+            if name not in known:
+                raise InputError(
+                    f"effect '{self.name}' has no shape '{name}'; it has {listed(known)}"
+                )
+            values[name] = float(value)
+            if not known[name].lower <= values[name] <= known[name].upper:
+                raise InputError(
+                    f"effect '{self.name}': {name} = {value} {known[name].unit} is not within "
+                    f"{known[name].lower} to {known[name].upper}; give a value in that range"
+                )
+        object.__setattr__(self, "shapes", MappingProxyType(values))
+        object.__setattr__(self, "harmonics", self._checked_harmonics())
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return (Effect, (self.name, dict(self.shapes), self.harmonics))
+
+    @property
+    def info(self) -> EffectInfo:
+        return CATALOGUE[self.name]
+
+    @property
+    def ripple(self) -> bool:
+        """Whether the effect has orders."""
+        return bool(self.info.pairs)
+
+    @property
+    def terms(self) -> tuple[TermInfo, ...]:
+        """The coefficients, in the order of the row."""
+        if not self.ripple:
+            return self.info.terms
+        return tuple(
+            TermInfo(f"{term.name} {order}{_against(pair, self.info.pairs)}", term.unit)
+            for order, pair in self.harmonics
+            for term in self.info.terms
+        )
+
+    def with_shapes(self, **shapes: float) -> Effect:
+        """Return the effect with some shapes replaced."""
+        return replace(self, shapes={**self.shapes, **shapes})
+
+    def with_orders(self, orders: Iterable[int | Harmonic]) -> Effect:
+        """Return the effect with these orders; a bare number is of the effect's first pair."""
+        pairs = self.info.pairs
+        harmonics = [(o, pairs[0]) if isinstance(o, int) else o for o in orders]
+        return replace(self, harmonics=tuple(sorted(harmonics, key=lambda h: (h[1], h[0]))))
+
+    def for_core(self) -> dict[str, Any]:
+        """Return what the core needs to build the effect."""
+        return {
+            "name": self.name,
+            "shapes": dict(self.shapes),
+            "harmonics": list(self.harmonics),
+        }
+
+    def _checked_harmonics(self) -> tuple[Harmonic, ...]:
+        if self.harmonics and not self.ripple:
+            raise InputError(f"effect '{self.name}' has no orders; leave them out")
+        if len(self.harmonics) > _core.max_harmonics:
+            raise InputError(
+                f"effect '{self.name}' takes at most {_core.max_harmonics} orders, "
+                f"not {len(self.harmonics)}; leave out the smallest"
+            )
+        for order, pair in self.harmonics:
+            if order < 1 or int(order) != order:
+                raise InputError(
+                    f"effect '{self.name}': order {order} is not a whole number above zero"
+                )
+            if pair not in self.info.pairs:
+                raise InputError(
+                    f"effect '{self.name}': '{pair}' is not one of {listed(self.info.pairs)}"
+                )
+        return tuple((int(order), pair) for order, pair in self.harmonics)
+
+
+def effect(name: str, *, orders: Iterable[int | Harmonic] = (), **shapes: float) -> Effect:
+    """Return an effect of the catalogue: ``effect("stribeck_friction", stribeck_velocity=0.2)``."""
+    made = Effect(name, shapes)
+    return made.with_orders(orders) if orders else made
+
+
+def unit_in(unit: str, target: str) -> str:
+    """Return a term's unit for a target: 'Nm·s/rad' for a torque is 'A·s/rad' for a current."""
+    own = UNITS[target]
+    if own == "Nm":
+        return unit
+    return unit.replace("kg·m²", "Nm·s²/rad").replace("Nm", own)
+
+
+def _against(pair: str, pairs: tuple[str, ...]) -> str:
+    """Which pair a harmonic belongs to, where the effect leaves a choice."""
+    return f" ({pair.rsplit('_on_')[1].replace('_', ' ')})" if len(pairs) > 1 else ""

@@ -1,0 +1,299 @@
+"""From an estimate to a `Fit`: errors, confounded groups, scores, and the model to keep."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexspline.effects import unit_in
+from flexspline.fit.estimate import Estimate, counts_of, residuals_of
+from flexspline.fit.identifiability import Confounded, confounded_groups
+from flexspline.fit.noise_model import NoiseModel, noise_model
+from flexspline.fit.problem import Problem
+from flexspline.fit.result import Fit, FittedRun, Parameter
+from flexspline.fit.scores import scores_of
+from flexspline.fit.uncertainty import Prior, Uncertainty, parameter_uncertainty
+from flexspline.fit.validation import cross_validate
+from flexspline.model import Model, Part
+
+__all__ = ["assembled"]
+
+Array = NDArray[np.float64]
+
+LONG = 1_000_000  # rows from which the noise model reads one chunk of several
+BOUND = {-1: "at lower bound", 0: "fitted", 1: "at upper bound"}
+LOOSE = 1.0  # a shape whose error is larger than itself is not determined
+
+
+def assembled(
+    problem: Problem, made: Estimate, into: Model | None, warnings: Sequence[str], orders: Any
+) -> Fit:
+    """Put everything together that a user sees of a fit.
+
+    Parameters
+    ----------
+    into : model that receives the part, or None for a new one.
+    warnings : sentences of the checks; those of the fit are added.
+    orders : the order analysis that chose orders, or None.
+    """
+    uncertainty = _uncertainty(problem, made)
+    confounded = _confounded(problem, made, uncertainty)
+    parameters = _parameters(problem, made, uncertainty, confounded)
+    validation = cross_validate(problem, made.tangent, made.basis, made.prior_rows)
+    residuals = residuals_of(problem, made.linear)
+    scores = scores_of(problem, residuals, validation.residuals)
+    runs = tuple(
+        FittedRun(run.log, run.target, run.target - residual, held_out, counts_of(run))
+        for run, residual, held_out in zip(
+            problem.runs, residuals, validation.residuals, strict=True
+        )
+    )
+    covariance = uncertainty.covariance
+    validated = {"by": validation.by, "folds": validation.folds}
+    record = _record(problem, made, parameters, confounded, uncertainty)
+    record["scores"] = [asdict(s) for s in scores]
+    record["validated"] = validated
+    part = Part(
+        problem.target, made.linear.effects, _shared(problem, made), problem.known_load,
+        _plain(record),
+    )
+    facts = _facts(problem)
+    model = (into or Model({})).with_part(part, facts)
+    return Fit(
+        model=model,
+        target=problem.target,
+        parameters=parameters,
+        confounded=tuple(confounded),
+        runs=runs,
+        scores=scores,
+        validated_by=validation.by,
+        folds=validation.folds,
+        uncertainty=uncertainty,
+        covariance=covariance,
+        lowpass=problem.lowpass,
+        warnings=(*warnings, *_warnings(made, uncertainty)),
+        exact=made.linear.exact,
+        condition=made.linear.solution.condition,
+        orders=orders,
+    )
+
+
+def _noise(problem: Problem, made: Estimate) -> NoiseModel:
+    rows = sum(run.counted for run in problem.runs)
+    decimation = 1
+    if problem.lowpass is not None:
+        rate = float(np.median([run.log.rate for run in problem.runs]))
+        decimation = max(1, int(rate / (2.5 * problem.lowpass)))
+    every = max(1, rows // LONG)
+    return noise_model(made.tangent, made.basis, every=every, decimation=decimation)
+
+
+def _uncertainty(problem: Problem, made: Estimate) -> Uncertainty:
+    noise = _noise(problem, made)
+    rows = made.prior_rows
+    prior = None
+    if len(rows):
+        known = np.flatnonzero(np.isfinite(made.constraints.prior_error[made.constraints.free]))
+        errors = rows[np.arange(len(rows)), known] * made.constraints.prior_error[
+            made.constraints.free
+        ][known]
+        prior = Prior(rows, errors)
+    return parameter_uncertainty(made.tangent, made.basis, noise, prior)
+
+
+def _confounded(
+    problem: Problem, made: Estimate, uncertainty: Uncertainty
+) -> list[Confounded]:
+    """Groups among the free coefficients; with priors or bounds those resolve what they touch."""
+    if made.constraints.informed or len(made.fitted) != len(made.constraints.free):
+        return []
+    shapes = len(made.free_shapes)
+
+    def errors_of(directions: Array) -> Array:
+        return uncertainty.errors_of(np.hstack([directions, np.zeros((len(directions), shapes))]))
+
+    units = _units(problem, made)
+    return confounded_groups(
+        made.linear.solution,
+        [made.names[k] for k in made.fitted],
+        [units[k] for k in made.fitted],
+        made.linear.coefficients[made.fitted],
+        errors_of,
+    )
+
+
+def _units(problem: Problem, made: Estimate) -> list[str]:
+    """Unit of each coefficient, in the order of `names`."""
+    units = [unit_in(t.unit, problem.target) for e in made.linear.effects for t in e.terms]
+    place = problem.place(made.linear.effects)
+    ordered = [""] * len(made.names)
+    for run in place:
+        for column, at in enumerate(run):
+            ordered[at] = units[column]
+    return ordered
+
+
+def _parameters(
+    problem: Problem,
+    made: Estimate,
+    uncertainty: Uncertainty,
+    confounded: Sequence[Confounded],
+) -> tuple[Parameter, ...]:
+    hidden = {name for group in confounded for name in group.names}
+    values = np.concatenate(
+        [
+            made.linear.coefficients[made.fitted],
+            [shape.value(made.linear.effects) for shape in made.free_shapes],
+        ]
+    )
+    table = {
+        "error": uncertainty.standard_errors,
+        "naive": uncertainty.naive_standard_errors,
+        "low": uncertainty.intervals(values)[:, 0],
+        "high": uncertainty.intervals(values)[:, 1],
+        "news": uncertainty.effective_samples_of,
+    }
+    units = _units(problem, made)
+    found = []
+    for k, name in enumerate(made.names):
+        at = int(np.searchsorted(made.fitted, k))
+        row = at if at < len(made.fitted) and made.fitted[at] == k else None
+        held = bool(np.isfinite(made.constraints.held[k]))
+        state = "fixed" if held else BOUND[int(made.linear.at_bound[k])]
+        prior = None
+        if np.isfinite(made.constraints.prior[k]):
+            prior = (float(made.constraints.prior[k]), float(made.constraints.prior_error[k]))
+        determined = name not in hidden
+        state = state if determined else "not determined"
+        value = float(made.linear.coefficients[k])
+        found.append(
+            _parameter(name, "coefficient", value, units[k], state, determined, prior, table, row)
+        )
+    return (*found, *_shape_parameters(made, table))
+
+
+def _shape_parameters(made: Estimate, table: Mapping[str, Array]) -> list[Parameter]:
+    found = []
+    free = [shape.name for shape in made.free_shapes]
+    for shape in made.shapes:
+        value = shape.value(made.linear.effects)
+        row = len(made.fitted) + free.index(shape.name) if shape.name in free else None
+        determined, state = True, "fixed"
+        if shape.name in made.searched.flat:
+            determined, state = False, "not determined"
+        elif shape.name in made.searched.at_bound:
+            state = BOUND[made.searched.at_bound[shape.name]]
+        if row is not None and not table["error"][row] < LOOSE * value:
+            determined, state = False, "not determined"
+        found.append(
+            _parameter(shape.name, "shape", value, shape.info.unit, state, determined, None,
+                       table, row)
+        )
+    return found
+
+
+def _parameter(
+    name: str,
+    kind: str,
+    value: float,
+    unit: str,
+    state: str,
+    determined: bool,
+    prior: tuple[float, float] | None,
+    table: Mapping[str, Array],
+    row: int | None,
+) -> Parameter:
+    def at(key: str) -> float:
+        return float("nan") if row is None else float(table[key][row])
+
+    interval = (at("low"), at("high")) if row is not None else (value, value)
+    return Parameter(
+        name, kind, value, at("error"), at("naive"), interval, unit, state, determined, prior,
+        at("news"),
+    )
+
+
+def _shared(problem: Problem, made: Estimate) -> Array:
+    """Coefficients in the order of the effects' terms; offsets of runs become their mean."""
+    place = problem.place(made.linear.effects)
+    return np.mean([made.linear.coefficients[run] for run in place], axis=0)
+
+
+def _record(
+    problem: Problem,
+    made: Estimate,
+    parameters: Sequence[Parameter],
+    confounded: Sequence[Confounded],
+    uncertainty: Uncertainty,
+) -> dict[str, Any]:
+    channels = sorted({name for run in problem.runs for name in run.channels})
+    return {
+        "parameters": [asdict(p) for p in parameters],
+        "covariance": {
+            "names": [made.names[k] for k in made.fitted] + [s.name for s in made.free_shapes],
+            "matrix": uncertainty.covariance.tolist(),
+        },
+        "confounded": [asdict(group) for group in confounded],
+        "noise": {
+            "autoregression": uncertainty.noise.coefficients.tolist(),
+            "innovation_variance": uncertainty.noise.innovation_variance,
+            "effective_samples": uncertainty.effective_samples,
+        },
+        "lowpass": problem.lowpass,
+        "channels": channels,
+        "validity": {
+            name: [
+                min(float(run.channels[name].min()) for run in problem.runs),
+                max(float(run.channels[name].max()) for run in problem.runs),
+            ]
+            for name in channels
+        },
+        "logs": [
+            {
+                "name": run.log.name,
+                "sha256": run.log.source.sha256 if run.log.source else None,
+                "rows": len(run),
+                "history": list(run.log.history),
+            }
+            for run in problem.runs
+        ],
+    }
+
+
+def _facts(problem: Problem) -> dict[str, Any]:
+    known = ("joint", "gear_ratio", "output_spline", "pole_pairs", "slots", "torque_constant")
+    facts = problem.runs[0].log.facts
+    return {key: facts[key] for key in known if key in facts}
+
+
+def _plain(value: Any) -> Any:
+    """Turn what JSON has no word for into null, tuples into lists, numpy numbers into numbers."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float) and not np.isfinite(value):
+        return None
+    return value
+
+
+def _warnings(made: Estimate, uncertainty: Uncertainty) -> list[str]:
+    said = []
+    if not uncertainty.reliable:
+        said.append(uncertainty.statement)
+    for name, side in made.searched.at_bound.items():
+        if side:
+            said.append(f"{name} ended on its {BOUND[side][3:]}: the model may lack something else")
+    for k in np.flatnonzero(made.linear.at_bound):
+        side = int(made.linear.at_bound[k])
+        said.append(f"{made.names[k]} ended on its {BOUND[side][3:]}")
+    for name in made.searched.flat:
+        said.append(f"{name} changes nothing in these runs and keeps its value")
+    return said
+

@@ -1,0 +1,137 @@
+"""`fit`: from logs and names of effects to a model with errors and scores."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+from tqdm import tqdm
+
+from flexspline.effects import Effect, effect
+from flexspline.errors import InputError
+from flexspline.fit.assemble import assembled
+from flexspline.fit.estimate import Given, estimate
+from flexspline.fit.names import Bounds, resolve
+from flexspline.fit.problem import Problem, problem_of
+from flexspline.fit.result import Fit
+from flexspline.fit.ripple import with_found_orders
+from flexspline.logs.checks import check
+from flexspline.logs.log import Log
+from flexspline.model import Model
+
+__all__ = ["fit"]
+
+ROWS_A_PARAMETER = 3
+
+
+def fit(
+    effects: Iterable[str | Effect],
+    logs: Log | Sequence[Log],
+    target: str,
+    *,
+    known_load: str | None = None,
+    lowpass: float | None = None,
+    orders: Mapping[str, Sequence[int]] | None = None,
+    fixed: Mapping[str, float] | None = None,
+    bounds: Mapping[str, Bounds] | None = None,
+    priors: Mapping[str, tuple[float, float]] | None = None,
+    robust: str | None = None,
+    offset_per_run: bool = False,
+    into: Model | None = None,
+    checks: bool = True,
+    threads: int = 1,
+    progress: bool = False,
+) -> Fit:
+    """Fit effects to logs by least squares.
+
+    Parameters
+    ----------
+    effects : names of `CATALOGUE`, or `Effect` with shapes to start from and orders.
+    logs : one or several runs of one joint.
+    target : "sensor_torque" [Nm], "motor_torque" [Nm at the output], "motor_current" [A] or
+        "torsion" [rad].
+    known_load : channel that holds τ_load [Nm], such as "reference_torque". Without it a
+        reference channel is left unused.
+    lowpass : Hz; zero phase, on the target and on every row alike.
+    orders : {"output_ripple": [1, 2, 4]}; a ripple effect without orders gets those that the
+        order analysis finds in the residual of the others.
+    fixed : {"inertia": 0.02}: parameters that are not fitted, by "effect.term", shape name, or
+        effect alone where that is unique; in their units.
+    bounds : {"viscous_friction": (0, None)}: limits; a parameter that ends there is said to.
+    priors : {"inertia": (0.0192, 0.001)}: value and standard error known from elsewhere.
+    robust : "huber" weighs down outliers and pushes (Huber & Ronchetti 2009); None does not.
+    offset_per_run : one offset for each run instead of one for all.
+    into : a model of the same joint that receives this part.
+    checks : look at the logs first; what makes a fit meaningless is refused, faults are warned of.
+    threads : for the sums over the logs.
+    progress : show what is being done on standard error.
+
+    Returns
+    -------
+    Fit
+
+    Raises
+    ------
+    InputError
+        For unknown names, missing channels, values that are not finite, or too few rows.
+
+    Notes
+    -----
+    Least squares: turlapati_intrinsic_dynamics (3)–(6), (15), (16). The design matrix of (16)
+    has no inverse as printed; what it leaves undetermined is found and named (see
+    `Fit.confounded`).
+    """
+    if robust not in (None, "huber"):
+        raise InputError(f"robust is {robust!r}; give 'huber' or None")
+    runs = [logs] if isinstance(logs, Log) else list(logs)
+    if not runs:
+        raise InputError("there is no log to fit; give at least one")
+    chosen = _chosen(effects, orders or {})
+    warnings = _checked(runs, chosen, target) if checks else []
+    given = Given(fixed or {}, bounds or {}, priors or {}, robust == "huber")
+
+    def problem(these: Sequence[Effect]) -> Problem:
+        return problem_of(
+            runs,
+            these,
+            target,
+            known_load=known_load,
+            lowpass_hz=lowpass,
+            threads=threads,
+            offset_per_run=offset_per_run,
+        )
+
+    with tqdm(desc="solving", unit=" solves", disable=not progress, leave=False) as bar:
+        chosen, found = with_found_orders(chosen, problem)
+        posed = problem(chosen)
+        _require_rows(posed, chosen)
+        made = estimate(posed, chosen, given, bar.update)
+        bar.set_description("errors and validation")
+        return assembled(posed, made, into, warnings, found)
+
+
+def _chosen(effects: Iterable[str | Effect], orders: Mapping[str, Sequence[int]]) -> list[Effect]:
+    chosen = [e if isinstance(e, Effect) else effect(e) for e in effects]
+    for name, its in orders.items():
+        at = resolve(name, [e.name for e in chosen], "orders")
+        chosen[at] = chosen[at].with_orders(its)
+    return chosen
+
+
+def _checked(runs: Sequence[Log], effects: Sequence[Effect], target: str) -> list[str]:
+    """Refuse what makes a fit meaningless and return the faults as sentences."""
+    sentences = []
+    for log in runs:
+        findings = check(log, effects=[e.name for e in effects], target=target)
+        findings.raise_errors()
+        sentences += [f"{log.name}: {finding.sentence}" for finding in findings.faults]
+    return sentences
+
+
+def _require_rows(problem: Problem, effects: Sequence[Effect]) -> None:
+    rows = sum(run.counted for run in problem.runs)
+    needed = ROWS_A_PARAMETER * problem.parameters(effects) + 20
+    if rows < needed:
+        raise InputError(
+            f"the logs have {rows} rows that count, but {problem.parameters(effects)} "
+            f"coefficients need {needed} at least; record longer runs or leave effects out"
+        )

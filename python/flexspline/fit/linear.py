@@ -1,0 +1,184 @@
+"""The linear part of a fit: coefficients for given shapes, and the load they make.
+
+    min_b Σ w (y − X b)²  subject to what is fixed, bounded or known beforehand
+
+The load in the rows is the known load plus the model's own inertia and gravity, so the solve is
+repeated until these stand. Sums are plain doubles where that gives nine digits, else
+double-double.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
+
+from flexspline.effects import Effect
+from flexspline.errors import InputError
+from flexspline.fit.names import Constraints
+from flexspline.fit.problem import Problem
+from flexspline.fit.sums import Solution, Sums, solve
+
+__all__ = ["LinearFit", "fit_linear"]
+
+Array = NDArray[np.float64]
+
+ROUNDS = 60
+STANDS = 1e-9
+DEPENDENT = 1e-11
+ENOUGH_CONDITION = 1e3
+
+
+@dataclass(frozen=True)
+class LinearFit:
+    """Coefficients for given shapes.
+
+    `coefficients`: (P,) with the fixed ones. `solution`: of the free columns. `squares`: what the
+    search for shapes minimises, Σ w (y − X b)² and the priors' share. `exact`: summed in
+    double-double. `prior_rows`: (m, free) rows that the priors add. `at_bound`: (P,) −1, 0 or 1.
+    """
+
+    effects: tuple[Effect, ...]
+    coefficients: Array
+    solution: Solution
+    sums: Sums
+    squares: float
+    exact: bool
+    prior_rows: Array
+    at_bound: NDArray[np.int8]
+
+
+def fit_linear(
+    problem: Problem,
+    effects: Sequence[Effect],
+    constraints: Constraints,
+    *,
+    start: Array | None = None,
+    weights: Sequence[Array] | None = None,
+    noise_variance: float = 1.0,
+    exact: bool = False,
+) -> LinearFit:
+    """Solve for the coefficients of effects whose shapes are given.
+
+    Parameters
+    ----------
+    start : (P,), coefficients that make the first load; None for the known load alone.
+    weights : an array (N,) for each run, for a robust fit.
+    noise_variance : squared unit of the target; the long-run variance that priors are weighed by.
+    exact : sum in double-double from the start.
+
+    Raises
+    ------
+    InputError
+        Where the load does not settle.
+    """
+    effects = tuple(effects)
+    held = np.nan_to_num(constraints.held)
+    free = constraints.free
+    moving = _load_moves(effects)
+    load = np.zeros(len(held)) if moving and start is None else start if moving else np.empty(0)
+    assert load is not None
+    prior_rows, prior_target = _prior(constraints, free, noise_variance)
+    for _ in range(ROUNDS):
+        sums = problem.sums(effects, load, held=held, weights=weights, exact=exact)
+        sums = sums.columns(free.tolist())
+        solution = solve(*sums.total())
+        if not exact and not _double_is_enough(problem, effects, free, solution, moving):
+            exact = True
+            continue
+        values, bound = _constrained(solution, constraints, free, prior_rows, prior_target)
+        coefficients = held.copy()
+        coefficients[free] = values
+        if not moving or _stands(problem, effects, load, coefficients):
+            squares = _squares(solution, values, prior_rows, prior_target)
+            at_bound = np.zeros(len(held), dtype=np.int8)
+            at_bound[free] = bound
+            return LinearFit(
+                effects, coefficients, solution, sums, squares, exact, prior_rows, at_bound
+            )
+        load = coefficients
+    raise InputError(
+        f"the load of the model does not settle after {ROUNDS} rounds; give a known load, or fix "
+        "inertia or gravity"
+    )
+
+
+def _load_moves(effects: Sequence[Effect]) -> bool:
+    """Whether rows read a load that the coefficients make."""
+    reads = any("load" in effect.info.reads for effect in effects)
+    return reads and any(effect.info.carries_load for effect in effects)
+
+
+def _stands(
+    problem: Problem, effects: Sequence[Effect], load: Array, coefficients: Array
+) -> bool:
+    owners = [effect for effect in effects for _ in effect.terms]
+    columns = [k for k, owner in enumerate(owners) if owner.info.carries_load]
+    carried = problem.place(effects)[0][columns]
+    change = np.abs(coefficients - load)[carried].max()
+    return bool(change <= STANDS * np.abs(coefficients[carried]).max())
+
+
+def _double_is_enough(
+    problem: Problem,
+    effects: Sequence[Effect],
+    free: NDArray[np.intp],
+    solution: Solution,
+    moving: bool,
+) -> bool:
+    """Whether plain sums will do: well conditioned, and what looks dependent is so to the bit."""
+    if solution.condition > ENOUGH_CONDITION:
+        return False
+    if solution.rank == len(free):
+        return solution.double_is_enough
+    if moving:
+        return False
+    for combination in solution.null_space.T:
+        full = np.zeros(problem.parameters(effects))
+        full[free] = combination
+        rest = sum(float(part @ part) for part in problem.predict(effects, full))
+        if np.sqrt(rest) > DEPENDENT * np.max(np.abs(combination) * solution.lengths):
+            return False
+    return True
+
+
+def _prior(
+    constraints: Constraints, free: NDArray[np.intp], noise_variance: float
+) -> tuple[Array, Array]:
+    """Rows σ/s·e_j and targets σ/s·m_j of what is known of the free coefficients."""
+    known = np.flatnonzero(np.isfinite(constraints.prior[free]))
+    scale = np.sqrt(noise_variance) / constraints.prior_error[free][known]
+    rows = np.zeros((len(known), len(free)))
+    rows[np.arange(len(known)), known] = scale
+    return rows, scale * constraints.prior[free][known]
+
+
+def _constrained(
+    solution: Solution,
+    constraints: Constraints,
+    free: NDArray[np.intp],
+    prior_rows: Array,
+    prior_target: Array,
+) -> tuple[Array, NDArray[np.int8]]:
+    """Coefficients with priors and bounds, and at which bound each ended."""
+    nothing = np.zeros(len(free), dtype=np.int8)
+    if not len(prior_rows) and not constraints.bounded:
+        return solution.coefficients, nothing
+    rows = np.concatenate([solution.factor, prior_rows]) / solution.lengths
+    target = np.concatenate([solution.rotated_target, prior_target])
+    if not constraints.bounded:
+        scaled = np.linalg.lstsq(rows, target, rcond=None)[0]
+        return np.asarray(scaled / solution.lengths), nothing
+    lower = np.nan_to_num(constraints.lower[free], nan=-np.inf) * solution.lengths
+    upper = np.nan_to_num(constraints.upper[free], nan=np.inf) * solution.lengths
+    result = lsq_linear(rows, target, (lower, upper), method="bvls", tol=1e-14)
+    return np.asarray(result.x / solution.lengths), result.active_mask.astype(np.int8)
+
+
+def _squares(solution: Solution, values: Array, prior_rows: Array, prior_target: Array) -> float:
+    missed = solution.factor @ values - solution.rotated_target
+    known = prior_rows @ values - prior_target
+    return float(solution.residual_squares + missed @ missed + known @ known)

@@ -1,0 +1,139 @@
+"""Names of the parameters of a model, and what a user fixes, bounds or knows of them.
+
+A coefficient is called "effect.term", or by its effect alone where that has one term. A shape is
+called "effect.shape", or by the shape alone; `direction_width` is one for all friction.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexspline.effects import Effect, ShapeInfo
+from flexspline.errors import InputError, did_you_mean, listed
+
+__all__ = ["Constraints", "ShapeParameter", "coefficient_names", "constraints_of", "shapes_of"]
+
+Array = NDArray[np.float64]
+Bounds = tuple[float | None, float | None]
+
+
+@dataclass(frozen=True)
+class ShapeParameter:
+    """A shape and the effects that share it (by number)."""
+
+    name: str
+    info: ShapeInfo
+    effects: tuple[int, ...]
+
+    def value(self, effects: Sequence[Effect]) -> float:
+        return effects[self.effects[0]].shapes[self.info.name]
+
+    def set(self, effects: Sequence[Effect], value: float) -> tuple[Effect, ...]:
+        """Return the effects with this shape replaced in all that share it."""
+        changed = list(effects)
+        for number in self.effects:
+            changed[number] = changed[number].with_shapes(**{self.info.name: value})
+        return tuple(changed)
+
+
+@dataclass(frozen=True)
+class Constraints:
+    """What is known of the coefficients beforehand; NaN where nothing is.
+
+    All (P,), in the units of the coefficients. `held`: value that is not fitted.
+    """
+
+    held: Array
+    lower: Array
+    upper: Array
+    prior: Array
+    prior_error: Array
+
+    @property
+    def free(self) -> NDArray[np.intp]:
+        """Numbers of the coefficients that are fitted."""
+        return np.flatnonzero(np.isnan(self.held))
+
+    @property
+    def bounded(self) -> bool:
+        return bool(np.isfinite(self.lower).any() or np.isfinite(self.upper).any())
+
+    @property
+    def informed(self) -> bool:
+        """Whether there is a prior."""
+        return bool(np.isfinite(self.prior).any())
+
+
+def coefficient_names(effects: Sequence[Effect], runs: Sequence[str] = ()) -> list[str]:
+    """Return "effect.term" of every coefficient, in the order of the columns.
+
+    `runs`: names of the runs that have an offset each; these come last.
+    """
+    names = [f"{effect.name}.{term.name}" for effect in effects for term in effect.terms]
+    if runs and "offset.offset" in names:
+        names.remove("offset.offset")
+        names += [f"offset.{run}" for run in runs]
+    return names
+
+
+def shapes_of(effects: Sequence[Effect]) -> list[ShapeParameter]:
+    """Return the shapes that can be fitted, the direction width once for all friction."""
+    found: dict[str, ShapeParameter] = {}
+    for number, effect in enumerate(effects):
+        for info in effect.info.shapes:
+            if not info.fitted:
+                continue
+            shared = info.name == "direction_width"
+            name = info.name if shared else f"{effect.name}.{info.name}"
+            users = found[name].effects if name in found else ()
+            found[name] = ShapeParameter(name, info, (*users, number))
+    return list(found.values())
+
+
+def resolve(name: str, known: Sequence[str], what: str) -> int:
+    """Return which parameter is meant by "effect.term", or by one part of it if that is unique."""
+    if name in known:
+        return list(known).index(name)
+    near = [i for i, full in enumerate(known) if name in full.split(".")]
+    if len(near) == 1:
+        return near[0]
+    if near:
+        raise InputError(f"{what}: '{name}' may be {listed(known[i] for i in near)}; say which")
+    raise InputError(
+        f"{what}: there is no parameter '{name}'{did_you_mean(name, known)}; "
+        f"the model has {listed(known)}"
+    )
+
+
+def constraints_of(
+    names: Sequence[str],
+    fixed: Mapping[str, float],
+    bounds: Mapping[str, Bounds],
+    priors: Mapping[str, tuple[float, float]],
+) -> Constraints:
+    """Return what is known of the coefficients of these names, from the options of a fit.
+
+    Raises
+    ------
+    InputError
+        For an unknown or ambiguous name, an empty interval or an error that is not positive.
+    """
+    made = Constraints(*(np.full(len(names), np.nan) for _ in range(5)))
+    for name, value in fixed.items():
+        made.held[resolve(name, names, "fixed")] = value
+    for name, (low, high) in bounds.items():
+        at = resolve(name, names, "bounds")
+        made.lower[at] = -np.inf if low is None else low
+        made.upper[at] = np.inf if high is None else high
+        if not made.lower[at] < made.upper[at]:
+            raise InputError(f"bounds: {name} from {low} to {high} is empty; give low < high")
+    for name, (value, error) in priors.items():
+        at = resolve(name, names, "priors")
+        if not error > 0.0:
+            raise InputError(f"priors: the error of {name} is {error}; give one above zero")
+        made.prior[at], made.prior_error[at] = value, error
+    return made

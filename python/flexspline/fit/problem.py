@@ -1,0 +1,273 @@
+"""What a fit explains: runs with their channels as the core wants them, and the target."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import reduce
+from operator import add
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexspline import _core
+from flexspline.effects import TARGETS, Effect
+from flexspline.errors import InputError, listed
+from flexspline.fit.sums import Sums
+from flexspline.logs.derive import lowpass
+from flexspline.logs.log import Log
+from flexspline.logs.segments import runs
+from flexspline.signals import channels_for, core_channels, gear_of, target_of
+
+__all__ = ["Problem", "Run", "problem_of"]
+
+Array = NDArray[np.float64]
+
+SECONDS_A_BLOCK = 2.0
+MOST_BLOCKS = 400
+CHUNK = 1 << 15
+
+@dataclass(frozen=True)
+class Run:
+    """One log made ready: channels for the core, the target, and the pieces without gaps.
+
+    `channels`: name -> (N,) in SI units, "known_load" among them. `target`: (N,), y.
+    `stretches`: row ranges [first, last) without a gap, of which every row counts.
+    """
+
+    log: Log
+    channels: dict[str, Array]
+    target: Array
+    stretches: tuple[tuple[int, int], ...]
+
+    def __len__(self) -> int:
+        return len(self.target)
+
+    @property
+    def counted(self) -> int:
+        """Rows that count."""
+        return sum(last - first for first, last in self.stretches)
+
+    def blocks(self, length: int) -> list[tuple[int, int]]:
+        """Cut the stretches into blocks of about `length` rows, none shorter than half."""
+        cut: list[tuple[int, int]] = []
+        for first, last in self.stretches:
+            count = max(1, round((last - first) / length))
+            edges = np.linspace(first, last, count + 1).astype(int).tolist()
+            cut += zip(edges[:-1], edges[1:], strict=True)
+        return cut
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Runs that one model explains.
+
+    `gear`: effective ratio, output spline and whether the motor's angle is measured, as
+    `_core.Design` takes them. `lowpass`: Hz, on target and rows alike, or None.
+    """
+
+    runs: tuple[Run, ...]
+    target: str
+    gear: dict[str, Any]
+    known_load: str | None
+    lowpass: float | None
+    threads: int
+    block_rows: int
+    offset_per_run: bool = False
+
+    def place(self, effects: Sequence[Effect]) -> list[NDArray[np.intp]]:
+        """Number of the parameter behind each column of the core, an array (P,) for each run.
+
+        One offset for each run stands behind all other parameters.
+        """
+        count = sum(len(effect.terms) for effect in effects)
+        at = _offset_column(effects) if self.offset_per_run else None
+        if at is None:
+            return [np.arange(count)] * len(self.runs)
+        shared = np.arange(count) - (np.arange(count) > at)
+        return [np.where(np.arange(count) == at, count - 1 + r, shared) for r in range(len(self.runs))]
+
+    def design(self, effects: Sequence[Effect]) -> _core.Design:
+        return _core.Design([effect.for_core() for effect in effects], **self.gear)
+
+    def sums(
+        self,
+        effects: Sequence[Effect],
+        load: Array,
+        *,
+        held: Array | None = None,
+        weights: Sequence[Array] | None = None,
+        exact: bool = False,
+    ) -> Sums:
+        """Sums of products of [rows, y] of all blocks.
+
+        Parameters
+        ----------
+        load : (P,), coefficients from which the load is made; (0,) for the known load alone.
+        held : (P,), what is taken off the target beforehand; None for nothing.
+        weights : an array (N,) for each run, or None.
+        exact : sum in double-double.
+        """
+        design = self.design(effects)
+        nothing = np.empty(0)
+        pieces = []
+        for number, (run, place) in enumerate(zip(self.runs, self.place(effects), strict=True)):
+            blocks = run.blocks(self.block_rows)
+            weight = None if weights is None else weights[number]
+            off = nothing if held is None or not held.any() else held[place]
+            carried = load[place] if load.size else nothing
+            if self.lowpass is None:
+                high, low = design.accumulate(
+                    run.channels, run.target, blocks, carried, off, weight, exact, True, self.threads
+                )
+            else:
+                rows = self.rows(design, run, carried)
+                target = run.target - rows @ off if off.size else run.target
+                if weight is not None and exact:
+                    root = np.sqrt(weight)
+                    rows, target, weight = rows * root[:, None], target * root, None
+                high, low = _core.accumulate_rows(rows, target, blocks, weight, exact, self.threads)
+            lengths = np.array([last - first for first, last in blocks], dtype=np.int64)
+            label = np.full(len(blocks), number, dtype=np.int64)
+            pieces.append(Sums(high, low, lengths, label))
+            if self.offset_per_run:
+                pieces[-1] = pieces[-1].spread(place, self.parameters(effects))
+        return reduce(add, pieces)
+
+    def parameters(self, effects: Sequence[Effect]) -> int:
+        """How many coefficients there are."""
+        return max(int(place.max(initial=-1)) for place in self.place(effects)) + 1
+
+    def rows(self, design: _core.Design, run: Run, load: Array) -> Array:
+        """Design matrix of a whole run, (N, P), low-passed as the target is."""
+        return self.smooth(run, np.asarray(design.rows(run.channels, len(run), load)))
+
+    def smooth(self, run: Run, values: Array) -> Array:
+        """Values (N,) or (N, K) of a whole run, low-passed as the target is."""
+        if self.lowpass is None:
+            return values
+        return lowpass(values, run.log["time"], self.lowpass).values
+
+    def predict(self, effects: Sequence[Effect], coefficients: Array) -> list[Array]:
+        """Rows times coefficients, an array (N,) for each run."""
+        design = self.design(effects)
+        predicted = []
+        for run, place in zip(self.runs, self.place(effects), strict=True):
+            values = np.asarray(design.predict(run.channels, len(run), coefficients[place]))
+            predicted.append(self.smooth(run, values))
+        return predicted
+
+    def pieces(self) -> Iterator[tuple[int, int, int]]:
+        """Run number and row range of pieces small enough to hold a design matrix of."""
+        for number, run in enumerate(self.runs):
+            for first, last in run.stretches:
+                for start in range(first, last, CHUNK):
+                    yield number, start, min(start + CHUNK, last)
+
+
+def problem_of(
+    logs: Sequence[Log],
+    effects: Sequence[Effect],
+    target: str,
+    *,
+    known_load: str | None,
+    lowpass_hz: float | None,
+    threads: int,
+    offset_per_run: bool = False,
+) -> Problem:
+    """Make logs ready for a fit of these effects to this target.
+
+    Raises
+    ------
+    InputError
+        For an unknown target, an effect that does not act on it, a channel that is missing and
+        cannot be derived, values that are not finite, or logs that disagree on the gear.
+    """
+    _require_target(target, effects)
+    gear = _gear(logs, target, effects)
+    made = [_run(log, effects, target, known_load, lowpass_hz) for log in logs]
+    rate = float(np.median([run.log.rate for run in made]))
+    counted = sum(run.counted for run in made)
+    block = max(round(SECONDS_A_BLOCK * rate), counted // MOST_BLOCKS, 1)
+    return Problem(
+        tuple(made), target, gear, known_load, lowpass_hz, threads, block, offset_per_run
+    )
+
+
+def _offset_column(effects: Sequence[Effect]) -> int | None:
+    names = [effect.name for effect in effects for _ in effect.terms]
+    return names.index("offset") if "offset" in names else None
+
+
+def _run(
+    log: Log, effects: Sequence[Effect], target: str, known_load: str | None, cutoff: float | None
+) -> Run:
+    log = channels_for(log, effects, known_load)
+    y = target_of(log, target, known_load)
+    channels = core_channels(log, effects, known_load)
+    _require_finite(log, {**channels, target: y})
+    stretches = [(int(first), int(last)) for first, last in runs(log["time"])]
+    if cutoff is not None:
+        smooth = lowpass(y, log["time"], cutoff)
+        y = smooth.values
+        stretches = _kept(stretches, smooth.valid)
+        if not stretches:
+            raise InputError(
+                f"log '{log.name}': a low pass of {cutoff:g} Hz leaves no row that it sees from "
+                "both sides; give a longer log or a higher cutoff"
+            )
+    return Run(log, channels, y, tuple(stretches))
+
+
+def _kept(stretches: list[tuple[int, int]], valid: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Shorten each stretch to its valid rows."""
+    kept = []
+    for first, last in stretches:
+        inside = np.flatnonzero(valid[first:last])
+        if len(inside):
+            kept.append((first + int(inside[0]), first + int(inside[-1]) + 1))
+    return kept
+
+
+def _require_finite(log: Log, columns: dict[str, Array]) -> None:
+    for name, values in columns.items():
+        if np.isfinite(values.sum()):
+            continue
+        bad = np.flatnonzero(~np.isfinite(values))
+        if len(bad):
+            raise InputError(
+                f"log '{log.name}': {name} is not finite in {len(bad)} rows, first in row "
+                f"{bad[0]}; ask for the repair drop_invalid, or mend the recording"
+            )
+
+
+def _require_target(target: str, effects: Sequence[Effect]) -> None:
+    if target not in TARGETS:
+        raise InputError(f"there is no target '{target}'; give one of {listed(TARGETS)}")
+    for effect in effects:
+        if TARGETS[target] not in effect.info.targets:
+            raise InputError(
+                f"effect '{effect.name}' does not act on the target {target}; leave it out"
+            )
+    names = [effect.name for effect in effects]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f"effect '{name}' is named twice; name it once")
+
+
+def _gear(logs: Sequence[Log], target: str, effects: Sequence[Effect]) -> dict[str, Any]:
+    for key in ("gear_ratio", "output_spline"):
+        values = {log.facts.get(key) for log in logs}
+        if len(values) > 1:
+            raise InputError(
+                f"the logs disagree on {key}: {listed(values)}; they must be of one joint"
+            )
+    encoders = {"motor_position" in log for log in logs}
+    if len(encoders) > 1:
+        raise InputError("some logs have motor_position and others not; give it in all or none")
+    facts = dict(logs[0].facts)
+    motor_side = [e.name for e in effects if "motor_position" in e.info.reads]
+    if "gear_ratio" not in facts and motor_side:
+        raise InputError(f"{listed(motor_side)} needs the gear ratio; give gear_ratio")
+    return gear_of(facts, encoders.pop())

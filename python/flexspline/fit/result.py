@@ -1,0 +1,220 @@
+"""What a fit found: a model, how sure it is, and how good."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexspline.effects import UNITS
+from flexspline.fit.identifiability import Confounded
+from flexspline.fit.scores import Score
+from flexspline.fit.uncertainty import Uncertainty
+from flexspline.logs.log import Log
+from flexspline.model import Model, Part, Prediction
+
+if TYPE_CHECKING:
+    import pandas
+
+__all__ = ["Fit", "FittedRun", "Parameter"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A coefficient or a shape, as the fit left it.
+
+    Parameters
+    ----------
+    name : "effect.term", "effect.shape" or "direction_width".
+    kind : "coefficient" or "shape".
+    value, standard_error : in `unit`; the error is NaN where there is none (fixed, at a bound).
+    naive_error : as if the noise were white, for comparison.
+    interval : ends of the 95 % confidence interval.
+    state : "fitted", "fixed", "at lower bound", "at upper bound" or "not determined".
+    determined : whether the data (and priors) determine it by itself.
+    prior : (value, standard error) it was given, or None.
+    effective_samples : independent samples that its error is worth.
+    """
+
+    name: str
+    kind: str
+    value: float
+    standard_error: float
+    naive_error: float
+    interval: tuple[float, float]
+    unit: str
+    state: str
+    determined: bool
+    prior: tuple[float, float] | None
+    effective_samples: float
+
+    @property
+    def significant(self) -> bool:
+        """Whether the interval leaves out zero."""
+        return not self.interval[0] <= 0.0 <= self.interval[1]
+
+
+@dataclass(frozen=True)
+class FittedRun:
+    """One run with its target and residuals, arrays (N,) in the unit of the target.
+
+    `log` has the derived channels. `counts`: rows that the fit used. `held_out`: residuals of
+    fits that never saw the row, NaN where it does not count.
+    """
+
+    log: Log
+    measured: Array
+    predicted: Array
+    held_out: Array
+    counts: NDArray[np.bool_]
+
+    @property
+    def residual(self) -> Array:
+        return self.measured - self.predicted
+
+
+@dataclass(frozen=True)
+class Fit:
+    """The result of `fit`: prints as a verdict, one line for each term.
+
+    Parameters
+    ----------
+    model : ready to predict, save and export.
+    parameters : coefficients and shapes, in the order of the effects.
+    confounded : groups that the data cannot tell apart, with what is known of them.
+    runs : targets and residuals.
+    scores : overall (first), by run, direction, speed, temperature, near reversals.
+    validated_by : "runs" or "blocks", what the cross-validation left out, and `folds` of them.
+    uncertainty : covariance and noise model behind the errors.
+    warnings : sentences about the logs and the fit.
+    exact : whether the sums had to be double-double.
+    condition : of the design, columns scaled to length one.
+    orders : the analysis that found the orders of ripple effects, or None.
+    """
+
+    model: Model
+    target: str
+    parameters: tuple[Parameter, ...]
+    confounded: tuple[Confounded, ...]
+    runs: tuple[FittedRun, ...]
+    scores: tuple[Score, ...]
+    validated_by: str
+    folds: int
+    uncertainty: Uncertainty
+    covariance: Array
+    lowpass: float | None
+    warnings: tuple[str, ...]
+    exact: bool
+    condition: float
+    orders: Any
+
+    @property
+    def part(self) -> Part:
+        """The part of the model that this fit made."""
+        return self.model.part(self.target)
+
+    @property
+    def unit(self) -> str:
+        """Unit of the target."""
+        return UNITS[self.target]
+
+    @property
+    def score(self) -> Score:
+        """The score of all rows."""
+        return self.scores[0]
+
+    @property
+    def rmse(self) -> float:
+        """Root mean square of the residual, in the unit of the target."""
+        return self.score.rmse
+
+    @property
+    def cv_rmse(self) -> float:
+        """The same on rows that the fit never saw."""
+        return self.score.cv_rmse
+
+    def __getitem__(self, name: str) -> Parameter:
+        """Return a parameter by "effect.term", or by one part of it if that is unique."""
+        from flexspline.fit.names import resolve
+
+        names = [parameter.name for parameter in self.parameters]
+        return self.parameters[resolve(name, names, "fit")]
+
+    @cached_property
+    def effective_samples(self) -> float:
+        """Independent samples that the runs are worth for a mean."""
+        return self.uncertainty.effective_samples
+
+    def predict(self, log: Log) -> Prediction:
+        """Return measured and predicted y of any log; see `Model.predict`."""
+        return self.model.predict(log, self.target)
+
+    def shares(self) -> dict[str, float]:
+        """Return each effect's RMS contribution over all rows, by name, in the target's unit."""
+        squares: dict[str, float] = {}
+        count = 0
+        for run in self.runs:
+            count += int(run.counts.sum())
+            for name, values in self.model.components(run.log, self.target).items():
+                squares[name] = squares.get(name, 0.0) + float(np.sum(values[run.counts] ** 2))
+        return {name: float(np.sqrt(total / count)) for name, total in squares.items()}
+
+    def to_frame(self) -> pandas.DataFrame:
+        """Return the parameters as a table."""
+        import pandas
+
+        rows = [
+            {
+                "parameter": p.name,
+                "value": p.value if p.determined else np.nan,
+                "standard_error": p.standard_error if p.determined else np.nan,
+                "unit": p.unit,
+                "lower": p.interval[0] if p.determined else np.nan,
+                "upper": p.interval[1] if p.determined else np.nan,
+                "state": p.state,
+                "determined": p.determined,
+                "naive_error": p.naive_error,
+            }
+            for p in self.parameters
+        ]
+        return pandas.DataFrame(rows).set_index("parameter")
+
+    def scores_frame(self) -> pandas.DataFrame:
+        """Return the scores as a table."""
+        import pandas
+        from dataclasses import asdict
+
+        return pandas.DataFrame([asdict(s) for s in self.scores]).set_index(["group", "label"])
+
+    def __str__(self) -> str:
+        from flexspline.report.text import fit_text
+
+        return fit_text(self)
+
+    def __repr__(self) -> str:
+        return (
+            f"<Fit of {self.target}: {len(self.parameters)} parameters, RMSE {self.rmse:.4g} "
+            f"{self.unit}, held out {self.cv_rmse:.4g} {self.unit}>"
+        )
+
+    def _repr_html_(self) -> str:
+        from flexspline.report.html import fit_html
+
+        return fit_html(self)
+
+    def plot(self) -> Any:
+        """Return a figure: measured against predicted, residuals, components, orders."""
+        from flexspline.plot.fit import plot_fit
+
+        return plot_fit(self)
+
+    def report(self, path: Any) -> None:
+        """Write a self-contained HTML report, whole or not at all."""
+        from flexspline.report.html import write_report
+
+        write_report(self, path)

@@ -1,0 +1,133 @@
+"""How good a fit is: overall, and where.
+
+All scores are of residuals e = measured − predicted on the rows that count; the cross-validated
+ones are those to believe.
+
+    RMSE = √(mean e²),  bias = mean e,  variance = mean (e − bias)²,  R² = 1 − Σe² / Σ(y − ȳ)²
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexspline.fit.problem import Problem, Run
+from flexspline.logs.log import Log
+from flexspline.logs.segments import near_reversal, standstill
+
+__all__ = ["Score", "score", "scores_of"]
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+SPEED_BANDS = 5
+TEMPERATURE_BANDS = 3
+REVERSAL_SECONDS = 0.1
+LEAST_ROWS = 10
+
+
+@dataclass(frozen=True)
+class Score:
+    """Residuals of one part of the rows. Units: the target's, variance its square.
+
+    `group`: "all", "run", "direction", "speed", "temperature" or "reversals"; `label`: which
+    part; `cv_rmse`: the RMSE on rows that the fit never saw.
+    """
+
+    group: str
+    label: str
+    rows: int
+    rmse: float
+    cv_rmse: float
+    bias: float
+    variance: float
+    r_squared: float
+
+
+def score(group: str, label: str, y: Array, residual: Array, held_out: Array) -> Score:
+    """Return the score of some rows, all arrays of shape (n,)."""
+    bias = float(residual.mean())
+    squares = float(residual @ residual)
+    spread = float(((y - y.mean()) ** 2).sum())
+    return Score(
+        group,
+        label,
+        len(y),
+        float(np.sqrt(squares / len(y))),
+        float(np.sqrt(np.mean(held_out**2))),
+        bias,
+        float(np.mean((residual - bias) ** 2)),
+        1.0 - squares / spread if spread > 0.0 else float("nan"),
+    )
+
+
+def scores_of(
+    problem: Problem, residuals: Sequence[Array], held_out: Sequence[Array]
+) -> tuple[Score, ...]:
+    """Score residuals by run, direction, speed, temperature and nearness to a reversal.
+
+    Parameters
+    ----------
+    residuals, held_out : an array (N,) for each run; NaN in `held_out` on rows that do not count.
+    """
+    counts = [np.isfinite(rows) for rows in held_out]
+    y, inside, outside = (
+        np.concatenate([values[count] for values, count in zip(list_, counts, strict=True)])
+        for list_ in ([run.target for run in problem.runs], residuals, held_out)
+    )
+    found = [score("all", "all rows", y, inside, outside)]
+    for group, label, mask in _groups(problem.runs, counts):
+        if mask.sum() >= LEAST_ROWS:
+            found.append(score(group, label, y[mask], inside[mask], outside[mask]))
+    return tuple(found)
+
+
+def _groups(runs: Sequence[Run], counts: Sequence[Mask]) -> Iterator[tuple[str, str, Mask]]:
+    number = np.concatenate([np.full(c.sum(), k) for k, c in enumerate(counts)])
+    if len(runs) > 1:
+        for k, run in enumerate(runs):
+            yield "run", run.log.name, number == k
+    if all("output_velocity" in run.log or "output_position" in run.log for run in runs):
+        yield from _by_motion(runs, counts)
+    if all("temperature" in run.log for run in runs):
+        temperature = _joined(runs, counts, "temperature")
+        yield from _bands("temperature", temperature, TEMPERATURE_BANDS, "°C")
+
+
+def _by_motion(runs: Sequence[Run], counts: Sequence[Mask]) -> Iterator[tuple[str, str, Mask]]:
+    still = _masks(runs, counts, standstill)
+    if all("output_velocity" in run.log for run in runs):
+        velocity = _joined(runs, counts, "output_velocity")
+        yield "direction", "forward", ~still & (velocity > 0)
+        yield "direction", "backward", ~still & (velocity < 0)
+        yield from _bands("speed", np.where(still, np.nan, np.abs(velocity)), SPEED_BANDS, "rad/s")
+    yield "direction", "standstill", still
+    near = _masks(runs, counts, lambda log: near_reversal(log, REVERSAL_SECONDS))
+    yield "reversals", f"within ±{REVERSAL_SECONDS:g} s of a reversal", near
+    yield "reversals", "elsewhere", ~near
+
+
+def _bands(group: str, values: Array, count: int, unit: str) -> Iterator[tuple[str, str, Mask]]:
+    """Bands of about as many rows each; one band is no news."""
+    finite = values[np.isfinite(values)]
+    if not len(finite):
+        return
+    edges = np.unique(np.quantile(finite, np.linspace(0.0, 1.0, count + 1)))
+    edges = edges[np.concatenate([[True], np.diff(edges) > 1e-3 * (edges[-1] - edges[0])])]
+    if len(edges) < 3:
+        return
+    for low, high in zip(edges[:-1], edges[1:], strict=True):
+        last = high == edges[-1]
+        mask = (values >= low) & ((values <= high) if last else (values < high))
+        yield group, f"{low:.3g} to {high:.3g} {unit}", mask
+
+
+def _joined(runs: Sequence[Run], counts: Sequence[Mask], channel: str) -> Array:
+    return np.concatenate([run.log[channel][c] for run, c in zip(runs, counts, strict=True)])
+
+
+def _masks(runs: Sequence[Run], counts: Sequence[Mask], of: Callable[[Log], Mask]) -> Mask:
+    return np.concatenate([of(run.log)[c] for run, c in zip(runs, counts, strict=True)])

@@ -1,0 +1,159 @@
+"""The search for shapes around the linear solve (variable projection).
+
+    min over shapes of  min over b of  Σ (y − X(shapes) b)²
+
+The outer function is smooth in the logarithms of the shapes but may have several valleys: a grid
+first, one shape after the other, then a bounded simplex search from the best point.
+Source: Golub and Pereyra 1973, variable projection.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+
+from flexspline.effects import Effect
+from flexspline.fit.linear import LinearFit
+from flexspline.fit.names import ShapeParameter
+
+__all__ = ["ShapeFit", "fit_shapes"]
+
+Array = NDArray[np.float64]
+
+GRID = 9
+TOLERANCE = 1e-5
+FLAT = 1e-7
+NEAR_BOUND = 1e-3
+
+Solve = Callable[[tuple[Effect, ...], Array | None], LinearFit]
+
+
+@dataclass(frozen=True)
+class ShapeFit:
+    """The best linear fit, and for each shape searched where it ended.
+
+    `at_bound`: −1, 0 or 1 by name. `flat`: names of shapes that the runs say nothing about;
+    they keep the value that they came with. `evaluations`: linear solves made.
+    """
+
+    linear: LinearFit
+    at_bound: Mapping[str, int]
+    flat: tuple[str, ...]
+    evaluations: int
+
+
+@dataclass
+class _Search:
+    """The outer function, with the best solve so far and its coefficients as the next start."""
+
+    shapes: Sequence[ShapeParameter]
+    effects: tuple[Effect, ...]
+    solve: Solve
+    tick: Callable[[], object]
+    best: LinearFit | None = None
+    evaluations: int = 0
+    seen: dict[tuple[float, ...], float] = field(default_factory=dict)
+
+    def __call__(self, logarithms: Array) -> float:
+        key = tuple(np.round(logarithms, 12).tolist())
+        if key not in self.seen:
+            effects = self.effects
+            for shape, logarithm in zip(self.shapes, logarithms, strict=True):
+                value = float(np.clip(np.exp(logarithm), shape.info.lower, shape.info.upper))
+                effects = shape.set(effects, value)
+            start = None if self.best is None else self.best.coefficients
+            made = self.solve(effects, start)
+            self.evaluations += 1
+            self.tick()
+            self.seen[key] = made.squares
+            if self.best is None or made.squares < self.best.squares:
+                self.best = made
+        return self.seen[key]
+
+
+def fit_shapes(
+    effects: Sequence[Effect],
+    shapes: Sequence[ShapeParameter],
+    solve: Solve,
+    bounds: Mapping[str, tuple[float, float]],
+    tick: Callable[[], object] = lambda: None,
+) -> ShapeFit:
+    """Find the shapes of least squares within their bounds.
+
+    Parameters
+    ----------
+    effects : with the shapes to start from.
+    shapes : those to search; none gives the plain linear fit.
+    solve : the linear fit of effects, started from coefficients.
+    bounds : by name, narrower than the catalogue's, in the shape's unit.
+    tick : called after each linear fit, for progress.
+    """
+    search = _Search(list(shapes), tuple(effects), solve, tick)
+    point = np.log([shape.value(effects) for shape in shapes])
+    if not len(shapes):
+        search(point)
+        assert search.best is not None
+        return ShapeFit(search.best, {}, (), 1)
+    limits = np.log([bounds.get(s.name, (s.info.lower, s.info.upper)) for s in shapes])
+    point, flat = _grid(search, point, limits)
+    active = [i for i in range(len(shapes)) if i not in flat]
+    point = _simplex(search, point, limits, active)
+    search(point)
+    assert search.best is not None
+    return ShapeFit(
+        search.best,
+        {shapes[i].name: _bound(point[i], limits[i]) for i in active},
+        tuple(shapes[i].name for i in flat),
+        search.evaluations,
+    )
+
+
+def _grid(search: _Search, point: Array, limits: Array) -> tuple[Array, list[int]]:
+    """Best point of a scan along each shape in turn, twice, and the shapes without an effect."""
+    flat: list[int] = []
+    for turn in range(2 if len(point) > 1 else 1):
+        for axis in range(len(point)):
+            scan = [*np.linspace(*limits[axis], GRID), point[axis]]
+            trials = [np.where(np.arange(len(point)) == axis, value, point) for value in scan]
+            squares = np.array([search(trial) for trial in trials])
+            if squares[-1] <= squares.min() * (1.0 + FLAT):
+                if turn == 0 and squares.max() <= squares.min() * (1.0 + FLAT):
+                    flat.append(axis)
+                continue
+            point = trials[int(np.argmin(squares))]
+    return point, flat
+
+
+def _simplex(search: _Search, point: Array, limits: Array, active: list[int]) -> Array:
+    if not active:
+        return point
+
+    def along(values: Array) -> float:
+        trial = point.copy()
+        trial[active] = values
+        return search(trial)
+
+    width = (limits[active, 1] - limits[active, 0]) / (GRID - 1) / 2
+    start = point[active]
+    steps = np.where(start + width <= limits[active, 1], width, -width)
+    simplex = np.vstack([start, *(start + steps * row for row in np.eye(len(active)))])
+    found = minimize(
+        along,
+        start,
+        method="Nelder-Mead",
+        bounds=limits[active],
+        options={"initial_simplex": simplex, "xatol": TOLERANCE, "fatol": np.inf, "maxfev": 400},
+    )
+    best = point.copy()
+    best[active] = found.x
+    return best
+
+
+def _bound(value: float, limits: Array) -> int:
+    if value - limits[0] < NEAR_BOUND:
+        return -1
+    return 1 if limits[1] - value < NEAR_BOUND else 0

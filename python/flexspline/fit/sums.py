@@ -1,0 +1,137 @@
+"""Sums of products of rows and target, a block of a second or two each: what fits are made of.
+
+Blocks are labelled with their run, can be added up in any choice, pickled and shipped. With
+`low` they are double-double: exact products, about 31 digits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexspline import _core
+
+__all__ = ["Solution", "Sums", "solve"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Sums:
+    """Sums of products of [X, y] of blocks of rows.
+
+    `high`: (B, P+1, P+1), `low`: the same or (0, P+1, P+1). `rows`: (B,) samples in each block.
+    `run`: (B,) number of the run that the block is from.
+    """
+
+    high: Array
+    low: Array
+    rows: NDArray[np.int64]
+    run: NDArray[np.int64]
+
+    @property
+    def exact(self) -> bool:
+        return len(self.low) > 0
+
+    def __add__(self, other: Sums) -> Sums:
+        """Blocks of both, one after the other."""
+        low = np.concatenate([self.low, other.low])
+        return Sums(
+            np.concatenate([self.high, other.high]),
+            low if self.exact and other.exact else low[:0],
+            np.concatenate([self.rows, other.rows]),
+            np.concatenate([self.run, other.run]),
+        )
+
+    def columns(self, chosen: Sequence[int]) -> Sums:
+        """Return the sums of some columns of X, with the target."""
+        pick = [*chosen, self.high.shape[1] - 1]
+        grid = np.ix_(range(len(self.high)), pick, pick)
+        low = self.low[np.ix_(range(len(self.low)), pick, pick)]
+        return Sums(self.high[grid], low, self.rows, self.run)
+
+    def spread(self, place: NDArray[np.intp], count: int) -> Sums:
+        """Return the sums with column k moved to column place[k] of `count`, zeros elsewhere."""
+        pick = [*place.tolist(), count]
+        high = np.zeros((len(self.high), count + 1, count + 1))
+        low = np.zeros((len(self.low), count + 1, count + 1))
+        high[np.ix_(range(len(high)), pick, pick)] = self.high
+        low[np.ix_(range(len(low)), pick, pick)] = self.low
+        return Sums(high, low, self.rows, self.run)
+
+    def total(self, chosen: Iterable[int] | None = None) -> tuple[Array, Array]:
+        """Return (high, low) of the sum over all or some blocks."""
+        blocks = list(range(len(self.high)) if chosen is None else chosen)
+        high, low = _core.merge(self.high, self.low, blocks)
+        return high, low
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Least squares: coefficients of least norm (columns scaled to length one), and the factor.
+
+    `coefficients`: (P,). `factor`: (rank, P), XᵀX = factorᵀ factor. `rotated_target`: (rank,).
+    `null_space`: (P, P - rank), combinations of coefficients that the data do not see.
+    `lengths`: (P,), of the columns. `condition`: of the scaled basic columns.
+    """
+
+    coefficients: Array
+    factor: Array
+    rotated_target: Array
+    null_space: Array
+    lengths: Array
+    residual_squares: float
+    condition: float
+    double_is_enough: bool
+
+    @property
+    def rank(self) -> int:
+        return len(self.factor)
+
+    @property
+    def basis(self) -> Array:
+        """(P, rank): V/s of the scaled factor; rows @ basis are orthonormal columns."""
+        scaled = self.factor / self.lengths
+        _, singular, right = np.linalg.svd(scaled, full_matrices=False)
+        return np.asarray(right.T / singular / self.lengths[:, None])
+
+
+def solve(high: Array, low: Array) -> Solution:
+    """Solve least squares from one sum of products of [X, y].
+
+    Parameters
+    ----------
+    high, low : (P+1, P+1), low may be (0, 0).
+    """
+    raw = _core.solve(high, low)
+    lengths = np.sqrt(np.maximum(np.diag(high)[:-1], 0.0))
+    lengths = np.where(lengths > 0.0, lengths, 1.0)
+    null_space = _null_space(raw, len(lengths))
+    coefficients = np.asarray(raw.coefficients)
+    if null_space.shape[1]:
+        scaled = null_space * lengths[:, None]
+        along = np.linalg.lstsq(scaled, coefficients * lengths, rcond=None)[0]
+        coefficients = coefficients - null_space @ along
+    return Solution(
+        coefficients,
+        np.asarray(raw.factor),
+        np.asarray(raw.rotated_target),
+        null_space,
+        lengths,
+        raw.residual_squares,
+        raw.condition,
+        raw.double_is_enough,
+    )
+
+
+def _null_space(raw: _core.Solution, columns: int) -> Array:
+    """Columns n with X n = 0: each dependent column minus what it is made of."""
+    order = np.asarray(raw.order, dtype=int)
+    null_space = np.zeros((columns, columns - raw.rank))
+    for d, dependent in enumerate(order[raw.rank :]):
+        null_space[order[: raw.rank], d] = -raw.dependence[d]
+        null_space[dependent, d] = 1.0
+    return null_space

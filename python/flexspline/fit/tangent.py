@@ -1,0 +1,93 @@
+"""The fit seen from close by: rows, and how the prediction bends with the shapes.
+
+Near its optimum a fit with shapes is a linear one with a column more for each shape,
+∂(prediction)/∂shape. Errors, cross-validation and robust weights all use these rows, a piece of a
+log at a time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexspline.effects import Effect
+from flexspline.fit.names import ShapeParameter
+from flexspline.fit.noise_model import Chunk
+from flexspline.fit.problem import Problem
+
+__all__ = ["Tangent"]
+
+Array = NDArray[np.float64]
+
+STEP = 1e-4  # of a shape, relative: the central difference is good to 1e-8
+
+
+@dataclass(frozen=True)
+class Tangent:
+    """Rows of a fit at its solution.
+
+    `free`: numbers of the fitted coefficients; their columns come first, then one for each of
+    `shapes`. `weights`: an array (N,) for each run, or None.
+    """
+
+    problem: Problem
+    effects: tuple[Effect, ...]
+    coefficients: Array
+    free: NDArray[np.intp]
+    shapes: tuple[ShapeParameter, ...]
+    weights: Sequence[Array] | None
+
+    def __call__(self) -> Iterator[Chunk]:
+        """Give the rows piece by piece, as the noise model reads them."""
+        for _, _, chunk in self.pieces():
+            yield chunk
+
+    def pieces(self) -> Iterator[tuple[int, slice, Chunk]]:
+        """Run number, rows and chunk of each piece, in order."""
+        whole: tuple[int, Array] | None = None
+        last_end = (-1, -1)
+        for number, first, last in self.problem.pieces():
+            if self.problem.lowpass is not None and (whole is None or whole[0] != number):
+                whole = (number, self._filtered(number))
+            rows = self._rows(number, first, last) if whole is None else whole[1][first:last]
+            run = self.problem.runs[number]
+            residual = run.target[first:last] - rows[:, -1]
+            starts = np.zeros(last - first, dtype=bool)
+            starts[0] = (number, first) != last_end
+            last_end = (number, last)
+            weights = None if self.weights is None else self.weights[number][first:last]
+            yield number, slice(first, last), Chunk(rows[:, :-1], residual, starts, weights)
+
+    def _rows(self, number: int, first: int, last: int) -> Array:
+        """Columns of the free coefficients, of the shapes, and the prediction: (n, F + S + 1)."""
+        run = self.problem.runs[number]
+        place = self.problem.place(self.effects)[number]
+        coefficients = self.coefficients[place]
+        channels = {name: data[first:last] for name, data in run.channels.items()}
+        size = last - first
+        design = self.problem.design(self.effects)
+        core = np.asarray(design.rows(channels, size, coefficients))
+        count = self.problem.parameters(self.effects)
+        rows = np.zeros((size, count))
+        rows[:, place] = core
+        bends = [self._bend(shape, channels, size, coefficients) for shape in self.shapes]
+        return np.column_stack([rows[:, self.free], *bends, core @ coefficients])
+
+    def _bend(
+        self, shape: ShapeParameter, channels: dict[str, Array], size: int, coefficients: Array
+    ) -> Array:
+        value = shape.value(self.effects)
+        low = max(value * (1.0 - STEP), shape.info.lower)
+        high = min(value * (1.0 + STEP), shape.info.upper)
+        ends = [
+            self.problem.design(shape.set(self.effects, at)).predict(channels, size, coefficients)
+            for at in (low, high)
+        ]
+        return np.asarray((ends[1] - ends[0]) / (high - low))
+
+    def _filtered(self, number: int) -> Array:
+        run = self.problem.runs[number]
+        return self.problem.smooth(run, self._rows(number, 0, len(run)))

@@ -1,0 +1,45 @@
+"""What is wrong with a log, looked for before anything is fitted."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from flexspline.logs.checks.excitation import excitation
+from flexspline.logs.checks.findings import Finding, Findings, Severity, sorted_findings
+from flexspline.logs.checks.gear import Gear, gear, measured_gear
+from flexspline.logs.checks.rows import dropped_samples, not_finite, repeated_rows, time_order
+from flexspline.logs.checks.start import start_transient
+from flexspline.logs.checks.torque import torque
+from flexspline.logs.checks.values import clipped, constant, quantised, wrapped
+from flexspline.logs.checks.velocity import velocity_of_position
+from flexspline.logs.log import Log
+
+__all__ = ["Finding", "Findings", "Gear", "Severity", "check", "measured_gear"]
+
+CHECKS = (
+    not_finite, time_order, dropped_samples, repeated_rows, constant, clipped, wrapped,
+    start_transient, velocity_of_position, gear, torque, quantised,
+)
+
+
+def check(log: Log, *, effects: Sequence[str] = (), target: str | None = None) -> Findings:
+    """Look for faults of the data. Nothing is changed; each finding names the repair to ask for.
+
+    Parameters
+    ----------
+    log : any log, broken ones too
+    effects : names of `spec/effects.md` that are to be fitted: missing channels and lacking
+        excitation are then found as well
+    target : the channel to be fitted (or ``torsion``): it has to be there
+
+    Returns
+    -------
+    Findings, the worst first. Rows count from 0, as in ``log[channel][row]``.
+
+    Raises
+    ------
+    InputError : an effect or target that does not exist.
+    """
+    found = [finding for one in CHECKS for finding in one(log)]
+    found.extend(excitation(log, effects, target))
+    return sorted_findings(log.name, found)

@@ -1,0 +1,132 @@
+"""What a check has to say: one finding per fault, and the list of them that speaks."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from flexspline.errors import InputError
+
+__all__ = ["Finding", "Findings", "Severity"]
+
+Severity = Literal["error", "fault", "note"]
+
+ORDER: tuple[Severity, ...] = ("error", "fault", "note")
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that is wrong with a log, or worth knowing about it.
+
+    Attributes
+    ----------
+    name : stable identifier, such as ``velocity_delay``
+    severity : ``error`` (a fit would be meaningless), ``fault`` (the data are not what they say;
+        a fit would take it for physics) or ``note`` (worth knowing)
+    channel : the channel concerned
+    rows : half-open row range in which it occurs; of single rows, from the first to the last
+    size : how much, in `unit`
+    unit : SI unit of `size`, "" for a count or a factor
+    sentence : what is wrong, where, how much
+    remedy : the repair that mends it, as `read_log(repair=...)` takes it, or what else to do
+    """
+
+    name: str
+    severity: Severity
+    channel: str
+    rows: tuple[int, int]
+    size: float
+    unit: str
+    sentence: str
+    remedy: str = ""
+
+
+@dataclass(frozen=True)
+class Findings(Sequence[Finding]):
+    """All findings about one log, the worst first. `print` makes a table of them."""
+
+    log_name: str
+    items: tuple[Finding, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.items)
+
+    def __iter__(self) -> Iterator[Finding]:
+        return iter(self.items)
+
+    def __getitem__(self, index):  # type: ignore[no-untyped-def]  # int or slice, as in a tuple
+        return self.items[index]
+
+    @property
+    def errors(self) -> tuple[Finding, ...]:
+        """Findings that make every fit meaningless."""
+        return self._of("error")
+
+    @property
+    def faults(self) -> tuple[Finding, ...]:
+        """Findings that a fit would take for physics."""
+        return self._of("fault")
+
+    @property
+    def notes(self) -> tuple[Finding, ...]:
+        """Findings that are worth knowing."""
+        return self._of("note")
+
+    def named(self, name: str) -> tuple[Finding, ...]:
+        """Findings of one name."""
+        return tuple(f for f in self.items if f.name == name)
+
+    def raise_errors(self) -> None:
+        """Raise `InputError` with the first error's sentence and remedy, if there is one."""
+        if self.errors:
+            first = self.errors[0]
+            more = f" ({len(self.errors) - 1} more)" if len(self.errors) > 1 else ""
+            raise InputError(f"{self.log_name}: {first.sentence} {first.remedy}".strip() + more)
+
+    def __str__(self) -> str:
+        if not self.items:
+            return f"{self.log_name}: nothing found"
+        head = ("severity", "name", "channel", "rows", "size")
+        table = [head, *(_cells(f) for f in self.items)]
+        width = [max(len(row[i]) for row in table) for i in range(len(head))]
+        lines = [f"{self.log_name}: {self._count()}"]
+        for row, finding in zip(table, (None, *self.items), strict=True):
+            lines.append("  ".join(c.ljust(w) for c, w in zip(row, width, strict=True)).rstrip())
+            if finding is not None:
+                lines.append(f"    {finding.sentence} {finding.remedy}".rstrip())
+        return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        if not self.items:
+            return f"<p>{html.escape(str(self))}</p>"
+        head = ("severity", "name", "channel", "rows", "size", "what", "remedy")
+        body = (
+            "<tr>" + "".join(f"<td>{html.escape(c)}</td>" for c in cells) + "</tr>"
+            for cells in ((*_cells(f), f.sentence, f.remedy) for f in self.items)
+        )
+        return (
+            f"<p>{html.escape(self.log_name)}: {self._count()}</p><table><tr>"
+            + "".join(f"<th>{h}</th>" for h in head)
+            + f"</tr>{''.join(body)}</table>"
+        )
+
+    def _of(self, severity: Severity) -> tuple[Finding, ...]:
+        return tuple(f for f in self.items if f.severity == severity)
+
+    def _count(self) -> str:
+        counts = ((len(self._of(s)), s) for s in ORDER)
+        return ", ".join(f"{n} {s}{'' if n == 1 else 's'}" for n, s in counts if n)
+
+
+def sorted_findings(log_name: str, found: Sequence[Finding]) -> Findings:
+    """Findings with the worst first, otherwise in the order of the checks."""
+    return Findings(log_name, tuple(sorted(found, key=lambda f: ORDER.index(f.severity))))
+
+
+def _cells(finding: Finding) -> tuple[str, str, str, str, str]:
+    start, stop = finding.rows
+    rows = f"{start}" if stop == start + 1 else f"{start}:{stop}"
+    size = f"{finding.size:.4g} {finding.unit}".strip()
+    return finding.severity, finding.name, finding.channel, rows, size

@@ -1,0 +1,119 @@
+"""Checks of single channels: constant, clipped, wrapped, coarsely quantised."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexspline.logs.channels import CHANNELS
+from flexspline.logs.checks.findings import Finding
+from flexspline.logs.derive import quantum, white_noise
+from flexspline.logs.log import Log
+from flexspline.logs.segments import true_ranges
+
+CONDITIONS = ("enabled", "supply_voltage", "temperature", "motor_temperature", "commanded_position")
+"""Channels that may well stay constant in a run."""
+
+POSITIONS = ("output_position", "motor_position", "commanded_position")
+
+MEASURED = (
+    "motor_torque", "motor_current", "sensor_torque", "sensor_voltage", "thermistor_voltage",
+    "reference_torque",
+)
+"""Channels that end at the range of a converter; a velocity may hold its plateau with reason."""
+
+COARSE_LEVELS = 30_000
+"""A channel with more levels than this over its range is not called quantised."""
+
+
+def constant(log: Log) -> Iterator[Finding]:
+    """Channels that never change."""
+    for channel in log.channels:
+        values = log[channel]
+        if channel == "time" or channel in CONDITIONS or len(values) < 2:
+            continue
+        if np.all(values == values[0]):
+            yield Finding(
+                "constant_channel", "fault", channel, (0, len(log)), float(values[0]),
+                CHANNELS[channel].unit,
+                f"{channel} is {values[0]:.6g} {CHANNELS[channel].unit} in every row.",
+                "Check the wiring and the column map, or leave the channel out.",
+            )
+
+
+def clipped(log: Log) -> Iterator[Finding]:
+    """Values that pile up at the largest or smallest: far more often than at the levels beside."""
+    for channel in MEASURED:
+        if channel not in log:
+            continue
+        values = log[channel]
+        for limit in {float(np.nanmax(values)), float(np.nanmin(values))}:
+            at = values == limit
+            count = int(np.count_nonzero(at))
+            if not max(10, 0.0005 * len(log)) <= count < 0.5 * len(log):
+                continue
+            ranges = true_ranges(at)
+            usual = _usual_count(values, limit)
+            if np.max(ranges[:, 1] - ranges[:, 0]) < 3 or count < 10 * usual:
+                continue
+            unit = CHANNELS[channel].unit
+            yield Finding(
+                "clipped_channel", "fault", channel, (int(ranges[0, 0]), int(ranges[-1, 1])),
+                limit, unit,
+                f"{channel} stays at exactly {limit:.6g} {unit} in {count} rows, first in row "
+                f"{ranges[0, 0]}: it is clipped there.",
+                "Leave these rows out, or record with a wider range.",
+            )
+
+
+def wrapped(log: Log) -> Iterator[Finding]:
+    """Angles that jump by a turn between two rows."""
+    for channel in POSITIONS:
+        if channel not in log:
+            continue
+        jumps = wrap_rows(log[channel])
+        if jumps.size:
+            yield Finding(
+                "wrapped_angle", "fault", channel, (int(jumps[0]), int(jumps[-1]) + 1),
+                float(jumps.size), "jumps",
+                f"{channel} jumps by a whole turn in {jumps.size} place"
+                f"{'' if jumps.size == 1 else 's'}, first in row {jumps[0]}: the angle is wrapped.",
+                f"Ask for the repair unwrap={channel}; the other checks went on with the unwrapped "
+                "angle.",
+            )
+
+
+def quantised(log: Log) -> Iterator[Finding]:
+    """Channels whose steps stand above their noise."""
+    for channel in (*POSITIONS[:2], "output_velocity", "motor_velocity", *MEASURED):
+        if channel not in log:
+            continue
+        values = np.unwrap(log[channel]) if channel in POSITIONS else log[channel]
+        step = quantum(values)
+        reach = float(np.nanmax(values) - np.nanmin(values))
+        if step == 0 or reach / step > COARSE_LEVELS or step < white_noise(values):
+            continue
+        unit = CHANNELS[channel].unit
+        yield Finding(
+            "quantised_channel", "note", channel, (0, len(log)), step, unit,
+            f"{channel} has steps of {step:.4g} {unit}, {reach / step:.0f} over its range.",
+            "Derivatives need a bandwidth that suits it (differentiate chooses one).",
+        )
+
+
+def wrap_rows(position: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Rows that differ from the row before by a turn, give or take a ninth of a turn."""
+    steps = np.abs(np.diff(position))
+    return np.flatnonzero(np.abs(steps - 2 * np.pi) < 0.7) + 1
+
+
+def _usual_count(values: NDArray[np.float64], limit: float) -> float:
+    """How often the twenty levels beside the limit occur, in the median."""
+    inner = values[np.isfinite(values) & (values != limit)]
+    if inner.size == 0:
+        return float("inf")
+    near = np.sort(np.abs(inner - limit))[: max(2000, inner.size // 50)]
+    _, counts = np.unique(near, return_counts=True)
+    return float(np.median(counts[:20]))

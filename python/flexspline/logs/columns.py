@@ -1,0 +1,241 @@
+"""The column map: which column of a foreign table is which channel, in what unit and sign."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+import pandas
+from numpy.typing import NDArray
+
+from flexspline.errors import InputError, did_you_mean, listed
+from flexspline.logs.channels import CHANNELS
+from flexspline.logs.table import Table
+from flexspline.logs.units import to_si
+
+__all__ = ["ColumnSource", "ColumnSpec", "Picked", "picked"]
+
+
+@dataclass(frozen=True)
+class ColumnSource:
+    """Where a channel comes from: ``SI value = unit(sign · scale · number in the file)``.
+
+    Parameters
+    ----------
+    source : str or int
+        Name of a column, or its number, counted from 0.
+    unit : str, optional
+        Unit in the file, such as "deg", "rpm", "mNm"; by default the channel's own SI unit.
+    sign : int
+        1, or −1 for a column that counts the other way.
+    scale : float
+        A factor before the unit, such as counts per volt.
+    bits : int, optional
+        The column holds whole numbers of so many bits in two's complement.
+    clock_offset : float
+        How late the column's clock is [s]: what is stamped t was taken at t − clock_offset.
+    """
+
+    source: str | int
+    unit: str | None = None
+    sign: int = 1
+    scale: float = 1.0
+    bits: int | None = None
+    clock_offset: float = 0.0
+
+
+ColumnSpec = str | int | tuple[str | int, str] | ColumnSource | Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Picked:
+    """Channels of a table in SI units, how late each is [s], and what was done, in sentences."""
+
+    channels: dict[str, NDArray[np.float64]]
+    late: dict[str, float]
+    notes: tuple[str, ...]
+
+
+def picked(table: Table, columns: Mapping[str, ColumnSpec] | None) -> Picked:
+    """Return the channels that the map names, and those whose column has a channel's name.
+
+    Raises
+    ------
+    InputError
+        For an unknown channel, column or unit, a cell that is no number, two channels made
+        of one column, columns of unequal length.
+    """
+    chosen = _chosen(table, columns)
+    channels, notes = {}, []
+    for channel, at in chosen.items():
+        number = table.index(at.source)
+        values = _numbers(table, channel, number)
+        if at.bits is not None:
+            values = _signed(table, channel, values, at.bits)
+        channels[channel] = _scaled(table, channel, values, at)
+        notes.append(_note(table, channel, at))
+    _require_equal_length(table, channels, chosen)
+    said = (listed(filter(None, notes)),) if any(notes) else ()
+    late = {name: at.clock_offset for name, at in chosen.items() if at.clock_offset}
+    used = {table.index(at.source) for at in chosen.values()}
+    unused = [
+        table.title(n).removeprefix("column ") for n in range(len(table.data)) if n not in used
+    ]
+    ignored = (f"ignored columns: {listed(unused)}",) if unused else ()
+    return Picked(channels, late, (*said, *ignored))
+
+
+def _chosen(table: Table, columns: Mapping[str, ColumnSpec] | None) -> dict[str, ColumnSource]:
+    chosen = {name: _source(table, name, spec) for name, spec in (columns or {}).items()}
+    owners: dict[int, str] = {}
+    for channel, at in chosen.items():
+        number = table.index(at.source)
+        if number in owners:
+            raise InputError(
+                f"{table.label}: {table.title(number)} is mapped to both "
+                f"'{owners[number]}' and '{channel}'; map it to one"
+            )
+        owners[number] = channel
+    for number, name in enumerate(table.names or ()):
+        if name in CHANNELS and name not in chosen and number not in owners:
+            chosen[name] = ColumnSource(name)
+    if not chosen:
+        what = (
+            f"names {listed(table.names)} that are no channels"
+            if table.names
+            else "columns without names"
+        )
+        raise InputError(
+            f"{table.label}: has {what}; "
+            "say which is which with columns={'output_position': ('q', 'deg'), ...}"
+        )
+    return chosen
+
+
+def _source(table: Table, channel: str, spec: ColumnSpec) -> ColumnSource:
+    where = f"{table.label}: channel '{channel}'"
+    if channel not in CHANNELS:
+        raise InputError(
+            f"{where} is not known{did_you_mean(channel, CHANNELS)}; "
+            f"the channels are {listed(CHANNELS)}"
+        )
+    if isinstance(spec, Mapping):
+        spec = _from_keys(where, spec)
+    elif isinstance(spec, (tuple, list)) and len(spec) == 2:
+        spec = ColumnSource(*spec)
+    elif isinstance(spec, (str, int)) and not isinstance(spec, bool):
+        spec = ColumnSource(spec)
+    if not isinstance(spec, ColumnSource) or not isinstance(spec.source, (str, int)):
+        raise InputError(
+            f"{where} is mapped to {spec!r}; give a name, a number, (name, unit) or a ColumnSource"
+        )
+    if spec.sign not in (1, -1):
+        raise InputError(f"{where} has sign {spec.sign!r}; give 1 or -1")
+    for key in ("scale", "clock_offset"):
+        value = getattr(spec, key)
+        if not (isinstance(value, (int, float)) and math.isfinite(value)):
+            raise InputError(f"{where} has {key} {value!r}; give a number")
+    if not (spec.bits is None or (isinstance(spec.bits, int) and 2 <= spec.bits <= 52)):
+        raise InputError(f"{where} has bits {spec.bits!r}; give a whole number such as 16")
+    return spec
+
+
+def _from_keys(where: str, spec: Mapping[str, Any]) -> ColumnSource:
+    known = [field.name for field in fields(ColumnSource)]
+    for key in spec:
+        if key not in known:
+            raise InputError(
+                f"{where} has an unknown key '{key}'{did_you_mean(key, known)}; "
+                f"the keys are {listed(known)}"
+            )
+    if "source" not in spec:
+        raise InputError(f"{where} has no source; give a column's name or number")
+    return ColumnSource(**spec)
+
+
+def _numbers(table: Table, channel: str, number: int) -> NDArray[np.float64]:
+    """Return one column as float64, the very array where it already is."""
+    column = table.data[number]
+    if column.dtype.kind in "mM":
+        if len(column) == 0:
+            return np.zeros(0)
+        seconds: NDArray[np.float64] = (column - column[0]) / np.timedelta64(1, "s")
+        return seconds
+    if column.dtype.kind in "biuf":
+        return column.astype(np.float64, copy=False)
+    if column.dtype.kind == "c":
+        raise InputError(
+            f"{table.label}: {table.title(number)} holds complex numbers where "
+            f"'{channel}' needs real ones; give their real part"
+        )
+    series = pandas.Series(column)
+    try:
+        values = pandas.to_numeric(series, errors="coerce").to_numpy(np.float64, na_value=np.nan)
+    except OverflowError as error:
+        raise InputError(
+            f"{table.label}: {table.title(number)} holds a whole number beyond all "
+            "floating point; correct it"
+        ) from error
+    wrong = np.flatnonzero(np.isnan(values) & series.notna().to_numpy())
+    if len(wrong):
+        row = int(wrong[0])
+        raise InputError(
+            f"{table.label}: {table.place(row)}, {table.title(number)} is {str(column[row])!r} "
+            f"where '{channel}' needs a number; correct or delete the cell, or leave it empty"
+        )
+    return np.asarray(values, dtype=np.float64)
+
+
+def _signed(
+    table: Table, channel: str, values: NDArray[np.float64], bits: int
+) -> NDArray[np.float64]:
+    """Return whole numbers of `bits` bits in two's complement as signed numbers."""
+    turn = 2.0**bits
+    wrong = np.flatnonzero((values != np.floor(values)) | (values < -turn / 2) | (values >= turn))
+    if len(wrong):
+        row = int(wrong[0])
+        raise InputError(
+            f"{table.label}: {table.place(row)}, '{channel}' is {values[row]:g}, no "
+            f"whole number of {bits} bits; correct bits= in the column map"
+        )
+    return np.where(values >= turn / 2, values - turn, values)
+
+
+def _scaled(
+    table: Table, channel: str, values: NDArray[np.float64], at: ColumnSource
+) -> NDArray[np.float64]:
+    try:
+        factor, offset = (1.0, 0.0) if at.unit is None else to_si(channel, at.unit)
+    except InputError as error:
+        raise InputError(f"{table.label}: {error}") from error
+    factor *= at.sign * at.scale
+    if factor != 1.0:
+        values = values * factor
+    return values + offset if offset else values
+
+
+def _note(table: Table, channel: str, at: ColumnSource) -> str:
+    """Say where a channel comes from, unless its column already has its name, unit and sign."""
+    if at == ColumnSource(channel):
+        return ""
+    said = f"{channel} is {table.title(table.index(at.source))}"
+    said += f" in {at.unit}" if at.unit else ""
+    said += f" of {at.bits} bits in two's complement" if at.bits is not None else ""
+    said += f" times {at.sign * at.scale:g}" if at.sign * at.scale != 1 else ""
+    return said
+
+
+def _require_equal_length(
+    table: Table, channels: Mapping[str, NDArray[np.float64]], chosen: Mapping[str, ColumnSource]
+) -> None:
+    first = next(iter(channels))
+    for name, values in channels.items():
+        if len(values) != len(channels[first]):
+            raise InputError(
+                f"{table.label}: {table.title(table.index(chosen[name].source))} has "
+                f"{len(values)} rows where {table.title(table.index(chosen[first].source))} has "
+                f"{len(channels[first])}; give columns of equal length"
+            )

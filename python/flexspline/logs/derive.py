@@ -1,0 +1,286 @@
+"""Derived channels: zero-phase velocity and acceleration, low pass, other rates.
+
+All of them use the one smoother of `local_fit`, a finite symmetric filter with
+
+    G(f) = (1 + s) exp(-s),    s = 1.078 (f / B)²:    -3 dB at the bandwidth B, no phase,
+
+so a low-passed target, low-passed rows and a derived velocity of one bandwidth fit together.
+No filter reaches over a gap (a step longer than 2.5 median steps): it ends before it and starts
+again behind it. Within 1.05 / B of the ends of each run the fit is one-sided: there are values,
+noisier and less smooth, and the history says for how many seconds.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexspline.errors import InputError, listed
+from flexspline.logs.channels import CHANNELS
+from flexspline.logs.local_fit import LocalFit, require_bandwidth
+from flexspline.logs.log import Log
+from flexspline.logs.segments import median_step, runs
+
+__all__ = [
+    "Smoothed",
+    "decimate",
+    "default_bandwidth",
+    "differentiate",
+    "lowpass",
+    "lowpass_log",
+    "quantum",
+    "resample",
+    "white_noise",
+]
+
+Array = NDArray[np.float64]
+
+VELOCITY_NOISE = 2 * (2 * np.pi) ** 2 * 0.48118
+"""∫ (2πf)² G(f)² df over all f for B = 1 Hz: (velocity noise)² = this · noise² · B³ / rate."""
+
+HELD = ("enabled", "commanded_position")
+"""Channels of steps: resampling takes the last value and never smooths them."""
+
+ANTI_ALIAS = 0.25
+"""Bandwidth of the low pass before resampling, as a share of the new rate: 0.07 at Nyquist."""
+
+
+class Smoothed(NamedTuple):
+    """Low-passed values and which of their rows the filter saw from both sides."""
+
+    values: Array
+    valid: NDArray[np.bool_]
+    half_length: float
+
+
+def differentiate(
+    log: Log,
+    *,
+    bandwidth: float | None = None,
+    of: str = "output_position",
+    channels: tuple[str, ...] = ("output_velocity", "output_acceleration"),
+) -> Log:
+    """Add the first and second derivative of a channel, without phase.
+
+    Parameters
+    ----------
+    log : the log; time strictly increasing, the angle unwrapped
+    bandwidth : Hz, where the gain on the true derivative is -3 dB; default `default_bandwidth`
+    of : the channel to differentiate
+    channels : where the first and (if there is a second name) the second derivative go
+
+    Returns
+    -------
+    Log with the channels; rows of runs with too few rows to define a derivative are NaN, and the
+    history says how many.
+
+    Raises
+    ------
+    InputError : time does not increase, the channel holds NaN, or the bandwidth does not suit.
+    """
+    time, values = _usable(log, of)
+    if not 1 <= len(channels) <= 2:
+        raise InputError(f"{log.name}: give one or two channels for the derivatives of {of}.")
+    chosen = default_bandwidth(time, values) if bandwidth is None else bandwidth
+    require_bandwidth(chosen, log.rate, f"{log.name}, derivative of {of}")
+    found = {
+        name: _by_run(LocalFit(chosen, order), time, values)
+        for order, name in enumerate(channels, start=1)
+    }
+    why = "" if bandwidth is not None else ", chosen from rate and noise"
+    note = (
+        f"{listed(channels)} derived from {of}: zero phase, -3 dB at {chosen:.4g} Hz{why}, "
+        f"one-sided within {LocalFit(chosen).half_length:.3g} s of the ends of "
+        f"{_count(len(runs(time)), 'run')}"
+    )
+    lost = int(np.count_nonzero(np.isnan(found[channels[-1]])))
+    if lost:
+        note += f"; {_count(lost, 'row')} NaN in runs too short for a derivative"
+    return log.with_columns(found, note=note)
+
+
+def default_bandwidth(time: Array, values: Array) -> float:
+    """Bandwidth [Hz] for a derivative of `values` that noise spoils by 1 % of its size at most.
+
+    A tenth of the rate, lower where white noise and quantum would give more than 1 % of the RMS
+    derivative, not below eight widths of the window in the record or 1 Hz.
+    """
+    step = median_step(time)
+    highest = 0.1 / step
+    lowest = min(highest, max(1.0, 8.0 / max(float(time[-1] - time[0]), step)))
+    noise = max(white_noise(values), quantum(values) / np.sqrt(12))
+    lag = max(1, min(len(time) - 1, round(0.25 / (lowest * step))))
+    secant = (values[lag:] - values[:-lag]) / (time[lag:] - time[:-lag])
+    size = float(np.sqrt(np.nanmean(secant**2)))
+    if noise == 0 or size == 0:
+        return highest if noise == 0 else lowest
+    quiet = float(((0.01 * size) ** 2 / (VELOCITY_NOISE * noise**2 * step)) ** (1 / 3))
+    return float(np.clip(quiet, lowest, highest))
+
+
+def lowpass(
+    values: Array, time: Array, cutoff: float, *, boundaries: NDArray[np.intp] | None = None
+) -> Smoothed:
+    """Low pass without phase, the same linear operator for every column.
+
+    Parameters
+    ----------
+    values : array (N,) or (N, M), any unit
+    time : array (N,), s, strictly increasing
+    cutoff : Hz; gain 0.7071 (-3 dB) there, 0.97 at half of it, 0.07 at twice
+    boundaries : array (k, 2), half-open row ranges that are filtered apart; default `runs(time)`
+
+    Returns
+    -------
+    Smoothed : `values` of the same shape; `valid` (N,), false within `half_length` [s] of the
+        ends of each run. Those rows are one-sided fits, still the same operator for all columns.
+
+    Raises
+    ------
+    InputError : values are not finite (a filter would spread them), or the cutoff does not suit.
+    """
+    step = median_step(time)
+    require_bandwidth(cutoff, 1 / step if step else 0.0, "low pass")
+    if not np.all(np.isfinite(values)):
+        row = int(np.argwhere(~np.isfinite(values))[0][0])
+        raise InputError(f"low pass: row {row} is not finite; repair it with drop_invalid.")
+    ranges = runs(time) if boundaries is None else boundaries
+    fit = LocalFit(cutoff)
+    return Smoothed(
+        _by_run(fit, time, values, ranges), _inside(time, ranges, fit.half_length), fit.half_length
+    )
+
+
+def lowpass_log(log: Log, cutoff: float, channels: tuple[str, ...] | None = None) -> Log:
+    """Low pass channels of a log: see `lowpass`. Default: all but time and held channels."""
+    names = channels or tuple(c for c in log.channels if c != "time" and c not in HELD)
+    done = {name: lowpass(_usable(log, name)[1], log["time"], cutoff) for name in names}
+    edge = LocalFit(cutoff).half_length
+    return log.with_columns(
+        {name: smoothed.values for name, smoothed in done.items()},
+        note=f"{listed(names)} low-passed: zero phase, -3 dB at {cutoff:.4g} Hz, one-sided within "
+        f"{edge:.3g} s of the ends of {_count(len(runs(log['time'])), 'run')}",
+    )
+
+
+def resample(log: Log, rate: float) -> Log:
+    """Put a log on even steps.
+
+    Parameters
+    ----------
+    log : the log; time strictly increasing, angles unwrapped
+    rate : Hz, the new rate. Where it is lower than the old one, channels are low-passed first,
+        -3 dB at a quarter of the new rate; `enabled` and commands keep their last value instead.
+
+    Returns
+    -------
+    Log on the times k / rate, k whole, that lie inside a run. Gaps stay gaps: nothing is put into
+    them. Values between rows are interpolated linearly.
+    """
+    time = _usable(log, "time")[0]
+    if not rate > 0:
+        raise InputError(f"{log.name}: a rate of {rate!r} Hz is not possible; give one above 0.")
+    ranges = runs(time)
+    grid = [np.arange(np.ceil(time[a] * rate - 1e-6), time[b - 1] * rate + 1e-6) / rate
+            for a, b in ranges]
+    fresh = np.concatenate(grid)
+    if fresh.size == 0:
+        raise InputError(f"{log.name}: no run is as long as one step of {rate:.4g} Hz; "
+                         f"give a higher rate.")
+    slower = rate < log.rate * (1 - 1e-6)
+    held = np.clip(np.searchsorted(time, fresh + 1e-9, side="right") - 1, 0, len(time) - 1)
+    columns: dict[str, Array] = {"time": fresh}
+    for name in (c for c in log.channels if c != "time"):
+        if name in HELD:
+            columns[name] = log[name][held]
+            continue
+        values = _usable(log, name)[1]
+        smooth = lowpass(values, time, ANTI_ALIAS * rate).values if slower else values
+        columns[name] = np.interp(fresh, time, smooth)
+    passed = f", low-passed at {ANTI_ALIAS * rate:.4g} Hz before" if slower else ""
+    note = (
+        f"resampled from {log.rate:.6g} Hz to {rate:.6g} Hz{passed}: {len(log)} rows to "
+        f"{len(fresh)}, {_count(len(ranges) - 1, 'gap')} kept"
+    )
+    return Log(columns, log.facts, (*log.history, note), log.source)
+
+
+def decimate(log: Log, factor: int) -> Log:
+    """Keep every `factor`-th row, low-passed before at a quarter of the new rate.
+
+    Rows are those of the log (no interpolation), counted anew behind each gap.
+    """
+    if factor < 1 or factor != int(factor):
+        raise InputError(f"{log.name}: decimate by {factor!r} is not possible; give 1, 2, 3, …")
+    if factor == 1:
+        return log
+    smooth = tuple(c for c in log.channels if c != "time" and c not in HELD)
+    passed = lowpass_log(log, ANTI_ALIAS * log.rate / factor, smooth)
+    keep = np.concatenate([np.arange(a, b, factor) for a, b in runs(log["time"])])
+    return passed.rows(keep, note=f"kept every {factor}. row: {len(log)} rows to {len(keep)}")
+
+
+def quantum(values: Array) -> float:
+    """Step of the quantisation, in the unit of `values`; 0 where there is none to be seen.
+
+    The levels that occur lie on a lattice; it is found from the smallest steps between them and
+    must hold over the whole range. Up to 200 000 rows are looked at.
+    """
+    levels = np.unique(values[:200_000][np.isfinite(values[:200_000])])
+    steps = np.diff(levels)
+    steps = steps[steps > 1e-9 * (float(levels[-1] - levels[0]) if levels.size else 0.0)]
+    if steps.size < 4:
+        return 0.0
+    smallest = float(np.percentile(steps, 5))
+    step = float(np.mean(steps[steps < 1.5 * smallest]))
+    for _ in range(3):
+        count = np.round(steps / step)
+        step = float(np.sum(steps) / np.sum(count)) if np.all(count > 0) else step
+    off = np.abs(steps / step - np.round(steps / step))
+    return step if float(np.percentile(off, 98)) < 0.05 else 0.0
+
+
+def white_noise(values: Array) -> float:
+    """RMS of the noise without memory, robust: from fourth differences, which kill slow motion."""
+    if len(values) < 16:
+        return 0.0
+    fourth = np.diff(values[: 200_000], n=4)
+    return float(np.median(np.abs(fourth[np.isfinite(fourth)])) / 0.6745 / np.sqrt(70.0))
+
+
+def _usable(log: Log, channel: str) -> tuple[Array, Array]:
+    """Time and a channel, refused with one sentence where a filter would spread their faults."""
+    time, values = log["time"], log[channel]
+    stuck = np.flatnonzero(~(np.diff(time) > 0))
+    if stuck.size:
+        raise InputError(f"{log.name}, row {int(stuck[0]) + 1}: time does not increase; repair it "
+                         f"with sort_time or drop_duplicates.")
+    bad = np.flatnonzero(~np.isfinite(values))
+    if bad.size:
+        raise InputError(f"{log.name}, row {int(bad[0])}: {channel} is not finite; repair it with "
+                         f"drop_invalid.")
+    return time, values
+
+
+def _by_run(
+    fit: LocalFit, time: Array, values: Array, ranges: NDArray[np.intp] | None = None
+) -> Array:
+    """Apply a filter to each run apart."""
+    out = np.full(values.shape, np.nan)
+    for a, b in runs(time) if ranges is None else ranges:
+        out[a:b] = fit.apply(time[a:b], values[a:b])
+    return out
+
+
+def _inside(time: Array, ranges: NDArray[np.intp], margin: float) -> NDArray[np.bool_]:
+    """Rows at least `margin` [s] away from both ends of their run."""
+    valid = np.zeros(len(time), dtype=bool)
+    for a, b in ranges:
+        valid[a:b] = (time[a:b] - time[a] >= margin) & (time[b - 1] - time[a:b] >= margin)
+    return valid
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}" + ("" if number == 1 else "s")

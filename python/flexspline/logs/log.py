@@ -1,0 +1,248 @@
+"""A log: the channels of one run of one joint, in SI units, and how they came to be."""
+
+from __future__ import annotations
+
+import html
+import textwrap
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexspline.errors import InputError, did_you_mean, listed
+from flexspline.logs.channels import CHANNELS
+from flexspline.logs.facts import Fact, checked_facts
+
+if TYPE_CHECKING:
+    import pandas
+
+__all__ = ["Log", "Source"]
+
+_CHUNK = 1 << 20  # rows looked at in one go, so that a memory-mapped log stays on disk
+
+
+@dataclass(frozen=True)
+class Source:
+    """The file that a log was read from: path, SHA-256 of its bytes, rows of data in it."""
+
+    path: str
+    sha256: str
+    rows: int
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Log:
+    """One run of one joint.
+
+    Parameters
+    ----------
+    columns : mapping of str to array, shape (rows,)
+        Names and SI units of `CHANNELS`; "time" [s] is always there. Arrays that can be
+        written to are copied (memory maps are not); what the log holds is read-only.
+    facts : mapping of str to str, float or int
+        What does not change: `name`, `joint`, `gear_ratio`, `output_spline`, `pole_pairs`,
+        `slots`, `torque_constant` [Nm/A], and anything else.
+    history : sequence of str
+        Sentences: what was read, converted, repaired.
+    source : Source, optional
+        The file that the log comes from.
+
+    Raises
+    ------
+    InputError
+        For an unknown channel, columns of unequal length, values that are no numbers,
+        a missing `time`, no rows at all, or a fact with an impossible value.
+    """
+
+    columns: Mapping[str, NDArray[np.float64]]
+    facts: Mapping[str, Fact] = field(default_factory=dict)
+    history: Sequence[str] = ()
+    source: Source | None = None
+
+    def __post_init__(self) -> None:
+        label = f"log '{self.facts.get('name', 'log')}'"
+        columns = {name: _readonly(name, data, label) for name, data in self.columns.items()}
+        _require_one_table(columns, label)
+        ordered = {name: columns[name] for name in CHANNELS if name in columns}
+        object.__setattr__(self, "columns", MappingProxyType(ordered))
+        facts = checked_facts(self.facts, label)
+        object.__setattr__(self, "facts", MappingProxyType(facts))
+        object.__setattr__(self, "history", tuple(self.history))
+
+    @classmethod
+    def from_arrays(cls, *, facts: Mapping[str, Fact] | None = None, **columns: ArrayLike) -> Log:
+        """Return a log of arrays in SI units, as in ``from_arrays(time=t, output_position=q)``."""
+        arrays: dict[str, Any] = dict(columns)
+        return cls(arrays, facts or {}, ("made of arrays",))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return (Log, (dict(self.columns), dict(self.facts), self.history, self.source))
+
+    def __len__(self) -> int:
+        return len(self.columns["time"])
+
+    def __contains__(self, channel: object) -> bool:
+        return channel in self.columns
+
+    def __getitem__(self, channel: str) -> NDArray[np.float64]:
+        """Return one channel, shape (rows,), read-only, in the unit of `CHANNELS`."""
+        if channel in self.columns:
+            return self.columns[channel]
+        near = did_you_mean(channel, CHANNELS)
+        raise InputError(
+            f"log '{self.name}': no channel '{channel}'{near}; it has {listed(self.channels)}"
+        )
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Names of the channels, in the order of `CHANNELS`."""
+        return tuple(self.columns)
+
+    @property
+    def name(self) -> str:
+        """Name of the run, "log" where none is known."""
+        return str(self.facts.get("name", "log"))
+
+    @property
+    def duration(self) -> float:
+        """Time from the first row to the last [s]."""
+        time = self.columns["time"]
+        return float(time[-1] - time[0])
+
+    @property
+    def rate(self) -> float:
+        """Sampling rate [Hz]: one over the median step of time, NaN for a single row.
+
+        Of a long log 100 stretches of 1000 rows, evenly spread, are looked at.
+        """
+        time = self.columns["time"]
+        if len(time) < 2:
+            return float("nan")
+        starts = [0] if len(time) <= 100_000 else np.linspace(0, len(time) - 1000, 100, dtype=int)
+        length = len(time) if len(time) <= 100_000 else 1000
+        step = float(np.median(np.concatenate([np.diff(time[i : i + length]) for i in starts])))
+        return 1.0 / step if step else float("inf")
+
+    @property
+    def effective_ratio(self) -> float | None:
+        """Ñ, turns of the motor side per turn of the output; None without `gear_ratio`.
+
+        N + 1 where the circular spline is the output, else N (`log_format.md`).
+        """
+        if "gear_ratio" not in self.facts:
+            return None
+        return float(self.facts["gear_ratio"]) + (self.facts.get("output_spline") == "circular")
+
+    def with_columns(self, columns: Mapping[str, ArrayLike], *, note: str) -> Log:
+        """Return a log with these channels added or replaced; `note` goes into the history."""
+        merged: dict[str, Any] = {**self.columns, **columns}
+        return Log(merged, self.facts, (*self.history, note), self.source)
+
+    def with_facts(self, facts: Mapping[str, Fact], *, note: str | None = None) -> Log:
+        """Return a log with these facts added or replaced."""
+        said = note or "facts given: " + listed(f"{key} = {facts[key]}" for key in facts)
+        return Log(self.columns, {**self.facts, **facts}, (*self.history, said), self.source)
+
+    def rows(self, which: slice | NDArray[Any], *, note: str | None = None) -> Log:
+        """Return a log of some rows: a slice, a mask or row numbers.
+
+        A slice shares memory with this log, and keeps a memory-mapped one on disk. The history
+        says `note`, by default how many rows were kept; nothing for the empty text.
+        """
+        columns = {name: data[which] for name, data in self.columns.items()}
+        for data in columns.values():
+            data.flags.writeable = False
+        said = f"kept {len(columns['time'])} of {len(self)} rows" if note is None else note
+        history = (*self.history, said) if said else self.history
+        return Log(columns, self.facts, history, self.source)
+
+    def to_frame(self) -> pandas.DataFrame:
+        """Return a copy as a pandas table with one column for each channel."""
+        import pandas
+
+        return pandas.DataFrame({name: np.array(data) for name, data in self.columns.items()})
+
+    def __repr__(self) -> str:
+        return f"<Log '{self.name}': {len(self)} rows, {listed(self.channels)}>"
+
+    def __str__(self) -> str:
+        rows = [("channel", "unit", "min", "max", "what"), *self._table()]
+        width = [max(len(row[i]) for row in rows) for i in range(4)]
+        lines = [
+            f"{row[0]:<{width[0]}}  {row[1]:<{width[1]}}  {row[2]:>{width[2]}}  "
+            f"{row[3]:>{width[3]}}  {row[4]}"
+            for row in rows
+        ]
+        facts = "; ".join(f"{key}: {value}" for key, value in self.facts.items() if key != "name")
+        notes = [
+            textwrap.fill(s, 96, initial_indent="- ", subsequent_indent="  ") for s in self.history
+        ]
+        return "\n".join([self._title(), *([facts] if facts else []), *lines, *notes])
+
+    def _repr_html_(self) -> str:
+        def row(cells: Sequence[str], tag: str) -> str:
+            return "<tr>" + "".join(f"<{tag}>{html.escape(c)}</{tag}>" for c in cells) + "</tr>"
+
+        head = row(("channel", "unit", "min", "max", "what"), "th")
+        body = "".join(row(cells, "td") for cells in self._table())
+        facts = "".join(row((key, str(value)), "td") for key, value in self.facts.items())
+        notes = "".join(f"<li>{html.escape(sentence)}</li>" for sentence in self.history)
+        return (
+            f"<div><b>{html.escape(self._title())}</b><table>{head}{body}</table>"
+            f"<table>{facts}</table><ul>{notes}</ul></div>"
+        )
+
+    def _title(self) -> str:
+        return f"{self.name}: {len(self)} rows, {self.duration:.6g} s at {self.rate:.6g} Hz"
+
+    def _table(self) -> list[tuple[str, str, str, str, str]]:
+        return [(name, *_described(name, data)) for name, data in self.columns.items()]
+
+
+def _readonly(name: str, data: ArrayLike, label: str) -> NDArray[np.float64]:
+    if name not in CHANNELS:
+        raise InputError(
+            f"{label}: '{name}' is no channel of a log{did_you_mean(name, CHANNELS)}; "
+            f"the channels are {listed(CHANNELS)}"
+        )
+    try:
+        array = np.asarray(data)
+        values = array.astype(np.float64, copy=False)
+    except (TypeError, ValueError) as error:
+        raise InputError(
+            f"{label}: channel '{name}' holds something that is no number; "
+            "convert it to numbers first"
+        ) from error
+    if values.ndim != 1:
+        raise InputError(f"{label}: channel '{name}' has shape {values.shape}; give one dimension")
+    borrowed = values is array and values.flags.writeable and not isinstance(data, np.memmap)
+    values = values.copy() if borrowed else np.asarray(values).view()
+    values.flags.writeable = False
+    return values
+
+
+def _require_one_table(columns: Mapping[str, NDArray[np.float64]], label: str) -> None:
+    if "time" not in columns:
+        raise InputError(f"{label}: no channel 'time' [s]; give time stamps or a rate")
+    rows = len(columns["time"])
+    if rows == 0:
+        raise InputError(f"{label}: no rows; a log needs at least one")
+    for name, data in columns.items():
+        if len(data) != rows:
+            raise InputError(
+                f"{label}: channel '{name}' has {len(data)} rows where 'time' has "
+                f"{rows}; give columns of equal length"
+            )
+
+
+def _described(name: str, data: NDArray[np.float64]) -> tuple[str, str, str, str]:
+    """Return unit, smallest and largest value and meaning as text, reading in chunks."""
+    parts = [data[i : i + _CHUNK] for i in range(0, len(data), _CHUNK)]
+    low = min(float(np.fmin.reduce(part)) for part in parts)
+    high = max(float(np.fmax.reduce(part)) for part in parts)
+    bad = sum(len(part) - int(np.count_nonzero(np.isfinite(part))) for part in parts)
+    unit, meaning = CHANNELS[name]
+    return unit, f"{low:.6g}", f"{high:.6g}", f"{meaning}; {bad} not finite" if bad else meaning

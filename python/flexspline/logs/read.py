@@ -1,0 +1,150 @@
+"""Reading a log from almost anything, once and for all into SI units."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexspline.errors import InputError
+from flexspline.logs.columns import ColumnSpec, Picked, picked
+from flexspline.logs.delimited import Dialect
+from flexspline.logs.facts import Fact, checked_facts
+from flexspline.logs.formats import PACKED, read_table
+from flexspline.logs.log import Log
+from flexspline.logs.repairs import Repairs, move_earlier, repaired
+from flexspline.logs.table import Table
+
+__all__ = ["read_log"]
+
+
+def read_log(
+    source: str | os.PathLike[str] | NDArray[Any] | Mapping[str, Any] | Any,
+    columns: Mapping[str, ColumnSpec] | None = None,
+    *,
+    gear_ratio: float | None = None,
+    output_spline: Literal["circular", "flex"] | None = None,
+    pole_pairs: int | None = None,
+    slots: int | None = None,
+    torque_constant: float | None = None,
+    rate: float | None = None,
+    name: str | None = None,
+    repair: Repairs = (),
+    header: bool | Literal["auto"] = "auto",
+    separator: str | None = None,
+    decimal: str | None = None,
+    encoding: str = "utf-8",
+    variable: str | None = None,
+    drop_rows: int = 0,
+    facts: Mapping[str, Fact] | None = None,
+) -> Log:
+    """Read one run of one joint into a `Log`, in SI units.
+
+    Parameters
+    ----------
+    source : path, ndarray, mapping of arrays or pandas.DataFrame
+        Delimited text, .npy (left on disk where no unit is changed), .npz, .mat (all
+        versions), .json (records), each also packed as .gz, .bz2, .xz or .zip; a matrix
+        (the longer side is time), a structured array, a dictionary, a table of pandas.
+    columns : mapping of channel to column, optional
+        A column is a name or a number (from 0), ``(name, unit)``, or a `ColumnSource`
+        with unit, sign, scale, bits and clock. Columns that already have a channel's name
+        need no entry; all others are ignored, and named in the history.
+    gear_ratio, output_spline, pole_pairs, slots, torque_constant
+        Facts of the joint (`log_format.md`); `torque_constant` in Nm/A at the motor. With it
+        and a motor_current, motor_torque is derived where the file has none.
+    rate : float, optional
+        Samples per second [Hz] of a file without time stamps.
+    name : str, optional
+        Name of the run; by default the file's.
+    repair : str, sequence or mapping
+        Repairs by name, done in this order; see `flexspline.logs.repairs`.
+    header, separator, decimal, encoding
+        How text is written; found by looking where not given. Separator "whitespace" is any
+        run of blanks and tabs.
+    variable : str, optional
+        The part of a .mat, .npz or .json file that holds the table, such as "run.data".
+    drop_rows : int
+        Rows of data at the start that are not read: a line of units, a transient.
+    facts : mapping, optional
+        More facts. Arguments overrule facts, and facts overrule the file's own.
+
+    Raises
+    ------
+    InputError
+        One sentence: file, row or column, what is wrong, what to do.
+    """
+    table, origin = read_table(source, variable, Dialect(header, separator, decimal, encoding))
+    rows = table.checked().rows
+    table = table.without_first(drop_rows)
+    found = picked(table, columns)
+    channels, timing = _timed(table, found, rate)
+    arguments = {
+        "gear_ratio": gear_ratio,
+        "output_spline": output_spline,
+        "pole_pairs": pole_pairs,
+        "slots": slots,
+        "torque_constant": torque_constant,
+        "name": name,
+    }
+    given = {**(facts or {}), **{k: v for k, v in arguments.items() if v is not None}}
+    known, overruled = _facts(table, origin.path if origin else None, given)
+    read = f"read {origin.path if origin else table.label}: {rows} rows"
+    notes = (": ".join([read, "; ".join(table.notes)]), *found.notes, *timing, *overruled)
+    log = _with_motor_torque(Log(channels, known, notes, origin))
+    for channel, seconds in found.late.items():
+        log = move_earlier(log, channel, seconds)
+    return repaired(log, repair)
+
+
+def _timed(
+    table: Table, found: Picked, rate: float | None
+) -> tuple[dict[str, NDArray[np.float64]], tuple[str, ...]]:
+    """Return the channels with `time`, made from the rate where the file has none."""
+    if rate is None:
+        if "time" not in found.channels:
+            raise InputError(
+                f"{table.label}: no time stamps; map a column to 'time' or give the rate in Hz"
+            )
+        return found.channels, ()
+    if "time" in found.channels:
+        raise InputError(f"{table.label}: has time stamps and a rate is given; leave one out")
+    if not (isinstance(rate, (int, float)) and rate > 0 and math.isfinite(rate)):
+        raise InputError(f"{table.label}: rate is {rate!r}; give a positive number of Hz")
+    rows = len(next(iter(found.channels.values())))
+    return {"time": np.arange(rows) / rate, **found.channels}, (f"time is made of {rate:g} Hz",)
+
+
+def _facts(
+    table: Table, path: str | None, given: Mapping[str, Any]
+) -> tuple[dict[str, Fact], tuple[str, ...]]:
+    """Return the file's facts under those given, and a sentence for each that is overruled."""
+    run = {"name": _run_name(Path(path))} if path else {}
+    own = checked_facts({**run, **table.facts}, table.label)
+    told = checked_facts(given, table.label)
+    notes = tuple(
+        f"{key} {own[key]} of the file is overruled by {value}"
+        for key, value in told.items()
+        if key in table.facts and own[key] != value
+    )
+    return {**own, **told}, notes
+
+
+def _run_name(path: Path) -> str:
+    """Return "run" for run.csv and run.csv.gz."""
+    return (path.with_suffix("") if path.suffix.lower() in PACKED else path).stem
+
+
+def _with_motor_torque(log: Log) -> Log:
+    constant = log.facts.get("torque_constant")
+    if constant is None or "motor_current" not in log or "motor_torque" in log:
+        return log
+    return log.with_columns(
+        {"motor_torque": float(constant) * log["motor_current"]},
+        note=f"motor_torque is motor_current times {constant} Nm/A",
+    )

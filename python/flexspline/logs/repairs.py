@@ -1,0 +1,254 @@
+"""Repairs: each asked for by name, done in the order asked, and written into the history.
+
+A repair is "name" or "name=value", as in ``repair=("sort_time", "drop_start=1.0")`` or
+``{"drop_start": 1.0}``. `REPAIRS` is the list of them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexspline.errors import InputError, did_you_mean, listed
+from flexspline.logs.channels import CHANNELS
+from flexspline.logs.derive import differentiate, resample
+from flexspline.logs.log import Log
+from flexspline.logs.sampling import has_value, increasing_time, sampled
+
+__all__ = ["REPAIRS", "Repair", "Repairs", "move_earlier", "repaired"]
+
+Repairs = str | Sequence[str] | Mapping[str, Any]
+
+POSITIONS: Final = ("output_position", "motor_position", "commanded_position")
+MOTOR_SIDE: Final = ("motor_position", "motor_velocity", "motor_torque", "motor_current")
+VELOCITIES: Final = {"output_velocity": "output_position", "motor_velocity": "motor_position"}
+
+
+@dataclass(frozen=True)
+class Repair:
+    """One repair: how its value is written ("" for none, "[x]" if it may be left out), and more."""
+
+    value: str
+    meaning: str
+    do: Callable[[Log, str], Log]
+
+
+def repaired(log: Log, repairs: Repairs) -> Log:
+    """Return `log` with these repairs done, in this order.
+
+    Raises
+    ------
+    InputError
+        For an unknown repair, a value that is missing or not to be there, or a log on which
+        the repair cannot be done.
+    """
+    for name, value in _asked(repairs):
+        if name not in REPAIRS:
+            raise InputError(
+                f"repair '{name}' is not known{did_you_mean(name, REPAIRS)}; "
+                f"the repairs are {listed(_spelled(known) for known in REPAIRS)}"
+            )
+        repair = REPAIRS[name]
+        if bool(value) != bool(repair.value) and not repair.value.startswith("["):
+            raise InputError(
+                f"repair '{name}' is written '{_spelled(name)}': {repair.meaning}; "
+                f"correct '{name}{'=' if value else ''}{value}'"
+            )
+        log = repair.do(log, value)
+    return log
+
+
+def move_earlier(log: Log, channel: str, seconds: float) -> Log:
+    """Return the log with a channel that is late by `seconds` moved to where it belongs.
+
+    The new value at t is the old one at t + seconds, by linear interpolation. Rows that then
+    have no value, at one end and beside gaps, are dropped.
+    """
+    time = increasing_time(log, f"shift of {channel}")
+    at = time + seconds
+    inside = has_value(time, at)
+    moved = log.with_columns(
+        {channel: sampled(channel, time, log[channel], at)},
+        note=f"{channel} moved {abs(seconds):g} s {'earlier' if seconds > 0 else 'later'}; "
+        f"rows without a value, dropped: {np.count_nonzero(~inside)}",
+    )
+    return _kept(moved, inside, f"shift of {channel}", "")
+
+
+def _asked(repairs: Repairs) -> Iterator[tuple[str, str]]:
+    if isinstance(repairs, Mapping):
+        for name, value in repairs.items():
+            if value is not False:
+                parts = value if isinstance(value, (tuple, list)) else [value]
+                plain = value is None or value is True
+                yield name, "" if plain else ":".join(str(part) for part in parts)
+        return
+    if isinstance(repairs, str):
+        repairs = [repairs]
+    if not isinstance(repairs, Sequence) or not all(isinstance(name, str) for name in repairs):
+        raise InputError(f"repair is {repairs!r}; give names such as 'unwrap' or 'drop_start=1'")
+    for repair in repairs:
+        name, _, value = repair.partition("=")
+        yield name.strip(), value.strip()
+
+
+def _spelled(name: str) -> str:
+    value = REPAIRS[name].value
+    return name if not value else f"{name}[={value[1:]}" if value[0] == "[" else f"{name}={value}"
+
+
+def _drop_invalid(log: Log, channel: str) -> Log:
+    names = (channel,) if channel else log.channels
+    valid = np.logical_and.reduce([np.isfinite(log[name]) for name in names])
+    lost = {name: int(np.count_nonzero(~np.isfinite(log[name]))) for name in names}
+    where = listed(f"{count} in {name}" for name, count in lost.items() if count)
+    note = f"drop_invalid: rows dropped: {np.count_nonzero(~valid)}; not finite: {where}"
+    return _kept(log, valid, "drop_invalid", note)
+
+
+def _sort_time(log: Log, _: str) -> Log:
+    order = np.argsort(log["time"], kind="stable")
+    moved = np.count_nonzero(order != np.arange(len(log)))
+    return log.rows(order, note=f"sort_time: rows put elsewhere: {moved}")
+
+
+def _drop_duplicates(log: Log, _: str) -> Log:
+    fresh = np.concatenate([[True], np.diff(log["time"]) != 0])
+    note = (
+        "drop_duplicates: rows that repeat the time stamp before them, dropped: "
+        f"{np.count_nonzero(~fresh)}"
+    )
+    return _kept(log, fresh, "drop_duplicates", note)
+
+
+def _drop_start(log: Log, value: str) -> Log:
+    seconds = _number("drop_start", value)
+    late = log["time"] >= log["time"][0] + seconds
+    note = f"drop_start: the first {seconds:g} s; rows dropped: {np.count_nonzero(~late)}"
+    return _kept(log, late, "drop_start", note)
+
+
+def _drop_end(log: Log, value: str) -> Log:
+    seconds = _number("drop_end", value)
+    early = log["time"] <= log["time"][-1] - seconds
+    note = f"drop_end: the last {seconds:g} s; rows dropped: {np.count_nonzero(~early)}"
+    return _kept(log, early, "drop_end", note)
+
+
+def _unwrap(log: Log, channel: str) -> Log:
+    names = (channel,) if channel else tuple(name for name in POSITIONS if name in log)
+    if not names:
+        raise InputError(
+            f"log '{log.name}': unwrap finds no position; it has {listed(log.channels)}"
+        )
+    for name in names:
+        if not np.isfinite(log[name]).all():
+            row = int(np.flatnonzero(~np.isfinite(log[name]))[0])
+            raise InputError(
+                f"log '{log.name}': row {row} of '{name}' is not finite and "
+                "cannot be unwrapped; ask for drop_invalid before unwrap"
+            )
+        whole = np.unwrap(log[name])
+        jumps = np.count_nonzero(np.abs(np.diff(log[name])) > np.pi)
+        log = log.with_columns({name: whole}, note=f"unwrap: jumps of 2π in {name} undone: {jumps}")
+    return log
+
+
+def _flip_sign(log: Log, channel: str) -> Log:
+    return log.with_columns({channel: -log[channel]}, note=f"flip_sign: {channel} times -1")
+
+
+def _scale(log: Log, value: str) -> Log:
+    channel, factor = _channel_and_number("scale", value)
+    return log.with_columns(
+        {channel: log[channel] * factor}, note=f"scale: {channel} times {factor:g}"
+    )
+
+
+def _reverse_motor(log: Log, _: str) -> Log:
+    names = [name for name in MOTOR_SIDE if name in log]
+    if not names:
+        raise InputError(
+            f"log '{log.name}': reverse_motor finds no channel of the motor; it has "
+            f"{listed(log.channels)}"
+        )
+    return log.with_columns(
+        {name: -log[name] for name in names}, note=f"reverse_motor: {listed(names)} times -1"
+    )
+
+
+def _velocity_from_position(log: Log, channel: str) -> Log:
+    velocity = channel or "output_velocity"
+    if velocity not in VELOCITIES:
+        raise InputError(
+            f"repair 'velocity_from_position={channel}': no such velocity; "
+            f"give {' or '.join(VELOCITIES)}"
+        )
+    increasing_time(log, "velocity_from_position")
+    derived = differentiate(log, of=VELOCITIES[velocity], channels=(velocity,))
+    note = f"velocity_from_position: {velocity} computed anew, its own channel given up"
+    return derived.with_columns({}, note=note)
+
+
+def _shift(log: Log, value: str) -> Log:
+    channel, seconds = _channel_and_number("shift", value)
+    return move_earlier(log, channel, seconds)
+
+
+def _resample(log: Log, value: str) -> Log:
+    increasing_time(log, "resample")
+    return resample(log, _number("resample", value))
+
+
+def _number(name: str, text: str) -> float:
+    try:
+        number = float(text)
+    except ValueError:
+        number = math.nan
+    if not math.isfinite(number) or (number < 0 and not REPAIRS[name].value.startswith("channel")):
+        raise InputError(
+            f"repair '{name}={text}': '{text}' is no number that it can take; "
+            f"write {_spelled(name)}"
+        )
+    return number
+
+
+def _channel_and_number(name: str, value: str) -> tuple[str, float]:
+    channel, _, number = value.partition(":")
+    if channel not in CHANNELS:
+        raise InputError(
+            f"repair '{name}={value}': '{channel}' is no channel"
+            f"{did_you_mean(channel, CHANNELS)}; write {_spelled(name)}"
+        )
+    return channel, _number(name, number)
+
+
+def _kept(log: Log, mask: NDArray[np.bool_], what: str, note: str) -> Log:
+    if not mask.any():
+        raise InputError(
+            f"log '{log.name}': {what} leaves no row of {len(log)}; give it less or leave it out"
+        )
+    return log.rows(mask, note=note)
+
+
+REPAIRS: Final[dict[str, Repair]] = {
+    "drop_invalid": Repair("[channel]", "drop rows that are NaN or infinite", _drop_invalid),
+    "sort_time": Repair("", "put rows in the order of time", _sort_time),
+    "drop_duplicates": Repair("", "drop rows that repeat a time stamp", _drop_duplicates),
+    "drop_start": Repair("seconds", "drop the start of the run", _drop_start),
+    "drop_end": Repair("seconds", "drop the end of the run", _drop_end),
+    "unwrap": Repair("[channel]", "undo the jumps of 2π of a wrapped angle", _unwrap),
+    "flip_sign": Repair("channel", "turn the sign of a channel", _flip_sign),
+    "scale": Repair("channel:factor", "multiply a channel", _scale),
+    "shift": Repair("channel:seconds", "move a late channel earlier", _shift),
+    "reverse_motor": Repair("", "turn the sign of all channels of the motor", _reverse_motor),
+    "velocity_from_position": Repair(
+        "[velocity]", "compute a velocity anew from its position", _velocity_from_position
+    ),
+    "resample": Repair("Hz", "put the log on even steps", _resample),
+}

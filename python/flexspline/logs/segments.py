@@ -1,0 +1,201 @@
+"""Parts of a log that behave alike: unbroken runs, gaps, constant speed, standstill, reversals.
+
+Everything here is either a list of `Segment` (half-open row ranges) or a mask with one truth
+value per row. Velocity is the channel ``output_velocity`` where the log has it, else the
+zero-phase derivative of ``output_position``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexspline.errors import InputError
+from flexspline.logs.log import Log
+
+GAP_STEPS = 2.5
+"""A step longer than this many median steps is a gap: filters start again behind it."""
+
+
+@dataclass(frozen=True)
+class Segment:
+    """Rows ``start`` to ``stop`` (exclusive) of a log and what they are."""
+
+    start: int
+    stop: int
+    kind: str
+
+    def __len__(self) -> int:
+        return self.stop - self.start
+
+    @property
+    def rows(self) -> slice:
+        """The rows as a slice, for indexing a channel."""
+        return slice(self.start, self.stop)
+
+
+def median_step(time: NDArray[np.float64]) -> float:
+    """The typical time step [s] of a log: the median of the positive ones, 0 if there are none."""
+    steps = np.diff(time)
+    steps = steps[steps > 0]
+    return float(np.median(steps)) if steps.size else 0.0
+
+
+def runs(time: NDArray[np.float64], gap: float | None = None) -> NDArray[np.intp]:
+    """Row ranges without a gap, shape (k, 2), half-open.
+
+    Parameters
+    ----------
+    time : array (N,), s, strictly increasing
+    gap : s, a longer step starts a new run; default 2.5 median steps
+    """
+    if len(time) == 0:
+        return np.zeros((0, 2), dtype=np.intp)
+    limit = GAP_STEPS * median_step(time) if gap is None else gap
+    cuts = np.flatnonzero(np.diff(time) > limit) + 1
+    edges = np.concatenate(([0], cuts, [len(time)]))
+    return np.stack((edges[:-1], edges[1:]), axis=1)
+
+
+def gaps(log: Log, gap: float | None = None) -> tuple[Segment, ...]:
+    """The places where rows are missing: the last row before and the first row behind each gap."""
+    breaks = runs(log["time"], gap)[1:, 0]
+    return tuple(Segment(int(row) - 1, int(row) + 1, "gap") for row in breaks)
+
+
+def standstill(log: Log, threshold: float | None = None) -> NDArray[np.bool_]:
+    """Rows where the output does not move, shape (N,).
+
+    Parameters
+    ----------
+    log : the log, with ``output_velocity`` or ``output_position``
+    threshold : rad/s at the output; default 1 % of the speed that 99 % of the rows stay below
+    """
+    velocity = output_velocity(log)
+    limit = _slow(velocity) if threshold is None else threshold
+    return np.asarray(np.abs(velocity) <= limit)
+
+
+def constant_speed(
+    log: Log, *, tolerance: float = 0.05, shortest: float = 0.25
+) -> tuple[Segment, ...]:
+    """Stretches that hold one speed, standstill left out.
+
+    Parameters
+    ----------
+    log : the log, with ``output_velocity`` or ``output_position``
+    tolerance : largest deviation from the stretch's median speed, as a share of it
+    shortest : s, shorter stretches are left out
+
+    Notes
+    -----
+    Speeds are sorted into bins whose width is the tolerance (in the logarithm of the speed, one
+    sign each); a stretch is an unbroken series of rows whose bin differs by at most one from that
+    of a smoothed velocity over half of `shortest`.
+    """
+    time = log["time"]
+    velocity = output_velocity(log)
+    width = max(1, round(0.5 * shortest / max(median_step(time), 1e-12)))
+    smooth = _moving_mean(velocity, width)
+    steady = (np.abs(velocity - smooth) <= tolerance * np.abs(smooth)) & ~standstill(log)
+    drift = np.zeros(len(time), dtype=bool)
+    drift[width:] = np.abs(smooth[width:] - smooth[:-width]) > tolerance * np.abs(smooth[width:])
+    steady &= ~drift
+    return tuple(
+        Segment(int(a), int(b), "constant_speed")
+        for a, b in true_ranges(steady & _same_run(time))
+        if time[b - 1] - time[a] >= shortest
+    )
+
+
+def reversals(log: Log, threshold: float | None = None) -> tuple[Segment, ...]:
+    """Changes of direction: from the last row of one direction to the first of the other.
+
+    A dwell between the two belongs to the reversal; a stop that goes on in the same direction is
+    none. Noise about zero makes none, for speeds below the threshold have no direction.
+
+    Parameters
+    ----------
+    log : the log, with ``output_velocity`` or ``output_position``
+    threshold : rad/s at the output, below it nothing counts as moving; default as `standstill`
+
+    Returns
+    -------
+    Segments of kind ``reversal``: row ``start`` is the last that moves one way, row ``stop - 1``
+    the first that moves the other way.
+    """
+    velocity = output_velocity(log)
+    limit = _slow(velocity) if threshold is None else threshold
+    moving = np.flatnonzero(np.abs(velocity) > limit)
+    turns = np.flatnonzero(np.diff(np.sign(velocity[moving])) != 0)
+    return tuple(Segment(int(moving[k]), int(moving[k + 1]) + 1, "reversal") for k in turns)
+
+
+def reversal_times(log: Log, threshold: float | None = None) -> NDArray[np.float64]:
+    """Times [s] at which the direction changes: the middle of each reversal's zero crossing."""
+    time, found = log["time"], reversals(log, threshold)
+    return np.array([0.5 * (time[s.start] + time[s.stop - 1]) for s in found], dtype=np.float64)
+
+
+def near_reversal(
+    log: Log, seconds: float = 0.1, threshold: float | None = None
+) -> NDArray[np.bool_]:
+    """Rows within `seconds` of the end of one direction or the start of the other, shape (N,)."""
+    time = log["time"]
+    found = reversals(log, threshold)
+    ends = np.array([[s.start, s.stop - 1] for s in found], dtype=np.intp).ravel()
+    marks = time[ends]
+    change = np.zeros(len(time) + 1, dtype=np.int64)
+    np.add.at(change, np.searchsorted(time, marks - seconds, side="left"), 1)
+    np.add.at(change, np.searchsorted(time, marks + seconds, side="right"), -1)
+    return np.asarray(np.cumsum(change[:-1]) > 0)
+
+
+def segments(log: Log) -> tuple[Segment, ...]:
+    """All segments of a log by their first row: gaps, standstill, constant speed, reversals."""
+    still = (Segment(int(a), int(b), "standstill") for a, b in true_ranges(standstill(log)))
+    found: Iterable[Segment] = (*gaps(log), *still, *constant_speed(log), *reversals(log))
+    return tuple(sorted(found, key=lambda s: (s.start, s.stop)))
+
+
+def true_ranges(mask: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """Half-open ranges of rows where a mask is true, shape (k, 2)."""
+    padded = np.concatenate(([False], mask, [False]))
+    return np.flatnonzero(padded[1:] != padded[:-1]).reshape(-1, 2)
+
+
+def output_velocity(log: Log) -> NDArray[np.float64]:
+    """The channel ``output_velocity`` [rad/s], or the derivative of ``output_position``."""
+    if "output_velocity" in log:
+        return log["output_velocity"]
+    if "output_position" not in log:
+        raise InputError(
+            f"{log.name}: segments need output_velocity or output_position; map one of them."
+        )
+    from flexspline.logs.derive import differentiate  # noqa: PLC0415 (derive needs the runs above)
+
+    return differentiate(log)["output_velocity"]
+
+
+def _slow(velocity: NDArray[np.float64]) -> float:
+    """1 % of the speed that 99 % of the rows stay below."""
+    return 0.01 * float(np.nanpercentile(np.abs(velocity), 99)) if velocity.size else 0.0
+
+
+def _moving_mean(values: NDArray[np.float64], width: int) -> NDArray[np.float64]:
+    """Mean over `width` rows, centred, shorter at the ends."""
+    sums = np.concatenate(([0.0], np.cumsum(values)))
+    centre = np.arange(len(values))
+    first = np.maximum(centre - width // 2, 0)
+    last = np.minimum(centre + width // 2 + 1, len(values))
+    return np.asarray((sums[last] - sums[first]) / (last - first))
+
+
+def _same_run(time: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """True but for the first row behind each gap, so that no range spans a gap."""
+    inside = np.ones(len(time), dtype=bool)
+    inside[runs(time)[1:, 0]] = False
+    return inside

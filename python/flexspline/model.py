@@ -1,0 +1,317 @@
+"""A model of one joint: effects with their coefficients for each target, kept in one JSON file."""
+
+from __future__ import annotations
+
+import importlib.resources
+import json
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import numpy as np
+from numpy.typing import NDArray
+
+from flexspline import __version__, _core
+from flexspline.effects import TARGETS, UNITS, Effect
+from flexspline.errors import InputError, listed
+from flexspline.files import atomic_write
+from flexspline.logs.derive import lowpass
+from flexspline.logs.log import Log
+from flexspline.signals import channels_for, core_channels, gear_of, target_of
+
+__all__ = ["PART_OF", "Model", "Part", "Prediction"]
+
+Array = NDArray[np.float64]
+
+FORMAT = "flexspline-model"
+VERSION = 1
+PART_OF = {
+    "sensor_torque": "sensor",
+    "motor_torque": "drive",
+    "motor_current": "drive",
+    "torsion": "torsion",
+}
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Measured and predicted y of one log, arrays (N,) in `unit`; NaN where there is nothing."""
+
+    time: Array
+    measured: Array
+    predicted: Array
+    target: str
+    unit: str
+
+    @property
+    def residual(self) -> Array:
+        """Measured minus predicted."""
+        return self.measured - self.predicted
+
+
+@dataclass(frozen=True)
+class Part:
+    """The effects that explain one target.
+
+    Parameters
+    ----------
+    target : sensor_torque, motor_torque, motor_current or torsion.
+    effects : with shapes and orders.
+    coefficients : (P,), in the order of the effects' terms, units of the target.
+    known_load : channel that holds τ_load, or None.
+    record : what the fit knew beside the values: parameters with errors, confounded groups,
+        validity, scores, logs. Kept as it is through a round trip.
+    """
+
+    target: str
+    effects: tuple[Effect, ...]
+    coefficients: Array
+    known_load: str | None = None
+    record: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.target not in TARGETS:
+            raise InputError(f"there is no target '{self.target}'; give one of {listed(TARGETS)}")
+        values = np.array(self.coefficients, dtype=np.float64)
+        values.flags.writeable = False
+        object.__setattr__(self, "coefficients", values)
+        terms = sum(len(effect.terms) for effect in self.effects)
+        if values.shape != (terms,):
+            raise InputError(
+                f"the effects have {terms} coefficients, but {values.size} are given; give one each"
+            )
+
+    @property
+    def unit(self) -> str:
+        return UNITS[self.target]
+
+
+@dataclass(frozen=True)
+class Model:
+    """One joint: gear facts and up to three parts, "sensor", "drive" and "torsion".
+
+    `facts`: gear_ratio, output_spline, pole_pairs, slots, torque_constant [Nm/A], joint.
+    `estimators`: what `estimate` runs with, by name.
+    """
+
+    parts: Mapping[str, Part]
+    facts: Mapping[str, Any] = field(default_factory=dict)
+    estimators: Mapping[str, Any] = field(default_factory=dict)
+
+    def part(self, target: str | None = None) -> Part:
+        """Return the part of a target; None picks the only one.
+
+        Raises
+        ------
+        InputError
+            Where there is none, or several and no target is given.
+        """
+        if target is None:
+            if len(self.parts) == 1:
+                return next(iter(self.parts.values()))
+            known = listed(part.target for part in self.parts.values())
+            raise InputError(f"the model has parts for {known}; say which target")
+        for part in self.parts.values():
+            if part.target == target:
+                return part
+        known = listed(part.target for part in self.parts.values())
+        raise InputError(f"the model has no part for the target {target}; it has {known}")
+
+    def with_part(self, part: Part, facts: Mapping[str, Any]) -> Model:
+        """Return the model with this part added or replaced.
+
+        Raises
+        ------
+        InputError
+            Where the facts are of another joint.
+        """
+        for key in ("gear_ratio", "output_spline"):
+            mine, other = self.facts.get(key), facts.get(key)
+            if mine is not None and other is not None and mine != other:
+                raise InputError(
+                    f"the model has {key} = {mine}, the logs {other}; they must be of one joint"
+                )
+        parts = {**self.parts, PART_OF[part.target]: part}
+        known = {key: value for key, value in facts.items() if value is not None}
+        return replace(self, parts=parts, facts={**self.facts, **known})
+
+    def predict(
+        self, log: Log, target: str | None = None, *, lowpass_hz: float | None = None
+    ) -> Prediction:
+        """Return measured and predicted y of a log.
+
+        Parameters
+        ----------
+        log : with the channels that the effects read; a missing velocity or acceleration is
+            derived from the position.
+        target : which part; None picks the only one.
+        lowpass_hz : zero-phase low pass on both, Hz; None for none.
+
+        Raises
+        ------
+        InputError
+            Where a channel that an effect reads is missing, or the gear is another one.
+        """
+        part = self.part(target)
+        log = channels_for(log, part.effects, part.known_load, load_needed=False)
+        predicted = self._evaluate(part, log, part.coefficients)
+        measured = self._measured(part, log)
+        if lowpass_hz is not None:
+            predicted = lowpass(predicted, log["time"], lowpass_hz).values
+            measured = lowpass(measured, log["time"], lowpass_hz).values
+        return Prediction(np.asarray(log["time"]), measured, predicted, part.target, part.unit)
+
+    def components(self, log: Log, target: str | None = None) -> dict[str, Array]:
+        """Return what each effect contributes, (N,) by its name, in the unit of the target."""
+        part = self.part(target)
+        log = channels_for(log, part.effects, part.known_load, load_needed=False)
+        rows = self._design(part, log).rows(
+            core_channels(log, part.effects, part.known_load), len(log), part.coefficients
+        )
+        found, first = {}, 0
+        for effect in part.effects:
+            last = first + len(effect.terms)
+            found[effect.name] = np.asarray(rows[:, first:last] @ part.coefficients[first:last])
+            first = last
+        return found
+
+    def to_json(self) -> str:
+        """Return the model as text in the format of `model.json`."""
+        content = {
+            "format": FORMAT,
+            "version": VERSION,
+            "made_by": f"flexspline {__version__}",
+            "joint": dict(self.facts),
+            **{name: _part_to_json(part) for name, part in self.parts.items()},
+            "estimators": dict(self.estimators),
+        }
+        _validate(content, "model")
+        return json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write `model.json`, whole or not at all.
+
+        Raises
+        ------
+        InputError
+            Where the file cannot be written.
+        """
+        atomic_write(path, self.to_json())
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Model:
+        """Read a `model.json`.
+
+        Raises
+        ------
+        InputError
+            Where the file is missing, is no model, is damaged, or is of a newer version.
+        """
+        try:
+            text = Path(path).read_text(encoding="utf-8")
+        except OSError as error:
+            raise InputError(f"{path}: cannot be read ({error.strerror}); give a model.json") from error
+        except UnicodeDecodeError as error:
+            raise InputError(f"{path}: is no text; give a model.json") from error
+        return cls.from_json(text, str(path))
+
+    @classmethod
+    def from_json(cls, text: str, label: str = "model") -> Model:
+        """Return the model that `to_json` wrote; `label` is what errors call it."""
+        try:
+            content = json.loads(text)
+        except json.JSONDecodeError as error:
+            raise InputError(
+                f"{label}: is no JSON (line {error.lineno}, column {error.colno}); give a model.json"
+            ) from error
+        if not isinstance(content, dict) or content.get("format") != FORMAT:
+            raise InputError(f"{label}: is no flexspline model; give a model.json")
+        if content.get("version") != VERSION:
+            raise InputError(
+                f"{label}: has version {content.get('version')} of the format, this flexspline "
+                f"knows version {VERSION}; update flexspline or export the model again"
+            )
+        _validate(content, label)
+        parts = {
+            name: _part_from_json(content[name], f"{label}: {name}")
+            for name in dict.fromkeys(PART_OF.values())
+            if name in content
+        }
+        return cls(parts, content["joint"], content["estimators"])
+
+    def _design(self, part: Part, log: Log) -> _core.Design:
+        gear = gear_of(self.facts, "motor_position" in log)
+        return _core.Design([effect.for_core() for effect in part.effects], **gear)
+
+    def _evaluate(self, part: Part, log: Log, coefficients: Array) -> Array:
+        """Prediction (N,); NaN where a channel that it reads is not finite."""
+        channels = core_channels(log, part.effects, part.known_load)
+        values = np.asarray(self._design(part, log).predict(channels, len(log), coefficients))
+        for data in channels.values():
+            values[~np.isfinite(data)] = np.nan
+        return values
+
+    def _measured(self, part: Part, log: Log) -> Array:
+        """The y of the log (N,); NaN where it lacks the channels."""
+        facts = {key: self.facts[key] for key in ("gear_ratio", "output_spline") if key in self.facts}
+        try:
+            return target_of(log.with_facts(facts), part.target, part.known_load)
+        except InputError:
+            return np.full(len(log), np.nan)
+
+
+def _part_to_json(part: Part) -> dict[str, Any]:
+    first, effects = 0, []
+    for effect in part.effects:
+        last = first + len(effect.terms)
+        effects.append(
+            {
+                "name": effect.name,
+                "shapes": dict(effect.shapes),
+                "harmonics": [list(harmonic) for harmonic in effect.harmonics],
+                "coefficients": part.coefficients[first:last].tolist(),
+            }
+        )
+        first = last
+    return {
+        "target": part.target,
+        "unit": part.unit,
+        "known_load": part.known_load,
+        "effects": effects,
+        **part.record,
+    }
+
+
+def _part_from_json(content: dict[str, Any], label: str) -> Part:
+    own = ("target", "unit", "known_load", "effects")
+    try:
+        effects = tuple(
+            Effect(e["name"], e["shapes"], tuple((o, pair) for o, pair in e["harmonics"]))
+            for e in content["effects"]
+        )
+        values: Sequence[float] = [c for e in content["effects"] for c in e["coefficients"]]
+        record = {key: value for key, value in content.items() if key not in own}
+        return Part(
+            content["target"], effects, np.array(values), content["known_load"], record
+        )
+    except InputError as error:
+        raise InputError(f"{label}: {error}") from error
+
+
+@cache
+def _schema() -> dict[str, Any]:
+    file = importlib.resources.files("flexspline") / "schemas" / "model.schema.json"
+    content: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
+    return content
+
+
+def _validate(content: dict[str, Any], label: str) -> None:
+    errors = jsonschema.Draft202012Validator(_schema()).iter_errors(content)
+    first = jsonschema.exceptions.best_match(errors)
+    if first is not None:
+        where = "/".join(str(part) for part in first.absolute_path) or "the top"
+        raise InputError(f"{label}: at {where}: {first.message}; mend it or fit the model again")

@@ -1,0 +1,115 @@
+"""From a log to numbers that a model reads, and to the y that it explains.
+
+    sensor_torque   y = τ_s − τ_load          [Nm]
+    motor_torque    y = Ñ τ_m − τ_load        [Nm at the output]
+    motor_current   y = i                     [A]
+    torsion         y = q Ñ − θ               [rad]
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexspline.effects import Effect
+from flexspline.errors import InputError, listed
+from flexspline.logs.derive import differentiate
+from flexspline.logs.log import Log
+
+__all__ = ["channels_for", "core_channels", "gear_of", "target_of"]
+
+Array = NDArray[np.float64]
+
+_PER_TARGET = {
+    "sensor_torque": ("sensor_torque",),
+    "motor_torque": ("motor_torque",),
+    "motor_current": ("motor_current",),
+    "torsion": ("output_position", "motor_position"),
+}
+
+
+def target_of(log: Log, target: str, known_load: str | None) -> Array:
+    """Return y of a log, (N,), in the target's unit (see the head of this file)."""
+    for channel in _PER_TARGET[target]:
+        if channel not in log:
+            raise InputError(
+                f"log '{log.name}': target {target} needs the channel {channel}; "
+                f"it has {listed(log.channels)}"
+            )
+    load = log[known_load] if known_load is not None else 0.0
+    if target == "sensor_torque":
+        return np.asarray(log["sensor_torque"] - load, dtype=np.float64)
+    if target == "motor_torque":
+        return np.asarray(_ratio(log, target) * log["motor_torque"] - load)
+    if target == "torsion":
+        return np.asarray(log["output_position"] * _ratio(log, target) - log["motor_position"])
+    return np.asarray(log["motor_current"])
+
+
+def channels_for(
+    log: Log, effects: Sequence[Effect], known_load: str | None, *, load_needed: bool = True
+) -> Log:
+    """Return the log with the derived channels that the effects read.
+
+    A missing velocity or acceleration is the zero-phase derivative of the position, and the
+    log's history says so.
+
+    Raises
+    ------
+    InputError
+        Where a channel is missing and cannot be derived; the known load only if `load_needed`.
+    """
+    reads = {channel for effect in effects for channel in effect.info.reads}
+    if load_needed and known_load is not None and known_load not in log:
+        raise InputError(
+            f"log '{log.name}': no channel '{known_load}' for the known load; "
+            f"it has {listed(log.channels)}"
+        )
+    derived = ("output_velocity", "output_acceleration")
+    missing = [name for name in derived if name in reads and name not in log]
+    if missing and "output_position" in log:
+        made = differentiate(log)
+        log = log.with_columns({name: made[name] for name in missing}, note=made.history[-1])
+    needed = reads - {"load", "motor_position"}
+    if "motor_position" in reads and "motor_position" not in log:
+        needed.add("output_position")
+    for name in sorted(needed):
+        if name not in log:
+            users = listed(e.name for e in effects if name in e.info.reads) or "ripple effects"
+            raise InputError(
+                f"log '{log.name}': {users} needs the channel {name}; it has "
+                f"{listed(log.channels)}; map a column to it or leave the effect out"
+            )
+    return log
+
+
+def core_channels(log: Log, effects: Sequence[Effect], known_load: str | None) -> dict[str, Array]:
+    """Return the channels that the core reads, by its names."""
+    reads = {channel for effect in effects for channel in effect.info.reads}
+    names = set(reads) - {"load"}
+    if "motor_position" in reads:
+        names.add("output_position")
+    channels = {name: np.ascontiguousarray(log[name]) for name in names if name in log}
+    if known_load is not None and known_load in log:
+        channels["known_load"] = np.ascontiguousarray(log[known_load])
+    return channels
+
+
+def gear_of(facts: Mapping[str, Any], motor_encoder: bool) -> dict[str, Any]:
+    """Return the gear as `_core.Design` takes it; without a ratio the motor turns with q."""
+    spline = str(facts.get("output_spline", "unknown"))
+    ratio = float(facts.get("gear_ratio", 1.0))
+    return {
+        "effective_ratio": ratio + (spline == "circular"),
+        "output_spline": spline,
+        "motor_encoder": motor_encoder,
+    }
+
+
+def _ratio(log: Log, target: str) -> float:
+    if log.effective_ratio is None:
+        raise InputError(f"log '{log.name}': target {target} needs the gear ratio; give gear_ratio")
+    return log.effective_ratio

@@ -1,0 +1,33 @@
+/// What the files of the bindings share. No arithmetic here.
+#pragma once
+
+#include <pybind11/numpy.h>
+#include <pybind11/pybind11.h>
+#include <pybind11/stl.h>
+
+#include "flexspline/batch/accumulate.hpp"
+
+namespace flexspline::bindings {
+
+namespace py = pybind11;
+
+/// A contiguous double array, borrowed for the length of a call.
+using Array = py::array_t<double, py::array::c_style | py::array::forcecast>;
+
+void bind_catalogue(py::module_& module);
+void bind_design(py::module_& module);
+void bind_solve(py::module_& module);
+void bind_estimators(py::module_& module);
+
+/// Channels by name, held together with the arrays that they point into.
+struct Borrowed {
+  batch::Channels channels;
+  std::vector<Array> arrays;
+};
+Borrowed borrow(const py::dict& columns, py::ssize_t size);
+
+/// A column of the same length, or null for None.
+const double* column_or_null(const std::optional<Array>& array, std::size_t size,
+                             const char* name);
+
+}  // namespace flexspline::bindings

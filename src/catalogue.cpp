@@ -1,0 +1,70 @@
+#include "bindings.hpp"
+#include "flexspline/batch/by_name.hpp"
+
+namespace flexspline::bindings {
+namespace {
+
+constexpr std::array<const char*, 6> channel_names{"output_position",     "output_velocity",
+                                                   "output_acceleration", "motor_position",
+                                                   "temperature",         "load"};
+
+py::list shapes_of(const batch::AnyEffect& any) {
+  py::list shapes;
+  batch::for_each_shape(any, [&](const auto& shape, double value) {
+    py::dict entry;
+    entry["name"] = std::string(shape.name);
+    entry["unit"] = std::string(shape.unit);
+    entry["default"] = value;
+    entry["lower"] = shape.lower;
+    entry["upper"] = shape.upper;
+    entry["fitted"] = shape.fitted;
+    shapes.append(entry);
+  });
+  return shapes;
+}
+
+template <typename Effect>
+py::dict describe(const Effect& effect) {
+  py::dict entry;
+  entry["name"] = std::string(effect.name);
+  entry["targets"] = std::string(effect.targets);
+  entry["signature"] = std::string(effect.signature);
+  entry["source"] = std::string(effect.source);
+  entry["carries_load"] = CarriesLoad<Effect>;
+  py::list terms;
+  for (const Term& term : effect.terms) {
+    terms.append(py::make_tuple(std::string(term.name), std::string(term.unit)));
+  }
+  entry["terms"] = terms;
+  py::list reads;
+  for (const Channel channel : effect.reads) {
+    reads.append(channel_names[static_cast<std::size_t>(channel)]);
+  }
+  entry["reads"] = reads;
+  py::list pairs;
+  if constexpr (HarmonicEffect<Effect>) {
+    for (const Pair pair : effect.pairs) pairs.append(std::string(batch::name_of(pair)));
+  }
+  entry["pairs"] = pairs;
+  return entry;
+}
+
+}  // namespace
+
+void bind_catalogue(py::module_& module) {
+  module.def(
+      "catalogue",
+      [] {
+        py::list all;
+        for (const batch::AnyEffect& any : batch::catalogue()) {
+          py::dict entry = std::visit([](const auto& effect) { return describe(effect); }, any);
+          entry["shapes"] = shapes_of(any);
+          all.append(entry);
+        }
+        return all;
+      },
+      "Every effect of the core: name, targets, terms, shapes, channels read, pairs of parts.");
+  module.attr("max_harmonics") = batch::max_harmonics;
+}
+
+}  // namespace flexspline::bindings

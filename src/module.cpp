@@ -1,0 +1,13 @@
+#include "bindings.hpp"
+#include "flexspline/batch/kernels.hpp"
+
+PYBIND11_MODULE(_core, module) {
+  using namespace flexspline::bindings;
+  module.doc() = "The C++ core of flexspline: effects, sums, solves and estimators.";
+  bind_catalogue(module);
+  bind_design(module);
+  bind_solve(module);
+  bind_estimators(module);
+  module.def("isa", [] { return std::string(flexspline::batch::isa()); },
+             "Name of the instruction set in use: 'baseline', 'v3' or 'v4'.");
+}

@@ -1,0 +1,21 @@
+"""Fixtures that all tests share."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import measured
+import pytest
+
+
+@pytest.fixture(scope="session")
+def data_folder() -> Path:
+    """The folder of the measured logs; without it a test is skipped, but never in CI."""
+    folder = measured.data_folder()
+    if not folder.is_dir():
+        sentence = f"the measured logs are not at {folder}; set FLEXSPLINE_DATA to their folder"
+        if os.environ.get("CI") == "true":
+            pytest.fail(sentence)
+        pytest.skip(sentence)
+    return folder

@@ -1,0 +1,254 @@
+"""The same small run, written in every format, reads as the same log."""
+
+from __future__ import annotations
+
+import bz2
+import gzip
+import json
+import lzma
+import mmap
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pandas
+import pytest
+import scipy.io
+
+from flexspline.logs import ColumnSource, Log, read_log
+
+TIME = np.arange(6) * 0.01
+ANGLE = np.array([0.0, 0.1, 0.30000000000000004, 1e-320, -5.0, 1 / 3])
+MATRIX = np.stack([TIME, ANGLE], axis=1)
+MAP = {"time": 0, "output_position": 1}
+NAMED = {"time": "t", "output_position": "q"}
+
+
+def text(separator: str = ",", head: str = "t,q\n", decimal: str = ".") -> str:
+    rows = [separator.join(map(repr, row)) for row in MATRIX.tolist()]
+    return head.replace(",", separator) + "\n".join(rows).replace(".", decimal) + "\n"
+
+
+def packed_zip(path: Path) -> None:
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("run.csv", text())
+
+
+def hdf5(path: Path) -> None:
+    with h5py.File(path, "w", userblock_size=512) as file:
+        file["run/data"] = np.stack([TIME, ANGLE], axis=1)
+
+
+def structured() -> np.ndarray:
+    run = np.zeros(6, dtype=[("t", "f8"), ("q", "f8")])
+    run["t"], run["q"] = TIME, ANGLE
+    return run
+
+
+RECORDS = [{"t": float(t), "q": float(q)} for t, q in zip(TIME, ANGLE, strict=True)]
+
+FILES: list[tuple[str, Callable[[Path], object], dict[str, object]]] = [
+    ("a.csv", lambda p: p.write_text(text()), {"columns": NAMED}),
+    ("crlf.csv", lambda p: p.write_text(text(), newline="\r\n"), {"columns": NAMED}),
+    ("bom.csv", lambda p: p.write_text(text(), encoding="utf-8-sig"), {"columns": NAMED}),
+    ("utf16.csv", lambda p: p.write_text(text(), encoding="utf-16"), {"columns": NAMED}),
+    ("semicolon.csv", lambda p: p.write_text(text(";")), {"columns": NAMED}),
+    ("comma.csv", lambda p: p.write_text(text(";", decimal=",")), {"columns": NAMED}),
+    ("blanks.txt", lambda p: p.write_text(text("  ", decimal=",")), {"columns": NAMED}),
+    ("tabs.tsv", lambda p: p.write_text(text("\t")), {"columns": NAMED}),
+    ("bare.dat", lambda p: p.write_text(text(" ", head="")), {"columns": MAP}),
+    ("numpy.txt", lambda p: np.savetxt(p, MATRIX, header="t q", fmt="%.17g"), {"columns": NAMED}),
+    (
+        "empty_lines.csv",
+        lambda p: p.write_text("\n" + text().replace("\n", "\n\n")),
+        {"columns": NAMED},
+    ),
+    ("a.csv.gz", lambda p: p.write_bytes(gzip.compress(text().encode())), {"columns": NAMED}),
+    ("a.csv.bz2", lambda p: p.write_bytes(bz2.compress(text().encode())), {"columns": NAMED}),
+    ("a.csv.xz", lambda p: p.write_bytes(lzma.compress(text().encode())), {"columns": NAMED}),
+    ("a.zip", packed_zip, {"columns": NAMED}),
+    ("a.npy", lambda p: np.save(p, MATRIX), {"columns": MAP}),
+    ("turned.npy", lambda p: np.save(p, MATRIX.T), {"columns": MAP}),
+    ("named.npy", lambda p: np.save(p, structured()), {"columns": NAMED}),
+    ("a.npz", lambda p: np.savez(p, t=TIME, q=ANGLE), {"columns": NAMED}),
+    ("v5.mat", lambda p: scipy.io.savemat(p, {"t": TIME, "q": ANGLE}), {"columns": NAMED}),
+    ("v4.mat", lambda p: scipy.io.savemat(p, {"data_1": MATRIX.T}, format="4"), {"columns": MAP}),
+    (
+        "struct.mat",
+        lambda p: scipy.io.savemat(p, {"run": {"data": MATRIX}, "x": np.eye(3)}),
+        {"columns": MAP, "variable": "run.data"},
+    ),
+    ("v73.mat", hdf5, {"columns": MAP, "variable": "run.data"}),
+    ("a.json", lambda p: p.write_text(json.dumps(RECORDS)), {"columns": NAMED}),
+    (
+        "entries.json",
+        lambda p: p.write_text(json.dumps({"kp": 100, "entries": RECORDS})),
+        {"columns": NAMED},
+    ),
+    (
+        "lists.json",
+        lambda p: p.write_text(json.dumps({"t": [*TIME], "q": [*ANGLE]})),
+        {"columns": NAMED},
+    ),
+]
+
+
+@pytest.mark.parametrize(("name", "write", "how"), FILES, ids=[file[0] for file in FILES])
+def test_every_format_gives_the_same_numbers_to_the_last_bit(
+    tmp_path: Path, name: str, write: Callable[[Path], object], how: dict[str, object]
+) -> None:
+    write(tmp_path / name)
+    log = read_log(tmp_path / name, **how)  # type: ignore[arg-type]
+    np.testing.assert_array_equal(log["time"], TIME)
+    np.testing.assert_array_equal(log["output_position"], ANGLE)
+    assert log.source is not None and log.source.rows == 6 and len(log.source.sha256) == 64
+    assert log.name == name.split(".")[0]
+
+
+@pytest.mark.parametrize(
+    ("source", "columns"),
+    [
+        (MATRIX, MAP),
+        (MATRIX.T, MAP),
+        (structured(), NAMED),
+        ({"t": TIME, "q": ANGLE}, NAMED),
+        (pandas.DataFrame({"t": TIME, "q": ANGLE}), NAMED),
+        (pandas.DataFrame({"q": ANGLE}, index=pandas.Index(TIME, name="t")), NAMED),
+        (pandas.DataFrame(MATRIX), MAP),
+    ],
+    ids=["matrix", "turned", "structured", "dictionary", "frame", "index", "numbered frame"],
+)
+def test_data_in_memory_gives_the_same_numbers(source: object, columns: dict[str, str]) -> None:
+    log = read_log(source, columns)  # type: ignore[arg-type]
+    np.testing.assert_array_equal(log["output_position"], ANGLE)
+    assert log.source is None
+
+
+def test_a_memory_mapped_file_stays_on_disk(tmp_path: Path) -> None:
+    np.save(tmp_path / "long.npy", MATRIX)
+    log = read_log(tmp_path / "long.npy", MAP, drop_rows=1)
+    for part in (log, log.rows(slice(1, 3))):
+        owner = part["output_position"]
+        while isinstance(owner, np.ndarray) and owner.base is not None:
+            owner = owner.base
+        assert isinstance(owner, mmap.mmap)
+
+
+def test_facts_come_from_the_file_and_arguments_overrule_them(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    path.write_text(
+        "# gear_ratio: 100\n# serial: 00123\n# name: run: one\n# mass: 0.5\n"
+        "# slots: 36\ntime,duty\n0,0\n1,1\n"
+    )
+    log = read_log(path, gear_ratio=160, facts={"joint": 7, "gear_ratio": 50})
+    assert dict(log.facts) == {
+        "name": "run: one",
+        "gear_ratio": 160,
+        "serial": "00123",
+        "mass": 0.5,
+        "slots": 36,
+        "joint": "7",
+    }
+    assert "gear_ratio 100.0 of the file is overruled by 160.0" in log.history
+
+
+def test_units_signs_and_scales_are_applied_once() -> None:
+    run = {
+        "ms": [0, 10],
+        "deg": [0, 180],
+        "rpm": [0, 60],
+        "mNm": [0, 500],
+        "F": [32, 212],
+        "percent": [0, 50],
+        "counts": [1, 2],
+    }
+    log = read_log(
+        run,
+        {
+            "time": ("ms", "ms"),
+            "output_position": ("deg", "deg"),
+            "motor_velocity": ("rpm", "rpm"),
+            "sensor_torque": ColumnSource("mNm", "mNm", sign=-1),
+            "temperature": ("F", "degF"),
+            "duty": ("percent", "%"),
+            "sensor_voltage": ColumnSource("counts", "mV", scale=2.5),
+        },
+    )
+    for channel, last in {
+        "time": 0.01,
+        "output_position": np.pi,
+        "motor_velocity": 2 * np.pi,
+        "sensor_torque": -0.5,
+        "temperature": 100,
+        "duty": 0.5,
+        "sensor_voltage": 0.005,
+    }.items():
+        # one multiplication and one addition: a few roundings
+        assert log[channel][-1] == pytest.approx(last, rel=1e-14), channel
+
+
+def test_twos_complement_is_decoded_before_anything_else() -> None:
+    log = read_log(
+        {"time": [0, 1, 2], "load": [1, 65535, 32768]},
+        {"duty": ColumnSource("load", bits=16, scale=1 / 885)},
+    )
+    np.testing.assert_allclose(log["duty"] * 885, [1, -1, -32768], rtol=1e-15)
+
+
+def test_missing_time_stamps_are_made_of_the_rate() -> None:
+    log = read_log({"duty": [0, 1, 2]}, rate=200)
+    np.testing.assert_array_equal(log["time"], [0, 0.005, 0.01])
+    assert "time is made of 200 Hz" in log.history
+
+
+def test_motor_torque_is_current_times_the_torque_constant() -> None:
+    log = read_log({"time": [0, 1], "motor_current": [1, 2]}, torque_constant=0.5)
+    np.testing.assert_array_equal(log["motor_torque"], [0.5, 1.0])
+    assert any("motor_torque is motor_current times 0.5 Nm/A" in said for said in log.history)
+
+
+def test_a_measured_motor_torque_is_not_replaced() -> None:
+    run = {"time": [0, 1], "motor_current": [1, 2], "motor_torque": [9, 9]}
+    assert read_log(run, torque_constant=0.5)["motor_torque"][0] == 9
+
+
+def test_a_late_column_is_moved_where_it_belongs() -> None:
+    time = np.arange(101) / 100
+    log = read_log(
+        {"time": time, "output_position": time, "late": time - 0.05},
+        {"output_velocity": ColumnSource("late", clock_offset=0.05)},
+    )
+    np.testing.assert_allclose(log["output_velocity"], log["output_position"], atol=1e-15)
+    assert len(log) == 96
+
+
+def test_ignored_columns_are_named_even_if_they_hold_text(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    path.write_text('time,duty,remark\n0,0,"start, all well"\n1,1,\n')
+    assert "ignored columns: 'remark'" in read_log(path).history
+
+
+def test_an_empty_cell_is_no_number_and_no_error(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    path.write_text("time,duty\n0,\n1,1\n")
+    assert np.isnan(read_log(path)["duty"][0])
+
+
+def test_stamps_of_date_and_time_become_seconds_from_the_first() -> None:
+    frame = pandas.DataFrame(
+        {"time": pandas.date_range("2026-01-01", periods=3, freq="10ms"), "duty": [0, 1, 2]}
+    )
+    np.testing.assert_allclose(read_log(frame)["time"], [0, 0.01, 0.02], rtol=1e-15)
+
+
+def test_two_logs_of_one_file_have_the_same_checksum(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    path.write_text("time,duty\n0,0\n1,1\n")
+    first, second = read_log(path), read_log(path)
+    assert first.source == second.source
+
+
+def test_a_log_is_a_log() -> None:
+    assert isinstance(read_log({"time": [0, 1]}), Log)

@@ -1,0 +1,144 @@
+"""Repairs happen only when asked for, and say what they did."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from flexspline.errors import InputError
+from flexspline.logs import REPAIRS, Log, read_log, repaired
+
+TIME = np.arange(200) / 100
+
+
+def turning(**more: object) -> Log:
+    """A joint that turns once in 2 s, forward, and its motor."""
+    return Log.from_arrays(time=TIME, output_position=np.pi * TIME, **more)  # type: ignore[arg-type]
+
+
+def test_nothing_is_repaired_unasked() -> None:
+    run = {"time": [0, 2, 1, 1], "output_position": [6.2, 0.1, np.nan, 0.2]}
+    log = read_log(run)
+    np.testing.assert_array_equal(log["time"], run["time"])
+    np.testing.assert_array_equal(log["output_position"], run["output_position"])
+
+
+def test_repairs_are_done_in_the_order_asked() -> None:
+    run = {"time": [0, 2, 1, 1, 3], "output_position": [6.2, 0.2, 0.1, 0.1, np.nan]}
+    log = read_log(run, repair=("drop_invalid", "sort_time", "drop_duplicates", "unwrap"))
+    np.testing.assert_array_equal(log["time"], [0, 1, 2])
+    np.testing.assert_allclose(log["output_position"], [6.2, 0.1 + 2 * np.pi, 0.2 + 2 * np.pi])
+    assert log.history[-4:] == (
+        "drop_invalid: rows dropped: 1; not finite: 1 in output_position",
+        "sort_time: rows put elsewhere: 3",
+        "drop_duplicates: rows that repeat the time stamp before them, dropped: 1",
+        "unwrap: jumps of 2π in output_position undone: 1",
+    )
+
+
+def test_a_repair_is_a_name_a_name_with_a_value_or_a_mapping() -> None:
+    log = turning()
+    ways = ("drop_start=0.5", ["drop_start=0.5"], {"drop_start": 0.5})
+    assert [len(repaired(log, way)) for way in ways] == [150, 150, 150]
+    assert len(repaired(log, {"drop_start": 0.5, "drop_end": 0.5})) == 100
+    assert repaired(log, {"unwrap": False}) is log
+
+
+def test_unwrapping_finds_the_angle_that_was_wrapped() -> None:
+    whole = 20 * np.sin(TIME)
+    log = turning(motor_position=np.angle(np.exp(1j * whole)))
+    # an angle of 20 rad is known to 20 eps, and some roundings of exp and angle
+    np.testing.assert_allclose(
+        repaired(log, "unwrap=motor_position")["motor_position"], whole, atol=1e-13
+    )
+
+
+def test_signs_are_turned_for_one_channel_or_all_of_the_motor() -> None:
+    log = turning(motor_position=TIME, motor_current=TIME, sensor_torque=TIME)
+    assert repaired(log, "flip_sign=sensor_torque")["sensor_torque"][1] == -TIME[1]
+    back = repaired(log, "reverse_motor")
+    assert back["motor_position"][1] == back["motor_current"][1] == -TIME[1]
+    assert back["sensor_torque"][1] == TIME[1]
+    assert back.history[-1] == "reverse_motor: motor_position, motor_current times -1"
+
+
+def test_scale_multiplies_one_channel() -> None:
+    assert repaired(turning(duty=TIME), {"scale": ("duty", 2)})["duty"][1] == 2 * TIME[1]
+
+
+def test_a_late_channel_is_moved_and_rows_without_a_value_go() -> None:
+    log = turning(output_velocity=np.sin(TIME - 0.035))
+    moved = repaired(log, "shift=output_velocity:0.035")
+    # linear interpolation over h = 0.01 s errs by h²/8 of the second derivative, which is ≤ 1
+    np.testing.assert_allclose(moved["output_velocity"], np.sin(moved["time"]), atol=0.01**2 / 8)
+    assert len(moved) == 196
+    note = "output_velocity moved 0.035 s earlier; rows without a value, dropped: 4"
+    assert moved.history[-1] == note
+
+
+def test_nothing_is_put_into_a_gap() -> None:
+    time = np.concatenate([TIME, TIME + 10])
+    log = Log.from_arrays(time=time, output_velocity=time)
+    moved = repaired(log, "shift=output_velocity:0.05")
+    assert len(moved) == 390
+    np.testing.assert_allclose(moved["output_velocity"], moved["time"] + 0.05, rtol=1e-14)
+
+
+def test_a_wrong_velocity_is_computed_anew_from_the_position() -> None:
+    log = repaired(turning(output_velocity=np.zeros(200)), "velocity_from_position")
+    # the derivative of a straight line is exact up to rounding: eps · 2π / 0.01 s
+    np.testing.assert_allclose(log["output_velocity"], np.pi, rtol=1e-11)
+    assert "output_acceleration" not in log
+    assert "velocity_from_position" in log.history[-1]
+
+
+def test_a_log_is_resampled_only_when_asked() -> None:
+    log = repaired(turning(), "resample=50")
+    assert log.rate == pytest.approx(50)
+
+
+@pytest.mark.parametrize(
+    ("repair", "sentence"),
+    [
+        (
+            "mend",
+            r"repair 'mend' is not known; the repairs are drop_invalid\[=channel\], sort_time",
+        ),
+        ("drop_start", "is written 'drop_start=seconds'"),
+        ("sort_time=1", "is written 'sort_time'"),
+        ("drop_start=soon", "'soon' is no number"),
+        ("drop_start=-1", "'-1' is no number that it can take"),
+        ("drop_start=99", "drop_start leaves no row of 200; give it less"),
+        ("flip_sign=torque", "no channel 'torque'"),
+        ("shift=torque:1", "'torque' is no channel"),
+        ("shift=output_position", "write shift=channel:seconds"),
+        ("shift=output_position:9", "leaves no row"),
+        ("unwrap=motor_position", "no channel 'motor_position'"),
+        ("reverse_motor", "finds no channel of the motor"),
+        ("velocity_from_position=duty", "give output_velocity or motor_velocity"),
+        ("velocity_from_position=motor_velocity", "no channel 'motor_position'"),
+        ("resample=0", "above 0"),
+    ],
+)
+def test_an_impossible_repair_says_how_it_is_written(repair: str, sentence: str) -> None:
+    with pytest.raises(InputError, match=sentence):
+        repaired(turning(), repair)
+
+
+@pytest.mark.parametrize(
+    "repair", ["shift=output_position:0.1", "velocity_from_position", "resample=50"]
+)
+def test_what_needs_increasing_time_says_what_to_repair_first(repair: str) -> None:
+    log = Log.from_arrays(time=TIME[::-1], output_position=TIME)
+    with pytest.raises(InputError, match=r"time does not increase at row 1, .*sort_time"):
+        repaired(log, repair)
+
+
+def test_unwrapping_over_a_missing_angle_is_refused() -> None:
+    log = Log.from_arrays(time=[0, 1, 2], output_position=[0, np.nan, 1])
+    with pytest.raises(InputError, match=r"row 1 of .*ask for drop_invalid before unwrap"):
+        repaired(log, "unwrap")
+
+
+def test_every_repair_is_described() -> None:
+    assert all(repair.meaning for repair in REPAIRS.values())

@@ -1,0 +1,268 @@
+"""Laws of the errors under autocorrelated noise, and whether 95 % intervals cover the truth.
+
+Coverage: 1000 logs, so a true 95 % shows as 95 ± 0.69 % (binomial); the promise of 93–97 % is
+±2.9 of that per parameter. The full table comes from tests/bench/coverage.py.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.linalg import toeplitz
+from scipy.signal import lfilter
+
+from flexspline.errors import InputError
+from flexspline.fit.noise_model import Chunk, Chunks, NoiseModel, lagged_products, noise_model
+from flexspline.fit.uncertainty import Prior, Uncertainty, parameter_uncertainty
+
+_study = Path(__file__).parents[1] / "bench" / "coverage.py"
+_spec = importlib.util.spec_from_file_location("coverage_study", _study)
+assert _spec is not None and _spec.loader is not None
+coverage = importlib.util.module_from_spec(_spec)
+sys.modules["coverage_study"] = coverage
+_spec.loader.exec_module(coverage)
+
+LOGS = 1000
+
+
+@pytest.mark.parametrize(
+    "case",
+    [
+        coverage.Case("AR(1), one run", coverage.AR1, terms=7),
+        coverage.Case("AR(1), four runs", coverage.AR1, terms=15, runs=4),
+        coverage.Case("AR(2), one run", coverage.AR2_SWINGING, terms=10),
+        coverage.Case("AR(2), four runs", coverage.AR2_SLOW, terms=7, runs=4),
+    ],
+    ids=lambda case: case.name,
+)
+def test_of_1000_logs_93_to_97_percent_of_the_intervals_cover_every_parameter(case):
+    result = coverage.study(case, LOGS, seed=2024)
+    assert (result.ours >= 0.93).all() and (result.ours <= 0.97).all(), result.ours
+    assert (result.naive < 0.90).all(), result.naive
+    if case.noise != coverage.AR2_SWINGING:
+        assert (result.naive < 0.65).all(), result.naive
+    assert result.too_short == 0.0
+
+
+def test_where_the_intervals_fail_the_result_says_so():
+    result = coverage.study(coverage.Case("short", coverage.AR1, samples=200), 100, seed=3)
+    assert result.ours.max() < 0.93
+    assert result.too_short > 0.95
+
+
+def test_white_noise_is_not_spoilt():
+    result = coverage.study(coverage.Case("white", coverage.WHITE, terms=7), 200, seed=4)
+    four_sigma = 4 * np.sqrt(0.95 * 0.05 / 200)
+    assert (np.abs(result.ours - 0.95) < four_sigma).all()
+
+
+def problem(samples: int = 600, terms: int = 5, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    """Rows (n, P) with memory and an offset, and the residual of AR(2) noise about them."""
+    generator = np.random.default_rng(seed)
+    rows = lfilter([1.0], [1.0, -0.98], generator.normal(size=(samples, terms)), axis=0)
+    rows[:, 0] = 1.0
+    noise = lfilter([1.0], [1.0, -1.2, 0.3], generator.normal(size=samples + 200))[200:]
+    return rows, noise - rows @ np.linalg.lstsq(rows, noise, rcond=None)[0]
+
+
+def cut(rows, residual, starts=(0,), length=None, weights=None) -> Chunks:
+    """The problem as an iterator factory with chunks of `length` rows."""
+    marks = np.zeros(len(residual), bool)
+    marks[list(starts)] = True
+    length = length or len(residual)
+
+    def chunks() -> Iterator[Chunk]:
+        for first in range(0, len(residual), length):
+            part = slice(first, first + length)
+            given = None if weights is None else weights[part]
+            yield Chunk(rows[part], residual[part], marks[part], given)
+
+    return chunks
+
+
+def orthonormal(rows: np.ndarray) -> np.ndarray:
+    return np.linalg.inv(np.linalg.qr(rows, mode="r"))
+
+
+def solve(rows, residual, **options) -> Uncertainty:
+    basis, chunks = orthonormal(rows), cut(rows, residual, **options)
+    return parameter_uncertainty(chunks, basis, noise_model(chunks, basis))
+
+
+def given_noise(phi: list[float], **changes) -> NoiseModel:
+    values = {
+        "coefficients": np.array(phi),
+        "innovation_variance": 0.7,
+        "coefficient_covariance": np.eye(len(phi)) * 1e-3,
+        "samples": 60,
+        "parameters": 3,
+        "decimation": 1,
+    }
+    return NoiseModel(**{**values, **changes})
+
+
+def stationary_covariance(phi: list[float], variance: float, count: int) -> np.ndarray:
+    """Ω of AR noise from its infinite moving average, cut where it is below 1e-16."""
+    impulse = np.zeros(3000)
+    impulse[0] = 1.0
+    response = lfilter([1.0], np.append(1.0, -np.array(phi)), impulse)
+    return variance * toeplitz([response[: 3000 - lag] @ response[lag:] for lag in range(count)])
+
+
+@pytest.mark.parametrize("phi", [[], [0.9], [1.6, -0.8], [-0.5, 0.2, 0.1]])
+def test_the_covariance_is_the_sandwich_with_the_dense_noise_matrix_of_each_run(phi):
+    rows, residual = problem(60, 3)
+    noise, inverse = given_noise(phi), np.linalg.inv(rows.T @ rows)
+    omega = stationary_covariance(phi, noise.innovation_variance, 60)
+    omega[:25, 25:] = omega[25:, :25] = 0.0
+    chunks = cut(rows, residual, starts=(0, 25), length=17)
+    result = parameter_uncertainty(chunks, orthonormal(rows), noise)
+    expected = inverse @ rows.T @ omega @ rows @ inverse
+    # the filter rings out to 1e-4 in amplitude, 1e-8 in what is squared
+    np.testing.assert_allclose(result.covariance, expected, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(noise.variance, omega[0, 0], rtol=1e-9)
+
+
+def test_the_degrees_of_freedom_follow_from_the_derivative_of_the_errors():
+    rows, residual = problem(60, 3)
+    phi, spread = np.array([1.2, -0.3]), np.array([[2e-3, -1e-3], [-1e-3, 2e-3]])
+    basis, chunks = orthonormal(rows), cut(rows, residual, starts=(0, 30))
+
+    def log_variances(at):
+        noise = given_noise(list(at), coefficient_covariance=spread)
+        result = parameter_uncertainty(chunks, basis, noise)
+        return 2 * np.log(result.standard_errors), result.degrees_of_freedom
+
+    steps = 1e-5 * np.eye(2)
+    slopes = [(log_variances(phi + h)[0] - log_variances(phi - h)[0]) / 2e-5 for h in steps]
+    uncertain = np.einsum("kj,kl,lj->j", slopes, spread, slopes)
+    expected = 2.0 / (uncertain + 2.0 / (60 - 3))
+    np.testing.assert_allclose(log_variances(phi)[1], expected, rtol=1e-3)
+
+
+def test_lagged_products_are_sums_over_time():
+    z, order = np.random.default_rng(1).normal(size=(40, 3)), 4
+    products = lagged_products(z, order)
+    for i in range(order + 1):
+        for j in range(order + 1):
+            expected = z[order - i : 40 - i].T @ z[order - j : 40 - j]
+            np.testing.assert_allclose(products[i, j], expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("length", [1, 7, 100, 599])
+def test_the_size_of_the_chunks_changes_nothing(length):
+    rows, residual = problem()
+    whole = solve(rows, residual, starts=(0, 250))
+    parts = solve(rows, residual, starts=(0, 250), length=length)
+    np.testing.assert_allclose(parts.covariance, whole.covariance, rtol=1e-7, atol=1e-14)
+    np.testing.assert_allclose(parts.degrees_of_freedom, whole.degrees_of_freedom, rtol=1e-5)
+
+
+def test_the_order_of_the_runs_changes_nothing():
+    rows, residual = problem()
+    turned = np.r_[200:600, 0:200]
+    there = solve(rows, residual, starts=(0, 200))
+    back = solve(rows[turned], residual[turned], starts=(0, 400))
+    np.testing.assert_allclose(back.covariance, there.covariance, rtol=1e-7, atol=1e-14)
+
+
+def test_errors_scale_with_the_units_of_the_columns_and_the_target():
+    rows, residual = problem()
+    scale = np.array([1.0, 1e6, 1e-6, 1e3, 1e-9])
+    plain, scaled = solve(rows, residual), solve(rows * scale, 5.0 * residual)
+    np.testing.assert_allclose(
+        scaled.standard_errors * scale, 5.0 * plain.standard_errors, rtol=1e-6
+    )
+    np.testing.assert_allclose(scaled.degrees_of_freedom, plain.degrees_of_freedom, rtol=1e-5)
+
+
+def test_confounded_columns_keep_the_error_of_what_is_known():
+    rows, residual = problem()
+    doubled = np.column_stack([rows, rows[:, 1]])
+    _, sizes, right = np.linalg.svd(doubled, full_matrices=False)
+    basis = (right[:-1] / sizes[:-1, None]).T
+    chunks = cut(doubled, residual)
+    result = parameter_uncertainty(chunks, basis, noise_model(chunks, basis))
+    together = result.errors_of(np.array([[0.0, 1.0, 0.0, 0.0, 0.0, 1.0]]))
+    np.testing.assert_allclose(together, solve(rows, residual).standard_errors[1], rtol=1e-5)
+
+
+def test_a_parameter_outside_the_basis_has_no_error():
+    rows, residual = problem()
+    basis = np.vstack([orthonormal(rows[:, :4]), np.zeros(4)])
+    chunks = cut(rows, residual)
+    result = parameter_uncertainty(chunks, basis, noise_model(chunks, basis))
+    assert np.isnan(result.standard_errors).tolist() == [False] * 4 + [True]
+
+
+def test_a_strong_prior_gives_its_own_error():
+    rows, residual = problem()
+    weight, error = 1e6, 0.01
+    prior = Prior(weight * np.eye(5)[1:2], np.array([weight * error]))
+    basis, chunks = orthonormal(rows), cut(rows, residual)
+    result = parameter_uncertainty(chunks, basis, noise_model(chunks, basis), prior)
+    np.testing.assert_allclose(result.standard_errors[1], error, rtol=1e-6)
+
+
+def test_the_noise_found_is_the_noise_made():
+    rows, residual = problem(200_000, 5)
+    noise = solve(rows, residual, starts=(0, 90_000), length=30_000).noise
+    error = np.sqrt(np.diag(noise.coefficient_covariance))
+    made = np.append([1.2, -0.3], np.zeros(noise.order - 2))
+    assert (np.abs(noise.coefficients - made) < 4 * error).all()
+    assert abs(noise.innovation_variance - 1.0) < 4 * np.sqrt(2 / 200_000)
+
+
+def test_every_third_chunk_tells_nearly_the_same_noise():
+    rows, residual = problem(60_000, 5)
+    basis, chunks = orthonormal(rows), cut(rows, residual, length=2_000)
+    part, whole = noise_model(chunks, basis, every=3, max_order=2), noise_model(chunks, basis)
+    assert part.samples == 10 * (2_000 - 2)
+    np.testing.assert_allclose(part.long_run_variance, whole.long_run_variance, rtol=0.3)
+
+
+def test_a_random_walk_is_called_too_short_and_stays_finite():
+    rows, _ = problem()
+    walk = np.cumsum(np.random.default_rng(5).normal(size=600))
+    residual = walk - rows[:, :1] @ np.linalg.lstsq(rows[:, :1], walk, rcond=None)[0]
+    result = solve(rows[:, :1], residual)
+    assert result.noise.largest_root < 1.0 and np.isfinite(result.standard_errors).all()
+    assert not result.reliable
+    assert "record longer logs" in result.statement
+
+
+def test_effective_samples_of_an_offset_are_those_of_the_mean():
+    rows, residual = problem(100_000, 1)
+    result = solve(rows, residual)
+    np.testing.assert_allclose(result.effective_samples_of[0], result.effective_samples, rtol=0.05)
+    assert result.reliable and result.statement.startswith("Intervals hold")
+
+
+def test_huber_weights_keep_outliers_from_widening_the_errors():
+    rows, clean = problem(4_000, 3)
+    pushed = clean.copy()
+    pushed[::100] += 40.0
+    threshold = 1.345 * np.median(np.abs(clean)) / 0.6745
+    weights = np.minimum(1.0, threshold / np.abs(pushed))
+    robust = solve(rows, pushed, weights=weights).standard_errors
+    plain = solve(rows, clean).standard_errors
+    assert (robust < 1.3 * plain).all() and (robust > 0.8 * plain).all()
+
+
+@pytest.mark.parametrize(("samples", "spoilt"), [(20, False), (600, True)])
+def test_a_residual_that_cannot_be_used_is_refused_in_a_sentence(samples, spoilt):
+    rows, residual = problem(samples)
+    if spoilt:
+        residual[3] = np.nan
+    with pytest.raises(InputError, match="too few" if not spoilt else "not finite"):
+        solve(rows, residual)
+
+
+def test_a_confidence_of_95_is_refused():
+    with pytest.raises(InputError, match="0.95"):
+        solve(*problem()).intervals(np.zeros(5), confidence=95)
