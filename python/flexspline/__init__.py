@@ -6,15 +6,22 @@ export: one C++ core from the notebook to the robot.
 
 from __future__ import annotations
 
+import importlib
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
 
 from flexspline.effects import CATALOGUE, Effect, effect
 from flexspline.errors import FlexsplineWarning, InputError
-from flexspline.fit import Fit, fit
-from flexspline.logs import Log, convert, read_log
-from flexspline.model import Model, Part, Prediction
+from flexspline.fit.fitting import fit
+
+if TYPE_CHECKING:
+    from flexspline.fit.result import Fit
+    from flexspline.logs.convert import convert
+    from flexspline.logs.log import Log
+    from flexspline.logs.read import read_log
+    from flexspline.model import Model, Part, Prediction
 
 __all__ = [
     "CATALOGUE",
@@ -33,6 +40,23 @@ __all__ = [
     "get_include",
     "read_log",
 ]
+
+_HOME = {
+    "Fit": "fit.result",
+    "Log": "logs.log",
+    "Model": "model",
+    "Part": "model",
+    "Prediction": "model",
+    "convert": "logs.convert",
+    "read_log": "logs.read",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name when it is first used (PEP 562): the package starts quickly."""
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(importlib.import_module(f"{__name__}.{_HOME[name]}"), name)
 
 
 def get_include() -> str:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
+import shutil
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,7 +13,7 @@ from typing import BinaryIO, cast
 
 from flexspline.errors import InputError
 
-__all__ = ["atomic_write", "atomic_writer"]
+__all__ = ["atomic_write", "atomic_writer", "whole_folder"]
 
 
 @contextlib.contextmanager
@@ -68,9 +70,13 @@ def _usual_mode(target: Path) -> int:
     """Return the mode of the file that is replaced, or that of any new file."""
     if target.exists():
         return target.stat().st_mode & 0o777
+    return 0o666 & ~_mask()
+
+
+def _mask() -> int:
     mask = os.umask(0)
     os.umask(mask)
-    return 0o666 & ~mask
+    return mask
 
 
 def _sync_folder(folder: Path) -> None:
@@ -81,3 +87,60 @@ def _sync_folder(folder: Path) -> None:
             os.fsync(handle)
         finally:
             os.close(handle)
+
+
+@contextlib.contextmanager
+def whole_folder(path: str | os.PathLike[str], last: str = "") -> Iterator[Path]:
+    """Give a draft folder that becomes `path` when the block ends without an error.
+
+    A new folder appears complete. In a folder that exists already each file is replaced as a
+    whole, the one named `last` after all others. After an error nothing has changed.
+
+    Raises
+    ------
+    InputError
+        Where `path` is a file, or nothing can be written beside it.
+    """
+    target = Path(path)
+    if target.exists() and not target.is_dir():
+        raise InputError(f"{target}: is a file; give the name of a folder")
+    made = [folder for folder in target.parents if not folder.exists()]
+    draft = _draft_folder(target)
+    try:
+        yield draft
+        draft.chmod(0o777 & ~_mask())
+        _publish(draft, target, last)
+    except BaseException:
+        shutil.rmtree(draft, ignore_errors=True)
+        for folder in made:
+            with contextlib.suppress(OSError):
+                folder.rmdir()
+        raise
+
+
+def _draft_folder(target: Path) -> Path:
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        if target.is_dir() and not os.access(target, os.W_OK | os.X_OK):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+        return Path(tempfile.mkdtemp(prefix=f".{target.name}.", dir=target.parent))
+    except OSError as error:
+        raise InputError(
+            f"{target}: cannot be written ({error.strerror}); give a folder that you may write to"
+        ) from error
+
+
+def _publish(draft: Path, target: Path, last: str) -> None:
+    """Rename the draft, or move its files over those of a folder that is there."""
+    if not target.exists():
+        _rename(draft, target)
+        _sync_folder(target.parent)
+        return
+    files = sorted(path for path in draft.rglob("*") if path.is_file())
+    files.sort(key=lambda file: file.name == last)
+    for file in files:
+        there = target / file.relative_to(draft)
+        there.parent.mkdir(parents=True, exist_ok=True)
+        _rename(file, there)
+    _sync_folder(target)
+    shutil.rmtree(draft, ignore_errors=True)

@@ -129,12 +129,7 @@ class Model:
         InputError
             Where the facts are of another joint.
         """
-        for key in ("gear_ratio", "output_spline"):
-            mine, other = self.facts.get(key), facts.get(key)
-            if mine is not None and other is not None and mine != other:
-                raise InputError(
-                    f"the model has {key} = {mine}, the logs {other}; they must be of one joint"
-                )
+        self._require_same_gear(facts, "the logs have")
         parts = {**self.parts, PART_OF[part.target]: part}
         known = {key: value for key, value in facts.items() if value is not None}
         return replace(self, parts=parts, facts={**self.facts, **known})
@@ -157,6 +152,7 @@ class Model:
             Where a channel that an effect reads is missing, or the gear is another one.
         """
         part = self.part(target)
+        self._require_same_gear(log.facts, f"log '{log.name}' has")
         log = channels_for(log, part.effects, part.known_load, load_needed=False)
         predicted = self._evaluate(part, log, part.coefficients)
         measured = self._measured(part, log)
@@ -242,6 +238,14 @@ class Model:
             if name in content
         }
         return cls(parts, content["joint"], content["estimators"])
+
+    def _require_same_gear(self, facts: Mapping[str, Any], whose: str) -> None:
+        for key in ("gear_ratio", "output_spline"):
+            mine, other = self.facts.get(key), facts.get(key)
+            if mine is not None and other is not None and mine != other:
+                raise InputError(
+                    f"the model has {key} = {mine}, {whose} {other}; they must be of one joint"
+                )
 
     def _design(self, part: Part, log: Log) -> _core.Design:
         gear = gear_of(self.facts, "motor_position" in log)

@@ -1,8 +1,10 @@
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cmath>
 #include <cstddef>
+#include <cstdlib>
 #include <cstring>
 #include <stdexcept>
 #include <string>
@@ -88,4 +90,20 @@ TEST_CASE("the instruction set in use is one that this machine can run") {
   CHECK(kernels_of(isa_in_use()) == &kernels());
   CHECK(isa() == name_of(isa_in_use()));
   CHECK(kernels_of(Isa::baseline) != nullptr);
+}
+
+TEST_CASE("the environment forces an instruction set that the machine has") {
+  const char* const forced = std::getenv("FLEXSPLINE_ISA");
+  if (forced == nullptr) {
+    MESSAGE("skipped: FLEXSPLINE_ISA is not set");
+    return;
+  }
+  for (const Isa isa_of_table : all_isas) {
+    if (name_of(isa_of_table) != forced) continue;
+    if (kernels_of(isa_of_table) == nullptr) {
+      MESSAGE("skipped: this machine cannot run ", name_of(isa_of_table));
+    } else {
+      CHECK(isa() == forced);
+    }
+  }
 }

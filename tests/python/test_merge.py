@@ -68,7 +68,7 @@ def test_a_given_clock_is_kept_and_rows_without_a_value_are_dropped_and_counted(
     assert (clock.offset, clock.drift, clock.offset_error) == (OFFSET, DRIFT, 0)
     assert len(merged) in (49_993, 49_994)  # 50 s less one step of the load cell
     assert f"dropped: {60_000 - len(merged)}" in merged.history[-1]
-    assert "offset -3.2" in merged.history[-1] and "drift 40" in merged.history[-1]
+    assert "offset -3.2 (given) s, drift 40 (given) ppm" in merged.history[-1]
 
 
 def test_a_given_offset_is_kept_while_the_drift_is_found() -> None:

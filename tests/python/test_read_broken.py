@@ -33,6 +33,13 @@ def two_members(path: Path) -> None:
         archive.writestr("b.csv", GOOD)
 
 
+def damaged_npz(path: Path) -> None:
+    np.savez(path, time=np.arange(100.0))
+    content = bytearray(path.read_bytes())
+    content[300] ^= 0xFF
+    path.write_bytes(content)
+
+
 def matlab(**variables: Any) -> Callable[[Path], object]:
     return lambda path: scipy.io.savemat(path, variables)
 
@@ -151,6 +158,7 @@ FILES: list[tuple[str, Callable[[Path], object], dict[str, Any], str]] = [
     ("cube.npy", lambda path: np.save(path, np.zeros((2, 2, 2))), {}, r"shape \(2, 2, 2\) is no"),
     ("object.npy", lambda path: np.save(path, np.array([{}, 1], dtype=object)), {}, "not a NumPy"),
     ("bad.npz", write(b"PK nonsense"), {}, "not a NumPy file"),
+    ("bad_member.npz", damaged_npz, {}, "not a NumPy file"),
     ("bad.mat", write(b"nonsense"), {}, "not a MATLAB file, or a corrupt one"),
     (
         "variable.mat",
@@ -233,7 +241,7 @@ MEMORY: list[tuple[Any, dict[str, Any], str]] = [
     ({**TIMES, "q": np.array([1, 2j, 3])}, {"columns": Q}, "complex"),
     (
         {**TIMES, "q": [1, 2, 3]},
-        {"columns": {"output_position": ColumnSource("q", scale="two")}},
+        {"columns": {"output_position": {"source": "q", "scale": "two"}}},
         "scale 'two'; give a number",
     ),
     ({**TIMES, "q": [10**400, 2, 3]}, {"columns": Q}, "beyond all floating point"),

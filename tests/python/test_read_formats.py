@@ -17,6 +17,7 @@ import pandas
 import pytest
 import scipy.io
 
+from flexspline.errors import InputError
 from flexspline.logs import ColumnSource, Log, read_log
 
 TIME = np.arange(6) * 0.01
@@ -121,7 +122,7 @@ def test_every_format_gives_the_same_numbers_to_the_last_bit(
     ids=["matrix", "turned", "structured", "dictionary", "frame", "index", "numbered frame"],
 )
 def test_data_in_memory_gives_the_same_numbers(source: object, columns: dict[str, str]) -> None:
-    log = read_log(source, columns)  # type: ignore[arg-type]
+    log = read_log(source, columns)
     np.testing.assert_array_equal(log["output_position"], ANGLE)
     assert log.source is None
 
@@ -151,7 +152,7 @@ def test_facts_come_from_the_file_and_arguments_overrule_them(tmp_path: Path) ->
         "slots": 36,
         "joint": "7",
     }
-    assert "gear_ratio 100.0 of the file is overruled by 160.0" in log.history
+    assert "gear_ratio 100 of the file is overruled by 160.0" in log.history
 
 
 def test_units_signs_and_scales_are_applied_once() -> None:
@@ -252,3 +253,33 @@ def test_two_logs_of_one_file_have_the_same_checksum(tmp_path: Path) -> None:
 
 def test_a_log_is_a_log() -> None:
     assert isinstance(read_log({"time": [0, 1]}), Log)
+
+
+def test_a_later_change_of_the_frame_does_not_change_the_log() -> None:
+    frame = pandas.DataFrame({"time": TIME, "duty": ANGLE})
+    log = read_log(frame)
+    frame.loc[0, "duty"] = 9
+    assert log["duty"][0] == 0
+
+
+def test_an_impossible_fact_of_the_file_can_be_overruled(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    path.write_text("# slots: A, B\ntime,duty\n0,0\n1,1\n")
+    assert read_log(path, slots=36).facts["slots"] == 36
+
+
+def test_time_can_be_sorted_before_a_late_column_is_moved() -> None:
+    run = {"time": [2, 1, 0], "x": [0, -1, -2]}
+    log = read_log(run, {"duty": ColumnSource("x", clock_offset=1)}, repair="sort_time")
+    np.testing.assert_array_equal(log["duty"], [-1, 0])
+
+
+def test_a_line_of_units_is_left_out_before_anything_is_taken_for_text(tmp_path: Path) -> None:
+    path = tmp_path / "daq.txt"
+    path.write_text("Zeit;Moment\n[s];[Nm]\n\n0,5;0,30000000000000004\n1,5;-2\n", encoding="utf-8")
+    log = read_log(path, {"time": "Zeit", "sensor_torque": "Moment"}, drop_rows=1)
+    np.testing.assert_array_equal(log["time"], [0.5, 1.5])
+    np.testing.assert_array_equal(log["sensor_torque"], [0.30000000000000004, -2])
+    assert log.source is not None and log.source.rows == 3
+    with pytest.raises(InputError, match=r"line 2\).*leave the row out with drop_rows=1"):
+        read_log(path, {"time": "Zeit", "sensor_torque": "Moment"})

@@ -77,6 +77,12 @@ def test_the_iiwas_torque_does_work_on_the_joint_once_its_sign_is_turned(
     assert any("column 'tau_Nm' times -1" in said for said in log.history)
 
 
+def test_the_iiwas_run_named_1_is_no_faster_than_a_tenth_whatever_its_name_says() -> None:
+    log = iiwa(1, "1")
+    velocity = np.gradient(log["output_position"], log["time"])
+    assert np.median(np.abs(velocity)) == pytest.approx(0.1, rel=0.02)
+
+
 @pytest.mark.parametrize("run", ["10h28m10", "10h28m17", "10h28m57", "10h29m21", "10h29m47"])
 def test_the_xl330_follows_its_own_law(run: str) -> None:
     log = xl330(run)

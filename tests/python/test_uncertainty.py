@@ -50,7 +50,7 @@ def test_of_1000_logs_93_to_97_percent_of_the_intervals_cover_every_parameter(ca
 
 
 def test_where_the_intervals_fail_the_result_says_so():
-    result = coverage.study(coverage.Case("short", coverage.AR1, samples=200), 100, seed=3)
+    result = coverage.study(coverage.Case("short", coverage.AR1, samples=200), 60, seed=3)
     assert result.ours.max() < 0.93
     assert result.too_short > 0.95
 
@@ -226,6 +226,28 @@ def test_every_third_chunk_tells_nearly_the_same_noise():
     np.testing.assert_allclose(part.long_run_variance, whole.long_run_variance, rtol=0.3)
 
 
+def test_thinning_out_is_the_same_as_handing_over_every_third_row_of_each_run():
+    rows, residual = problem()
+    basis, kept = orthonormal(rows), np.r_[0:250:3, 250:600:3]
+    chunks = cut(rows, residual, starts=(0, 250), length=70)
+    thin = parameter_uncertainty(chunks, basis, noise_model(chunks, basis, decimation=3))
+    chunks = cut(rows[kept], residual[kept], starts=(0, 84))
+    few = parameter_uncertainty(chunks, basis, noise_model(chunks, basis))
+    np.testing.assert_allclose(thin.covariance, few.covariance, rtol=1e-7, atol=1e-14)
+    assert (thin.rows, thin.length) == (len(kept), 3 * len(kept))
+
+
+def test_slow_noise_under_white_noise_is_found_by_higher_orders():
+    generator = np.random.default_rng(6)
+    slow = lfilter([1.0], [1.0, -0.98], generator.normal(size=40_000)) * np.sqrt(1 - 0.98**2)
+    residual = slow + 2.0 * generator.normal(size=40_000)
+    rows = np.ones((40_000, 1))
+    noise = solve(rows, residual - residual.mean()).noise
+    assert noise.order > 8
+    true = (1 + 0.98) / (1 - 0.98) + 4.0  # long-run variances of the two
+    np.testing.assert_allclose(noise.long_run_variance, true, rtol=0.3)
+
+
 def test_a_random_walk_is_called_too_short_and_stays_finite():
     rows, _ = problem()
     walk = np.cumsum(np.random.default_rng(5).normal(size=600))
@@ -264,5 +286,5 @@ def test_a_residual_that_cannot_be_used_is_refused_in_a_sentence(samples, spoilt
 
 
 def test_a_confidence_of_95_is_refused():
-    with pytest.raises(InputError, match="0.95"):
+    with pytest.raises(InputError, match=r"0\.95"):
         solve(*problem()).intervals(np.zeros(5), confidence=95)

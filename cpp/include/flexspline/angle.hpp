@@ -22,7 +22,7 @@ struct Phase {
   friend constexpr Phase operator*(math::Bits<S> order, Phase a) noexcept {
     return {order * a.fraction};
   }
-  /// Turns in [−1/2, 1/2): the shortest way from zero.
+  /// Turns in [−1/2, 1/2]: the shortest way from zero.
   constexpr S shortest() const noexcept {
     constexpr S unit = sizeof(S) == 4 ? S(1.0L / 4294967296.0L)
                                       : S(1.0L / 4294967296.0L / 4294967296.0L);
@@ -37,22 +37,26 @@ struct Angle {
   std::int32_t turns = 0;
   Phase<S> phase;
 
-  /// Beyond ±2^30 turns the turns saturate; NaN gives zero (see read_radians).
+  /// Exact to 2^−32 (float) or 2^−52 (double) turns on both sides of zero. Beyond ±2^30 turns
+  /// the turns saturate; NaN gives zero (see read_radians).
   static constexpr Angle from_turns(S value) noexcept {
     constexpr S limit = S(1073741824);
     const S held = value == value ? math::clamp(value, -limit, limit) : S(0);
     const auto truncated = static_cast<std::int32_t>(held);
-    const std::int32_t whole = truncated - (static_cast<S>(truncated) > held ? 1 : 0);
-    const S part = held - static_cast<S>(whole);
-    const bool carried = !(part < S(1));  // −1e-20 turns: one less its own rounding
-    return {whole + (carried ? 1 : 0), {carried ? 0 : fraction_of(part)}};
+    const S part = math::absolute(held - static_cast<S>(truncated));  // no rounding
+    const math::Bits<S> fraction = fraction_of(part);
+    const bool carried = fraction == 0 && part > S(0.5);  // 1 − 2^−53 is one
+    if (held < S(0)) {
+      return {truncated - (carried || fraction != 0 ? 1 : 0), {math::Bits<S>(0) - fraction}};
+    }
+    return {truncated + (carried ? 1 : 0), {fraction}};
   }
   static constexpr Angle from_radians(S value) noexcept {
     return from_turns(value * (S(0.5L) / math::pi<S>));
   }
 
  private:
-  /// `part` in [0, 1) as an integer; exact to 2^−32 (float) and 2^−52 (double) turns.
+  /// `part` in [0, 1) as an integer; zero where it rounds to one.
   static constexpr math::Bits<S> fraction_of(S part) noexcept {
     if constexpr (sizeof(S) == 4) {
       return static_cast<std::uint32_t>(part * S(4294967296));
@@ -71,16 +75,11 @@ constexpr Status read_radians(S radians, Angle<S>& angle) noexcept {
 }
 
 /// The upper half of the product of two fractions of a turn.
-template <typename Unsigned>
-constexpr Unsigned multiply_high(Unsigned a, Unsigned b) noexcept {
-  if constexpr (sizeof(Unsigned) == 4) {
-    return static_cast<Unsigned>((std::uint64_t(a) * b) >> 32);
-  } else {
-    const Unsigned mask = 0xffffffffU;
-    const Unsigned cross = (a >> 32) * (b & mask) + (((a & mask) * (b & mask)) >> 32);
-    const Unsigned other = (a & mask) * (b >> 32) + (cross & mask);
-    return (a >> 32) * (b >> 32) + (cross >> 32) + (other >> 32);
-  }
+constexpr std::uint64_t multiply_high(std::uint64_t a, std::uint64_t b) noexcept {
+  constexpr std::uint64_t mask = 0xffffffffU;
+  const std::uint64_t cross = (a >> 32) * (b & mask) + (((a & mask) * (b & mask)) >> 32);
+  const std::uint64_t other = (a & mask) * (b >> 32) + (cross & mask);
+  return (a >> 32) * (b >> 32) + (cross >> 32) + (other >> 32);
 }
 
 }  // namespace flexspline

@@ -32,25 +32,25 @@ enum class OutputSpline : std::uint8_t { unknown, circular, flex };
 template <typename S>
 struct Gear {
   std::uint32_t whole_ratio = 1;
-  Phase<S> ratio_fraction;
+  Phase<double> ratio_fraction;  ///< in 2^−64 for a float too: turns multiply what it lacks
   OutputSpline output = OutputSpline::unknown;
   bool motor_encoder = false;  ///< false: the motor's angle is Ñ q
 
+  /// `effective_ratio` Ñ > 0.
   static constexpr Gear from_ratio(double effective_ratio, OutputSpline output,
                                    bool motor_encoder) noexcept {
     const auto ratio = Angle<double>::from_turns(effective_ratio);
-    return {static_cast<std::uint32_t>(ratio.turns),
-            {static_cast<math::Bits<S>>(ratio.phase.fraction >> (64 - 8 * sizeof(S)))},
-            output,
-            motor_encoder};
+    return {static_cast<std::uint32_t>(ratio.turns), ratio.phase, output, motor_encoder};
   }
 
-  /// The phase of Ñ q, exact to two units of the fraction.
+  /// The phase of Ñ q, exact to one unit of the fraction (float) or two (double).
   constexpr Phase<S> motor_phase(const Angle<S>& q) const noexcept {
-    using U = math::Bits<S>;
-    const U turns = static_cast<U>(static_cast<std::int64_t>(q.turns));
-    return {U(whole_ratio) * q.phase.fraction + turns * ratio_fraction.fraction +
-            multiply_high(ratio_fraction.fraction, q.phase.fraction)};
+    constexpr int spare = 64 - 8 * int(sizeof(S));
+    const std::uint64_t phase = std::uint64_t(q.phase.fraction) << spare;
+    const auto turns = static_cast<std::uint64_t>(std::int64_t(q.turns));
+    const std::uint64_t theta = whole_ratio * phase + turns * ratio_fraction.fraction +
+                                multiply_high(ratio_fraction.fraction, phase);
+    return {static_cast<math::Bits<S>>(theta >> spare)};
   }
 
   /// Wave generator against flexspline: θ, or θ + q where the flexspline is the output.

@@ -15,7 +15,10 @@ namespace {
 
 bool runs_here([[maybe_unused]] Isa isa) noexcept {
 #if defined(FLEXSPLINE_X86_TABLES)
-  if (isa == Isa::v3) return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
+  if (isa == Isa::v3) {
+    return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") &&
+           __builtin_cpu_supports("bmi") && __builtin_cpu_supports("bmi2");
+  }
   if (isa == Isa::v4) {
     return runs_here(Isa::v3) && __builtin_cpu_supports("avx512f") &&
            __builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512cd") &&

@@ -1,8 +1,31 @@
 """Fitting effects to logs, and what the data say of the result."""
 
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
 from flexspline.fit.fitting import fit
-from flexspline.fit.identifiability import Combination, Confounded
-from flexspline.fit.result import Fit, FittedRun, Parameter
-from flexspline.fit.scores import Score
+
+if TYPE_CHECKING:
+    from flexspline.fit.identifiability import Combination, Confounded
+    from flexspline.fit.result import Fit, FittedRun, Parameter
+    from flexspline.fit.scores import Score
 
 __all__ = ["Combination", "Confounded", "Fit", "FittedRun", "Parameter", "Score", "fit"]
+
+_HOME = {
+    "Combination": "identifiability",
+    "Confounded": "identifiability",
+    "Fit": "result",
+    "FittedRun": "result",
+    "Parameter": "result",
+    "Score": "scores",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name when it is first used (PEP 562)."""
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(importlib.import_module(f"{__name__}.{_HOME[name]}"), name)

@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 from tqdm import tqdm
 
 from flexspline.effects import Effect, effect
 from flexspline.errors import InputError
-from flexspline.fit.assemble import assembled
-from flexspline.fit.estimate import Given, estimate
-from flexspline.fit.names import Bounds, resolve
-from flexspline.fit.problem import Problem, problem_of
-from flexspline.fit.result import Fit
-from flexspline.fit.ripple import with_found_orders
-from flexspline.logs.checks import check
-from flexspline.logs.log import Log
-from flexspline.model import Model
+
+if TYPE_CHECKING:  # what is heavy is imported where it is used: `flexspline --help` is quick
+    from flexspline.fit.names import Bounds
+    from flexspline.fit.problem import Problem
+    from flexspline.fit.result import Fit
+    from flexspline.logs.log import Log
+    from flexspline.model import Model
 
 __all__ = ["fit"]
 
@@ -80,6 +79,12 @@ def fit(
     has no inverse as printed; what it leaves undetermined is found and named (see
     `Fit.confounded`).
     """
+    from flexspline.fit.assemble import assembled
+    from flexspline.fit.estimate import Given, estimate
+    from flexspline.fit.problem import problem_of
+    from flexspline.fit.ripple import with_found_orders
+    from flexspline.logs.log import Log
+
     if robust not in (None, "huber"):
         raise InputError(f"robust is {robust!r}; give 'huber' or None")
     runs = [logs] if isinstance(logs, Log) else list(logs)
@@ -100,7 +105,7 @@ def fit(
             offset_per_run=offset_per_run,
         )
 
-    with tqdm(desc="solving", unit=" solves", disable=not progress, leave=False) as bar:
+    with tqdm(desc="solving", unit=" solves", disable=not progress, leave=False, delay=1.0) as bar:
         chosen, found = with_found_orders(chosen, problem)
         posed = problem(chosen)
         _require_rows(posed, chosen)
@@ -110,6 +115,8 @@ def fit(
 
 
 def _chosen(effects: Iterable[str | Effect], orders: Mapping[str, Sequence[int]]) -> list[Effect]:
+    from flexspline.fit.names import resolve
+
     chosen = [e if isinstance(e, Effect) else effect(e) for e in effects]
     for name, its in orders.items():
         at = resolve(name, [e.name for e in chosen], "orders")
@@ -119,6 +126,8 @@ def _chosen(effects: Iterable[str | Effect], orders: Mapping[str, Sequence[int]]
 
 def _checked(runs: Sequence[Log], effects: Sequence[Effect], target: str) -> list[str]:
     """Refuse what makes a fit meaningless and return the faults as sentences."""
+    from flexspline.logs.checks import check
+
     sentences = []
     for log in runs:
         findings = check(log, effects=[e.name for e in effects], target=target)

@@ -38,7 +38,7 @@ Array = NDArray[np.float64]
 BLOCK = 4096  # rows handled at once: bounds the memory
 _FIRST_ORDER = 8
 _LARGEST_SUMS = 2_000_000  # numbers in C, 16 MB
-_LONGEST_ITERATION = 200
+_LONGEST_ITERATION = 100
 _RIDGE = 1e-13
 _FREQUENCIES = 1 << 14
 

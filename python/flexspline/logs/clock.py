@@ -63,10 +63,18 @@ class Clock:
 
     def __str__(self) -> str:
         said = (
-            f"offset {self.offset:.6g} ± {self.offset_error:.1g} s, "
-            f"drift {self.drift:.4g} ± {self.drift_error:.1g} ppm"
+            f"offset {_with_error(self.offset, self.offset_error)} s, "
+            f"drift {_with_error(self.drift, self.drift_error)} ppm"
         )
         return said if np.isnan(self.correlation) else f"{said}, correlation {self.correlation:.3f}"
+
+
+def _with_error(value: float, error: float) -> str:
+    """Return both, rounded to two digits of the error; one alone where it was given."""
+    if not error > 0:
+        return f"{value:.9g} (given)"
+    digits = max(0, 1 - int(np.floor(np.log10(error))))
+    return f"{value:.{digits}f} ± {error:.{digits}f}"
 
 
 def find_clock(

@@ -184,7 +184,8 @@ def _numbers(table: Table, channel: str, number: int) -> NDArray[np.float64]:
         row = int(wrong[0])
         raise InputError(
             f"{table.label}: {table.place(row)}, {table.title(number)} is {str(column[row])!r} "
-            f"where '{channel}' needs a number; correct or delete the cell, or leave it empty"
+            f"where '{channel}' needs a number; correct or empty the cell"
+            + (", or leave the row out with drop_rows=1" if row == 0 else "")
         )
     return np.asarray(values, dtype=np.float64)
 

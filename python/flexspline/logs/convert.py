@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -116,7 +117,8 @@ def write_log(log: Log, path: str | os.PathLike[str]) -> None:
     """
     with atomic_writer(path) as file:
         for key, value in log.facts.items():
-            file.write(f"# {key}: {' '.join(str(value).split())}\n".encode())
+            plain = re.sub(r"[:,;\s]+", " ", key)
+            file.write(f"# {plain}: {' '.join(str(value).split())}\n".encode())
         log.to_frame().to_csv(file, index=False, lineterminator="\n")
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from flexspline.errors import InputError
 from flexspline.logs.facts import Fact, parsed_fact
-from flexspline.logs.table import Table
+from flexspline.logs.table import Table, require_droppable
 
 __all__ = ["Dialect", "read_delimited"]
 
@@ -62,8 +62,10 @@ class _Top:
     first_line: int
 
 
-def read_delimited(content: bytes, label: str, dialect: Dialect) -> Table:
-    """Return the table in the bytes of a text file.
+def read_delimited(content: bytes, label: str, dialect: Dialect, drop_rows: int = 0) -> Table:
+    """Return the table in the bytes of a text file, without its first `drop_rows` rows.
+
+    These are not even looked at as numbers: a line of units may be among them.
 
     Raises
     ------
@@ -72,7 +74,7 @@ def read_delimited(content: bytes, label: str, dialect: Dialect) -> Table:
         another number of fields than the first, an unfinished quotation.
     """
     top = _top(_text(content, label, dialect.encoding))
-    sample = [line for line in top.body[:100_000].splitlines() if line.strip()][:SAMPLE_LINES]
+    sample = [line for line in top.body[:100_000].split("\n") if line.strip()][:SAMPLE_LINES]
     if not sample:
         raise InputError(f"{label}: no rows of data; record the run again")
     separator, decimal = _layout(sample, dialect)
@@ -84,7 +86,9 @@ def read_delimited(content: bytes, label: str, dialect: Dialect) -> Table:
     lines = _lines_of_rows(top, label, separator, len(first), headed)
     if not len(lines):
         raise InputError(f"{label}: a header line but no rows of data; record the run again")
-    frame = _parsed(top.body, label, separator, decimal, headed)
+    require_droppable(label, drop_rows, len(lines))
+    lines = lines[drop_rows:]
+    frame = _parsed(top.body, label, separator, decimal, int(lines[0]) - top.first_line)
     spelled = SPELLED.get(separator, f"'{separator}'")
     note = f"text with separator {spelled}" + (", decimal comma" if decimal == "," else "")
     return Table(
@@ -241,14 +245,14 @@ def _count(marks: NDArray[np.bool_], ends: NDArray[np.intp]) -> NDArray[np.intp]
     return np.diff(np.searchsorted(np.flatnonzero(marks), ends), prepend=0)
 
 
-def _parsed(body: str, label: str, separator: str, decimal: str, headed: bool) -> Any:
+def _parsed(body: str, label: str, separator: str, decimal: str, skipped: int) -> Any:
     try:
         return pandas.read_csv(
             io.StringIO(body),
             sep=r"\s+" if separator == " " else separator,
             decimal=decimal,
             header=None,
-            skiprows=1 if headed else 0,
+            skiprows=skipped,
             skipinitialspace=True,
             index_col=False,
             low_memory=False,

@@ -36,7 +36,9 @@ PACKED: Final[dict[str, Callable[[bytes], bytes]]] = {
 BROKEN: Final = (OSError, EOFError, lzma.LZMAError, zipfile.BadZipFile, zlib.error, RuntimeError)
 
 
-def read_table(source: Any, variable: str | None, dialect: Dialect) -> tuple[Table, Source | None]:
+def read_table(
+    source: Any, variable: str | None, dialect: Dialect, drop_rows: int = 0
+) -> tuple[Table, Source | None]:
     """Return what `source` holds, and where it comes from if it is a file.
 
     Parameters
@@ -47,6 +49,8 @@ def read_table(source: Any, variable: str | None, dialect: Dialect) -> tuple[Tab
         Name, or path with dots, of the part of a .mat, .npz or .json file that is the table.
     dialect : Dialect
         How text is written.
+    drop_rows : int
+        Rows at the start that are left out.
 
     Raises
     ------
@@ -54,20 +58,28 @@ def read_table(source: Any, variable: str | None, dialect: Dialect) -> tuple[Tab
         Where the file is missing, empty, corrupt or holds no table.
     """
     if isinstance(source, (str, os.PathLike)):
-        return _from_file(Path(source), variable, dialect)
+        return _from_file(Path(source), variable, dialect, drop_rows)
     if isinstance(source, pandas.DataFrame):
-        return _from_frame(source), None
-    if isinstance(source, np.ndarray):
-        return from_array(source, "array"), None
-    if isinstance(source, Mapping):
-        return from_value(dict(source), "dictionary", variable), None
-    raise InputError(
+        table = _from_frame(source)
+    elif isinstance(source, np.ndarray):
+        table = from_array(source, "array")
+    elif isinstance(source, Mapping):
+        table = from_value(dict(source), "dictionary", variable)
+    else:
+        raise _no_source(source)
+    return table.checked().without_first(drop_rows), None
+
+
+def _no_source(source: object) -> InputError:
+    return InputError(
         f"a log cannot be read from a {type(source).__name__}; "
         "give a path, an array, a dictionary of arrays or a pandas DataFrame"
     )
 
 
-def _from_file(path: Path, variable: str | None, dialect: Dialect) -> tuple[Table, Source]:
+def _from_file(
+    path: Path, variable: str | None, dialect: Dialect, drop_rows: int
+) -> tuple[Table, Source]:
     if not path.is_file():
         what = "is a folder" if path.is_dir() else "no such file"
         raise InputError(f"{path}: {what}; give the path of a log")
@@ -75,10 +87,10 @@ def _from_file(path: Path, variable: str | None, dialect: Dialect) -> tuple[Tabl
         raise InputError(f"{path}: the file is empty; record or copy it again")
     try:
         digest = _sha256(path)
-        table = _opened(path, variable, dialect)
+        table = _opened(path, variable, dialect, drop_rows)
     except PermissionError as error:
         raise InputError(f"{path}: may not be read; change its permissions") from error
-    return table, Source(str(path), digest, table.rows)
+    return table, Source(str(path), digest, table.rows + drop_rows)
 
 
 def _sha256(path: Path) -> str:
@@ -89,25 +101,32 @@ def _sha256(path: Path) -> str:
     return digest.hexdigest()
 
 
-def _opened(path: Path, variable: str | None, dialect: Dialect) -> Table:
-    suffixes = [suffix.lower() for suffix in path.suffixes]
-    packed = suffixes.pop() if suffixes and suffixes[-1] in PACKED else ""
-    kind = suffixes[-1] if suffixes else ""
-    label = path.name
+def _opened(path: Path, variable: str | None, dialect: Dialect, drop_rows: int) -> Table:
+    kind, packed = _kind(path)
+    label = str(path)
     if kind == ".npy" and not packed:
-        return from_array(_numpy(path, label), label)
-    content = _unpacked(path.read_bytes(), packed, label)
+        table = from_value(_numpy(path, label), label, variable)
+    else:
+        content = _unpacked(path.read_bytes(), packed, label)
+        if kind not in (".npy", ".npz", ".mat", ".h5", ".hdf5", ".json"):
+            return read_delimited(content, label, dialect, drop_rows).checked()
+        table = _structured(content, kind, label, variable)
+    return table.checked().without_first(drop_rows)
+
+
+def _structured(content: bytes, kind: str, label: str, variable: str | None) -> Table:
     if kind in (".npy", ".npz"):
-        loaded = _numpy(io.BytesIO(content), label)
-        if kind == ".npy":
-            return from_array(loaded, label)
-        with loaded:
-            return from_value({name: loaded[name] for name in loaded.files}, label, variable)
-    if kind in (".mat", ".h5", ".hdf5"):
-        return read_matlab(content, label, variable)
+        return from_value(_numpy(io.BytesIO(content), label), label, variable)
     if kind == ".json":
         return _from_json(content, label, variable)
-    return read_delimited(content, label, dialect)
+    return read_matlab(content, label, variable)
+
+
+def _kind(path: Path) -> tuple[str, str]:
+    """Return (".csv", ".gz") for run.csv.gz: what a file is, and how it is packed."""
+    suffixes = [suffix.lower() for suffix in path.suffixes]
+    packed = suffixes.pop() if suffixes and suffixes[-1] in PACKED else ""
+    return (suffixes[-1] if suffixes else ""), packed
 
 
 def _unpacked(content: bytes, packed: str, label: str) -> bytes:
@@ -133,7 +152,8 @@ def _only_member(content: bytes) -> bytes:
 def _numpy(file: Path | io.BytesIO, label: str) -> Any:
     """Return the array in a file, left on disk, or the arrays of an .npz file."""
     try:
-        return np.load(file, mmap_mode="r" if isinstance(file, Path) else None)
+        loaded = np.load(file, mmap_mode="r" if isinstance(file, Path) else None)
+        return loaded if isinstance(loaded, np.ndarray) else dict(loaded)
     except (*BROKEN, ValueError) as error:
         raise InputError(
             f"{label}: not a NumPy file of numbers ({error}); "
@@ -154,7 +174,7 @@ def _from_json(content: bytes, label: str, variable: str | None) -> Table:
 def _from_frame(frame: pandas.DataFrame) -> Table:
     if frame.index.name is not None and frame.index.name not in frame.columns:
         frame = frame.reset_index()
-    data = tuple(frame.iloc[:, number].to_numpy() for number in range(frame.shape[1]))
+    data = tuple(frame.iloc[:, number].to_numpy(copy=True) for number in range(frame.shape[1]))
     named = not all(isinstance(name, int) for name in frame.columns)
     names = tuple(str(name) for name in frame.columns) if named else None
     return Table("DataFrame", data, names, notes=("columns " + listed(frame.columns),))

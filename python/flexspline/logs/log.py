@@ -241,8 +241,8 @@ def _require_one_table(columns: Mapping[str, NDArray[np.float64]], label: str) -
 def _described(name: str, data: NDArray[np.float64]) -> tuple[str, str, str, str]:
     """Return unit, smallest and largest value and meaning as text, reading in chunks."""
     parts = [data[i : i + _CHUNK] for i in range(0, len(data), _CHUNK)]
-    low = min(float(np.fmin.reduce(part)) for part in parts)
-    high = max(float(np.fmax.reduce(part)) for part in parts)
+    low = np.fmin.reduce([np.fmin.reduce(part) for part in parts])
+    high = np.fmax.reduce([np.fmax.reduce(part) for part in parts])
     bad = sum(len(part) - int(np.count_nonzero(np.isfinite(part))) for part in parts)
     unit, meaning = CHANNELS[name]
     return unit, f"{low:.6g}", f"{high:.6g}", f"{meaning}; {bad} not finite" if bad else meaning

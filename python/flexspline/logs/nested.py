@@ -50,7 +50,7 @@ def from_value(value: Any, label: str, variable: str | None) -> Table:
     if variable is not None:
         value = _at(value, label, variable)
     if not isinstance(value, Mapping):
-        return from_array(np.asarray(value), label)
+        return from_array(np.asanyarray(value), label)
     found = {str(name): _array(inner) for name, inner in value.items()}
     known = {name: array for name, array in found.items() if array is not None}
     facts = {name: _single(array) for name, array in known.items() if array.size == 1}

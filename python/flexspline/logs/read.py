@@ -20,7 +20,7 @@ from flexspline.logs.log import Log
 from flexspline.logs.repairs import Repairs, move_earlier, repaired
 from flexspline.logs.table import Table
 
-__all__ = ["read_log"]
+__all__ = ["read_log", "with_motor_torque"]
 
 
 def read_log(
@@ -63,7 +63,8 @@ def read_log(
     name : str, optional
         Name of the run; by default the file's.
     repair : str, sequence or mapping
-        Repairs by name, done in this order; see `flexspline.logs.repairs`.
+        Repairs by name, done in this order; see `flexspline.logs.repairs`. Columns with a clock
+        of their own are moved after them.
     header, separator, decimal, encoding
         How text is written; found by looking where not given. Separator "whitespace" is any
         run of blanks and tabs.
@@ -79,9 +80,8 @@ def read_log(
     InputError
         One sentence: file, row or column, what is wrong, what to do.
     """
-    table, origin = read_table(source, variable, Dialect(header, separator, decimal, encoding))
-    rows = table.checked().rows
-    table = table.without_first(drop_rows)
+    dialect = Dialect(header, separator, decimal, encoding)
+    table, origin = read_table(source, variable, dialect, drop_rows)
     found = picked(table, columns)
     channels, timing = _timed(table, found, rate)
     arguments = {
@@ -92,14 +92,15 @@ def read_log(
         "torque_constant": torque_constant,
         "name": name,
     }
-    given = {**(facts or {}), **{k: v for k, v in arguments.items() if v is not None}}
+    given = {k: v for k, v in [*(facts or {}).items(), *arguments.items()] if v is not None}
     known, overruled = _facts(table, origin.path if origin else None, given)
-    read = f"read {origin.path if origin else table.label}: {rows} rows"
+    read = f"read {origin.path if origin else table.label}: {table.rows} rows"
+    read += f" behind the first {drop_rows}" if drop_rows else ""
     notes = (": ".join([read, "; ".join(table.notes)]), *found.notes, *timing, *overruled)
-    log = _with_motor_torque(Log(channels, known, notes, origin))
+    log = repaired(with_motor_torque(Log(channels, known, notes, origin)), repair)
     for channel, seconds in found.late.items():
         log = move_earlier(log, channel, seconds)
-    return repaired(log, repair)
+    return log
 
 
 def _timed(
@@ -123,16 +124,15 @@ def _timed(
 def _facts(
     table: Table, path: str | None, given: Mapping[str, Any]
 ) -> tuple[dict[str, Fact], tuple[str, ...]]:
-    """Return the file's facts under those given, and a sentence for each that is overruled."""
+    """Return the file's facts and over them those given, and a sentence for each overruled."""
     run = {"name": _run_name(Path(path))} if path else {}
-    own = checked_facts({**run, **table.facts}, table.label)
-    told = checked_facts(given, table.label)
+    known = checked_facts({**run, **table.facts, **given}, table.label)
     notes = tuple(
-        f"{key} {own[key]} of the file is overruled by {value}"
-        for key, value in told.items()
-        if key in table.facts and own[key] != value
+        f"{key} {table.facts[key]} of the file is overruled by {known[key]}"
+        for key in given
+        if key in table.facts and table.facts[key] != known[key]
     )
-    return {**own, **told}, notes
+    return known, notes
 
 
 def _run_name(path: Path) -> str:
@@ -140,7 +140,8 @@ def _run_name(path: Path) -> str:
     return (path.with_suffix("") if path.suffix.lower() in PACKED else path).stem
 
 
-def _with_motor_torque(log: Log) -> Log:
+def with_motor_torque(log: Log) -> Log:
+    """Return the log with motor_torque from its current, where it has a torque constant."""
     constant = log.facts.get("torque_constant")
     if constant is None or "motor_current" not in log or "motor_torque" in log:
         return log

@@ -20,7 +20,7 @@ from flexspline.logs.derive import differentiate, resample
 from flexspline.logs.log import Log
 from flexspline.logs.sampling import has_value, increasing_time, sampled
 
-__all__ = ["REPAIRS", "Repair", "Repairs", "move_earlier", "repaired"]
+__all__ = ["REPAIRS", "Repair", "Repairs", "move_earlier", "repaired", "spelled"]
 
 Repairs = str | Sequence[str] | Mapping[str, Any]
 
@@ -31,7 +31,7 @@ VELOCITIES: Final = {"output_velocity": "output_position", "motor_velocity": "mo
 
 @dataclass(frozen=True)
 class Repair:
-    """One repair: how its value is written ("" for none, "[x]" if it may be left out), and more."""
+    """How a repair's value is written ("" for none, "[x]" if it may be left out), what it does."""
 
     value: str
     meaning: str
@@ -51,12 +51,12 @@ def repaired(log: Log, repairs: Repairs) -> Log:
         if name not in REPAIRS:
             raise InputError(
                 f"repair '{name}' is not known{did_you_mean(name, REPAIRS)}; "
-                f"the repairs are {listed(_spelled(known) for known in REPAIRS)}"
+                f"the repairs are {listed(spelled(known) for known in REPAIRS)}"
             )
         repair = REPAIRS[name]
         if bool(value) != bool(repair.value) and not repair.value.startswith("["):
             raise InputError(
-                f"repair '{name}' is written '{_spelled(name)}': {repair.meaning}; "
+                f"repair '{name}' is written '{spelled(name)}': {repair.meaning}; "
                 f"correct '{name}{'=' if value else ''}{value}'"
             )
         log = repair.do(log, value)
@@ -97,7 +97,7 @@ def _asked(repairs: Repairs) -> Iterator[tuple[str, str]]:
         yield name.strip(), value.strip()
 
 
-def _spelled(name: str) -> str:
+def spelled(name: str) -> str:
     value = REPAIRS[name].value
     return name if not value else f"{name}[={value[1:]}" if value[0] == "[" else f"{name}={value}"
 
@@ -191,7 +191,7 @@ def _velocity_from_position(log: Log, channel: str) -> Log:
         )
     increasing_time(log, "velocity_from_position")
     derived = differentiate(log, of=VELOCITIES[velocity], channels=(velocity,))
-    note = f"velocity_from_position: {velocity} computed anew, its own channel given up"
+    note = f"velocity_from_position: {velocity} is that of {VELOCITIES[velocity]}"
     return derived.with_columns({}, note=note)
 
 
@@ -213,7 +213,7 @@ def _number(name: str, text: str) -> float:
     if not math.isfinite(number) or (number < 0 and not REPAIRS[name].value.startswith("channel")):
         raise InputError(
             f"repair '{name}={text}': '{text}' is no number that it can take; "
-            f"write {_spelled(name)}"
+            f"write {spelled(name)}"
         )
     return number
 
@@ -223,7 +223,7 @@ def _channel_and_number(name: str, value: str) -> tuple[str, float]:
     if channel not in CHANNELS:
         raise InputError(
             f"repair '{name}={value}': '{channel}' is no channel"
-            f"{did_you_mean(channel, CHANNELS)}; write {_spelled(name)}"
+            f"{did_you_mean(channel, CHANNELS)}; write {spelled(name)}"
         )
     return channel, _number(name, number)
 

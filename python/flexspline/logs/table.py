@@ -12,7 +12,15 @@ from numpy.typing import NDArray
 from flexspline.errors import InputError, did_you_mean, listed
 from flexspline.logs.facts import Fact
 
-__all__ = ["Table"]
+__all__ = ["Table", "require_droppable"]
+
+
+def require_droppable(label: str, count: int, rows: int) -> None:
+    """Refuse a number of rows to drop of which two are not left."""
+    if not (isinstance(count, int) and 0 <= count <= max(rows - 2, 0)):
+        raise InputError(
+            f"{label}: drop_rows is {count!r} of {rows} rows; give a whole number that leaves two"
+        )
 
 
 @dataclass(frozen=True)
@@ -44,17 +52,10 @@ class Table:
 
     def without_first(self, count: int) -> Table:
         """Return the table without its first `count` rows."""
-        if count == 0:
-            return self
-        if not (isinstance(count, int) and 0 <= count <= self.rows - 2):
-            raise InputError(
-                f"{self.label}: drop_rows is {count!r} of {self.rows} rows; give a "
-                "whole number that leaves two"
-            )
+        require_droppable(self.label, count, self.rows)
         return replace(
             self,
             data=tuple(column[count:] for column in self.data),
-            notes=(*self.notes, f"dropped the first {count} rows unread"),
             lines=None if self.lines is None else self.lines[count:],
         )
 

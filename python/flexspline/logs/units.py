@@ -27,7 +27,7 @@ def to_si(channel: str, unit: str) -> tuple[float, float]:
     channel : str
         A name of `CHANNELS`.
     unit : str
-        Anything pint understands: "deg", "rpm", "mNm", "mV", "degC", "%", "1/min" ...
+        Anything pint understands: "deg", "rpm", "mNm", "mV", "degC", "%" ...
         "Nm" is newton metre. The empty text is a plain number.
 
     Raises

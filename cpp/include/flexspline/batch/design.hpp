@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "flexspline/batch/samples.hpp"
+#include "flexspline/batch/wide_loop.hpp"
 #include "flexspline/effects/catalogue.hpp"
 #include "flexspline/model.hpp"
 
@@ -36,31 +37,51 @@ inline std::size_t terms_of(const AnyEffect& any) {
 template <typename Effect>
 void columns(const Effect& effect, const SampleBlock& block, double* out, std::size_t stride) {
   constexpr std::size_t width = width_of<double, Effect>;
-  for (std::size_t i = 0; i < block.size; ++i) {
-    const auto row = effect.row(block[i]);
-    for (std::size_t k = 0; k < width; ++k) out[k * stride + i] = row[k];
-  }
+  run_wide([&effect, &block, out, stride, size = block.size] {
+    for (std::size_t i = 0; i < size; ++i) {
+      const auto row = effect.row(block[i]);
+      for (std::size_t k = 0; k < width; ++k) out[k * stride + i] = row[k];
+    }
+  });
+}
+
+/// Cosine and sine of `order` times the angle of a pair.
+inline void phasors(std::uint64_t order, const std::uint64_t* phase, std::size_t size,
+                    double* cosine, double* sine) {
+  run_wide([=] {
+    for (std::size_t i = 0; i < size; ++i) {
+      const auto p = (order * Phase<double>{phase[i]}).phasor();
+      cosine[i] = p.cosine;
+      sine[i] = p.sine;
+    }
+  });
 }
 
 /// The same for harmonics, a harmonic at a time instead of a sample at a time.
 template <HarmonicEffect Effect>
 void columns(const Effect& effect, const SampleBlock& block, double* out, std::size_t stride) {
-  SampleBlock::Column<math::Phasor<double>> once;
+  SampleBlock::Column<double> cosine_once;
+  SampleBlock::Column<double> sine_once;
   for (std::size_t k = 0; k < effect.count; ++k) {
     const auto [order, pair] = effect.harmonics[k];
     double* cosine = out + 2 * k * stride;
     double* sine = cosine + stride;
-    const bool turned = effect.continues(k);
-    if (turned && !effect.continues(k - 1)) {
-      for (std::size_t i = 0; i < block.size; ++i) once[i] = phase_of(pair, block[i]).phasor();
+    if (!effect.continues(k)) {
+      phasors(order, block.phases(pair), block.size, cosine, sine);
+      continue;
     }
-    for (std::size_t i = 0; i < block.size; ++i) {
-      const auto p = turned
-                         ? math::rotate({(cosine - 2 * stride)[i], (sine - 2 * stride)[i]}, once[i])
-                         : (std::uint64_t(order) * phase_of(pair, block[i])).phasor();
-      cosine[i] = p.cosine;
-      sine[i] = p.sine;
+    if (!effect.continues(k - 1)) {
+      phasors(1, block.phases(pair), block.size, cosine_once.data(), sine_once.data());
     }
+    const double* last_cosine = cosine - 2 * stride;
+    const double* last_sine = sine - 2 * stride;
+    run_wide([=, c = cosine_once.data(), s = sine_once.data(), size = block.size] {
+      for (std::size_t i = 0; i < size; ++i) {
+        const auto p = math::rotate<double>({last_cosine[i], last_sine[i]}, {c[i], s[i]});
+        cosine[i] = p.cosine;
+        sine[i] = p.sine;
+      }
+    });
   }
 }
 
@@ -106,11 +127,7 @@ class Design {
           return Pair{};
         },
         *left_out);
-    for (std::size_t i = 0; i < count; ++i) {
-      const auto p = phase_of(pair, block[i]).phasor();
-      cosine[i] = p.cosine;
-      sine[i] = p.sine;
-    }
+    phasors(1, block.phases(pair), count, cosine, sine);
   }
 
   /// Row · coefficients for rows [first, first + count), summed as Model::predict does.
@@ -166,7 +183,9 @@ class Design {
         std::fill_n(torque.begin(), count, 0.0);
         for (std::size_t k = 0; k < terms; ++k) {
           const double* column = rows + k * stride;
-          for (std::size_t i = 0; i < count; ++i) torque[i] += column[i] * coefficient[k];
+          run_wide([column, count, c = coefficient[k], to = torque.data()] {
+            for (std::size_t i = 0; i < count; ++i) to[i] += column[i] * c;
+          });
         }
         for (std::size_t i = 0; i < count; ++i) total[i] += torque[i];
       }

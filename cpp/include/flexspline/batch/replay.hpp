@@ -17,7 +17,7 @@ inline void replay_differentiator(const double* time, const double* position, st
   std::size_t last = 0;
   for (std::size_t i = 0; i < size; ++i) {
     const double period = state.started ? time[i] - time[last] : 1.0;
-    if (read_radians(position[i], angle) == Status::ok &&
+    if (math::is_finite(time[i]) && read_radians(position[i], angle) == Status::ok &&
         Differentiator<double>::step(config, state, angle.phase, period) == Status::ok) {
       last = i;
     }

@@ -1,11 +1,12 @@
 /// A log's channels as arrays, and short blocks of them as samples.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
-#include <limits>
 
-#include "flexspline/sample.hpp"
+#include "flexspline/batch/wide_loop.hpp"
+#include "flexspline/effects/harmonics.hpp"
 
 namespace flexspline::batch {
 
@@ -41,13 +42,23 @@ struct SampleBlock {
     copy(from.temperature, first, 25.0, temperature);
     copy(from.known_load, first, 0.0, known_load);
     copy(from.known_load, first, 0.0, load);
-    for (std::size_t i = 0; i < count; ++i) {
-      const auto q = Angle<double>::from_radians(
-          from.output_position != nullptr ? from.output_position[first + i] : 0.0);
-      turns[i] = q.turns;
-      output_phase[i] = q.phase.fraction;
-    }
+    read_angle(from.output_position, first, turns, output_phase);
     if (motor_side) read_motor(from, first, gear);
+  }
+
+  /// The phases of one pair of parts.
+  const std::uint64_t* phases(Pair pair) const noexcept {
+    switch (pair) {
+      case Pair::output_on_housing:
+        return output_phase.data();
+      case Pair::motor_on_stator:
+        return motor_phase.data();
+      case Pair::wave_generator_on_flexspline:
+        return flexspline_phase.data();
+      case Pair::wave_generator_on_circular_spline:
+        return circular_spline_phase.data();
+    }
+    return output_phase.data();
   }
 
   Sample<double> operator[](std::size_t i) const noexcept {
@@ -69,16 +80,37 @@ struct SampleBlock {
     for (std::size_t i = 0; i < size; ++i) to[i] = from != nullptr ? from[first + i] : absent;
   }
 
-  void read_motor(const Channels& from, std::size_t first, const Gear<double>& gear) noexcept {
-    for (std::size_t i = 0; i < size; ++i) {
-      const Phase<double> q{output_phase[i]};
-      const Phase<double> theta =
-          gear.motor_encoder ? Angle<double>::from_radians(from.motor_position[first + i]).phase
-                             : gear.motor_phase({turns[i], q});
-      motor_phase[i] = theta.fraction;
-      flexspline_phase[i] = gear.against_flexspline(q, theta).fraction;
-      circular_spline_phase[i] = gear.against_circular_spline(q, theta).fraction;
+  void read_angle(const double* from, std::size_t first, Column<std::int32_t>& whole,
+                  Column<std::uint64_t>& phase) noexcept {
+    if (from == nullptr) {
+      std::fill_n(whole.begin(), size, 0);
+      std::fill_n(phase.begin(), size, 0);
+      return;
     }
+    run_wide([angle = from + first, count = size, w = whole.data(), p = phase.data()] {
+      for (std::size_t i = 0; i < count; ++i) {
+        const auto read = Angle<double>::from_radians(angle[i]);
+        w[i] = read.turns;
+        p[i] = read.phase.fraction;
+      }
+    });
+  }
+
+  void read_motor(const Channels& from, std::size_t first, const Gear<double>& gear) noexcept {
+    if (gear.motor_encoder) {
+      Column<std::int32_t> whole;
+      read_angle(from.motor_position, first, whole, motor_phase);
+    }
+    run_wide([this, &gear] {
+      for (std::size_t i = 0; i < size; ++i) {
+        const Phase<double> q{output_phase[i]};
+        const Phase<double> theta = gear.motor_encoder ? Phase<double>{motor_phase[i]}
+                                                       : gear.motor_phase({turns[i], q});
+        motor_phase[i] = theta.fraction;
+        flexspline_phase[i] = gear.against_flexspline(q, theta).fraction;
+        circular_spline_phase[i] = gear.against_circular_spline(q, theta).fraction;
+      }
+    });
   }
 };
 

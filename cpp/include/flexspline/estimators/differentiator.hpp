@@ -3,9 +3,11 @@
 ///   v ← v + g (Δq / T − v),   a ← a + g (Δv / T − a),   g = 1 − exp(−2π f T)
 ///
 /// f is the corner (−3 dB) of each first-order stage. A steady velocity is exact. Late by
-/// 1/(2π f) + T/2 in velocity and twice that in acceleration. Positions are differences of
-/// integers, so a far turn costs no digits; a step of half a turn or more is taken the short
-/// way. The first sample starts at rest; a sample with a bad period changes nothing.
+/// T/(e^(2π f T) − 1) + T/2 in velocity, which is 1/(2π f) but for (2π f T)² / 12 of it, and by
+/// twice that in acceleration. Positions are differences of integers, so a far turn costs no
+/// digits; a step of half a turn or more is taken the short way. The first sample starts at
+/// rest; a sample with a bad period, or with one so short that the velocity is not finite,
+/// changes nothing.
 #pragma once
 
 #include "flexspline/angle.hpp"
@@ -34,9 +36,10 @@ struct Differentiator {
     const S gain = -math::expm1(S(-2) * math::pi<S> * config.bandwidth * period);
     const S moved = S(2) * math::pi<S> * (position - state.last).shortest();
     const S gained = gain * (moved / period - state.velocity);
-    state.velocity += gained;
-    state.acceleration += gain * (gained / period - state.acceleration);
-    state.last = position;
+    const S velocity = state.velocity + gained;
+    const S acceleration = state.acceleration + gain * (gained / period - state.acceleration);
+    if (!math::is_finite(velocity) || !math::is_finite(acceleration)) return Status::not_finite;
+    state = {position, velocity, acceleration, true};
     return Status::ok;
   }
 };

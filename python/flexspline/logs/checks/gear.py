@@ -18,7 +18,7 @@ import numpy as np
 from flexspline.logs.checks.blocks import solve_with_error
 from flexspline.logs.checks.findings import Finding
 from flexspline.logs.checks.motion import motion_of
-from flexspline.logs.checks.values import wrap_rows
+from flexspline.logs.checks.values import unwrapped
 from flexspline.logs.log import Log
 from flexspline.logs.segments import median_step
 
@@ -47,8 +47,7 @@ def measured_gear(log: Log) -> Gear | None:
     motion = motion_of(log)
     if motion is None or "motor_position" not in log:
         return None
-    motor = log["motor_position"][motion.rows]
-    motor = np.unwrap(motor) if wrap_rows(motor).size else motor
+    motor = unwrapped(log["motor_position"][motion.rows])
     valid = motion.inside(0.0)
     if np.count_nonzero(valid) < 200:
         return None

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.logs.checks.values import POSITIONS, wrap_rows
+from flexspline.logs.checks.values import unwrapped
 from flexspline.logs.derive import default_bandwidth, quantum, white_noise
 from flexspline.logs.local_fit import LocalFit
 from flexspline.logs.log import Log
@@ -64,9 +64,7 @@ def motion_of(log: Log, channel: str = "output_position") -> Motion | None:
     if channel not in log:
         return None
     rows = _usable_rows(log)
-    time, position = log["time"][rows], log[channel][rows]
-    if channel in POSITIONS and wrap_rows(position).size:
-        position = np.unwrap(position)
+    time, position = log["time"][rows], unwrapped(log[channel][rows])
     travel = float(np.ptp(position)) if len(position) else 0.0
     grain = max(50 * quantum(position), 20 * white_noise(position))
     if len(rows) < 100 or travel <= max(grain, 1e-12):

@@ -7,7 +7,8 @@ is c + b v_rms. A drive has to push against it: it is positive. A sensor sees it
 depending on where it sits: there the sign is reported, never judged.
 
 The delay D is that with which c, s and k at t - D explain the reading best. b and J are left out
-of it, for they are what a delay of gravity and of c look like: inertia makes D smaller.
+of it, for they are what a delay of gravity and of c look like: inertia makes D smaller. It is
+reported where the delay is there with them as well.
 """
 
 from __future__ import annotations
@@ -104,8 +105,12 @@ def _late(
     step = median_step(motion.time)
     within = min(WITHIN, float(motion.time[-1] - motion.time[0]) / 8)
     valid = motion.inside(within)
-    found = find_delay(motion.time, reading, columns[:, :-2], valid, within, max(step, 0.005))
+    scan = max(step, 0.005)
+    found = find_delay(motion.time, reading, columns[:, :-2], valid, within, scan)
     if found is None or found.explained < 0.5:
+        return
+    whole = find_delay(motion.time, reading, columns, valid, within, scan)
+    if whole is None or whole.seconds < max(0.5 * step, SURE * whole.error):
         return
     gain = 1 - (1 - found.explained) / max(1 - found.explained_without, 1e-12)
     sure = max(0.5 * step, SURE * found.error) < found.seconds < 0.98 * within

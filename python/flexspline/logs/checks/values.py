@@ -90,7 +90,7 @@ def quantised(log: Log) -> Iterator[Finding]:
     for channel in (*POSITIONS[:2], "output_velocity", "motor_velocity", *MEASURED):
         if channel not in log:
             continue
-        values = np.unwrap(log[channel]) if channel in POSITIONS else log[channel]
+        values = unwrapped(log[channel]) if channel in POSITIONS else log[channel]
         step = quantum(values)
         reach = float(np.nanmax(values) - np.nanmin(values))
         if step == 0 or reach / step > COARSE_LEVELS or step < white_noise(values):
@@ -104,9 +104,28 @@ def quantised(log: Log) -> Iterator[Finding]:
 
 
 def wrap_rows(position: NDArray[np.float64]) -> NDArray[np.intp]:
-    """Rows that differ from the row before by a turn, give or take a ninth of a turn."""
-    steps = np.abs(np.diff(position))
-    return np.flatnonzero(np.abs(steps - 2 * np.pi) < 0.7) + 1
+    """Rows that step by a turn more, or less, than the rows around them."""
+    return _wraps(position)[0]
+
+
+def unwrapped(position: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The angle without its wraps; a motor that turns more than π per row stays as it is."""
+    rows, turns = _wraps(position)
+    excess = np.zeros(len(position))
+    excess[rows] = 2 * np.pi * turns
+    return position - np.cumsum(excess) if rows.size else position
+
+
+def _wraps(position: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+    """Rows behind a wrap, and by how many turns (1 or -1)."""
+    steps = np.diff(position)
+    far = np.flatnonzero(np.abs(steps) > np.pi / 2)
+    if far.size == 0 or len(steps) < 5:
+        return far[:0] + 1, np.zeros(0)
+    around = np.clip(far[:, None] + np.array([-2, -1, 1, 2]), 0, len(steps) - 1)
+    excess = steps[far] - np.median(steps[around], axis=1)
+    whole = np.abs(np.abs(excess) - 2 * np.pi) < 0.7
+    return far[whole] + 1, np.sign(excess[whole])
 
 
 def _usual_count(values: NDArray[np.float64], limit: float) -> float:

@@ -1,0 +1,63 @@
+"""The command line: each command is one call of the package, and others script against it."""
+
+from __future__ import annotations
+
+import sys
+
+import click
+
+from flexspline import __version__
+from flexspline.cli.contract import Commands
+from flexspline.cli.convert import convert
+from flexspline.cli.demo import demo
+from flexspline.cli.export import export
+from flexspline.cli.fit import fit
+from flexspline.cli.predict import predict
+
+__all__ = ["commands", "main"]
+
+
+@click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, message="flexspline %(version)s")
+def commands() -> None:
+    """Find out what a robot joint with a strain wave gear does to your torque.
+
+    A joint's torque sensor (or its motor current) shows the load and everything the joint
+    itself adds: friction, ripple, drift, inertia. flexspline fits those effects to logs of a
+    rig, says how sure it is, and exports the model for the controller.
+
+    \b
+    The path:
+      read     your runs, CSV in SI units     flexspline convert (from other formats)
+      check    are the data sound?            done by fit, before it starts
+      fit      effects to a target            flexspline fit
+      judge    held-out error, confounding    what fit prints, and report.html
+      predict  on runs it never saw           flexspline predict
+      export   constants for the robot        flexspline export
+
+    \b
+    See it work, no data needed:
+      flexspline demo
+
+    \b
+    On your own runs:
+      flexspline fit run1.csv run2.csv --target sensor_torque --gear-ratio 100 \\
+          --effects offset,coulomb_friction,viscous_friction --out joint
+      flexspline predict --model joint/model.json run3.csv --out residual.csv
+      flexspline export --model joint/model.json --format header --out joint.hpp
+
+    Each command explains itself: flexspline fit --help. Exit codes: 0 done; 2 the input or the
+    call is wrong, and one line on standard error says what to do; 1 a defect of flexspline.
+    """
+
+
+for command in (fit, predict, export, convert, demo):
+    commands.add_command(command)
+
+
+def main() -> None:
+    """Run the command line and end the process with its exit code."""
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="replace")  # a terminal that has no "±" gets a "?"
+    commands(prog_name="flexspline")

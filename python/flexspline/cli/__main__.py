@@ -1,0 +1,5 @@
+"""`python -m flexspline.cli` is `flexspline`."""
+
+from flexspline.cli import main
+
+main()

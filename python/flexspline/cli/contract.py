@@ -1,0 +1,90 @@
+"""Exit codes and the one line on standard error.
+
+    0 done    1 a defect    2 wrong input or call    130 interrupted    141 reader went away
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import traceback
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+
+from flexspline.errors import InputError, did_you_mean
+
+__all__ = ["Commands"]
+
+DEFECT, WRONG, INTERRUPTED, NO_READER = 1, 2, 130, 141
+TRACEBACK = "FLEXSPLINE_TRACEBACK"
+
+
+class Commands(click.Group):
+    """A group whose failures are one line each, with the exit codes of the contract."""
+
+    def main(  # type: ignore[override]
+        self, args: Sequence[str] | None = None, prog_name: str | None = None, **extra: Any
+    ) -> None:
+        """Run, and leave by `SystemExit`."""
+        extra["standalone_mode"] = False
+        os.environ.setdefault("MPLBACKEND", "Agg")
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            sys.exit(self._code(args, prog_name, extra))
+
+    def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
+        """Find the command; an unknown one is answered with the nearest."""
+        if args and args[0] not in self.commands and not args[0].startswith("-"):
+            near = did_you_mean(args[0], self.commands)
+            ctx.fail(f"there is no command '{args[0]}'{near}; give one of {', '.join(self.commands)}")
+        return super().resolve_command(ctx, args)
+
+    def _code(self, args: Sequence[str] | None, prog_name: str | None, extra: Any) -> int:
+        try:
+            code = super().main(args, prog_name or "flexspline", **extra)
+            sys.stdout.flush()
+            return code if isinstance(code, int) else 0
+        except click.UsageError as error:
+            return _usage(error)
+        except click.ClickException as error:
+            return _say(error.format_message(), WRONG)
+        except InputError as error:
+            return _say(str(error), WRONG)
+        except BrokenPipeError:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+            return NO_READER
+        except (click.Abort, KeyboardInterrupt):
+            return _say("interrupted; nothing was written", INTERRUPTED)
+        except OSError as error:
+            return _say(f"{error.filename or 'a file'}: {error.strerror or error}", WRONG)
+        except Exception as error:
+            return _defect(error)
+
+
+def _usage(error: click.UsageError) -> int:
+    command = error.ctx.command_path if error.ctx else "flexspline"
+    if isinstance(error, click.exceptions.NoArgsIsHelpError):
+        return _say("give a command, or see: flexspline --help", WRONG)
+    return _say(f"{error.format_message().rstrip('.')}; see: {command} --help", WRONG)
+
+
+def _defect(error: Exception) -> int:
+    if os.environ.get(TRACEBACK):
+        traceback.print_exception(error)
+    frames = traceback.extract_tb(error.__traceback__)
+    where = f" in {Path(frames[-1].filename).name}:{frames[-1].lineno}" if frames else ""
+    return _say(
+        f"a defect of flexspline, not of your input: {type(error).__name__}: {error}{where}; "
+        f"run again with {TRACEBACK}=1 for the traceback and report it",
+        DEFECT,
+    )
+
+
+def _say(message: str, code: int) -> int:
+    """Print one line on standard error, whatever the message's own line ends."""
+    click.echo(f"flexspline: {' '.join(message.split())}", err=True)
+    return code

@@ -1,0 +1,140 @@
+"""`flexspline fit`: effects and runs to a model and a report."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from flexspline import effects as catalogue
+from flexspline import fit as fit_effects
+from flexspline.cli.help import Taught, effects_by_target, repairs
+from flexspline.cli.options import lowpass, named, reading, target
+from flexspline.cli.runs import Reading, on_terminal
+from flexspline.errors import InputError
+from flexspline.files import whole_folder
+
+__all__ = ["fit"]
+
+
+def _orders(text: str) -> tuple[int, ...]:
+    return tuple(int(order) for order in text.split(","))
+
+
+def _bound(text: str) -> tuple[float | None, float | None]:
+    low, high = (None if not part.strip() else float(part) for part in text.split(":"))
+    return low, high
+
+
+def _prior(text: str) -> tuple[float, float]:
+    value, error = (float(part) for part in text.split(":"))
+    return value, error
+
+
+def _effects(text: str) -> list[str]:
+    names = [] if text.strip() == "none" else [name.strip() for name in text.split(",")]
+    if "" in names:
+        raise InputError(f"--effects '{text}': a name is missing; write A,B,C or none")
+    return names
+
+
+@click.command(cls=Taught, sections=(effects_by_target, repairs))
+@click.argument("runs", nargs=-1, required=True, metavar="RUN.csv...")
+@target(required=True)
+@click.option(
+    "--effects", "names", required=True, metavar="A,B,C", help="Effects, listed below; or none."
+)
+@click.option("--out", required=True, metavar="DIR", help="Folder for model.json and report.html.")
+@click.option("--into", metavar="MODEL.json", help="Add this part to a model of the same joint.")
+@click.option("--known-load", metavar="CHANNEL", help="Channel with the load, e.g. reference_torque.")
+@lowpass
+@click.option(
+    "--orders",
+    multiple=True,
+    metavar="EFFECT=1,2,4",
+    callback=named("EFFECT=1,2,4", _orders),
+    help="Orders of a ripple effect; otherwise they are found. Can be repeated.",
+)
+@click.option(
+    "--fix",
+    multiple=True,
+    metavar="NAME=VALUE",
+    callback=named("NAME=VALUE", float),
+    help="A parameter that is known and not fitted, such as inertia=0.019.",
+)
+@click.option(
+    "--bound",
+    multiple=True,
+    metavar="NAME=LOW:HIGH",
+    callback=named("NAME=LOW:HIGH", _bound),
+    help="Limits of a parameter; either may be left out, as in viscous_friction=0:.",
+)
+@click.option(
+    "--prior",
+    multiple=True,
+    metavar="NAME=VALUE:ERROR",
+    callback=named("NAME=VALUE:ERROR", _prior),
+    help="A value known beforehand, with its standard error.",
+)
+@click.option("--robust", is_flag=True, help="Weigh down outliers and pushes (Huber).")
+@click.option("--offset-per-run", is_flag=True, help="One offset for each run.")
+@click.option(
+    "--threads", type=click.IntRange(1, 1024), default=1, show_default=True, help="To compute with."
+)
+@reading()
+def fit(
+    runs: tuple[str, ...],
+    target: str,
+    names: str,
+    out: str,
+    into: str | None,
+    reading: Reading,
+    **options: Any,
+) -> None:
+    """Fit physical effects to runs, all together.
+
+    Reads the runs, checks them, fits the effects by least squares, and judges the fit on rows
+    that it never saw. Prints the verdict: each term with its error and unit, what the runs
+    cannot tell apart, and where the error is largest. DIR receives model.json (the joint, all
+    that predict and export need) and report.html (open it in a browser).
+
+    A run is a CSV file with one line of channel names (time, output_position, output_velocity,
+    sensor_torque, ...) in SI units; lines "# gear_ratio: 100" above it give facts, which the
+    options overrule. Other formats are read as well; name their columns by --columns.
+
+    \b
+    Examples:
+      flexspline fit run1.csv run2.csv --target sensor_torque --gear-ratio 100 \\
+          --effects offset,coulomb_friction,viscous_friction --out joint
+      flexspline fit run1.csv --target motor_current --lowpass 5 \\
+          --effects offset,coulomb_friction,gravity --repair drop_start=1 --out drive
+    """
+    from flexspline.model import Model
+
+    effects = _effects(names)
+    for name in effects:
+        catalogue.effect(name)
+    model = None if into is None else Model.load(into)
+    with whole_folder(out, last="model.json") as draft:
+        logs = reading.logs(runs, {} if model is None else model.facts)
+        made = fit_effects(
+            effects,
+            logs,
+            target,
+            known_load=options["known_load"],
+            lowpass=options["lowpass"],
+            orders=options["orders"],
+            fixed=options["fix"],
+            bounds=options["bound"],
+            priors=options["prior"],
+            robust="huber" if options["robust"] else None,
+            offset_per_run=options["offset_per_run"],
+            into=model,
+            threads=options["threads"],
+            progress=on_terminal(),
+        )
+        made.report(draft / "report.html")
+        made.model.save(draft / "model.json")
+        verdict = str(made)
+    click.echo(f"{verdict}\n\nwrote {Path(out) / 'model.json'} and {Path(out) / 'report.html'}")

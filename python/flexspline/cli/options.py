@@ -1,0 +1,138 @@
+"""Options that several commands share, and how their values are written."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import click
+
+from flexspline.cli.runs import Reading
+from flexspline.effects import TARGETS
+
+__all__ = ["FINITE", "POSITIVE", "lowpass", "model", "named", "out_file", "reading", "target"]
+
+Command = TypeVar("Command", bound=Callable[..., Any])
+
+
+class Number(click.ParamType):
+    """A number that is finite, and above zero where `positive`."""
+
+    name = "number"
+
+    def __init__(self, positive: bool) -> None:
+        self.positive = positive
+
+    def convert(self, value: Any, param: Any, ctx: Any) -> float:
+        try:
+            number = float(value)
+        except ValueError:
+            number = math.nan
+        if not math.isfinite(number) or (self.positive and number <= 0.0):
+            self.fail(f"'{value}' is no {'number above zero' if self.positive else 'number'}")
+        return number
+
+
+FINITE, POSITIVE = Number(positive=False), Number(positive=True)
+
+
+def named(example: str, parse: Callable[[str], Any]) -> Callable[..., dict[str, Any]]:
+    """Return a callback that reads repeated NAME=... into a mapping; `parse` reads the rest."""
+
+    def read(ctx: click.Context, param: click.Parameter, values: tuple[str, ...]) -> dict[str, Any]:
+        found: dict[str, Any] = {}
+        for text in values:
+            name, equals, rest = (part.strip() for part in text.partition("="))
+            if name in found:
+                raise click.BadParameter(f"'{name}' is given twice", ctx, param)
+            try:
+                if not name or not equals:
+                    raise ValueError
+                found[name] = parse(rest)
+            except ValueError:
+                raise click.BadParameter(f"'{text}' is not written {example}", ctx, param) from None
+        return found
+
+    return read
+
+
+def target(required: bool) -> Callable[[Command], Command]:
+    """--target, needed by fit; where a model has one part only, it can be left out."""
+    says = "What is explained." if required else "Which part, where the model has several."
+    return click.option("--target", type=click.Choice(list(TARGETS)), required=required, help=says)
+
+
+def lowpass(command: Command) -> Command:
+    """--lowpass HZ"""
+    return click.option(
+        "--lowpass",
+        type=POSITIVE,
+        metavar="HZ",
+        help="Zero-phase low pass, on the target and on every row alike.",
+    )(command)
+
+
+def model(command: Command) -> Command:
+    """--model MODEL.json"""
+    return click.option(
+        "--model", "model_path", required=True, metavar="MODEL.json", help="A model that fit wrote."
+    )(command)
+
+
+def out_file(metavar: str) -> Callable[[Command], Command]:
+    """--out FILE"""
+    says = "File to write, whole or not at all."
+    return click.option("--out", required=True, metavar=metavar, help=says)
+
+
+def reading(columns_needed: bool = False) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Add the options of how runs are read; the command gets them as one `Reading`."""
+    spline = click.Choice(["circular", "flex"])
+    options = [
+        ("--gear-ratio", {"type": POSITIVE, "metavar": "N", "help": "Gear ratio N."}),
+        ("--output-spline", {"type": spline, "help": "The part of the gear that is the output."}),
+        (
+            "--torque-constant",
+            {
+                "type": POSITIVE,
+                "metavar": "K",
+                "help": "Nm/A at the motor: motor_torque from motor_current where a run has none.",
+            },
+        ),
+        ("--pole-pairs", {"type": click.IntRange(1), "metavar": "P", "help": "Of the motor."}),
+        ("--slots", {"type": click.IntRange(1), "metavar": "S", "help": "Of the motor's stator."}),
+        (
+            "--repair",
+            {
+                "multiple": True,
+                "metavar": "NAME[=VALUE]",
+                "help": "A repair of the data, listed below; can be repeated, done in this order.",
+            },
+        ),
+        (
+            "--columns",
+            {
+                "metavar": "MAP.toml",
+                "required": columns_needed,
+                "help": "Column map of a foreign file: channel, column, unit, sign.",
+            },
+        ),
+        ("--rate", {"type": POSITIVE, "metavar": "HZ", "help": "Of runs without time stamps."}),
+    ]
+    names = [name[2:].replace("-", "_") for name, _ in options]
+
+    def add(command: Callable[..., Any]) -> Callable[..., Any]:
+        def packed(**given: Any) -> Any:
+            own = {name: given.pop(name) for name in names}
+            facts = {name: own[name] for name in names[:5] if own[name] is not None}
+            how = Reading(facts, own["repair"], own["columns"], own["rate"])
+            return command(reading=how, **given)
+
+        packed.__name__, packed.__doc__ = command.__name__, command.__doc__
+        packed.__dict__.update(command.__dict__)  # the options that are there already
+        for name, settings in reversed(options):
+            packed = click.option(name, **settings)(packed)
+        return packed
+
+    return add

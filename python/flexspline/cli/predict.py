@@ -1,0 +1,57 @@
+"""`flexspline predict`: what a model says of a run, beside what was measured."""
+
+from __future__ import annotations
+
+import click
+
+from flexspline.cli.help import Taught, repairs
+from flexspline.cli.options import lowpass, model, out_file, reading, target
+from flexspline.cli.runs import Reading, refuse_overwriting
+
+__all__ = ["predict"]
+
+
+@click.command(cls=Taught, sections=(repairs,))
+@click.argument("run", metavar="RUN.csv")
+@model
+@out_file("FILE.csv")
+@target(required=False)
+@lowpass
+@reading()
+def predict(
+    run: str,
+    model_path: str,
+    out: str,
+    target: str | None,
+    lowpass: float | None,
+    reading: Reading,
+) -> None:
+    """Predict a run with a model, and subtract.
+
+    FILE.csv receives the columns time, measured, predicted and residual, one row for each row
+    of the run, in the unit of the target; measured and residual are empty where the run does
+    not have them. Nothing is fitted.
+
+    \b
+    Example:
+      flexspline predict --model joint/model.json run3.csv --out residual.csv
+    """
+    import numpy as np
+    import pandas
+
+    from flexspline.files import atomic_writer
+    from flexspline.model import Model
+
+    refuse_overwriting(out, [run, model_path])
+    joint = Model.load(model_path)
+    part = joint.part(target)
+    (log,) = reading.logs([run], joint.facts)
+    found = joint.predict(log, part.target, lowpass_hz=lowpass)
+    columns = {name: getattr(found, name) for name in ("time", "measured", "predicted", "residual")}
+    with atomic_writer(out) as file:
+        pandas.DataFrame(columns).to_csv(file, index=False, lineterminator="\n")
+    residual = found.residual[np.isfinite(found.residual)]
+    rmse = f"RMSE {np.sqrt(np.mean(residual**2)):.4g} {found.unit}" if residual.size else (
+        "the run has nothing measured to compare with"
+    )
+    click.echo(f"{log.name}: {part.target} of {len(log)} rows predicted, {rmse}; wrote {out}")

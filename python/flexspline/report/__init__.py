@@ -1,0 +1,1 @@
+"""What people read of a fit: text, HTML, and tables of several fits."""

@@ -1,0 +1,51 @@
+"""Numbers as people read them: a value and its error rounded together."""
+
+from __future__ import annotations
+
+import math
+import re
+
+from uncertainties import ufloat
+
+__all__ = ["decimals_for", "plus_minus", "short", "short_names", "truncated"]
+
+FINEST = 1e-6  # an error below this part of its value is shown as "below"
+
+
+def plus_minus(value: float, error: float) -> str:
+    """Return "0.302 ± 0.002", rounded by the rule of the Particle Data Group.
+
+    A large or small one becomes "(1.23 ± 0.04)·10⁻⁵". Without a finite error the value stands
+    alone, to four digits.
+    """
+    if not (math.isfinite(value) and math.isfinite(error)):
+        return short(value, 4)
+    if error <= FINEST * abs(value):
+        return f"{value:.6g} ± {error:.0e}" if error > 0.0 else f"{value:.6g} ± 0"
+    text = f"{ufloat(value, error):P}".replace("±", " ± ").replace("×", "·")
+    return re.sub(r"^-(0(\.0+)?) ± ", r"\1 ± ", text)
+
+
+def short(value: float, digits: int = 3) -> str:
+    """Return a value to so many digits, "–" where there is none."""
+    return f"{value:.{digits}g}" if math.isfinite(value) else "–"
+
+
+def decimals_for(size: float) -> int:
+    """Return the decimals that show three digits of a number of this size."""
+    if not (math.isfinite(size) and size > 0.0):
+        return 3
+    return max(0, 2 - math.floor(math.log10(size)))
+
+
+def truncated(share: float, decimals: int = 3) -> str:
+    """Return a share cut off, not rounded, so that 0.9998 does not read as all."""
+    if not math.isfinite(share):
+        return "–"
+    scale = 10**decimals
+    return f"{math.floor(share * scale) / scale:.{decimals}f}"
+
+
+def short_names(text: str) -> str:
+    """Write "offset.offset" as "offset": an effect whose only term is called as it is."""
+    return re.sub(r"\b(\w+)\.\1\b", r"\1", text)

@@ -1,0 +1,186 @@
+"""Tables of scores: of one fit by group, and of several fits side by side."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexspline.errors import InputError, listed
+from flexspline.fit.scores import Score
+from flexspline.report.numbers import decimals_for, truncated
+
+if TYPE_CHECKING:
+    import pandas
+
+    from flexspline.fit.result import Fit
+
+__all__ = ["ScoreTable", "compare_scores", "score_rows"]
+
+MOST_RUNS = 12
+WORST_RUNS = 5
+
+_LATEX = str.maketrans(
+    {
+        **{sign: f"\\{sign}" for sign in "&%$#_{}"},
+        "\\": "\\textbackslash{}",
+        "°": "$^\\circ$",
+        "±": "$\\pm$",
+    }
+)
+
+
+def score_rows(scores: Sequence[Score], unit: str) -> list[tuple[str, ...]]:
+    """Return heading and rows of the scores of one fit, as text.
+
+    Of more than a dozen runs only the worst are shown.
+    """
+    decimals = decimals_for(scores[0].cv_rmse)
+    found: list[tuple[str, ...]] = [
+        ("", "rows", f"RMSE [{unit}]", f"held out [{unit}]", f"bias [{unit}]", "R²")
+    ]
+    for entry in _shown(scores):
+        numbers = (f"{x:.{decimals}f}" for x in (entry.rmse, entry.cv_rmse, entry.bias))
+        found.append((_label(entry), str(entry.rows), *numbers, truncated(entry.r_squared)))
+    return found
+
+
+def _shown(scores: Sequence[Score]) -> list[Score]:
+    runs = [entry for entry in scores if entry.group == "run"]
+    if len(runs) <= MOST_RUNS:
+        return list(scores)
+    worst = sorted(runs, key=lambda entry: -entry.cv_rmse)[:WORST_RUNS]
+    return [entry for entry in scores if entry.group != "run" or entry in worst]
+
+
+def _label(entry: Score) -> str:
+    if entry.group in ("all", "reversals", "direction"):
+        return entry.label
+    return f"{entry.group} {entry.label}"
+
+
+@dataclass(frozen=True)
+class ScoreTable:
+    """Cross-validated RMSE of several fits, a row for each part of the logs.
+
+    Parameters
+    ----------
+    rows : (group, label) of each part, such as ("speed", "0.1 to 0.5 rad/s").
+    models : names of the fits.
+    values : (rows, models), RMSE on rows never seen in `unit`; NaN where a fit has no such part.
+    unit : of the target.
+    """
+
+    rows: tuple[tuple[str, str], ...]
+    models: tuple[str, ...]
+    values: NDArray[np.float64]
+    unit: str
+
+    @property
+    def title(self) -> str:
+        return f"RMSE on rows never seen [{self.unit}]"
+
+    def best(self) -> NDArray[np.bool_]:
+        """Return which fit is best in each row, as printed, (rows, models)."""
+        rounded = np.round(self.values, self._decimals)
+        lowest = np.nanmin(rounded, axis=1, keepdims=True, initial=np.inf)
+        several = np.isfinite(rounded).sum(axis=1, keepdims=True) > 1
+        return np.asarray((rounded == lowest) & several)
+
+    def to_frame(self) -> pandas.DataFrame:
+        """Return the unrounded values, indexed by group and label."""
+        import pandas
+
+        index = pandas.MultiIndex.from_tuples(self.rows, names=["group", "label"])
+        return pandas.DataFrame(self.values, index=index, columns=list(self.models))
+
+    def to_html(self) -> str:
+        """Return a table; the best of each row is bold."""
+        head = "".join(f'<th scope="col">{html.escape(name)}</th>' for name in self.models)
+        lines = [f'<tr><th scope="col">{html.escape(self.title)}</th>{head}</tr>']
+        for label, cells, marks in self._cells():
+            numbers = "".join(
+                f"<td><b>{cell}</b></td>" if mark else f"<td>{cell}</td>"
+                for cell, mark in zip(cells, marks, strict=True)
+            )
+            lines.append(f'<tr><th scope="row">{html.escape(label)}</th>{numbers}</tr>')
+        return '<table class="scores">' + "".join(lines) + "</table>"
+
+    def to_latex(self) -> str:
+        """Return a tabular with booktabs rules; the best of each row is bold."""
+        head = " & ".join(_latex(name) for name in (self.title, *self.models))
+        lines = [f"\\begin{{tabular}}{{l{'r' * len(self.models)}}}", "\\toprule", f"{head} \\\\"]
+        lines.append("\\midrule")
+        for label, cells, marks in self._cells():
+            numbers = [
+                f"\\textbf{{{cell}}}" if mark else cell
+                for cell, mark in zip(cells, marks, strict=True)
+            ]
+            lines.append(" & ".join([_latex(label), *numbers]) + " \\\\")
+        return "\n".join([*lines, "\\bottomrule", "\\end{tabular}", ""])
+
+    def __str__(self) -> str:
+        table = [(self.title, *self.models)]
+        for label, cells, marks in self._cells():
+            starred = (f"{c} *" if m else f"{c}  " for c, m in zip(cells, marks, strict=True))
+            table.append((label, *starred))
+        wide = [max(len(row[k]) for row in table) for k in range(len(table[0]))]
+        lines = [
+            "  ".join(
+                f"{cell:<{w}}" if k == 0 else f"{cell:>{w}}"
+                for k, (cell, w) in enumerate(zip(row, wide, strict=True))
+            ).rstrip()
+            for row in table
+        ]
+        return "\n".join([*lines, "* best of its row"])
+
+    def _repr_html_(self) -> str:
+        return self.to_html()
+
+    @property
+    def _decimals(self) -> int:
+        return decimals_for(float(np.nanmin(self.values)))
+
+    def _cells(self) -> list[tuple[str, list[str], NDArray[np.bool_]]]:
+        found = []
+        for (group, label), values, marks in zip(self.rows, self.values, self.best(), strict=True):
+            named = label if group in ("all", "reversals", "direction") else f"{group} {label}"
+            cells = [f"{v:.{self._decimals}f}" if np.isfinite(v) else "–" for v in values]
+            found.append((named, cells, marks))
+        return found
+
+
+def compare_scores(fits: Mapping[str, Fit]) -> ScoreTable:
+    """Return the cross-validated RMSE of several fits of the same logs, by bands.
+
+    Parameters
+    ----------
+    fits : {"smooth": fit, "ripple": fit}, all of one target.
+
+    Raises
+    ------
+    InputError
+        Where there is no fit, or the fits have different targets.
+    """
+    if not fits:
+        raise InputError("there is no fit to compare; give at least one by name")
+    targets = {fit.target for fit in fits.values()}
+    if len(targets) > 1:
+        raise InputError(
+            f"the fits are of {listed(sorted(targets))}; compare fits of one target only"
+        )
+    known = {
+        name: {(s.group, s.label): s.cv_rmse for s in fit.scores} for name, fit in fits.items()
+    }
+    rows = tuple(dict.fromkeys(row for table in known.values() for row in table))
+    values = np.array([[table.get(row, np.nan) for table in known.values()] for row in rows])
+    unit = next(iter(fits.values())).unit
+    return ScoreTable(rows, tuple(known), values, unit)
+
+
+def _latex(text: str) -> str:
+    return text.translate(_LATEX)

@@ -1,0 +1,254 @@
+"""A table of broken logs: each is noticed under its name, with its size, in one sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from checks_logs import sound_log
+from numpy.typing import NDArray
+
+from flexspline.errors import InputError
+from flexspline.logs import Log
+from flexspline.logs.checks import check
+from flexspline.logs.repairs import repaired
+
+Array = NDArray[np.float64]
+Columns = dict[str, Array]
+
+SEED = 6
+
+
+def broken(change: Callable[[Columns], object]) -> Log:
+    """The sound log 6 (sines, 20 s) with its columns changed in place or replaced."""
+    log = sound_log(SEED)
+    columns = {name: log[name].copy() for name in log.channels}
+    change(columns)
+    return Log(columns, log.facts)
+
+
+def put(channel: str, rows: slice | int, value: float) -> Callable[[Columns], object]:
+    def change(columns: Columns) -> None:
+        columns[channel][rows] = value
+
+    return change
+
+
+def times(channel: str, factor: float) -> Callable[[Columns], object]:
+    return lambda columns: columns.update({channel: columns[channel] * factor})
+
+
+def late(channel: str, seconds: float) -> Callable[[Columns], object]:
+    def change(columns: Columns) -> None:
+        columns[channel] = np.interp(columns["time"] - seconds, columns["time"], columns[channel])
+
+    return change
+
+
+def without(rows: slice) -> Callable[[Columns], object]:
+    return lambda columns: columns.update({c: np.delete(v, rows) for c, v in columns.items()})
+
+
+def stuck(columns: Columns) -> None:
+    for name in columns:
+        if name != "time":
+            columns[name][300:310] = columns[name][300]
+
+
+def swapped(columns: Columns) -> None:
+    columns["time"][[40, 41]] = columns["time"][[41, 40]]
+
+
+def twice(columns: Columns) -> None:
+    for name in columns:
+        columns[name] = np.insert(columns[name], 50, columns[name][50])
+
+
+def clip(columns: Columns) -> None:
+    top = float(np.percentile(columns["sensor_torque"], 90))
+    columns["sensor_torque"] = np.minimum(columns["sensor_torque"], top)
+
+
+def wrap(columns: Columns) -> None:
+    columns["output_position"] = np.mod(columns["output_position"] + 1.0, 2 * np.pi)
+
+
+def shuffled(columns: Columns) -> None:
+    columns["output_velocity"] = np.random.default_rng(0).permutation(columns["output_velocity"])
+
+
+def coarse(columns: Columns) -> None:
+    columns["output_position"] = np.round(columns["output_position"] / 0.00153) * 0.00153
+
+
+class Case(NamedTuple):
+    """What is broken, and what has to be said of it."""
+
+    change: Callable[[Columns], object]
+    name: str
+    severity: str
+    channel: str
+    size: float | None
+    words: str
+    remedy: str
+
+
+CASES = {
+    "nan": Case(put("sensor_torque", slice(7, 9), np.nan), "not_finite", "error", "sensor_torque",
+                2, "2 rows, first in row 7", "drop_invalid"),
+    "infinite": Case(put("motor_torque", 11, np.inf), "not_finite", "error", "motor_torque", 1,
+                     "first in row 11", "drop_invalid"),
+    "time backwards": Case(swapped, "time_not_increasing", "error", "time", None, "first in row 41",
+                           "sort_time"),
+    "time twice": Case(twice, "duplicate_time", "error", "time", 1, "first row 51",
+                       "drop_duplicates"),
+    "dropped": Case(without(slice(100, 103)), "dropped_samples", "fault", "time", 3,
+                    "3 rows missing in 1 place", "resample"),
+    "stuck": Case(stuck, "stuck_recorder", "fault", "all", 9, "first row 301, up to 9 on end",
+                  "Drop these rows"),
+    "constant": Case(put("motor_current", slice(None), 1.5), "constant_channel", "fault",
+                     "motor_current", 1.5, "in every row", "column map"),
+    "clipped": Case(clip, "clipped_channel", "fault", "sensor_torque", None, "clipped there",
+                    "Leave these rows out"),
+    "wrapped": Case(wrap, "wrapped_angle", "fault", "output_position", None, "whole turn",
+                    "unwrap=output_position"),
+    "degrees": Case(times("output_velocity", 180 / np.pi), "velocity_unit", "fault",
+                    "output_velocity", 57.3, "deg/s", "scale=output_velocity:0.01745"),
+    "rpm": Case(times("output_velocity", 30 / np.pi), "velocity_unit", "fault", "output_velocity",
+                9.549, "rpm", "scale=output_velocity:0.1047"),
+    "velocity sign": Case(times("output_velocity", -1), "velocity_sign", "fault",
+                          "output_velocity", -1, "opposite sign", "flip_sign=output_velocity"),
+    "wrong rate": Case(times("time", 0.8), "velocity_scale", "fault", "output_velocity", 0.8,
+                       "sampling rate", "scale=output_velocity:1.25"),
+    "late velocity": Case(late("output_velocity", 0.040), "velocity_delay", "fault",
+                          "output_velocity", 0.040, "40 ± ", "shift=output_velocity:0.0"),
+    "early velocity": Case(late("output_velocity", -0.025), "velocity_delay", "fault",
+                           "output_velocity", -0.025, "early", "velocity_from_position"),
+    "other velocity": Case(shuffled, "velocity_unrelated", "fault", "output_velocity", None,
+                           "not the derivative", "velocity_from_position"),
+    "motor reversed": Case(times("motor_position", -1), "motor_reversed", "fault",
+                           "motor_position", None, "the other way", "reverse_motor"),
+    "motor in degrees": Case(times("motor_position", 180 / np.pi), "gear_ratio", "fault",
+                             "motor_position", None, "as stated", "units"),
+    "late encoder": Case(late("output_position", 0.002), "encoder_delay", "fault",
+                         "output_position", 0.002, "late", "shift=output_position"),
+    "flipped drive": Case(times("motor_torque", -1), "torque_sign", "fault", "motor_torque", None,
+                          "sign is flipped", "flip_sign=motor_torque"),
+    "flipped sensor": Case(times("sensor_torque", -1), "torque_sign", "note", "sensor_torque",
+                           None, "or the sensor sits", "flip_sign=sensor_torque"),
+    "late sensor": Case(late("sensor_torque", 0.030), "torque_delay", "note", "sensor_torque",
+                        None, "late", "shift=sensor_torque"),
+    "coarse encoder": Case(coarse, "quantised_channel", "note", "output_position", 0.00153,
+                           "steps of 0.00153 rad", "bandwidth"),
+}
+
+
+@pytest.mark.parametrize("case", CASES.values(), ids=CASES.keys())
+def test_each_broken_log_is_noticed_with_its_size(case: Case) -> None:
+    log = broken(case.change)
+    found = [f for f in check(log).named(case.name) if f.channel == case.channel]
+    assert len(found) == 1
+    (finding,) = found
+    assert finding.severity == case.severity
+    assert case.words in finding.sentence
+    assert finding.sentence.endswith(".") and "\n" not in finding.sentence
+    assert case.remedy in finding.remedy
+    assert 0 <= finding.rows[0] < finding.rows[1] <= len(log)
+    if case.size is not None:
+        assert finding.size == pytest.approx(case.size, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("change", "name", "repairs"),
+    [
+        (put("sensor_torque", 7, np.nan), "not_finite", "drop_invalid"),
+        (swapped, "time_not_increasing", "sort_time"),
+        (twice, "duplicate_time", "drop_duplicates"),
+        (wrap, "wrapped_angle", "unwrap=output_position"),
+        (times("output_velocity", -1), "velocity_sign", "flip_sign=output_velocity"),
+        (times("output_velocity", 180 / np.pi), "velocity_unit", "scale=output_velocity:0.0174533"),
+        (late("output_velocity", 0.04), "velocity_delay", "shift=output_velocity:0.04"),
+        (late("output_velocity", 0.04), "velocity_delay", "velocity_from_position"),
+        (times("motor_torque", -1), "torque_sign", "flip_sign=motor_torque"),
+    ],
+)
+def test_the_remedy_mends_what_was_found(
+    change: Callable[[Columns], object], name: str, repairs: str
+) -> None:
+    log = broken(change)
+    assert check(log).named(name)
+    assert not check(repaired(log, repairs)).named(name)
+
+
+def test_the_other_spline_is_named_where_the_ratio_says_so() -> None:
+    log = sound_log(SEED)
+    other = "flex" if log.facts["output_spline"] == "circular" else "circular"
+    (finding,) = check(log.with_facts({"output_spline": other})).named("gear_ratio")
+    assert f"output_spline={log.facts['output_spline']}" in finding.remedy
+
+
+def test_without_a_stated_ratio_the_measured_one_is_a_note() -> None:
+    log = sound_log(SEED)
+    bare = Log(log.columns, {"name": "bare"})
+    (finding,) = check(bare).named("gear_ratio_not_stated")
+    assert finding.size == pytest.approx(log.effective_ratio, rel=1e-4)
+    assert finding.severity == "note"
+
+
+def test_the_start_of_a_constant_speed_run_is_named_with_its_length() -> None:
+    time = np.arange(3000) / 1000
+    rng = np.random.default_rng(0)
+    velocity = 0.5 * (1 - np.exp(-time / 0.1)) + 0.002 * rng.standard_normal(3000)
+    log = Log.from_arrays(time=time, output_velocity=velocity)
+    (finding,) = check(log).named("start_transient")
+    # 0.5 exp(-t / 0.1 s) sinks below 2.5 times the noise of 0.002 after 0.46 s.
+    assert 0.4 <= finding.size <= 0.6
+    assert f"drop_start={finding.size:.1f}" in finding.remedy
+
+
+def test_nothing_is_changed_by_a_check() -> None:
+    log = broken(wrap)
+    before = {name: log[name].copy() for name in log.channels}
+    history = log.history
+    check(log)
+    assert all(np.array_equal(log[name], before[name]) for name in before)
+    assert log.history == history
+
+
+def test_errors_are_raised_on_demand_with_remedy() -> None:
+    findings = check(broken(put("sensor_torque", 7, np.nan)))
+    with pytest.raises(InputError, match=r"sound 6: sensor_torque is NaN.*drop_invalid"):
+        findings.raise_errors()
+    check(sound_log(SEED)).raise_errors()
+
+
+def test_findings_read_as_a_table_and_as_html() -> None:
+    findings = check(broken(times("output_velocity", -1)))
+    text = str(findings)
+    assert text.startswith("sound 6: 1 fault")
+    assert "velocity_sign" in text and "flip_sign=output_velocity" in text
+    assert "<td>velocity_sign</td>" in findings._repr_html_()
+    assert str(check(sound_log(SEED))) == "sound 6: nothing found"
+
+
+def test_the_worst_comes_first() -> None:
+    def several(columns: Columns) -> None:
+        times("sensor_torque", -1)(columns)
+        times("output_velocity", -1)(columns)
+        columns["temperature"][3] = np.nan
+
+    order = [f.severity for f in check(broken(several))]
+    assert order == sorted(order, key=("error", "fault", "note").index)
+    assert set(order) == {"error", "fault", "note"}
+
+
+@pytest.mark.parametrize("rows", [1, 2, 3, 10, 50])
+def test_a_log_of_few_rows_is_checked_without_failing(rows: int) -> None:
+    assert not check(sound_log(SEED).rows(slice(rows))).errors
+
+
+def test_a_log_of_nothing_but_nan_is_checked_without_failing() -> None:
+    log = Log.from_arrays(time=np.arange(100.0), output_position=np.full(100, np.nan))
+    assert check(log).named("not_finite")
