@@ -33,7 +33,7 @@ S argument(std::mt19937_64& random, int i) {
 }
 
 template <typename S>
-constexpr S nan = std::numeric_limits<S>::quiet_NaN();
+constexpr S not_a_number = std::numeric_limits<S>::quiet_NaN();
 template <typename S>
 constexpr S infinity = std::numeric_limits<S>::infinity();
 
@@ -67,12 +67,12 @@ TEST_CASE_TEMPLATE("exponentials saturate outside their range", S, float, double
 }
 
 TEST_CASE_TEMPLATE("NaN in gives NaN out", S, float, double) {
-  CHECK(std::isnan(math::exp(nan<S>)));
-  CHECK(std::isnan(math::expm1(nan<S>)));
-  CHECK(std::isnan(math::tanh(nan<S>)));
-  CHECK(std::isnan(math::tanh(-nan<S>)));
-  CHECK(std::isnan(math::clamp(nan<S>, S(-1), S(1))));
-  CHECK_FALSE(math::is_finite(nan<S>));
+  CHECK(std::isnan(math::exp(not_a_number<S>)));
+  CHECK(std::isnan(math::expm1(not_a_number<S>)));
+  CHECK(std::isnan(math::tanh(not_a_number<S>)));
+  CHECK(std::isnan(math::tanh(-not_a_number<S>)));
+  CHECK(std::isnan(math::clamp(not_a_number<S>, S(-1), S(1))));
+  CHECK_FALSE(math::is_finite(not_a_number<S>));
   CHECK_FALSE(math::is_finite(infinity<S>));
   CHECK_FALSE(math::is_finite(-infinity<S>));
   CHECK(math::is_finite(std::numeric_limits<S>::denorm_min()));

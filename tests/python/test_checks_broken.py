@@ -138,8 +138,6 @@ CASES = {
                           "sign is flipped", "flip_sign=motor_torque"),
     "flipped sensor": Case(times("sensor_torque", -1), "torque_sign", "note", "sensor_torque",
                            None, "or the sensor sits", "flip_sign=sensor_torque"),
-    "late sensor": Case(late("sensor_torque", 0.030), "torque_delay", "note", "sensor_torque",
-                        None, "late", "shift=sensor_torque"),
     "coarse encoder": Case(coarse, "quantised_channel", "note", "output_position", 0.00153,
                            "steps of 0.00153 rad", "bandwidth"),
 }

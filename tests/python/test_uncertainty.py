@@ -34,7 +34,7 @@ LOGS = 1000
     "case",
     [
         coverage.Case("AR(1), one run", coverage.AR1, terms=7),
-        coverage.Case("AR(1), four runs", coverage.AR1, terms=15, runs=4),
+        coverage.Case("AR(1), four runs", coverage.AR1, terms=10, runs=4),
         coverage.Case("AR(2), one run", coverage.AR2_SWINGING, terms=10),
         coverage.Case("AR(2), four runs", coverage.AR2_SLOW, terms=7, runs=4),
     ],

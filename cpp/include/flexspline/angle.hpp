@@ -38,18 +38,19 @@ struct Angle {
   Phase<S> phase;
 
   /// Exact to 2^−32 (float) or 2^−52 (double) turns on both sides of zero. Beyond ±2^30 turns
-  /// the turns saturate; NaN gives zero (see read_radians).
+  /// the turns saturate; NaN gives −2^30 turns (see read_radians).
   static constexpr Angle from_turns(S value) noexcept {
     constexpr S limit = S(1073741824);
-    const S held = value == value ? math::clamp(value, -limit, limit) : S(0);
+    const S above = value > -limit ? value : -limit;
+    const S held = above < limit ? above : limit;
     const auto truncated = static_cast<std::int32_t>(held);
     const S part = math::absolute(held - static_cast<S>(truncated));  // no rounding
     const math::Bits<S> fraction = fraction_of(part);
-    const bool carried = fraction == 0 && part > S(0.5);  // 1 − 2^−53 is one
-    if (held < S(0)) {
-      return {truncated - (carried || fraction != 0 ? 1 : 0), {math::Bits<S>(0) - fraction}};
-    }
-    return {truncated + (carried ? 1 : 0), {fraction}};
+    const std::int32_t carried = (fraction == 0) & (part > S(0.5)) ? 1 : 0;  // 1 − 2^−53 is one
+    const std::int32_t beyond = fraction != 0 ? 1 : carried;
+    const bool negative = held < S(0);
+    return {negative ? truncated - beyond : truncated + carried,
+            {negative ? math::Bits<S>(0) - fraction : fraction}};
   }
   static constexpr Angle from_radians(S value) noexcept {
     return from_turns(value * (S(0.5L) / math::pi<S>));

@@ -59,7 +59,9 @@ struct Model {
   Gear<S> gear;
   std::tuple<Part<S, Effects>...> parts;
 
-  static constexpr bool uses(Channel channel) noexcept { return (reads<Effects>(channel) || ...); }
+  static constexpr bool uses([[maybe_unused]] Channel channel) noexcept {
+    return (reads<Effects>(channel) || ...);
+  }
 
   /// Fills what follows from the measured channels: the motor's angle, the pairs, the load.
   constexpr void prepare(Sample<S>& at) const noexcept {

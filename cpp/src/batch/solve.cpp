@@ -1,6 +1,8 @@
 /// Pivoted Cholesky of a Gram, in double or double-double: see solve.hpp.
 #include "flexspline/batch/solve.hpp"
 
+#include <Eigen/SVD>
+
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
@@ -148,68 +150,17 @@ std::vector<T> back_substitute(const Factor<T>& f, int right) {
   return b;
 }
 
-/// R of the basic columns, each of length one.
+/// κ of the basic columns, each scaled to length one: largest over smallest singular value of R.
 template <typename T>
-Square<double> unit_factor(const Factor<T>& f) {
-  Square<double> r(f.rank);
+double condition_of(const Factor<T>& f) {
+  if (f.rank == 0) return 1.0;
+  Eigen::MatrixXd r = Eigen::MatrixXd::Zero(f.rank, f.rank);
   for (int j = 0; j < f.rank; ++j) {
     const double length = std::sqrt(static_cast<double>(f.squares[index(f.order[index(j)])]));
     for (int i = 0; i <= j; ++i) r(i, j) = static_cast<double>(f.upper(i, j)) / length;
   }
-  return r;
-}
-
-double normalise(std::vector<double>& v) noexcept {
-  const double length = std::sqrt(std::inner_product(v.begin(), v.end(), v.begin(), 0.0));
-  for (double& x : v) x /= length;
-  return length;
-}
-
-/// v <- RᵀR v.
-void multiply(const Square<double>& r, std::vector<double>& v) noexcept {
-  for (int i = 0; i < r.size; ++i) {
-    double sum = 0;
-    for (int j = i; j < r.size; ++j) sum += r(i, j) * v[index(j)];
-    v[index(i)] = sum;
-  }
-  for (int i = r.size - 1; i >= 0; --i) {
-    double sum = 0;
-    for (int j = 0; j <= i; ++j) sum += r(j, i) * v[index(j)];
-    v[index(i)] = sum;
-  }
-}
-
-/// v <- (RᵀR)⁻¹ v.
-void divide(const Square<double>& r, std::vector<double>& v) noexcept {
-  for (int i = 0; i < r.size; ++i) {
-    for (int j = 0; j < i; ++j) v[index(i)] -= r(j, i) * v[index(j)];
-    v[index(i)] /= r(i, i);
-  }
-  for (int i = r.size - 1; i >= 0; --i) {
-    for (int j = i + 1; j < r.size; ++j) v[index(i)] -= r(i, j) * v[index(j)];
-    v[index(i)] /= r(i, i);
-  }
-}
-
-/// κ by powers of RᵀR and of its inverse, 40 steps each; never above the truth, in practice within
-/// a few per cent below.
-double condition_of(const Square<double>& r) {
-  if (r.size == 0) return 1.0;
-  constexpr int steps = 40;
-  std::vector<double> largest(index(r.size));
-  for (int i = 0; i < r.size; ++i) largest[index(i)] = 1.0 + 0.37 * ((i * 7) % 5);
-  std::vector<double> smallest = largest;
-  normalise(largest);
-  normalise(smallest);
-  double grown = 1;
-  double shrunk = 1;
-  for (int i = 0; i < steps; ++i) {
-    multiply(r, largest);
-    divide(r, smallest);
-    grown = normalise(largest);
-    shrunk = normalise(smallest);
-  }
-  return std::max(1.0, std::sqrt(grown) * std::sqrt(shrunk));
+  const Eigen::VectorXd singular = r.bdcSvd().singularValues();
+  return singular(0) / singular(f.rank - 1);
 }
 
 template <typename T>
@@ -250,7 +201,7 @@ Solution solve_in(const Gram& gram, double tolerance) {
   fill_dependence(f, solution);
   const double left = static_cast<double>(f.left[index(target)]);
   solution.residual_squares = std::max(0.0, left) / (target_scale * target_scale);
-  solution.condition = condition_of(unit_factor(f));
+  solution.condition = condition_of(f);
   return solution;
 }
 

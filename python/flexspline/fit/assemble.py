@@ -84,12 +84,8 @@ def assembled(
 
 def _noise(problem: Problem, made: Estimate) -> NoiseModel:
     rows = sum(run.counted for run in problem.runs)
-    decimation = 1
-    if problem.lowpass is not None:
-        rate = float(np.median([run.log.rate for run in problem.runs]))
-        decimation = max(1, int(rate / (2.5 * problem.lowpass)))
     every = max(1, rows // LONG)
-    return noise_model(made.tangent, made.basis, every=every, decimation=decimation)
+    return noise_model(made.tangent, made.basis, every=every, decimation=problem.decimation)
 
 
 def _uncertainty(problem: Problem, made: Estimate) -> Uncertainty:

@@ -105,7 +105,7 @@ def estimate(
     )
     made = _finished(names, shapes, search, 1.0)
     if constraints.informed:
-        noise = noise_model(made.tangent, made.basis)
+        noise = noise_model(made.tangent, made.basis, decimation=problem.decimation)
         made = _finished(names, shapes, search, noise.long_run_variance)
     return made
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import reduce
 from operator import add
 from typing import Any
@@ -27,6 +27,7 @@ Array = NDArray[np.float64]
 SECONDS_A_BLOCK = 2.0
 MOST_BLOCKS = 400
 CHUNK = 1 << 15
+KEPT = 24  # filtered effects of each run
 
 @dataclass(frozen=True)
 class Run:
@@ -75,6 +76,7 @@ class Problem:
     threads: int
     block_rows: int
     offset_per_run: bool = False
+    kept: dict[Any, Array] = field(default_factory=dict, compare=False, repr=False)
 
     def place(self, effects: Sequence[Effect]) -> list[NDArray[np.intp]]:
         """Number of the parameter behind each column of the core, an array (P,) for each run.
@@ -122,7 +124,7 @@ class Problem:
                     run.channels, run.target, blocks, carried, off, weight, exact, True, self.threads
                 )
             else:
-                rows = self.rows(design, run, carried)
+                rows = self.rows(effects, number, carried)
                 target = run.target - rows @ off if off.size else run.target
                 if weight is not None and exact:
                     root = np.sqrt(weight)
@@ -135,13 +137,41 @@ class Problem:
                 pieces[-1] = pieces[-1].spread(place, self.parameters(effects))
         return reduce(add, pieces)
 
+    @property
+    def decimation(self) -> int:
+        """Every how many rows the noise is news: above a low pass nothing is left to look at."""
+        if self.lowpass is None:
+            return 1
+        rate = float(np.median([run.log.rate for run in self.runs]))
+        return max(1, int(rate / (2.5 * self.lowpass)))
+
     def parameters(self, effects: Sequence[Effect]) -> int:
         """How many coefficients there are."""
         return max(int(place.max(initial=-1)) for place in self.place(effects)) + 1
 
-    def rows(self, design: _core.Design, run: Run, load: Array) -> Array:
-        """Design matrix of a whole run, (N, P), low-passed as the target is."""
-        return self.smooth(run, np.asarray(design.rows(run.channels, len(run), load)))
+    def rows(self, effects: Sequence[Effect], number: int, load: Array) -> Array:
+        """Low-passed design matrix of a whole run, (N, P).
+
+        The search for shapes asks for the same columns again and again: those that no load
+        changes are kept, the last few of each effect.
+        """
+        run = self.runs[number]
+        columns = []
+        for k, effect in enumerate(effects):
+            if "load" in effect.info.reads:
+                first = sum(len(e.terms) for e in effects[:k])
+                raw = self.design(effects).rows(run.channels, len(run), load)
+                made = self.smooth(run, np.asarray(raw)[:, first : first + len(effect.terms)])
+            else:
+                key = (number, effect.name, tuple(effect.shapes.items()), effect.harmonics)
+                if key not in self.kept:
+                    raw = self.design([effect]).rows(run.channels, len(run), np.empty(0))
+                    self.kept[key] = self.smooth(run, np.asarray(raw))
+                    if len(self.kept) > KEPT * len(self.runs):
+                        self.kept.pop(next(iter(self.kept)))
+                made = self.kept[key]
+            columns.append(made)
+        return np.asfortranarray(np.hstack(columns))
 
     def smooth(self, run: Run, values: Array) -> Array:
         """Values (N,) or (N, K) of a whole run, low-passed as the target is."""

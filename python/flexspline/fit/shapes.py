@@ -3,7 +3,9 @@
     min over shapes of  min over b of  Σ (y − X(shapes) b)²
 
 The outer function is smooth in the logarithms of the shapes but may have several valleys: a grid
-first, one shape after the other, then a bounded simplex search from the best point.
+first, one shape after the other, then a bounded simplex search from the best point and from the
+bottoms of other valleys that the grid has seen: a Stribeck speed of 0.14 rad/s and a viscous
+line that bends at 0.9 rad/s can look alike on a coarse grid.
 Source: Golub and Pereyra 1973, variable projection.
 """
 
@@ -27,6 +29,7 @@ Array = NDArray[np.float64]
 GRID = 9
 TOLERANCE = 1e-5
 FLAT = 1e-7
+VALLEYS = 3
 NEAR_BOUND = 1e-3
 
 Solve = Callable[[tuple[Effect, ...], Array | None], LinearFit]
@@ -99,10 +102,10 @@ def fit_shapes(
         assert search.best is not None
         return ShapeFit(search.best, {}, (), 1)
     limits = np.log([bounds.get(s.name, (s.info.lower, s.info.upper)) for s in shapes])
-    point, flat = _grid(search, point, limits)
+    starts, flat = _grid(search, point, limits)
     active = [i for i in range(len(shapes)) if i not in flat]
-    point = _simplex(search, point, limits, active)
-    search(point)
+    ends = [_simplex(search, start, limits, active) for start in starts]
+    point = min(ends, key=search)
     assert search.best is not None
     return ShapeFit(
         search.best,
@@ -112,20 +115,31 @@ def fit_shapes(
     )
 
 
-def _grid(search: _Search, point: Array, limits: Array) -> tuple[Array, list[int]]:
-    """Best point of a scan along each shape in turn, twice, and the shapes without an effect."""
+def _grid(search: _Search, point: Array, limits: Array) -> tuple[list[Array], list[int]]:
+    """Best points of a scan along each shape in turn, twice, and the shapes without an effect."""
     flat: list[int] = []
+    bottoms: list[Array] = []
     for turn in range(2 if len(point) > 1 else 1):
+        bottoms = []
         for axis in range(len(point)):
-            scan = [*np.linspace(*limits[axis], GRID), point[axis]]
+            scan = np.sort([*np.linspace(*limits[axis], GRID), point[axis]])
             trials = [np.where(np.arange(len(point)) == axis, value, point) for value in scan]
             squares = np.array([search(trial) for trial in trials])
-            if squares[-1] <= squares.min() * (1.0 + FLAT):
+            here = search(point)
+            bottoms += [trials[i] for i in _minima(squares)]
+            if here <= squares.min() * (1.0 + FLAT):
                 if turn == 0 and squares.max() <= squares.min() * (1.0 + FLAT):
                     flat.append(axis)
                 continue
             point = trials[int(np.argmin(squares))]
-    return point, flat
+    others = [trial for trial in sorted(bottoms, key=search) if not np.array_equal(trial, point)]
+    return [point, *others[: VALLEYS - 1]], flat
+
+
+def _minima(squares: Array) -> list[int]:
+    """Where a scan is lower than on both sides."""
+    walled = np.concatenate([[np.inf], squares, [np.inf]])
+    return np.flatnonzero((squares < walled[:-2]) & (squares <= walled[2:])).tolist()
 
 
 def _simplex(search: _Search, point: Array, limits: Array, active: list[int]) -> Array:

@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.errors import InputError, listed
-from flexspline.logs.channels import CHANNELS
 from flexspline.logs.local_fit import LocalFit, require_bandwidth
 from flexspline.logs.log import Log
 from flexspline.logs.segments import median_step, runs

@@ -159,7 +159,8 @@ class LocalFit:
         margin = self.half_length - float(np.median(np.diff(time))) if len(time) > 1 else 0.0
         cut = (time - time[0] < margin) | (time[-1] - time < margin)
         full, end = DEGREE[self.derivative], END_DEGREE[self.derivative]
-        return np.minimum(np.where(cut, end, full), np.maximum(count, self.derivative + 1) - 1)
+        most = np.maximum(count, self.derivative + 1) - 1
+        return np.asarray(np.minimum(np.where(cut, end, full), most))
 
     def _fit_rows(
         self,

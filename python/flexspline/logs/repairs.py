@@ -212,8 +212,7 @@ def _number(name: str, text: str) -> float:
         number = math.nan
     if not math.isfinite(number) or (number < 0 and not REPAIRS[name].value.startswith("channel")):
         raise InputError(
-            f"repair '{name}={text}': '{text}' is no number that it can take; "
-            f"write {spelled(name)}"
+            f"repair '{name}={text}': '{text}' is no number that it can take; write {spelled(name)}"
         )
     return number
 

@@ -92,9 +92,8 @@ def constant_speed(
 
     Notes
     -----
-    Speeds are sorted into bins whose width is the tolerance (in the logarithm of the speed, one
-    sign each); a stretch is an unbroken series of rows whose bin differs by at most one from that
-    of a smoothed velocity over half of `shortest`.
+    Rows are steady that keep within the tolerance of the velocity's mean over half of `shortest`,
+    where that mean has itself changed by less than the tolerance since half of `shortest` ago.
     """
     time = log["time"]
     velocity = output_velocity(log)
@@ -175,7 +174,7 @@ def output_velocity(log: Log) -> NDArray[np.float64]:
         raise InputError(
             f"{log.name}: segments need output_velocity or output_position; map one of them."
         )
-    from flexspline.logs.derive import differentiate  # noqa: PLC0415 (derive needs the runs above)
+    from flexspline.logs.derive import differentiate  # derive needs the runs above
 
     return differentiate(log)["output_velocity"]
 

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flexspline.errors import listed
 from flexspline.report.numbers import plus_minus, short, short_names
-from flexspline.report.ripple import RippleOrder, ripple_orders
+from flexspline.report.ripple import PAIRS, RippleOrder, ripple_orders
 
 if TYPE_CHECKING:
     from flexspline.fit.result import Fit, Parameter
@@ -24,6 +25,7 @@ class ParameterLine:
     """One line of the table of parameters, as text.
 
     `heading`: of the lines from here on, "" for none. `concern`: the remark is a reason to worry.
+    `interval`: of 95 %. `naive`: the error as if every sample were news.
     """
 
     name: str
@@ -32,6 +34,8 @@ class ParameterLine:
     remark: str
     concern: bool = False
     heading: str = ""
+    interval: str = ""
+    naive: str = ""
 
 
 @dataclass(frozen=True)
@@ -78,22 +82,20 @@ def naive_remark(fit: Fit) -> str:
     )
     if not len(ratios):
         return ""
-    low, middle, high = np.percentile(ratios, [0, 50, 100])
+    low, middle, high = np.percentile(ratios, [0, 50, 100]).tolist()
     if middle < 1.1:
-        return "The noise has hardly any memory: errors that take every sample for news agree."
+        return "Naive errors (every sample taken for news) would be about the same."
     spread = f" ({low:.1f} to {high:.1f})" if high > 1.2 * low else ""
-    return (
-        f"Errors that take every sample for news would be {middle:.1f} times too narrow{spread}."
-    )
+    return f"Naive errors (every sample taken for news) are {middle:.1f} times too small{spread}."
 
 
 def _heading(effect: str, turns: str) -> str:
-    return f"{effect}: amplitude and phase of A·cos(order·angle − phase), periods per turn, {turns}"
+    return f"{effect}: A·cos(order·angle − phase) per turn of {turns}"
 
 
 def _ripple_line(order: RippleOrder, heading: str) -> ParameterLine:
     counted = ""
-    if order.turns != "output" and np.isfinite(order.per_output_turn):
+    if order.turns != PAIRS["output_on_housing"] and np.isfinite(order.per_output_turn):
         counted = f"{order.per_output_turn:g} per output turn"
     phase = f"phase {_angle(order)}" if order.significant else "not told apart from zero"
     return ParameterLine(
@@ -103,6 +105,7 @@ def _ripple_line(order: RippleOrder, heading: str) -> ParameterLine:
         "; ".join(part for part in (phase, counted) if part),
         not order.significant,
         heading,
+        naive=_error(order.naive_error),
     )
 
 
@@ -130,7 +133,22 @@ def _line(fit: Fit, parameter: Parameter) -> ParameterLine:
             remarks.append("not told apart from zero")
             concern = True
         remarks += _partners(fit, parameter)
-    return ParameterLine(name, value, parameter.unit, "; ".join(remarks), concern)
+    return ParameterLine(
+        name, value, parameter.unit, "; ".join(remarks), concern,
+        interval=_interval(parameter), naive=_error(parameter.naive_error),
+    )
+
+
+def _interval(parameter: Parameter) -> str:
+    if not np.isfinite(parameter.standard_error):
+        return ""
+    low, high = parameter.interval
+    digits = max(0, min(9, 1 - int(np.floor(np.log10(max((high - low) / 4.0, 1e-9))))))
+    return f"{low:.{digits}f} to {high:.{digits}f}"
+
+
+def _error(error: float) -> str:
+    return short(error, 2) if np.isfinite(error) else ""
 
 
 def _undetermined(fit: Fit, parameter: Parameter) -> tuple[str, str, str]:
@@ -158,4 +176,4 @@ def _partners(fit: Fit, parameter: Parameter) -> list[str]:
         for name, r in zip(names, correlation, strict=True)
         if abs(r) > TOGETHER and name != parameter.name and name not in hidden
     ]
-    return [f"moves together with {' and '.join(tied)}"] if tied else []
+    return [f"moves together with {listed(tied, 2)}"] if tied else []

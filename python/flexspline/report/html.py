@@ -1,0 +1,83 @@
+"""A fit as HTML: a small table for notebooks, and a report in one file that needs no network."""
+
+from __future__ import annotations
+
+import os
+import re
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from flexspline import __version__
+from flexspline.files import atomic_write
+from flexspline.report.content import known_groups, naive_remark, parameter_lines
+from flexspline.report.facts import log_facts, model_facts, python_call
+from flexspline.report.numbers import short
+from flexspline.report.shares import shares
+from flexspline.report.tables import grouped_scores, score_rows
+from flexspline.report.verdict import TARGET_WORDS, validation_sentence, verdict
+
+if TYPE_CHECKING:
+    from flexspline.fit.result import Fit
+
+__all__ = ["fit_html", "write_report"]
+
+
+def fit_html(fit: Fit) -> str:
+    """Return a fit as a fragment of HTML without scripts, for notebooks light and dark."""
+    return _templates().get_template("fit.html").render(
+        _common(fit), scores=score_rows(fit.scores, fit.unit)
+    )
+
+
+def write_report(fit: Fit, path: str | os.PathLike[str]) -> None:
+    """Write a self-contained report, whole or not at all.
+
+    Raises
+    ------
+    InputError
+        Where the file cannot be written.
+    """
+    from flexspline.report.figures import report_figures  # matplotlib only where it draws
+
+    made = shares(fit)
+    largest = max(made.values(), default=1.0) or 1.0
+    page = _templates().get_template("report.html").render(
+        _common(fit),
+        title=str(fit.model.facts.get("joint", f"Fit of {TARGET_WORDS[fit.target]}")),
+        scores=grouped_scores(fit.scores),
+        figures=report_figures(fit),
+        shares=[(name, short(size), 100.0 * size / largest) for name, size in made.items()],
+        logs=log_facts(fit),
+        facts=model_facts(fit),
+        call=python_call(fit),
+    )
+    atomic_write(path, page)
+
+
+def _common(fit: Fit) -> dict[str, Any]:
+    return {
+        "verdict": verdict(fit),
+        "lines": parameter_lines(fit),
+        "groups": known_groups(fit),
+        "trust": [fit.uncertainty.statement, naive_remark(fit), validation_sentence(fit)],
+        "reliable": fit.uncertainty.reliable,
+        "warnings": [w for w in fit.warnings if w != fit.uncertainty.statement],
+        "what": TARGET_WORDS[fit.target],
+        "unit": fit.unit,
+        "version": __version__,
+    }
+
+
+@cache
+def _templates() -> Environment:
+    made = Environment(
+        loader=PackageLoader("flexspline.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    made.filters["minus"] = lambda text: re.sub(r"(?<![\w.])-(?=\d)", "−", text)
+    return made

@@ -26,13 +26,15 @@ if TYPE_CHECKING:
 
 __all__ = ["PAIRS", "RippleOrder", "per_output_turn", "ripple_orders"]
 
+Array = NDArray[np.float64]
+
 CHI_SQUARED_95 = 5.991  # two degrees of freedom
 
 PAIRS = {
-    "output_on_housing": "output",
-    "motor_on_stator": "motor",
-    "wave_generator_on_flexspline": "wave generator against flexspline",
-    "wave_generator_on_circular_spline": "wave generator against circular spline",
+    "output_on_housing": "the output",
+    "motor_on_stator": "the motor",
+    "wave_generator_on_flexspline": "the wave generator against flexspline",
+    "wave_generator_on_circular_spline": "the wave generator against circular spline",
 }
 
 
@@ -46,7 +48,7 @@ class RippleOrder:
     turns : what turns, in words.
     per_output_turn : the order counted per turn of the output, NaN without the gear ratio.
     names : of the coefficients of cosine and sine.
-    amplitude, amplitude_error : in `unit`.
+    amplitude, amplitude_error : in `unit`; `naive_error` as if every sample were news.
     phase, phase_error : degrees.
     significant : whether it is told apart from zero.
     """
@@ -58,6 +60,7 @@ class RippleOrder:
     names: tuple[str, str]
     amplitude: float
     amplitude_error: float
+    naive_error: float
     phase: float
     phase_error: float
     unit: str
@@ -69,6 +72,8 @@ def ripple_orders(fit: Fit) -> list[RippleOrder]:
     record = fit.part.record["covariance"]["names"]
     fitted = {name: number for number, name in enumerate(record)}
     hidden = {p.name for p in fit.parameters if not p.determined}
+    basis = fit.uncertainty.basis
+    naive = basis @ fit.uncertainty.naive_core @ basis.T
     found = []
     for effect in (e for e in fit.part.effects if e.ripple):
         names = [f"{effect.name}.{term.name}" for term in effect.terms]
@@ -79,7 +84,8 @@ def ripple_orders(fit: Fit) -> list[RippleOrder]:
                 at = [fitted[name] for name in both]
                 turns = per_output_turn(order, pair, fit.model.facts)
                 known = (effect.name, order, PAIRS[pair], turns, both)
-                found.append(_order(fit, known, fit.covariance[np.ix_(at, at)]))
+                both_ways = (fit.covariance[np.ix_(at, at)], naive[np.ix_(at, at)])
+                found.append(_order(fit, known, *both_ways))
     return found
 
 
@@ -90,18 +96,22 @@ def per_output_turn(order: int, pair: str, facts: Mapping[str, Any]) -> float:
 
 
 def _order(
-    fit: Fit, known: tuple[str, int, str, float, tuple[str, str]], covariance: NDArray[np.float64]
+    fit: Fit, known: tuple[str, int, str, float, tuple[str, str]], covariance: Array, naive: Array
 ) -> RippleOrder:
     both = np.array([fit[name].value for name in known[-1]])
     amplitude = float(np.hypot(*both))
     along = both / max(amplitude, 1e-300)
     across = np.array([-along[1], along[0]])
-    errors = [float(np.sqrt(max(d @ covariance @ d, 0.0))) for d in (along, across)]
+    errors = [
+        float(np.sqrt(max(float(d @ c @ d), 0.0)))
+        for d, c in ((along, covariance), (across, covariance), (along, naive))
+    ]
     distance = float(both @ np.linalg.pinv(covariance, hermitian=True) @ both)
     return RippleOrder(
         *known,
         amplitude=amplitude,
         amplitude_error=errors[0],
+        naive_error=errors[2],
         phase=float(np.degrees(np.arctan2(both[1], both[0]))),
         phase_error=float(np.degrees(errors[1] / max(amplitude, 1e-300))),
         unit=fit[known[-1][0]].unit,

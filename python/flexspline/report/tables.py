@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import groupby
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,17 +13,26 @@ from numpy.typing import NDArray
 
 from flexspline.errors import InputError, listed
 from flexspline.fit.scores import Score
-from flexspline.report.numbers import decimals_for, truncated
+from flexspline.report.numbers import decimals_for, short, truncated
 
 if TYPE_CHECKING:
     import pandas
 
     from flexspline.fit.result import Fit
 
-__all__ = ["ScoreTable", "compare_scores", "score_rows"]
+__all__ = ["ScoreTable", "compare_scores", "grouped_scores", "score_rows"]
 
 MOST_RUNS = 12
 WORST_RUNS = 5
+
+_GROUPS = {
+    "all": "all",
+    "run": "by run",
+    "direction": "by direction",
+    "speed": "by speed",
+    "temperature": "by temperature",
+    "reversals": "near reversals",
+}
 
 _LATEX = str.maketrans(
     {
@@ -44,15 +54,46 @@ def score_rows(scores: Sequence[Score], unit: str) -> list[tuple[str, ...]]:
         ("", "rows", f"RMSE [{unit}]", f"held out [{unit}]", f"bias [{unit}]", "R²")
     ]
     for entry in _shown(scores):
-        numbers = (f"{x:.{decimals}f}" for x in (entry.rmse, entry.cv_rmse, entry.bias))
+        numbers = (_fixed(x, decimals) for x in (entry.rmse, entry.cv_rmse, entry.bias))
         found.append((_label(entry), str(entry.rows), *numbers, truncated(entry.r_squared)))
     return found
 
 
+def grouped_scores(scores: Sequence[Score]) -> list[tuple[str, list[tuple[str, ...]]]]:
+    """Return the scores of one fit by group: title, then label, rows, RMSE, RMSE held out, bias,
+    variance and R² as text; every run is there."""
+    decimals = decimals_for(scores[0].cv_rmse)
+    found = []
+    for group, members in groupby(_telling(scores), lambda entry: entry.group):
+        rows = [
+            (
+                entry.label,
+                str(entry.rows),
+                *(_fixed(x, decimals) for x in (entry.rmse, entry.cv_rmse, entry.bias)),
+                short(entry.variance),
+                truncated(entry.r_squared),
+            )
+            for entry in members
+        ]
+        found.append((_GROUPS[group], rows))
+    return found
+
+
+def _fixed(value: float, decimals: int) -> str:
+    """Return a number with so many decimals, never "-0.000"."""
+    return f"{round(value, decimals) + 0.0:.{decimals}f}"
+
+
+def _telling(scores: Sequence[Score]) -> list[Score]:
+    """Leave out a part that holds all rows: it says what the first line says."""
+    return [s for s in scores if s.group == "all" or s.rows < scores[0].rows]
+
+
 def _shown(scores: Sequence[Score]) -> list[Score]:
+    scores = _telling(scores)
     runs = [entry for entry in scores if entry.group == "run"]
     if len(runs) <= MOST_RUNS:
-        return list(scores)
+        return scores
     worst = sorted(runs, key=lambda entry: -entry.cv_rmse)[:WORST_RUNS]
     return [entry for entry in scores if entry.group != "run" or entry in worst]
 

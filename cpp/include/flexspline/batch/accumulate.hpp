@@ -9,6 +9,7 @@
 #include <cmath>
 #include <optional>
 
+#include "flexspline/batch/column_block.hpp"
 #include "flexspline/batch/design.hpp"
 #include "flexspline/batch/gram.hpp"
 #include "flexspline/batch/parallel.hpp"
@@ -90,36 +91,30 @@ inline std::optional<Structure> structure_of(const Design& design) {
 class Columns {
  public:
   explicit Columns(const Problem& problem)
-      : problem_(problem), values_((problem.design.columns() + 1) * SampleBlock::capacity) {
-    for (std::size_t k = 0; k <= problem.design.columns(); ++k) {
-      pointers_.push_back(values_.data() + k * SampleBlock::capacity);
-    }
-  }
+      : problem_(problem), block_(problem.design.columns() + 1, SampleBlock::capacity) {}
 
   void fill(std::size_t first, std::size_t count) {
-    problem_.design.fill(problem_.channels, first, count, problem_.coefficients, values_.data(),
+    problem_.design.fill(problem_.channels, first, count, problem_.coefficients, block_[0],
                          SampleBlock::capacity);
-    double* target = values_.data() + problem_.design.columns() * SampleBlock::capacity;
+    double* target = block_[problem_.design.columns()];
     std::copy_n(problem_.target + first, count, target);
     for (std::size_t k = 0; k < problem_.held.size(); ++k) {
       if (problem_.held[k] == 0.0) continue;
-      for (std::size_t i = 0; i < count; ++i) target[i] -= problem_.held[k] * pointers_[k][i];
+      for (std::size_t i = 0; i < count; ++i) target[i] -= problem_.held[k] * block_[k][i];
     }
   }
 
   /// Multiplies every column by the square roots of the weights.
   void scale(const double* weights, std::size_t count) {
     for (std::size_t k = 0; k <= problem_.design.columns(); ++k) {
-      double* column = values_.data() + k * SampleBlock::capacity;
-      for (std::size_t i = 0; i < count; ++i) column[i] *= std::sqrt(weights[i]);
+      for (std::size_t i = 0; i < count; ++i) block_[k][i] *= std::sqrt(weights[i]);
     }
   }
-  std::span<const double* const> pointers() const { return pointers_; }
+  std::span<const double* const> pointers() const { return block_.columns(); }
 
  private:
   const Problem& problem_;
-  std::vector<double> values_;
-  std::vector<const double*> pointers_;
+  ColumnBlock block_;
 };
 
 /// Calls piece(first, count) for rows in pieces that fit a SampleBlock.
@@ -148,18 +143,16 @@ inline Gram plain_gram(const Problem& problem, const Rows& rows, Precision preci
 
 /// The Gram of one block of rows through sums of harmonics.
 inline Gram structured_gram(const Problem& problem, const Structure& structure, const Rows& rows) {
-  std::vector<double> values(problem.design.columns() * SampleBlock::capacity);
+  const ColumnBlock block(problem.design.columns(), SampleBlock::capacity);
   std::vector<const double*> dense;
-  for (const std::size_t k : structure.dense) {
-    dense.push_back(values.data() + k * SampleBlock::capacity);
-  }
+  for (const std::size_t k : structure.dense) dense.push_back(block[k]);
   dense.push_back(nullptr);
   SampleBlock::Column<double> cosine;
   SampleBlock::Column<double> sine;
   TrigSums sums(static_cast<int>(dense.size()), structure.harmonics);
   in_pieces(rows, [&](std::size_t first, std::size_t count) {
     problem.design.fill_dense(problem.channels, first, count, problem.coefficients,
-                              structure.ripple, values.data(), SampleBlock::capacity, cosine.data(),
+                              structure.ripple, block[0], SampleBlock::capacity, cosine.data(),
                               sine.data());
     dense.back() = problem.target + first;
     const double* weights = problem.weights != nullptr ? problem.weights + first : nullptr;

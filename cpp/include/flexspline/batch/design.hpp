@@ -107,7 +107,8 @@ class Design {
   void fill(const Channels& channels, std::size_t first, std::size_t count,
             std::span<const double> coefficients, double* out, std::size_t stride) const {
     SampleBlock block;
-    read(channels, first, count, coefficients, out, stride, block);
+    SampleBlock::Column<double> load;
+    read(channels, first, count, coefficients, out, stride, block, load);
     each(block, out, stride, [](const AnyEffect&) { return true; });
   }
 
@@ -116,7 +117,8 @@ class Design {
                   std::span<const double> coefficients, std::size_t ripple, double* out,
                   std::size_t stride, double* cosine, double* sine) const {
     SampleBlock block;
-    read(channels, first, count, coefficients, out, stride, block);
+    SampleBlock::Column<double> load;
+    read(channels, first, count, coefficients, out, stride, block, load);
     const AnyEffect* left_out = &effects_[ripple];
     each(block, out, stride, [&](const AnyEffect& effect) { return &effect != left_out; });
     const Pair pair = std::visit(
@@ -149,16 +151,17 @@ class Design {
                       any);
   }
 
-  /// Reads a block and fills its load; `out` serves as scratch.
+  /// Reads a block and makes its load, kept in `load`; `out` serves as scratch.
   void read(const Channels& channels, std::size_t first, std::size_t count,
             std::span<const double> coefficients, double* out, std::size_t stride,
-            SampleBlock& block) const {
+            SampleBlock& block, SampleBlock::Column<double>& load) const {
     block.read(channels, first, count, gear_, motor_side_);
     if (!load_ || coefficients.empty()) return;
     each(block, out, stride, carries_load);
     SampleBlock::Column<double> carried{};
     sum(coefficients, out, stride, count, carried.data(), carries_load);
-    for (std::size_t i = 0; i < count; ++i) block.load[i] = block.known_load[i] + carried[i];
+    for (std::size_t i = 0; i < count; ++i) load[i] = block.known_load[i] + carried[i];
+    block.load = load.data();
   }
 
   template <typename Chosen>

@@ -21,28 +21,48 @@ struct Channels {
   const double* known_load = nullptr;           ///< Nm
 };
 
-/// Up to `capacity` samples, a column each, so that a loop over them vectorises.
+/// Up to `capacity` samples of a log, a column each, so that a loop over them vectorises. Plain
+/// channels stay where they are; phases are made here.
 struct SampleBlock {
-  static constexpr std::size_t capacity = 512;
+  static constexpr std::size_t capacity = 1024;
   template <typename T>
-  using Column = std::array<T, capacity>;
+  struct alignas(64) Column : std::array<T, capacity> {};
 
   std::size_t size = 0;
+  const double* output_velocity = nullptr;
+  const double* output_acceleration = nullptr;
+  const double* temperature = nullptr;
+  const double* known_load = nullptr;
+  const double* load = nullptr;
   Column<std::int32_t> turns;
   Column<std::uint64_t> output_phase, motor_phase, flexspline_phase, circular_spline_phase;
-  Column<double> output_velocity, output_acceleration, temperature, known_load, load;
 
-  /// Copies rows [first, first + count) and fills the phases; the load stays the known load.
-  /// A position that is not finite gives phase zero.
+  /// Points at rows [first, first + count) and fills the phases; the load is the known load.
+  /// A channel that the log lacks is 0 (temperature: 25); a position that is not finite gives
+  /// phase zero.
   void read(const Channels& from, std::size_t first, std::size_t count, const Gear<double>& gear,
             bool motor_side) noexcept {
+    static const Column<double> none{};
+    static const Column<double> room = [] {
+      Column<double> filled;
+      filled.fill(25.0);
+      return filled;
+    }();
+    const auto at = [first](const double* column, const Column<double>& absent) {
+      return column != nullptr ? column + first : absent.data();
+    };
     size = count;
-    copy(from.output_velocity, first, 0.0, output_velocity);
-    copy(from.output_acceleration, first, 0.0, output_acceleration);
-    copy(from.temperature, first, 25.0, temperature);
-    copy(from.known_load, first, 0.0, known_load);
-    copy(from.known_load, first, 0.0, load);
-    read_angle(from.output_position, first, turns, output_phase);
+    output_velocity = at(from.output_velocity, none);
+    output_acceleration = at(from.output_acceleration, none);
+    temperature = at(from.temperature, room);
+    known_load = at(from.known_load, none);
+    load = known_load;
+    if (from.output_position == nullptr) {
+      std::fill_n(turns.begin(), count, 0);
+      std::fill_n(output_phase.begin(), count, 0);
+    } else {
+      read_angle(from.output_position + first, turns, output_phase);
+    }
     if (motor_side) read_motor(from, first, gear);
   }
 
@@ -76,18 +96,9 @@ struct SampleBlock {
   }
 
  private:
-  void copy(const double* from, std::size_t first, double absent, Column<double>& to) noexcept {
-    for (std::size_t i = 0; i < size; ++i) to[i] = from != nullptr ? from[first + i] : absent;
-  }
-
-  void read_angle(const double* from, std::size_t first, Column<std::int32_t>& whole,
+  void read_angle(const double* angle, Column<std::int32_t>& whole,
                   Column<std::uint64_t>& phase) noexcept {
-    if (from == nullptr) {
-      std::fill_n(whole.begin(), size, 0);
-      std::fill_n(phase.begin(), size, 0);
-      return;
-    }
-    run_wide([angle = from + first, count = size, w = whole.data(), p = phase.data()] {
+    run_wide([angle, count = size, w = whole.data(), p = phase.data()] {
       for (std::size_t i = 0; i < count; ++i) {
         const auto read = Angle<double>::from_radians(angle[i]);
         w[i] = read.turns;
@@ -99,7 +110,7 @@ struct SampleBlock {
   void read_motor(const Channels& from, std::size_t first, const Gear<double>& gear) noexcept {
     if (gear.motor_encoder) {
       Column<std::int32_t> whole;
-      read_angle(from.motor_position, first, whole, motor_phase);
+      read_angle(from.motor_position + first, whole, motor_phase);
     }
     run_wide([this, &gear] {
       for (std::size_t i = 0; i < size; ++i) {

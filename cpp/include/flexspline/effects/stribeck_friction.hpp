@@ -8,7 +8,8 @@ namespace flexspline {
 ///
 ///   τ = c · d(v) · exp(−(v / v_s)²),     d(v) = tanh(v / v_d)
 ///
-/// At v = 0: 0. Far above v_s: 0. Odd in v. Linear in c.
+/// At v = 0: 0. Far above v_s: 2e-22 c, not less: a product of it that is subnormal is slow on a
+/// PC and flushed on some devices. Odd in v. Linear in c.
 /// Source: Olsson et al. 1998, Friction models and friction compensation; d as in coulomb_friction.
 template <typename S>
 struct StribeckFriction {
@@ -29,7 +30,7 @@ struct StribeckFriction {
 
   constexpr Row<S, 1> row(const Sample<S>& at) const noexcept {
     const S slip = at.output_velocity / stribeck_velocity;
-    return {direction(at.output_velocity, direction_width) * math::exp(-slip * slip)};
+    return {direction(at.output_velocity, direction_width) * math::exp(math::clamp(-slip * slip, S(-50), S(0)))};
   }
 };
 

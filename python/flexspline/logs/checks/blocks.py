@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -26,8 +28,8 @@ def solve_with_error(design: Array, target: Array) -> tuple[Array, Array]:
     scale[scale == 0] = 1.0
     scaled = design / scale
     edges = np.linspace(0, len(target), BLOCKS + 1).astype(int)
-    grams = np.array([scaled[a:b].T @ scaled[a:b] for a, b in zip(edges, edges[1:], strict=False)])
-    rights = np.array([scaled[a:b].T @ target[a:b] for a, b in zip(edges, edges[1:], strict=False)])
+    grams = np.array([scaled[a:b].T @ scaled[a:b] for a, b in pairwise(edges)])
+    rights = np.array([scaled[a:b].T @ target[a:b] for a, b in pairwise(edges)])
     whole = _solve(grams.sum(axis=0), rights.sum(axis=0))
     left_out = np.array(
         [

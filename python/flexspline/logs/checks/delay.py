@@ -18,7 +18,7 @@ from scipy.optimize import minimize_scalar
 
 Array = NDArray[np.float64]
 
-MOST_ROWS = 20_000
+MOST_ROWS = 6_000
 BLOCKS = 16
 
 

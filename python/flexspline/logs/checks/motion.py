@@ -105,4 +105,4 @@ def _usable_rows(log: Log) -> NDArray[np.intp]:
         return rows
     time = log["time"][rows]
     highest = np.concatenate(([-np.inf], np.maximum.accumulate(time)[:-1]))
-    return rows[time > highest]
+    return np.asarray(rows[time > highest])

@@ -109,12 +109,12 @@ def _late(
     found = find_delay(motion.time, reading, columns[:, :-2], valid, within, scan)
     if found is None or found.explained < 0.5:
         return
-    whole = find_delay(motion.time, reading, columns, valid, within, scan)
-    if whole is None or whole.seconds < max(0.5 * step, SURE * whole.error):
-        return
     gain = 1 - (1 - found.explained) / max(1 - found.explained_without, 1e-12)
     sure = max(0.5 * step, SURE * found.error) < found.seconds < 0.98 * within
     if not sure or gain < 0.01:
+        return
+    whole = find_delay(motion.time, reading, columns, valid, within, scan)
+    if whole is None or whole.seconds < max(0.5 * step, SURE * whole.error):
         return
     yield Finding(
         "torque_delay", "note", channel, (0, len(log)), found.seconds, "s",

@@ -92,8 +92,10 @@ def quantised(log: Log) -> Iterator[Finding]:
             continue
         values = unwrapped(log[channel]) if channel in POSITIONS else log[channel]
         step = quantum(values)
+        if step == 0:
+            continue
         reach = float(np.nanmax(values) - np.nanmin(values))
-        if step == 0 or reach / step > COARSE_LEVELS or step < white_noise(values):
+        if reach / step > COARSE_LEVELS or step < white_noise(values):
             continue
         unit = CHANNELS[channel].unit
         yield Finding(

@@ -1,0 +1,74 @@
+"""Export of a model: as JSON, or as a C++ header that compiles with the core's headers alone."""
+
+from __future__ import annotations
+
+import os
+import re
+from dataclasses import replace
+from pathlib import Path
+
+from flexspline.errors import InputError, did_you_mean
+from flexspline.files import atomic_write
+from flexspline.header import header_text
+from flexspline.model import PART_OF, Model
+
+__all__ = ["FORMATS", "export", "namespace_of"]
+
+FORMATS = ("header", "json")
+
+RESERVED = frozenset(
+    "alignas alignof and and_eq asm auto bitand bitor bool break case catch char char8_t char16_t "
+    "char32_t class co_await co_return co_yield compl concept const const_cast consteval constexpr "
+    "constinit continue decltype default delete do double dynamic_cast else enum explicit export "
+    "extern false float for friend goto if inline int long main mutable namespace new noexcept not "
+    "not_eq nullptr operator or or_eq private protected public register reinterpret_cast requires "
+    "return short signed sizeof static static_assert static_cast std struct switch template this "
+    "thread_local throw true try typedef typeid typename union unsigned using virtual void volatile "
+    "wchar_t while xor xor_eq flexspline".split()
+)
+
+def export(
+    model: Model,
+    path: str | os.PathLike[str],
+    format: str = "header",
+    target: str | None = None,
+) -> Path:
+    """Write a model for use outside Python, whole or not at all.
+
+    Parameters
+    ----------
+    model : what `fit` or `Model.load` gives.
+    path : file to write.
+    format : "header", constants for a C++20 program in float or double, or "json", the same
+        file as `Model.save` writes.
+    target : which part; for a header None picks the only one, in JSON None keeps all.
+
+    Returns
+    -------
+    The path.
+
+    Raises
+    ------
+    InputError
+        For an unknown format or target, a number that the core cannot hold, or a path that
+        cannot be written.
+    """
+    if format not in FORMATS:
+        near = did_you_mean(format, FORMATS)
+        raise InputError(f"there is no export format '{format}'{near}; give {' or '.join(FORMATS)}")
+    if format == "header":
+        atomic_write(path, header_text(model, namespace_of(path), target))
+    elif target is None:
+        model.save(path)
+    else:
+        part = model.part(target)
+        replace(model, parts={PART_OF[part.target]: part}).save(path)
+    return Path(path)
+
+
+def namespace_of(path: str | os.PathLike[str]) -> str:
+    """Return the stem of a path as a C++ namespace: "joint 7.hpp" is "joint_7"."""
+    name = re.sub(r"[^A-Za-z0-9]+", "_", Path(path).stem).strip("_") or "model"
+    if name[0].isdigit():
+        name = f"joint_{name}"
+    return f"{name}_model" if name in RESERVED else name

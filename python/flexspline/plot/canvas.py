@@ -1,0 +1,106 @@
+"""Figures without pyplot's global state, and the colours of all plots."""
+
+from __future__ import annotations
+
+import io
+from typing import Any
+
+import matplotlib
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from flexspline.logs.channels import CHANNELS
+
+__all__ = [
+    "GREY", "INK", "PALETTE", "PlainFigure", "axes_or_new", "channel_label",
+    "colours_of_runs", "legend", "plain", "titled",
+]
+
+#: Okabe and Ito's colours that read on white and on black.
+PALETTE = ("#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#56B4E9")
+INK = "#26282b"
+GREY = "#8a8f98"
+MOST_COLOURED_RUNS = 10
+
+_CHANNEL_WORDS = {
+    "output_position": "output angle [rad]",
+    "output_velocity": "output velocity [rad/s]",
+    "output_acceleration": "output acceleration [rad/s²]",
+    "motor_position": "motor angle [rad]",
+    "motor_velocity": "motor velocity [rad/s]",
+    "motor_torque": "motor torque [Nm]",
+    "motor_current": "motor current [A]",
+    "sensor_torque": "sensor torque [Nm]",
+    "sensor_voltage": "sensor voltage [V]",
+    "motor_temperature": "motor temperature [°C]",
+    "temperature": "temperature [°C]",
+    "reference_torque": "reference torque [Nm]",
+    "torsion": "torsion [rad]",
+    "time": "time [s]",
+}
+
+
+class PlainFigure(Figure):
+    """A figure that pyplot does not know, so nothing has to be closed; notebooks show it."""
+
+    def __init__(self, width: float, height: float) -> None:
+        """Make an empty figure of this size in inches."""
+        super().__init__(figsize=(width, height), layout="constrained")
+        FigureCanvasAgg(self)
+
+    def _repr_png_(self) -> bytes:
+        made = io.BytesIO()
+        self.savefig(made, format="png", dpi=100)
+        return made.getvalue()
+
+
+def axes_or_new(ax: Axes | None, width: float = 6.0, height: float = 3.8) -> Axes:
+    """Return the axes, or those of a new figure, with a light grid and nothing superfluous."""
+    if ax is None:
+        ax = PlainFigure(width, height).add_subplot()
+    ax.grid(True, color=GREY, alpha=0.25, linewidth=0.6)
+    ax.set_axisbelow(True)
+    ax.spines[["top", "right"]].set_visible(False)
+    ax.spines[["left", "bottom"]].set_color(INK)
+    ax.tick_params(colors=INK, labelcolor=INK, labelsize=8.5)
+    for part in (ax.xaxis.label, ax.yaxis.label):
+        part.set_color(INK)
+        part.set_fontsize(9.5)
+    return ax
+
+
+def titled(ax: Axes, title: str) -> None:
+    """Set a title that does not shout."""
+    ax.set_title(title, loc="left", fontsize=10.5, color=INK, parse_math=False)
+
+
+def legend(ax: Axes, columns: int = 1, *, beside: bool = False) -> None:
+    """Add a legend of what has a label, if anything has; `beside` the axes where they are full."""
+    if not ax.get_legend_handles_labels()[1]:
+        return
+    ax.legend(
+        fontsize=7.5, loc="upper left" if beside else "best", frameon=False, labelcolor=INK,
+        ncols=columns, bbox_to_anchor=(1.0, 1.0) if beside else None,
+    )
+
+
+def plain(name: str) -> str:
+    """Return a name as a legend shows it literally: no mathematics, not hidden, not endless."""
+    shown = name if len(name) <= 40 else name[:19] + " … " + name[-18:]
+    return (" " if shown.startswith("_") else "") + shown.replace("$", r"\$")
+
+
+def channel_label(channel: str) -> str:
+    """Return the label of an axis, with its unit."""
+    if channel in _CHANNEL_WORDS:
+        return _CHANNEL_WORDS[channel]
+    return f"{channel.replace('_', ' ')} [{CHANNELS[channel].unit}]"
+
+
+def colours_of_runs(count: int) -> list[Any]:
+    """Return a colour for each run: a sequence that reads in grey too, one for too many runs."""
+    if count == 1 or count > MOST_COLOURED_RUNS:
+        return [PALETTE[0]] * count
+    shades = matplotlib.colormaps["viridis"]
+    return [shades(0.12 + 0.68 * k / (count - 1)) for k in range(count)]

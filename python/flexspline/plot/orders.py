@@ -1,0 +1,85 @@
+"""Spectrum over the angle: what turns with the joint, before and after the fit."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+from flexspline.errors import InputError
+from flexspline.orders.stretches import stretches
+from flexspline.orders.transform import fourier_sums
+from flexspline.plot.canvas import GREY, INK, PALETTE, axes_or_new, legend, titled
+from flexspline.report.ripple import ripple_orders
+
+if TYPE_CHECKING:
+    from flexspline.fit.result import Fit
+
+__all__ = ["order_spectra"]
+
+Array = NDArray[np.float64]
+
+LONGEST = 50.0  # turns looked at in one piece
+STEPS = 4  # per whole order
+HIGHEST = 20_000.0
+BINS = 700
+
+
+def order_spectra(fit: Fit, ax: Axes | None = None) -> Axes:
+    """Draw the amplitude of target and residual, in its unit, over orders per output turn.
+
+    Runs are cut by direction, their smooth part is taken out, and the amplitudes are averaged
+    in the root mean square. Of neighbouring orders the highest is drawn. Fitted orders are marked.
+
+    Raises
+    ------
+    InputError
+        Where the joint does not turn, or the runs hold no angle.
+    """
+    spectra = [_spectrum(fit, what) for what in ("measured", "residual")]
+    ax = axes_or_new(ax)
+    marks = [o.per_output_turn for o in ripple_orders(fit) if np.isfinite(o.per_output_turn)]
+    for number, mark in enumerate(marks):
+        ax.axvline(mark, color=INK, linewidth=0.7, linestyle=":", alpha=0.6,
+                   label=None if number else "fitted order")
+    before, after = spectra
+    ax.plot(*before, color=GREY, linewidth=1.1, label="target")
+    ax.plot(*after, color=PALETTE[3], linewidth=1.1, label="residual")
+    ax.set(
+        xscale="log", yscale="log", xlabel="order [periods per output turn]",
+        ylabel=f"amplitude [{fit.unit}]",
+    )
+    ax.set_xlim(before[0][0], before[0][-1])
+    titled(ax, "Order spectrum before and after")
+    legend(ax)
+    return ax
+
+
+def _spectrum(fit: Fit, what: str) -> tuple[Array, Array]:
+    """Orders and amplitudes, thinned to the highest of each of a few hundred bins."""
+    values = [np.where(run.counts, getattr(run, what), np.nan) for run in fit.runs]
+    parts = stretches([run.log for run in fit.runs], values, LONGEST)
+    highest = min(max(part.highest for part in parts), HIGHEST)
+    order = np.arange(int(highest * STEPS + 1e-9) + 1) / STEPS
+    power, rows = np.zeros((2, len(order)))
+    for part in parts:
+        seen = (order >= part.lowest) & (order <= part.highest)
+        sums = fourier_sums(part.angle, part.values, STEPS, highest)
+        power += np.where(seen, 4.0 * np.abs(sums) ** 2 / len(part.values), 0.0)
+        rows += np.where(seen, len(part.values), 0.0)
+    good = rows > 0
+    if np.count_nonzero(good) < 3:
+        raise InputError("the joint turns too little for orders to be told apart; turn it further")
+    return _peaks(order[good], np.sqrt(power[good] / rows[good]))
+
+
+def _peaks(order: Array, amplitude: Array) -> tuple[Array, Array]:
+    edges = np.geomspace(order[0], order[-1], BINS)
+    first = np.unique(np.searchsorted(order, edges))
+    first = first[first < len(order)]
+    highest = np.maximum.reduceat(amplitude, first)
+    ends = [*first[1:], len(order)]
+    at = [a + int(np.argmax(amplitude[a:b])) for a, b in zip(first, ends, strict=True)]
+    return order[at], highest

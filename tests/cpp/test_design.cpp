@@ -1,0 +1,208 @@
+#include <doctest/doctest.h>
+
+#include <limits>
+#include <vector>
+
+#include "flexspline/batch/accumulate.hpp"
+#include "flexspline/batch/by_name.hpp"
+#include "random_samples.hpp"
+
+using namespace flexspline;
+
+namespace {
+
+constexpr std::size_t rows = 1300;  // two full blocks and a part of one
+
+/// A log of random motion with all channels.
+struct RandomLog {
+  std::vector<double> q, v, a, theta, temperature, load;
+
+  explicit RandomLog(unsigned seed) {
+    std::mt19937_64 random(seed);
+    std::normal_distribution<double> normal;
+    for (auto* column : {&q, &v, &a, &theta, &temperature, &load}) {
+      for (std::size_t i = 0; i < rows; ++i) column->push_back(20 * normal(random));
+    }
+    for (double& speed : v) speed *= 0.001;
+  }
+  batch::Channels channels() const {
+    return {rows, q.data(), v.data(), a.data(), theta.data(), temperature.data(), load.data()};
+  }
+  Sample<double> operator[](std::size_t i) const {
+    Sample<double> at;
+    at.output_position = Angle<double>::from_radians(q[i]);
+    at.output_velocity = v[i];
+    at.output_acceleration = a[i];
+    at.motor_position = Angle<double>::from_radians(theta[i]);
+    at.temperature = temperature[i];
+    at.known_load = load[i];
+    return at;
+  }
+};
+
+/// Columns of the design over the whole log, column after column.
+std::vector<double> fill(const batch::Design& design, const RandomLog& log,
+                         std::span<const double> coefficients) {
+  std::vector<double> out(design.columns() * rows);
+  batch::in_pieces({0, rows}, [&](std::size_t first, std::size_t count) {
+    design.fill(log.channels(), first, count, coefficients, out.data() + first, rows);
+  });
+  return out;
+}
+
+/// Checks columns and predictions of a model against the design of the same effects.
+template <typename... Effects>
+void check_equal(Model<double, Effects...> model, unsigned seed) {
+  std::mt19937_64 random(seed);
+  std::normal_distribution<double> normal;
+  std::vector<batch::AnyEffect> effects;
+  std::vector<double> coefficients;
+  const auto take = [&]<typename Effect>(Part<double, Effect>& part) {
+    batch::AnyEffect any = batch::effect_by_name(part.effect.name);
+    if constexpr (HarmonicEffect<Effect>) {
+      batch::set_harmonics(any, part.effect.harmonics);
+    }
+    if constexpr (requires { part.effect.direction_width; }) {
+      part.effect.direction_width = 0.02;
+      batch::set_shape(any, "direction_width", 0.02);
+    }
+    effects.push_back(any);
+    for (double& c : part.coefficients) coefficients.push_back(c = normal(random));
+  };
+  std::apply([&](auto&... part) { (take(part), ...); }, model.parts);
+  const batch::Design design(effects, model.gear);
+  REQUIRE(design.columns() == coefficients.size());
+
+  const RandomLog log(seed + 1);
+  const auto columns = fill(design, log, coefficients);
+  std::vector<double> predicted(rows);
+  batch::in_pieces({0, rows}, [&](std::size_t first, std::size_t count) {
+    design.predict(log.channels(), first, count, coefficients, predicted.data() + first);
+  });
+  for (std::size_t i = 0; i < rows; ++i) {
+    auto at = log[i];
+    double torque = 0;
+    REQUIRE(model.predict(at, torque) == Status::ok);
+    CHECK(same_bits(predicted[i], torque));
+    model.prepare(at);
+    std::size_t k = 0;
+    const auto compare = [&](const auto& part) {
+      for (const double value : part.effect.row(at)) {
+        CHECK(same_bits(columns[k++ * rows + i], value));
+      }
+    };
+    std::apply([&](const auto&... part) { (compare(part), ...); }, model.parts);
+  }
+}
+
+template <typename Effect>
+Effect with_orders(std::vector<Harmonic> harmonics) {
+  Effect effect;
+  std::copy(harmonics.begin(), harmonics.end(), effect.harmonics.begin());
+  return effect;
+}
+
+constexpr Pair flexspline_pair = Pair::wave_generator_on_flexspline;
+constexpr Pair circular_pair = Pair::wave_generator_on_circular_spline;
+
+using D = double;
+
+}  // namespace
+
+TEST_CASE("columns and sums of a design have the bits of the plain rows: friction") {
+  check_equal(Model<D, Offset<D>, CoulombFriction<D>, ViscousFriction<D>,
+                    NonlinearViscousFriction<D>, StribeckFriction<D>>{},
+              50);
+  check_equal(Model<D, CoulombFrictionPerDirection<D>, TemperatureDrift<D>>{}, 51);
+}
+
+TEST_CASE("columns and sums of a design have the bits of the plain rows: load") {
+  check_equal(Model<D, LoadDependentFriction<D>, Inertia<D>, Gravity<D>, GainError<D>>{}, 52);
+  check_equal(Model<D, Gravity<D>, Offset<D>, LoadDependentFriction<D>>{}, 53);
+  check_equal(Model<D, GainError<D>>{}, 54);
+}
+
+TEST_CASE("columns and sums of a design have the bits of the plain rows: ripple") {
+  std::vector<Harmonic> dense;
+  for (std::uint32_t k = 1; k <= 11; ++k) dense.push_back({k, Pair::output_on_housing});
+  using Ripple = Model<D, OutputRipple<D, 11>, WaveGeneratorRipple<D, 5>, Cogging<D, 3>, Inertia<D>,
+                       Gravity<D>, LoadDependentFriction<D>>;
+  for (const auto output : {OutputSpline::circular, OutputSpline::flex, OutputSpline::unknown}) {
+    for (const bool encoder : {false, true}) {
+      for (const double ratio : {101.0, 100.7}) {
+        Ripple model;
+        model.gear = Gear<D>::from_ratio(ratio, output, encoder);
+        std::get<0>(model.parts).effect = with_orders<OutputRipple<D, 11>>(dense);
+        std::get<1>(model.parts).effect = with_orders<WaveGeneratorRipple<D, 5>>(
+            {{2, circular_pair}, {3, circular_pair}, {4, circular_pair}, {1, flexspline_pair},
+             {2, flexspline_pair}});
+        std::get<2>(model.parts).effect = with_orders<Cogging<D, 3>>(
+            {{7, Pair::motor_on_stator}, {8, Pair::motor_on_stator}, {42, Pair::motor_on_stator}});
+        check_equal(model, 55);
+      }
+    }
+  }
+}
+
+TEST_CASE("without coefficients the load is the known load alone") {
+  const batch::Design design({Inertia<D>{}, GainError<D>{}}, {});
+  const RandomLog log(60);
+  const auto known = fill(design, log, {});
+  const std::array<double, 2> coefficients{2.0, 0.0};
+  const auto carried = fill(design, log, coefficients);
+  for (std::size_t i = 0; i < rows; ++i) {
+    CHECK(known[rows + i] == log.load[i]);
+    CHECK(carried[rows + i] == log.load[i] + 2.0 * log.a[i]);
+  }
+}
+
+TEST_CASE("a channel that the log lacks is at rest, unloaded and at 25 °C") {
+  const batch::Design design({ViscousFriction<D>{}, TemperatureDrift<D>{}, GainError<D>{}}, {});
+  std::vector<double> out(4 * 10, -1.0);
+  batch::Channels channels;
+  channels.size = 10;
+  design.fill(channels, 0, 10, {}, out.data(), 10);
+  for (const double value : out) CHECK(value == 0.0);
+}
+
+TEST_CASE("structure is found where orders are 1 to n of one pair, n of four or more") {
+  const auto structure = [](std::vector<batch::AnyEffect> effects) {
+    return batch::structure_of(batch::Design(std::move(effects), {}));
+  };
+  const auto ripple = [](std::vector<Harmonic> harmonics) {
+    batch::AnyEffect any = batch::effect_by_name("output_ripple");
+    batch::set_harmonics(any, harmonics);
+    return any;
+  };
+  const std::vector<Harmonic> four{{1, {}}, {2, {}}, {3, {}}, {4, {}}};
+  CHECK_FALSE(structure({Offset<D>{}, ViscousFriction<D>{}}).has_value());
+  CHECK_FALSE(structure({ripple({{1, {}}, {2, {}}, {3, {}}})}).has_value());
+  CHECK_FALSE(structure({ripple({{1, {}}, {2, {}}, {3, {}}, {5, {}}})}).has_value());
+  CHECK_FALSE(structure({ripple({{2, {}}, {3, {}}, {4, {}}, {5, {}}})}).has_value());
+
+  const auto found = structure({ViscousFriction<D>{}, ripple(four), Offset<D>{}, Inertia<D>{}});
+  REQUIRE(found.has_value());
+  CHECK(found->ripple == 1);
+  CHECK(found->harmonics == 4);
+  CHECK(found->dense == std::vector<std::size_t>{0, 10});
+  // ones, viscous, inertia, target, then the ripple
+  CHECK(found->order == std::vector<int>{1, 4, 5, 6, 7, 8, 9, 10, 11, 0, 2, 3});
+}
+
+TEST_CASE("effects, shapes and pairs that do not exist are refused by name") {
+  CHECK_THROWS_WITH_AS(batch::effect_by_name("friktion"), "there is no effect named 'friktion'",
+                       std::invalid_argument);
+  batch::AnyEffect offset = batch::effect_by_name("offset");
+  CHECK_THROWS_AS(batch::set_shape(offset, "direction_width", 1.0), std::invalid_argument);
+  const std::vector<Harmonic> one{{1, Pair::motor_on_stator}};
+  CHECK_THROWS_AS(batch::set_harmonics(offset, one), std::invalid_argument);
+  batch::AnyEffect ripple = batch::effect_by_name("output_ripple");
+  CHECK_THROWS_AS(batch::set_harmonics(ripple, one), std::invalid_argument);
+  const std::vector<Harmonic> many(batch::max_harmonics + 1);
+  CHECK_THROWS_AS(batch::set_harmonics(ripple, many), std::invalid_argument);
+  CHECK_THROWS_AS(batch::pair_by_name("moon_on_sun"), std::invalid_argument);
+  for (const auto& [name, pair] : batch::pair_names) {
+    CHECK(batch::pair_by_name(name) == pair);
+    CHECK(batch::name_of(pair) == name);
+  }
+}

@@ -1,0 +1,79 @@
+"""What README.md shows works as it stands, after its first command, which is the demo."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from flexspline.cli import commands
+
+ROOT = Path(__file__).parents[2]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+PYTHON = re.findall(r"^```python\n(.*?)^```$", README, re.MULTILINE | re.DOTALL)
+TABLE = re.findall(r"^\| .* \| `(flexspline .*?)`", README, re.MULTILINE)
+LINKS = re.findall(r"\]\(([^)#:]+)\)", README)
+COLUMN_MAP = """
+[facts]
+gear_ratio = 100
+[columns]
+time = {source = "t", unit = "ms"}
+output_position = {source = "angle", unit = "deg"}
+sensor_torque = {source = "torque", unit = "mNm", sign = -1}
+"""
+
+
+@pytest.fixture(scope="module")
+def after_the_demo(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder as README's first command leaves it, and a recorder's file with its map."""
+    folder = tmp_path_factory.mktemp("readme")
+    run(["demo", "--out", str(folder / "flexspline-demo")])
+    time = np.arange(0.0, 2.0, 0.001)
+    recorded = np.column_stack([1e3 * time, 30 * np.sin(3 * time), 200 * np.cos(3 * time)])
+    np.savetxt(
+        folder / "recording.txt", recorded, header="t;angle;torque", delimiter=";", comments=""
+    )
+    (folder / "map.toml").write_text(COLUMN_MAP, encoding="utf-8")
+    return folder
+
+
+def run(arguments: list[str]) -> None:
+    said = CliRunner().invoke(commands, arguments)
+    assert said.exit_code == 0, said.output
+
+
+@pytest.mark.parametrize("marker", ["ci: demo", "ci: tests"])
+def test_the_command_that_ci_runs_is_one_line(marker: str) -> None:
+    (lines,) = re.findall(
+        rf"^<!-- {marker} -->\n```sh\n(.*?)^```$", README, re.MULTILINE | re.DOTALL
+    )
+    assert len(lines.splitlines()) == 1
+
+
+def test_the_commands_of_the_table_run_in_their_order(
+    after_the_demo: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(after_the_demo)
+    assert [command.split()[1] for command in TABLE] == ["convert", "fit", "predict", "export"]
+    for command in TABLE:
+        run(shlex.split(command)[1:])
+        assert (after_the_demo / shlex.split(command)[-1]).exists()
+
+
+def test_the_python_example_runs(
+    after_the_demo: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(after_the_demo)
+    (example,) = PYTHON
+    exec(compile(example, "README.md", "exec"), {})
+    assert "stribeck_friction" in capsys.readouterr().out
+    assert (after_the_demo / "joint.json").is_file()
+
+
+@pytest.mark.parametrize("link", sorted(set(LINKS)))
+def test_a_link_leads_to_a_file(link: str) -> None:
+    assert (ROOT / link).is_file()
