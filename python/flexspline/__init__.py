@@ -18,6 +18,7 @@ from flexspline.fit.fitting import fit
 
 if TYPE_CHECKING:
     from flexspline.fit.result import Fit
+    from flexspline.fit.streaming import accumulate
     from flexspline.logs.convert import convert
     from flexspline.logs.log import Log
     from flexspline.logs.read import read_log
@@ -34,6 +35,7 @@ __all__ = [
     "Part",
     "Prediction",
     "__version__",
+    "accumulate",
     "convert",
     "effect",
     "fit",
@@ -47,6 +49,7 @@ _HOME = {
     "Model": "model",
     "Part": "model",
     "Prediction": "model",
+    "accumulate": "fit.streaming",
     "convert": "logs.convert",
     "read_log": "logs.read",
 }

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from flexspline.demo_device import run_exported
 from flexspline.effects import CATALOGUE, Effect, effect
@@ -24,6 +25,8 @@ from flexspline.logs.checks import check
 from flexspline.logs.convert import write_log
 from flexspline.logs.log import Log, Source
 from flexspline.logs.read import read_log
+from flexspline.plot.canvas import PlainFigure, titled
+from flexspline.plot.residuals import residual_over
 from flexspline.rigs import SPEEDS, Rig, Truth, sensor_rig
 
 __all__ = ["BASE", "Demo", "demo", "most_helpful"]
@@ -80,7 +83,7 @@ def demo(
         say(f"\n3. Fit today's model to runs 1 to {TRAINING}:\n{_names(BASE)}.")
         base = fit(BASE, training, TARGET)
         before = unseen_rmse(base, unseen)
-        say(f"   RMSE {base.rmse:.4f} Nm on them, {before:.4f} Nm on runs {_held_out()}, never seen.")
+        say(f"   RMSE {base.rmse:.4f} Nm on these, {before:.4f} Nm on runs {_held_out()}, unseen.")
         _say_where(base, say)
         final, found = _extended(base, training, say)
         after = unseen_rmse(final, unseen)
@@ -102,9 +105,14 @@ def most_helpful(now: Fit, logs: Sequence[Log], say: Say) -> tuple[str, Fit] | N
         trials[name] = trial
         gain = 1.0 - trial.cv_rmse / now.cv_rmse
         say(f"   + {name:<28} {now.cv_rmse:.4f} -> {trial.cv_rmse:.4f} Nm  ({-gain:+.1%})")
-    best = min(trials, key=lambda name: trials[name].cv_rmse, default=None)
-    if best is None or trials[best].cv_rmse > (1.0 - LEAST_GAIN) * now.cv_rmse:
+    ranked = sorted(trials, key=lambda name: trials[name].cv_rmse)
+    if not ranked or trials[ranked[0]].cv_rmse > (1.0 - LEAST_GAIN) * now.cv_rmse:
         return None
+    best = ranked[0]
+    say(f"   => {best} was missing: {CATALOGUE[best].signature}.")
+    if len(ranked) > 1:
+        behind = trials[ranked[1]].cv_rmse / trials[best].cv_rmse - 1.0
+        say(f"      {ranked[1]} comes next, {behind:.0%} behind on unseen runs.")
     return best, trials[best]
 
 
@@ -165,11 +173,10 @@ def _extended(base: Fit, logs: Sequence[Log], say: Say) -> tuple[Fit, tuple[str,
     """Add effects, one after the other, until none helps clearly."""
     found: tuple[str, ...] = ()
     now = base
-    say("\n4. Add each missing effect by itself; RMSE on the run that its fit was not given:")
+    say("\n4. Add each missing effect by itself; RMSE on the run left out of its fit:")
     while (step := most_helpful(now, logs, say)) is not None:
         name, now = step
         found = (*found, name)
-        say(f"   => {name} was missing: {CATALOGUE[name].signature}.")
         say(f"\n5. With {name} in the model, does anything else help?")
     say(f"   No effect gains {LEAST_GAIN:.0%} or more: stop.")
     return now, found
@@ -190,12 +197,10 @@ def _candidates(effects: Sequence[Effect], logs: Sequence[Log]) -> list[str]:
     ]
 
 
-def _say_result(
-    final: Fit, truth: Truth, before: float, after: float, say: Say
-) -> None:
+def _say_result(final: Fit, truth: Truth, before: float, after: float, say: Say) -> None:
     say(
-        f"\n6. Runs {_held_out()}, never seen: RMSE {before:.4f} Nm before, {after:.4f} Nm after "
-        f"({after / before - 1:+.0%}); the noise alone is {truth.noise:.4f} Nm."
+        f"\n6. Runs {_held_out()}, unseen: RMSE {before:.4f} Nm before, {after:.4f} Nm after "
+        f"({after / before - 1:+.0%}); the noise alone: {truth.noise:.4f} Nm."
     )
     say(f"   {'parameter':<43} {'fit':>8}   error {'true':>9}  unit")
     for parameter in final.parameters:
@@ -205,23 +210,35 @@ def _say_result(
             f"{true:>9.4f}  {parameter.unit}"
         )
     say(
-        f"   coulomb_friction carries the presliding element's {truth.presliding_level:g} Nm as "
-        "well: once slipping, the two are one."
+        f"   coulomb_friction holds the presliding element's {truth.presliding_level:g} Nm too: once "
+        "it slips, the two are one."
     )
 
 
 def _leave(base: Fit, final: Fit, draft: Path) -> None:
-    base.plot().savefig(draft / "fit_before.png", dpi=100)
-    final.plot().savefig(draft / "fit_after.png", dpi=100)
+    _figure(base, final).savefig(draft / "before_after.png", dpi=110)
     final.report(draft / "report.html")
     final.model.save(draft / "model.json")
     export(final.model, draft / "joint.hpp", format="header")
 
 
+def _figure(base: Fit, final: Fit) -> Figure:
+    """Residual over velocity and over time, without the effects found and with them."""
+    figure = PlainFigure(11.0, 7.0)
+    limit = 4.0 * base.rmse
+    for row, (made, title) in enumerate(((base, "before"), (final, "after"))):
+        for column, channel in enumerate(("output_velocity", "time")):
+            axes = figure.add_subplot(2, 2, 2 * row + column + 1)
+            residual_over(made, channel, axes)
+            axes.set_ylim(-limit, limit)
+            titled(axes, f"{title}: RMSE {made.rmse:.4f} Nm")
+    return figure
+
+
 def _say_files(out: Path, say: Say) -> None:
     runs = f"{out / 'run1.csv'} ... run{TRAINING + HELD_OUT}.csv"
-    say(f"\nLeft in {out}: model.json, report.html (open it in a browser), fit_before.png,")
-    say(f"fit_after.png, joint.hpp, and the runs {runs}")
+    say(f"\nLeft in {out}: model.json, report.html (open it in a browser), before_after.png,")
+    say(f"joint.hpp, and the runs {runs}.")
     say("Next, the same by hand, and then with runs of your own:")
     say(f"  flexspline predict --model {out / 'model.json'} {out / 'run5.csv'} --out residual.csv")
     say("  flexspline fit --help")

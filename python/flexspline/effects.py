@@ -2,18 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from numbers import Real
 from types import MappingProxyType
 from typing import Any
 
 from flexspline import _core
 from flexspline.errors import InputError, did_you_mean, listed
 
-__all__ = ["CATALOGUE", "Effect", "EffectInfo", "ShapeInfo", "TermInfo", "effect", "unit_in"]
+__all__ = [
+    "CATALOGUE",
+    "Effect",
+    "EffectInfo",
+    "ShapeInfo",
+    "TermInfo",
+    "effect",
+    "require_effects",
+    "unit_in",
+]
 
 TARGETS = {"sensor_torque": "S", "motor_torque": "M", "motor_current": "M", "torsion": "D"}
 UNITS = {"sensor_torque": "Nm", "motor_torque": "Nm", "motor_current": "A", "torsion": "rad"}
+
+HIGHEST_ORDER = 1_000_000  # per turn; an encoder line count is far below
 
 Harmonic = tuple[int, str]
 
@@ -146,7 +158,9 @@ class Effect:
     def with_orders(self, orders: Iterable[int | Harmonic]) -> Effect:
         """Return the effect with these orders; a bare number is of the effect's first pair."""
         pairs = self.info.pairs
-        harmonics = [(o, pairs[0]) if isinstance(o, int) else o for o in orders]
+        if not pairs:
+            raise InputError(f"effect '{self.name}' has no orders; leave them out")
+        harmonics = [(o, pairs[0]) if isinstance(o, Real) else o for o in orders]
         return replace(self, harmonics=tuple(sorted(harmonics, key=lambda h: (h[1], h[0]))))
 
     def for_core(self) -> dict[str, Any]:
@@ -166,14 +180,17 @@ class Effect:
                 f"not {len(self.harmonics)}; leave out the smallest"
             )
         for order, pair in self.harmonics:
-            if order < 1 or int(order) != order:
+            if not 1 <= order <= HIGHEST_ORDER or int(order) != order:
                 raise InputError(
-                    f"effect '{self.name}': order {order} is not a whole number above zero"
+                    f"effect '{self.name}': order {order} is not a whole number from 1 to "
+                    f"{HIGHEST_ORDER}; give orders per turn"
                 )
             if pair not in self.info.pairs:
                 raise InputError(
                     f"effect '{self.name}': '{pair}' is not one of {listed(self.info.pairs)}"
                 )
+            if self.harmonics.count((order, pair)) > 1:
+                raise InputError(f"effect '{self.name}': order {order} is named twice; once will do")
         return tuple((int(order), pair) for order, pair in self.harmonics)
 
 
@@ -181,6 +198,21 @@ def effect(name: str, *, orders: Iterable[int | Harmonic] = (), **shapes: float)
     """Return an effect of the catalogue: ``effect("stribeck_friction", stribeck_velocity=0.2)``."""
     made = Effect(name, shapes)
     return made.with_orders(orders) if orders else made
+
+
+def require_effects(effects: Sequence[Effect], target: str) -> None:
+    """Refuse an unknown target, effects that do not act on it, and an effect named twice."""
+    if target not in TARGETS:
+        near = did_you_mean(target, TARGETS)
+        raise InputError(f"there is no target '{target}'{near}; give one of {listed(TARGETS)}")
+    names = [effect.name for effect in effects]
+    for effect in effects:
+        if TARGETS[target] not in effect.info.targets:
+            raise InputError(
+                f"effect '{effect.name}' does not act on the target {target}; leave it out"
+            )
+        if names.count(effect.name) > 1:
+            raise InputError(f"effect '{effect.name}' is named twice; name it once")
 
 
 def unit_in(unit: str, target: str) -> str:

@@ -16,16 +16,16 @@ __all__ = ["FORMATS", "export", "namespace_of"]
 
 FORMATS = ("header", "json")
 
-RESERVED = frozenset(
-    "alignas alignof and and_eq asm auto bitand bitor bool break case catch char char8_t char16_t "
-    "char32_t class co_await co_return co_yield compl concept const const_cast consteval constexpr "
-    "constinit continue decltype default delete do double dynamic_cast else enum explicit export "
-    "extern false float for friend goto if inline int long main mutable namespace new noexcept not "
-    "not_eq nullptr operator or or_eq private protected public register reinterpret_cast requires "
-    "return short signed sizeof static static_assert static_cast std struct switch template this "
-    "thread_local throw true try typedef typeid typename union unsigned using virtual void volatile "
-    "wchar_t while xor xor_eq flexspline".split()
-)
+WORDS_OF_CPP = """
+alignas alignof and and_eq asm auto bitand bitor bool break case catch char char8_t char16_t
+char32_t class co_await co_return co_yield compl concept const const_cast consteval constexpr
+constinit continue decltype default delete do double dynamic_cast else enum explicit export extern
+false float for friend goto if inline int long main mutable namespace new noexcept not not_eq
+nullptr operator or or_eq private protected public register reinterpret_cast requires return short
+signed sizeof static static_assert static_cast std struct switch template this thread_local throw
+true try typedef typeid typename union unsigned using virtual void volatile wchar_t while xor xor_eq
+"""
+
 
 def export(
     model: Model,
@@ -38,10 +38,11 @@ def export(
     Parameters
     ----------
     model : what `fit` or `Model.load` gives.
-    path : file to write.
+    path : file to write; its stem is the header's namespace.
     format : "header", constants for a C++20 program in float or double, or "json", the same
         file as `Model.save` writes.
-    target : which part; for a header None picks the only one, in JSON None keeps all.
+    target : which part, such as "sensor_torque"; None picks the only one for a header, and
+        keeps all in JSON.
 
     Returns
     -------
@@ -71,4 +72,5 @@ def namespace_of(path: str | os.PathLike[str]) -> str:
     name = re.sub(r"[^A-Za-z0-9]+", "_", Path(path).stem).strip("_") or "model"
     if name[0].isdigit():
         name = f"joint_{name}"
-    return f"{name}_model" if name in RESERVED else name
+    taken = name in WORDS_OF_CPP.split() or name == "flexspline"
+    return f"{name}_model" if taken else name

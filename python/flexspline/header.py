@@ -24,8 +24,8 @@ LARGEST_ORDER = 2**32 - 1
 LARGEST_RATIO = 2**30
 
 MEANING = {
-    "sensor_torque": "what the sensor reads beside the load: true torque = sensor_torque - it",
-    "motor_torque": "what the joint takes of the motor: torque at the output = ratio * motor_torque - it",
+    "sensor_torque": "what the sensor reads beside the load: true torque = sensor_torque - this",
+    "motor_torque": "what the joint takes: torque at the output = ratio * motor_torque - this",
     "motor_current": "the motor current that the joint takes",
     "torsion": "output_position * ratio - motor_position",
 }
@@ -54,6 +54,7 @@ def header_text(model: Model, namespace: str, target: str | None = None) -> str:
     """
     part = model.part(target)
     effects = [effect for effect in part.effects if effect.terms]
+    constants = list(_model(model, part, effects))  # refuses before anything is hashed
     lines = [
         *_comment(_head(model, part, namespace)),
         "#pragma once",
@@ -69,7 +70,7 @@ def header_text(model: Model, namespace: str, target: str | None = None) -> str:
         *_facts(model, part),
         "",
         *_validity(part),
-        *_model(model, part, effects),
+        *constants,
         "",
         f"}}  // namespace {namespace}",
         "",
@@ -146,7 +147,8 @@ def _validity(part: Part) -> Iterator[str]:
         ends = ", ".join(_literal(value, f"validity of {name}") for value in (low, high))
         unit = CHANNELS[name].unit if name in CHANNELS else "Nm"
         yield "template <typename S>"
-        yield f"inline constexpr std::array<S, 2> {name}{{{ends}}};  ///< {unit}"
+        yield f"inline constexpr std::array<S, 2> {name}{{  // {unit}"
+        yield f"    {ends}}};"
     yield "}  // namespace validity"
     yield ""
 
@@ -180,7 +182,8 @@ def _gear(model: Model, part: Part) -> str:
         raise InputError(f"gear_ratio gives an effective ratio of {ratio}; give one in 0 to 2^30")
     return (
         f"flexspline::Gear<S>::from_ratio({ratio!r}, flexspline::OutputSpline::"
-        f"{gear['output_spline']}, /*motor_encoder=*/{str(motor_encoder).lower()})"
+        f"{gear['output_spline']},\n                                    "
+        f"/*motor_encoder=*/{str(motor_encoder).lower()})"
     )
 
 
@@ -211,7 +214,8 @@ def _fields(effect: Effect) -> str:
         for order, _ in effect.harmonics:
             if order > LARGEST_ORDER:
                 raise InputError(f"{effect.name}: order {order} is above 2^32 - 1; leave it out")
-        orders = ", ".join(f"{{{o}, flexspline::Pair::{pair}}}" for o, pair in effect.harmonics)
+        between = ",\n" + " " * 17
+        orders = between.join(f"{{{o}, flexspline::Pair::{pair}}}" for o, pair in effect.harmonics)
         return f"{{{{{{{orders}}}}}, {len(effect.harmonics)}}}"
     return ", ".join(
         f".{name} = {_literal(value, f'{effect.name}.{name}')}"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib.resources
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline import __version__, _core
-from flexspline.effects import TARGETS, UNITS, Effect
+from flexspline.effects import UNITS, Effect, require_effects
 from flexspline.errors import InputError, listed
 from flexspline.files import atomic_write
 from flexspline.logs.derive import lowpass
@@ -74,8 +74,7 @@ class Part:
     record: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if self.target not in TARGETS:
-            raise InputError(f"there is no target '{self.target}'; give one of {listed(TARGETS)}")
+        require_effects(self.effects, self.target)
         values = np.array(self.coefficients, dtype=np.float64)
         values.flags.writeable = False
         object.__setattr__(self, "coefficients", values)
@@ -84,6 +83,8 @@ class Part:
             raise InputError(
                 f"the effects have {terms} coefficients, but {values.size} are given; give one each"
             )
+        if not np.isfinite(values).all():
+            raise InputError("a coefficient is not finite; give numbers")
 
     @property
     def unit(self) -> str:
@@ -219,7 +220,7 @@ class Model:
     def from_json(cls, text: str, label: str = "model") -> Model:
         """Return the model that `to_json` wrote; `label` is what errors call it."""
         try:
-            content = json.loads(text)
+            content = json.loads(text, parse_constant=_no_constant)
         except json.JSONDecodeError as error:
             raise InputError(
                 f"{label}: is no JSON (line {error.lineno}, column {error.colno}); give a model.json"
@@ -233,7 +234,7 @@ class Model:
             )
         _validate(content, label)
         parts = {
-            name: _part_from_json(content[name], f"{label}: {name}")
+            name: _part_from_json(name, content[name], f"{label}: {name}")
             for name in dict.fromkeys(PART_OF.values())
             if name in content
         }
@@ -290,20 +291,39 @@ def _part_to_json(part: Part) -> dict[str, Any]:
     }
 
 
-def _part_from_json(content: dict[str, Any], label: str) -> Part:
+def _part_from_json(name: str, content: dict[str, Any], label: str) -> Part:
+    if PART_OF[content["target"]] != name:
+        raise InputError(
+            f"{label}: the target {content['target']} belongs to the part "
+            f"'{PART_OF[content['target']]}'; mend it or fit the model again"
+        )
     own = ("target", "unit", "known_load", "effects")
     try:
-        effects = tuple(
-            Effect(e["name"], e["shapes"], tuple((o, pair) for o, pair in e["harmonics"]))
-            for e in content["effects"]
-        )
-        values: Sequence[float] = [c for e in content["effects"] for c in e["coefficients"]]
+        effects, values = [], []
+        for entry in content["effects"]:
+            harmonics = tuple((order, pair) for order, pair in entry["harmonics"])
+            effects.append(Effect(entry["name"], entry["shapes"], harmonics))
+            if len(entry["coefficients"]) != len(effects[-1].terms):
+                raise InputError(
+                    f"effect '{entry['name']}' has {len(effects[-1].terms)} coefficients, but "
+                    f"{len(entry['coefficients'])} are given; give one each"
+                )
+            values += entry["coefficients"]
+        if content["unit"] != UNITS[content["target"]]:
+            raise InputError(
+                f"the unit is {content['unit']}, but the target {content['target']} is in "
+                f"{UNITS[content['target']]}; mend it or fit the model again"
+            )
         record = {key: value for key, value in content.items() if key not in own}
         return Part(
-            content["target"], effects, np.array(values), content["known_load"], record
+            content["target"], tuple(effects), np.array(values), content["known_load"], record
         )
     except InputError as error:
         raise InputError(f"{label}: {error}") from error
+
+
+def _no_constant(word: str) -> float:
+    raise InputError(f"the file holds {word}, which is no JSON number; fit the model again")
 
 
 @cache

@@ -83,9 +83,7 @@ class Rig:
     truth: Truth
 
 
-def sensor_rig(
-    runs: int = 6, *, duration: float = 24.0, rate: float = 500.0, seed: int = 1
-) -> Rig:
+def sensor_rig(runs: int = 6, *, duration: float = 24.0, rate: float = 500.0, seed: int = 1) -> Rig:
     """Return a rig with a torque sensor, without load, driven both ways at several speeds.
 
     Parameters

@@ -39,14 +39,14 @@ def target_of(log: Log, target: str, known_load: str | None) -> Array:
                 f"log '{log.name}': target {target} needs the channel {channel}; "
                 f"it has {listed(log.channels)}"
             )
-    load = log[known_load] if known_load is not None else 0.0
-    if target == "sensor_torque":
-        return np.asarray(log["sensor_torque"] - load, dtype=np.float64)
-    if target == "motor_torque":
-        return np.asarray(_ratio(log, target) * log["motor_torque"] - load)
     if target == "torsion":
         return np.asarray(log["output_position"] * _ratio(log, target) - log["motor_position"])
-    return np.asarray(log["motor_current"])
+    measured = np.asarray(log[target])  # borrowed: a long log is not copied without need
+    if target == "motor_torque":
+        measured = _ratio(log, target) * measured
+    if known_load is None or target == "motor_current":
+        return measured
+    return np.asarray(measured - log[known_load])
 
 
 def channels_for(

@@ -18,8 +18,7 @@ Status step(const typename Joint<S>::All& model, typename Differentiator<S>::Sta
   if (const Status read = read_radians(radians, at.output_position); read != Status::ok) {
     return read;
   }
-  const Status moved =
-      Differentiator<S>::step({}, state, at.output_position.phase, period);
+  const Status moved = Differentiator<S>::step({}, state, at.output_position.phase, period);
   if (moved != Status::ok) return moved;
   at.output_velocity = state.velocity;
   at.output_acceleration = state.acceleration;

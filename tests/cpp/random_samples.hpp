@@ -25,7 +25,8 @@ void for_each_effect(Use&& use) {
       [&](auto&... effect) {
         const auto prepare = [&](auto& e) {
           if constexpr (HarmonicEffect<std::remove_cvref_t<decltype(e)>>) {
-            constexpr std::array<std::uint32_t, room> orders{1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 320, 4200};
+            constexpr std::array<std::uint32_t, room> orders{1, 2, 3, 4,  5,   6,
+                                                             7, 8, 9, 10, 320, 4200};
             for (std::size_t k = 0; k < room; ++k) e.harmonics[k] = {orders[k], e.pairs[0]};
           }
           use(std::as_const(e));
@@ -71,8 +72,8 @@ S any_finite(std::mt19937_64& random) {
 template <typename S>
 Sample<S> any_sample(std::mt19937_64& random) {
   Sample<S> at = usual_sample<S>(random);
-  for (S* field : {&at.output_velocity, &at.output_acceleration, &at.temperature, &at.known_load,
-                   &at.load}) {
+  for (S* field :
+       {&at.output_velocity, &at.output_acceleration, &at.temperature, &at.known_load, &at.load}) {
     *field = any_finite<S>(random);
   }
   return at;

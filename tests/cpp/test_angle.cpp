@@ -57,7 +57,8 @@ TEST_CASE_TEMPLATE("next to a whole number of turns the turns carry", S, float, 
   }
 }
 
-TEST_CASE_TEMPLATE("beyond 2^30 turns the turns saturate, and NaN counts as far below", S, float, double) {
+TEST_CASE_TEMPLATE("beyond 2^30 turns the turns saturate, and NaN counts as far below", S, float,
+                   double) {
   constexpr S infinity = std::numeric_limits<S>::infinity();
   for (const S far : {S(1.1e9), S(1e30), std::numeric_limits<S>::max(), infinity}) {
     CHECK(Angle<S>::from_turns(far).turns == 1 << 30);
@@ -71,9 +72,8 @@ TEST_CASE_TEMPLATE("beyond 2^30 turns the turns saturate, and NaN counts as far 
 
 TEST_CASE_TEMPLATE("an encoder that is not finite keeps the last angle", S, float, double) {
   Angle<S> angle{3, {17}};
-  for (const S bad :
-       {std::numeric_limits<S>::quiet_NaN(), std::numeric_limits<S>::infinity(),
-        -std::numeric_limits<S>::infinity()}) {
+  for (const S bad : {std::numeric_limits<S>::quiet_NaN(), std::numeric_limits<S>::infinity(),
+                      -std::numeric_limits<S>::infinity()}) {
     CHECK(read_radians(bad, angle) == Status::not_finite);
     CHECK(angle.turns == 3);
     CHECK(angle.phase.fraction == 17);

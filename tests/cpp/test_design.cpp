@@ -133,9 +133,12 @@ TEST_CASE("columns and sums of a design have the bits of the plain rows: ripple"
         Ripple model;
         model.gear = Gear<D>::from_ratio(ratio, output, encoder);
         std::get<0>(model.parts).effect = with_orders<OutputRipple<D, 11>>(dense);
-        std::get<1>(model.parts).effect = with_orders<WaveGeneratorRipple<D, 5>>(
-            {{2, circular_pair}, {3, circular_pair}, {4, circular_pair}, {1, flexspline_pair},
-             {2, flexspline_pair}});
+        std::get<1>(model.parts).effect =
+            with_orders<WaveGeneratorRipple<D, 5>>({{2, circular_pair},
+                                                    {3, circular_pair},
+                                                    {4, circular_pair},
+                                                    {1, flexspline_pair},
+                                                    {2, flexspline_pair}});
         std::get<2>(model.parts).effect = with_orders<Cogging<D, 3>>(
             {{7, Pair::motor_on_stator}, {8, Pair::motor_on_stator}, {42, Pair::motor_on_stator}});
         check_equal(model, 55);

@@ -74,8 +74,8 @@ TEST_CASE("acceleration is late by twice the delay of velocity") {
 
 TEST_CASE_TEMPLATE("a bad period changes nothing", S, float, double) {
   const auto good = run<S>(20, 1e-3, 50, [](double t) { return t; });
-  for (const S bad : {S(0), S(-1e-3), std::numeric_limits<S>::quiet_NaN(),
-                      std::numeric_limits<S>::infinity()}) {
+  for (const S bad :
+       {S(0), S(-1e-3), std::numeric_limits<S>::quiet_NaN(), std::numeric_limits<S>::infinity()}) {
     auto state = good;
     CHECK(Differentiator<S>::step({}, state, Phase<S>{5}, bad) == Status::bad_period);
     CHECK(same(state, good));

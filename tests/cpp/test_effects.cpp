@@ -66,9 +66,9 @@ void disturb(Sample<S>& at, Channel channel, std::mt19937_64& random) {
   }
 }
 
-constexpr std::array<Channel, 6> channels{
-    Channel::output_position, Channel::output_velocity, Channel::output_acceleration,
-    Channel::motor_position,  Channel::temperature,     Channel::load};
+constexpr std::array<Channel, 6> channels{Channel::output_position,     Channel::output_velocity,
+                                          Channel::output_acceleration, Channel::motor_position,
+                                          Channel::temperature,         Channel::load};
 
 }  // namespace
 
@@ -133,8 +133,8 @@ TEST_CASE_TEMPLATE("a torque is linear in the coefficients", S, float, double) {
         other.coefficients[k] = S(normal(random));
         both.coefficients[k] = one.coefficients[k] + other.coefficients[k];
         twice.coefficients[k] = 2 * one.coefficients[k];
-        size += math::absolute(row[k]) * (math::absolute(one.coefficients[k]) +
-                                          math::absolute(other.coefficients[k]));
+        size += math::absolute(row[k]) *
+                (math::absolute(one.coefficients[k]) + math::absolute(other.coefficients[k]));
       }
       CHECK(twice.torque(at) == 2 * one.torque(at));
       // each of 2n products and sums, twice, rounds once

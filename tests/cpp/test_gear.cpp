@@ -41,8 +41,7 @@ TEST_CASE_TEMPLATE("the motor's phase follows long arithmetic on numbers", S, fl
   for (const double ratio : {100.0, 101.0, 50.5, 100.7}) {
     const auto gear = Gear<S>::from_ratio(ratio, OutputSpline::unknown, false);
     for (const double turns : {0.0, 0.125, -0.125, 3.4375, -3.4375, -1000.5, 8191.0625}) {
-      const long double theta =
-          static_cast<long double>(ratio) * static_cast<long double>(turns);
+      const long double theta = static_cast<long double>(ratio) * static_cast<long double>(turns);
       const auto exact = Phase<S>{static_cast<math::Bits<S>>(
           static_cast<std::uint64_t>((theta - std::floor(theta)) * 0x1p64L) >>
           (64 - 8 * sizeof(S)))};

@@ -23,8 +23,8 @@ constexpr Loaded<S> loaded_model() {
   std::get<1>(model.parts).coefficients = {S(0.25)};
   std::get<2>(model.parts).coefficients = {S(2)};
   std::get<3>(model.parts).coefficients = {S(4), S(8)};
-  std::get<4>(model.parts).effect.harmonics = {{{1, Pair::wave_generator_on_flexspline},
-                                                {2, Pair::wave_generator_on_circular_spline}}};
+  std::get<4>(model.parts).effect.harmonics = {
+      {{1, Pair::wave_generator_on_flexspline}, {2, Pair::wave_generator_on_circular_spline}}};
   std::get<4>(model.parts).coefficients = {S(1), S(2), S(3), S(4)};
   std::get<5>(model.parts).coefficients = {S(0.125), S(0)};
   return model;
@@ -65,9 +65,8 @@ TEST_CASE_TEMPLATE("what is not finite is flagged and the last torque stays", S,
   const auto good = usual_sample<S>(random);
   S torque = 7;
   for (const S bad : {not_a_number<S>, std::numeric_limits<S>::infinity()}) {
-    for (S Sample<S>::* field :
-         {&Sample<S>::output_velocity, &Sample<S>::output_acceleration, &Sample<S>::temperature,
-          &Sample<S>::known_load}) {
+    for (S Sample<S>::*field : {&Sample<S>::output_velocity, &Sample<S>::output_acceleration,
+                                &Sample<S>::temperature, &Sample<S>::known_load}) {
       auto at = good;
       at.*field = bad;
       CHECK(model.predict(at, torque) == Status::not_finite);

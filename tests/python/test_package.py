@@ -111,7 +111,16 @@ def test_a_program_builds_against_the_cmake_package(wheel: Distribution, tmp_pat
     build = tmp_path / "build"
     tools = Path(sys.executable).parent
     env = {**os.environ, "PATH": f"{tools}{os.pathsep}{os.environ['PATH']}"}
-    configure = ["cmake", "-G", "Ninja", "-S", tmp_path, "-B", build, f"-Dflexspline_DIR={package}"]
+    configure = [
+        "cmake",
+        "-G",
+        "Ninja",
+        "-S",
+        str(tmp_path),
+        "-B",
+        str(build),
+        f"-Dflexspline_DIR={package}",
+    ]
     subprocess.run(configure, check=True, env=env)
     subprocess.run(["cmake", "--build", build], check=True, env=env)
     said = subprocess.run([build / "consumer"], check=True, capture_output=True, text=True)

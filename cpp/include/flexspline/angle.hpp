@@ -24,8 +24,8 @@ struct Phase {
   }
   /// Turns in [−1/2, 1/2]: the shortest way from zero.
   constexpr S shortest() const noexcept {
-    constexpr S unit = sizeof(S) == 4 ? S(1.0L / 4294967296.0L)
-                                      : S(1.0L / 4294967296.0L / 4294967296.0L);
+    constexpr S unit =
+        sizeof(S) == 4 ? S(1.0L / 4294967296.0L) : S(1.0L / 4294967296.0L / 4294967296.0L);
     return static_cast<S>(static_cast<std::make_signed_t<math::Bits<S>>>(fraction)) * unit;
   }
   constexpr math::Phasor<S> phasor() const noexcept { return math::phasor<S>(fraction); }
@@ -46,7 +46,7 @@ struct Angle {
     const auto truncated = static_cast<std::int32_t>(held);
     const S part = math::absolute(held - static_cast<S>(truncated));  // no rounding
     const math::Bits<S> fraction = fraction_of(part);
-    const std::int32_t carried = (fraction == 0) & (part > S(0.5)) ? 1 : 0;  // 1 − 2^−53 is one
+    const std::int32_t carried = ((fraction == 0) & (part > S(0.5))) ? 1 : 0;  // 1 − 2^−53 is one
     const std::int32_t beyond = fraction != 0 ? 1 : carried;
     const bool negative = held < S(0);
     return {negative ? truncated - beyond : truncated + carried,

@@ -94,8 +94,11 @@ struct Model {
   template <typename Chosen>
   constexpr S sum(const Sample<S>& at, Chosen chosen) const noexcept {
     S total = S(0);
-    std::apply([&](const auto&... part) { ((chosen(part) ? void(total += part.torque(at)) : void()), ...); },
-               parts);
+    std::apply(
+        [&](const auto&... part) {
+          ((chosen(part) ? void(total += part.torque(at)) : void()), ...);
+        },
+        parts);
     return total;
   }
 

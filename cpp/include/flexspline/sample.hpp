@@ -11,12 +11,12 @@ namespace flexspline {
 /// positive when the joint pushes outward, the motor side is counted so that θ ≈ +Ñ q.
 template <typename S>
 struct Sample {
-  Angle<S> output_position;  ///< q, link side
-  S output_velocity = 0;     ///< rad/s
-  S output_acceleration = 0; ///< rad/s²
-  Angle<S> motor_position;   ///< θ; filled from q where the joint has no motor encoder
-  S temperature = 25;        ///< °C
-  S known_load = 0;          ///< Nm at the output, τ_load measured by something trusted
+  Angle<S> output_position;   ///< q, link side
+  S output_velocity = 0;      ///< rad/s
+  S output_acceleration = 0;  ///< rad/s²
+  Angle<S> motor_position;    ///< θ; filled from q where the joint has no motor encoder
+  S temperature = 25;         ///< °C
+  S known_load = 0;           ///< Nm at the output, τ_load measured by something trusted
 
   // Filled by Model::prepare.
   Phase<S> wave_generator_on_flexspline;

@@ -1,6 +1,6 @@
 """Exit codes and the one line on standard error.
 
-    0 done    1 a defect    2 wrong input or call    130 interrupted    141 reader went away
+0 done    1 a defect    2 wrong input or call    130 interrupted    141 reader went away
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Any
 
 import click
 
-from flexspline.errors import InputError, did_you_mean
+from flexspline.errors import InputError, did_you_mean, listed
 
 __all__ = ["Commands"]
 
@@ -27,27 +27,32 @@ class Commands(click.Group):
     """A group whose failures are one line each, with the exit codes of the contract."""
 
     def main(  # type: ignore[override]
-        self, args: Sequence[str] | None = None, prog_name: str | None = None, **extra: Any
+        self, args: Sequence[str] | None = None, prog_name: str | None = None, **_: Any
     ) -> None:
         """Run, and leave by `SystemExit`."""
-        extra["standalone_mode"] = False
         os.environ.setdefault("MPLBACKEND", "Agg")
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            sys.exit(self._code(args, prog_name, extra))
+            given = list(sys.argv[1:] if args is None else args)
+            sys.exit(self._code(prog_name or "flexspline", given))
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
         """Find the command; an unknown one is answered with the nearest."""
         if args and args[0] not in self.commands and not args[0].startswith("-"):
             near = did_you_mean(args[0], self.commands)
-            ctx.fail(f"there is no command '{args[0]}'{near}; give one of {', '.join(self.commands)}")
+            ctx.fail(f"there is no command '{args[0]}'{near}; give {listed(self.commands)}")
         return super().resolve_command(ctx, args)
 
-    def _code(self, args: Sequence[str] | None, prog_name: str | None, extra: Any) -> int:
+    # One clause for each way in which a call ends: it is the list of them.
+    def _code(self, name: str, args: list[str]) -> int:
         try:
-            code = super().main(args, prog_name or "flexspline", **extra)
+            with self.make_context(name, args) as context:
+                self.invoke(context)
             sys.stdout.flush()
-            return code if isinstance(code, int) else 0
+            return 0
+        except click.exceptions.Exit as end:
+            sys.stdout.flush()
+            return end.exit_code
         except click.UsageError as error:
             return _usage(error)
         except click.ClickException as error:

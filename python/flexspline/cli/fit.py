@@ -47,7 +47,9 @@ def _effects(text: str) -> list[str]:
 )
 @click.option("--out", required=True, metavar="DIR", help="Folder for model.json and report.html.")
 @click.option("--into", metavar="MODEL.json", help="Add this part to a model of the same joint.")
-@click.option("--known-load", metavar="CHANNEL", help="Channel with the load, e.g. reference_torque.")
+@click.option(
+    "--known-load", metavar="CHANNEL", help="Channel with the load, e.g. reference_torque."
+)
 @lowpass
 @click.option(
     "--orders",

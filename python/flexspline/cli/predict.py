@@ -51,7 +51,6 @@ def predict(
     with atomic_writer(out) as file:
         pandas.DataFrame(columns).to_csv(file, index=False, lineterminator="\n")
     residual = found.residual[np.isfinite(found.residual)]
-    rmse = f"RMSE {np.sqrt(np.mean(residual**2)):.4g} {found.unit}" if residual.size else (
-        "the run has nothing measured to compare with"
-    )
-    click.echo(f"{log.name}: {part.target} of {len(log)} rows predicted, {rmse}; wrote {out}")
+    rmse = np.sqrt(np.mean(residual**2)) if residual.size else np.nan
+    gap = f"RMSE {rmse:.4g} {found.unit}" if residual.size else "nothing measured to compare with"
+    click.echo(f"{log.name}: {part.target} of {len(log)} rows predicted, {gap}; wrote {out}")

@@ -11,8 +11,21 @@ if TYPE_CHECKING:
     from flexspline.fit.identifiability import Combination, Confounded
     from flexspline.fit.result import Fit, FittedRun, Parameter
     from flexspline.fit.scores import Score
+    from flexspline.fit.streaming import accumulate
+    from flexspline.fit.sums import Solution, Sums
 
-__all__ = ["Combination", "Confounded", "Fit", "FittedRun", "Parameter", "Score", "fit"]
+__all__ = [
+    "Combination",
+    "Confounded",
+    "Fit",
+    "FittedRun",
+    "Parameter",
+    "Score",
+    "Solution",
+    "Sums",
+    "accumulate",
+    "fit",
+]
 
 _HOME = {
     "Combination": "identifiability",
@@ -21,6 +34,9 @@ _HOME = {
     "FittedRun": "result",
     "Parameter": "result",
     "Score": "scores",
+    "Solution": "sums",
+    "Sums": "sums",
+    "accumulate": "streaming",
 }
 
 

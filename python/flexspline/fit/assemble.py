@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.effects import unit_in
-from flexspline.fit.estimate import Estimate, counts_of, residuals_of
+from flexspline.fit.estimate import Estimate, counts_of, noise_of, residuals_of
 from flexspline.fit.identifiability import Confounded, confounded_groups
-from flexspline.fit.noise_model import NoiseModel, noise_model
 from flexspline.fit.problem import Problem
 from flexspline.fit.result import Fit, FittedRun, Parameter
 from flexspline.fit.scores import scores_of
@@ -24,7 +23,6 @@ __all__ = ["assembled"]
 
 Array = NDArray[np.float64]
 
-LONG = 1_000_000  # rows from which the noise model reads one chunk of several
 BOUND = {-1: "at lower bound", 0: "fitted", 1: "at upper bound"}
 LOOSE = 1.0  # a shape whose error is larger than itself is not determined
 
@@ -40,7 +38,7 @@ def assembled(
     warnings : sentences of the checks; those of the fit are added.
     orders : the order analysis that chose orders, or None.
     """
-    uncertainty = _uncertainty(problem, made)
+    uncertainty = _uncertainty(made)
     confounded = _confounded(problem, made, uncertainty)
     parameters = _parameters(problem, made, uncertainty, confounded)
     validation = cross_validate(problem, made.tangent, made.basis, made.prior_rows)
@@ -82,31 +80,20 @@ def assembled(
     )
 
 
-def _noise(problem: Problem, made: Estimate) -> NoiseModel:
-    rows = sum(run.counted for run in problem.runs)
-    every = max(1, rows // LONG)
-    return noise_model(made.tangent, made.basis, every=every, decimation=problem.decimation)
-
-
-def _uncertainty(problem: Problem, made: Estimate) -> Uncertainty:
-    noise = _noise(problem, made)
-    rows = made.prior_rows
+def _uncertainty(made: Estimate) -> Uncertainty:
+    noise = noise_of(made)
     prior = None
-    if len(rows):
-        known = np.flatnonzero(np.isfinite(made.constraints.prior_error[made.constraints.free]))
-        errors = rows[np.arange(len(rows)), known] * made.constraints.prior_error[
-            made.constraints.free
-        ][known]
-        prior = Prior(rows, errors)
+    if len(made.prior_rows):  # weighed against every row, while the noise model may skip some
+        scale = np.sqrt(noise.decimation)
+        errors = np.full(len(made.prior_rows), np.sqrt(made.noise_variance) / scale)
+        prior = Prior(made.prior_rows / scale, errors)
     return parameter_uncertainty(made.tangent, made.basis, noise, prior)
 
 
 def _confounded(
     problem: Problem, made: Estimate, uncertainty: Uncertainty
 ) -> list[Confounded]:
-    """Groups among the free coefficients; with priors or bounds those resolve what they touch."""
-    if made.constraints.informed or len(made.fitted) != len(made.constraints.free):
-        return []
+    """Groups among the coefficients that are neither fixed nor at a bound."""
     shapes = len(made.free_shapes)
 
     def errors_of(directions: Array) -> Array:
@@ -119,6 +106,7 @@ def _confounded(
         [units[k] for k in made.fitted],
         made.linear.coefficients[made.fitted],
         errors_of,
+        made.linear.prior_rows,
     )
 
 

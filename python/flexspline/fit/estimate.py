@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from flexspline.effects import Effect
 from flexspline.errors import InputError
@@ -20,7 +21,7 @@ from flexspline.fit.names import (
     constraints_of,
     shapes_of,
 )
-from flexspline.fit.noise_model import noise_model
+from flexspline.fit.noise_model import NoiseModel, noise_model
 from flexspline.fit.problem import Problem, Run
 from flexspline.fit.robust import huber_weights
 from flexspline.fit.shapes import ShapeFit, fit_shapes
@@ -30,8 +31,10 @@ __all__ = ["Estimate", "Given", "estimate"]
 
 Array = NDArray[np.float64]
 
+LONG = 1_000_000  # rows from which the noise model reads one chunk of several
 ROBUST_ROUNDS = 30
 ROBUST_STANDS = 1e-5
+UNSEEN = 1e-12
 
 
 @dataclass(frozen=True)
@@ -48,10 +51,9 @@ class Given:
 class Estimate:
     """The solution and what it was found with.
 
-    `names`: of the coefficients (P,). `fitted`: numbers of the coefficients that are neither
-    fixed nor at a bound. `free_shapes`: shapes fitted and not at a bound; `shapes`: all.
-    `tangent`: rows of `fitted` and `free_shapes` at the solution. `basis`: the directions of
-    these that data and priors determine.
+    `names`: of the coefficients (P,). `free_shapes`: shapes fitted and not at a bound; `shapes`:
+    all. `tangent`: rows of `fitted` and `free_shapes` at the solution. `basis`: the directions of
+    these that data and priors determine. `noise_variance`: what priors were weighed by.
     """
 
     names: list[str]
@@ -59,17 +61,20 @@ class Estimate:
     constraints: Constraints
     searched: ShapeFit
     shapes: tuple[ShapeParameter, ...]
-    fitted: NDArray[np.intp]
     free_shapes: tuple[ShapeParameter, ...]
     tangent: Tangent
     basis: Array
+    noise_variance: float
+
+    @property
+    def fitted(self) -> NDArray[np.intp]:
+        """Numbers of the coefficients that are neither fixed nor at a bound."""
+        return self.linear.fitted
 
     @property
     def prior_rows(self) -> Array:
         """(m, F + S), rows that priors add to the tangent."""
-        keep = np.searchsorted(self.constraints.free, self.fitted)
-        rows = self.linear.prior_rows[:, keep]
-        return np.hstack([rows, np.zeros((len(rows), len(self.free_shapes)))])
+        return _beside_shapes(self.linear.prior_rows, len(self.free_shapes))
 
 
 def estimate(
@@ -77,8 +82,8 @@ def estimate(
 ) -> Estimate:
     """Fit coefficients and shapes.
 
-    With priors the fit is made twice: the first gives the long-run variance of the noise, which
-    the second weighs the priors by.
+    With priors the fit is made twice: the first, without them, gives the long-run variance of the
+    noise, which the second weighs the priors by.
 
     Raises
     ------
@@ -93,7 +98,10 @@ def estimate(
     for shape in shapes:
         if shape.name in fixed_shapes:
             effects = shape.set(effects, fixed_shapes[shape.name])
-    constraints = constraints_of(names, fixed, bounds, given.priors)
+    priors, shape_priors = _split(given.priors, shapes)
+    for name in shape_priors:
+        raise InputError(f"priors: {name} is a shape, which takes no prior; fix or bound it")
+    constraints = constraints_of(names, fixed, bounds, priors)
     search = _Search(
         problem,
         tuple(effects),
@@ -103,11 +111,18 @@ def estimate(
         given.robust,
         tick,
     )
-    made = _finished(names, shapes, search, 1.0)
+    made = _finished(names, shapes, search, 0.0)
     if constraints.informed:
-        noise = noise_model(made.tangent, made.basis, decimation=problem.decimation)
-        made = _finished(names, shapes, search, noise.long_run_variance)
+        noise = noise_of(made)
+        made = _finished(names, shapes, search, noise.long_run_variance * noise.decimation)
     return made
+
+
+def noise_of(made: Estimate) -> NoiseModel:
+    """Return the model of the noise around an estimate."""
+    problem = made.tangent.problem
+    every = max(1, sum(run.counted for run in problem.runs) // LONG)
+    return noise_model(made.tangent, made.basis, every=every, decimation=problem.decimation)
 
 
 @dataclass(frozen=True)
@@ -163,43 +178,38 @@ def _finished(
 ) -> Estimate:
     searched, weights = search.run_robust(variance)
     linear = searched.linear
-    free = search.constraints.free
-    fitted = free[linear.at_bound[free] == 0]
     active = tuple(s for s in search.free if searched.at_bound.get(s.name) == 0)
     tangent = Tangent(
-        search.problem, linear.effects, linear.coefficients, fitted, active, weights
+        search.problem, linear.effects, linear.coefficients, linear.fitted, active, weights
     )
-    basis = _basis(linear, np.searchsorted(free, fitted), tangent)
+    basis = _basis(linear, tangent)
     return Estimate(
-        names, linear, search.constraints, searched, tuple(shapes), fitted, active, tangent, basis
+        names, linear, search.constraints, searched, tuple(shapes), active, tangent, basis, variance
     )
 
 
-def _basis(linear: LinearFit, keep: NDArray[np.intp], tangent: Tangent) -> Array:
+def _basis(linear: LinearFit, tangent: Tangent) -> Array:
     """Directions of coefficients and shapes that are determined; rows @ basis ≈ orthonormal."""
-    lengths = linear.solution.lengths[keep]
-    stacked = np.concatenate([linear.solution.factor, linear.prior_rows])[:, keep] / lengths
-    coefficients = np.zeros((len(keep), 0))
-    if stacked.size:
-        _, singular, right = np.linalg.svd(stacked, full_matrices=False)
-        seen = singular > 1e-14 * singular[0]
-        coefficients = (right[seen].T / singular[seen]) / lengths[:, None]
-    if not tangent.shapes:
-        return coefficients
+    coefficients = linear.solution.basis
     bends = len(tangent.shapes)
-    basis = np.zeros((len(keep) + bends, coefficients.shape[1] + bends))
-    basis[: len(keep), : coefficients.shape[1]] = coefficients
-    basis[len(keep) :, coefficients.shape[1] :] = np.eye(bends)
-    gram = sum(
-        (z.T @ (z if c.weights is None else c.weights[:, None] * z))
-        for c in tangent()
-        for z in [c.rows @ basis]
-    )
+    if not bends:
+        return coefficients
+    basis = block_diag(coefficients, np.eye(bends))
+    known = _beside_shapes(linear.prior_rows, bends) @ basis
+    gram = known.T @ known
+    for chunk in tangent():
+        rows = chunk.rows @ basis
+        gram += rows.T @ (rows if chunk.weights is None else chunk.weights[:, None] * rows)
     scale = np.sqrt(np.diag(gram))
     scale = np.where(scale > 0.0, scale, 1.0)
     values, vectors = np.linalg.eigh(gram / np.outer(scale, scale))
-    seen = values > 1e-12 * values[-1]
+    seen = values > UNSEEN * values[-1]
     return np.asarray(basis @ (vectors[:, seen] / np.sqrt(values[seen]) / scale[:, None]))
+
+
+def _beside_shapes(rows: Array, shapes: int) -> Array:
+    """Rows over coefficients (m, F), with zeros for the shapes."""
+    return np.hstack([rows, np.zeros((len(rows), shapes))])
 
 
 def _split(

@@ -106,12 +106,12 @@ def fit(
         )
 
     with tqdm(desc="solving", unit=" solves", disable=not progress, leave=False, delay=1.0) as bar:
-        chosen, found = with_found_orders(chosen, problem)
+        chosen, found, said = with_found_orders(chosen, problem)
         posed = problem(chosen)
         _require_rows(posed, chosen)
         made = estimate(posed, chosen, given, bar.update)
         bar.set_description("errors and validation")
-        return assembled(posed, made, into, warnings, found)
+        return assembled(posed, made, into, [*warnings, *said], found)
 
 
 def _chosen(effects: Iterable[str | Effect], orders: Mapping[str, Sequence[int]]) -> list[Effect]:

@@ -3,9 +3,10 @@
 With columns scaled to length one and the singular values s of the design, a direction has the
 condition index s_max / s. Directions with an index above 30 are near dependencies; coefficients
 with more than half of their variance in them are confounded (Belsley, Kuh and Welsch 1980),
-unless each is resolved all the same: ten standard errors from zero and an index below 10⁴. A
-direction that the data do not see at all (to rounding) is an exact dependency. What is known of
-a confounded group are the combinations that its directions leave alone.
+unless each is resolved all the same: ten standard errors from zero and an index below 10⁴, or,
+where a prior holds one of them, no error above a tenth of the largest contribution. A direction
+that data and priors do not see at all (to rounding) is an exact dependency. What is known of a
+confounded group are the combinations that its directions leave alone.
 """
 
 from __future__ import annotations
@@ -79,18 +80,22 @@ def confounded_groups(
     units: Sequence[str],
     coefficients: Array,
     errors_of: Callable[[Array], Array],
+    prior_rows: Array,
 ) -> list[Confounded]:
     """Find the groups of coefficients that move together.
 
     Parameters
     ----------
+    solution : of the free columns, priors included.
     names, units, coefficients : (P,), of the free coefficients.
     errors_of : standard errors (m,) of combinations (m, P).
+    prior_rows : (m, P), what priors added to the rows.
     """
     exact = _columns(solution.null_space * solution.lengths[:, None])
     groups = _grouped(exact, np.abs(exact) > NEGLIGIBLE, True, np.inf)
     taken = {member for group in groups for member in group[0]}
-    groups += [g for g in _near(solution, coefficients, errors_of) if not taken & set(g[0])]
+    near = _near(solution, coefficients, errors_of, prior_rows)
+    groups += [g for g in near if not taken & set(g[0])]
     found = []
     for members, directions, is_exact, index in groups:
         physical = directions / solution.lengths[members][:, None]
@@ -103,7 +108,10 @@ Group = tuple[list[int], Array, bool, float]
 
 
 def _near(
-    solution: Solution, coefficients: Array, errors_of: Callable[[Array], Array]
+    solution: Solution,
+    coefficients: Array,
+    errors_of: Callable[[Array], Array],
+    prior_rows: Array,
 ) -> list[Group]:
     scaled = solution.factor / solution.lengths
     if not scaled.size:
@@ -124,9 +132,23 @@ def _near(
         worst = float(index[weak][np.abs(vectors).max(axis=0).argmax()]) if len(members) else 0.0
         worst = float(max(worst, index[weak][touched[members].any(axis=0)].max()))
         resolved = np.abs(coefficients[members]) >= RESOLVED * errors[members]
-        if len(members) > 1 and (worst > HOPELESS_INDEX or not resolved.all()):
+        resolved_all = worst <= HOPELESS_INDEX and bool(resolved.all())
+        held = _held_by_priors(members, solution, coefficients, errors, prior_rows)
+        if len(members) > 1 and not resolved_all and not held:
             groups.append((members, vectors, False, worst))
     return groups
+
+
+def _held_by_priors(
+    members: list[int], solution: Solution, coefficients: Array, errors: Array, prior_rows: Array
+) -> bool:
+    """Whether a prior holds one of the members, and with it all of them."""
+    if not prior_rows[:, members].any():
+        return False
+    squares = solution.lengths**2 - (prior_rows**2).sum(axis=0)
+    lengths = np.sqrt(np.maximum(squares, 0.0))[members]
+    largest = np.abs(coefficients[members] * lengths).max()
+    return bool((RESOLVED * errors[members] * lengths <= largest).all())
 
 
 def _grouped(directions: Array, touched: NDArray[np.bool_], exact: bool, index: float) -> list[Group]:

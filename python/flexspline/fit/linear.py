@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
+from flexspline import _core
 from flexspline.effects import Effect
 from flexspline.errors import InputError
 from flexspline.fit.names import Constraints
@@ -30,21 +31,23 @@ ROUNDS = 60
 STANDS = 1e-9
 DEPENDENT = 1e-11
 ENOUGH_CONDITION = 1e3
+BOUND_ROUNDS = 10
 
 
 @dataclass(frozen=True)
 class LinearFit:
     """Coefficients for given shapes.
 
-    `coefficients`: (P,) with the fixed ones. `solution`: of the free columns. `squares`: what the
-    search for shapes minimises, Σ w (y − X b)² and the priors' share. `exact`: summed in
-    double-double. `prior_rows`: (m, free) rows that the priors add. `at_bound`: (P,) −1, 0 or 1.
+    `coefficients`: (P,) with the fixed ones. `fitted`: (F,) numbers of those that are neither fixed
+    nor at a bound. `solution`: of their columns, priors included. `squares`: what the search for
+    shapes minimises, Σ w (y − X b)² and the priors' share. `exact`: summed in double-double.
+    `prior_rows`: (m, F) rows that the priors add. `at_bound`: (P,) −1, 0 or 1.
     """
 
     effects: tuple[Effect, ...]
     coefficients: Array
+    fitted: NDArray[np.intp]
     solution: Solution
-    sums: Sums
     squares: float
     exact: bool
     prior_rows: Array
@@ -67,7 +70,8 @@ def fit_linear(
     ----------
     start : (P,), coefficients that make the first load; None for the known load alone.
     weights : an array (N,) for each run, for a robust fit.
-    noise_variance : squared unit of the target; the long-run variance that priors are weighed by.
+    noise_variance : squared unit of the target; the long-run variance that priors are weighed by,
+        0 to leave them out.
     exact : sum in double-double from the start.
 
     Raises
@@ -85,19 +89,27 @@ def fit_linear(
     for _ in range(ROUNDS):
         sums = problem.sums(effects, load, held=held, weights=weights, exact=exact)
         sums = sums.columns(free.tolist())
+        if len(prior_rows):
+            sums = sums + _prior_sums(prior_rows, prior_target, exact)
         solution = solve(*sums.total())
-        if not exact and not _double_is_enough(problem, effects, free, solution, moving):
+        if not exact and not _double_is_enough(
+            problem, effects, free, solution, prior_rows, moving
+        ):
             exact = True
             continue
-        values, bound = _constrained(solution, constraints, free, prior_rows, prior_target)
+        values, bound = _within_bounds(solution, constraints, free)
         coefficients = held.copy()
         coefficients[free] = values
         if not moving or _stands(problem, effects, load, coefficients):
-            squares = _squares(solution, values, prior_rows, prior_target)
+            inside = np.flatnonzero(bound == 0)
+            squares = _squares(solution, values)
+            if len(inside) < len(free):
+                solution = solve(*sums.columns(inside.tolist()).total())
             at_bound = np.zeros(len(held), dtype=np.int8)
             at_bound[free] = bound
             return LinearFit(
-                effects, coefficients, solution, sums, squares, exact, prior_rows, at_bound
+                effects, coefficients, free[inside], solution, squares, exact,
+                prior_rows[:, inside], at_bound,
             )
         load = coefficients
     raise InputError(
@@ -127,6 +139,7 @@ def _double_is_enough(
     effects: Sequence[Effect],
     free: NDArray[np.intp],
     solution: Solution,
+    prior_rows: Array,
     moving: bool,
 ) -> bool:
     """Whether plain sums will do: well conditioned, and what looks dependent is so to the bit."""
@@ -140,6 +153,7 @@ def _double_is_enough(
         full = np.zeros(problem.parameters(effects))
         full[free] = combination
         rest = sum(float(part @ part) for part in problem.predict(effects, full))
+        rest += float(np.sum((prior_rows @ combination) ** 2))
         if np.sqrt(rest) > DEPENDENT * np.max(np.abs(combination) * solution.lengths):
             return False
     return True
@@ -156,29 +170,35 @@ def _prior(
     return rows, scale * constraints.prior[free][known]
 
 
-def _constrained(
-    solution: Solution,
-    constraints: Constraints,
-    free: NDArray[np.intp],
-    prior_rows: Array,
-    prior_target: Array,
+def _prior_sums(rows: Array, target: Array, exact: bool) -> Sums:
+    """What is known beforehand, as one more block of sums that belongs to no run."""
+    blocks = [(0, len(rows))]
+    high, low = _core.accumulate_rows(np.asfortranarray(rows), target, blocks, None, exact, 1)
+    return Sums(high, low, np.zeros(1, dtype=np.int64), np.full(1, -1, dtype=np.int64))
+
+
+def _within_bounds(
+    solution: Solution, constraints: Constraints, free: NDArray[np.intp]
 ) -> tuple[Array, NDArray[np.int8]]:
-    """Coefficients with priors and bounds, and at which bound each ended."""
-    nothing = np.zeros(len(free), dtype=np.int8)
-    if not len(prior_rows) and not constraints.bounded:
-        return solution.coefficients, nothing
-    rows = np.concatenate([solution.factor, prior_rows]) / solution.lengths
-    target = np.concatenate([solution.rotated_target, prior_target])
-    if not constraints.bounded:
-        scaled = np.linalg.lstsq(rows, target, rcond=None)[0]
-        return np.asarray(scaled / solution.lengths), nothing
-    lower = np.nan_to_num(constraints.lower[free], nan=-np.inf) * solution.lengths
-    upper = np.nan_to_num(constraints.upper[free], nan=np.inf) * solution.lengths
-    result = lsq_linear(rows, target, (lower, upper), method="bvls", tol=1e-14)
-    return np.asarray(result.x / solution.lengths), result.active_mask.astype(np.int8)
+    """Coefficients within their bounds, and at which bound each ended."""
+    lower = np.nan_to_num(constraints.lower[free], nan=-np.inf)
+    upper = np.nan_to_num(constraints.upper[free], nan=np.inf)
+    best = solution.coefficients
+    if ((lower < best) & (best < upper)).all():
+        return best, np.zeros(len(free), dtype=np.int8)
+    result = lsq_linear(
+        solution.factor / solution.lengths,
+        solution.rotated_target,
+        (lower * solution.lengths, upper * solution.lengths),
+        method="bvls",
+        tol=1e-14,
+        max_iter=BOUND_ROUNDS * len(free),
+    )
+    values = np.asarray(result.x / solution.lengths)
+    bound = result.active_mask.astype(np.int8)
+    return np.where(bound < 0, lower, np.where(bound > 0, upper, values)), bound
 
 
-def _squares(solution: Solution, values: Array, prior_rows: Array, prior_target: Array) -> float:
+def _squares(solution: Solution, values: Array) -> float:
     missed = solution.factor @ values - solution.rotated_target
-    known = prior_rows @ values - prior_target
-    return float(solution.residual_squares + missed @ missed + known @ known)
+    return float(solution.residual_squares + missed @ missed)

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from numbers import Real
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,7 +78,9 @@ def coefficient_names(effects: Sequence[Effect], runs: Sequence[str] = ()) -> li
     names = [f"{effect.name}.{term.name}" for effect in effects for term in effect.terms]
     if runs and "offset.offset" in names:
         names.remove("offset.offset")
-        names += [f"offset.{run}" for run in runs]
+        for k, run in enumerate(runs):
+            twice = runs.count(run) > 1
+            names.append(f"offset.{run}" + (f" ({k + 1})" if twice else ""))
     return names
 
 
@@ -98,7 +102,7 @@ def resolve(name: str, known: Sequence[str], what: str) -> int:
     """Return which parameter is meant by "effect.term", or by one part of it if that is unique."""
     if name in known:
         return list(known).index(name)
-    near = [i for i, full in enumerate(known) if name in full.split(".")]
+    near = [i for i, full in enumerate(known) if name in full.split(".", 1)]
     if len(near) == 1:
         return near[0]
     if near:
@@ -120,20 +124,42 @@ def constraints_of(
     Raises
     ------
     InputError
-        For an unknown or ambiguous name, an empty interval or an error that is not positive.
+        For an unknown or ambiguous name, values that are not finite, an empty interval, an error
+        that is not positive, or a coefficient that is fixed and more.
     """
     made = Constraints(*(np.full(len(names), np.nan) for _ in range(5)))
     for name, value in fixed.items():
-        made.held[resolve(name, names, "fixed")] = value
-    for name, (low, high) in bounds.items():
-        at = resolve(name, names, "bounds")
+        made.held[resolve(name, names, "fixed")] = _finite(value, f"fixed: {name}")
+    for name, limits in bounds.items():
+        at = _not_fixed(name, names, made, "bounds")
+        low, high = _two(limits, f"bounds: {name}", "(low, high)")
         made.lower[at] = -np.inf if low is None else low
         made.upper[at] = np.inf if high is None else high
         if not made.lower[at] < made.upper[at]:
             raise InputError(f"bounds: {name} from {low} to {high} is empty; give low < high")
-    for name, (value, error) in priors.items():
-        at = resolve(name, names, "priors")
-        if not error > 0.0:
+    for name, known in priors.items():
+        at = _not_fixed(name, names, made, "priors")
+        value, error = _two(known, f"priors: {name}", "(value, standard error)")
+        if not _finite(error, f"priors: the error of {name}") > 0.0:
             raise InputError(f"priors: the error of {name} is {error}; give one above zero")
-        made.prior[at], made.prior_error[at] = value, error
+        made.prior[at], made.prior_error[at] = _finite(value, f"priors: {name}"), error
     return made
+
+
+def _not_fixed(name: str, names: Sequence[str], made: Constraints, what: str) -> int:
+    at = resolve(name, names, what)
+    if not np.isnan(made.held[at]):
+        raise InputError(f"{what}: {name} is fixed already; leave out one of the two")
+    return at
+
+
+def _finite(value: float, what: str) -> float:
+    if not isinstance(value, Real) or not np.isfinite(value):
+        raise InputError(f"{what} is {value!r}; give a finite number")
+    return float(value)
+
+
+def _two(pair: Any, what: str, form: str) -> tuple[Any, Any]:
+    if not isinstance(pair, Sequence) or isinstance(pair, str) or len(pair) != 2:
+        raise InputError(f"{what} is {pair!r}; give {form}")
+    return pair[0], pair[1]

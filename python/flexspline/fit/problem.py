@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import reduce
+from itertools import pairwise
 from operator import add
 from typing import Any
 
@@ -12,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline import _core
-from flexspline.effects import TARGETS, Effect
+from flexspline.effects import Effect, require_effects
 from flexspline.errors import InputError, listed
 from flexspline.fit.sums import Sums
 from flexspline.logs.derive import lowpass
@@ -20,7 +21,7 @@ from flexspline.logs.log import Log
 from flexspline.logs.segments import runs
 from flexspline.signals import channels_for, core_channels, gear_of, target_of
 
-__all__ = ["Problem", "Run", "problem_of"]
+__all__ = ["Problem", "Run", "gear_for", "problem_of", "require_finite"]
 
 Array = NDArray[np.float64]
 
@@ -28,6 +29,8 @@ SECONDS_A_BLOCK = 2.0
 MOST_BLOCKS = 400
 CHUNK = 1 << 15
 KEPT = 24  # filtered effects of each run
+NEED_KNOWN_LOAD = ("gain_error",)
+
 
 @dataclass(frozen=True)
 class Run:
@@ -55,8 +58,7 @@ class Run:
         cut: list[tuple[int, int]] = []
         for first, last in self.stretches:
             count = max(1, round((last - first) / length))
-            edges = np.linspace(first, last, count + 1).astype(int).tolist()
-            cut += zip(edges[:-1], edges[1:], strict=True)
+            cut += pairwise(np.linspace(first, last, count + 1).astype(int).tolist())
         return cut
 
 
@@ -87,8 +89,9 @@ class Problem:
         at = _offset_column(effects) if self.offset_per_run else None
         if at is None:
             return [np.arange(count)] * len(self.runs)
-        shared = np.arange(count) - (np.arange(count) > at)
-        return [np.where(np.arange(count) == at, count - 1 + r, shared) for r in range(len(self.runs))]
+        columns = np.arange(count)
+        shared = columns - (columns > at)
+        return [np.where(columns == at, count - 1 + r, shared) for r in range(len(self.runs))]
 
     def design(self, effects: Sequence[Effect]) -> _core.Design:
         return _core.Design([effect.for_core() for effect in effects], **self.gear)
@@ -214,8 +217,11 @@ def problem_of(
         For an unknown target, an effect that does not act on it, a channel that is missing and
         cannot be derived, values that are not finite, or logs that disagree on the gear.
     """
-    _require_target(target, effects)
-    gear = _gear(logs, target, effects)
+    require_effects(effects, target)
+    _require_load(effects, known_load)
+    if offset_per_run and "offset" not in [effect.name for effect in effects]:
+        raise InputError("offset_per_run needs the effect 'offset'; add it to the effects")
+    gear = gear_for(logs, target, effects)
     made = [_run(log, effects, target, known_load, lowpass_hz) for log in logs]
     rate = float(np.median([run.log.rate for run in made]))
     counted = sum(run.counted for run in made)
@@ -236,7 +242,7 @@ def _run(
     log = channels_for(log, effects, known_load)
     y = target_of(log, target, known_load)
     channels = core_channels(log, effects, known_load)
-    _require_finite(log, {**channels, target: y})
+    require_finite(log, {**channels, target: y})
     stretches = [(int(first), int(last)) for first, last in runs(log["time"])]
     if cutoff is not None:
         smooth = lowpass(y, log["time"], cutoff)
@@ -260,7 +266,8 @@ def _kept(stretches: list[tuple[int, int]], valid: NDArray[np.bool_]) -> list[tu
     return kept
 
 
-def _require_finite(log: Log, columns: dict[str, Array]) -> None:
+def require_finite(log: Log, columns: dict[str, Array]) -> None:
+    """Refuse columns (N,) with NaN or infinities, naming channel and row."""
     for name, values in columns.items():
         if np.isfinite(values.sum()):
             continue
@@ -272,32 +279,37 @@ def _require_finite(log: Log, columns: dict[str, Array]) -> None:
             )
 
 
-def _require_target(target: str, effects: Sequence[Effect]) -> None:
-    if target not in TARGETS:
-        raise InputError(f"there is no target '{target}'; give one of {listed(TARGETS)}")
+def _require_load(effects: Sequence[Effect], known_load: str | None) -> None:
+    """Refuse effects of a load that nothing tells (spec/effects.md, "Load")."""
+    if known_load is not None:
+        return
+    own = any(effect.info.carries_load for effect in effects)
     for effect in effects:
-        if TARGETS[target] not in effect.info.targets:
+        if effect.name in NEED_KNOWN_LOAD:
             raise InputError(
-                f"effect '{effect.name}' does not act on the target {target}; leave it out"
+                f"effect '{effect.name}' needs a known load; name its channel with known_load, or "
+                "leave the effect out"
             )
-    names = [effect.name for effect in effects]
-    for name in names:
-        if names.count(name) > 1:
-            raise InputError(f"effect '{name}' is named twice; name it once")
+        if "load" in effect.info.reads and not own:
+            raise InputError(
+                f"effect '{effect.name}' depends on the load, which neither a known load nor "
+                "inertia or gravity tells; give known_load, add one of these, or leave it out"
+            )
 
 
-def _gear(logs: Sequence[Log], target: str, effects: Sequence[Effect]) -> dict[str, Any]:
-    for key in ("gear_ratio", "output_spline"):
-        values = {log.facts.get(key) for log in logs}
+def gear_for(logs: Sequence[Log], target: str, effects: Sequence[Effect]) -> dict[str, Any]:
+    """Return the gear that all logs agree on, as `_core.Design` takes it."""
+    for key in ("joint", "gear_ratio", "output_spline", "pole_pairs", "slots"):
+        values = list(dict.fromkeys(log.facts.get(key, "unknown") for log in logs))
         if len(values) > 1:
             raise InputError(
                 f"the logs disagree on {key}: {listed(values)}; they must be of one joint"
             )
-    encoders = {"motor_position" in log for log in logs}
-    if len(encoders) > 1:
-        raise InputError("some logs have motor_position and others not; give it in all or none")
     facts = dict(logs[0].facts)
+    encoders = {"motor_position" in log for log in logs}
     motor_side = [e.name for e in effects if "motor_position" in e.info.reads]
-    if "gear_ratio" not in facts and motor_side:
+    if motor_side and len(encoders) > 1:
+        raise InputError("some logs have motor_position and others not; give it in all or none")
+    if motor_side and "gear_ratio" not in facts:
         raise InputError(f"{listed(motor_side)} needs the gear ratio; give gear_ratio")
-    return gear_of(facts, encoders.pop())
+    return gear_of(facts, encoders == {True})

@@ -186,8 +186,9 @@ class Fit:
 
     def scores_frame(self) -> pandas.DataFrame:
         """Return the scores as a table."""
-        import pandas
         from dataclasses import asdict
+
+        import pandas
 
         return pandas.DataFrame([asdict(s) for s in self.scores]).set_index(["group", "label"])
 

@@ -3,32 +3,75 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
-from typing import Any
 
-from flexspline.effects import Effect
-from flexspline.fit.estimate import Given, estimate, residuals_of
+import numpy as np
+
+from flexspline import _core
+from flexspline.effects import UNITS, Effect
+from flexspline.fit.estimate import Given, counts_of, estimate, residuals_of
 from flexspline.fit.problem import Problem
+from flexspline.orders import OrderAnalysis, find_orders
 
 __all__ = ["with_found_orders"]
 
-ROUNDS = 2
+CORE_PAIRS = {
+    "output_housing": "output_on_housing",
+    "motor_stator": "motor_on_stator",
+    "wave_generator_flexspline": "wave_generator_on_flexspline",
+    "wave_generator_circular_spline": "wave_generator_on_circular_spline",
+}
 
 
 def with_found_orders(
     effects: list[Effect], problem_of: Callable[[Sequence[Effect]], Problem]
-) -> tuple[list[Effect], Any]:
-    """Return the effects with orders, and the analysis that found them (None if none was needed).
+) -> tuple[list[Effect], OrderAnalysis | None, list[str]]:
+    """Return the effects with orders, the analysis that found them, and what was left out.
 
-    The orders are sought in the residual of the other effects, and once more beside those found,
-    because a large ripple hides small ones.
+    Without an open ripple effect nothing is sought. An open effect of which no order is found
+    is taken out of the model, and the sentences say so; they also name orders whose owner is
+    not among the effects.
     """
     open_ones = [e for e in effects if e.ripple and not e.harmonics]
-    return (effects, None) if not open_ones else _found(effects, open_ones, problem_of)
-
-
-def _found(effects, open_ones, problem_of):  # type: ignore[no-untyped-def]
+    if not open_ones:
+        return effects, None, []
     base = [e for e in effects if e not in open_ones]
     problem = problem_of(base)
     made = estimate(problem, base, Given({}, {}, {}, False), lambda: None)
-    return effects, None
+    residuals = [
+        np.where(counts_of(run), residual, np.nan)
+        for run, residual in zip(problem.runs, residuals_of(problem, made.linear), strict=True)
+    ]
+    logs = [run.log for run in problem.runs]
+    found = find_orders(logs, residuals, unit=UNITS[problem.target])
+    filled = {e.name: _with_orders(e, found) for e in open_ones}
+    sentences = [
+        f"no order of {name} stands out of the noise: it is left out"
+        for name, e in filled.items()
+        if not e.harmonics
+    ]
+    sentences += _unowned(found, {e.name for e in effects})
+    kept = [filled.get(e.name, e) for e in effects]
+    return [e for e in kept if e.harmonics or not e.ripple], found, sentences
+
+
+def _with_orders(effect: Effect, found: OrderAnalysis) -> Effect:
+    """The effect with the orders it owns, the largest where there are too many."""
+    own = [
+        (f.order, CORE_PAIRS[f.pair])
+        for f in found
+        if f.effect == effect.name and isinstance(f.order, int)
+    ]
+    return effect.with_orders(own[: _core.max_harmonics])
+
+
+def _unowned(found: OrderAnalysis, names: set[str]) -> list[str]:
+    """Orders whose owner is not in the model."""
+    missing: dict[str, list[str]] = {}
+    for f in found:
+        if f.effect not in names:
+            missing.setdefault(f.effect or "nothing known", []).append(f"{f.per_output_turn:.6g}")
+    return [
+        f"orders {', '.join(orders)} per output turn stand out and belong to {owner}, which is "
+        "not in the model"
+        for owner, orders in missing.items()
+    ]

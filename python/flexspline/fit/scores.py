@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -119,7 +120,7 @@ def _bands(group: str, values: Array, count: int, unit: str) -> Iterator[tuple[s
     edges = edges[np.concatenate([[True], np.diff(edges) > 1e-3 * (edges[-1] - edges[0])])]
     if len(edges) < 3:
         return
-    for low, high in zip(edges[:-1], edges[1:], strict=True):
+    for low, high in pairwise(edges):
         last = high == edges[-1]
         mask = (values >= low) & ((values <= high) if last else (values < high))
         yield group, f"{low:.3g} to {high:.3g} {unit}", mask

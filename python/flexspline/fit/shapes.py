@@ -102,7 +102,7 @@ def fit_shapes(
         assert search.best is not None
         return ShapeFit(search.best, {}, (), 1)
     limits = np.log([bounds.get(s.name, (s.info.lower, s.info.upper)) for s in shapes])
-    starts, flat = _grid(search, point, limits)
+    starts, flat = _grid(search, np.clip(point, limits[:, 0], limits[:, 1]), limits)
     active = [i for i in range(len(shapes)) if i not in flat]
     ends = [_simplex(search, start, limits, active) for start in starts]
     point = min(ends, key=search)

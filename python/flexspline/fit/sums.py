@@ -1,7 +1,11 @@
 """Sums of products of rows and target, a block of a second or two each: what fits are made of.
 
 Blocks are labelled with their run, can be added up in any choice, pickled and shipped. With
-`low` they are double-double: exact products, about 31 digits.
+`low` they are double-double: exact products, about 31 digits. A log larger than memory, or a
+fleet's logs on many machines, is summed piece by piece:
+
+    sums = accumulate(effects, (log.rows(slice(i, i + n)) for i in range(0, len(log), n)), target)
+    sums.solve().coefficients
 """
 
 from __future__ import annotations
@@ -62,6 +66,10 @@ class Sums:
         low[np.ix_(range(len(low)), pick, pick)] = self.low
         return Sums(high, low, self.rows, self.run)
 
+    def solve(self) -> Solution:
+        """Least squares over all blocks."""
+        return solve(*self.total())
+
     def total(self, chosen: Iterable[int] | None = None) -> tuple[Array, Array]:
         """Return (high, low) of the sum over all or some blocks."""
         blocks = list(range(len(self.high)) if chosen is None else chosen)
@@ -94,8 +102,7 @@ class Solution:
     @property
     def basis(self) -> Array:
         """(P, rank): V/s of the scaled factor; rows @ basis are orthonormal columns."""
-        scaled = self.factor / self.lengths
-        _, singular, right = np.linalg.svd(scaled, full_matrices=False)
+        _, singular, right = np.linalg.svd(self.factor / self.lengths, full_matrices=False)
         return np.asarray(right.T / singular / self.lengths[:, None])
 
 

@@ -11,6 +11,7 @@ with Z the tangent rows, so shapes are refitted too (to first order).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,7 +86,7 @@ def run_edges(problem: Problem, number: int, by_runs: bool) -> list[int]:
 def _parts(edges: list[int], rows: slice, offset: int) -> list[tuple[int, slice]]:
     """Folds that a piece of a run touches, with the rows of the piece that lie in each."""
     parts = []
-    for fold, (first, last) in enumerate(zip(edges[:-1], edges[1:], strict=True)):
+    for fold, (first, last) in enumerate(pairwise(edges)):
         begin, end = max(first, rows.start), min(last, rows.stop)
         if begin < end:
             parts.append((offset + fold, slice(begin - rows.start, end - rows.start)))

@@ -10,35 +10,40 @@ orders, power / F follows an F(2, 2 M_e) law, so that
 
 is again unit exponential. A sum of G surprises follows a gamma law of shape G. Over a scan of
 C independent orders the largest passes x about C sqrt(π x / 3) e^(-x) times: what is oversampled
-adds to the chances. Sources: Scargle 1982; Davies 1987 and Baluev 2008 (the crossing rate).
+adds to the chances. Sources: Scargle 1982; Davies 1987 and Baluev 2008 (the crossing rate),
+Trunk 1978 (smallest of).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-__all__ = ["EFFECTIVE", "Floor", "block_floor", "chance_in_scan", "surprise"]
+__all__ = ["EFFECTIVE", "NEIGHBOURS", "Floor", "block_floor", "chance_in_scan", "neighbours",
+           "surprise"]
 
 EFFECTIVE = 0.48  # orders that a median of exponential powers is worth: ln(2)² for the mean
+_NEAR, _FAR = 1.5, 8.0  # independent orders
+NEIGHBOURS = _FAR - _NEAR
 _FIRST, _LARGEST, _GROWTH = 16.0, 64.0, 1.3  # independent orders in a block
 
 
+@dataclass(frozen=True)
 class Floor:
-    """Floor over order with the effective number of orders behind it, both as functions."""
+    """Floor over blocks of orders: their centres, levels and effective number of orders."""
 
-    def __init__(self, centres: NDArray[np.float64], levels: NDArray[np.float64],
-                 support: NDArray[np.float64]) -> None:
-        self._log_centres = np.log(centres)
-        self._log_levels = np.log(levels)
-        self._support = EFFECTIVE * support
+    centres: NDArray[np.float64]
+    levels: NDArray[np.float64]
+    counts: NDArray[np.float64]
 
     def level(self, order: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return F at `order`; below the first block it goes on rising as between the first two."""
-        x, known, levels = np.log(order), self._log_centres, self._log_levels
+        x, known, levels = np.log(order), np.log(self.centres), np.log(self.levels)
         value = np.interp(x, known, levels)
         if len(known) > 1:
             slope = min((levels[1] - levels[0]) / (known[1] - known[0]), 0.0)
@@ -47,7 +52,26 @@ class Floor:
 
     def support(self, order: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return M_e at `order`."""
-        return np.asarray(np.interp(np.log(order), self._log_centres, self._support))
+        return np.asarray(np.interp(np.log(order), np.log(self.centres), self.counts))
+
+
+def neighbours(power: NDArray[np.float64], cell: float) -> NDArray[np.float64]:
+    """Return the smaller of the mean powers 1.5 to 8 independent orders below and above.
+
+    `cell` is the number of entries of `power`, shape (orders,), for one independent order.
+    """
+    near, far = max(1, round(_NEAR * cell)), max(2, round(_FAR * cell))
+    total = np.concatenate([[0.0], np.cumsum(power)])
+    at, size = np.arange(len(power)), len(power)
+
+    def mean(first: NDArray[np.intp], last: NDArray[np.intp]) -> NDArray[np.float64]:
+        first, last = np.clip(first, 0, size), np.clip(last, 0, size)
+        full = last - first >= 0.75 * (far - near)
+        value = (total[last] - total[first]) / np.maximum(last - first, 1)
+        return np.asarray(np.where(full, value, np.inf))
+
+    least = np.minimum(mean(at - far, at - near), mean(at + near + 1, at + far + 1))
+    return np.asarray(np.where(np.isfinite(least), least, 0.0))
 
 
 def block_floor(order: NDArray[np.float64], power: NDArray[np.float64], turns: float,
@@ -78,13 +102,15 @@ def block_floor(order: NDArray[np.float64], power: NDArray[np.float64], turns: f
     marks = np.searchsorted((order - order[0]) * turns, edges)
     step = (order[1] - order[0]) * turns
     centres, levels, support = [], [], []
-    for first, last in zip(marks[:-1], marks[1:], strict=True):
+    for first, last in pairwise(marks):
         inside = first + np.flatnonzero(free[first:last])
         if len(inside) * step >= 6:
             centres.append(float(np.exp(np.mean(np.log(order[inside])))))
             levels.append(float(np.median(power[inside])) / np.log(2))
             support.append(len(inside) * step)
-    return Floor(np.array(centres), np.array(levels), np.array(support)) if centres else None
+    if not centres:
+        return None
+    return Floor(np.array(centres), np.array(levels), EFFECTIVE * np.array(support))
 
 
 def surprise(ratio: NDArray[np.float64], support: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from flexspline.errors import InputError
 from flexspline.logs import Log
 
-__all__ = ["Candidate", "Pair", "effective_ratio", "owner", "output_angle", "pairs"]
+__all__ = ["Candidate", "Pair", "candidates", "effective_ratio", "output_angle", "owner", "pairs"]
 
 _LOBES = 4  # harmonics of the wave generator that count as its ripple (effects.md)
 
@@ -134,8 +134,12 @@ def output_angle(log: Log) -> NDArray[np.float64]:
     )
 
 
-def candidates(order: float, tolerance: float, parts: tuple[Pair, ...]) -> list[Candidate]:
-    """Return what may turn at `order` per output turn within `tolerance`, the likeliest first.
+def candidates(order: float, resolution: float, parts: tuple[Pair, ...], *,
+               wide: bool = False) -> list[Candidate]:
+    """Return what may turn at `order` per output turn, the likeliest first.
+
+    Orders of the motor side lie within `resolution`, those of the output, which are everywhere,
+    within half of it, or with `wide` within all of it.
 
     Whole orders of the motor side come before whole orders of the output, since the former
     are sparse and the latter everywhere; among the motor side the nearest comes first, and
@@ -147,10 +151,11 @@ def candidates(order: float, tolerance: float, parts: tuple[Pair, ...]) -> list[
             continue
         near = round(order / pair.turns)
         wave = pair.name.startswith("wave_generator")
+        tolerance = resolution * (1.0 if pair.motor or wide else 0.5)
         for m in (near - 1, near, near + 1):
             offset = abs(m * pair.turns - order)
             if m >= 1 and offset <= tolerance * (1 + 1e-9) and not (wave and m > _LOBES):
-                rank = (pair.motor == 0, round(offset / tolerance, 2), wave != (m <= _LOBES), m)
+                rank = (pair.motor == 0, round(offset / resolution, 2), wave != (m <= _LOBES), m)
                 found.append((rank, Candidate(m, pair, m * pair.turns)))
     return [candidate for _, candidate in sorted(found, key=lambda entry: entry[0])]
 

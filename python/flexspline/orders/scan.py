@@ -15,7 +15,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.orders.floor import Floor, block_floor, chance_in_scan, surprise
+from flexspline.orders.floor import (
+    NEIGHBOURS,
+    Floor,
+    block_floor,
+    chance_in_scan,
+    neighbours,
+    surprise,
+)
 from flexspline.orders.stretches import Stretch
 from flexspline.orders.transform import fourier_sums
 
@@ -65,6 +72,9 @@ def scan(parts: Sequence[Stretch], rest: Sequence[NDArray[np.float64]], turns: i
         if floor is None:
             continue
         level, known = floor.level(k), floor.support(k)
+        beside = neighbours(power, turns / part.turns)
+        known = np.where(beside > level, np.minimum(known, NEIGHBOURS), known)
+        level = np.maximum(level, beside)
         summed[where] += surprise(power / level, known)
         seen[where] += 1
         phasor[where] += sums / level
@@ -76,7 +86,8 @@ def scan(parts: Sequence[Stretch], rest: Sequence[NDArray[np.float64]], turns: i
 
 
 def find_lines(parts: Sequence[Stretch], turns: int, highest: float, false_alarm: float,
-               snap: Callable[[float, float], float]) -> tuple[list[Line], Round]:
+               snap: Callable[[float, float], float],
+               known: Sequence[Line] = ()) -> tuple[list[Line], Round]:
     """Search until nothing stands out; return the lines and the last round.
 
     Parameters
@@ -87,19 +98,21 @@ def find_lines(parts: Sequence[Stretch], turns: int, highest: float, false_alarm
         Probability that noise alone yields any line.
     snap : callable
         (order, resolution) -> the whole order that it stands for, or the order itself.
+    known : sequence of Line
+        Lines that the values are free of already, near which nothing is named.
     """
     lines: list[Line] = []
     rest: Sequence[NDArray[np.float64]] = [part.values for part in parts]
     apart = 3 / min(part.turns for part in parts)
     while True:
-        seen = scan(parts, rest, turns, highest, [line.order for line in lines])
+        seen = scan(parts, rest, turns, highest, [line.order for line in (*known, *lines)])
         new: list[Line] = []
         strongest = 0.0
         for strength, peak in _peaks(seen, false_alarm):
             line = Line(snap(peak.order, peak.resolution), peak.chance, peak.resolution)
             if strength < 0.2 * strongest:
                 break
-            if _is_new(line, lines, 1.5) and _is_new(line, new, apart / line.resolution):
+            if _is_new(line, [*known, *lines], 2.0) and _is_new(line, new, apart / line.resolution):
                 strongest = strongest or strength
                 new.append(line)
         if not new or len(lines) > _MOST:

@@ -1,8 +1,8 @@
 """Stretches of logs in which the joint moves one way: what an order search looks at.
 
 A ripple may change its phase with the direction (friction, lag) and its amplitude with the
-speed, so every run is cut by direction, and its standstill is left out. Within a stretch
-order k is seen between
+speed, so every run is cut by direction; standstill and what follows a reversal are left out.
+Within a stretch order k is seen between
 
     1.5 / turns   below it, a slow trend over part of a turn looks the same,
     0.9 π rate / |v|   near half the sampling rate; beyond it shows up at a false order (alias).
@@ -26,7 +26,8 @@ __all__ = ["Stretch", "Values", "chosen_values", "stretches"]
 Values = str | Sequence[ArrayLike] | Callable[[Log], ArrayLike]
 
 _WINDOW = 0.05  # s, over which the speed is taken
-_STILL = 0.1  # of the run's usual speed: slower than this counts as standstill
+_STILL = 0.3  # of the run's usual speed: slower than this counts as a reversal or standstill
+_SETTLE = (0.5, 0.1)  # s left out after a start and before a stop: presliding, overshoot
 _SHORTEST = 64  # rows that a stretch needs
 _CYCLES = 1.5  # cycles in the span from which an order can be told from a trend
 _NYQUIST = 0.9  # of half the sampling rate
@@ -36,14 +37,15 @@ _NYQUIST = 0.9  # of half the sampling rate
 class Stretch:
     """One direction of one run.
 
-    `angle` [rad at the output], `values` [unit of the channel] without their smooth part and
-    `base`, its orthonormal columns, shape (rows, columns); `speed` [rad/s, signed, median];
-    `turns` of the output that the angle spans; `lowest` and `highest` order seen.
+    `angle` [rad at the output], `raw` values [unit of the channel], `values` without their
+    smooth part and `base`, its orthonormal columns, shape (rows, columns); `speed` [rad/s,
+    signed, median]; `turns` of the output that the angle spans; `lowest` and `highest` order seen.
     """
 
     run: int
     name: str
     angle: NDArray[np.float64]
+    raw: NDArray[np.float64]
     values: NDArray[np.float64]
     base: NDArray[np.float64]
     speed: float
@@ -116,7 +118,7 @@ def _of_run(run: int, log: Log, values: NDArray[np.float64], longest: float) -> 
         return
     rate = log.rate
     for sign, word in ((1, "+"), (-1, "-")):
-        way = np.flatnonzero(speed * sign > _STILL * usual)
+        way = _settled(time, speed * sign > _STILL * usual)
         if len(way) < _SHORTEST:
             continue
         start = angle[way].min()
@@ -129,13 +131,24 @@ def _of_run(run: int, log: Log, values: NDArray[np.float64], longest: float) -> 
                 yield _stretch(run, name, angle[rows], values[rows], speed[rows], rate)
 
 
+def _settled(time: NDArray[np.float64], moving: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """Return the moving rows away from starts and stops, all of them where few would stay."""
+    change = np.diff(moving.astype(np.int8))
+    starts, stops = time[1:][change > 0], time[:-1][change < 0]
+    since = np.concatenate([[-np.inf], starts])[np.searchsorted(starts, time, side="right")]
+    until = np.concatenate([stops, [np.inf]])[np.searchsorted(stops, time, side="left")]
+    calm = moving & (time - since >= _SETTLE[0]) & (until - time >= _SETTLE[1])
+    enough = np.count_nonzero(calm) > 0.5 * np.count_nonzero(moving)
+    return np.flatnonzero(calm if enough else moving)
+
+
 def _stretch(run: int, name: str, angle: NDArray[np.float64], values: NDArray[np.float64],
              speed: NDArray[np.float64], rate: float) -> Stretch:
     turns = float(np.ptp(angle)) / (2 * np.pi)
     base = _smooth_base(angle, speed)
     rest = values - base @ (base.T @ values)
     fast = float(np.quantile(np.abs(speed), 0.95))
-    return Stretch(run, name, angle, rest, base, float(np.median(speed)), turns,
+    return Stretch(run, name, angle, values, rest, base, float(np.median(speed)), turns,
                    _CYCLES / turns, _NYQUIST * np.pi * rate / fast)
 
 

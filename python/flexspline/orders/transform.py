@@ -11,6 +11,8 @@ width 6 and twofold grid the error is about 1e-5 of Σ|y|.
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
@@ -59,7 +61,7 @@ def fourier_sums(
             summed = np.bincount(cell - low, weights=weight)
             grid[low : low + len(summed)] += summed
     spectrum: NDArray[np.complex128] = fft.rfft(grid)[: last + 1]
-    return spectrum / _kernel_transform(np.arange(last + 1) / size)
+    return spectrum / _kernel_transform(last, size)
 
 
 def _kernel(x: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -68,11 +70,12 @@ def _kernel(x: NDArray[np.float64]) -> NDArray[np.float64]:
     return value
 
 
-def _kernel_transform(frequency: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return ∫ kernel(2x/W) · exp(-2πi f x) dx for f in cycles per grid cell (even in f)."""
+@lru_cache(maxsize=4)
+def _kernel_transform(last: int, size: int) -> NDArray[np.float64]:
+    """Return ∫ kernel(2x/W) · exp(-2πi f x) dx for f = 0 … last/size cycles per grid cell."""
     node, weight = np.polynomial.legendre.leggauss(40)
     half = _WIDTH / 2
     knots = np.linspace(0.0, 0.26, 513)
     value = half * np.cos(2 * np.pi * half * knots[:, None] * node) @ (weight * _kernel(node))
-    smooth: NDArray[np.float64] = CubicSpline(knots, value)(frequency)
+    smooth: NDArray[np.float64] = CubicSpline(knots, value)(np.arange(last + 1) / size)
     return smooth

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from flexspline.logs.channels import CHANNELS
 
 __all__ = [
-    "GREY", "INK", "PALETTE", "PlainFigure", "axes_or_new", "channel_label",
+    "GREY", "INK", "MOST_COLOURED_RUNS", "PALETTE", "PlainFigure", "axes_or_new", "channel_label",
     "colours_of_runs", "legend", "plain", "titled",
 ]
 

@@ -71,9 +71,14 @@ def _over_time(fit: Fit, run: FittedRun, ax: Axes) -> None:
     at = outline(run.measured[some]) + some.start
     ax.plot(time[at], run.measured[at], color=GREY, linewidth=1.0, label="measured")
     parts = contributions(fit, run)
+    rough = {name: float(np.nanmean(np.abs(np.diff(y[some])))) for name, y in parts.items()}
+    behind = sorted(parts, key=lambda name: -rough[name])
     for (name, values), (colour, line) in zip(parts.items(), _looks(), strict=False):
         at = outline(values[some]) + some.start
-        ax.plot(time[at], values[at], line, color=colour, linewidth=1.3, label=name)
+        ax.plot(
+            time[at], values[at], line, color=colour, linewidth=1.3, label=name,
+            zorder=2.1 + 0.01 * behind.index(name),
+        )
     ax.set_xlabel("time since the start of the run [s]")
     titled(ax, f"Contribution of each effect, {plain(run.log.name)}")
 
@@ -88,14 +93,18 @@ def _over_channel(fit: Fit, runs: list[FittedRun], channel: str, ax: Axes) -> No
     parts = [{k: v[each.counts] for k, v in contributions(fit, each).items()} for each in runs]
     for name, (colour, line) in zip(parts[0] if parts else {}, _looks(), strict=False):
         bands = banded(x, np.concatenate([part[name] for part in parts]))
-        width = bands.high - bands.low
-        tells = np.nanmedian(width) <= LOOSE * np.ptp(bands.median[np.isfinite(bands.median)])
+        middle = bands.median[np.isfinite(bands.median)]
+        rounding = 1e-6 * float(np.abs(middle).max(initial=0.0))
+        tells = np.nanmedian(bands.high - bands.low) <= LOOSE * np.ptp(middle) + rounding
         ax.fill_between(
             bands.centre, bands.low, bands.high, color=colour, alpha=0.2, linewidth=0,
             label=None if tells else f"{name} (90 %)",
         )
         if tells:
-            ax.plot(bands.centre, bands.median, line, color=colour, linewidth=1.5, label=name)
+            ax.plot(
+                bands.centre, bands.median, line, color=colour, linewidth=1.5, marker=".",
+                markersize=2.5, label=name,
+            )
     ax.set_xlabel(channel_label(channel))
     titled(ax, f"Contribution of each effect over {channel.replace('_', ' ')}")
 

@@ -13,6 +13,7 @@ from flexspline.errors import InputError, listed
 from flexspline.logs.log import Log
 from flexspline.model import Model, Part
 from flexspline.plot.canvas import (
+    MOST_COLOURED_RUNS,
     PALETTE,
     axes_or_new,
     channel_label,
@@ -95,8 +96,10 @@ def _temperatures(model: Model, part: Part, runs: Sequence[Log], ax: Axes) -> Ar
         at = good[spread_evenly(len(good), 20_000 // len(runs))]
         ax.scatter(
             temperature[at], y[at], s=2.5, alpha=0.3, linewidths=0, color=colour,
-            rasterized=True, label=plain(log.name) if len(runs) <= 10 else None,
+            rasterized=True,
         )
+        if len(runs) <= MOST_COLOURED_RUNS:
+            ax.plot([], [], "o", color=colour, markersize=4, label=plain(log.name))
     joined = np.concatenate(seen) if seen else np.empty(0)
     if not len(joined):
         raise InputError("no log has a finite temperature; give logs that have")

@@ -57,8 +57,9 @@ def plot_fit(fit: Fit) -> Figure:
     chosen = panels(fit)
     rows = -(-len(chosen) // 2)
     figure = PlainFigure(11.0, 3.5 * rows)
-    for number, panel in enumerate(chosen):
-        panel.draw(figure.add_subplot(rows, 2, number + 1))
+    cells = figure.subfigures(rows, 2, squeeze=False).ravel()
+    for cell, panel in zip(cells, chosen, strict=False):
+        panel.draw(cell.add_subplot())
     return figure
 
 

@@ -12,6 +12,7 @@ from flexspline.errors import InputError, listed
 from flexspline.plot.canvas import (
     GREY,
     INK,
+    MOST_COLOURED_RUNS,
     axes_or_new,
     channel_label,
     colours_of_runs,
@@ -28,7 +29,6 @@ __all__ = ["has_channel", "measured_against_predicted", "residual_over"]
 
 Array = NDArray[np.float64]
 
-LEGEND_RUNS = 10
 _WORDS = {"output_position": "output angle", "motor_position": "motor angle"}
 
 
@@ -112,7 +112,9 @@ def _over_channel(fit: Fit, channel: str, ax: Axes) -> None:
     ax.fill_between(
         bands.centre, bands.low, bands.high, color=GREY, alpha=0.25, linewidth=0, label="90 %"
     )
-    ax.plot(bands.centre, bands.median, color=INK, linewidth=1.6, label="median")
+    ax.plot(
+        bands.centre, bands.median, ".-", color=INK, linewidth=1.6, markersize=2, label="median"
+    )
     words = channel_label(channel)
     ax.set_xlabel(words.replace(" [", " within a turn [") if wrapped else words)
     low, high = np.nanpercentile(y, [0.1, 99.9])
@@ -127,7 +129,9 @@ def _column(run: FittedRun, channel: str, wrapped: bool) -> Array:
 
 
 def _range(fit: Fit, channel: str) -> float:
-    return max(float(np.ptp(run.log[channel])) for run in fit.runs if channel in run.log)
+    """From the least to the largest value in all runs."""
+    columns = [run.log[channel] for run in fit.runs if channel in run.log]
+    return float(max(map(np.nanmax, columns)) - min(map(np.nanmin, columns)))
 
 
 def _points(fit: Fit, columns: list[Array], what: str) -> tuple[Array, Array, NDArray[np.float64]]:
@@ -144,6 +148,6 @@ def _points(fit: Fit, columns: list[Array], what: str) -> tuple[Array, Array, ND
 
 
 def _name_runs(fit: Fit, ax: Axes) -> None:
-    if 1 < len(fit.runs) <= LEGEND_RUNS:
+    if 1 < len(fit.runs) <= MOST_COLOURED_RUNS:
         for run, colour in zip(fit.runs, colours_of_runs(len(fit.runs)), strict=True):
             ax.plot([], [], "o", color=colour, markersize=4, label=plain(run.log.name))

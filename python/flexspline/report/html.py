@@ -49,6 +49,7 @@ def write_report(fit: Fit, path: str | os.PathLike[str]) -> None:
         scores=grouped_scores(fit.scores),
         figures=report_figures(fit),
         shares=[(name, short(size), 100.0 * size / largest) for name, size in made.items()],
+        orders="" if fit.orders is None else str(fit.orders),
         logs=log_facts(fit),
         facts=model_facts(fit),
         call=python_call(fit),

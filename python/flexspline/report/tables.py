@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from flexspline.errors import InputError, listed
 from flexspline.fit.scores import Score
-from flexspline.report.numbers import decimals_for, short, truncated
+from flexspline.report.numbers import decimals_for, truncated
 
 if TYPE_CHECKING:
     import pandas
@@ -55,7 +55,8 @@ def score_rows(scores: Sequence[Score], unit: str) -> list[tuple[str, ...]]:
     ]
     for entry in _shown(scores):
         numbers = (_fixed(x, decimals) for x in (entry.rmse, entry.cv_rmse, entry.bias))
-        found.append((_label(entry), str(entry.rows), *numbers, truncated(entry.r_squared)))
+        label = _named(entry.group, entry.label)
+        found.append((label, str(entry.rows), *numbers, truncated(entry.r_squared)))
     return found
 
 
@@ -70,7 +71,7 @@ def grouped_scores(scores: Sequence[Score]) -> list[tuple[str, list[tuple[str, .
                 entry.label,
                 str(entry.rows),
                 *(_fixed(x, decimals) for x in (entry.rmse, entry.cv_rmse, entry.bias)),
-                short(entry.variance),
+                f"{entry.variance:#.3g}".rstrip("."),
                 truncated(entry.r_squared),
             )
             for entry in members
@@ -85,8 +86,9 @@ def _fixed(value: float, decimals: int) -> str:
 
 
 def _telling(scores: Sequence[Score]) -> list[Score]:
-    """Leave out a part that holds all rows: it says what the first line says."""
-    return [s for s in scores if s.group == "all" or s.rows < scores[0].rows]
+    """Order by group, without parts that hold all rows: these say what the first line says."""
+    told = [s for s in scores if s.group == "all" or s.rows < scores[0].rows]
+    return sorted(told, key=lambda s: list(_GROUPS).index(s.group))
 
 
 def _shown(scores: Sequence[Score]) -> list[Score]:
@@ -98,10 +100,11 @@ def _shown(scores: Sequence[Score]) -> list[Score]:
     return [entry for entry in scores if entry.group != "run" or entry in worst]
 
 
-def _label(entry: Score) -> str:
-    if entry.group in ("all", "reversals", "direction"):
-        return entry.label
-    return f"{entry.group} {entry.label}"
+def _named(group: str, label: str) -> str:
+    """Say what a label is of, where it does not say so itself."""
+    if group in ("all", "reversals", "direction") or label.startswith(group):
+        return label
+    return f"{group} {label}"
 
 
 @dataclass(frozen=True)
@@ -189,9 +192,8 @@ class ScoreTable:
     def _cells(self) -> list[tuple[str, list[str], NDArray[np.bool_]]]:
         found = []
         for (group, label), values, marks in zip(self.rows, self.values, self.best(), strict=True):
-            named = label if group in ("all", "reversals", "direction") else f"{group} {label}"
             cells = [f"{v:.{self._decimals}f}" if np.isfinite(v) else "–" for v in values]
-            found.append((named, cells, marks))
+            found.append((_named(group, label), cells, marks))
         return found
 
 

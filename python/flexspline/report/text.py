@@ -16,10 +16,11 @@ if TYPE_CHECKING:
 __all__ = ["fit_text"]
 
 WIDTH = 100
+WIDEST = 120  # of the table of parameters
 
 
 def fit_text(fit: Fit) -> str:
-    """Return what `print(fit)` shows, lines of at most 100 characters where names allow it."""
+    """Return what `print(fit)` shows, lines of at most 120 characters where names allow it."""
     judged = verdict(fit)
     blocks = [
         [*_wrapped(judged.good), *_wrapped(judged.wrong)],
@@ -51,8 +52,9 @@ def _parameters(lines: Sequence[ParameterLine]) -> list[str]:
     for name, line in zip(names, lines, strict=True):
         if line.heading:
             text += _wrapped(line.heading)
-        row = f"{name:<{wide[0]}}  {line.value:<{wide[1]}}  {line.unit:<{wide[2]}}"
-        text.append(f"{row}  {line.remark}".rstrip())
+        row = f"{name:<{wide[0]}}  {line.value:<{wide[1]}}  {line.unit:<{wide[2]}}  "
+        first, *more = textwrap.wrap(line.remark, max(WIDEST - len(row), 40)) or [""]
+        text += [f"{row}{first}".rstrip(), *(" " * len(row) + rest for rest in more)]
     return text
 
 

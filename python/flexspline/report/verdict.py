@@ -101,7 +101,8 @@ def _grave(fit: Fit, share: float) -> list[str]:
 def _doubts(fit: Fit) -> list[str]:
     found = []
     if fit.cv_rmse > WORSE * fit.rmse:
-        found.append(f"{fit.cv_rmse / fit.rmse - 1:.0%} worse on rows never seen than on its own")
+        percent = round(100.0 * (fit.cv_rmse / fit.rmse - 1.0))
+        found.append(f"{percent} % worse on rows never seen than on its own")
     shapes = [
         short_names(p.name) for p in fit.parameters if p.kind == "shape" and not p.determined
     ]
@@ -110,6 +111,9 @@ def _doubts(fit: Fit) -> list[str]:
     idle = _idle(fit)
     if idle:
         found.append(f"not told apart from zero: {listed(idle, 6)}")
+    warned = len([said for said in fit.warnings if said != fit.uncertainty.statement])
+    if warned:
+        found.append(f"{warned} warning{'s' if warned > 1 else ''}, see below")
     return found
 
 

@@ -23,20 +23,20 @@ namespace flexspline {
 
 /// `Combine<Effects...>` with all effects; ripple effects with room for K harmonics.
 template <template <typename...> typename Combine, typename S, std::size_t K>
-using Catalogue = Combine<                 //
-    Offset<S>,                             //
-    CoulombFriction<S>,                    //
-    CoulombFrictionPerDirection<S>,        //
-    ViscousFriction<S>,                    //
-    NonlinearViscousFriction<S>,           //
-    StribeckFriction<S>,                   //
-    LoadDependentFriction<S>,              //
-    Inertia<S>,                            //
-    Gravity<S>,                            //
-    OutputRipple<S, K>,                    //
-    WaveGeneratorRipple<S, K>,             //
-    Cogging<S, K>,                         //
-    TemperatureDrift<S>,                   //
+using Catalogue = Combine<           //
+    Offset<S>,                       //
+    CoulombFriction<S>,              //
+    CoulombFrictionPerDirection<S>,  //
+    ViscousFriction<S>,              //
+    NonlinearViscousFriction<S>,     //
+    StribeckFriction<S>,             //
+    LoadDependentFriction<S>,        //
+    Inertia<S>,                      //
+    Gravity<S>,                      //
+    OutputRipple<S, K>,              //
+    WaveGeneratorRipple<S, K>,       //
+    Cogging<S, K>,                   //
+    TemperatureDrift<S>,             //
     GainError<S>>;
 
 }  // namespace flexspline

@@ -21,10 +21,12 @@ struct CoulombFriction {
   static constexpr std::array<Term, 1> terms{{{"level", "Nm"}}};
   static constexpr std::array<Channel, 1> reads{Channel::output_velocity};
 
-  S direction_width = S(0.005);  ///< rad/s, half-width of the change of direction, > 0; one for all friction of a model
+  S direction_width = S(0.005);  ///< rad/s, half-width of the change of direction, > 0; one for all
+                                 ///< friction of a model
 
   static constexpr auto shapes() noexcept {
-    return std::array{Shape<CoulombFriction, S>{"direction_width", "rad/s", &CoulombFriction::direction_width, S(1e-4), S(0.5), true}};
+    return std::array{Shape<CoulombFriction, S>{
+        "direction_width", "rad/s", &CoulombFriction::direction_width, S(1e-4), S(0.5), true}};
   }
 
   constexpr Row<S, 1> row(const Sample<S>& at) const noexcept {

@@ -22,10 +22,13 @@ struct CoulombFrictionPerDirection {
   static constexpr std::array<Term, 2> terms{{{"positive", "Nm"}, {"negative", "Nm"}}};
   static constexpr std::array<Channel, 1> reads{Channel::output_velocity};
 
-  S direction_width = S(0.005);  ///< rad/s, half-width of the change of direction, > 0; one for all friction of a model
+  S direction_width = S(0.005);  ///< rad/s, half-width of the change of direction, > 0; one for all
+                                 ///< friction of a model
 
   static constexpr auto shapes() noexcept {
-    return std::array{Shape<CoulombFrictionPerDirection, S>{"direction_width", "rad/s", &CoulombFrictionPerDirection::direction_width, S(1e-4), S(0.5), true}};
+    return std::array{Shape<CoulombFrictionPerDirection, S>{
+        "direction_width", "rad/s", &CoulombFrictionPerDirection::direction_width, S(1e-4), S(0.5),
+        true}};
   }
 
   constexpr Row<S, 2> row(const Sample<S>& at) const noexcept {

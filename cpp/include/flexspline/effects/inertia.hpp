@@ -14,16 +14,13 @@ template <typename S>
 struct Inertia {
   static constexpr std::string_view name = "inertia";
   static constexpr std::string_view targets = "SM";
-  static constexpr std::string_view signature =
-      "the residual follows acceleration";
+  static constexpr std::string_view signature = "the residual follows acceleration";
   static constexpr std::string_view source = "turlapati_intrinsic_dynamics (11)";
   static constexpr std::array<Term, 1> terms{{{"inertia", "kg·m²"}}};
   static constexpr std::array<Channel, 1> reads{Channel::output_acceleration};
   static constexpr bool carries_load = true;  ///< part of the torque that the gear transmits
 
-  constexpr Row<S, 1> row(const Sample<S>& at) const noexcept {
-    return {at.output_acceleration};
-  }
+  constexpr Row<S, 1> row(const Sample<S>& at) const noexcept { return {at.output_acceleration}; }
 };
 
 }  // namespace flexspline

@@ -16,14 +16,18 @@ struct LoadDependentFriction {
   static constexpr std::string_view targets = "SM";
   static constexpr std::string_view signature =
       "the step at a reversal is higher where the joint carries more";
-  static constexpr std::string_view source = "Madsen et al. 2020, Comprehensive modeling and identification of nonlinear joint dynamics";
+  static constexpr std::string_view source =
+      "Madsen et al. 2020, Comprehensive modeling and identification of nonlinear joint dynamics";
   static constexpr std::array<Term, 1> terms{{{"factor", "1"}}};
   static constexpr std::array<Channel, 2> reads{Channel::output_velocity, Channel::load};
 
-  S direction_width = S(0.005);  ///< rad/s, half-width of the change of direction, > 0; one for all friction of a model
+  S direction_width = S(0.005);  ///< rad/s, half-width of the change of direction, > 0; one for all
+                                 ///< friction of a model
 
   static constexpr auto shapes() noexcept {
-    return std::array{Shape<LoadDependentFriction, S>{"direction_width", "rad/s", &LoadDependentFriction::direction_width, S(1e-4), S(0.5), true}};
+    return std::array{Shape<LoadDependentFriction, S>{"direction_width", "rad/s",
+                                                      &LoadDependentFriction::direction_width,
+                                                      S(1e-4), S(0.5), true}};
   }
 
   constexpr Row<S, 1> row(const Sample<S>& at) const noexcept {

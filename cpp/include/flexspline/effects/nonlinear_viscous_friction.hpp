@@ -14,10 +14,10 @@ template <typename S>
 struct NonlinearViscousFriction {
   static constexpr std::string_view name = "nonlinear_viscous_friction";
   static constexpr std::string_view targets = "SM";
-  static constexpr std::string_view signature =
-      "torque over speed bends at high speed";
+  static constexpr std::string_view signature = "torque over speed bends at high speed";
   static constexpr std::string_view source = "full_range_torque_estimation (21)";
-  static constexpr std::array<Term, 2> terms{{{"quadratic", "Nm·s²/rad²"}, {"cubic", "Nm·s³/rad³"}}};
+  static constexpr std::array<Term, 2> terms{
+      {{"quadratic", "Nm·s²/rad²"}, {"cubic", "Nm·s³/rad³"}}};
   static constexpr std::array<Channel, 1> reads{Channel::output_velocity};
 
   constexpr Row<S, 2> row(const Sample<S>& at) const noexcept {

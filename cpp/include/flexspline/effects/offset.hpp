@@ -20,9 +20,7 @@ struct Offset {
   static constexpr std::array<Term, 1> terms{{{"offset", "Nm"}}};
   static constexpr std::array<Channel, 0> reads{};
 
-  constexpr Row<S, 1> row(const Sample<S>& /*at*/) const noexcept {
-    return {S(1)};
-  }
+  constexpr Row<S, 1> row(const Sample<S>& /*at*/) const noexcept { return {S(1)}; }
 };
 
 }  // namespace flexspline

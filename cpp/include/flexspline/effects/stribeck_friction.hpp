@@ -15,22 +15,28 @@ template <typename S>
 struct StribeckFriction {
   static constexpr std::string_view name = "stribeck_friction";
   static constexpr std::string_view targets = "SM";
-  static constexpr std::string_view signature =
-      "friction falls with speed just above standstill";
-  static constexpr std::string_view source = "Olsson et al. 1998, Friction models and friction compensation";
+  static constexpr std::string_view signature = "friction falls with speed just above standstill";
+  static constexpr std::string_view source =
+      "Olsson et al. 1998, Friction models and friction compensation";
   static constexpr std::array<Term, 1> terms{{{"level", "Nm"}}};
   static constexpr std::array<Channel, 1> reads{Channel::output_velocity};
 
   S stribeck_velocity = S(0.1);  ///< rad/s at the output, > 0
-  S direction_width = S(0.005);  ///< rad/s, half-width of the change of direction, > 0; one for all friction of a model
+  S direction_width = S(0.005);  ///< rad/s, half-width of the change of direction, > 0; one for all
+                                 ///< friction of a model
 
   static constexpr auto shapes() noexcept {
-    return std::array{Shape<StribeckFriction, S>{"stribeck_velocity", "rad/s", &StribeckFriction::stribeck_velocity, S(1e-3), S(10), true}, Shape<StribeckFriction, S>{"direction_width", "rad/s", &StribeckFriction::direction_width, S(1e-4), S(0.5), true}};
+    return std::array{
+        Shape<StribeckFriction, S>{"stribeck_velocity", "rad/s",
+                                   &StribeckFriction::stribeck_velocity, S(1e-3), S(10), true},
+        Shape<StribeckFriction, S>{"direction_width", "rad/s", &StribeckFriction::direction_width,
+                                   S(1e-4), S(0.5), true}};
   }
 
   constexpr Row<S, 1> row(const Sample<S>& at) const noexcept {
     const S slip = at.output_velocity / stribeck_velocity;
-    return {direction(at.output_velocity, direction_width) * math::exp(math::clamp(-slip * slip, S(-50), S(0)))};
+    return {direction(at.output_velocity, direction_width) *
+            math::exp(math::clamp(-slip * slip, S(-50), S(0)))};
   }
 };
 

@@ -9,7 +9,7 @@ namespace flexspline {
 ///
 ///   τ = Σ_k  a_k cos(k β) + b_k sin(k β),     β: θ, θ − q or θ + q (see Gear)
 ///
-/// Linear in a and b.
+/// Linear in a and b. Where it is not known which spline is the output, β is the motor's θ.
 /// Source: zhang_disturbance_elimination (2), Fig. 15.
 template <typename S, std::size_t K>
 struct WaveGeneratorRipple : Harmonics<S, K> {
@@ -19,7 +19,9 @@ struct WaveGeneratorRipple : Harmonics<S, K> {
       "one to four periods per turn of the wave generator";
   static constexpr std::string_view source = "zhang_disturbance_elimination (2), Fig. 15";
   static constexpr std::array<Channel, 1> reads{Channel::motor_position};
-  static constexpr std::array<Pair, 2> pairs{Pair::wave_generator_on_flexspline, Pair::wave_generator_on_circular_spline};
+  static constexpr std::array<Pair, 3> pairs{Pair::wave_generator_on_flexspline,
+                                             Pair::wave_generator_on_circular_spline,
+                                             Pair::motor_on_stator};
 };
 
 }  // namespace flexspline

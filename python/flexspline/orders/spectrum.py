@@ -1,0 +1,231 @@
+"""Amplitude spectra: over the angle of a pair of parts, and over time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from matplotlib import pyplot
+from matplotlib.axes import Axes
+from numpy.typing import ArrayLike, NDArray
+from scipy import fft, signal
+
+from flexspline.errors import InputError
+from flexspline.logs import Log
+from flexspline.orders.parts import Pair, effective_ratio, pairs
+from flexspline.orders.stretches import Stretch, Values, chosen_values, stretches
+from flexspline.orders.transform import fourier_sums
+
+__all__ = ["LONGEST", "OrderSpectrum", "TimeSpectrum", "order_spectrum", "step_turns",
+           "time_spectrum"]
+
+LONGEST = 100.0  # turns looked at in one piece; two orders 0.01 apart are one
+_OVERSAMPLING = 4
+
+
+@dataclass(frozen=True)
+class OrderSpectrum:
+    """Amplitude over order.
+
+    `order` per turn of `pair`; `amplitude` [unit], root mean square over the runs that show
+    the order; `steady` [unit], amplitude of the part with the same phase in all of them; NaN
+    where no run shows the order. `runs` is how many do, `resolution` the distance of orders
+    that the longest stretch can tell apart.
+    """
+
+    order: NDArray[np.float64]
+    amplitude: NDArray[np.float64]
+    steady: NDArray[np.float64]
+    runs: NDArray[np.int64]
+    pair: str
+    resolution: float
+    channel: str
+    unit: str
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the amplitude over the order."""
+        ax = pyplot.subplots(figsize=(9, 4))[1] if ax is None else ax
+        ax.plot(self.order, self.amplitude, linewidth=0.7)
+        side, other = self.pair.rsplit("_", 1) if "_" in self.pair else (self.pair, "")
+        ax.set(xlabel=f"order [per turn of {side.replace('_', ' ')} against {other}]",
+               ylabel=f"amplitude of {self.channel} [{self.unit or '1'}]", ylim=(0, None))
+        ax.grid(alpha=0.3)
+        return ax
+
+
+@dataclass(frozen=True)
+class TimeSpectrum:
+    """Amplitude over frequency [Hz]; `peaks` are (frequency [Hz], amplitude), largest first."""
+
+    frequency: NDArray[np.float64]
+    amplitude: NDArray[np.float64]
+    peaks: tuple[tuple[float, float], ...]
+    channel: str
+    unit: str
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the amplitude over the frequency, its largest peaks marked."""
+        ax = pyplot.subplots(figsize=(9, 4))[1] if ax is None else ax
+        ax.plot(self.frequency, self.amplitude, linewidth=0.7)
+        for frequency, height in self.peaks[:10]:
+            ax.annotate(f"{frequency:.4g}", (frequency, height), (0, 4),
+                        textcoords="offset points", fontsize=8, ha="center")
+        ax.set(xlabel="frequency [Hz]", ylim=(0, None),
+               ylabel=f"amplitude of {self.channel} [{self.unit or '1'}]")
+        ax.grid(alpha=0.3)
+        return ax
+
+
+def step_turns(parts: Sequence[Stretch]) -> int:
+    """Return P, so that orders in steps of 1/P miss no peak of the longest stretch."""
+    return int(2 ** np.ceil(np.log2(max(1.0, _OVERSAMPLING * max(p.turns for p in parts)))))
+
+
+def order_spectrum(
+    logs: Log | Sequence[Log],
+    values: Values,
+    *,
+    pair: str = "output_housing",
+    orders: ArrayLike | None = None,
+    max_order: float | None = None,
+    unit: str | None = None,
+) -> OrderSpectrum:
+    """Return the least-squares amplitude at every order, of one run or several together.
+
+    Parameters
+    ----------
+    logs, values, unit
+        As in `find_orders`.
+    pair : str
+        Whose turns are counted: a name of `flexspline.orders.pairs`.
+    orders : array, optional
+        Orders of the pair to give, shape (orders,); default an even grid up to `max_order`.
+    max_order : float, optional
+        Highest order of the pair; default as in `find_orders`.
+
+    Raises
+    ------
+    InputError
+        As `find_orders`, and for a pair or a gear ratio that the log does not know.
+
+    Notes
+    -----
+    The smooth part (offset, cubic of the angle, a parabola of a changing speed) of each
+    direction of each run is taken out. At each order k the amplitude is that of the fit of
+    cos kq and sin kq: uneven samples, even samples and part of a turn alike (Lomb 1976).
+    """
+    logs = [logs] if isinstance(logs, Log) else list(logs)
+    arrays, channel, unit = chosen_values(logs, values, unit)
+    turned = _named_pair(logs[0], pair)
+    wanted = None if orders is None else np.asarray(orders, dtype=np.float64)
+    if wanted is not None and not (wanted.ndim == 1 and len(wanted) and np.all(wanted > 0)):
+        raise InputError("order_spectrum: orders must be a list of numbers above 0")
+    parts = stretches(logs, arrays, LONGEST)
+    turns = step_turns(parts)
+    if wanted is not None:
+        highest = float(wanted.max()) * turned.turns + 1 / turns
+    elif max_order is not None:
+        highest = max_order * turned.turns
+    else:
+        highest = min(50 * (effective_ratio(logs[0]) or 100.0), 1e4)
+    order = np.arange(int(np.floor(highest * turns + 1e-9)) + 1) / turns
+    total = _summed(parts, turns, highest, order)
+    spectrum = OrderSpectrum(order / turned.turns, *total, pair,
+                             1 / max(p.turns for p in parts) / turned.turns, channel, unit)
+    return spectrum if wanted is None else _at(spectrum, wanted)
+
+
+def time_spectrum(log: Log, values: str | ArrayLike, *, unit: str | None = None,
+                  ) -> TimeSpectrum:
+    """Return the amplitude spectrum over time: a sine of amplitude A shows as A.
+
+    Parameters
+    ----------
+    log : Log
+        Samples that are not even are interpolated on an even grid at the log's rate.
+    values : str or array, shape (rows,)
+        A channel, or values with their `unit`.
+
+    Notes
+    -----
+    Linear trend taken out, Hann window (Harris 1978): a sine between two frequencies shows up
+    to 15 % too small, so peaks are refined by a parabola through the logarithms.
+    """
+    (data,), channel, unit = chosen_values([log], values if isinstance(values, str) else [values],
+                                           unit)
+    good = np.isfinite(data)
+    if np.count_nonzero(good) < 8 or not log.rate > 0:
+        raise InputError(f"log '{log.name}': too few samples for a spectrum over time; "
+                         "give at least 8 with values")
+    time = log["time"][good]
+    even = np.arange(time[0], time[-1], 1 / log.rate)
+    y = signal.detrend(np.interp(even, time, data[good]))
+    window = signal.windows.hann(len(y), sym=False)
+    amplitude = 2 * np.abs(fft.rfft(y * window)) / window.sum()
+    frequency = fft.rfftfreq(len(y), 1 / log.rate)
+    return TimeSpectrum(frequency, amplitude, _time_peaks(frequency, amplitude), channel, unit)
+
+
+def _time_peaks(frequency: NDArray[np.float64],
+                amplitude: NDArray[np.float64]) -> tuple[tuple[float, float], ...]:
+    """Return the 20 largest peaks over eight times the median of their neighbourhood."""
+    around = signal.medfilt(amplitude, 101) if len(amplitude) > 202 else np.median(amplitude)
+    at, _ = signal.find_peaks(amplitude, height=8 * np.broadcast_to(around, amplitude.shape),
+                              distance=3)
+    at = at[np.argsort(-amplitude[at])][:20]
+    left, top, right = (np.log(amplitude[at + step] + 1e-300) for step in (-1, 0, 1))
+    shift = 0.5 * (left - right) / (left - 2 * top + right)
+    refined = np.exp(top - 0.25 * (left - right) * shift)
+    return tuple(zip((frequency[at] + shift * frequency[1]).tolist(), refined.tolist(),
+                     strict=True))
+
+
+def _summed(parts: Sequence[Stretch], turns: int, highest: float, order: NDArray[np.float64]
+            ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
+    """Return amplitude, steady amplitude and number of runs over `order`."""
+    power, rows = np.zeros((2, len(order)))
+    phasor, runs = np.zeros(len(order), dtype=complex), np.zeros(len(order), dtype=np.int64)
+    for run in sorted({part.run for part in parts}):
+        shown = np.zeros(len(order), dtype=bool)
+        for part in (part for part in parts if part.run == run):
+            seen = (order >= part.lowest) & (order <= part.highest)
+            wave, good = _least_squares(part, turns, highest)
+            seen &= good
+            power += np.where(seen, len(part.values) * np.abs(wave) ** 2, 0.0)
+            phasor += np.where(seen, len(part.values) * wave, 0.0)
+            rows += np.where(seen, len(part.values), 0.0)
+            shown |= seen
+        runs += shown
+    known = np.where(rows > 0, rows, np.nan)
+    return np.sqrt(power / known), np.abs(phasor) / known, runs
+
+
+def _least_squares(part: Stretch, turns: int, highest: float
+                   ) -> tuple[NDArray[np.complex128], NDArray[np.bool_]]:
+    """Return a - ib of the fit a cos kq + b sin kq, and where cosine and sine are separate."""
+    sums = fourier_sums(part.angle, part.values, turns, highest)
+    double = fourier_sums(part.angle, np.ones(len(part.angle)), turns, 2 * highest)[::2]
+    double = double[: len(sums)] / len(part.angle)
+    room = 1.0 - np.abs(double) ** 2
+    wave = 2 / len(part.angle) * (sums - double * np.conj(sums)) / np.maximum(room, 0.05)
+    return wave, room > 0.05
+
+
+def _at(spectrum: OrderSpectrum, wanted: NDArray[np.float64]) -> OrderSpectrum:
+    """Return the spectrum at the orders of its grid nearest to `wanted`."""
+    step = spectrum.order[1] - spectrum.order[0]
+    at = np.clip(np.round(wanted / step).astype(np.int64), 0, len(spectrum.order) - 1)
+    return replace(spectrum, order=wanted, amplitude=spectrum.amplitude[at],
+                   steady=spectrum.steady[at], runs=spectrum.runs[at])
+
+
+def _named_pair(log: Log, name: str) -> Pair:
+    table = {entry.name: entry for entry in pairs(log)}
+    if name not in table:
+        raise InputError(f"log '{log.name}': no pair of parts '{name}'; it knows "
+                         f"{', '.join(table)} (the wave generator's need output_spline)")
+    if not table[name].turns > 0:
+        raise InputError(f"log '{log.name}': orders of the pair '{name}' need the gear ratio; "
+                         "give gear_ratio when reading the log")
+    return table[name]

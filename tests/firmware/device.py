@@ -1,0 +1,90 @@
+"""What the tests of exported headers share: a compiler, a program, rows for it."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import flexspline
+from flexspline.export import export
+from flexspline.logs.log import Log
+from flexspline.model import Model
+
+Array = NDArray[np.float64]
+
+ROOT = Path(__file__).parents[2]
+STRICT = (
+    "-std=c++20 -O2 -ffp-contract=off -fno-exceptions -fno-rtti "
+    "-Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wdouble-promotion -Werror"
+)
+
+
+def lacking(sentence: str) -> None:
+    """Skip with a sentence, but fail where everything must be there."""
+    if os.environ.get("CI") == "true":
+        pytest.fail(sentence)
+    pytest.skip(sentence, allow_module_level=True)
+
+
+def include() -> str:
+    """The core's headers: those of the installed package, else those of the checkout."""
+    installed = Path(flexspline.get_include())
+    return str(installed if installed.is_dir() else ROOT / "cpp" / "include")
+
+
+def compilers() -> list[str]:
+    """C++ compilers of this machine."""
+    known = [os.environ.get("CXX", ""), "c++", "clang++"]
+    found = list(dict.fromkeys(path for name in known if name and (path := shutil.which(name))))
+    if not found:
+        lacking("there is no C++ compiler on this machine; install g++ or clang++")
+    return found
+
+
+def compiled(model: Model, folder: Path, compiler: str, target: str | None = None) -> Path:
+    """Export a model and compile `stream.cpp` with it."""
+    export(model, folder / "joint.hpp", target=target)
+    program = folder / "stream"
+    source = Path(__file__).with_name("stream.cpp")
+    command = [compiler, *STRICT.split(), f"-I{include()}", f"-I{folder}", str(source)]
+    done = subprocess.run([*command, "-o", str(program)], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr[:4000]
+    return program
+
+
+def stream(program: Path, scalar: str, angles: str, rows: Array) -> tuple[Array, Array]:
+    """Stream rows (N, 8) through the program; torques (N,) and statuses (N,)."""
+    done = subprocess.run(
+        [str(program), scalar, angles], input=rows.tobytes(), capture_output=True, check=True
+    )
+    results = np.frombuffer(done.stdout).reshape(-1, 2)
+    assert len(results) == len(rows)
+    return results[:, 0], results[:, 1]
+
+
+def radian_rows(log: Log, known_load: str | None) -> Array:
+    """Rows of `stream.cpp` with angles in radians."""
+    rows = np.zeros((len(log), 8))
+    rows[:, 6] = 25.0
+    channels = ("output_position", "motor_position", "output_velocity", "output_acceleration")
+    places = dict(zip((*channels, "temperature", known_load), (0, 2, 4, 5, 6, 7), strict=True))
+    for name, place in places.items():
+        if name is not None and name in log:
+            rows[:, place] = log[name]
+    return rows
+
+
+def encoder_rows(rows: Array, far: int = 0) -> Array:
+    """The rows as a float device reads them: turns (`far` more) and 32 bits; floats else."""
+    read = rows.astype(np.float32).astype(np.float64)
+    for place in (0, 2):
+        turns = rows[:, place] / (2 * np.pi)
+        read[:, place] = np.floor(turns) + far
+        read[:, place + 1] = np.floor((turns - np.floor(turns)) * 2.0**32)
+    return read

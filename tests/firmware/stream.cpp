@@ -1,0 +1,58 @@
+// A device in a pipe: samples in, torques out, one at a time, through an exported header.
+//
+//   stream float|double radians|fractions < rows > results
+//
+// A row is eight doubles: output angle (two numbers), motor angle (two numbers), velocity,
+// acceleration, temperature, known load. Angles are radians and nothing, or turns and a fraction
+// in 2^-32 turns, as an encoder counts. A result is two doubles: torque and status.
+#include <array>
+#include <cstdio>
+#include <cstring>
+
+#include "joint.hpp"
+
+namespace {
+
+using flexspline::Angle;
+using flexspline::Sample;
+using flexspline::Status;
+
+template <typename S>
+Status read_fractions(const double* in, Angle<S>& angle) noexcept {
+  constexpr int spare = 8 * int(sizeof(S)) - 32;
+  const auto fraction = static_cast<flexspline::math::Bits<S>>(in[1]) << spare;
+  angle = {static_cast<std::int32_t>(in[0]), {fraction}};
+  return Status::ok;
+}
+
+template <typename S>
+int stream(bool radians) noexcept {
+  const auto read_angle = [radians](const double* in, Angle<S>& angle) noexcept {
+    return radians ? flexspline::read_radians(static_cast<S>(in[0]), angle)
+                   : read_fractions(in, angle);
+  };
+  Sample<S> at;
+  S torque = S(0);
+  std::array<double, 8> row{};
+  while (std::fread(row.data(), sizeof row, 1, stdin) == 1) {
+    Status status = read_angle(&row[0], at.output_position);
+    if (status == Status::ok) status = read_angle(&row[2], at.motor_position);
+    at.output_velocity = static_cast<S>(row[4]);
+    at.output_acceleration = static_cast<S>(row[5]);
+    at.temperature = static_cast<S>(row[6]);
+    at.known_load = static_cast<S>(row[7]);
+    if (status == Status::ok) status = joint::model<S>.predict(at, torque);
+    const std::array<double, 2> result{static_cast<double>(torque), static_cast<double>(status)};
+    if (std::fwrite(result.data(), sizeof result, 1, stdout) != 1) return 1;
+  }
+  return 0;
+}
+
+}  // namespace
+
+int main(int count, char** arguments) {
+  if (count != 3) return 2;
+  const bool radians = std::strcmp(arguments[2], "radians") == 0;
+  if (std::strcmp(arguments[1], "float") == 0) return stream<float>(radians);
+  return stream<double>(radians);
+}

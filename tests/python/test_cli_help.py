@@ -1,0 +1,109 @@
+"""Help that teaches, versions, and the ways in which a call can end."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from cli_calls import call, write_runs
+
+import flexspline
+from flexspline.cli import commands
+from flexspline.effects import CATALOGUE, TARGETS
+from flexspline.logs.repairs import REPAIRS
+from flexspline.model import Model
+
+SHELL = [sys.executable, "-m", "flexspline.cli"]
+HEAVY = ("scipy", "pandas", "matplotlib", "pint", "h5py", "jsonschema", "jinja2")
+
+
+def test_help_of_the_tool_names_the_path_and_every_command() -> None:
+    result = call("--help")
+    assert result.exit_code == 0
+    for word in ("read", "check", "fit", "judge", "export", *commands.commands):
+        assert word in result.stdout
+
+
+@pytest.mark.parametrize("name", list(commands.commands))
+def test_help_of_each_command_has_an_example_to_paste(name: str) -> None:
+    result = call(name, "--help")
+    assert result.exit_code == 0
+    assert f"  flexspline {name} " in result.stdout
+
+
+def test_help_of_fit_lists_all_targets_effects_and_repairs() -> None:
+    text = call("fit", "--help").stdout
+    for word in (*TARGETS, *CATALOGUE, *REPAIRS):
+        assert word in text
+
+
+@pytest.mark.parametrize("command", ["predict", "convert"])
+def test_help_of_what_reads_runs_lists_all_repairs(command: str) -> None:
+    text = call(command, "--help").stdout
+    for word in REPAIRS:
+        assert word in text
+
+
+def test_the_version_is_that_of_the_package() -> None:
+    assert call("--version").stdout == f"flexspline {flexspline.__version__}\n"
+
+
+def test_help_starts_without_what_is_heavy() -> None:
+    asked = "import sys, flexspline.cli; print(*{name.split('.')[0] for name in sys.modules})"
+    loaded = subprocess.run(
+        [sys.executable, "-c", asked], capture_output=True, text=True, check=True
+    ).stdout.split()
+    assert not set(HEAVY) & set(loaded)
+
+
+def test_the_module_is_the_command() -> None:
+    done = subprocess.run([*SHELL, "--version"], capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (0, f"flexspline {flexspline.__version__}\n")
+
+
+def test_a_reader_that_goes_away_ends_it_quietly(tmp_path: Path) -> None:
+    read_end, write_end = os.pipe()
+    os.close(read_end)
+    done = subprocess.run([*SHELL, "--help"], stdout=write_end, stderr=subprocess.PIPE, text=True)
+    os.close(write_end)
+    assert (done.returncode, done.stderr) == (141, "")
+
+
+def test_a_terminal_without_greek_letters_gets_question_marks(tmp_path: Path) -> None:
+    run = write_runs(tmp_path)[0]
+    done = subprocess.run(
+        [*SHELL, "fit", str(run), "--target", "sensor_torque", "--effects", "offset,inertia",
+         "--out", str(tmp_path / "joint")],
+        capture_output=True, text=True, env={**os.environ, "PYTHONIOENCODING": "ascii"},
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+
+
+def test_a_defect_is_one_line_and_the_traceback_is_there_for_the_asking(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(path: object) -> Model:
+        raise KeyError("lost")
+
+    monkeypatch.setattr(Model, "load", broken)
+    asked = ("predict", "--model", "m.json", "run.csv", "--out", tmp_path / "out.csv")
+    result = call(*asked)
+    assert result.exit_code == 1
+    assert result.stderr.count("\n") == 1
+    assert "defect" in result.stderr and "FLEXSPLINE_TRACEBACK" in result.stderr
+    monkeypatch.setenv("FLEXSPLINE_TRACEBACK", "1")
+    assert "Traceback" in call(*asked).stderr
+
+
+def test_an_interrupt_is_130(monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(path: object) -> Model:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Model, "load", interrupted)
+    result = call("predict", "--model", "m.json", "run.csv", "--out", "out.csv")
+    assert result.exit_code == 130
+    assert result.stderr.count("\n") == 1

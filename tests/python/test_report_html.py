@@ -1,0 +1,137 @@
+"""The notebook table, the report in one file, and tables of several fits."""
+
+from __future__ import annotations
+
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+import report_fits
+
+import flexspline
+from flexspline.errors import InputError
+from flexspline.report.html import write_report
+from flexspline.report.tables import compare_scores
+
+VOID = {"meta", "br", "img", "link", "hr"}
+
+
+class _Balance(HTMLParser):
+    """Counts what is opened and not closed."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.tags: set[str] = set()
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.add(tag)
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.add(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> str:
+    path = tmp_path_factory.mktemp("report") / "report.html"
+    write_report(report_fits.plain_fit(), path)
+    return path.read_text(encoding="utf-8")
+
+
+def test_every_tag_is_closed(page: str) -> None:
+    for text in (page, report_fits.plain_fit()._repr_html_()):
+        parser = _Balance()
+        parser.feed(text)
+        assert not parser.open
+
+
+def test_the_report_loads_nothing_from_a_network(page: str) -> None:
+    assert not re.search(r"""(src|href|url\(|@import)\s*[=(]?\s*["']?\s*(https?:)?//""", page)
+    namespaces = {"http://www.w3.org/2000/svg", "http://www.w3.org/1999/xlink"}
+    assert set(re.findall(r"https?://[^\"'\s<>)]+", page)) <= namespaces
+
+
+def test_the_report_is_small_and_has_all_sections(page: str) -> None:
+    assert len(page) < 3_000_000
+    sections = re.findall(r'<section id="(\w+)">', page)
+    assert sections == ["parameters", "known", "scores", "figures", "shares", "trust", "logs",
+                        "again"]
+    assert page.count("<figure>") == page.count("<figcaption>") == 9
+    assert "prefers-color-scheme:dark" in page and "@media print" in page
+
+
+def test_nothing_in_a_report_is_a_script_or_repeats_an_id_of_a_clip(page: str) -> None:
+    parser = _Balance()
+    parser.feed(page)
+    assert "script" not in parser.tags
+    clips = re.findall(r'<clipPath id="([^"]+)"', page)
+    assert len(clips) == len(set(clips))
+
+
+def test_the_call_in_the_report_makes_the_same_fit(page: str) -> None:
+    call = re.search(r"<pre><code>(.*?)</code>", page, re.DOTALL)
+    assert call is not None
+    source = call.group(1).replace("&#39;", "'").replace("\n)", "\n    checks=False)")
+    names = {"flexspline": flexspline, "logs": [report_fits.run(k) for k in range(5)]}
+    exec(source, names)
+    again: object = names["fit"]
+    assert isinstance(again, type(report_fits.plain_fit()))
+    assert again.rmse == report_fits.plain_fit().rmse
+
+
+def test_names_of_logs_are_escaped(tmp_path: Path) -> None:
+    evil = "<script>alert('$x$')</script>"
+    fit = flexspline.fit(
+        ["offset", "viscous_friction"],
+        [report_fits.run(1, name=evil, joint=evil), report_fits.run(2, name="_b&_$")],
+        "sensor_torque",
+        checks=False,
+    )
+    write_report(fit, tmp_path / "report.html")
+    for text in ((tmp_path / "report.html").read_text(encoding="utf-8"), fit._repr_html_()):
+        assert "<script" not in text
+        assert "&lt;script&gt;" in text
+
+
+def test_a_report_into_no_folder_is_an_error_in_one_sentence(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="cannot be written"):
+        write_report(report_fits.plain_fit(), tmp_path / "none" / "report.html")
+
+
+def test_confounded_effects_share_one_bar(tmp_path: Path) -> None:
+    path = tmp_path / "report.html"
+    report_fits.confounded_fit().report(path)
+    assert "offset + coulomb_friction_per_direction</th>" in path.read_text(encoding="utf-8")
+
+
+def test_a_table_of_fits_marks_the_best_of_each_row() -> None:
+    rich, poor = report_fits.plain_fit(), report_fits.confounded_fit()
+    table = compare_scores({"rich": rich, "no_ripple": poor})
+    frame = table.to_frame()
+    assert frame.loc[("all", "all rows"), "rich"] == rich.cv_rmse
+    assert np.isnan(frame.loc[("run", "run 4"), "no_ripple"])
+    assert table.best()[0].tolist() == [True, False]
+    assert f"<b>{rich.cv_rmse:.4f}</b>" in table.to_html()
+    assert f"\\textbf{{{rich.cv_rmse:.4f}}}" in table.to_latex()
+    assert "no\\_ripple" in table.to_latex() and "[Nm]" in table.to_latex()
+    assert str(table).splitlines()[0].startswith("RMSE on rows never seen [Nm]")
+    assert "*" in str(table).splitlines()[1]
+
+
+def test_fits_of_different_targets_are_not_compared() -> None:
+    log = report_fits.run(1)
+    other = flexspline.fit(
+        ["offset"], log.with_columns({"motor_current": log["sensor_torque"]}, note="copied"),
+        "motor_current", checks=False,
+    )
+    with pytest.raises(InputError, match="one target only"):
+        compare_scores({"a": report_fits.plain_fit(), "b": other})
+    with pytest.raises(InputError, match="no fit to compare"):
+        compare_scores({})
