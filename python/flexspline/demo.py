@@ -210,8 +210,8 @@ def _say_result(final: Fit, truth: Truth, before: float, after: float, say: Say)
             f"{true:>9.4f}  {parameter.unit}"
         )
     say(
-        f"   coulomb_friction holds the presliding element's {truth.presliding_level:g} Nm too: once "
-        "it slips, the two are one."
+        f"   coulomb_friction holds the presliding element's {truth.presliding_level:g} Nm too: "
+        "once it slips, the two are one."
     )
 
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import Result
 from cli_calls import call
+from click.testing import Result
 
 import flexspline
 from flexspline import demo_device

@@ -90,7 +90,7 @@ def test_names_of_logs_are_escaped(tmp_path: Path) -> None:
     evil = "<script>alert('$x$')</script>"
     fit = flexspline.fit(
         ["offset", "viscous_friction"],
-        [report_fits.run(1, name=evil, joint=evil), report_fits.run(2, name="_b&_$")],
+        [report_fits.run(1, name=evil, joint=evil), report_fits.run(2, name="_b&_$", joint=evil)],
         "sensor_torque",
         checks=False,
     )

@@ -11,30 +11,20 @@ import click
 from flexspline.cli.runs import Reading
 from flexspline.effects import TARGETS
 
-__all__ = ["FINITE", "POSITIVE", "lowpass", "model", "named", "out_file", "reading", "target"]
+__all__ = ["lowpass", "model", "named", "out_file", "positive", "reading", "target"]
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 
-class Number(click.ParamType):
-    """A number that is finite, and above zero where `positive`."""
-
-    name = "number"
-
-    def __init__(self, positive: bool) -> None:
-        self.positive = positive
-
-    def convert(self, value: Any, param: Any, ctx: Any) -> float:
-        try:
-            number = float(value)
-        except ValueError:
-            number = math.nan
-        if not math.isfinite(number) or (self.positive and number <= 0.0):
-            self.fail(f"'{value}' is no {'number above zero' if self.positive else 'number'}")
-        return number
-
-
-FINITE, POSITIVE = Number(positive=False), Number(positive=True)
+def positive(text: str) -> float:
+    """Read a number that is finite and above zero."""
+    try:
+        number = float(text)
+    except ValueError:
+        number = math.nan
+    if not (math.isfinite(number) and number > 0.0):
+        raise click.BadParameter(f"'{text}' is no number above zero")
+    return number
 
 
 def named(example: str, parse: Callable[[str], Any]) -> Callable[..., dict[str, Any]]:
@@ -67,7 +57,7 @@ def lowpass(command: Command) -> Command:
     """--lowpass HZ"""
     return click.option(
         "--lowpass",
-        type=POSITIVE,
+        type=positive,
         metavar="HZ",
         help="Zero-phase low pass, on the target and on every row alike.",
     )(command)
@@ -89,13 +79,13 @@ def out_file(metavar: str) -> Callable[[Command], Command]:
 def reading(columns_needed: bool = False) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Add the options of how runs are read; the command gets them as one `Reading`."""
     spline = click.Choice(["circular", "flex"])
-    options = [
-        ("--gear-ratio", {"type": POSITIVE, "metavar": "N", "help": "Gear ratio N."}),
+    options: list[tuple[str, dict[str, Any]]] = [
+        ("--gear-ratio", {"type": positive, "metavar": "N", "help": "Gear ratio N."}),
         ("--output-spline", {"type": spline, "help": "The part of the gear that is the output."}),
         (
             "--torque-constant",
             {
-                "type": POSITIVE,
+                "type": positive,
                 "metavar": "K",
                 "help": "Nm/A at the motor: motor_torque from motor_current where a run has none.",
             },
@@ -118,7 +108,7 @@ def reading(columns_needed: bool = False) -> Callable[[Callable[..., Any]], Call
                 "help": "Column map of a foreign file: channel, column, unit, sign.",
             },
         ),
-        ("--rate", {"type": POSITIVE, "metavar": "HZ", "help": "Of runs without time stamps."}),
+        ("--rate", {"type": positive, "metavar": "HZ", "help": "Of runs without time stamps."}),
     ]
     names = [name[2:].replace("-", "_") for name, _ in options]
 

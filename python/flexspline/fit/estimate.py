@@ -101,7 +101,7 @@ def estimate(
     priors, shape_priors = _split(given.priors, shapes)
     for name in shape_priors:
         raise InputError(f"priors: {name} is a shape, which takes no prior; fix or bound it")
-    constraints = constraints_of(names, fixed, bounds, priors)
+    constraints = constraints_of(names, fixed, bounds, priors, [shape.name for shape in shapes])
     search = _Search(
         problem,
         tuple(effects),

@@ -27,6 +27,7 @@ INDEX = 30.0
 HOPELESS_INDEX = 1e4
 RESOLVED = 10.0
 SHARE = 0.5
+TOUCHED = 0.05
 NEGLIGIBLE = 1e-7
 
 
@@ -92,19 +93,23 @@ def confounded_groups(
     prior_rows : (m, P), what priors added to the rows.
     """
     exact = _columns(solution.null_space * solution.lengths[:, None])
-    groups = _grouped(exact, np.abs(exact) > NEGLIGIBLE, True, np.inf)
-    taken = {member for group in groups for member in group[0]}
-    near = _near(solution, coefficients, errors_of, prior_rows)
-    groups += [g for g in near if not taken & set(g[0])]
+    near, index = _near(solution, coefficients, errors_of, prior_rows)
+    directions = np.hstack([np.where(np.abs(exact) > NEGLIGIBLE, exact, 0.0), near])
+    index = np.concatenate([np.full(exact.shape[1], np.inf), index])
     found = []
-    for members, directions, is_exact, index in groups:
-        physical = directions / solution.lengths[members][:, None]
+    for members, columns in _grouped(directions != 0.0):
+        physical = directions[np.ix_(members, columns)] / solution.lengths[members][:, None]
         known = _known(members, physical, names, units, coefficients, errors_of)
-        found.append(Confounded(tuple(names[m] for m in members), is_exact, index, tuple(known)))
+        finite = index[columns][np.isfinite(index[columns])]
+        found.append(
+            Confounded(
+                tuple(names[m] for m in members),
+                not len(finite),
+                float(finite.max(initial=0.0)) if len(finite) else np.inf,
+                tuple(known),
+            )
+        )
     return found
-
-
-Group = tuple[list[int], Array, bool, float]
 
 
 def _near(
@@ -112,31 +117,32 @@ def _near(
     coefficients: Array,
     errors_of: Callable[[Array], Array],
     prior_rows: Array,
-) -> list[Group]:
+) -> tuple[Array, Array]:
+    """Directions (P, k) of near dependencies, zero outside their members, and their index (k,)."""
+    nothing = np.zeros((len(coefficients), 0)), np.zeros(0)
     scaled = solution.factor / solution.lengths
     if not scaled.size:
-        return []
+        return nothing
     _, singular, right = np.linalg.svd(scaled, full_matrices=False)
     index = singular[0] / singular
     weak = index > INDEX
     if not weak.any():
-        return []
+        return nothing
     variance = (right.T / singular) ** 2
     share = variance[:, weak].sum(axis=1) / np.maximum(variance.sum(axis=1), 1e-300)
     member = share > SHARE
     errors = errors_of(np.eye(len(coefficients)))
     directions = np.where(member[:, None], right[weak].T, 0.0)
-    touched = (variance[:, weak] / variance.sum(axis=1)[:, None] > 0.05) & member[:, None]
-    groups = []
-    for members, vectors, _, _ in _grouped(directions, touched, False, 0.0):
-        worst = float(index[weak][np.abs(vectors).max(axis=0).argmax()]) if len(members) else 0.0
-        worst = float(max(worst, index[weak][touched[members].any(axis=0)].max()))
+    touched = (variance[:, weak] / variance.sum(axis=1)[:, None] > TOUCHED) & member[:, None]
+    kept: list[int] = []
+    for members, columns in _grouped(touched):
+        worst = index[weak][columns].max()
         resolved = np.abs(coefficients[members]) >= RESOLVED * errors[members]
         resolved_all = worst <= HOPELESS_INDEX and bool(resolved.all())
         held = _held_by_priors(members, solution, coefficients, errors, prior_rows)
         if len(members) > 1 and not resolved_all and not held:
-            groups.append((members, vectors, False, worst))
-    return groups
+            kept += columns
+    return directions[:, kept], index[weak][kept]
 
 
 def _held_by_priors(
@@ -151,10 +157,10 @@ def _held_by_priors(
     return bool((RESOLVED * errors[members] * lengths <= largest).all())
 
 
-def _grouped(directions: Array, touched: NDArray[np.bool_], exact: bool, index: float) -> list[Group]:
-    """Split directions into groups that share no coefficient."""
+def _grouped(touched: NDArray[np.bool_]) -> list[tuple[list[int], list[int]]]:
+    """Split directions, columns of (P, k), into groups that share no coefficient."""
     groups: list[tuple[set[int], list[int]]] = []
-    for column in range(directions.shape[1]):
+    for column in range(touched.shape[1]):
         members = set(np.flatnonzero(touched[:, column]).tolist())
         if not members:
             continue
@@ -167,10 +173,7 @@ def _grouped(directions: Array, touched: NDArray[np.bool_], exact: bool, index: 
             else:
                 rest.append((other, its))
         groups = [*rest, (members, columns)]
-    return [
-        (sorted(members), directions[np.ix_(sorted(members), columns)], exact, index)
-        for members, columns in groups
-    ]
+    return [(sorted(members), columns) for members, columns in groups]
 
 
 def _columns(matrix: Array) -> Array:

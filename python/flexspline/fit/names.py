@@ -98,8 +98,11 @@ def shapes_of(effects: Sequence[Effect]) -> list[ShapeParameter]:
     return list(found.values())
 
 
-def resolve(name: str, known: Sequence[str], what: str) -> int:
-    """Return which parameter is meant by "effect.term", or by one part of it if that is unique."""
+def resolve(name: str, known: Sequence[str], what: str, others: Sequence[str] = ()) -> int:
+    """Return which parameter is meant by "effect.term", or by one part of it if that is unique.
+
+    `others`: names that might have been meant, for the error.
+    """
     if name in known:
         return list(known).index(name)
     near = [i for i, full in enumerate(known) if name in full.split(".", 1)]
@@ -108,8 +111,8 @@ def resolve(name: str, known: Sequence[str], what: str) -> int:
     if near:
         raise InputError(f"{what}: '{name}' may be {listed(known[i] for i in near)}; say which")
     raise InputError(
-        f"{what}: there is no parameter '{name}'{did_you_mean(name, known)}; "
-        f"the model has {listed(known)}"
+        f"{what}: there is no parameter '{name}'{did_you_mean(name, [*known, *others])}; "
+        f"the model has {listed([*known, *others])}"
     )
 
 
@@ -118,8 +121,11 @@ def constraints_of(
     fixed: Mapping[str, float],
     bounds: Mapping[str, Bounds],
     priors: Mapping[str, tuple[float, float]],
+    shapes: Sequence[str] = (),
 ) -> Constraints:
     """Return what is known of the coefficients of these names, from the options of a fit.
+
+    `shapes`: names of the shapes, which an error mentions too.
 
     Raises
     ------
@@ -129,16 +135,16 @@ def constraints_of(
     """
     made = Constraints(*(np.full(len(names), np.nan) for _ in range(5)))
     for name, value in fixed.items():
-        made.held[resolve(name, names, "fixed")] = _finite(value, f"fixed: {name}")
+        made.held[resolve(name, names, "fixed", shapes)] = _finite(value, f"fixed: {name}")
     for name, limits in bounds.items():
-        at = _not_fixed(name, names, made, "bounds")
+        at = _not_fixed(resolve(name, names, "bounds", shapes), made, f"bounds: {name}")
         low, high = _two(limits, f"bounds: {name}", "(low, high)")
         made.lower[at] = -np.inf if low is None else low
         made.upper[at] = np.inf if high is None else high
         if not made.lower[at] < made.upper[at]:
             raise InputError(f"bounds: {name} from {low} to {high} is empty; give low < high")
     for name, known in priors.items():
-        at = _not_fixed(name, names, made, "priors")
+        at = _not_fixed(resolve(name, names, "priors", shapes), made, f"priors: {name}")
         value, error = _two(known, f"priors: {name}", "(value, standard error)")
         if not _finite(error, f"priors: the error of {name}") > 0.0:
             raise InputError(f"priors: the error of {name} is {error}; give one above zero")
@@ -146,10 +152,9 @@ def constraints_of(
     return made
 
 
-def _not_fixed(name: str, names: Sequence[str], made: Constraints, what: str) -> int:
-    at = resolve(name, names, what)
+def _not_fixed(at: int, made: Constraints, what: str) -> int:
     if not np.isnan(made.held[at]):
-        raise InputError(f"{what}: {name} is fixed already; leave out one of the two")
+        raise InputError(f"{what} is fixed already; leave out one of the two")
     return at
 
 

@@ -122,7 +122,7 @@ def _grid(search: _Search, point: Array, limits: Array) -> tuple[list[Array], li
     for turn in range(2 if len(point) > 1 else 1):
         bottoms = []
         for axis in range(len(point)):
-            scan = np.sort([*np.linspace(*limits[axis], GRID), point[axis]])
+            scan = np.sort([*np.linspace(limits[axis, 0], limits[axis, 1], GRID), point[axis]])
             trials = [np.where(np.arange(len(point)) == axis, value, point) for value in scan]
             squares = np.array([search(trial) for trial in trials])
             here = search(point)

@@ -1,5 +1,6 @@
 """Logs: reading, checking, repairing, merging and deriving the channels of a run."""
 
+from flexspline.logs.causal import differentiate_causal
 from flexspline.logs.channels import CHANNELS, Channel
 from flexspline.logs.checks import Finding, Findings, check
 from flexspline.logs.clock import Clock, find_clock
@@ -28,6 +29,7 @@ __all__ = [
     "convert",
     "decimate",
     "differentiate",
+    "differentiate_causal",
     "find_clock",
     "lowpass",
     "lowpass_log",

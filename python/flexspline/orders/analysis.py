@@ -85,9 +85,9 @@ class OrderAnalysis:
     """Orders found in runs of one joint, the largest first.
 
     `found` are the orders, `faint` low orders of the output that stand out but are not certain
-    (never part of `found`; see `orders/faint.py`), `unit` and `channel` what was looked at, `false_alarm` the
-    probability that noise alone yields any, `scanned` the lowest and highest order per output
-    turn, `runs` how many, `spectrum` what the plot shows.
+    (never part of `found`; see `orders/faint.py`), `unit` and `channel` what was looked at,
+    `false_alarm` the probability that noise alone yields any, `scanned` the lowest and highest
+    order per output turn, `runs` how many, `spectrum` what the plot shows.
     """
 
     found: tuple[FoundOrder, ...]
@@ -251,8 +251,9 @@ def find_orders(
     named = _named([*low, *lines], [*low_estimates, *fitted], table, logs[0].facts)
     lowest = min([line.order for line in low] + [part.lowest for part in parts])
     faint = find_faint(parts, [order.per_output_turn for order in named], false_alarm / 2)
-    return OrderAnalysis(tuple(named), faint, channel, unit, false_alarm, (lowest, highest), len(logs),
-                         order_spectrum(logs, arrays, max_order=highest, unit=unit))
+    spectrum = order_spectrum(logs, arrays, max_order=highest, unit=unit)
+    return OrderAnalysis(tuple(named), faint, channel, unit, false_alarm, (lowest, highest),
+                         len(logs), replace(spectrum, channel=channel))
 
 
 def _named(lines: Sequence[Line], fitted: Sequence[Estimate | None], table: tuple[Pair, ...],

@@ -70,6 +70,7 @@ def find_faint(parts: Sequence[Stretch], found: Sequence[float],
 
 def _jackknifed(each: Sequence[tuple[NDArray[np.float64], NDArray[np.float64], int]],
                 taken: Sequence[int], order: int) -> Faint:
+    """Return `order` fitted beside `taken`, its error from leaving out one run at a time."""
     base = harmonic_columns(taken)
     at = [list(taken).index(order), list(taken).index(order) + len(taken)]
     grams, moments = np.array([e[0] for e in each]), np.array([e[1] for e in each])

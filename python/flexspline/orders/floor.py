@@ -29,6 +29,7 @@ __all__ = ["EFFECTIVE", "NEIGHBOURS", "Floor", "block_floor", "chance_in_scan", 
 
 EFFECTIVE = 0.48  # orders that a median of exponential powers is worth: ln(2)² for the mean
 _NEAR, _FAR = 1.5, 8.0  # independent orders
+_LEAKAGE = 0.01  # twice the mean of sinc² over 1.5 to 8
 NEIGHBOURS = _FAR - _NEAR
 _FIRST, _LARGEST, _GROWTH = 16.0, 64.0, 1.3  # independent orders in a block
 
@@ -58,6 +59,7 @@ class Floor:
 def neighbours(power: NDArray[np.float64], cell: float) -> NDArray[np.float64]:
     """Return the smaller of the mean powers 1.5 to 8 independent orders below and above.
 
+    What a line at the order itself leaks there over its span, and twice that, is taken off.
     `cell` is the number of entries of `power`, shape (orders,), for one independent order.
     """
     near, far = max(1, round(_NEAR * cell)), max(2, round(_FAR * cell))
@@ -70,8 +72,9 @@ def neighbours(power: NDArray[np.float64], cell: float) -> NDArray[np.float64]:
         value = (total[last] - total[first]) / np.maximum(last - first, 1)
         return np.asarray(np.where(full, value, np.inf))
 
-    least = np.minimum(mean(at - far, at - near), mean(at + near + 1, at + far + 1))
-    return np.asarray(np.where(np.isfinite(least), least, 0.0))
+    around = np.minimum(mean(at - far, at - near), mean(at + near + 1, at + far + 1))
+    least = np.where(np.isfinite(around), around, 0.0) - _LEAKAGE * power
+    return np.asarray(np.maximum(least, 0.0))
 
 
 def block_floor(order: NDArray[np.float64], power: NDArray[np.float64], turns: float,

@@ -124,12 +124,13 @@ def pooled(parts: Sequence[Stretch]) -> tuple[
 
 
 def harmonic_columns(orders: Sequence[int]) -> NDArray[np.intp]:
+    """Return where the cosines and the sines of `orders` stand among the pooled columns."""
     cosines = np.asarray(orders, dtype=np.intp) - 1
     return np.concatenate([cosines, cosines + SCANNED])
 
 
 def powers(gram: NDArray[np.float64], moment: NDArray[np.float64], rows: int,
-            taken: Sequence[int], tried: NDArray[np.intp]) -> NDArray[np.float64]:
+           taken: Sequence[int], tried: NDArray[np.intp]) -> NDArray[np.float64]:
     """Return half the drop of the squared rest by each tried order beside those taken."""
     base = harmonic_columns(taken)
     known = np.linalg.pinv(gram[np.ix_(base, base)], rcond=1e-6, hermitian=True)

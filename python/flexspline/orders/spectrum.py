@@ -21,7 +21,7 @@ __all__ = ["LONGEST", "OrderSpectrum", "TimeSpectrum", "order_spectrum", "step_t
            "time_spectrum"]
 
 LONGEST = 100.0  # turns looked at in one piece; two orders 0.01 apart are one
-_OVERSAMPLING = 4
+_OVERSAMPLING = 3
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ class TimeSpectrum:
 
 def step_turns(parts: Sequence[Stretch]) -> int:
     """Return P, so that orders in steps of 1/P miss no peak of the longest stretch."""
-    return int(2 ** np.ceil(np.log2(max(1.0, _OVERSAMPLING * max(p.turns for p in parts)))))
+    return int(np.ceil(_OVERSAMPLING * max(part.turns for part in parts)))
 
 
 def order_spectrum(

@@ -1,0 +1,288 @@
+"""What the data cannot tell apart is named, what is known of it is right, and nothing else is.
+
+The first case is Turlapati's own basis, (16): two sigmoids and an offset.
+"""
+
+from __future__ import annotations
+
+import flexspline
+import numpy as np
+import pytest
+from fit_logs import (
+    FRICTION,
+    WIDTH,
+    autoregressive,
+    chosen,
+    friction,
+    log_with,
+    motion,
+    rows_of,
+    simulated,
+)
+from flexspline import effect
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+HELD = {"direction_width": WIDTH}
+RIPPLE = effect("output_ripple", orders=[1, 2])
+PER_DIRECTION = [
+    "offset",
+    effect("coulomb_friction_per_direction", direction_width=WIDTH),
+    "viscous_friction",
+    "inertia",
+    RIPPLE,
+]
+WELL_POSED = [*friction(), RIPPLE]
+TRUTH = np.array([*FRICTION, 0.1, 0.04, -0.05, 0.03])
+
+
+def log_of(seed: int = 0, samples: int = 2000):
+    noise = autoregressive(np.random.default_rng(seed), samples)
+    return simulated(WELL_POSED, TRUTH, motion(seed, samples), noise)
+
+
+def fitted(effects, log, **options):
+    options.setdefault("fixed", HELD)
+    return flexspline.fit(effects, log, "sensor_torque", checks=False, **options)
+
+
+def groups(fit) -> list[set[str]]:
+    return [{name.split(".")[1] for name in group.names} for group in fit.confounded]
+
+
+# Turlapati (16)
+
+
+def test_two_sigmoids_and_an_offset_are_confounded_by_name_and_nothing_else_is():
+    fit = fitted(PER_DIRECTION, log_of())
+    assert groups(fit) == [{"offset", "positive", "negative"}]
+    assert fit.confounded[0].exact
+    open_ones = {p.name for p in fit.parameters if not p.determined}
+    assert open_ones == set(fit.confounded[0].names)
+    assert {p.state for p in fit.parameters if not p.determined} == {"not determined"}
+    assert "cannot be told apart" in fit.confounded[0].sentence
+
+
+def test_the_confounded_basis_predicts_what_the_well_posed_one_does():
+    log, fresh = log_of(), log_of(seed=9)
+    ours, other = fitted(PER_DIRECTION, log), fitted(WELL_POSED, log)
+    spread = np.ptp(other.predict(fresh).predicted)
+    for where in (log, fresh):
+        gap = ours.predict(where).predicted - other.predict(where).predicted
+        assert np.abs(gap).max() < 1e-10 * spread
+    assert ours.cv_rmse == pytest.approx(other.cv_rmse, rel=1e-9)
+
+
+def test_the_known_combinations_are_each_direction_with_the_offset():
+    log = log_of()
+    ours, other = fitted(PER_DIRECTION, log), fitted(WELL_POSED, log)
+    known = {str(c): c for c in ours.confounded[0].known}
+    assert set(known) == {
+        "coulomb_friction_per_direction.positive + offset.offset",
+        "coulomb_friction_per_direction.negative + offset.offset",
+    }
+    level, offset = other["level"].value, other["offset"].value
+    covariance = other.uncertainty.covariance
+    for sign, name in ((1.0, "positive"), (-1.0, "negative")):
+        combination = known[f"coulomb_friction_per_direction.{name} + offset.offset"]
+        assert combination.value == pytest.approx(offset + sign * level, rel=1e-9)
+        direction = np.zeros(len(covariance))
+        direction[:2] = 1.0, sign
+        error = float(np.sqrt(direction @ covariance @ direction))
+        assert combination.standard_error == pytest.approx(error, rel=1e-6)
+        assert combination.unit == "Nm"
+
+
+def test_the_errors_of_the_known_combinations_cover_the_truth():
+    inside = []
+    for seed in range(60):
+        fit = fitted(PER_DIRECTION[:4], log_without_ripple(seed))
+        for combination in fit.confounded[0].known:
+            sign = 1.0 if "positive" in str(combination) else -1.0
+            truth = FRICTION[0] + sign * FRICTION[1]
+            inside.append(abs(combination.value - truth) < 1.96 * combination.standard_error)
+    # 120 intervals of 95 %, pairs nearly independent: four sigma of the binomial below.
+    assert np.mean(inside) > 0.95 - 4 * np.sqrt(0.95 * 0.05 / 120)
+
+
+def log_without_ripple(seed: int):
+    noise = autoregressive(np.random.default_rng([seed, 3]), 2000)
+    return simulated(friction(), FRICTION, motion(seed), noise)
+
+
+def test_no_bare_number_of_a_confounded_weight_is_printed():
+    fit = fitted(PER_DIRECTION, log_of())
+    text = " ".join(str(fit).split())
+    for name in fit.confounded[0].names:
+        shown = fit[name].value
+        for digits in (3, 4, 5):
+            assert f"{shown:.{digits}f} ±" not in text
+    assert "cannot be told apart" in text
+    frame = fit.to_frame()
+    assert frame.loc[list(fit.confounded[0].names), "value"].isna().all()
+
+
+# Other dependencies
+
+
+@pytest.mark.parametrize("velocity_noise", [0.0, 1e-3])
+def test_viscous_coulomb_and_offset_at_one_speed_are_confounded(velocity_noise):
+    generator = np.random.default_rng(4)
+    channels = motion(0)
+    channels["output_velocity"] = 1.0 + velocity_noise * generator.normal(size=2000)
+    channels["output_position"] = channels["time"].copy()
+    channels["output_acceleration"] = np.zeros(2000)
+    log = simulated(friction(), FRICTION, channels, 0.01 * generator.normal(size=2000))
+    fit = fitted(friction()[:3], log)
+    assert groups(fit) == [{"offset", "level", "viscosity"}]
+    if not velocity_noise:
+        (combination,) = fit.confounded[0].known
+        assert combination.value == pytest.approx(-0.12 + 0.3 + 0.15, abs=0.01)
+        assert [weight for _, weight in combination.weights] == pytest.approx([1.0] * 3)
+
+
+def test_both_directions_at_one_speed_leave_the_offset_determined():
+    generator = np.random.default_rng(4)
+    channels = motion(0)
+    channels["output_velocity"] = np.where(channels["time"] % 4 < 2, 1.0, -1.0)
+    channels["output_position"] = np.cumsum(channels["output_velocity"]) * 0.01
+    log = simulated(friction(), FRICTION, channels, 0.01 * generator.normal(size=2000))
+    fit = fitted(friction()[:3], log)
+    assert groups(fit) == [{"level", "viscosity"}]
+    assert fit["offset"].determined and fit["offset"].value == pytest.approx(-0.12, abs=0.003)
+
+
+def test_low_harmonics_over_part_of_a_turn_are_confounded_with_the_offset():
+    channels = motion(0)
+    channels["output_position"] = 0.1 * np.sin(channels["time"])
+    generator = np.random.default_rng(1)
+    effects = chosen("offset", effect("output_ripple", orders=[1, 2, 3]))
+    truth = [0.2, 0.1, 0.05, 0.04, -0.03, 0.02, 0.01]
+    log = simulated(effects, truth, channels, 0.01 * generator.normal(size=2000))
+    fit = fitted(effects, log, fixed={})
+    (cosines,) = [g for g in groups(fit) if "offset" in g]
+    assert {"offset", "cosine 1", "cosine 2"} <= cosines
+    assert not fit["offset"].determined
+
+
+def test_a_constant_temperature_leaves_its_drift_and_the_offset_open():
+    generator = np.random.default_rng(2)
+    channels = motion(0)
+    hot = np.full(2000, 31.0)
+    log = simulated(["offset"], [0.2], channels, 0.01 * generator.normal(size=2000), "hot")
+    hot_log = log.with_columns({"temperature": hot}, note="held at 31 °C")
+    fit = fitted(["offset", "temperature_drift"], hot_log, fixed={})
+    assert groups(fit) == [{"offset", "linear", "quadratic"}]
+    (combination,) = fit.confounded[0].known
+    assert dict(combination.weights) == pytest.approx(
+        {"offset.offset": 1.0, "temperature_drift.linear": 6.0, "temperature_drift.quadratic": 36.0}
+        if combination.weights[0][0] == "offset.offset"
+        else {
+            "temperature_drift.linear": 1.0,
+            "temperature_drift.quadratic": 6.0,
+            "offset.offset": 1 / 6,
+        }
+    )
+
+
+def test_a_column_of_zeros_is_a_group_of_one_that_nothing_is_known_of():
+    generator = np.random.default_rng(2)
+    log = simulated(["offset"], [0.2], motion(0), 0.01 * generator.normal(size=2000))
+    reference = log.with_columns({"temperature": np.full(2000, 25.0)}, note="held at 25 °C")
+    fit = fitted(["offset", "temperature_drift"], reference, fixed={})
+    assert groups(fit) == [{"linear"}, {"quadratic"}]
+    assert all("not excited" in group.sentence for group in fit.confounded)
+    assert not any(group.known for group in fit.confounded)
+    assert fit["offset"].determined and not fit["linear"].determined
+    assert "not excited" in str(fit)
+
+
+def test_gravity_beside_order_one_of_the_output_is_an_exact_duplicate():
+    fit = fitted([*friction(), "gravity", RIPPLE], log_of())
+    assert sorted(map(sorted, groups(fit))) == [["cosine", "cosine 1"], ["sine", "sine 1"]]
+    for group in fit.confounded:
+        assert group.exact
+        (combination,) = group.known
+        assert [weight for _, weight in combination.weights] == pytest.approx([1.0, 1.0])
+    assert fit["cosine 2"].determined
+
+
+def test_a_gain_on_a_load_that_is_all_inertia_is_an_exact_duplicate():
+    generator = np.random.default_rng(2)
+    channels = motion(0)
+    load = 0.5 * channels["output_acceleration"]
+    torque = load * 1.05 + 0.01 * generator.normal(size=2000)
+    log = log_with(channels, torque, reference_torque=load)
+    options = {"known_load": "reference_torque", "fixed": {}}
+    fit = fitted(["offset", "gain_error", "viscous_friction"], log, **options)
+    assert not fit.confounded and fit["gain"].value == pytest.approx(0.05, abs=0.01)
+    fit = fitted(["gain_error", "offset", "inertia"], log, **options)
+    assert groups(fit) == [{"gain", "inertia"}]
+
+
+# No false alarms
+
+
+@settings(max_examples=30, deadline=None, derandomize=True)
+@given(
+    seed=st.integers(0, 10_000),
+    orders=st.sets(st.sampled_from([2, 3, 4, 5, 8, 13]), max_size=4),
+    more=st.sets(st.sampled_from(["gravity", "nonlinear_viscous_friction", "stribeck_friction"])),
+)
+def test_a_well_posed_design_reports_nothing(seed, orders, more):
+    extra = [effect("output_ripple", orders=sorted(orders))] if orders else []
+    effects = [*friction(), *chosen(*sorted(more - {"stribeck_friction"})), *extra]
+    if "stribeck_friction" in more:
+        effects.append(effect("stribeck_friction", direction_width=WIDTH, stribeck_velocity=0.4))
+    generator = np.random.default_rng(seed)
+    channels = motion(seed, 4000)
+    count = rows_of(effects, log_with(channels)).shape[1]
+    truth = generator.choice([-1.0, 1.0], count) * generator.uniform(0.1, 0.4, count)
+    log = simulated(effects, truth, channels, 0.003 * generator.normal(size=4000))
+    held = HELD | ({"stribeck_velocity": 0.4} if "stribeck_friction" in more else {})
+    fit = fitted(effects, log, fixed=held)
+    assert fit.confounded == ()
+    assert all(p.determined for p in fit.parameters)
+
+
+# What resolves a confounding
+
+
+def test_fixing_one_of_the_group_resolves_it():
+    fit = fitted(PER_DIRECTION, log_of(), fixed={**HELD, "offset": -0.12})
+    assert fit.confounded == ()
+    assert fit["offset"].state == "fixed"
+    assert fit["positive"].determined and fit["positive"].value == pytest.approx(0.3, abs=0.03)
+
+
+def test_a_prior_on_one_of_the_group_resolves_it_and_is_kept_with_the_parameter():
+    fit = fitted(PER_DIRECTION, log_of(), priors={"offset": (-0.12, 0.005)})
+    assert fit.confounded == ()
+    assert fit["offset"].prior == (-0.12, 0.005)
+    assert fit["offset"].standard_error == pytest.approx(0.005, rel=1e-3)
+    assert fit["positive"].value == pytest.approx(0.3, abs=0.03)
+    assert fit["positive"].standard_error > 0.005
+
+
+@pytest.mark.parametrize("prior", ["viscous_friction", "inertia", "sine 2"])
+def test_a_prior_on_something_else_leaves_the_group_confounded(prior):
+    fit = fitted(PER_DIRECTION, log_of(), priors={prior: (0.1, 0.1)})
+    assert groups(fit) == [{"offset", "positive", "negative"}]
+
+
+def test_a_prior_that_says_next_to_nothing_leaves_the_group_confounded():
+    fit = fitted(PER_DIRECTION, log_of(), priors={"offset": (0.0, 1e3)})
+    assert groups(fit) == [{"offset", "positive", "negative"}]
+    known = {str(c): c for c in fit.confounded[0].known}
+    combination = known["coulomb_friction_per_direction.positive + offset.offset"]
+    assert combination.value == pytest.approx(0.18, abs=0.03)
+    assert combination.standard_error < 0.02
+
+
+def test_a_bound_that_holds_one_of_the_group_resolves_it():
+    fit = fitted(PER_DIRECTION, log_of(), bounds={"offset": (0.5, 1.0), "positive": (-0.25, 9.0)})
+    if fit["offset"].state != "fitted":
+        assert groups(fit) == []
+    elsewhere = fitted(PER_DIRECTION, log_of(), bounds={"viscosity": (0.5, 1.0)})
+    assert elsewhere["viscosity"].state == "at lower bound"
+    assert groups(elsewhere) == [{"offset", "positive", "negative"}]
