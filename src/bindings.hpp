@@ -27,7 +27,6 @@ struct Borrowed {
 Borrowed borrow(const py::dict& columns, py::ssize_t size);
 
 /// A column of the same length, or null for None.
-const double* column_or_null(const std::optional<Array>& array, std::size_t size,
-                             const char* name);
+const double* column_or_null(const std::optional<Array>& array, std::size_t size, const char* name);
 
 }  // namespace flexspline::bindings

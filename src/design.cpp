@@ -73,9 +73,10 @@ py::array_t<double> predict(const batch::Design& design, const py::dict& columns
   double* values = out.mutable_data();
   {
     const py::gil_scoped_release release;
-    batch::in_pieces({0, static_cast<std::size_t>(size)}, [&](std::size_t first, std::size_t count) {
-      design.predict(borrowed.channels, first, count, span_of(coefficients), values + first);
-    });
+    batch::in_pieces(
+        {0, static_cast<std::size_t>(size)}, [&](std::size_t first, std::size_t count) {
+          design.predict(borrowed.channels, first, count, span_of(coefficients), values + first);
+        });
   }
   return out;
 }

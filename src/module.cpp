@@ -8,6 +8,7 @@ PYBIND11_MODULE(_core, module) {
   bind_design(module);
   bind_solve(module);
   bind_estimators(module);
-  module.def("isa", [] { return std::string(flexspline::batch::isa()); },
-             "Name of the instruction set in use: 'baseline', 'v3' or 'v4'.");
+  module.def(
+      "isa", [] { return std::string(flexspline::batch::isa()); },
+      "Name of the instruction set in use: 'baseline', 'v3' or 'v4'.");
 }

@@ -7,7 +7,8 @@ namespace {
 
 batch::Gram gram_from(const Array& high, const Array& low) {
   const auto width = static_cast<int>(high.shape(0));
-  batch::Gram gram(width, low.size() > 0 ? batch::Precision::double_double : batch::Precision::plain);
+  batch::Gram gram(width,
+                   low.size() > 0 ? batch::Precision::double_double : batch::Precision::plain);
   if (high.ndim() != 2 || high.shape(1) != width || (low.size() > 0 && low.size() != high.size())) {
     throw std::invalid_argument("a Gram matrix is square, and its low part of the same shape");
   }
@@ -57,7 +58,8 @@ void bind_solve(py::module_& module) {
         const auto width = static_cast<int>(high.shape(1));
         const bool exact = low.shape(0) > 0;
         const auto precision = exact ? batch::Precision::double_double : batch::Precision::plain;
-        const std::size_t entries = static_cast<std::size_t>(width) * static_cast<std::size_t>(width);
+        const std::size_t entries =
+            static_cast<std::size_t>(width) * static_cast<std::size_t>(width);
         batch::Gram sum(width, precision);
         for (const std::size_t block : chosen) {
           if (block >= static_cast<std::size_t>(high.shape(0))) {

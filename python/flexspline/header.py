@@ -20,7 +20,6 @@ from flexspline.signals import gear_of
 __all__ = ["header_text"]
 
 LARGEST = float.fromhex("0x1.fffffep+127")  # the largest float
-LARGEST_ORDER = 2**32 - 1
 LARGEST_RATIO = 2**30
 
 MEANING = {
@@ -211,9 +210,6 @@ def _type(effect: Effect) -> str:
 def _fields(effect: Effect) -> str:
     """Shapes by name, or the orders of a ripple effect."""
     if effect.ripple:
-        for order, _ in effect.harmonics:
-            if order > LARGEST_ORDER:
-                raise InputError(f"{effect.name}: order {order} is above 2^32 - 1; leave it out")
         between = ",\n" + " " * 17
         orders = between.join(f"{{{o}, flexspline::Pair::{pair}}}" for o, pair in effect.harmonics)
         return f"{{{{{{{orders}}}}}, {len(effect.harmonics)}}}"

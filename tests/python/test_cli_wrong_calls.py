@@ -12,7 +12,7 @@ FIT = "fit {run1} --target sensor_torque --effects offset,coulomb_friction --out
 PREDICT = "predict --model {model} {run1} --out {new}"
 
 WRONG = [
-    ("", "give a command"),
+    ("", "Missing command"),
     ("fti {run1}", "did you mean 'fit'"),
     ("--tragt", "No such option"),
     ("fit", "RUN.csv"),

@@ -161,16 +161,9 @@ def test_what_cannot_be_exported_is_said_in_a_sentence(
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("value", [np.nan, np.inf, 1e39])
-def test_a_coefficient_that_no_float_holds_is_named(tmp_path: Path, value: float) -> None:
-    part = Part("sensor_torque", (effect("offset"),), np.array([value]))
+def test_a_coefficient_that_no_float_holds_is_named(tmp_path: Path) -> None:
+    part = Part("sensor_torque", (effect("offset"),), np.array([1e39]))
     with pytest.raises(InputError, match=r"offset\.offset = .* does not fit"):
-        header(Model({"sensor": part}, {}), tmp_path)
-
-
-def test_an_order_beyond_32_bits_is_refused(tmp_path: Path) -> None:
-    part = Part("sensor_torque", (effect("output_ripple", orders=[2**32]),), np.zeros(2))
-    with pytest.raises(InputError, match="order 4294967296"):
         header(Model({"sensor": part}, {}), tmp_path)
 
 

@@ -152,6 +152,19 @@ def test_both_directions_at_one_speed_leave_the_offset_determined():
     assert fit["offset"].determined and fit["offset"].value == pytest.approx(-0.12, abs=0.003)
 
 
+def test_two_near_dependencies_that_share_nothing_stay_two_groups():
+    generator = np.random.default_rng(4)
+    channels = motion(0)
+    channels["output_velocity"] = np.where(channels["time"] % 4 < 2, 1.0, -1.0)
+    channels["output_velocity"] *= 1.0 + 1e-3 * generator.normal(size=2000)
+    warm = 60.0 + 0.3 * generator.normal(size=2000)
+    log = simulated(friction(), FRICTION, channels, 0.01 * generator.normal(size=2000))
+    log = log.with_columns({"temperature": warm}, note="warm all the time")
+    fit = fitted([*friction()[1:3], "temperature_drift"], log)
+    assert sorted(map(sorted, groups(fit))) == [["level", "viscosity"], ["linear", "quadratic"]]
+    assert not any(group.exact for group in fit.confounded)
+
+
 def test_low_harmonics_over_part_of_a_turn_are_confounded_with_the_offset():
     channels = motion(0)
     channels["output_position"] = 0.1 * np.sin(channels["time"])

@@ -2,7 +2,6 @@
 #include "flexspline/batch/solve.hpp"
 
 #include <Eigen/SVD>
-
 #include <algorithm>
 #include <cmath>
 #include <cstddef>

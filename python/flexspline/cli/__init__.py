@@ -17,7 +17,11 @@ from flexspline.cli.predict import predict
 __all__ = ["commands", "main"]
 
 
-@click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(
+    cls=Commands,
+    no_args_is_help=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
 @click.version_option(__version__, message="flexspline %(version)s")
 def commands() -> None:
     """Find out what a robot joint with a strain wave gear does to your torque.

@@ -72,8 +72,6 @@ class Commands(click.Group):
 
 def _usage(error: click.UsageError) -> int:
     command = error.ctx.command_path if error.ctx else "flexspline"
-    if isinstance(error, click.exceptions.NoArgsIsHelpError):
-        return _say("give a command, or see: flexspline --help", WRONG)
     return _say(f"{error.format_message().rstrip('.')}; see: {command} --help", WRONG)
 
 

@@ -134,15 +134,19 @@ def _near(
     errors = errors_of(np.eye(len(coefficients)))
     directions = np.where(member[:, None], right[weak].T, 0.0)
     touched = (variance[:, weak] / variance.sum(axis=1)[:, None] > TOUCHED) & member[:, None]
-    kept: list[int] = []
+    kept = []
     for members, columns in _grouped(touched):
         worst = index[weak][columns].max()
         resolved = np.abs(coefficients[members]) >= RESOLVED * errors[members]
         resolved_all = worst <= HOPELESS_INDEX and bool(resolved.all())
         held = _held_by_priors(members, solution, coefficients, errors, prior_rows)
         if len(members) > 1 and not resolved_all and not held:
-            kept += columns
-    return directions[:, kept], index[weak][kept]
+            inside = np.zeros((len(coefficients), len(columns)))
+            inside[members] = directions[np.ix_(members, columns)]
+            kept.append((inside, index[weak][columns]))
+    if not kept:
+        return nothing
+    return np.hstack([k[0] for k in kept]), np.concatenate([k[1] for k in kept])
 
 
 def _held_by_priors(

@@ -181,8 +181,8 @@ def _within_bounds(
     solution: Solution, constraints: Constraints, free: NDArray[np.intp]
 ) -> tuple[Array, NDArray[np.int8]]:
     """Coefficients within their bounds, and at which bound each ended."""
-    lower = np.nan_to_num(constraints.lower[free], nan=-np.inf)
-    upper = np.nan_to_num(constraints.upper[free], nan=np.inf)
+    lower = np.where(np.isnan(constraints.lower), -np.inf, constraints.lower)[free]
+    upper = np.where(np.isnan(constraints.upper), np.inf, constraints.upper)[free]
     best = solution.coefficients
     if ((lower < best) & (best < upper)).all():
         return best, np.zeros(len(free), dtype=np.int8)

@@ -51,7 +51,7 @@ class ShapeFit:
 
 @dataclass
 class _Search:
-    """The outer function, with the best solve so far and its coefficients as the next start."""
+    """The outer function; the coefficients of the best solve so far are the next one's start."""
 
     shapes: Sequence[ShapeParameter]
     effects: tuple[Effect, ...]
@@ -64,18 +64,21 @@ class _Search:
     def __call__(self, logarithms: Array) -> float:
         key = tuple(np.round(logarithms, 12).tolist())
         if key not in self.seen:
-            effects = self.effects
-            for shape, logarithm in zip(self.shapes, logarithms, strict=True):
-                value = float(np.clip(np.exp(logarithm), shape.info.lower, shape.info.upper))
-                effects = shape.set(effects, value)
-            start = None if self.best is None else self.best.coefficients
-            made = self.solve(effects, start)
-            self.evaluations += 1
-            self.tick()
+            made = self.at(logarithms)
             self.seen[key] = made.squares
             if self.best is None or made.squares < self.best.squares:
                 self.best = made
         return self.seen[key]
+
+    def at(self, logarithms: Array) -> LinearFit:
+        """Solve with these shapes."""
+        effects = self.effects
+        for shape, logarithm in zip(self.shapes, logarithms, strict=True):
+            value = float(np.clip(np.exp(logarithm), shape.info.lower, shape.info.upper))
+            effects = shape.set(effects, value)
+        self.evaluations += 1
+        self.tick()
+        return self.solve(effects, None if self.best is None else self.best.coefficients)
 
 
 def fit_shapes(
@@ -98,17 +101,14 @@ def fit_shapes(
     search = _Search(list(shapes), tuple(effects), solve, tick)
     point = np.log([shape.value(effects) for shape in shapes])
     if not len(shapes):
-        search(point)
-        assert search.best is not None
-        return ShapeFit(search.best, {}, (), 1)
+        return ShapeFit(search.at(point), {}, (), 1)
     limits = np.log([bounds.get(s.name, (s.info.lower, s.info.upper)) for s in shapes])
     starts, flat = _grid(search, np.clip(point, limits[:, 0], limits[:, 1]), limits)
     active = [i for i in range(len(shapes)) if i not in flat]
     ends = [_simplex(search, start, limits, active) for start in starts]
     point = min(ends, key=search)
-    assert search.best is not None
     return ShapeFit(
-        search.best,
+        search.at(point),
         {shapes[i].name: _bound(point[i], limits[i]) for i in active},
         tuple(shapes[i].name for i in flat),
         search.evaluations,

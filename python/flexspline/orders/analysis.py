@@ -133,7 +133,7 @@ class OrderAnalysis:
                 ax.annotate(f"{found.per_output_turn:.6g}", (found.per_output_turn,
                             found.amplitude), (0, 5), textcoords="offset points", fontsize=8,
                             rotation=60)
-        ax.margins(y=0.2)
+        ax.set_ylim(0, 1.2 * ax.get_ylim()[1])
         ax.set_title(f"{len(self.found)} orders found in {self.runs} run"
                      f"{'' if self.runs == 1 else 's'}")
         return ax

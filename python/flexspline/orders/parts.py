@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import ceil, floor
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,7 @@ from flexspline.logs import Log
 
 __all__ = ["Candidate", "Pair", "candidates", "effective_ratio", "output_angle", "owner", "pairs"]
 
+_MOST = 10  # whole orders on either side that are listed
 _LOBES = 4  # harmonics of the wave generator that count as its ripple (effects.md)
 
 
@@ -149,12 +151,13 @@ def candidates(order: float, resolution: float, parts: tuple[Pair, ...], *,
     for pair in parts:
         if not pair.turns > 0:
             continue
-        near = round(order / pair.turns)
         wave = pair.name.startswith("wave_generator")
         tolerance = resolution * (1.0 if pair.motor or wide else 0.5)
-        for m in (near - 1, near, near + 1):
+        reach = min(tolerance / pair.turns, _MOST) + 1e-9
+        for m in range(max(1, ceil(order / pair.turns - reach)),
+                       floor(order / pair.turns + reach) + 1):
             offset = abs(m * pair.turns - order)
-            if m >= 1 and offset <= tolerance * (1 + 1e-9) and not (wave and m > _LOBES):
+            if not (wave and m > _LOBES):
                 rank = (pair.motor == 0, round(offset / resolution, 2), wave != (m <= _LOBES), m)
                 found.append((rank, Candidate(m, pair, m * pair.turns)))
     return [candidate for _, candidate in sorted(found, key=lambda entry: entry[0])]

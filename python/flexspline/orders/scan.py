@@ -181,7 +181,7 @@ def _peaks(seen: Round, false_alarm: float) -> list[tuple[float, Line]]:
             bend = x[i - 1] - 2 * x[i] + x[i + 1]
             shift = 0.5 * (x[i - 1] - x[i + 1]) / bend if bend < 0 else 0.0
             order = float(seen.order[i] + step * shift)
-            found.append((float(x[i] - shape[i]), Line(order, float(p), 1 / seen.turns[i])))
+            found.append((float(x[i] - shape[i]), Line(order, float(p), float(1 / seen.turns[i]))))
     return sorted(found, key=lambda peak: -peak[0])
 
 

@@ -150,7 +150,7 @@ def time_spectrum(log: Log, values: str | ArrayLike, *, unit: str | None = None,
     Notes
     -----
     Linear trend taken out, Hann window (Harris 1978): a sine between two frequencies shows up
-    to 15 % too small, so peaks are refined by a parabola through the logarithms.
+    to 15 % too small; peaks are refined by the window's own shape (Grandke 1983).
     """
     (data,), channel, unit = chosen_values([log], values if isinstance(values, str) else [values],
                                            unit)
@@ -174,9 +174,11 @@ def _time_peaks(frequency: NDArray[np.float64],
     at, _ = signal.find_peaks(amplitude, height=8 * np.broadcast_to(around, amplitude.shape),
                               distance=3)
     at = at[np.argsort(-amplitude[at])][:20]
-    left, top, right = (np.log(amplitude[at + step] + 1e-300) for step in (-1, 0, 1))
-    shift = 0.5 * (left - right) / (left - 2 * top + right)
-    refined = np.exp(top - 0.25 * (left - right) * shift)
+    left, top, right = amplitude[at - 1], amplitude[at], amplitude[at + 1]
+    beside = np.maximum(left, right) / top
+    share = np.clip((2 * beside - 1) / (beside + 1), 1e-9, 0.5)
+    refined = top * (1 - share**2) / np.sinc(share)
+    shift = np.where(right > left, share, -share)
     return tuple(zip((frequency[at] + shift * frequency[1]).tolist(), refined.tolist(),
                      strict=True))
 

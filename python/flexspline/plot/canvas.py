@@ -103,4 +103,4 @@ def colours_of_runs(count: int) -> list[Any]:
     if count == 1 or count > MOST_COLOURED_RUNS:
         return [PALETTE[0]] * count
     shades = matplotlib.colormaps["viridis"]
-    return [shades(0.12 + 0.68 * k / (count - 1)) for k in range(count)]
+    return [shades(0.22 + 0.6 * k / (count - 1)) for k in range(count)]

@@ -34,7 +34,7 @@ class Panel:
 LOOK_FOR = {
     "predicted": "All points should lie along the diagonal. A cloud that bends or lies beside it "
     "is an effect the model lacks; a run apart from the others is a run unlike them.",
-    "time": "The residual should be as wide everywhere and centred on zero. A slow drift is "
+    "time": "The residual should be equally wide everywhere and centred on zero. A slow drift is "
     "temperature or time; a burst is a push, a reversal or a fault of the log.",
     "output_position": "The median should lie on zero at every angle. Waves are ripple that the "
     "model lacks, one period a turn is gravity.",

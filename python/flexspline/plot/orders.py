@@ -76,7 +76,7 @@ def _spectrum(fit: Fit, what: str) -> tuple[Array, Array]:
 
 
 def _peaks(order: Array, amplitude: Array) -> tuple[Array, Array]:
-    edges = np.geomspace(order[0], order[-1], BINS)
+    edges = np.geomspace(order[0], order[-1], BINS)[:-1]
     first = np.unique(np.searchsorted(order, edges))
     first = first[first < len(order)]
     highest = np.maximum.reduceat(amplitude, first)

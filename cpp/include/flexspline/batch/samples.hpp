@@ -115,8 +115,8 @@ struct SampleBlock {
     run_wide([this, &gear] {
       for (std::size_t i = 0; i < size; ++i) {
         const Phase<double> q{output_phase[i]};
-        const Phase<double> theta = gear.motor_encoder ? Phase<double>{motor_phase[i]}
-                                                       : gear.motor_phase({turns[i], q});
+        const Phase<double> theta =
+            gear.motor_encoder ? Phase<double>{motor_phase[i]} : gear.motor_phase({turns[i], q});
         motor_phase[i] = theta.fraction;
         flexspline_phase[i] = gear.against_flexspline(q, theta).fraction;
         circular_spline_phase[i] = gear.against_circular_spline(q, theta).fraction;
