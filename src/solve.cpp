@@ -32,21 +32,26 @@ Array vector(const std::vector<double>& values) {
 void bind_solve(py::module_& module) {
   using batch::Solution;
   py::class_<Solution>(module, "Solution", "Least squares from a Gram matrix.")
-      .def_readonly("rank", &Solution::rank)
-      .def_readonly("order", &Solution::order)
-      .def_readonly("residual_squares", &Solution::residual_squares)
-      .def_readonly("condition", &Solution::condition)
-      .def_property_readonly("coefficients",
-                             [](const Solution& s) { return vector(s.coefficients); })
-      .def_property_readonly("rotated_target",
-                             [](const Solution& s) { return vector(s.rotated_target); })
-      .def_property_readonly("factor",
-                             [](const Solution& s) { return matrix(s.factor, s.rank, s.columns); })
+      .def_readonly("rank", &Solution::rank, "How many columns are independent.")
+      .def_readonly("order", &Solution::order, "Columns, pivots first: order[:rank] are the basic ones.")
+      .def_readonly("residual_squares", &Solution::residual_squares, "|X b - y|², at least 0.")
+      .def_readonly("condition", &Solution::condition, "Of the basic columns scaled to length one (estimate).")
+      .def_property_readonly(
+          "coefficients", [](const Solution& s) { return vector(s.coefficients); },
+          "Shape (columns,); 0 at dependent ones.")
+      .def_property_readonly(
+          "rotated_target", [](const Solution& s) { return vector(s.rotated_target); },
+          "Qᵀ y of the basic columns, shape (rank,).")
+      .def_property_readonly(
+          "factor", [](const Solution& s) { return matrix(s.factor, s.rank, s.columns); },
+          "Shape (rank, columns): XᵀX = factorᵀ factor.")
       .def_property_readonly(
           "dependence",
-          [](const Solution& s) { return matrix(s.dependence, s.columns - s.rank, s.rank); })
-      .def_property_readonly("double_is_enough",
-                             [](const Solution& s) { return batch::double_is_enough(s); });
+          [](const Solution& s) { return matrix(s.dependence, s.columns - s.rank, s.rank); },
+          "Shape (columns - rank, rank): of which basic columns each dependent one is made.")
+      .def_property_readonly(
+          "double_is_enough", [](const Solution& s) { return batch::double_is_enough(s); },
+          "Whether plain sums were good to 1e-9 here, without double-double.");
   module.def(
       "solve",
       [](const Array& high, const Array& low) { return batch::solve(gram_from(high, low)); },

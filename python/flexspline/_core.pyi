@@ -54,23 +54,40 @@ class Solution:
     """Least squares from a Gram matrix."""
 
     @property
-    def coefficients(self) -> NDArray[np.float64]: ...
+    def coefficients(self) -> NDArray[np.float64]:
+        """Shape (columns,); 0 at dependent ones."""
+
     @property
-    def condition(self) -> float: ...
+    def condition(self) -> float:
+        """Of the basic columns scaled to length one (estimate)."""
+
     @property
-    def dependence(self) -> NDArray[np.float64]: ...
+    def dependence(self) -> NDArray[np.float64]:
+        """Shape (columns - rank, rank): of which basic columns each dependent one is made."""
+
     @property
-    def double_is_enough(self) -> bool: ...
+    def double_is_enough(self) -> bool:
+        """Whether plain sums were good to 1e-9 here, without double-double."""
+
     @property
-    def factor(self) -> NDArray[np.float64]: ...
+    def factor(self) -> NDArray[np.float64]:
+        """Shape (rank, columns): XᵀX = factorᵀ factor."""
+
     @property
-    def order(self) -> list[int]: ...
+    def order(self) -> list[int]:
+        """Columns, pivots first: order[:rank] are the basic ones."""
+
     @property
-    def rank(self) -> int: ...
+    def rank(self) -> int:
+        """How many columns are independent."""
+
     @property
-    def residual_squares(self) -> float: ...
+    def residual_squares(self) -> float:
+        """|X b - y|², at least 0."""
+
     @property
-    def rotated_target(self) -> NDArray[np.float64]: ...
+    def rotated_target(self) -> NDArray[np.float64]:
+        """Qᵀ y of the basic columns, shape (rank,)."""
 
 def accumulate_rows(
     rows: ArrayLike,

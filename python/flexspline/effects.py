@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from numbers import Real
 from types import MappingProxyType
 from typing import Any
 
@@ -74,8 +73,9 @@ def _catalogue() -> Mapping[str, EffectInfo]:
     for entry in _core.catalogue():
         terms = tuple(TermInfo(*term) for term in entry.pop("terms"))
         shapes = tuple(ShapeInfo(**shape) for shape in entry.pop("shapes"))
-        tuples = {key: tuple(entry.pop(key)) for key in ("reads", "pairs")}
-        known[entry["name"]] = EffectInfo(terms=terms, shapes=shapes, **tuples, **entry)
+        reads, pairs = tuple(entry.pop("reads")), tuple(entry.pop("pairs"))
+        info = EffectInfo(terms=terms, shapes=shapes, reads=reads, pairs=pairs, **entry)
+        known[info.name] = info
     return MappingProxyType(known)
 
 
@@ -160,7 +160,7 @@ class Effect:
         pairs = self.info.pairs
         if not pairs:
             raise InputError(f"effect '{self.name}' has no orders; leave them out")
-        harmonics = [(o, pairs[0]) if isinstance(o, Real) else o for o in orders]
+        harmonics: list[Harmonic] = [o if isinstance(o, tuple) else (o, pairs[0]) for o in orders]
         return replace(self, harmonics=tuple(sorted(harmonics, key=lambda h: (h[1], h[0]))))
 
     def for_core(self) -> dict[str, Any]:

@@ -242,7 +242,7 @@ def test_a_shape_that_changes_nothing_keeps_its_value_and_is_not_determined():
     log = simulated(friction()[:3], FRICTION[:3], channels, noise)
     fit = fitted(["coulomb_friction", "viscous_friction"], log, fixed={})
     width = fit["direction_width"]
-    assert width.value == CATALOGUE["coulomb_friction"].shapes[0].default
+    assert width.value == pytest.approx(CATALOGUE["coulomb_friction"].shapes[0].default)
     assert width.state == "not determined" and not width.determined
     assert any("direction_width changes nothing" in w for w in fit.warnings)
 

@@ -174,8 +174,8 @@ def test_a_low_pass_on_the_target_alone_takes_the_filters_gain_off_the_ripple(or
     gain = passed(order * 0.5 / (2 * np.pi), 1.0)
     amplitude = np.hypot(fit[f"cosine {order}"].value, fit[f"sine {order}"].value)
     assert amplitude / np.hypot(0.2, 0.1) == pytest.approx(gain, abs=0.01)
-    if order >= 8:
-        assert gain < 0.9  # a bias that the errors do not tell
+    if order >= 8:  # a bias that the errors do not tell
+        assert gain < 0.95
         away = abs(fit[f"cosine {order}"].value - 0.2)
         assert away > 4 * fit[f"cosine {order}"].standard_error
 

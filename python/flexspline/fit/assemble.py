@@ -204,7 +204,7 @@ def _parameter(
 def _shared(problem: Problem, made: Estimate) -> Array:
     """Coefficients in the order of the effects' terms; offsets of runs become their mean."""
     place = problem.place(made.linear.effects)
-    return np.mean([made.linear.coefficients[run] for run in place], axis=0)
+    return np.asarray(np.mean([made.linear.coefficients[run] for run in place], axis=0))
 
 
 def _record(

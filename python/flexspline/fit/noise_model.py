@@ -246,7 +246,8 @@ def _expected_products(phi: Array, products: Array, degrees: int) -> tuple[Array
     flat = products.reshape(len(a) ** 2, width**2)
     whitened = (np.outer(a, a).ravel() @ flat).reshape(width, width)
     terms = whitened[:-1, :-1]
-    inverse = np.linalg.inv(terms + _RIDGE * np.trace(terms) * np.eye(width - 1))
+    rounding = _RIDGE * np.trace(products[0, 0, :-1, :-1])
+    inverse = np.linalg.inv(terms + rounding * np.eye(width - 1))
     u = np.append(-inverse @ whitened[:-1, -1], 1.0)
     variance = float(u @ whitened @ u) / degrees
     weight = np.outer(u, u)
@@ -285,7 +286,8 @@ def _coefficient_covariance(phi: Array, products: Array, degrees: int, known: Ar
     """σ² Q⁻¹, if the noise were known, widened by what EM says the terms hid: (I - DM)⁻¹."""
     centre = _solve(_expected_products(phi, products, degrees)[0])
     rate = np.empty_like(known)
-    for k, step in enumerate(np.diag(0.1 * np.sqrt(np.diag(known)))):
+    spreads = np.sqrt(np.maximum(np.diag(known), np.finfo(float).tiny))  # 0 without any noise
+    for k, step in enumerate(np.diag(0.1 * spreads)):
         moved = _solve(_expected_products(phi + step, products, degrees)[0])
         rate[:, k] = (moved - centre) / step[k]
     spread = np.linalg.solve(np.eye(len(phi)) - rate, known)

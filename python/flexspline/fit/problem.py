@@ -17,6 +17,7 @@ from flexspline.effects import Effect, require_effects
 from flexspline.errors import InputError, listed
 from flexspline.fit.sums import Sums
 from flexspline.logs.derive import lowpass
+from flexspline.logs.local_fit import require_bandwidth
 from flexspline.logs.log import Log
 from flexspline.logs.segments import runs
 from flexspline.signals import channels_for, core_channels, gear_of, target_of
@@ -159,7 +160,7 @@ class Problem:
         changes are kept, the last few of each effect.
         """
         run = self.runs[number]
-        columns = []
+        columns = [np.empty((len(run), 0))]
         for k, effect in enumerate(effects):
             if "load" in effect.info.reads:
                 first = sum(len(e.terms) for e in effects[:k])
@@ -245,6 +246,7 @@ def _run(
     require_finite(log, {**channels, target: y})
     stretches = [(int(first), int(last)) for first, last in runs(log["time"])]
     if cutoff is not None:
+        require_bandwidth(cutoff, log.rate, f"log '{log.name}', low pass")
         smooth = lowpass(y, log["time"], cutoff)
         y = smooth.values
         stretches = _kept(stretches, smooth.valid)

@@ -168,9 +168,8 @@ class Fit:
         """Return the parameters as a table."""
         import pandas
 
-        rows = [
-            {
-                "parameter": p.name,
+        rows = {
+            p.name: {
                 "value": p.value if p.determined else np.nan,
                 "standard_error": p.standard_error if p.determined else np.nan,
                 "unit": p.unit,
@@ -181,8 +180,9 @@ class Fit:
                 "naive_error": p.naive_error,
             }
             for p in self.parameters
-        ]
-        return pandas.DataFrame(rows).set_index("parameter")
+        }
+        frame = pandas.DataFrame(list(rows.values()), index=list(rows))
+        return frame.rename_axis("parameter")
 
     def scores_frame(self) -> pandas.DataFrame:
         """Return the scores as a table."""

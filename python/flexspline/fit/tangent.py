@@ -48,7 +48,6 @@ class Tangent:
     def pieces(self) -> Iterator[tuple[int, slice, Chunk]]:
         """Run number, rows and chunk of each piece, in order."""
         whole: tuple[int, Array] | None = None
-        last_end = (-1, -1)
         for number, first, last in self.problem.pieces():
             if self.problem.lowpass is not None and (whole is None or whole[0] != number):
                 whole = (number, self._filtered(number))
@@ -56,8 +55,7 @@ class Tangent:
             run = self.problem.runs[number]
             residual = run.target[first:last] - rows[:, -1]
             starts = np.zeros(last - first, dtype=bool)
-            starts[0] = (number, first) != last_end
-            last_end = (number, last)
+            starts[0] = any(first == begin for begin, _ in run.stretches)
             weights = None if self.weights is None else self.weights[number][first:last]
             yield number, slice(first, last), Chunk(rows[:, :-1], residual, starts, weights)
 

@@ -104,7 +104,9 @@ class Uncertainty:
     @property
     def effective_samples_of(self) -> Array:
         """(P,): the same for each parameter, N (naive error / error)²."""
-        return np.asarray(self.rows * (self.naive_standard_errors / self.standard_errors) ** 2)
+        with np.errstate(divide="ignore", invalid="ignore"):  # without any noise no error
+            share = self.naive_standard_errors / self.standard_errors
+        return np.asarray(self.rows * share**2)
 
     @property
     def shortest_length(self) -> int:

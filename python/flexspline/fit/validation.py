@@ -80,7 +80,7 @@ def run_edges(problem: Problem, number: int, by_runs: bool) -> list[int]:
     if by_runs:
         return [0, size]
     count = max(2, round(BLOCKS / len(problem.runs)))
-    return np.linspace(0, size, count + 1).astype(int).tolist()
+    return [int(row) for row in np.linspace(0, size, count + 1)]
 
 
 def _parts(edges: list[int], rows: slice, offset: int) -> list[tuple[int, slice]]:

@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
 
 from flexspline.errors import InputError
 from flexspline.logs import Log
@@ -26,12 +25,23 @@ from flexspline.orders.stretches import Values, chosen_values, stretches
 
 if TYPE_CHECKING:
     import pandas
+    from matplotlib.axes import Axes
 
 __all__ = ["FoundOrder", "OrderAnalysis", "find_orders"]
 
 _CLEAR = 2.0  # standard errors that an order must keep once all are fitted together
-_HEADINGS = ("per output turn", "order of pair", "amplitude", "steady part", "phase", "SNR",
-             "false alarm", "label", "effect", "or")
+_HEADINGS = (
+    "per output turn",
+    "order of pair",
+    "amplitude",
+    "steady part",
+    "phase",
+    "SNR",
+    "false alarm",
+    "label",
+    "effect",
+    "or",
+)
 
 
 @dataclass(frozen=True)
@@ -110,11 +120,15 @@ class OrderAnalysis:
 
         With `pair` only those of that pair of parts.
         """
-        return sorted({
-            found.order for found in self.found
-            if found.effect == effect and isinstance(found.order, int)
-            and (pair is None or found.pair == pair)
-        })
+        return sorted(
+            {
+                found.order
+                for found in self.found
+                if found.effect == effect
+                and isinstance(found.order, int)
+                and (pair is None or found.pair == pair)
+            }
+        )
 
     def to_frame(self) -> pandas.DataFrame:
         """Return a pandas table with a row for each order; units as in `FoundOrder`."""
@@ -130,12 +144,18 @@ class OrderAnalysis:
         for number, found in enumerate(self.found):
             ax.plot(found.per_output_turn, found.amplitude, "v", color="C3", markersize=4)
             if number < 15:
-                ax.annotate(f"{found.per_output_turn:.6g}", (found.per_output_turn,
-                            found.amplitude), (0, 5), textcoords="offset points", fontsize=8,
-                            rotation=60)
+                ax.annotate(
+                    f"{found.per_output_turn:.6g}",
+                    (found.per_output_turn, found.amplitude),
+                    (0, 5),
+                    textcoords="offset points",
+                    fontsize=8,
+                    rotation=60,
+                )
         ax.set_ylim(0, 1.2 * ax.get_ylim()[1])
-        ax.set_title(f"{len(self.found)} orders found in {self.runs} run"
-                     f"{'' if self.runs == 1 else 's'}")
+        ax.set_title(
+            f"{len(self.found)} orders found in {self.runs} run{'' if self.runs == 1 else 's'}"
+        )
         return ax
 
     def __repr__(self) -> str:
@@ -147,8 +167,13 @@ class OrderAnalysis:
         table = [_HEADINGS, *self._cells()]
         width = [max(len(row[i]) for row in table) for i in range(len(_HEADINGS))]
         right = {0, 1, 5}
-        lines = ["  ".join(cell.rjust(width[i]) if i in right else cell.ljust(width[i])
-                           for i, cell in enumerate(row)).rstrip() for row in table]
+        lines = [
+            "  ".join(
+                cell.rjust(width[i]) if i in right else cell.ljust(width[i])
+                for i, cell in enumerate(row)
+            ).rstrip()
+            for row in table
+        ]
         return "\n".join([self._title(), *lines, *self._doubtful()])
 
     def _repr_html_(self) -> str:
@@ -163,25 +188,37 @@ class OrderAnalysis:
     def _title(self) -> str:
         low, high = self.scanned
         count = f"{len(self.found) or 'no'} order{'' if len(self.found) == 1 else 's'}"
-        return (f"{self.channel} [{self.unit or '1'}]: {count} found between {low:.3g} and "
-                f"{high:.6g} per output turn in {self.runs} run{'' if self.runs == 1 else 's'} "
-                f"(noise alone names one in {self.false_alarm:.2g} of cases at most)")
+        return (
+            f"{self.channel} [{self.unit or '1'}]: {count} found between {low:.3g} and "
+            f"{high:.6g} per output turn in {self.runs} run{'' if self.runs == 1 else 's'} "
+            f"(noise alone names one in {self.false_alarm:.2g} of cases at most)"
+        )
 
     def _doubtful(self) -> list[str]:
         if not self.faint:
             return []
-        each = "; ".join(f"{f.order} ({_rounded(f.amplitude, f.error, self.unit)})"
-                         for f in self.faint)
-        return [f"not certain, but out of the other low orders per output turn: {each}; "
-                "runs over full turns would tell"]
+        each = "; ".join(
+            f"{f.order} ({_rounded(f.amplitude, f.error, self.unit)})" for f in self.faint
+        )
+        return [
+            f"not certain, but out of the other low orders per output turn: {each}; "
+            "runs over full turns would tell"
+        ]
 
     def _cells(self) -> list[tuple[str, ...]]:
         return [
-            (f"{f.per_output_turn:.6g}", f"{f.order:.6g}",
-             _rounded(f.amplitude, f.error, self.unit),
-             _rounded(f.steady, f.error, self.unit), f"{f.phase:+.2f} ± {f.phase_error:.2f} rad",
-             f"{f.snr:.1f}", f"{max(f.chance, 1e-99):.0e}", f.label, f.effect or "–",
-             "; ".join(f.aliases[:2]))
+            (
+                f"{f.per_output_turn:.6g}",
+                f"{f.order:.6g}",
+                _rounded(f.amplitude, f.error, self.unit),
+                _rounded(f.steady, f.error, self.unit),
+                f"{f.phase:+.2f} ± {f.phase_error:.2f} rad",
+                f"{f.snr:.1f}",
+                f"{max(f.chance, 1e-99):.0e}",
+                f.label,
+                f.effect or "–",
+                "; ".join(f.aliases[:2]),
+            )
             for f in self.found
         ]
 
@@ -230,8 +267,10 @@ def find_orders(
     """
     logs = [logs] if isinstance(logs, Log) else list(logs)
     if not 0 < false_alarm < 1:
-        raise InputError(f"find_orders: false_alarm = {false_alarm} is no probability; "
-                         "give a number between 0 and 1")
+        raise InputError(
+            f"find_orders: false_alarm = {false_alarm} is no probability; "
+            "give a number between 0 and 1"
+        )
     if max_order is not None and not max_order > 0:
         raise InputError(f"find_orders: max_order = {max_order} must be above 0")
     arrays, channel, unit = chosen_values(logs, values, unit)
@@ -252,24 +291,47 @@ def find_orders(
     lowest = min([line.order for line in low] + [part.lowest for part in parts])
     faint = find_faint(parts, [order.per_output_turn for order in named], false_alarm / 2)
     spectrum = order_spectrum(logs, arrays, max_order=highest, unit=unit)
-    return OrderAnalysis(tuple(named), faint, channel, unit, false_alarm, (lowest, highest),
-                         len(logs), replace(spectrum, channel=channel))
+    return OrderAnalysis(
+        tuple(named),
+        faint,
+        channel,
+        unit,
+        false_alarm,
+        (lowest, highest),
+        len(logs),
+        replace(spectrum, channel=channel),
+    )
 
 
-def _named(lines: Sequence[Line], fitted: Sequence[Estimate | None], table: tuple[Pair, ...],
-           facts: Mapping[str, object]) -> list[FoundOrder]:
+def _named(
+    lines: Sequence[Line],
+    fitted: Sequence[Estimate | None],
+    table: tuple[Pair, ...],
+    facts: Mapping[str, object],
+) -> list[FoundOrder]:
     """Return the lines that the joint fit separates, named, the largest first."""
-    kept = [(line, fit) for line, fit in zip(lines, fitted, strict=True)
-            if fit is not None and max(fit.amplitude, fit.steady) > _CLEAR * fit.error]
+    kept = [
+        (line, fit)
+        for line, fit in zip(lines, fitted, strict=True)
+        if fit is not None and max(fit.amplitude, fit.steady) > _CLEAR * fit.error
+    ]
     choices = [candidates(line.order, line.resolution, table) for line, _ in kept]
     alone = sum(bool(choice) and choice[0].pair.motor == 0 for choice in choices) == 1
-    found = [_one(line, fit, choice, table, facts, alone)
-             for (line, fit), choice in zip(kept, choices, strict=True)]
+    found = [
+        _one(line, fit, choice, table, facts, alone)
+        for (line, fit), choice in zip(kept, choices, strict=True)
+    ]
     return sorted(found, key=lambda order: -order.amplitude)
 
 
-def _one(line: Line, fit: Estimate, choice: Sequence[Candidate], table: tuple[Pair, ...],
-         facts: Mapping[str, object], alone: bool) -> FoundOrder:
+def _one(
+    line: Line,
+    fit: Estimate,
+    choice: Sequence[Candidate],
+    table: tuple[Pair, ...],
+    facts: Mapping[str, object],
+    alone: bool,
+) -> FoundOrder:
     wide = candidates(line.order, line.resolution, table, wide=True)
     if choice:
         order: int | float = choice[0].order
@@ -278,13 +340,25 @@ def _one(line: Line, fit: Estimate, choice: Sequence[Candidate], table: tuple[Pa
         wide = [other for other in wide if (other.pair, other.order) != (choice[0].pair, order)]
     else:
         order, pair, effect, label = line.order, "", "", "no known pair turns at a whole order"
-    return FoundOrder(order, pair, line.order, line.resolution, fit.amplitude, fit.error,
-                      fit.steady, fit.phase, fit.phase_error,
-                      fit.amplitude / max(fit.error, 1e-300), line.chance, label, effect,
-                      tuple(other.label for other in wide), fit.shares)
+    return FoundOrder(
+        order,
+        pair,
+        line.order,
+        line.resolution,
+        fit.amplitude,
+        fit.error,
+        fit.steady,
+        fit.phase,
+        fit.phase_error,
+        fit.amplitude / max(fit.error, 1e-300),
+        line.chance,
+        label,
+        effect,
+        tuple(other.label for other in wide),
+        fit.shares,
+    )
 
 
 def _rounded(value: float, error: float, unit: str) -> str:
     digits = max(0, 1 - int(np.floor(np.log10(error)))) if error > 0 else 3
     return f"{value:.{digits}f} ± {error:.{digits}f} {unit}".rstrip()
-

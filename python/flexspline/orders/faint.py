@@ -41,8 +41,9 @@ class Faint:
     error: float
 
 
-def find_faint(parts: Sequence[Stretch], found: Sequence[float],
-               false_alarm: float) -> tuple[Faint, ...]:
+def find_faint(
+    parts: Sequence[Stretch], found: Sequence[float], false_alarm: float
+) -> tuple[Faint, ...]:
     """Return low orders that stand out of a flat floor beside those `found` already."""
     first, last = scanned_low(parts)
     runs = [list(group) for _, group in groupby(parts, lambda part: part.run)]
@@ -68,8 +69,11 @@ def find_faint(parts: Sequence[Stretch], found: Sequence[float],
     return tuple(_jackknifed(each, taken, order) for order in sorted(new))
 
 
-def _jackknifed(each: Sequence[tuple[NDArray[np.float64], NDArray[np.float64], int]],
-                taken: Sequence[int], order: int) -> Faint:
+def _jackknifed(
+    each: Sequence[tuple[NDArray[np.float64], NDArray[np.float64], int]],
+    taken: Sequence[int],
+    order: int,
+) -> Faint:
     """Return `order` fitted beside `taken`, its error from leaving out one run at a time."""
     base = harmonic_columns(taken)
     at = [list(taken).index(order), list(taken).index(order) + len(taken)]

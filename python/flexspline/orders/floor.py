@@ -24,8 +24,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-__all__ = ["EFFECTIVE", "NEIGHBOURS", "Floor", "block_floor", "chance_in_scan", "neighbours",
-           "surprise"]
+__all__ = [
+    "EFFECTIVE",
+    "NEIGHBOURS",
+    "Floor",
+    "block_floor",
+    "chance_in_scan",
+    "neighbours",
+    "surprise",
+]
 
 EFFECTIVE = 0.48  # orders that a median of exponential powers is worth: ln(2)² for the mean
 _NEAR, _FAR = 1.5, 8.0  # independent orders
@@ -77,8 +84,9 @@ def neighbours(power: NDArray[np.float64], cell: float) -> NDArray[np.float64]:
     return np.asarray(np.maximum(least, 0.0))
 
 
-def block_floor(order: NDArray[np.float64], power: NDArray[np.float64], turns: float,
-                taken: Sequence[float]) -> Floor | None:
+def block_floor(
+    order: NDArray[np.float64], power: NDArray[np.float64], turns: float, taken: Sequence[float]
+) -> Floor | None:
     """Return the floor of `power` over the evenly spaced `order`, None where too few are seen.
 
     Parameters
@@ -121,8 +129,9 @@ def surprise(ratio: NDArray[np.float64], support: NDArray[np.float64]) -> NDArra
     return np.asarray(support * np.log1p(ratio / support), dtype=np.float64)
 
 
-def chance_in_scan(x: NDArray[np.float64], shape: NDArray[np.float64],
-                   cells: float) -> NDArray[np.float64]:
+def chance_in_scan(
+    x: NDArray[np.float64], shape: NDArray[np.float64], cells: float
+) -> NDArray[np.float64]:
     """Return the probability that noise alone passes `x` somewhere in a scan.
 
     Parameters

@@ -56,8 +56,9 @@ class Estimate:
     shares: tuple[Share, ...]
 
 
-def estimates(parts: Sequence[Stretch], floors: Sequence[Floor | None],
-              orders: Sequence[float]) -> list[Estimate | None]:
+def estimates(
+    parts: Sequence[Stretch], floors: Sequence[Floor | None], orders: Sequence[float]
+) -> list[Estimate | None]:
     """Return one estimate for each of `orders`, None where no stretch separates it."""
     shares: list[list[Share]] = [[] for _ in orders]
     for part, floor in zip(parts, floors, strict=True):
@@ -73,7 +74,8 @@ def estimates(parts: Sequence[Stretch], floors: Sequence[Floor | None],
             block = inverse[pair, pair]
             if np.linalg.eigvalsh(block)[-1] * _SEPARATE * len(part.angle) / 2 < 1:
                 shares[list(orders).index(order)].append(
-                    Share(part.name, part.speed, len(part.angle), weight[pair], noise[i] * block))
+                    Share(part.name, part.speed, len(part.angle), weight[pair], noise[i] * block)
+                )
     return [combined(found) if found else None for found in shares]
 
 
@@ -89,13 +91,17 @@ def combined(shares: Sequence[Share]) -> Estimate:
     steady = float(np.hypot(a, b))
     across = np.array([-b, a]) / max(steady, 1e-300)
     phase_error = float(np.sqrt(across @ covariance @ across)) / max(steady, 1e-300)
-    return Estimate(float(np.sqrt(max(each @ power, 0.0))),
-                    float(np.sqrt(each**2 @ spread / 2)), steady, float(np.arctan2(b, a)),
-                    min(phase_error, float(np.pi)), tuple(shares))
+    return Estimate(
+        float(np.sqrt(max(each @ power, 0.0))),
+        float(np.sqrt(each**2 @ spread / 2)),
+        steady,
+        float(np.arctan2(b, a)),
+        min(phase_error, float(np.pi)),
+        tuple(shares),
+    )
 
 
-def _even_weights(power: NDArray[np.float64], spread: NDArray[np.float64]
-                  ) -> NDArray[np.float64]:
+def _even_weights(power: NDArray[np.float64], spread: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return w_g, summing to one, for estimated powers A_g² with noise of power `spread`."""
     weight = 1 / spread / np.sum(1 / spread)
     for _ in range(5):

@@ -20,8 +20,17 @@ from flexspline.orders.joint import Estimate, Share, combined
 from flexspline.orders.scan import Line
 from flexspline.orders.stretches import Stretch
 
-__all__ = ["SCANNED", "covered_arc", "find_low", "flat_floor", "harmonic_columns", "less_low",
-           "pooled", "powers", "scanned_low"]
+__all__ = [
+    "SCANNED",
+    "covered_arc",
+    "find_low",
+    "flat_floor",
+    "harmonic_columns",
+    "less_low",
+    "pooled",
+    "powers",
+    "scanned_low",
+]
 
 SCANNED = 40
 _CYCLES = 1.5
@@ -66,8 +75,9 @@ def find_low(parts: Sequence[Stretch], false_alarm: float) -> tuple[list[Line], 
     return lines, _estimates(gram, moment, rows, taken, lines, levels)
 
 
-def _power_law(order: NDArray[np.intp], power: NDArray[np.float64]
-               ) -> tuple[NDArray[np.float64], float]:
+def _power_law(
+    order: NDArray[np.intp], power: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], float]:
     """Return the floor at each order, and how many orders it is worth (0: not known)."""
     free = np.flatnonzero(power > 0)
     if len(free) < 10:
@@ -94,8 +104,9 @@ def flat_floor(power: NDArray[np.float64]) -> tuple[float, float]:
     return float(np.median(free)) / float(np.log(2)), _EDGE * EFFECTIVE * len(free)
 
 
-def less_low(part: Stretch, lines: Sequence[Line], found: Sequence[Estimate]
-             ) -> NDArray[np.float64]:
+def less_low(
+    part: Stretch, lines: Sequence[Line], found: Sequence[Estimate]
+) -> NDArray[np.float64]:
     """Return the stretch's values, shape (rows,), less the low lines."""
     rest = part.values.copy()
     for line, estimate in zip(lines, found, strict=True):
@@ -104,9 +115,7 @@ def less_low(part: Stretch, lines: Sequence[Line], found: Sequence[Estimate]
     return rest
 
 
-def pooled(parts: Sequence[Stretch]) -> tuple[
-    NDArray[np.float64], NDArray[np.float64], int
-]:
+def pooled(parts: Sequence[Stretch]) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
     """Return XᵀX, Xᵀy for orders 1 to 40 less each stretch's mean, and the number of rows."""
     size = 2 * SCANNED
     gram, moment = np.zeros((size, size)), np.zeros(size)
@@ -129,8 +138,13 @@ def harmonic_columns(orders: Sequence[int]) -> NDArray[np.intp]:
     return np.concatenate([cosines, cosines + SCANNED])
 
 
-def powers(gram: NDArray[np.float64], moment: NDArray[np.float64], rows: int,
-           taken: Sequence[int], tried: NDArray[np.intp]) -> NDArray[np.float64]:
+def powers(
+    gram: NDArray[np.float64],
+    moment: NDArray[np.float64],
+    rows: int,
+    taken: Sequence[int],
+    tried: NDArray[np.intp],
+) -> NDArray[np.float64]:
     """Return half the drop of the squared rest by each tried order beside those taken."""
     base = harmonic_columns(taken)
     known = np.linalg.pinv(gram[np.ix_(base, base)], rcond=1e-6, hermitian=True)
@@ -147,9 +161,14 @@ def powers(gram: NDArray[np.float64], moment: NDArray[np.float64], rows: int,
     return power
 
 
-def _estimates(gram: NDArray[np.float64], moment: NDArray[np.float64], rows: int,
-               taken: Sequence[int], lines: Sequence[Line],
-               levels: Sequence[float]) -> list[Estimate]:
+def _estimates(
+    gram: NDArray[np.float64],
+    moment: NDArray[np.float64],
+    rows: int,
+    taken: Sequence[int],
+    lines: Sequence[Line],
+    levels: Sequence[float],
+) -> list[Estimate]:
     """Return the joint estimates of `lines`, with their floors."""
     base = harmonic_columns(taken)
     inverse = np.linalg.pinv(gram[np.ix_(base, base)], rcond=1e-6, hermitian=True)
@@ -158,6 +177,17 @@ def _estimates(gram: NDArray[np.float64], moment: NDArray[np.float64], rows: int
     for line, level in zip(lines, levels, strict=True):
         i = list(taken).index(int(line.order))
         pair = np.array([i, i + len(taken)])
-        found.append(combined([Share("all runs", float("nan"), rows, weight[pair],
-                                     level * inverse[np.ix_(pair, pair)])]))
+        found.append(
+            combined(
+                [
+                    Share(
+                        "all runs",
+                        float("nan"),
+                        rows,
+                        weight[pair],
+                        level * inverse[np.ix_(pair, pair)],
+                    )
+                ]
+            )
+        )
     return found

@@ -103,16 +103,28 @@ def pairs(facts: Log | Mapping[str, object]) -> tuple[Pair, ...]:
     known = facts.facts if isinstance(facts, Log) else facts
     ratio = effective_ratio(known)
     turns = float("nan") if ratio is None else ratio
-    table = [Pair("output_housing", 0, 1, 1.0, "output"),
-             Pair("motor_stator", 1, 0, turns, "motor")]
+    table = [
+        Pair("output_housing", 0, 1, 1.0, "output"),
+        Pair("motor_stator", 1, 0, turns, "motor"),
+    ]
     spline = known.get("output_spline")
     if spline in ("circular", "flex"):
         flex, circular = (0, -1) if spline == "circular" else (1, 0)
         table += [
-            Pair("wave_generator_flexspline", 1, flex, turns + flex,
-                 "wave generator against flexspline"),
-            Pair("wave_generator_circular_spline", 1, circular, turns + circular,
-                 "wave generator against circular spline"),
+            Pair(
+                "wave_generator_flexspline",
+                1,
+                flex,
+                turns + flex,
+                "wave generator against flexspline",
+            ),
+            Pair(
+                "wave_generator_circular_spline",
+                1,
+                circular,
+                turns + circular,
+                "wave generator against circular spline",
+            ),
         ]
     return tuple(table)
 
@@ -136,8 +148,9 @@ def output_angle(log: Log) -> NDArray[np.float64]:
     )
 
 
-def candidates(order: float, resolution: float, parts: tuple[Pair, ...], *,
-               wide: bool = False) -> list[Candidate]:
+def candidates(
+    order: float, resolution: float, parts: tuple[Pair, ...], *, wide: bool = False
+) -> list[Candidate]:
     """Return what may turn at `order` per output turn, the likeliest first.
 
     Orders of the motor side lie within `resolution`, those of the output, which are everywhere,
@@ -154,8 +167,9 @@ def candidates(order: float, resolution: float, parts: tuple[Pair, ...], *,
         wave = pair.name.startswith("wave_generator")
         tolerance = resolution * (1.0 if pair.motor or wide else 0.5)
         reach = min(tolerance / pair.turns, _MOST) + 1e-9
-        for m in range(max(1, ceil(order / pair.turns - reach)),
-                       floor(order / pair.turns + reach) + 1):
+        for m in range(
+            max(1, ceil(order / pair.turns - reach)), floor(order / pair.turns + reach) + 1
+        ):
             offset = abs(m * pair.turns - order)
             if not (wave and m > _LOBES):
                 rank = (pair.motor == 0, round(offset / resolution, 2), wave != (m <= _LOBES), m)

@@ -53,8 +53,13 @@ class Round:
     floors: list[Floor | None]
 
 
-def scan(parts: Sequence[Stretch], rest: Sequence[NDArray[np.float64]], turns: int,
-         highest: float, lines: Sequence[float]) -> Round:
+def scan(
+    parts: Sequence[Stretch],
+    rest: Sequence[NDArray[np.float64]],
+    turns: int,
+    highest: float,
+    lines: Sequence[float],
+) -> Round:
     """Return the statistics of one round over orders k = 0, 1/turns, … `highest`."""
     order = np.arange(int(np.floor(highest * turns + 1e-9)) + 1) / turns
     summed, seen, span = np.zeros((3, len(order)))
@@ -85,9 +90,14 @@ def scan(parts: Sequence[Stretch], rest: Sequence[NDArray[np.float64]], turns: i
     return Round(order, summed, seen, coherent, span, floors)
 
 
-def find_lines(parts: Sequence[Stretch], turns: int, highest: float, false_alarm: float,
-               snap: Callable[[float, float], float],
-               known: Sequence[Line] = ()) -> tuple[list[Line], Round]:
+def find_lines(
+    parts: Sequence[Stretch],
+    turns: int,
+    highest: float,
+    false_alarm: float,
+    snap: Callable[[float, float], float],
+    known: Sequence[Line] = (),
+) -> tuple[list[Line], Round]:
     """Search until nothing stands out; return the lines and the last round.
 
     Parameters
@@ -140,8 +150,9 @@ def visible(part: Stretch, orders: Sequence[float]) -> list[float]:
     return [k for k in orders if part.lowest <= k <= part.highest]
 
 
-def normal_equations(part: Stretch, orders: Sequence[float]
-                     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def normal_equations(
+    part: Stretch, orders: Sequence[float]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Return XᵀX, Xᵀy and BᵀX: X cosine and sine of each order less its smooth part B.
 
     Shapes (2 orders, 2 orders), (2 orders,) and (base columns, 2 orders).
@@ -156,8 +167,9 @@ def normal_equations(part: Stretch, orders: Sequence[float]
     return gram - shared.T @ shared, moment, shared
 
 
-def _harmonics(part: Stretch, orders: Sequence[float]
-               ) -> Iterator[tuple[slice, NDArray[np.float64]]]:
+def _harmonics(
+    part: Stretch, orders: Sequence[float]
+) -> Iterator[tuple[slice, NDArray[np.float64]]]:
     """Yield chunks of rows with columns cos k_1 q, sin k_1 q, cos k_2 q, …"""
     for first in range(0, len(part.angle), _CHUNK):
         rows = slice(first, first + _CHUNK)

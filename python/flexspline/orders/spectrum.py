@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib import pyplot
-from matplotlib.axes import Axes
 from numpy.typing import ArrayLike, NDArray
 from scipy import fft, signal
 
@@ -17,8 +16,17 @@ from flexspline.orders.parts import Pair, effective_ratio, pairs
 from flexspline.orders.stretches import Stretch, Values, chosen_values, stretches
 from flexspline.orders.transform import fourier_sums
 
-__all__ = ["LONGEST", "OrderSpectrum", "TimeSpectrum", "order_spectrum", "step_turns",
-           "time_spectrum"]
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = [
+    "LONGEST",
+    "OrderSpectrum",
+    "TimeSpectrum",
+    "order_spectrum",
+    "step_turns",
+    "time_spectrum",
+]
 
 LONGEST = 100.0  # turns looked at in one piece; two orders 0.01 apart are one
 _OVERSAMPLING = 3
@@ -45,12 +53,16 @@ class OrderSpectrum:
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the amplitude over the order."""
-        ax = pyplot.subplots(figsize=(9, 4))[1] if ax is None else ax
+        from flexspline.plot.canvas import axes_or_new
+
+        ax = axes_or_new(ax, 9, 4)
         ax.plot(self.order, self.amplitude, linewidth=0.7)
         side, other = self.pair.rsplit("_", 1) if "_" in self.pair else (self.pair, "")
-        ax.set(xlabel=f"order [per turn of {side.replace('_', ' ')} against {other}]",
-               ylabel=f"amplitude of {self.channel} [{self.unit or '1'}]", ylim=(0, None))
-        ax.grid(alpha=0.3)
+        ax.set(
+            xlabel=f"order [per turn of {side.replace('_', ' ')} against {other}]",
+            ylabel=f"amplitude of {self.channel} [{self.unit or '1'}]",
+            ylim=(0, None),
+        )
         return ax
 
 
@@ -66,14 +78,24 @@ class TimeSpectrum:
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the amplitude over the frequency, its largest peaks marked."""
-        ax = pyplot.subplots(figsize=(9, 4))[1] if ax is None else ax
+        from flexspline.plot.canvas import axes_or_new
+
+        ax = axes_or_new(ax, 9, 4)
         ax.plot(self.frequency, self.amplitude, linewidth=0.7)
         for frequency, height in self.peaks[:10]:
-            ax.annotate(f"{frequency:.4g}", (frequency, height), (0, 4),
-                        textcoords="offset points", fontsize=8, ha="center")
-        ax.set(xlabel="frequency [Hz]", ylim=(0, None),
-               ylabel=f"amplitude of {self.channel} [{self.unit or '1'}]")
-        ax.grid(alpha=0.3)
+            ax.annotate(
+                f"{frequency:.4g}",
+                (frequency, height),
+                (0, 4),
+                textcoords="offset points",
+                fontsize=8,
+                ha="center",
+            )
+        ax.set(
+            xlabel="frequency [Hz]",
+            ylim=(0, None),
+            ylabel=f"amplitude of {self.channel} [{self.unit or '1'}]",
+        )
         return ax
 
 
@@ -131,13 +153,23 @@ def order_spectrum(
         highest = min(50 * (effective_ratio(logs[0]) or 100.0), 1e4)
     order = np.arange(int(np.floor(highest * turns + 1e-9)) + 1) / turns
     total = _summed(parts, turns, highest, order)
-    spectrum = OrderSpectrum(order / turned.turns, *total, pair,
-                             1 / max(p.turns for p in parts) / turned.turns, channel, unit)
+    spectrum = OrderSpectrum(
+        order / turned.turns,
+        *total,
+        pair,
+        1 / max(p.turns for p in parts) / turned.turns,
+        channel,
+        unit,
+    )
     return spectrum if wanted is None else _at(spectrum, wanted)
 
 
-def time_spectrum(log: Log, values: str | ArrayLike, *, unit: str | None = None,
-                  ) -> TimeSpectrum:
+def time_spectrum(
+    log: Log,
+    values: str | ArrayLike,
+    *,
+    unit: str | None = None,
+) -> TimeSpectrum:
     """Return the amplitude spectrum over time: a sine of amplitude A shows as A.
 
     Parameters
@@ -152,12 +184,15 @@ def time_spectrum(log: Log, values: str | ArrayLike, *, unit: str | None = None,
     Linear trend taken out, Hann window (Harris 1978): a sine between two frequencies shows up
     to 15 % too small; peaks are refined by the window's own shape (Grandke 1983).
     """
-    (data,), channel, unit = chosen_values([log], values if isinstance(values, str) else [values],
-                                           unit)
+    (data,), channel, unit = chosen_values(
+        [log], values if isinstance(values, str) else [values], unit
+    )
     good = np.isfinite(data)
     if np.count_nonzero(good) < 8 or not log.rate > 0:
-        raise InputError(f"log '{log.name}': too few samples for a spectrum over time; "
-                         "give at least 8 with values")
+        raise InputError(
+            f"log '{log.name}': too few samples for a spectrum over time; "
+            "give at least 8 with values"
+        )
     time = log["time"][good]
     even = np.arange(time[0], time[-1], 1 / log.rate)
     y = signal.detrend(np.interp(even, time, data[good]))
@@ -167,24 +202,28 @@ def time_spectrum(log: Log, values: str | ArrayLike, *, unit: str | None = None,
     return TimeSpectrum(frequency, amplitude, _time_peaks(frequency, amplitude), channel, unit)
 
 
-def _time_peaks(frequency: NDArray[np.float64],
-                amplitude: NDArray[np.float64]) -> tuple[tuple[float, float], ...]:
+def _time_peaks(
+    frequency: NDArray[np.float64], amplitude: NDArray[np.float64]
+) -> tuple[tuple[float, float], ...]:
     """Return the 20 largest peaks over eight times the median of their neighbourhood."""
     around = signal.medfilt(amplitude, 101) if len(amplitude) > 202 else np.median(amplitude)
-    at, _ = signal.find_peaks(amplitude, height=8 * np.broadcast_to(around, amplitude.shape),
-                              distance=3)
+    at, _ = signal.find_peaks(
+        amplitude, height=8 * np.broadcast_to(around, amplitude.shape), distance=3
+    )
     at = at[np.argsort(-amplitude[at])][:20]
     left, top, right = amplitude[at - 1], amplitude[at], amplitude[at + 1]
     beside = np.maximum(left, right) / top
     share = np.clip((2 * beside - 1) / (beside + 1), 1e-9, 0.5)
     refined = top * (1 - share**2) / np.sinc(share)
     shift = np.where(right > left, share, -share)
-    return tuple(zip((frequency[at] + shift * frequency[1]).tolist(), refined.tolist(),
-                     strict=True))
+    return tuple(
+        zip((frequency[at] + shift * frequency[1]).tolist(), refined.tolist(), strict=True)
+    )
 
 
-def _summed(parts: Sequence[Stretch], turns: int, highest: float, order: NDArray[np.float64]
-            ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
+def _summed(
+    parts: Sequence[Stretch], turns: int, highest: float, order: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
     """Return amplitude, steady amplitude and number of runs over `order`."""
     power, rows = np.zeros((2, len(order)))
     phasor, runs = np.zeros(len(order), dtype=complex), np.zeros(len(order), dtype=np.int64)
@@ -203,8 +242,9 @@ def _summed(parts: Sequence[Stretch], turns: int, highest: float, order: NDArray
     return np.sqrt(power / known), np.abs(phasor) / known, runs
 
 
-def _least_squares(part: Stretch, turns: int, highest: float
-                   ) -> tuple[NDArray[np.complex128], NDArray[np.bool_]]:
+def _least_squares(
+    part: Stretch, turns: int, highest: float
+) -> tuple[NDArray[np.complex128], NDArray[np.bool_]]:
     """Return a - ib of the fit a cos kq + b sin kq, and where cosine and sine are separate."""
     sums = fourier_sums(part.angle, part.values, turns, highest)
     double = fourier_sums(part.angle, np.ones(len(part.angle)), turns, 2 * highest)[::2]
@@ -218,16 +258,25 @@ def _at(spectrum: OrderSpectrum, wanted: NDArray[np.float64]) -> OrderSpectrum:
     """Return the spectrum at the orders of its grid nearest to `wanted`."""
     step = spectrum.order[1] - spectrum.order[0]
     at = np.clip(np.round(wanted / step).astype(np.int64), 0, len(spectrum.order) - 1)
-    return replace(spectrum, order=wanted, amplitude=spectrum.amplitude[at],
-                   steady=spectrum.steady[at], runs=spectrum.runs[at])
+    return replace(
+        spectrum,
+        order=wanted,
+        amplitude=spectrum.amplitude[at],
+        steady=spectrum.steady[at],
+        runs=spectrum.runs[at],
+    )
 
 
 def _named_pair(log: Log, name: str) -> Pair:
     table = {entry.name: entry for entry in pairs(log)}
     if name not in table:
-        raise InputError(f"log '{log.name}': no pair of parts '{name}'; it knows "
-                         f"{', '.join(table)} (the wave generator's need output_spline)")
+        raise InputError(
+            f"log '{log.name}': no pair of parts '{name}'; it knows "
+            f"{', '.join(table)} (the wave generator's need output_spline)"
+        )
     if not table[name].turns > 0:
-        raise InputError(f"log '{log.name}': orders of the pair '{name}' need the gear ratio; "
-                         "give gear_ratio when reading the log")
+        raise InputError(
+            f"log '{log.name}': orders of the pair '{name}' need the gear ratio; "
+            "give gear_ratio when reading the log"
+        )
     return table[name]

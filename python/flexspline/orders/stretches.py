@@ -85,8 +85,9 @@ def chosen_values(
     return arrays, "values", unit or ""
 
 
-def stretches(logs: Sequence[Log], arrays: Sequence[NDArray[np.float64]],
-              longest: float) -> list[Stretch]:
+def stretches(
+    logs: Sequence[Log], arrays: Sequence[NDArray[np.float64]], longest: float
+) -> list[Stretch]:
     """Cut runs by direction into stretches of at most `longest` turns, smooth part taken out.
 
     Raises
@@ -142,14 +143,30 @@ def _settled(time: NDArray[np.float64], moving: NDArray[np.bool_]) -> NDArray[np
     return np.flatnonzero(calm if enough else moving)
 
 
-def _stretch(run: int, name: str, angle: NDArray[np.float64], values: NDArray[np.float64],
-             speed: NDArray[np.float64], rate: float) -> Stretch:
+def _stretch(
+    run: int,
+    name: str,
+    angle: NDArray[np.float64],
+    values: NDArray[np.float64],
+    speed: NDArray[np.float64],
+    rate: float,
+) -> Stretch:
     turns = float(np.ptp(angle)) / (2 * np.pi)
     base = _smooth_base(angle, speed)
     rest = values - base @ (base.T @ values)
     fast = float(np.quantile(np.abs(speed), 0.95))
-    return Stretch(run, name, angle, values, rest, base, float(np.median(speed)), turns,
-                   _CYCLES / turns, _NYQUIST * np.pi * rate / fast)
+    return Stretch(
+        run,
+        name,
+        angle,
+        values,
+        rest,
+        base,
+        float(np.median(speed)),
+        turns,
+        _CYCLES / turns,
+        _NYQUIST * np.pi * rate / fast,
+    )
 
 
 def _smooth_speed(time: NDArray[np.float64], angle: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
+from flexspline.effects import CATALOGUE
 from flexspline.errors import InputError, did_you_mean, listed
 from flexspline.logs.checks.findings import Finding
 from flexspline.logs.checks.motion import Motion, motion_of
@@ -71,10 +72,11 @@ def _target(log: Log, target: str) -> Iterator[Finding]:
 
 
 def _effect(log: Log, effect: str, motion: Motion | None) -> Iterator[Finding]:
-    if effect not in EFFECTS:
-        raise InputError(f"'{effect}' is no effect{did_you_mean(effect, EFFECTS)}; the effects are "
-                         f"{listed(EFFECTS, most=40)}")
-    asked = EFFECTS[effect]
+    known = {**EFFECTS, **dict.fromkeys(CATALOGUE.keys() - EFFECTS.keys(), Asked())}
+    if effect not in known:
+        raise InputError(f"'{effect}' is no effect{did_you_mean(effect, known)}; the effects are "
+                         f"{listed(known, most=40)}")
+    asked = known[effect]
     for channel in asked.channels:
         if not any(name in log for name in channel.split(" or ")):
             yield _missing(log, channel, effect)
@@ -265,4 +267,5 @@ EFFECTS: dict[str, Asked] = {
     "backlash": Asked(BOTH_ANGLES, (both_directions,)),
     "temperature_dependent_stiffness": Asked((*BOTH_ANGLES, "temperature"), (WARM,)),
 }
-"""Every name of `spec/effects.md` with what it asks of a run."""
+"""What effects ask of a run. An effect of the catalogue that is not here asks nothing more than
+the channels it reads."""

@@ -1,0 +1,140 @@
+"""The catalogue and one effect with its shapes and orders."""
+
+from __future__ import annotations
+
+import pickle
+import re
+
+import numpy as np
+import pytest
+from fit_logs import log_with, motion, rows_of
+from flexspline import CATALOGUE, Effect, InputError, effect
+from flexspline.effects import UNITS, require_effects, unit_in
+
+FIRST = (
+    "offset coulomb_friction coulomb_friction_per_direction viscous_friction "
+    "nonlinear_viscous_friction stribeck_friction load_dependent_friction inertia gravity "
+    "output_ripple wave_generator_ripple cogging temperature_drift gain_error"
+).split()
+RIPPLES = [name for name, info in CATALOGUE.items() if info.pairs]
+
+
+def test_the_catalogue_holds_the_first_effects_with_their_targets():
+    assert set(FIRST) <= set(CATALOGUE)
+    targets = {"offset": "SMD", "gain_error": "S", "temperature_drift": "SD"}
+    for name in FIRST:
+        assert CATALOGUE[name].targets == targets.get(name, "SM"), name
+
+
+def test_every_effect_says_where_it_comes_from_and_every_shape_starts_within_its_bounds():
+    for info in CATALOGUE.values():
+        assert info.signature and info.source
+        for shape in info.shapes:
+            assert shape.lower < shape.upper
+            assert shape.lower <= shape.default <= shape.upper
+
+
+def test_the_rows_are_the_formulas_of_the_papers():
+    channels = motion(3, 300)
+    log = log_with(channels, temperature=np.linspace(20, 45, 300))
+    q, v = channels["output_position"], channels["output_velocity"]
+    direction = np.tanh(v / 0.03)
+    warm = log["temperature"] - 25.0
+    formulas = {
+        effect("offset"): [np.ones(300)],
+        effect("coulomb_friction", direction_width=0.03): [direction],
+        effect("coulomb_friction_per_direction", direction_width=0.03): [
+            1 / (1 + np.exp(-2 * v / 0.03)),
+            1 / (1 + np.exp(2 * v / 0.03)),
+        ],
+        effect("viscous_friction"): [v],
+        effect("nonlinear_viscous_friction"): [v * np.abs(v), v**3],
+        effect("stribeck_friction", direction_width=0.03, stribeck_velocity=0.5): [
+            direction * np.exp(-((v / 0.5) ** 2))
+        ],
+        effect("inertia"): [channels["output_acceleration"]],
+        effect("gravity"): [np.sin(q), np.cos(q)],
+        effect("output_ripple", orders=[1, 3]): [
+            np.cos(q), np.sin(q), np.cos(3 * q), np.sin(3 * q)
+        ],
+        effect("temperature_drift"): [warm, warm**2],
+    }
+    for made, columns in formulas.items():
+        rows = rows_of([made], log)
+        assert rows == pytest.approx(np.column_stack(columns), rel=1e-9, abs=1e-9), made.name
+
+
+@pytest.mark.parametrize("name", sorted(CATALOGUE))
+def test_an_effect_survives_pickling(name):
+    made = effect(name, orders=[2, 5]) if name in RIPPLES else effect(name)
+    again = pickle.loads(pickle.dumps(made))
+    assert again == made and again.terms == made.terms
+
+
+def test_orders_are_sorted_and_named():
+    made = effect("output_ripple", orders=[8, 2])
+    assert [term.name for term in made.terms] == ["cosine 2", "sine 2", "cosine 8", "sine 8"]
+
+
+@pytest.mark.parametrize("numbers", [np.array([1, 2]), (1.0, 2.0), range(1, 3)])
+def test_orders_may_be_any_whole_numbers(numbers):
+    assert effect("output_ripple", orders=numbers) == effect("output_ripple", orders=[1, 2])
+
+
+def test_an_order_names_its_pair_where_there_is_a_choice():
+    pair = "wave_generator_on_circular_spline"
+    made = effect("wave_generator_ripple", orders=[(2, pair), 2])
+    names = [term.name for term in made.terms]
+    assert names[0].startswith("cosine 2") and len(set(names)) == 4
+    assert any("circular spline" in name for name in names)
+
+
+def test_a_shape_can_be_replaced_and_the_effect_stays_as_it_was():
+    made = effect("stribeck_friction")
+    other = made.with_shapes(stribeck_velocity=0.3)
+    assert other.shapes["stribeck_velocity"] == 0.3
+    assert made.shapes["stribeck_velocity"] == 0.1
+    with pytest.raises(TypeError):
+        made.shapes["stribeck_velocity"] = 0.4  # type: ignore[index]
+
+
+def test_units_follow_the_target():
+    assert unit_in("Nm·s/rad", "sensor_torque") == "Nm·s/rad"
+    assert unit_in("Nm·s/rad", "motor_current") == "A·s/rad"
+    assert unit_in("kg·m²", "motor_current") == "A·s²/rad"
+    assert unit_in("Nm", "torsion") == "rad"
+    for info in CATALOGUE.values():
+        for term in info.terms:
+            assert unit_in(term.unit, "motor_torque") == term.unit
+    assert set(UNITS.values()) == {"Nm", "A", "rad"}
+
+
+PAIR = "output_on_housing"
+WRONG = {
+    "unknown effect": (lambda: effect("friction_viscous"), "friction_viscous"),
+    "unknown shape": (lambda: effect("inertia", width=1.0), "no shape 'width'"),
+    "shape of another effect": (lambda: effect("offset", direction_width=0.1), "direction_width"),
+    "shape too small": (lambda: effect("coulomb_friction", direction_width=0.0), "0.0001"),
+    "shape not a number": (lambda: effect("coulomb_friction", direction_width=np.nan), "nan"),
+    "orders of an offset": (lambda: effect("offset", orders=[1]), "no orders"),
+    "harmonics of an offset": (lambda: Effect("offset", {}, ((1, PAIR),)), "no orders"),
+    "negative order": (lambda: effect("output_ripple", orders=[-2]), "order -2"),
+    "unknown pair": (lambda: effect("output_ripple", orders=[(1, "moon")]), "moon"),
+    "an order that is not finite": (lambda: effect("output_ripple", orders=[np.inf]), "order inf"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_a_wrong_effect_is_refused_with_one_sentence(case):
+    make, word = WRONG[case]
+    with pytest.raises(InputError, match=re.escape(word)) as caught:
+        make()
+    assert "\n" not in str(caught.value)
+
+
+def test_a_target_takes_only_its_effects():
+    require_effects([effect("offset"), effect("inertia")], "motor_current")
+    with pytest.raises(InputError, match=r"inertia.*torsion"):
+        require_effects([effect("inertia")], "torsion")
+    with pytest.raises(InputError, match="did you mean 'motor_torque'"):
+        require_effects([], "motor_torqe")

@@ -1,0 +1,340 @@
+"""`model.json`: lossless, checked, whole or not at all; predictions of every target."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import flexspline
+import numpy as np
+import pytest
+from fit_logs import FRICTION, autoregressive, chosen, friction, log_with, motion, simulated
+from flexspline import CATALOGUE, InputError, effect
+from flexspline.effects import TARGETS
+from flexspline.logs.log import Log
+from flexspline.model import PART_OF, Model, Part
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+NUMBER = st.floats(allow_nan=False, allow_infinity=False)
+
+
+@st.composite
+def effects_of(draw, target: str):
+    names = [n for n, info in CATALOGUE.items() if TARGETS[target] in info.targets]
+    made = []
+    for name in draw(st.lists(st.sampled_from(names), unique=True, max_size=6)):
+        info = CATALOGUE[name]
+        shapes = {s.name: draw(st.floats(s.lower, s.upper)) for s in info.shapes}
+        orders = st.tuples(st.integers(1, 5000), st.sampled_from(info.pairs or ("",)))
+        some = draw(st.lists(orders, unique=True, max_size=4)) if info.pairs else []
+        made.append(effect(name, **shapes).with_orders(some) if some else effect(name, **shapes))
+    return tuple(made)
+
+
+@st.composite
+def parts(draw, target: str):
+    effects = draw(effects_of(target))
+    count = sum(len(e.terms) for e in effects)
+    values = draw(st.lists(NUMBER, min_size=count, max_size=count))
+    load = draw(st.sampled_from([None, "reference_torque"]))
+    record = {"lowpass": draw(st.one_of(st.none(), st.floats(0.1, 100)))}
+    return Part(target, effects, np.array(values), load, record)
+
+
+@st.composite
+def models(draw):
+    sides = {"sensor": ["sensor_torque"], "drive": ["motor_torque", "motor_current"],
+             "torsion": ["torsion"]}
+    named = draw(st.lists(st.sampled_from(sorted(sides)), unique=True))
+    made = {side: draw(parts(draw(st.sampled_from(sides[side])))) for side in named}
+    facts = {"gear_ratio": draw(st.floats(1, 400)), "output_spline": "circular", "joint": "A 1"}
+    return Model(made, facts, {"observer": {"gain": draw(st.floats(0, 1e3))}})
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(model=models())
+def test_a_model_survives_json_to_the_last_bit(model):
+    again = Model.from_json(model.to_json())
+    assert again.facts == model.facts and again.estimators == model.estimators
+    assert set(again.parts) == set(model.parts)
+    for side, part in model.parts.items():
+        other = again.parts[side]
+        assert other.effects == part.effects and other.target == part.target
+        assert other.coefficients.tobytes() == part.coefficients.tobytes()
+        assert other.known_load == part.known_load and other.record == part.record
+    assert again.to_json() == model.to_json()
+
+
+def small_fit(**options):
+    noise = autoregressive(np.random.default_rng(0), 2000)
+    log = simulated(friction(), FRICTION, motion(0), noise)
+    log = log.with_facts({"gear_ratio": 100.0, "output_spline": "flex"})
+    ripple = effect("output_ripple", orders=[2])
+    return log, flexspline.fit(
+        [*friction(), ripple], log, "sensor_torque", checks=False, **options
+    )
+
+
+def test_a_fitted_model_survives_a_file_with_its_record(tmp_path):
+    log, fit = small_fit()
+    fit.model.save(tmp_path / "model.json")
+    again = Model.load(tmp_path / "model.json")
+    assert again.to_json() == fit.model.to_json()
+    assert np.array_equal(again.predict(log).predicted, fit.model.predict(log).predicted)
+    record = again.part().record
+    assert {p["name"] for p in record["parameters"]} == {p.name for p in fit.parameters}
+    assert record["covariance"]["names"] == [p.name for p in fit.parameters]
+    matrix = np.array(record["covariance"]["matrix"])
+    errors = [p.standard_error for p in fit.parameters]
+    assert np.sqrt(np.diag(matrix)) == pytest.approx(errors)
+
+
+def test_confounded_groups_and_priors_are_kept_in_the_file():
+    noise = autoregressive(np.random.default_rng(0), 2000)
+    log = simulated(friction(), FRICTION, motion(0), noise)
+    effects = ["offset", "coulomb_friction_per_direction", "inertia"]
+    fit = flexspline.fit(
+        effects, log, "sensor_torque", priors={"inertia": (0.02, 0.01)}, checks=False
+    )
+    record = Model.from_json(fit.model.to_json()).part().record
+    assert len(record["confounded"]) == 1 and len(record["confounded"][0]["known"]) == 2
+    kept = {p["name"]: p for p in record["parameters"]}
+    assert kept["inertia.inertia"]["prior"] == [0.02, 0.01]
+
+
+# Damage
+
+
+def damaged(change) -> str:
+    content = json.loads(small_fit()[1].model.to_json())
+    change(content)
+    return json.dumps(content)
+
+
+def first(content):
+    return content["sensor"]["effects"][0]
+
+
+def ripple_of(content):
+    return content["sensor"]["effects"][-1]
+
+
+DAMAGE = {
+    "another format": (lambda c: c.update(format="urdf"), "no flexspline model"),
+    "a newer version": (lambda c: c.update(version=2), "version 2"),
+    "no joint": (lambda c: c.pop("joint"), "joint"),
+    "an unknown entry": (lambda c: c.update(extra=1), "extra"),
+    "a part without effects": (lambda c: c["sensor"].pop("effects"), "effects"),
+    "an unknown target": (lambda c: c["sensor"].update(target="heat"), "heat"),
+    "the target of another part": (lambda c: c["sensor"].update(target="torsion"), "torsion"),
+    "the wrong unit": (lambda c: c["sensor"].update(unit="A"), "unit"),
+    "an unknown effect": (lambda c: first(c).update(name="offsets"), "offsets"),
+    "an effect twice": (lambda c: c["sensor"]["effects"].append(first(c)), "twice"),
+    "an effect of another target": (
+        lambda c: c.update(torsion={**c.pop("sensor"), "target": "torsion", "unit": "rad"}),
+        "does not act on",
+    ),
+    "a coefficient too many": (lambda c: first(c)["coefficients"].append(1.0), "1 coefficients"),
+    "a coefficient too few": (lambda c: first(c)["coefficients"].clear(), "0 are given"),
+    "a coefficient in words": (lambda c: first(c).update(coefficients=["one"]), "one"),
+    "no coefficients": (lambda c: first(c).pop("coefficients"), "coefficients"),
+    "an unknown shape": (lambda c: first(c)["shapes"].update(width=1.0), "width"),
+    "order zero": (lambda c: ripple_of(c).update(harmonics=[[0, "output_on_housing"]]), "0"),
+    "an unknown pair": (lambda c: ripple_of(c).update(harmonics=[[2, "moon"]]), "moon"),
+    "an order without its pair": (lambda c: ripple_of(c).update(harmonics=[[2]]), "harmonics"),
+    "a negative gear": (lambda c: c["joint"].update(gear_ratio=-1.0), "gear_ratio"),
+    "an unknown spline": (lambda c: c["joint"].update(output_spline="round"), "output_spline"),
+}
+
+
+@pytest.mark.parametrize("case", DAMAGE)
+def test_a_damaged_model_is_refused_with_one_sentence_that_names_the_file(case, tmp_path):
+    change, word = DAMAGE[case]
+    path = tmp_path / "joint.json"
+    path.write_text(damaged(change), encoding="utf-8")
+    with pytest.raises(InputError) as caught:
+        Model.load(path)
+    sentence = str(caught.value)
+    assert sentence.startswith(f"{path}: ") and word in sentence, sentence
+    assert "\n" not in sentence and ";" in sentence
+    assert len(sentence) < 600
+
+
+TEXTS = {
+    "cut off": ('{"format": "flexspline-model", ', "no JSON"),
+    "empty": ("", "no JSON"),
+    "a list": ("[1, 2]", "no flexspline model"),
+    "a NaN": (None, "NaN"),
+}
+
+
+@pytest.mark.parametrize("case", TEXTS)
+def test_a_text_that_is_no_model_is_refused(case, tmp_path):
+    text, word = TEXTS[case]
+    if text is None:
+        text = damaged(lambda c: first(c).update(coefficients=[float("nan")]))
+    path = tmp_path / "joint.json"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(InputError, match=word) as caught:
+        Model.load(path)
+    assert str(caught.value).startswith(f"{path}: ")
+
+
+def test_files_that_cannot_be_read_are_named(tmp_path):
+    with pytest.raises(InputError, match=re.escape(str(tmp_path / "none.json"))):
+        Model.load(tmp_path / "none.json")
+    with pytest.raises(InputError, match="cannot be read"):
+        Model.load(tmp_path)
+    (tmp_path / "binary.json").write_bytes(b"\xff\xfe\x00\x80")
+    with pytest.raises(InputError, match="no text"):
+        Model.load(tmp_path / "binary.json")
+
+
+def test_a_failure_while_saving_leaves_the_old_file(tmp_path, monkeypatch):
+    path = tmp_path / "model.json"
+    model = small_fit()[1].model
+    model.save(path)
+    before = path.read_bytes()
+
+    def fail(_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.fsync", fail)
+    with pytest.raises(OSError):
+        Model({}).save(path)
+    assert path.read_bytes() == before
+    assert [file.name for file in tmp_path.iterdir()] == ["model.json"]
+
+
+def test_saving_into_a_folder_that_is_not_there_is_refused(tmp_path):
+    with pytest.raises(InputError, match="cannot be written"):
+        Model({}).save(tmp_path / "none" / "model.json")
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_a_part_with_a_coefficient_that_is_not_finite_is_refused(value):
+    with pytest.raises(InputError, match="not finite"):
+        Part("sensor_torque", tuple(chosen("offset")), np.array([value]))
+
+
+# Predictions
+
+
+def test_components_add_up_to_the_prediction():
+    log, fit = small_fit()
+    whole = sum(fit.model.components(log).values())
+    predicted = fit.model.predict(log).predicted
+    assert np.abs(whole - predicted).max() <= 1e-14 * np.ptp(predicted) * 10
+
+
+def test_rows_that_are_not_finite_are_predicted_as_nan_and_no_others():
+    log, fit = small_fit()
+    velocity = log["output_velocity"].copy()
+    velocity[[5, 700]] = np.nan, np.inf
+    holed = log.with_columns({"output_velocity": velocity}, note="two bad rows")
+    predicted = fit.model.predict(holed).predicted
+    assert np.flatnonzero(np.isnan(predicted)).tolist() == [5, 700]
+    whole = fit.model.predict(log).predicted
+    good = np.isfinite(predicted)
+    assert np.array_equal(predicted[good], whole[good])
+
+
+def test_without_the_target_a_log_is_predicted_and_its_measurement_is_nan():
+    log, fit = small_fit()
+    bare = Log.from_arrays(
+        facts=dict(log.facts), **{n: log[n] for n in log.channels if n != "sensor_torque"}
+    )
+    made = fit.model.predict(bare)
+    assert np.isnan(made.measured).all()
+    assert np.array_equal(made.predicted, fit.model.predict(log).predicted)
+
+
+def test_a_channel_that_is_missing_is_named():
+    log, fit = small_fit()
+    bare = Log.from_arrays(time=log["time"], sensor_torque=log["sensor_torque"])
+    with pytest.raises(InputError, match="output_"):
+        fit.model.predict(bare)
+
+
+def drive_log(spline: str) -> Log:
+    ratio = 50 + (spline == "circular")
+    channels = motion(0)
+    v, q = channels["output_velocity"], channels["output_position"]
+    load = 2.0 * np.sin(channels["time"])
+    torque = load + 0.3 + 0.5 * v
+    return log_with(
+        channels,
+        name="drive",
+        facts={"gear_ratio": 50.0, "output_spline": spline},
+        motor_torque=torque / ratio,
+        motor_current=0.1 + 0.2 * v,
+        motor_position=ratio * q - 0.004 - 0.001 * np.cos(2 * q),
+        reference_torque=load,
+    )
+
+
+@pytest.mark.parametrize("spline", ["circular", "flex"])
+def test_every_target_is_fitted_and_predicted_with_its_effective_ratio(spline):
+    log = drive_log(spline)
+    facts = {"known_load": "reference_torque", "checks": False}
+    viscous = ["offset", "viscous_friction"]
+    model = flexspline.fit(viscous, log, "motor_torque", **facts).model
+    assert model.part().coefficients == pytest.approx([0.3, 0.5], rel=1e-9)
+    assert np.abs(model.predict(log).residual).max() < 1e-9
+    model = flexspline.fit(["offset"], log, "torsion", checks=False, into=model).model
+    assert model.part("torsion").unit == "rad"
+    assert model.part("torsion").coefficients == pytest.approx([0.004], abs=1e-3)
+    model = flexspline.fit(viscous, log, "motor_current", checks=False, into=model).model
+    assert set(model.parts) == {"drive", "torsion"}  # a drive has one part: the last stays
+    assert model.part("motor_current").coefficients == pytest.approx([0.1, 0.2], rel=1e-9)
+    assert model.part("motor_current").unit == "A"
+    again = Model.from_json(model.to_json())
+    for target in ("torsion", "motor_current"):
+        assert np.array_equal(
+            again.predict(log, target).predicted, model.predict(log, target).predicted
+        )
+
+
+def test_the_part_is_named_where_there_are_several():
+    log = drive_log("flex")
+    model = flexspline.fit(["offset"], log, "motor_torque", checks=False).model
+    model = flexspline.fit(["offset"], log, "torsion", checks=False, into=model).model
+    with pytest.raises(InputError, match="say which target"):
+        model.predict(log)
+    with pytest.raises(InputError, match="sensor_torque"):
+        model.predict(log, "sensor_torque")
+
+
+# Parts and facts together
+
+
+def test_a_new_part_keeps_the_others_and_adds_facts():
+    _, fit = small_fit()
+    extra = Part("torsion", tuple(chosen("offset")), np.array([0.001]))
+    both = fit.model.with_part(extra, {"gear_ratio": 100.0, "pole_pairs": 7})
+    assert set(both.parts) == {"sensor", "torsion"}
+    assert both.facts["pole_pairs"] == 7 and both.facts["output_spline"] == "flex"
+    assert set(fit.model.parts) == {"sensor"}
+    assert PART_OF["motor_current"] == PART_OF["motor_torque"] == "drive"
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [("gear_ratio", 50.0), ("output_spline", "circular")],
+)
+def test_parts_and_logs_of_another_gear_are_refused(key, value):
+    log, fit = small_fit()
+    extra = Part("torsion", tuple(chosen("offset")), np.array([0.001]))
+    with pytest.raises(InputError, match=rf"{key}.*one joint"):
+        fit.model.with_part(extra, {key: value})
+    with pytest.raises(InputError, match=rf"{key}.*one joint"):
+        fit.model.predict(log.with_facts({key: value}))
+
+
+@pytest.mark.parametrize(("key", "value"), [("joint", "A2"), ("pole_pairs", 8), ("slots", 12)])
+def test_a_part_of_another_joint_is_refused(key, value):
+    model = Model({}, {"joint": "A1", "pole_pairs": 7, "slots": 9})
+    extra = Part("torsion", tuple(chosen("offset")), np.array([0.001]))
+    with pytest.raises(InputError, match=rf"{key}.*one joint"):
+        model.with_part(extra, {key: value})
