@@ -128,6 +128,9 @@ class Effect:
         object.__setattr__(self, "shapes", MappingProxyType(values))
         object.__setattr__(self, "harmonics", self._checked_harmonics())
 
+    def __hash__(self) -> int:
+        return hash((self.name, tuple(self.shapes.items()), self.harmonics))
+
     def __reduce__(self) -> tuple[Any, ...]:
         return (Effect, (self.name, dict(self.shapes), self.harmonics))
 
@@ -187,17 +190,20 @@ class Effect:
                 )
             if pair not in self.info.pairs:
                 raise InputError(
-                    f"effect '{self.name}': '{pair}' is not one of {listed(self.info.pairs)}"
+                    f"effect '{self.name}': there is no pair of parts '{pair}'; "
+                    f"give one of {listed(self.info.pairs)}"
                 )
             if self.harmonics.count((order, pair)) > 1:
-                raise InputError(f"effect '{self.name}': order {order} is named twice; once will do")
+                raise InputError(
+                    f"effect '{self.name}': order {order} is named twice; name it once"
+                )
         return tuple((int(order), pair) for order, pair in self.harmonics)
 
 
 def effect(name: str, *, orders: Iterable[int | Harmonic] = (), **shapes: float) -> Effect:
     """Return an effect of the catalogue: ``effect("stribeck_friction", stribeck_velocity=0.2)``."""
-    made = Effect(name, shapes)
-    return made.with_orders(orders) if orders else made
+    made, given = Effect(name, shapes), list(orders)
+    return made.with_orders(given) if given else made
 
 
 def require_effects(effects: Sequence[Effect], target: str) -> None:

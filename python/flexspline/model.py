@@ -5,9 +5,9 @@ from __future__ import annotations
 import importlib.resources
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline import __version__, _core
-from flexspline.effects import UNITS, Effect, require_effects
 from flexspline.errors import InputError, listed
 from flexspline.files import atomic_write
 from flexspline.logs.derive import lowpass
 from flexspline.logs.log import Log
+from flexspline.part import PART_OF, SIDES, Part, part_from_json, part_to_json
 from flexspline.signals import channels_for, core_channels, gear_of, target_of
 
 __all__ = ["PART_OF", "Model", "Part", "Prediction"]
@@ -29,12 +29,7 @@ Array = NDArray[np.float64]
 
 FORMAT = "flexspline-model"
 VERSION = 1
-PART_OF = {
-    "sensor_torque": "sensor",
-    "motor_torque": "drive",
-    "motor_current": "drive",
-    "torsion": "torsion",
-}
+GEAR = ("gear_ratio", "output_spline")
 
 
 @dataclass(frozen=True)
@@ -51,44 +46,6 @@ class Prediction:
     def residual(self) -> Array:
         """Measured minus predicted."""
         return self.measured - self.predicted
-
-
-@dataclass(frozen=True)
-class Part:
-    """The effects that explain one target.
-
-    Parameters
-    ----------
-    target : sensor_torque, motor_torque, motor_current or torsion.
-    effects : with shapes and orders.
-    coefficients : (P,), in the order of the effects' terms, units of the target.
-    known_load : channel that holds τ_load, or None.
-    record : what the fit knew beside the values: parameters with errors, confounded groups,
-        validity, scores, logs. Kept as it is through a round trip.
-    """
-
-    target: str
-    effects: tuple[Effect, ...]
-    coefficients: Array
-    known_load: str | None = None
-    record: Mapping[str, Any] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        require_effects(self.effects, self.target)
-        values = np.array(self.coefficients, dtype=np.float64)
-        values.flags.writeable = False
-        object.__setattr__(self, "coefficients", values)
-        terms = sum(len(effect.terms) for effect in self.effects)
-        if values.shape != (terms,):
-            raise InputError(
-                f"the effects have {terms} coefficients, but {values.size} are given; give one each"
-            )
-        if not np.isfinite(values).all():
-            raise InputError("a coefficient is not finite; give numbers")
-
-    @property
-    def unit(self) -> str:
-        return UNITS[self.target]
 
 
 @dataclass(frozen=True)
@@ -130,7 +87,7 @@ class Model:
         InputError
             Where the facts are of another joint.
         """
-        self._require_same_gear(facts, "the logs have")
+        self._require_same(("joint", *GEAR, "pole_pairs", "slots"), facts, "the logs have")
         parts = {**self.parts, PART_OF[part.target]: part}
         known = {key: value for key, value in facts.items() if value is not None}
         return replace(self, parts=parts, facts={**self.facts, **known})
@@ -153,7 +110,7 @@ class Model:
             Where a channel that an effect reads is missing, or the gear is another one.
         """
         part = self.part(target)
-        self._require_same_gear(log.facts, f"log '{log.name}' has")
+        self._require_same(GEAR, log.facts, f"log '{log.name}' has")
         log = channels_for(log, part.effects, part.known_load, load_needed=False)
         predicted = self._evaluate(part, log, part.coefficients)
         measured = self._measured(part, log)
@@ -183,7 +140,7 @@ class Model:
             "version": VERSION,
             "made_by": f"flexspline {__version__}",
             "joint": dict(self.facts),
-            **{name: _part_to_json(part) for name, part in self.parts.items()},
+            **{name: part_to_json(self.parts[name]) for name in SIDES if name in self.parts},
             "estimators": dict(self.estimators),
         }
         _validate(content, "model")
@@ -211,7 +168,9 @@ class Model:
         try:
             text = Path(path).read_text(encoding="utf-8")
         except OSError as error:
-            raise InputError(f"{path}: cannot be read ({error.strerror}); give a model.json") from error
+            raise InputError(
+                f"{path}: cannot be read ({error.strerror}); give a model.json"
+            ) from error
         except UnicodeDecodeError as error:
             raise InputError(f"{path}: is no text; give a model.json") from error
         return cls.from_json(text, str(path))
@@ -220,10 +179,11 @@ class Model:
     def from_json(cls, text: str, label: str = "model") -> Model:
         """Return the model that `to_json` wrote; `label` is what errors call it."""
         try:
-            content = json.loads(text, parse_constant=_no_constant)
+            content = json.loads(text, parse_constant=partial(_no_constant, label))
         except json.JSONDecodeError as error:
             raise InputError(
-                f"{label}: is no JSON (line {error.lineno}, column {error.colno}); give a model.json"
+                f"{label}: is no JSON (line {error.lineno}, column {error.colno}); "
+                "give a model.json"
             ) from error
         if not isinstance(content, dict) or content.get("format") != FORMAT:
             raise InputError(f"{label}: is no flexspline model; give a model.json")
@@ -234,14 +194,14 @@ class Model:
             )
         _validate(content, label)
         parts = {
-            name: _part_from_json(name, content[name], f"{label}: {name}")
-            for name in dict.fromkeys(PART_OF.values())
+            name: part_from_json(name, content[name], f"{label}: {name}")
+            for name in SIDES
             if name in content
         }
         return cls(parts, content["joint"], content["estimators"])
 
-    def _require_same_gear(self, facts: Mapping[str, Any], whose: str) -> None:
-        for key in ("gear_ratio", "output_spline"):
+    def _require_same(self, keys: Sequence[str], facts: Mapping[str, Any], whose: str) -> None:
+        for key in keys:
             mine, other = self.facts.get(key), facts.get(key)
             if mine is not None and other is not None and mine != other:
                 raise InputError(
@@ -249,7 +209,7 @@ class Model:
                 )
 
     def _design(self, part: Part, log: Log) -> _core.Design:
-        gear = gear_of(self.facts, "motor_position" in log)
+        gear = gear_of(self.facts, _by_motor_encoder(part, log))
         return _core.Design([effect.for_core() for effect in part.effects], **gear)
 
     def _evaluate(self, part: Part, log: Log, coefficients: Array) -> Array:
@@ -262,68 +222,29 @@ class Model:
 
     def _measured(self, part: Part, log: Log) -> Array:
         """The y of the log (N,); NaN where it lacks the channels."""
-        facts = {key: self.facts[key] for key in ("gear_ratio", "output_spline") if key in self.facts}
+        facts = {key: self.facts[key] for key in GEAR if key in self.facts}
         try:
             return target_of(log.with_facts(facts), part.target, part.known_load)
         except InputError:
             return np.full(len(log), np.nan)
 
 
-def _part_to_json(part: Part) -> dict[str, Any]:
-    first, effects = 0, []
-    for effect in part.effects:
-        last = first + len(effect.terms)
-        effects.append(
-            {
-                "name": effect.name,
-                "shapes": dict(effect.shapes),
-                "harmonics": [list(harmonic) for harmonic in effect.harmonics],
-                "coefficients": part.coefficients[first:last].tolist(),
-            }
-        )
-        first = last
-    return {
-        "target": part.target,
-        "unit": part.unit,
-        "known_load": part.known_load,
-        "effects": effects,
-        **part.record,
-    }
-
-
-def _part_from_json(name: str, content: dict[str, Any], label: str) -> Part:
-    if PART_OF[content["target"]] != name:
+def _by_motor_encoder(part: Part, log: Log) -> bool:
+    """Whether the motor's angle is measured: as in the fit, for the encoders' zeros differ."""
+    fitted = part.record.get("channels")
+    motor_side = any("motor_position" in effect.info.reads for effect in part.effects)
+    if fitted is None or not motor_side:
+        return "motor_position" in log
+    if "motor_position" in fitted and "motor_position" not in log:
         raise InputError(
-            f"{label}: the target {content['target']} belongs to the part "
-            f"'{PART_OF[content['target']]}'; mend it or fit the model again"
+            f"log '{log.name}': the model was fitted with the channel motor_position, which the "
+            "log lacks; map a column to it or fit the model without"
         )
-    own = ("target", "unit", "known_load", "effects")
-    try:
-        effects, values = [], []
-        for entry in content["effects"]:
-            harmonics = tuple((order, pair) for order, pair in entry["harmonics"])
-            effects.append(Effect(entry["name"], entry["shapes"], harmonics))
-            if len(entry["coefficients"]) != len(effects[-1].terms):
-                raise InputError(
-                    f"effect '{entry['name']}' has {len(effects[-1].terms)} coefficients, but "
-                    f"{len(entry['coefficients'])} are given; give one each"
-                )
-            values += entry["coefficients"]
-        if content["unit"] != UNITS[content["target"]]:
-            raise InputError(
-                f"the unit is {content['unit']}, but the target {content['target']} is in "
-                f"{UNITS[content['target']]}; mend it or fit the model again"
-            )
-        record = {key: value for key, value in content.items() if key not in own}
-        return Part(
-            content["target"], tuple(effects), np.array(values), content["known_load"], record
-        )
-    except InputError as error:
-        raise InputError(f"{label}: {error}") from error
+    return "motor_position" in fitted
 
 
-def _no_constant(word: str) -> float:
-    raise InputError(f"the file holds {word}, which is no JSON number; fit the model again")
+def _no_constant(label: str, word: str) -> float:
+    raise InputError(f"{label}: holds {word}, which is no JSON number; fit the model again")
 
 
 @cache

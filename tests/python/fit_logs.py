@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.signal import lfilter
+
 from flexspline import _core
 from flexspline.effects import Effect, effect
 from flexspline.logs.log import Log
 from flexspline.signals import core_channels, gear_of
-from scipy.signal import lfilter
 
 WIDTH = 0.05  # rad/s, the direction width of the simulated joints
 

@@ -7,11 +7,12 @@ reference solves these in 80 digits. Residuals are as large as the explained par
 
 from __future__ import annotations
 
-import flexspline
 import mpmath
 import numpy as np
 import pytest
 from fit_logs import WIDTH, chosen, friction, log_with, motion, rows_of
+
+import flexspline
 from flexspline import effect
 from flexspline.fit.linear import fit_linear
 from flexspline.fit.names import coefficient_names, constraints_of
@@ -114,7 +115,10 @@ def test_coefficients_are_those_of_the_same_rows_in_high_precision(name):
     residual = log["sensor_torque"] - rows @ truth
     assert np.linalg.norm(residual) > 0.3 * np.linalg.norm(log["sensor_torque"])
     fit = flexspline.fit(
-        effects, log, "sensor_torque", checks=False,
+        effects,
+        log,
+        "sensor_torque",
+        checks=False,
         fixed={"direction_width": WIDTH} if len(effects) > 4 else {},
     )
     error = np.abs(fit.part.coefficients - truth) / np.abs(truth)
@@ -158,6 +162,15 @@ def test_held_coefficients_are_taken_off_the_target_without_losing_digits():
     assert (np.abs(values[kept] - truth) <= 1e-8 * np.abs(truth)).all()
 
 
+def test_an_exact_dependency_beside_an_ill_conditioned_design_costs_no_digits():
+    log = with_noise(["offset", DENSE[4]], swept(0.5))
+    rows = rows_of(["offset", DENSE[4]], log)
+    truth = rows @ reference(rows, log["sensor_torque"])
+    fit = flexspline.fit(["offset", "gravity", DENSE[4]], log, "sensor_torque", checks=False)
+    assert fit.exact and any(group.exact or len(group.names) > 2 for group in fit.confounded)
+    assert np.abs(fit.runs[0].predicted - truth).max() < 1e-9 * np.ptp(truth)
+
+
 def test_a_prior_does_not_cost_the_accuracy_of_what_it_does_not_touch():
     effects = ["offset", DENSE[4]]
     log = with_noise(effects, swept(0.5))
@@ -167,6 +180,24 @@ def test_a_prior_does_not_cost_the_accuracy_of_what_it_does_not_touch():
         effects, log, "sensor_torque", priors={"offset": (value, 1e9)}, checks=False
     )
     assert fit.part.coefficients == pytest.approx(plain.part.coefficients, rel=1e-8)
+
+
+@pytest.mark.parametrize("name", ["n=4 over 0.3 rad", "one speed to 1e-9", "n=10 over 1.5 rad"])
+def test_errors_of_an_ill_conditioned_fit_are_those_of_high_precision_too(name):
+    effects, channels, _, _ = LADDER[name]
+    log = with_noise(effects, channels)
+    rows = rows_of(effects, log)
+    digits, shift = whole_numbers(rows)
+    with mpmath.workdps(80):
+        gram = mpmath.matrix([[mpmath.mpf(v) for v in row] for row in digits.T @ digits])
+        inverse = gram**-1 * mpmath.mpf(2) ** (-2 * shift)
+        spread = np.array([float(mpmath.sqrt(inverse[k, k])) for k in range(len(gram))])
+    fit = flexspline.fit(effects, log, "sensor_torque", checks=False)
+    residual = fit.runs[0].residual
+    sigma = np.sqrt(residual @ residual / (len(residual) - rows.shape[1]))
+    naive = [p.naive_error for p in fit.parameters]
+    # The basis of the errors is in doubles: κ ε = 1e-6 of the error.
+    assert naive == pytest.approx(sigma * spread, rel=1e-5)
 
 
 @pytest.mark.parametrize("orders", [[1, 2, 3, 4, 5, 6], [1, 2, 4, 7], [100, 200, 4200]])

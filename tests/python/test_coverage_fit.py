@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import time
 
-import flexspline
 import numpy as np
 import pytest
 from fit_logs import FRICTION, WIDTH, autoregressive, friction, motion, simulated
+
+import flexspline
 from flexspline import effect
 
 LOGS = 200

@@ -8,14 +8,26 @@ import re
 import numpy as np
 import pytest
 from fit_logs import log_with, motion, rows_of
+
 from flexspline import CATALOGUE, Effect, InputError, effect
 from flexspline.effects import UNITS, require_effects, unit_in
 
-FIRST = (
-    "offset coulomb_friction coulomb_friction_per_direction viscous_friction "
-    "nonlinear_viscous_friction stribeck_friction load_dependent_friction inertia gravity "
-    "output_ripple wave_generator_ripple cogging temperature_drift gain_error"
-).split()
+FIRST = [
+    "offset",
+    "coulomb_friction",
+    "coulomb_friction_per_direction",
+    "viscous_friction",
+    "nonlinear_viscous_friction",
+    "stribeck_friction",
+    "load_dependent_friction",
+    "inertia",
+    "gravity",
+    "output_ripple",
+    "wave_generator_ripple",
+    "cogging",
+    "temperature_drift",
+    "gain_error",
+]
 RIPPLES = [name for name, info in CATALOGUE.items() if info.pairs]
 
 
@@ -55,7 +67,10 @@ def test_the_rows_are_the_formulas_of_the_papers():
         effect("inertia"): [channels["output_acceleration"]],
         effect("gravity"): [np.sin(q), np.cos(q)],
         effect("output_ripple", orders=[1, 3]): [
-            np.cos(q), np.sin(q), np.cos(3 * q), np.sin(3 * q)
+            np.cos(q),
+            np.sin(q),
+            np.cos(3 * q),
+            np.sin(3 * q),
         ],
         effect("temperature_drift"): [warm, warm**2],
     }

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import flexspline
 import numpy as np
 import pytest
 from fit_logs import FRICTION, WIDTH, autoregressive, friction, log_with, motion, rows_of, simulated
-from flexspline import effect
-from flexspline.effects import CATALOGUE
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
+
+import flexspline
+from flexspline import effect
+from flexspline.effects import CATALOGUE
 
 HELD = {"direction_width": WIDTH}
 SIGMA = 0.05

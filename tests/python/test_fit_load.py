@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import flexspline
 import numpy as np
 import pytest
 from fit_logs import WIDTH, autoregressive, chosen, log_with, motion, rows_of, simulated
+
+import flexspline
 from flexspline import InputError, effect
 
 HELD = {"direction_width": WIDTH}

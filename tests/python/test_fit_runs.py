@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import sys
 
-import flexspline
 import numpy as np
 import pytest
 from fit_logs import (
@@ -18,6 +18,8 @@ from fit_logs import (
     rows_of,
     simulated,
 )
+
+import flexspline
 from flexspline import effect
 from flexspline.fit.linear import fit_linear
 from flexspline.fit.names import coefficient_names, constraints_of
@@ -115,6 +117,18 @@ def test_the_length_of_the_blocks_does_not_matter(rows):
     assert other == pytest.approx(usual, rel=1e-12)
 
 
+@pytest.mark.parametrize("lowpass", [None, 5.0])
+def test_the_length_of_the_pieces_that_the_errors_are_read_in_does_not_matter(lowpass, monkeypatch):
+    logs = [log_of(1), log_of(2, 700)]
+    whole = fitted(logs, lowpass=lowpass)
+    monkeypatch.setattr(sys.modules["flexspline.fit.problem"], "CHUNK", 333)
+    pieces = fitted(logs, lowpass=lowpass)
+    assert [p.standard_error for p in pieces.parameters[:4]] == pytest.approx(
+        [p.standard_error for p in whole.parameters[:4]], rel=1e-6
+    )
+    assert pieces.cv_rmse == pytest.approx(whole.cv_rmse, rel=1e-9)
+
+
 @pytest.mark.parametrize("exact", [False, True])
 def test_two_threads_give_the_bits_of_one(exact):
     effects = [*friction(), effect("output_ripple", orders=[1, 2, 3])]
@@ -194,7 +208,9 @@ def test_rows_that_the_filter_sees_from_one_side_do_not_count():
 def pushed(seed: int):
     """5 % of the rows far off: single outliers, and two pushes of an arm."""
     clean = simulated(
-        friction(), FRICTION, motion(seed),
+        friction(),
+        FRICTION,
+        motion(seed),
         0.02 * np.random.default_rng(seed).normal(size=2000),
     )
     generator = np.random.default_rng([seed, 1])
@@ -203,6 +219,15 @@ def pushed(seed: int):
     torque[700:730] += 5.0
     torque[1500:1530] += 4.0
     return clean, log_with(motion(seed), torque)
+
+
+def test_the_weights_are_those_of_huber_about_the_median_deviation():
+    residual = np.array([-3.0, -1.0, -0.5, 0.5, 1.0, 100.0, 7.0])
+    counted = np.array([True] * 6 + [False])
+    # Median 0, absolute deviations 0.5 0.5 1 1 3 100: their median 1, scale 1.4826.
+    limit = 1.345 * 1.4826
+    (weights,) = huber_weights([residual], [counted])
+    assert weights == pytest.approx([limit / 3, 1, 1, 1, 1, limit / 100, limit / 7])
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
@@ -232,10 +257,25 @@ def test_a_robust_fit_is_the_fixed_point_of_its_weights():
     (weights,) = huber_weights([residual], [fit.runs[0].counts])
     rows = rows_of(friction(), spoilt)
     root = np.sqrt(weights)
-    again = np.linalg.lstsq(
-        rows * root[:, None], spoilt["sensor_torque"] * root, rcond=None
-    )[0]
+    again = np.linalg.lstsq(rows * root[:, None], spoilt["sensor_torque"] * root, rcond=None)[0]
     assert fit.part.coefficients == pytest.approx(again, abs=1e-5)
+
+
+def test_weights_low_pass_and_ill_condition_go_together():
+    channels = motion(0)
+    channels["output_position"] = 0.5 * np.sin(channels["time"])
+    effects = chosen("offset", effect("output_ripple", orders=[1, 2, 3]))
+    noise = 0.02 * np.random.default_rng(0).standard_t(2, size=2000)
+    log = simulated(effects, [0.1, 0.2, 0.1, 0.05, 0.0, 0.0, 0.1], channels, noise)
+    fit = fitted(log, effects, fixed={}, lowpass=10.0, robust="huber")
+    (run,) = posed([log], effects, lowpass_hz=10.0).runs
+    rows = posed([log], effects, lowpass_hz=10.0).rows(effects, 0, np.empty(0))
+    counts = fit.runs[0].counts
+    (weights,) = huber_weights([fit.runs[0].residual], [counts])
+    root = np.sqrt(weights[counts])
+    again = np.linalg.lstsq(rows[counts] * root[:, None], run.target[counts] * root, rcond=None)[0]
+    contributions = rows[counts] @ (fit.part.coefficients - again)
+    assert fit.exact and np.abs(contributions).max() < 1e-4
 
 
 def test_a_robust_fit_finds_the_direction_width_too():

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
-import flexspline
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from fit_logs import FRICTION, WIDTH, autoregressive, friction, log_with, motion, rows_of, simulated
+
+import flexspline
+from flexspline.fit.estimate import Given, estimate
 from flexspline.fit.problem import problem_of
 from flexspline.fit.scores import score, scores_of
+from flexspline.fit.validation import cross_validate
 
 HELD = {"direction_width": WIDTH}
 
@@ -56,8 +61,7 @@ def test_fewer_runs_are_cut_into_contiguous_blocks(runs):
     for log in logs:
         rows, y = rows_of(friction(), log), log["sensor_torque"]
         edges = np.linspace(0, len(log), count + 1).astype(int)
-        pairs = zip(edges[:-1], edges[1:], strict=True)
-        tables += [(rows[a:b], y[a:b]) for a, b in pairs]
+        tables += [(rows[a:b], y[a:b]) for a, b in pairwise(edges)]
     brute = np.concatenate(
         [refitted(tables[:k] + tables[k + 1 :], *tables[k]) for k in range(len(tables))]
     )
@@ -124,15 +128,14 @@ def triangle_log():
     temperature = np.linspace(20.0, 40.0, 1700)
     return log_with(
         {"time": time, "output_position": position, "output_velocity": velocity},
-        np.arange(1700.0), temperature=temperature,
+        np.arange(1700.0),
+        temperature=temperature,
     )
 
 
 def test_rows_are_told_by_direction_speed_temperature_and_nearness_to_a_reversal():
     log = triangle_log()
-    problem = problem_of(
-        [log], [], "sensor_torque", known_load=None, lowpass_hz=None, threads=1
-    )
+    problem = problem_of([log], [], "sensor_torque", known_load=None, lowpass_hz=None, threads=1)
     residual = np.where(log["output_velocity"] > 0, 1.0, np.where(log["output_velocity"], 2.0, 3.0))
     found = {(s.group, s.label): s for s in scores_of(problem, [residual], [2 * residual])}
     assert found["direction", "forward"].rows == 1000
@@ -162,3 +165,20 @@ def test_speed_bands_hold_about_as_many_rows_each_and_leave_no_moving_row_out():
     moving = sum(s.rows for s in fit.scores if s.label in ("forward", "backward"))
     assert len(bands) == 5 and sum(s.rows for s in bands) == moving
     assert max(s.rows for s in bands) < 1.1 * min(s.rows for s in bands)
+
+
+def test_a_prior_that_disagrees_with_the_runs_is_weighed_the_same_in_every_fold():
+    log = log_of(5)
+    posed = problem_of(
+        [log], friction(), "sensor_torque", known_load=None, lowpass_hz=None, threads=1
+    )
+    given = Given(HELD, {}, {"inertia": (0.03, 2e-3)}, False)
+    made = estimate(posed, friction(), given, lambda: None)
+    found = cross_validate(posed, made.tangent, made.basis, made.prior_rows)
+    rows, y = rows_of(friction(), log), log["sensor_torque"]
+    known = (made.linear.prior_rows, made.linear.prior_rows @ [0.0, 0.0, 0.0, 0.03])
+    edges = list(pairwise(np.linspace(0, len(log), 9).astype(int)))
+    tables = [(rows[a:b], y[a:b]) for a, b in edges]
+    for k, (a, b) in enumerate(edges):
+        brute = refitted([*tables[:k], *tables[k + 1 :], known], *tables[k])
+        assert found.residuals[0][a:b] == pytest.approx(brute, abs=1e-9)

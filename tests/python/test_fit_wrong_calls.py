@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import re
 
-import flexspline
 import numpy as np
 import pytest
 from fit_logs import FRICTION, autoregressive, friction, log_with, motion, simulated
+
+import flexspline
 from flexspline import InputError
 from flexspline.effects import Effect
 
@@ -37,7 +38,12 @@ BASE = ["offset", "coulomb_friction", "viscous_friction"]
 WRONG = {
     "unknown effect": (["viscous_fricton"], log_of, {}, ["viscous_fricton", "viscous_friction"]),
     "unknown target": (BASE, log_of, {"target": "torque"}, ["torque", "sensor_torque"]),
-    "target not in the log": (BASE, log_of, {"target": "motor_current"}, ["bench", "motor_current"]),
+    "target not in the log": (
+        BASE,
+        log_of,
+        {"target": "motor_current"},
+        ["bench", "motor_current"],
+    ),
     "no gear ratio": (
         ["offset"],
         lambda: log_with(motion(0), motor_torque=np.ones(2000), name="bench"),
@@ -59,7 +65,10 @@ WRONG = {
     "effect named twice": (["offset", "offset"], log_of, {}, ["offset", "twice"]),
     "channel missing": (["temperature_drift"], log_of, {}, ["bench", "temperature"]),
     "velocity and position missing": (
-        BASE, lambda: without("output_velocity", "output_position"), {}, ["bench", "output_velocity"]
+        BASE,
+        lambda: without("output_velocity", "output_position"),
+        {},
+        ["bench", "output_velocity"],
     ),
     "known load missing": (BASE, log_of, {"known_load": "reference_torque"}, ["reference_torque"]),
     "load without a source": (["load_dependent_friction"], log_of, {}, ["known_load", "inertia"]),
@@ -74,7 +83,10 @@ WRONG = {
         ["gear_ratio", "100", "50"],
     ),
     "logs of two joints": (
-        BASE, lambda: [log_of(joint="A1"), log_of(joint="A2")], {}, ["joint", "A1", "A2"]
+        BASE,
+        lambda: [log_of(joint="A1"), log_of(joint="A2")],
+        {},
+        ["joint", "A1", "A2"],
     ),
     "motor encoder in one log only": (
         ["wave_generator_ripple"],
@@ -88,29 +100,72 @@ WRONG = {
     "low pass beyond Nyquist": (BASE, log_of, {"lowpass": 80.0}, ["80", "bench"]),
     "low pass longer than the log": (BASE, lambda: log_of(100), {"lowpass": 0.5}, ["bench", "0.5"]),
     "low pass of nothing": (BASE, log_of, {"lowpass": 0.0}, ["low pass"]),
-    "orders of an effect without": (BASE, log_of, {"orders": {"offset": [1]}}, ["offset", "orders"]),
-    "orders of an absent effect": (BASE, log_of, {"orders": {"cogging": [4]}}, ["orders", "cogging"]),
+    "orders of an effect without": (
+        BASE,
+        log_of,
+        {"orders": {"offset": [1]}},
+        ["offset", "orders"],
+    ),
+    "orders of an absent effect": (
+        BASE,
+        log_of,
+        {"orders": {"cogging": [4]}},
+        ["orders", "cogging"],
+    ),
     "order zero": (
-        ["output_ripple"], log_of, {"orders": {"output_ripple": [0, 1]}}, ["order 0", "whole number"]
+        ["output_ripple"],
+        log_of,
+        {"orders": {"output_ripple": [0, 1]}},
+        ["order 0", "whole number"],
     ),
     "half an order": (
-        ["output_ripple"], log_of, {"orders": {"output_ripple": [1.5]}}, ["order 1.5"]
+        ["output_ripple"],
+        log_of,
+        {"orders": {"output_ripple": [1.5]}},
+        ["order 1.5"],
     ),
     "an order twice": (
-        ["output_ripple"], log_of, {"orders": {"output_ripple": [2, 2]}}, ["order 2", "twice"]
+        ["output_ripple"],
+        log_of,
+        {"orders": {"output_ripple": [2, 2]}},
+        ["order 2", "twice"],
     ),
     "too many orders": (
-        ["output_ripple"], log_of, {"orders": {"output_ripple": range(1, 70)}}, ["at most 64"]
+        ["output_ripple"],
+        log_of,
+        {"orders": {"output_ripple": range(1, 70)}},
+        ["at most 64"],
     ),
     "an order beyond all teeth": (
-        ["output_ripple"], log_of, {"orders": {"output_ripple": [2**40]}}, ["1000000"]
+        ["output_ripple"],
+        log_of,
+        {"orders": {"output_ripple": [2**40]}},
+        ["1000000"],
     ),
-    "prior without an error": (BASE, log_of, {"priors": {"offset": (0.0, 0.0)}}, ["offset", "above"]),
-    "prior of infinite error": (BASE, log_of, {"priors": {"offset": (0.0, np.inf)}}, ["offset", "inf"]),
-    "prior that is no number": (BASE, log_of, {"priors": {"offset": (np.nan, 1.0)}}, ["offset", "nan"]),
+    "prior without an error": (
+        BASE,
+        log_of,
+        {"priors": {"offset": (0.0, 0.0)}},
+        ["offset", "above"],
+    ),
+    "prior of infinite error": (
+        BASE,
+        log_of,
+        {"priors": {"offset": (0.0, np.inf)}},
+        ["offset", "inf"],
+    ),
+    "prior that is no number": (
+        BASE,
+        log_of,
+        {"priors": {"offset": (np.nan, 1.0)}},
+        ["offset", "nan"],
+    ),
     "prior that is no pair": (BASE, log_of, {"priors": {"offset": 0.1}}, ["offset", "(value"]),
     "prior of a shape": (
-        BASE, log_of, {"priors": {"direction_width": (0.1, 0.1)}}, ["direction_width", "shape"]
+        BASE,
+        log_of,
+        {"priors": {"direction_width": (0.1, 0.1)}},
+        ["direction_width", "shape"],
     ),
     "prior of something fixed": (
         BASE,
@@ -121,10 +176,16 @@ WRONG = {
     "fixed at NaN": (BASE, log_of, {"fixed": {"offset": np.nan}}, ["offset", "nan"]),
     "fixed unknown": (BASE, log_of, {"fixed": {"ofset": 0.1}}, ["ofset", "offset.offset"]),
     "fixed shape unknown": (
-        BASE, log_of, {"fixed": {"direction_with": 0.1}}, ["direction_with", "direction_width"]
+        BASE,
+        log_of,
+        {"fixed": {"direction_with": 0.1}},
+        ["direction_with", "direction_width"],
     ),
     "fixed shape out of range": (
-        BASE, log_of, {"fixed": {"direction_width": 7.0}}, ["direction_width", "0.5"]
+        BASE,
+        log_of,
+        {"fixed": {"direction_width": 7.0}},
+        ["direction_width", "0.5"],
     ),
     "ambiguous name": (
         ["nonlinear_viscous_friction"],
@@ -135,13 +196,33 @@ WRONG = {
     "empty bounds": (BASE, log_of, {"bounds": {"offset": (1.0, 1.0)}}, ["offset", "empty"]),
     "crossed bounds": (BASE, log_of, {"bounds": {"offset": (1.0, -1.0)}}, ["offset", "low < high"]),
     "bounds of a shape outside": (
-        BASE, log_of, {"bounds": {"direction_width": (3.0, 4.0)}}, ["direction_width", "0.5"]
+        BASE,
+        log_of,
+        {"bounds": {"direction_width": (3.0, 4.0)}},
+        ["direction_width", "0.5"],
     ),
     "an offset per run of no offset": (
-        BASE[1:], lambda: [log_of(), log_of()], {"offset_per_run": True}, ["offset_per_run", "add"]
+        BASE[1:],
+        lambda: [log_of(), log_of()],
+        {"offset_per_run": True},
+        ["offset_per_run", "add"],
     ),
     "robust in another way": (BASE, log_of, {"robust": "tukey"}, ["tukey", "huber"]),
     "no log": (BASE, list, {}, ["no log"]),
+    "the name of a file for a log": (BASE, lambda: ["run.csv"], {}, ["str", "read_log"]),
+    "bounds that are no pair": (
+        BASE,
+        log_of,
+        {"bounds": {"offset": 0.1}},
+        ["offset", "(low, high)"],
+    ),
+    "shape bounds that are no pair": (
+        BASE,
+        log_of,
+        {"bounds": {"direction_width": 0.1}},
+        ["direction_width", "(low, high)"],
+    ),
+    "shape fixed in words": (BASE, log_of, {"fixed": {"direction_width": "wide"}}, ["'wide'"]),
 }
 
 
@@ -192,9 +273,17 @@ def test_a_fit_of_no_effects_is_saved_and_read_again(tmp_path):
 
 def test_everything_fixed_leaves_no_freedom_and_still_a_fit():
     fit = flexspline.fit(
-        friction(), log_of(), "sensor_torque", checks=False,
-        fixed={"offset": -0.12, "level": 0.3, "viscosity": 0.15, "inertia": 0.02,
-               "direction_width": 0.05},
+        friction(),
+        log_of(),
+        "sensor_torque",
+        checks=False,
+        fixed={
+            "offset": -0.12,
+            "level": 0.3,
+            "viscosity": 0.15,
+            "inertia": 0.02,
+            "direction_width": 0.05,
+        },
     )
     assert {p.state for p in fit.parameters} == {"fixed"}
     assert fit.part.coefficients == pytest.approx(FRICTION)
@@ -209,6 +298,7 @@ def test_a_perfect_fit_prints():
     assert "viscous_friction" in str(fit)
 
 
-def test_effects_are_taken_from_any_iterable():
-    fit = flexspline.fit(iter([Effect("offset")]), log_of(), "sensor_torque", checks=False)
-    assert len(fit.parameters) == 1
+@pytest.mark.parametrize("effects", [iter([Effect("offset")]), "offset", Effect("offset")])
+def test_one_effect_may_come_alone_or_from_any_iterable(effects):
+    fit = flexspline.fit(effects, log_of(), "sensor_torque", checks=False)
+    assert [p.name for p in fit.parameters] == ["offset.offset"]

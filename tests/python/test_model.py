@@ -5,16 +5,17 @@ from __future__ import annotations
 import json
 import re
 
-import flexspline
 import numpy as np
 import pytest
 from fit_logs import FRICTION, autoregressive, chosen, friction, log_with, motion, simulated
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import flexspline
 from flexspline import CATALOGUE, InputError, effect
 from flexspline.effects import TARGETS
 from flexspline.logs.log import Log
 from flexspline.model import PART_OF, Model, Part
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 NUMBER = st.floats(allow_nan=False, allow_infinity=False)
 
@@ -44,8 +45,11 @@ def parts(draw, target: str):
 
 @st.composite
 def models(draw):
-    sides = {"sensor": ["sensor_torque"], "drive": ["motor_torque", "motor_current"],
-             "torsion": ["torsion"]}
+    sides = {
+        "sensor": ["sensor_torque"],
+        "drive": ["motor_torque", "motor_current"],
+        "torsion": ["torsion"],
+    }
     named = draw(st.lists(st.sampled_from(sorted(sides)), unique=True))
     made = {side: draw(parts(draw(st.sampled_from(sides[side])))) for side in named}
     facts = {"gear_ratio": draw(st.floats(1, 400)), "output_spline": "circular", "joint": "A 1"}
@@ -71,9 +75,7 @@ def small_fit(**options):
     log = simulated(friction(), FRICTION, motion(0), noise)
     log = log.with_facts({"gear_ratio": 100.0, "output_spline": "flex"})
     ripple = effect("output_ripple", orders=[2])
-    return log, flexspline.fit(
-        [*friction(), ripple], log, "sensor_torque", checks=False, **options
-    )
+    return log, flexspline.fit([*friction(), ripple], log, "sensor_torque", checks=False, **options)
 
 
 def test_a_fitted_model_survives_a_file_with_its_record(tmp_path):
@@ -294,6 +296,29 @@ def test_every_target_is_fitted_and_predicted_with_its_effective_ratio(spline):
         assert np.array_equal(
             again.predict(log, target).predicted, model.predict(log, target).predicted
         )
+
+
+def ripple_logs() -> tuple[Log, Log]:
+    """A log with ripple of the wave generator, without and with the motor's encoder."""
+    channels = motion(0)
+    angle = 51 * channels["output_position"]
+    torque = 0.2 * np.cos(2 * angle) + 0.01 * np.random.default_rng(0).normal(size=2000)
+    facts = {"gear_ratio": 50.0, "output_spline": "circular"}
+    bare = log_with(channels, torque, facts=facts)
+    return bare, bare.with_columns({"motor_position": angle + 1.0}, note="another zero")
+
+
+def test_the_motors_angle_is_taken_from_where_the_fit_took_it():
+    bare, encoder = ripple_logs()
+    ripple = [effect("wave_generator_ripple", orders=[2])]
+    model = flexspline.fit(ripple, bare, "sensor_torque", checks=False).model
+    for again in (model, Model.from_json(model.to_json())):
+        assert np.array_equal(again.predict(encoder).predicted, again.predict(bare).predicted)
+    assert np.std(model.predict(encoder).residual) < 0.011
+    model = flexspline.fit(ripple, encoder, "sensor_torque", checks=False).model
+    assert np.std(model.predict(encoder).residual) < 0.011
+    with pytest.raises(InputError, match="motor_position"):
+        model.predict(bare)
 
 
 def test_the_part_is_named_where_there_are_several():

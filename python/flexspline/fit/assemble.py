@@ -56,7 +56,10 @@ def assembled(
     record["scores"] = [asdict(s) for s in scores]
     record["validated"] = validated
     part = Part(
-        problem.target, made.linear.effects, _shared(problem, made), problem.known_load,
+        problem.target,
+        made.linear.effects,
+        _shared(problem, made),
+        problem.known_load,
         _plain(record),
     )
     facts = _facts(problem)
@@ -90,9 +93,7 @@ def _uncertainty(made: Estimate) -> Uncertainty:
     return parameter_uncertainty(made.tangent, made.basis, noise, prior)
 
 
-def _confounded(
-    problem: Problem, made: Estimate, uncertainty: Uncertainty
-) -> list[Confounded]:
+def _confounded(problem: Problem, made: Estimate, uncertainty: Uncertainty) -> list[Confounded]:
     """Groups among the coefficients that are neither fixed nor at a bound."""
     shapes = len(made.free_shapes)
 
@@ -174,8 +175,9 @@ def _shape_parameters(made: Estimate, table: Mapping[str, Array]) -> list[Parame
         if row is not None and not table["error"][row] < LOOSE * value:
             determined, state = False, "not determined"
         found.append(
-            _parameter(shape.name, "shape", value, shape.info.unit, state, determined, None,
-                       table, row)
+            _parameter(
+                shape.name, "shape", value, shape.info.unit, state, determined, None, table, row
+            )
         )
     return found
 
@@ -196,7 +198,16 @@ def _parameter(
 
     interval = (at("low"), at("high")) if row is not None else (value, value)
     return Parameter(
-        name, kind, value, at("error"), at("naive"), interval, unit, state, determined, prior,
+        name,
+        kind,
+        value,
+        at("error"),
+        at("naive"),
+        interval,
+        unit,
+        state,
+        determined,
+        prior,
         at("news"),
     )
 
@@ -280,4 +291,3 @@ def _warnings(made: Estimate, uncertainty: Uncertainty) -> list[str]:
     for name in made.searched.flat:
         said.append(f"{name} changes nothing in these runs and keeps its value")
     return said
-

@@ -19,6 +19,8 @@ from flexspline.fit.names import (
     ShapeParameter,
     coefficient_names,
     constraints_of,
+    finite,
+    pair_of,
     shapes_of,
 )
 from flexspline.fit.noise_model import NoiseModel, noise_model
@@ -97,7 +99,8 @@ def estimate(
     bounds, shape_bounds = _split(given.bounds, shapes)
     for shape in shapes:
         if shape.name in fixed_shapes:
-            effects = shape.set(effects, fixed_shapes[shape.name])
+            value = finite(fixed_shapes[shape.name], f"fixed: {shape.name}")
+            effects = shape.set(effects, value)
     priors, shape_priors = _split(given.priors, shapes)
     for name in shape_priors:
         raise InputError(f"priors: {name} is a shape, which takes no prior; fix or bound it")
@@ -138,8 +141,13 @@ class _Search:
     def run(self, variance: float, weights: list[Array] | None, exact: bool) -> ShapeFit:
         def solve(effects: tuple[Effect, ...], start: Array | None) -> LinearFit:
             return fit_linear(
-                self.problem, effects, self.constraints, start=start, weights=weights,
-                noise_variance=variance, exact=exact,
+                self.problem,
+                effects,
+                self.constraints,
+                start=start,
+                weights=weights,
+                noise_variance=variance,
+                exact=exact,
             )
 
         return fit_shapes(self.effects, self.free, solve, self.limits, self.tick)
@@ -153,10 +161,17 @@ class _Search:
             counted = [counts_of(run) for run in self.problem.runs]
             weights = huber_weights(residuals, counted)
             found = self.run(variance, weights, linear.exact)
-            change = np.abs(found.linear.coefficients - linear.coefficients)
-            if (change <= ROBUST_STANDS * np.abs(linear.coefficients).max(initial=1e-12)).all():
+            if _stands(found.linear, linear):
                 break
         return found, weights
+
+
+def _stands(now: LinearFit, before: LinearFit) -> bool:
+    """Whether no contribution has moved by more than a small share of the largest one."""
+    lengths = now.solution.lengths
+    moved = (now.coefficients - before.coefficients)[now.fitted] * lengths
+    largest = np.abs(now.coefficients[now.fitted] * lengths).max(initial=0.0)
+    return bool((np.abs(moved) <= ROBUST_STANDS * largest).all())
 
 
 def residuals_of(problem: Problem, linear: LinearFit) -> list[Array]:
@@ -228,7 +243,8 @@ def _split(
     return coefficients, found
 
 
-def _limits(shape: ShapeParameter, bounds: Bounds) -> tuple[float, float]:
+def _limits(shape: ShapeParameter, limits: Bounds) -> tuple[float, float]:
+    bounds = pair_of(limits, f"bounds: {shape.name}", "(low, high)")
     low = max(shape.info.lower, shape.info.lower if bounds[0] is None else bounds[0])
     high = min(shape.info.upper, shape.info.upper if bounds[1] is None else bounds[1])
     if not low < high:

@@ -23,7 +23,7 @@ ROWS_A_PARAMETER = 3
 
 
 def fit(
-    effects: Iterable[str | Effect],
+    effects: str | Effect | Iterable[str | Effect],
     logs: Log | Sequence[Log],
     target: str,
     *,
@@ -90,6 +90,11 @@ def fit(
     runs = [logs] if isinstance(logs, Log) else list(logs)
     if not runs:
         raise InputError("there is no log to fit; give at least one")
+    for run in runs:
+        if not isinstance(run, Log):
+            raise InputError(
+                f"logs holds a {type(run).__name__}; give logs, as read_log makes them"
+            )
     chosen = _chosen(effects, orders or {})
     warnings = _checked(runs, chosen, target) if checks else []
     given = Given(fixed or {}, bounds or {}, priors or {}, robust == "huber")
@@ -114,10 +119,13 @@ def fit(
         return assembled(posed, made, into, [*warnings, *said], found)
 
 
-def _chosen(effects: Iterable[str | Effect], orders: Mapping[str, Sequence[int]]) -> list[Effect]:
+def _chosen(
+    effects: str | Effect | Iterable[str | Effect], orders: Mapping[str, Sequence[int]]
+) -> list[Effect]:
     from flexspline.fit.names import resolve
 
-    chosen = [e if isinstance(e, Effect) else effect(e) for e in effects]
+    named = [effects] if isinstance(effects, (str, Effect)) else effects
+    chosen = [e if isinstance(e, Effect) else effect(e) for e in named]
     for name, its in orders.items():
         at = resolve(name, [e.name for e in chosen], "orders")
         chosen[at] = chosen[at].with_orders(its)

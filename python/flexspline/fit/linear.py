@@ -108,8 +108,14 @@ def fit_linear(
             at_bound = np.zeros(len(held), dtype=np.int8)
             at_bound[free] = bound
             return LinearFit(
-                effects, coefficients, free[inside], solution, squares, exact,
-                prior_rows[:, inside], at_bound,
+                effects,
+                coefficients,
+                free[inside],
+                solution,
+                squares,
+                exact,
+                prior_rows[:, inside],
+                at_bound,
             )
         load = coefficients
     raise InputError(
@@ -124,9 +130,7 @@ def _load_moves(effects: Sequence[Effect]) -> bool:
     return reads and any(effect.info.carries_load for effect in effects)
 
 
-def _stands(
-    problem: Problem, effects: Sequence[Effect], load: Array, coefficients: Array
-) -> bool:
+def _stands(problem: Problem, effects: Sequence[Effect], load: Array, coefficients: Array) -> bool:
     owners = [effect for effect in effects for _ in effect.terms]
     columns = [k for k, owner in enumerate(owners) if owner.info.carries_load]
     carried = problem.place(effects)[0][columns]

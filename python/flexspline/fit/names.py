@@ -17,7 +17,17 @@ from numpy.typing import NDArray
 from flexspline.effects import Effect, ShapeInfo
 from flexspline.errors import InputError, did_you_mean, listed
 
-__all__ = ["Constraints", "ShapeParameter", "coefficient_names", "constraints_of", "shapes_of"]
+__all__ = [
+    "Bounds",
+    "Constraints",
+    "ShapeParameter",
+    "coefficient_names",
+    "constraints_of",
+    "finite",
+    "pair_of",
+    "resolve",
+    "shapes_of",
+]
 
 Array = NDArray[np.float64]
 Bounds = tuple[float | None, float | None]
@@ -135,20 +145,20 @@ def constraints_of(
     """
     made = Constraints(*(np.full(len(names), np.nan) for _ in range(5)))
     for name, value in fixed.items():
-        made.held[resolve(name, names, "fixed", shapes)] = _finite(value, f"fixed: {name}")
+        made.held[resolve(name, names, "fixed", shapes)] = finite(value, f"fixed: {name}")
     for name, limits in bounds.items():
         at = _not_fixed(resolve(name, names, "bounds", shapes), made, f"bounds: {name}")
-        low, high = _two(limits, f"bounds: {name}", "(low, high)")
+        low, high = pair_of(limits, f"bounds: {name}", "(low, high)")
         made.lower[at] = -np.inf if low is None else low
         made.upper[at] = np.inf if high is None else high
         if not made.lower[at] < made.upper[at]:
             raise InputError(f"bounds: {name} from {low} to {high} is empty; give low < high")
     for name, known in priors.items():
         at = _not_fixed(resolve(name, names, "priors", shapes), made, f"priors: {name}")
-        value, error = _two(known, f"priors: {name}", "(value, standard error)")
-        if not _finite(error, f"priors: the error of {name}") > 0.0:
+        value, error = pair_of(known, f"priors: {name}", "(value, standard error)")
+        if not finite(error, f"priors: the error of {name}") > 0.0:
             raise InputError(f"priors: the error of {name} is {error}; give one above zero")
-        made.prior[at], made.prior_error[at] = _finite(value, f"priors: {name}"), error
+        made.prior[at], made.prior_error[at] = finite(value, f"priors: {name}"), error
     return made
 
 
@@ -158,13 +168,15 @@ def _not_fixed(at: int, made: Constraints, what: str) -> int:
     return at
 
 
-def _finite(value: float, what: str) -> float:
+def finite(value: float, what: str) -> float:
+    """Return a number, or refuse what is none."""
     if not isinstance(value, Real) or not np.isfinite(value):
         raise InputError(f"{what} is {value!r}; give a finite number")
     return float(value)
 
 
-def _two(pair: Any, what: str, form: str) -> tuple[Any, Any]:
+def pair_of(pair: Any, what: str, form: str) -> tuple[Any, Any]:
+    """Return two values, or refuse what are not two and say which `form` they have."""
     if not isinstance(pair, Sequence) or isinstance(pair, str) or len(pair) != 2:
         raise InputError(f"{what} is {pair!r}; give {form}")
     return pair[0], pair[1]

@@ -14,15 +14,16 @@ from numpy.typing import NDArray
 
 from flexspline import _core
 from flexspline.effects import Effect, require_effects
-from flexspline.errors import InputError, listed
+from flexspline.errors import InputError
+from flexspline.fit.requirements import gear_for, require_finite, require_load
 from flexspline.fit.sums import Sums
 from flexspline.logs.derive import lowpass
 from flexspline.logs.local_fit import require_bandwidth
 from flexspline.logs.log import Log
 from flexspline.logs.segments import runs
-from flexspline.signals import channels_for, core_channels, gear_of, target_of
+from flexspline.signals import channels_for, core_channels, target_of
 
-__all__ = ["Problem", "Run", "gear_for", "problem_of", "require_finite"]
+__all__ = ["Problem", "Run", "problem_of"]
 
 Array = NDArray[np.float64]
 
@@ -30,7 +31,6 @@ SECONDS_A_BLOCK = 2.0
 MOST_BLOCKS = 400
 CHUNK = 1 << 15
 KEPT = 24  # filtered effects of each run
-NEED_KNOWN_LOAD = ("gain_error",)
 
 
 @dataclass(frozen=True)
@@ -125,7 +125,15 @@ class Problem:
             carried = load[place] if load.size else nothing
             if self.lowpass is None:
                 high, low = design.accumulate(
-                    run.channels, run.target, blocks, carried, off, weight, exact, True, self.threads
+                    run.channels,
+                    run.target,
+                    blocks,
+                    carried,
+                    off,
+                    weight,
+                    exact,
+                    True,
+                    self.threads,
                 )
             else:
                 rows = self.rows(effects, number, carried)
@@ -167,7 +175,7 @@ class Problem:
                 raw = self.design(effects).rows(run.channels, len(run), load)
                 made = self.smooth(run, np.asarray(raw)[:, first : first + len(effect.terms)])
             else:
-                key = (number, effect.name, tuple(effect.shapes.items()), effect.harmonics)
+                key = (number, effect)
                 if key not in self.kept:
                     raw = self.design([effect]).rows(run.channels, len(run), np.empty(0))
                     self.kept[key] = self.smooth(run, np.asarray(raw))
@@ -219,7 +227,7 @@ def problem_of(
         cannot be derived, values that are not finite, or logs that disagree on the gear.
     """
     require_effects(effects, target)
-    _require_load(effects, known_load)
+    require_load(effects, known_load)
     if offset_per_run and "offset" not in [effect.name for effect in effects]:
         raise InputError("offset_per_run needs the effect 'offset'; add it to the effects")
     gear = gear_for(logs, target, effects)
@@ -266,52 +274,3 @@ def _kept(stretches: list[tuple[int, int]], valid: NDArray[np.bool_]) -> list[tu
         if len(inside):
             kept.append((first + int(inside[0]), first + int(inside[-1]) + 1))
     return kept
-
-
-def require_finite(log: Log, columns: dict[str, Array]) -> None:
-    """Refuse columns (N,) with NaN or infinities, naming channel and row."""
-    for name, values in columns.items():
-        if np.isfinite(values.sum()):
-            continue
-        bad = np.flatnonzero(~np.isfinite(values))
-        if len(bad):
-            raise InputError(
-                f"log '{log.name}': {name} is not finite in {len(bad)} rows, first in row "
-                f"{bad[0]}; ask for the repair drop_invalid, or mend the recording"
-            )
-
-
-def _require_load(effects: Sequence[Effect], known_load: str | None) -> None:
-    """Refuse effects of a load that nothing tells (spec/effects.md, "Load")."""
-    if known_load is not None:
-        return
-    own = any(effect.info.carries_load for effect in effects)
-    for effect in effects:
-        if effect.name in NEED_KNOWN_LOAD:
-            raise InputError(
-                f"effect '{effect.name}' needs a known load; name its channel with known_load, or "
-                "leave the effect out"
-            )
-        if "load" in effect.info.reads and not own:
-            raise InputError(
-                f"effect '{effect.name}' depends on the load, which neither a known load nor "
-                "inertia or gravity tells; give known_load, add one of these, or leave it out"
-            )
-
-
-def gear_for(logs: Sequence[Log], target: str, effects: Sequence[Effect]) -> dict[str, Any]:
-    """Return the gear that all logs agree on, as `_core.Design` takes it."""
-    for key in ("joint", "gear_ratio", "output_spline", "pole_pairs", "slots"):
-        values = list(dict.fromkeys(log.facts.get(key, "unknown") for log in logs))
-        if len(values) > 1:
-            raise InputError(
-                f"the logs disagree on {key}: {listed(values)}; they must be of one joint"
-            )
-    facts = dict(logs[0].facts)
-    encoders = {"motor_position" in log for log in logs}
-    motor_side = [e.name for e in effects if "motor_position" in e.info.reads]
-    if motor_side and len(encoders) > 1:
-        raise InputError("some logs have motor_position and others not; give it in all or none")
-    if motor_side and "gear_ratio" not in facts:
-        raise InputError(f"{listed(motor_side)} needs the gear ratio; give gear_ratio")
-    return gear_of(facts, encoders == {True})

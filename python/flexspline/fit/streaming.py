@@ -9,9 +9,9 @@ from operator import add
 import numpy as np
 
 from flexspline import _core
-from flexspline.effects import Effect, effect
+from flexspline.effects import Effect, effect, require_effects
 from flexspline.errors import InputError
-from flexspline.fit.problem import gear_for, require_finite
+from flexspline.fit.requirements import gear_for, require_finite, require_load
 from flexspline.fit.sums import Sums
 from flexspline.logs.log import Log
 from flexspline.signals import channels_for, core_channels, target_of
@@ -52,6 +52,8 @@ def accumulate(
         As `fit`, and where there is no log.
     """
     chosen = [e if isinstance(e, Effect) else effect(e) for e in effects]
+    require_effects(chosen, target)
+    require_load(chosen, known_load)
     pieces = []
     for number, log in enumerate(logs):
         log = channels_for(log, chosen, known_load)

@@ -4,8 +4,10 @@ Whole runs are left out where there are at least four, else contiguous blocks. W
 would be follows from sums over the other folds, around the solution of all:
 
     δ = argmin Σ_other folds w (r − Z δ)²,    residual of the fold = r − Z δ
+    (Σ_other w Z Zᵀ) δ = Σ_other w Z r = −Σ_fold w Z r
 
-with Z the tangent rows, so shapes are refitted too (to first order).
+with Z the tangent rows, so shapes are refitted too (to first order). The last step holds because
+Σ w Z r of all folds is zero at the solution; with priors it is their share, which every fold has.
 """
 
 from __future__ import annotations
@@ -61,11 +63,10 @@ def cross_validate(problem: Problem, tangent: Tangent, basis: Array, penalty: Ar
             correlations[fold] += weighted[part].T @ chunk.residual[part]
     known = penalty @ basis
     whole = products.sum(axis=0) + known.T @ known
-    moves = np.array([
-        basis @ np.linalg.lstsq(whole - products[f], -correlations[f] + correlations.sum(axis=0),
-                                rcond=1e-13)[0]
-        for f in range(folds)
-    ])
+    moves = [
+        basis @ np.linalg.lstsq(whole - without, -pull, rcond=1e-13)[0]
+        for without, pull in zip(products, correlations, strict=True)
+    ]
     residuals = [np.full(len(run), np.nan) for run in problem.runs]
     for number, rows, chunk in tangent.pieces():
         for fold, part in _parts(edges[number], rows, int(offsets[number])):

@@ -152,7 +152,8 @@ class OrderAnalysis:
                     fontsize=8,
                     rotation=60,
                 )
-        ax.set_ylim(0, 1.2 * ax.get_ylim()[1])
+        highest = max((found.amplitude for found in self.found), default=0.0)
+        ax.set_ylim(0, 1.2 * max(ax.get_ylim()[1], highest))
         ax.set_title(
             f"{len(self.found)} orders found in {self.runs} run{'' if self.runs == 1 else 's'}"
         )

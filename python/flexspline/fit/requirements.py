@@ -1,0 +1,69 @@
+"""What logs and effects must have before they are fitted: finite values, a load, one gear."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexspline.effects import Effect
+from flexspline.errors import InputError, listed
+from flexspline.logs.log import Log
+from flexspline.signals import gear_of
+
+__all__ = ["gear_for", "require_finite", "require_load"]
+
+Array = NDArray[np.float64]
+
+NEED_KNOWN_LOAD = ("gain_error",)
+
+
+def require_finite(log: Log, columns: Mapping[str, Array]) -> None:
+    """Refuse columns (N,) with NaN or infinities, naming channel and row."""
+    for name, values in columns.items():
+        if np.isfinite(values.sum()):
+            continue
+        bad = np.flatnonzero(~np.isfinite(values))
+        if len(bad):
+            raise InputError(
+                f"log '{log.name}': {name} is not finite in {len(bad)} rows, first in row "
+                f"{bad[0]}; ask for the repair drop_invalid, or mend the recording"
+            )
+
+
+def require_load(effects: Sequence[Effect], known_load: str | None) -> None:
+    """Refuse effects of a load that nothing tells (spec/effects.md, "Load")."""
+    if known_load is not None:
+        return
+    own = any(effect.info.carries_load for effect in effects)
+    for effect in effects:
+        if effect.name in NEED_KNOWN_LOAD:
+            raise InputError(
+                f"effect '{effect.name}' needs a known load; name its channel with known_load, or "
+                "leave the effect out"
+            )
+        if "load" in effect.info.reads and not own:
+            raise InputError(
+                f"effect '{effect.name}' depends on the load, which neither a known load nor "
+                "inertia or gravity tells; give known_load, add one of these, or leave it out"
+            )
+
+
+def gear_for(logs: Sequence[Log], target: str, effects: Sequence[Effect]) -> dict[str, Any]:
+    """Return the gear that all logs agree on, as `_core.Design` takes it."""
+    for key in ("joint", "gear_ratio", "output_spline", "pole_pairs", "slots"):
+        values = list(dict.fromkeys(log.facts.get(key, "unknown") for log in logs))
+        if len(values) > 1:
+            raise InputError(
+                f"the logs disagree on {key}: {listed(values)}; they must be of one joint"
+            )
+    facts = dict(logs[0].facts)
+    encoders = {"motor_position" in log for log in logs}
+    motor_side = [e.name for e in effects if "motor_position" in e.info.reads]
+    if motor_side and len(encoders) > 1:
+        raise InputError("some logs have motor_position and others not; give it in all or none")
+    if motor_side and "gear_ratio" not in facts:
+        raise InputError(f"{listed(motor_side)} needs the gear ratio; give gear_ratio")
+    return gear_of(facts, encoders == {True})

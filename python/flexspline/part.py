@@ -1,0 +1,118 @@
+"""One part of a model: the effects that explain one target, with their coefficients."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexspline.effects import UNITS, Effect, require_effects
+from flexspline.errors import InputError
+
+__all__ = ["PART_OF", "SIDES", "Part", "part_from_json", "part_to_json"]
+
+Array = NDArray[np.float64]
+
+PART_OF = {
+    "sensor_torque": "sensor",
+    "motor_torque": "drive",
+    "motor_current": "drive",
+    "torsion": "torsion",
+}
+SIDES = tuple(dict.fromkeys(PART_OF.values()))
+
+
+@dataclass(frozen=True)
+class Part:
+    """The effects that explain one target.
+
+    Parameters
+    ----------
+    target : sensor_torque, motor_torque, motor_current or torsion.
+    effects : with shapes and orders.
+    coefficients : (P,), in the order of the effects' terms, units of the target.
+    known_load : channel that holds τ_load, or None.
+    record : what the fit knew beside the values: parameters with errors, confounded groups,
+        validity, scores, logs. Kept as it is through a round trip.
+    """
+
+    target: str
+    effects: tuple[Effect, ...]
+    coefficients: Array
+    known_load: str | None = None
+    record: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        require_effects(self.effects, self.target)
+        values = np.array(self.coefficients, dtype=np.float64)
+        values.flags.writeable = False
+        object.__setattr__(self, "coefficients", values)
+        terms = sum(len(effect.terms) for effect in self.effects)
+        if values.shape != (terms,):
+            raise InputError(
+                f"the effects have {terms} coefficients, but {values.size} are given; give one each"
+            )
+        if not np.isfinite(values).all():
+            raise InputError("a coefficient is not finite; give numbers")
+
+    @property
+    def unit(self) -> str:
+        return UNITS[self.target]
+
+
+def part_to_json(part: Part) -> dict[str, Any]:
+    """Return a part as `model.json` holds it."""
+    first, effects = 0, []
+    for effect in part.effects:
+        last = first + len(effect.terms)
+        effects.append(
+            {
+                "name": effect.name,
+                "shapes": dict(effect.shapes),
+                "harmonics": [list(harmonic) for harmonic in effect.harmonics],
+                "coefficients": part.coefficients[first:last].tolist(),
+            }
+        )
+        first = last
+    return {
+        "target": part.target,
+        "unit": part.unit,
+        "known_load": part.known_load,
+        "effects": effects,
+        **part.record,
+    }
+
+
+def part_from_json(name: str, content: dict[str, Any], label: str) -> Part:
+    """Return the part `name` of a `model.json` that fits the schema; `label` begins its errors."""
+    if PART_OF[content["target"]] != name:
+        raise InputError(
+            f"{label}: the target {content['target']} belongs to the part "
+            f"'{PART_OF[content['target']]}'; mend it or fit the model again"
+        )
+    own = ("target", "unit", "known_load", "effects")
+    try:
+        effects, values = [], []
+        for entry in content["effects"]:
+            harmonics = tuple((order, pair) for order, pair in entry["harmonics"])
+            effects.append(Effect(entry["name"], entry["shapes"], harmonics))
+            if len(entry["coefficients"]) != len(effects[-1].terms):
+                raise InputError(
+                    f"effect '{entry['name']}' has {len(effects[-1].terms)} coefficients, but "
+                    f"{len(entry['coefficients'])} are given; give one each"
+                )
+            values += entry["coefficients"]
+        if content["unit"] != UNITS[content["target"]]:
+            raise InputError(
+                f"the unit is {content['unit']}, but the target {content['target']} is in "
+                f"{UNITS[content['target']]}; mend it or fit the model again"
+            )
+        record = {key: value for key, value in content.items() if key not in own}
+        return Part(
+            content["target"], tuple(effects), np.array(values), content["known_load"], record
+        )
+    except InputError as error:
+        raise InputError(f"{label}: {error}") from error
