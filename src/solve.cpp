@@ -33,9 +33,11 @@ void bind_solve(py::module_& module) {
   using batch::Solution;
   py::class_<Solution>(module, "Solution", "Least squares from a Gram matrix.")
       .def_readonly("rank", &Solution::rank, "How many columns are independent.")
-      .def_readonly("order", &Solution::order, "Columns, pivots first: order[:rank] are the basic ones.")
+      .def_readonly("order", &Solution::order,
+                    "Columns, pivots first: order[:rank] are the basic ones.")
       .def_readonly("residual_squares", &Solution::residual_squares, "|X b - y|², at least 0.")
-      .def_readonly("condition", &Solution::condition, "Of the basic columns scaled to length one (estimate).")
+      .def_readonly("condition", &Solution::condition,
+                    "Of the basic columns scaled to length one (estimate).")
       .def_property_readonly(
           "coefficients", [](const Solution& s) { return vector(s.coefficients); },
           "Shape (columns,); 0 at dependent ones.")

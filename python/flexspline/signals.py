@@ -1,9 +1,9 @@
 """From a log to numbers that a model reads, and to the y that it explains.
 
-    sensor_torque   y = τ_s − τ_load          [Nm]
-    motor_torque    y = Ñ τ_m − τ_load        [Nm at the output]
-    motor_current   y = i                     [A]
-    torsion         y = q Ñ − θ               [rad]
+sensor_torque   y = τ_s − τ_load          [Nm]
+motor_torque    y = Ñ τ_m − τ_load        [Nm at the output]
+motor_current   y = i                     [A]
+torsion         y = q Ñ − θ               [rad]
 """
 
 from __future__ import annotations

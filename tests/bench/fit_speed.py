@@ -141,11 +141,16 @@ def timed(rows: int, n: int, most: int, repeats: int) -> list[dict[str, Any]]:
     for name, its in seconds.items():
         used = min(rows, most) if name in HUNGRY else rows
         apart = predicted[name] - (whole if name in HUNGRY else reference)
-        found.append({
-            "n": n, "method": name, "rows": used,
-            "median": used / float(np.median(its)) / 1e6, "worst": used / max(its) / 1e6,
-            "apart": float(np.abs(apart).max()),
-        })
+        found.append(
+            {
+                "n": n,
+                "method": name,
+                "rows": used,
+                "median": used / float(np.median(its)) / 1e6,
+                "worst": used / max(its) / 1e6,
+                "apart": float(np.abs(apart).max()),
+            }
+        )
     return found
 
 
@@ -190,9 +195,11 @@ def stream(rows: int, n: int) -> None:
         sums = flexspline.accumulate(effects(n), pieces, TARGET, threads=2)
         solution = sums.solve()
         seconds = time.perf_counter() - start
-        print(f"streamed {rows:.0e} rows from disk in {seconds:.1f} s "
-              f"({rows / seconds / 1e6:.1f} M/s), {memory('RssAnon') - before:.1f} MB more "
-              f"memory at the end, rank {solution.rank}")
+        print(
+            f"streamed {rows:.0e} rows from disk in {seconds:.1f} s "
+            f"({rows / seconds / 1e6:.1f} M/s), {memory('RssAnon') - before:.1f} MB more "
+            f"memory at the end, rank {solution.rank}"
+        )
 
 
 def memory(what: str) -> float:
@@ -204,7 +211,9 @@ def memory(what: str) -> float:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--rows", type=float, default=1e6)
-    parser.add_argument("--most", type=float, default=2e6, help="rows for methods that need the whole matrix")
+    parser.add_argument(
+        "--most", type=float, default=2e6, help="rows for methods that need the whole matrix"
+    )
     parser.add_argument("--harmonics", type=int, nargs="*", default=[4, 10, 20, 40])
     parser.add_argument("--repeats", type=int, default=3)
     parser.add_argument("--stream", type=float, help="only stream so many rows from disk")
@@ -215,15 +224,19 @@ def main() -> None:
     if chosen.stream:
         return stream(int(chosen.stream), 20)
     print(f"instruction set {_core.isa()}, N = {chosen.rows:.0e}; million samples a second")
-    print(f"{'method':<24}{'n':>4}{'rows':>10}{'median':>9}{'worst':>9}{'x lstsq':>9}"
-          f"{'x chunks':>9}{'apart':>9}")
+    print(
+        f"{'method':<24}{'n':>4}{'rows':>10}{'median':>9}{'worst':>9}{'x lstsq':>9}"
+        f"{'x chunks':>9}{'apart':>9}"
+    )
     for n in chosen.harmonics:
         rows = timed(int(chosen.rows), n, int(chosen.most), chosen.repeats)
         rate = {row["method"]: row["median"] for row in rows}
         for row in rows:
-            print(f"{row['method']:<24}{n:>4}{row['rows']:>10}{row['median']:>9.2f}"
-                  f"{row['worst']:>9.2f}{row['median'] / rate[HUNGRY[0]]:>9.1f}"
-                  f"{row['median'] / rate['numpy in chunks']:>9.1f}{row['apart']:>9.0e}")
+            print(
+                f"{row['method']:<24}{n:>4}{row['rows']:>10}{row['median']:>9.2f}"
+                f"{row['worst']:>9.2f}{row['median'] / rate[HUNGRY[0]]:>9.1f}"
+                f"{row['median'] / rate['numpy in chunks']:>9.1f}{row['apart']:>9.0e}"
+            )
         print(f"  extra memory of flexspline, 2 threads: {memory_of(int(chosen.rows), n):.1f} MB")
 
 

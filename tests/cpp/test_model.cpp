@@ -65,8 +65,8 @@ TEST_CASE_TEMPLATE("what is not finite is flagged and the last torque stays", S,
   const auto good = usual_sample<S>(random);
   S torque = 7;
   for (const S bad : {not_a_number<S>, std::numeric_limits<S>::infinity()}) {
-    for (S Sample<S>::*field : {&Sample<S>::output_velocity, &Sample<S>::output_acceleration,
-                                &Sample<S>::temperature, &Sample<S>::known_load}) {
+    for (S Sample<S>::* field : {&Sample<S>::output_velocity, &Sample<S>::output_acceleration,
+                                 &Sample<S>::temperature, &Sample<S>::known_load}) {
       auto at = good;
       at.*field = bad;
       CHECK(model.predict(at, torque) == Status::not_finite);

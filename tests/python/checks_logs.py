@@ -40,8 +40,12 @@ def sound_log(seed: int, duration: float = 20.0) -> Log:
         motor_current=tm / 0.1,
         sensor_torque=load + 0.2 * slip + ripple + torque * noise(n),
         temperature=25 + 5 * time / duration + 0.05 * noise(n),
-        facts={"gear_ratio": ratio, "output_spline": "circular" if circular else "flex",
-               "name": f"sound {seed}", "pole_pairs": 7},
+        facts={
+            "gear_ratio": ratio,
+            "output_spline": "circular" if circular else "flex",
+            "name": f"sound {seed}",
+            "pole_pairs": 7,
+        },
     )
 
 
@@ -56,8 +60,11 @@ def motion(rng: np.random.Generator, time: Array, kind: str) -> tuple[Array, Arr
         size, f0, f1 = rng.uniform(0.5, 2), 0.1, rng.uniform(0.5, 1.5)
         slope = (f1 - f0) / time[-1]
         x, w = 2 * np.pi * (f0 * time + 0.5 * slope * time**2), 2 * np.pi * (f0 + slope * time)
-        return (size * np.sin(x), size * w * np.cos(x),
-                size * (2 * np.pi * slope * np.cos(x) - w**2 * np.sin(x)))
+        return (
+            size * np.sin(x),
+            size * w * np.cos(x),
+            size * (2 * np.pi * slope * np.cos(x) - w**2 * np.sin(x)),
+        )
     speed, w = rng.uniform(0.2, 1), 2 * np.pi / rng.uniform(2, 8)
     edge = 0.98
     v = speed * np.arcsin(edge * np.cos(w * time)) / np.arcsin(edge)

@@ -45,8 +45,14 @@ def run(number: int, rows: int = 6000, *, name: str | None = None, **facts: Any)
 def plain_fit() -> Fit:
     """Five runs, every coefficient determined, two ripple effects of which one order is idle."""
     return flexspline.fit(
-        ["offset", "coulomb_friction", "viscous_friction", "temperature_drift", "output_ripple",
-         "wave_generator_ripple"],
+        [
+            "offset",
+            "coulomb_friction",
+            "viscous_friction",
+            "temperature_drift",
+            "output_ripple",
+            "wave_generator_ripple",
+        ],
         [run(k) for k in range(5)],
         "sensor_torque",
         orders={"output_ripple": [2, 5], "wave_generator_ripple": [2]},

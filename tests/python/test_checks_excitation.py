@@ -17,8 +17,12 @@ TIME = np.arange(10_000) / 1000
 def one_speed() -> Log:
     """0.5 rad/s in one direction for 10 s."""
     noise = 1e-5 * np.random.default_rng(0).standard_normal(len(TIME))
-    return Log.from_arrays(time=TIME, output_position=0.5 * TIME + noise,
-                           temperature=np.full(len(TIME), 30.0), facts={"gear_ratio": 100})
+    return Log.from_arrays(
+        time=TIME,
+        output_position=0.5 * TIME + noise,
+        temperature=np.full(len(TIME), 30.0),
+        facts={"gear_ratio": 100},
+    )
 
 
 @pytest.mark.parametrize(
@@ -44,22 +48,28 @@ def test_low_speeds_are_asked_for_by_stribeck() -> None:
     square = 0.5 * np.sign(np.sin(TIME)) + 1e-4 * np.sin(50 * TIME)
     position = np.cumsum(square) / 1000
     log = Log.from_arrays(time=TIME[::1], output_position=position)
-    assert "slower than" in check(log, effects=["stribeck_friction"]).named("no_excitation")[
-        0].sentence
+    assert (
+        "slower than"
+        in check(log, effects=["stribeck_friction"]).named("no_excitation")[0].sentence
+    )
 
 
 def test_cogging_beyond_half_the_rate_is_named_with_its_order() -> None:
     time = np.arange(0, 20, 0.01)
-    log = Log.from_arrays(time=time, output_position=2.0 * time,
-                          facts={"gear_ratio": 100, "pole_pairs": 7})
+    log = Log.from_arrays(
+        time=time, output_position=2.0 * time, facts={"gear_ratio": 100, "pole_pairs": 7}
+    )
     (finding,) = check(log, effects=["cogging"]).named("no_excitation")
     assert "order 700 per turn is above half the rate of 100 Hz" in finding.sentence
 
 
 @pytest.mark.parametrize(
     ("effect", "channel"),
-    [("gain_error", "reference_torque"), ("temperature_drift", "temperature"),
-     ("kinematic_error", "motor_position")],
+    [
+        ("gain_error", "reference_torque"),
+        ("temperature_drift", "temperature"),
+        ("kinematic_error", "motor_position"),
+    ],
 )
 def test_a_missing_channel_is_an_error(effect: str, channel: str) -> None:
     log = Log.from_arrays(time=TIME, output_position=np.sin(TIME))
@@ -83,8 +93,15 @@ def test_a_short_run_is_said_to_be_short() -> None:
 
 
 def test_a_rich_run_excites_the_usual_effects() -> None:
-    usual = ("offset", "coulomb_friction", "viscous_friction", "stribeck_friction", "inertia",
-             "temperature_drift", "motor_crosstalk")
+    usual = (
+        "offset",
+        "coulomb_friction",
+        "viscous_friction",
+        "stribeck_friction",
+        "inertia",
+        "temperature_drift",
+        "motor_crosstalk",
+    )
     assert not check(sound_log(0), effects=usual, target="sensor_torque")
 
 

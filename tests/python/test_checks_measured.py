@@ -14,8 +14,17 @@ from flexspline.logs.repairs import repaired
 
 pytestmark = pytest.mark.usefixtures("data_folder")
 
-IIWA = [(1, "p15"), (1, "p6"), (1, "1"), (2, "p1"), (2, "p8"), (5, "p1"), (5, "p9"), (7, "p1"),
-        (7, "p9")]
+IIWA = [
+    (1, "p15"),
+    (1, "p6"),
+    (1, "1"),
+    (2, "p1"),
+    (2, "p8"),
+    (5, "p1"),
+    (5, "p9"),
+    (7, "p1"),
+    (7, "p9"),
+]
 
 
 @pytest.mark.parametrize(("joint", "speed"), IIWA)
@@ -62,11 +71,17 @@ def test_ratio_and_delay_of_the_two_encoders(joint: int, ratio: float) -> None:
 def test_the_kinova_has_a_start_transient_and_wraps(data_folder: Path) -> None:
     path = data_folder / "kinova_gen3_joint7" / "velocity_1.500000readings.csv"
     raw = np.loadtxt(path)
-    log = Log.from_arrays(time=np.arange(len(raw)) / 1000, output_position=raw[:, 1],
-                          output_velocity=raw[:, 2], motor_current=raw[:, 5])
+    log = Log.from_arrays(
+        time=np.arange(len(raw)) / 1000,
+        output_position=raw[:, 1],
+        output_velocity=raw[:, 2],
+        motor_current=raw[:, 5],
+    )
     findings = check(log)
     assert {f.name for f in findings.faults} == {
-        "wrapped_angle", "start_transient", "repeated_rows"
+        "wrapped_angle",
+        "start_transient",
+        "repeated_rows",
     }
     (start,) = findings.named("start_transient")
     assert 0.2 <= start.size <= 1.0

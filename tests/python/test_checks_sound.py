@@ -21,9 +21,12 @@ def test_a_sound_log_has_neither_error_nor_fault(seed: int) -> None:
 def test_a_noise_free_log_at_one_speed_has_neither_error_nor_fault() -> None:
     time = np.arange(5000) / 1000
     torque = 3.0 + 0.2 * np.sin(200 * 0.5 * time)
-    log = Log.from_arrays(time=time, output_position=0.5 * time,
-                          output_velocity=np.full(5000, 0.5) + 1e-9 * np.sin(time),
-                          motor_torque=torque)
+    log = Log.from_arrays(
+        time=time,
+        output_position=0.5 * time,
+        output_velocity=np.full(5000, 0.5) + 1e-9 * np.sin(time),
+        motor_torque=torque,
+    )
     findings = check(log)
     assert not findings.errors and not findings.faults, str(findings)
 
@@ -32,8 +35,12 @@ def test_a_million_rows_are_checked_within_ten_seconds() -> None:
     time = np.arange(1_000_000) / 1000
     q = np.sin(time)
     rng = np.random.default_rng(0)
-    log = Log.from_arrays(time=time, output_position=q, output_velocity=np.cos(time),
-                          sensor_torque=q + 0.01 * rng.standard_normal(len(time)))
+    log = Log.from_arrays(
+        time=time,
+        output_position=q,
+        output_velocity=np.cos(time),
+        sensor_torque=q + 0.01 * rng.standard_normal(len(time)),
+    )
     start = clock.perf_counter()
     check(log)
     assert clock.perf_counter() - start < 10.0

@@ -111,8 +111,9 @@ def test_a_bandwidth_above_a_quarter_of_the_rate_is_refused() -> None:
         differentiate(log, bandwidth=30.0)
 
 
-@pytest.mark.parametrize(("channel", "remedy"), [("time", "sort_time"), ("output_position",
-                                                                         "drop_invalid")])
+@pytest.mark.parametrize(
+    ("channel", "remedy"), [("time", "sort_time"), ("output_position", "drop_invalid")]
+)
 def test_what_a_filter_would_spread_is_refused_with_its_row(channel: str, remedy: str) -> None:
     columns = {"time": np.arange(100) / 100, "output_position": np.zeros(100)}
     columns[channel][50] = columns["time"][49] if channel == "time" else np.nan

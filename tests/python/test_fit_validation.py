@@ -174,7 +174,7 @@ def test_a_prior_that_disagrees_with_the_runs_is_weighed_the_same_in_every_fold(
     )
     given = Given(HELD, {}, {"inertia": (0.03, 2e-3)}, False)
     made = estimate(posed, friction(), given, lambda: None)
-    found = cross_validate(posed, made.tangent, made.basis, made.prior_rows)
+    found = cross_validate(made)
     rows, y = rows_of(friction(), log), log["sensor_torque"]
     known = (made.linear.prior_rows, made.linear.prior_rows @ [0.0, 0.0, 0.0, 0.03])
     edges = list(pairwise(np.linspace(0, len(log), 9).astype(int)))

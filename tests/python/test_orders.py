@@ -27,16 +27,25 @@ def coloured(rng: np.random.Generator, rows: int, memory: float = 0.9) -> Array:
     return np.asarray(lfilter([1], [1, -memory], rng.normal(size=rows + 300))[300:])
 
 
-def turning(turns: float, rows: int, ripple: dict[float, float], *, noise: float = 0.05,
-            seed: int = 0, start: float = 0.0, phase: float = 0.4, **facts: str | float) -> Log:
+def turning(
+    turns: float,
+    rows: int,
+    ripple: dict[float, float],
+    *,
+    noise: float = 0.05,
+    seed: int = 0,
+    start: float = 0.0,
+    phase: float = 0.4,
+    **facts: str | float,
+) -> Log:
     """A joint that turns evenly, 1 kHz: ripple of the sensor torque, {order: amplitude}."""
     rng = np.random.default_rng(seed)
     time = np.arange(rows) * 1e-3
     q = start + 2 * np.pi * turns * time / time[-1]
-    torque = noise * coloured(rng, rows) + sum(a * np.cos(k * q - phase)
-                                               for k, a in ripple.items())
-    return Log.from_arrays(time=time, output_position=q, sensor_torque=torque,
-                           facts={"gear_ratio": 100, **facts})
+    torque = noise * coloured(rng, rows) + sum(a * np.cos(k * q - phase) for k, a in ripple.items())
+    return Log.from_arrays(
+        time=time, output_position=q, sensor_torque=torque, facts={"gear_ratio": 100, **facts}
+    )
 
 
 def per_turn(analysis: object) -> list[float]:
@@ -71,12 +80,12 @@ def test_fast_sums_equal_the_plain_sums_at_uneven_angles() -> None:
 def test_a_known_order_comes_back_with_amplitude_and_phase_within_its_error() -> None:
     pulls = []
     for seed in range(20):
-        (found,) = find_orders(turning(3, 6000, {200: 0.1}, seed=seed), "sensor_torque",
-                               max_order=1000)
+        (found,) = find_orders(
+            turning(3, 6000, {200: 0.1}, seed=seed), "sensor_torque", max_order=1000
+        )
         assert (found.order, found.pair) == (2, "motor_stator")
         assert found.effect == "wave_generator_ripple"
-        pulls += [(found.amplitude - 0.1) / found.error,
-                  (found.phase - 0.4) / found.phase_error]
+        pulls += [(found.amplitude - 0.1) / found.error, (found.phase - 0.4) / found.phase_error]
     # 40 pulls of unit variance, the floor known to some 15 %: their mean square is 1 ± 0.3
     assert 0.4 < np.mean(np.square(pulls)) < 2.0
 
@@ -96,7 +105,9 @@ def test_flexspline_and_circular_spline_are_told_apart_where_the_turns_allow() -
     log = turning(4, 8000, {101.0: 0.1, 200.0: 0.1}, output_spline="circular")
     found = find_orders(log, "sensor_torque")
     assert {(one.pair, one.order) for one in found} == {
-        ("wave_generator_flexspline", 1), ("wave_generator_circular_spline", 2)}
+        ("wave_generator_flexspline", 1),
+        ("wave_generator_circular_spline", 2),
+    }
     assert found.orders_for("wave_generator_ripple") == [1, 2]
 
 
@@ -106,8 +117,9 @@ def test_uneven_samples_and_missing_values_change_nothing() -> None:
     q = 2 * time + 0.3 * np.sin(time)
     torque = 0.1 * np.cos(300 * q) + 0.05 * rng.normal(size=6000)
     torque[100:140] = np.nan
-    log = Log.from_arrays(time=time, output_position=q, sensor_torque=torque,
-                          facts={"gear_ratio": 100})
+    log = Log.from_arrays(
+        time=time, output_position=q, sensor_torque=torque, facts={"gear_ratio": 100}
+    )
     (found,) = find_orders(log, "sensor_torque", max_order=800)
     assert found.order == 3
     assert found.amplitude == pytest.approx(0.1, abs=4 * found.error)
@@ -149,8 +161,12 @@ def test_noise_alone_names_an_order_no_more_often_than_stated() -> None:
         rng = np.random.default_rng(seed)
         time = np.arange(3000) * 1e-3
         q = 2 * np.sin(1.5 * time) if seed % 2 else 2.5 * time
-        log = Log.from_arrays(time=time, output_position=q, sensor_torque=coloured(rng, 3000),
-                              facts={"gear_ratio": 100})
+        log = Log.from_arrays(
+            time=time,
+            output_position=q,
+            sensor_torque=coloured(rng, 3000),
+            facts={"gear_ratio": 100},
+        )
         named += len(find_orders(log, "sensor_torque", max_order=500, false_alarm=0.05)) > 0
     # of 200 logs at 0.05 no more than this, with 99 % probability
     assert named <= stats.binom.ppf(0.99, 200, 0.05)

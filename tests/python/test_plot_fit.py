@@ -124,8 +124,10 @@ def test_a_log_without_velocity_or_with_broken_temperature_still_plots() -> None
 
 def test_many_runs_are_not_told_apart() -> None:
     fit = flexspline.fit(
-        ["offset", "viscous_friction"], [report_fits.run(k, 500) for k in range(12)],
-        "sensor_torque", checks=False,
+        ["offset", "viscous_friction"],
+        [report_fits.run(k, 500) for k in range(12)],
+        "sensor_torque",
+        checks=False,
     )
     ax = plot.measured_against_predicted(fit)
     assert [text.get_text() for text in ax.get_legend().get_texts()] == ["measured = predicted"]

@@ -62,8 +62,16 @@ def test_the_report_loads_nothing_from_a_network(page: str) -> None:
 def test_the_report_is_small_and_has_all_sections(page: str) -> None:
     assert len(page) < 3_000_000
     sections = re.findall(r'<section id="(\w+)">', page)
-    assert sections == ["parameters", "known", "scores", "figures", "shares", "trust", "logs",
-                        "again"]
+    assert sections == [
+        "parameters",
+        "known",
+        "scores",
+        "figures",
+        "shares",
+        "trust",
+        "logs",
+        "again",
+    ]
     assert page.count("<figure>") == page.count("<figcaption>") == 9
     assert "prefers-color-scheme:dark" in page and "@media print" in page
 
@@ -128,8 +136,10 @@ def test_a_table_of_fits_marks_the_best_of_each_row() -> None:
 def test_fits_of_different_targets_are_not_compared() -> None:
     log = report_fits.run(1)
     other = flexspline.fit(
-        ["offset"], log.with_columns({"motor_current": log["sensor_torque"]}, note="copied"),
-        "motor_current", checks=False,
+        ["offset"],
+        log.with_columns({"motor_current": log["sensor_torque"]}, note="copied"),
+        "motor_current",
+        checks=False,
     )
     with pytest.raises(InputError, match="one target only"):
         compare_scores({"a": report_fits.plain_fit(), "b": other})

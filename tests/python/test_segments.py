@@ -67,7 +67,8 @@ def test_without_a_reversal_no_row_is_near_one() -> None:
 def test_constant_speed_is_found_on_both_sides_of_a_reversal() -> None:
     found = constant_speed(trapezoid())
     assert [(s.start, s.stop) for s in found] == [
-        pytest.approx((0, 2000), abs=130), pytest.approx((2200, 4200), abs=260)
+        pytest.approx((0, 2000), abs=130),
+        pytest.approx((2200, 4200), abs=260),
     ]
 
 

@@ -24,7 +24,7 @@ template <typename Effect, typename S>
 struct Shape {
   std::string_view name;
   std::string_view unit;
-  S Effect::*field;
+  S Effect::* field;
   S lower;
   S upper;
   bool fitted;  ///< false: a convention, such as a reference temperature

@@ -19,7 +19,7 @@ from flexspline.fit.uncertainty import Prior, Uncertainty, parameter_uncertainty
 from flexspline.fit.validation import cross_validate
 from flexspline.model import Model, Part
 
-__all__ = ["assembled"]
+__all__ = ["assembled", "uncertainty_of"]
 
 Array = NDArray[np.float64]
 
@@ -38,10 +38,10 @@ def assembled(
     warnings : sentences of the checks; those of the fit are added.
     orders : the order analysis that chose orders, or None.
     """
-    uncertainty = _uncertainty(made)
+    uncertainty = uncertainty_of(made)
     confounded = _confounded(problem, made, uncertainty)
     parameters = _parameters(problem, made, uncertainty, confounded)
-    validation = cross_validate(problem, made.tangent, made.basis, made.prior_rows)
+    validation = cross_validate(made)
     residuals = residuals_of(problem, made.linear)
     scores = scores_of(problem, residuals, validation.residuals)
     runs = tuple(
@@ -83,7 +83,8 @@ def assembled(
     )
 
 
-def _uncertainty(made: Estimate) -> Uncertainty:
+def uncertainty_of(made: Estimate) -> Uncertainty:
+    """Return the errors of fitted coefficients and free shapes, in this order."""
     noise = noise_of(made)
     prior = None
     if len(made.prior_rows):  # weighed against every row, while the noise model may skip some

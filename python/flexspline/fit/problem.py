@@ -193,12 +193,13 @@ class Problem:
 
     def predict(self, effects: Sequence[Effect], coefficients: Array) -> list[Array]:
         """Rows times coefficients, an array (N,) for each run."""
-        design = self.design(effects)
-        predicted = []
-        for run, place in zip(self.runs, self.place(effects), strict=True):
-            values = np.asarray(design.predict(run.channels, len(run), coefficients[place]))
-            predicted.append(self.smooth(run, values))
-        return predicted
+        return [self.predict_run(effects, coefficients, k) for k in range(len(self.runs))]
+
+    def predict_run(self, effects: Sequence[Effect], coefficients: Array, number: int) -> Array:
+        """Rows times coefficients of one run, (N,)."""
+        run, place = self.runs[number], self.place(effects)[number]
+        values = self.design(effects).predict(run.channels, len(run), coefficients[place])
+        return self.smooth(run, np.asarray(values))
 
     def pieces(self) -> Iterator[tuple[int, int, int]]:
         """Run number and row range of pieces small enough to hold a design matrix of."""

@@ -155,14 +155,13 @@ class Fit:
         return self.model.predict(log, self.target)
 
     def shares(self) -> dict[str, float]:
-        """Return each effect's RMS contribution over all rows, by name, in the target's unit."""
-        squares: dict[str, float] = {}
-        count = 0
-        for run in self.runs:
-            count += int(run.counts.sum())
-            for name, values in self.model.components(run.log, self.target).items():
-                squares[name] = squares.get(name, 0.0) + float(np.sum(values[run.counts] ** 2))
-        return {name: float(np.sqrt(total / count)) for name, total in squares.items()}
+        """Return each effect's RMS contribution over all rows, by name, in the target's unit.
+
+        Effects that cannot be told apart come as one, "a + b".
+        """
+        from flexspline.report.shares import shares
+
+        return shares(self)
 
     def to_frame(self) -> pandas.DataFrame:
         """Return the parameters as a table."""

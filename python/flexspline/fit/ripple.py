@@ -5,14 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
+from scipy.stats import chi2
 
 from flexspline import _core
 from flexspline.effects import UNITS, Effect
+from flexspline.fit.assemble import uncertainty_of
 from flexspline.fit.estimate import Given, counts_of, estimate, residuals_of
 from flexspline.fit.problem import Problem
 from flexspline.orders import OrderAnalysis, find_orders
 
 __all__ = ["with_found_orders"]
+
+SURE = float(chi2.ppf(0.999, 2))  # of cosine and sine together
 
 CORE_PAIRS = {
     "output_housing": "output_on_housing",
@@ -27,23 +31,17 @@ def with_found_orders(
 ) -> tuple[list[Effect], OrderAnalysis | None, list[str]]:
     """Return the effects with orders, the analysis that found them, and what was left out.
 
-    Without an open ripple effect nothing is sought. An open effect of which no order is found
-    is taken out of the model, and the sentences say so; they also name orders whose owner is
-    not among the effects.
+    Without an open ripple effect nothing is sought. What the analysis finds is fitted beside
+    everything else, and an order that its error does not tell from zero there is dropped again.
+    An effect that is left with no order is taken out of the model, and the sentences say so; they
+    also name orders whose owner is not among the effects.
     """
     open_ones = [e for e in effects if e.ripple and not e.harmonics]
     if not open_ones:
         return effects, None, []
-    base = [e for e in effects if e not in open_ones]
-    problem = problem_of(base)
-    made = estimate(problem, base, Given({}, {}, {}, False), lambda: None)
-    residuals = [
-        np.where(counts_of(run), residual, np.nan)
-        for run, residual in zip(problem.runs, residuals_of(problem, made.linear), strict=True)
-    ]
-    logs = [run.log for run in problem.runs]
-    found = find_orders(logs, residuals, unit=UNITS[problem.target])
+    found = _analysed([e for e in effects if e not in open_ones], problem_of)
     filled = {e.name: _with_orders(e, found) for e in open_ones}
+    filled = _significant([filled.get(e.name, e) for e in effects], filled, problem_of)
     sentences = [
         f"no order of {name} stands out of the noise: it is left out"
         for name, e in filled.items()
@@ -52,6 +50,45 @@ def with_found_orders(
     sentences += _unowned(found, {e.name for e in effects})
     kept = [filled.get(e.name, e) for e in effects]
     return [e for e in kept if e.harmonics or not e.ripple], found, sentences
+
+
+def _analysed(
+    base: list[Effect], problem_of: Callable[[Sequence[Effect]], Problem]
+) -> OrderAnalysis:
+    """Orders in the residual of these effects."""
+    problem = problem_of(base)
+    made = estimate(problem, base, Given({}, {}, {}, False), lambda: None)
+    residuals = [
+        np.where(counts_of(run), residual, np.nan)
+        for run, residual in zip(problem.runs, residuals_of(problem, made.linear), strict=True)
+    ]
+    return find_orders([run.log for run in problem.runs], residuals, unit=UNITS[problem.target])
+
+
+def _significant(
+    effects: list[Effect],
+    filled: dict[str, Effect],
+    problem_of: Callable[[Sequence[Effect]], Problem],
+) -> dict[str, Effect]:
+    """The filled effects without the orders that a fit does not tell from zero."""
+    chosen = [e for e in effects if e.harmonics or not e.ripple]
+    if not any(e.harmonics for e in filled.values()):
+        return filled
+    made = estimate(problem_of(chosen), chosen, Given({}, {}, {}, False), lambda: None)
+    covariance = uncertainty_of(made).covariance
+    row = {made.names[k]: (i, k) for i, k in enumerate(made.fitted)}
+    kept = {}
+    for name, e in filled.items():
+        pairs = zip(e.terms[::2], e.terms[1::2], e.harmonics, strict=True)
+        sure = []
+        for cosine, sine, harmonic in pairs:
+            at = [row[f"{name}.{term.name}"] for term in (cosine, sine)]
+            rows, values = [i for i, _ in at], made.linear.coefficients[[k for _, k in at]]
+            spread = covariance[np.ix_(rows, rows)]
+            if values @ np.linalg.lstsq(spread, values, rcond=None)[0] > SURE:
+                sure.append(harmonic)
+        kept[name] = e.with_orders(sure)
+    return kept
 
 
 def _with_orders(effect: Effect, found: OrderAnalysis) -> Effect:

@@ -182,12 +182,15 @@ def resample(log: Log, rate: float) -> Log:
     if not rate > 0:
         raise InputError(f"{log.name}: a rate of {rate!r} Hz is not possible; give one above 0.")
     ranges = runs(time)
-    grid = [np.arange(np.ceil(time[a] * rate - 1e-6), time[b - 1] * rate + 1e-6) / rate
-            for a, b in ranges]
+    grid = [
+        np.arange(np.ceil(time[a] * rate - 1e-6), time[b - 1] * rate + 1e-6) / rate
+        for a, b in ranges
+    ]
     fresh = np.concatenate(grid)
     if fresh.size == 0:
-        raise InputError(f"{log.name}: no run is as long as one step of {rate:.4g} Hz; "
-                         f"give a higher rate.")
+        raise InputError(
+            f"{log.name}: no run is as long as one step of {rate:.4g} Hz; give a higher rate."
+        )
     slower = rate < log.rate * (1 - 1e-6)
     held = np.clip(np.searchsorted(time, fresh + 1e-9, side="right") - 1, 0, len(time) - 1)
     columns: dict[str, Array] = {"time": fresh}
@@ -245,7 +248,7 @@ def white_noise(values: Array) -> float:
     """RMS of the noise without memory, robust: from fourth differences, which kill slow motion."""
     if len(values) < 16:
         return 0.0
-    fourth = np.diff(values[: 200_000], n=4)
+    fourth = np.diff(values[:200_000], n=4)
     return float(np.median(np.abs(fourth[np.isfinite(fourth)])) / 0.6745 / np.sqrt(70.0))
 
 
@@ -254,12 +257,15 @@ def _usable(log: Log, channel: str) -> tuple[Array, Array]:
     time, values = log["time"], log[channel]
     stuck = np.flatnonzero(~(np.diff(time) > 0))
     if stuck.size:
-        raise InputError(f"{log.name}, row {int(stuck[0]) + 1}: time does not increase; repair it "
-                         f"with sort_time or drop_duplicates.")
+        raise InputError(
+            f"{log.name}, row {int(stuck[0]) + 1}: time does not increase; repair it "
+            f"with sort_time or drop_duplicates."
+        )
     bad = np.flatnonzero(~np.isfinite(values))
     if bad.size:
-        raise InputError(f"{log.name}, row {int(bad[0])}: {channel} is not finite; repair it with "
-                         f"drop_invalid.")
+        raise InputError(
+            f"{log.name}, row {int(bad[0])}: {channel} is not finite; repair it with drop_invalid."
+        )
     return time, values
 
 

@@ -105,9 +105,7 @@ class LocalFit:
                 out[:, m] += level
         return out
 
-    def _end(
-        self, column: NDArray[np.float64], bells: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def _end(self, column: NDArray[np.float64], bells: NDArray[np.float64]) -> NDArray[np.float64]:
         """The first rows of an even run, whose windows reach over its beginning.
 
         Row i lacks the weights of the offsets before -i: its moments are sums of the rest.
@@ -152,9 +150,7 @@ class LocalFit:
                 out[some] = self._fit_rows(time, columns, some, (first[some], last[some]), int(d))
         return out
 
-    def _degrees(
-        self, time: NDArray[np.float64], count: NDArray[np.intp]
-    ) -> NDArray[np.intp]:
+    def _degrees(self, time: NDArray[np.float64], count: NDArray[np.intp]) -> NDArray[np.intp]:
         """Degree of each row's polynomial: lower where the window is cut, and with few rows."""
         margin = self.half_length - float(np.median(np.diff(time))) if len(time) > 1 else 0.0
         cut = (time - time[0] < margin) | (time[-1] - time < margin)

@@ -13,8 +13,17 @@ from matplotlib.figure import Figure
 from flexspline.logs.channels import CHANNELS
 
 __all__ = [
-    "GREY", "INK", "MOST_COLOURED_RUNS", "PALETTE", "PlainFigure", "axes_or_new", "channel_label",
-    "colours_of_runs", "legend", "plain", "titled",
+    "GREY",
+    "INK",
+    "MOST_COLOURED_RUNS",
+    "PALETTE",
+    "PlainFigure",
+    "axes_or_new",
+    "channel_label",
+    "colours_of_runs",
+    "legend",
+    "plain",
+    "titled",
 ]
 
 #: Okabe and Ito's colours that read on white and on black.
@@ -80,8 +89,12 @@ def legend(ax: Axes, columns: int = 1, *, beside: bool = False) -> None:
     if not ax.get_legend_handles_labels()[1]:
         return
     ax.legend(
-        fontsize=7.5, loc="upper left" if beside else "best", frameon=False, labelcolor=INK,
-        ncols=columns, bbox_to_anchor=(1.0, 1.0) if beside else None,
+        fontsize=7.5,
+        loc="upper left" if beside else "best",
+        frameon=False,
+        labelcolor=INK,
+        ncols=columns,
+        bbox_to_anchor=(1.0, 1.0) if beside else None,
     )
 
 

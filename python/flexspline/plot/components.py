@@ -76,7 +76,12 @@ def _over_time(fit: Fit, run: FittedRun, ax: Axes) -> None:
     for (name, values), (colour, line) in zip(parts.items(), _looks(), strict=False):
         at = outline(values[some]) + some.start
         ax.plot(
-            time[at], values[at], line, color=colour, linewidth=1.3, label=name,
+            time[at],
+            values[at],
+            line,
+            color=colour,
+            linewidth=1.3,
+            label=name,
             zorder=2.1 + 0.01 * behind.index(name),
         )
     ax.set_xlabel("time since the start of the run [s]")
@@ -97,13 +102,24 @@ def _over_channel(fit: Fit, runs: list[FittedRun], channel: str, ax: Axes) -> No
         rounding = 1e-6 * float(np.abs(middle).max(initial=0.0))
         tells = np.nanmedian(bands.high - bands.low) <= LOOSE * np.ptp(middle) + rounding
         ax.fill_between(
-            bands.centre, bands.low, bands.high, color=colour, alpha=0.2, linewidth=0,
+            bands.centre,
+            bands.low,
+            bands.high,
+            color=colour,
+            alpha=0.2,
+            linewidth=0,
             label=None if tells else f"{name} (90 %)",
         )
         if tells:
             ax.plot(
-                bands.centre, bands.median, line, color=colour, linewidth=1.5, marker=".",
-                markersize=2.5, label=name,
+                bands.centre,
+                bands.median,
+                line,
+                color=colour,
+                linewidth=1.5,
+                marker=".",
+                markersize=2.5,
+                label=name,
             )
     ax.set_xlabel(channel_label(channel))
     titled(ax, f"Contribution of each effect over {channel.replace('_', ' ')}")
@@ -111,4 +127,3 @@ def _over_channel(fit: Fit, runs: list[FittedRun], channel: str, ax: Axes) -> No
 
 def _looks() -> list[tuple[str, str]]:
     return [(colour, line) for line in STYLES for colour in PALETTE]
-

@@ -36,7 +36,10 @@ NORMAL_95 = 1.959964
 
 
 def drift_curve(
-    fitted: Fit | Model, logs: Log | Sequence[Log], ax: Axes | None = None, *,
+    fitted: Fit | Model,
+    logs: Log | Sequence[Log],
+    ax: Axes | None = None,
+    *,
     target: str | None = None,
 ) -> Axes:
     """Draw the reading less all other effects over temperature, and the fitted drift.
@@ -95,7 +98,12 @@ def _temperatures(model: Model, part: Part, runs: Sequence[Log], ax: Axes) -> Ar
         seen.append(temperature[good])
         at = good[spread_evenly(len(good), 20_000 // len(runs))]
         ax.scatter(
-            temperature[at], y[at], s=2.5, alpha=0.3, linewidths=0, color=colour,
+            temperature[at],
+            y[at],
+            s=2.5,
+            alpha=0.3,
+            linewidths=0,
+            color=colour,
             rasterized=True,
         )
         if len(runs) <= MOST_COLOURED_RUNS:

@@ -42,13 +42,21 @@ def order_spectra(fit: Fit, ax: Axes | None = None) -> Axes:
     ax = axes_or_new(ax)
     marks = [o.per_output_turn for o in ripple_orders(fit) if np.isfinite(o.per_output_turn)]
     for number, mark in enumerate(marks):
-        ax.axvline(mark, color=INK, linewidth=0.7, linestyle=":", alpha=0.6,
-                   label=None if number else "fitted order")
+        ax.axvline(
+            mark,
+            color=INK,
+            linewidth=0.7,
+            linestyle=":",
+            alpha=0.6,
+            label=None if number else "fitted order",
+        )
     before, after = spectra
     ax.plot(*before, color=GREY, linewidth=1.1, label="target")
     ax.plot(*after, color=PALETTE[3], linewidth=1.1, label="residual")
     ax.set(
-        xscale="log", yscale="log", xlabel="order [periods per output turn]",
+        xscale="log",
+        yscale="log",
+        xlabel="order [periods per output turn]",
         ylabel=f"amplitude [{fit.unit}]",
     )
     ax.set_xlim(before[0][0], before[0][-1])

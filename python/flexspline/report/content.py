@@ -134,8 +134,13 @@ def _line(fit: Fit, parameter: Parameter) -> ParameterLine:
             concern = True
         remarks += _partners(fit, parameter)
     return ParameterLine(
-        name, value, parameter.unit, "; ".join(remarks), concern,
-        interval=_interval(parameter), naive=_error(parameter.naive_error),
+        name,
+        value,
+        parameter.unit,
+        "; ".join(remarks),
+        concern,
+        interval=_interval(parameter),
+        naive=_error(parameter.naive_error),
     )
 
 

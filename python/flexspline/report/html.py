@@ -26,8 +26,10 @@ __all__ = ["fit_html", "write_report"]
 
 def fit_html(fit: Fit) -> str:
     """Return a fit as a fragment of HTML without scripts, for notebooks light and dark."""
-    return _templates().get_template("fit.html").render(
-        _common(fit), scores=score_rows(fit.scores, fit.unit)
+    return (
+        _templates()
+        .get_template("fit.html")
+        .render(_common(fit), scores=score_rows(fit.scores, fit.unit))
     )
 
 
@@ -43,16 +45,20 @@ def write_report(fit: Fit, path: str | os.PathLike[str]) -> None:
 
     made = shares(fit)
     largest = max(made.values(), default=1.0) or 1.0
-    page = _templates().get_template("report.html").render(
-        _common(fit),
-        title=str(fit.model.facts.get("joint", f"Fit of {TARGET_WORDS[fit.target]}")),
-        scores=grouped_scores(fit.scores),
-        figures=report_figures(fit),
-        shares=[(name, short(size), 100.0 * size / largest) for name, size in made.items()],
-        orders="" if fit.orders is None else str(fit.orders),
-        logs=log_facts(fit),
-        facts=model_facts(fit),
-        call=python_call(fit),
+    page = (
+        _templates()
+        .get_template("report.html")
+        .render(
+            _common(fit),
+            title=str(fit.model.facts.get("joint", f"Fit of {TARGET_WORDS[fit.target]}")),
+            scores=grouped_scores(fit.scores),
+            figures=report_figures(fit),
+            shares=[(name, short(size), 100.0 * size / largest) for name, size in made.items()],
+            orders="" if fit.orders is None else str(fit.orders),
+            logs=log_facts(fit),
+            facts=model_facts(fit),
+            call=python_call(fit),
+        )
     )
     atomic_write(path, page)
 

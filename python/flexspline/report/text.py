@@ -35,8 +35,12 @@ def fit_text(fit: Fit) -> str:
 
 def _wrapped(sentence: str, first: str = "", rest: str = "") -> list[str]:
     return textwrap.wrap(
-        sentence, WIDTH, initial_indent=first, subsequent_indent=rest or " " * len(first),
-        break_long_words=False, break_on_hyphens=False,
+        sentence,
+        WIDTH,
+        initial_indent=first,
+        subsequent_indent=rest or " " * len(first),
+        break_long_words=False,
+        break_on_hyphens=False,
     )
 
 

@@ -103,9 +103,7 @@ def _doubts(fit: Fit) -> list[str]:
     if fit.cv_rmse > WORSE * fit.rmse:
         percent = round(100.0 * (fit.cv_rmse / fit.rmse - 1.0))
         found.append(f"{percent} % worse on rows never seen than on its own")
-    shapes = [
-        short_names(p.name) for p in fit.parameters if p.kind == "shape" and not p.determined
-    ]
+    shapes = [short_names(p.name) for p in fit.parameters if p.kind == "shape" and not p.determined]
     if shapes:
         found.append(f"shape not determined: {listed(shapes, 6)}")
     idle = _idle(fit)

@@ -30,7 +30,7 @@ struct Problem {
   const double* target;                  ///< y, in the target's unit
   const double* weights;                 ///< null: all one
   std::span<const double> coefficients;  ///< for the load; empty: known load alone
-  std::span<const double> held;  ///< taken off the target: y − row · held; empty: nothing
+  std::span<const double> held;          ///< taken off the target: y − row · held; empty: nothing
 };
 
 /// Where the columns of a design stand for the structured sums.

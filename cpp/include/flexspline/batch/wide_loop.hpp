@@ -20,8 +20,8 @@ namespace flexspline::batch {
 #if defined(__GNUC__) && !defined(__clang__) && defined(__x86_64__)
 
 template <typename Loop>
-[[gnu::target("arch=x86-64-v4,prefer-vector-width=512"), gnu::flatten]] void run_v4(
-    const Loop& loop) {
+[[gnu::target("arch=x86-64-v4,prefer-vector-width=512"),
+  gnu::flatten]] void run_v4(const Loop& loop) {
   loop();
 }
 

@@ -17,8 +17,18 @@ from flexspline.logs.log import Log
 __all__ = ["Finding", "Findings", "Gear", "Severity", "check", "measured_gear"]
 
 CHECKS = (
-    not_finite, time_order, dropped_samples, repeated_rows, constant, clipped, wrapped,
-    start_transient, velocity_of_position, gear, torque, quantised,
+    not_finite,
+    time_order,
+    dropped_samples,
+    repeated_rows,
+    constant,
+    clipped,
+    wrapped,
+    start_transient,
+    velocity_of_position,
+    gear,
+    torque,
+    quantised,
 )
 
 

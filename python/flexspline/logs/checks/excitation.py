@@ -44,7 +44,12 @@ def excitation(log: Log, effects: Sequence[str], target: str | None) -> Iterator
     motion = motion_of(_with_position(log))
     if len(log) < 20 * (len(effects) + 1) or log.duration < 1.0:
         yield Finding(
-            "too_short", "note", "time", (0, len(log)), log.duration, "s",
+            "too_short",
+            "note",
+            "time",
+            (0, len(log)),
+            log.duration,
+            "s",
             f"the run has {len(log)} rows in {log.duration:.3g} s, little for "
             f"{len(effects)} effect{'' if len(effects) == 1 else 's'}.",
             "Record a longer run, or fit several together.",
@@ -63,8 +68,10 @@ def _with_position(log: Log) -> Log:
 
 def _target(log: Log, target: str) -> Iterator[Finding]:
     if target not in TARGETS:
-        raise InputError(f"'{target}' is no target{did_you_mean(target, TARGETS)}; the targets are "
-                         f"{listed(TARGETS)}")
+        raise InputError(
+            f"'{target}' is no target{did_you_mean(target, TARGETS)}; the targets are "
+            f"{listed(TARGETS)}"
+        )
     needed = ("output_position", "motor_position") if target == "torsion" else (target,)
     for channel in needed:
         if channel not in log:
@@ -74,8 +81,10 @@ def _target(log: Log, target: str) -> Iterator[Finding]:
 def _effect(log: Log, effect: str, motion: Motion | None) -> Iterator[Finding]:
     known = {**EFFECTS, **dict.fromkeys(CATALOGUE.keys() - EFFECTS.keys(), Asked())}
     if effect not in known:
-        raise InputError(f"'{effect}' is no effect{did_you_mean(effect, known)}; the effects are "
-                         f"{listed(known, most=40)}")
+        raise InputError(
+            f"'{effect}' is no effect{did_you_mean(effect, known)}; the effects are "
+            f"{listed(known, most=40)}"
+        )
     asked = known[effect]
     for channel in asked.channels:
         if not any(name in log for name in channel.split(" or ")):
@@ -86,15 +95,26 @@ def _effect(log: Log, effect: str, motion: Motion | None) -> Iterator[Finding]:
         if lack is not None:
             size, unit, what, remedy = lack
             yield Finding(
-                "no_excitation", "note", asked.channels[0] if asked.channels else "time",
-                (0, len(log)), size, unit, f"{effect} is hardly excited: {what}.", remedy,
+                "no_excitation",
+                "note",
+                asked.channels[0] if asked.channels else "time",
+                (0, len(log)),
+                size,
+                unit,
+                f"{effect} is hardly excited: {what}.",
+                remedy,
             )
             return
 
 
 def _missing(log: Log, channel: str, what: str) -> Finding:
     return Finding(
-        "missing_channel", "error", channel, (0, len(log)), 0.0, "",
+        "missing_channel",
+        "error",
+        channel,
+        (0, len(log)),
+        0.0,
+        "",
         f"{what} needs {channel}, which is not in the log.",
         "Map it when reading, or leave the effect out.",
     )
@@ -110,8 +130,13 @@ def both_directions(log: Log, motion: Motion | None) -> Lack | None:
     less = min(share, 1 - share)
     if less >= 0.1:
         return None
-    return (less, "", f"{100 * max(share, 1 - share):.0f} % of the moving rows go one way, where a "
-            "level of friction is an offset", "Record a run that moves both ways.")
+    return (
+        less,
+        "",
+        f"{100 * max(share, 1 - share):.0f} % of the moving rows go one way, where a "
+        "level of friction is an offset",
+        "Record a run that moves both ways.",
+    )
 
 
 def speeds(ratio: float) -> Need:
@@ -125,8 +150,13 @@ def speeds(ratio: float) -> Need:
         low, high = (float(x) for x in np.percentile(moving, (10, 90)))
         if high >= ratio * low:
             return None
-        return (high, "rad/s", f"the speeds lie between {low:.3g} and {high:.3g} rad/s, a factor "
-                f"of {ratio:g} is needed", "Record several speeds.")
+        return (
+            high,
+            "rad/s",
+            f"the speeds lie between {low:.3g} and {high:.3g} rad/s, a factor "
+            f"of {ratio:g} is needed",
+            "Record several speeds.",
+        )
 
     return need
 
@@ -140,8 +170,12 @@ def low_speeds(log: Log, motion: Motion | None) -> Lack | None:
     share = float(np.mean((speed > 0.01 * top) & (speed < 0.2 * top)))
     if share >= 0.01:
         return None
-    return (share, "", f"only {100 * share:.2g} % of the rows move slower than {0.2 * top:.3g} "
-            "rad/s", "Record low speeds beside high ones.")
+    return (
+        share,
+        "",
+        f"only {100 * share:.2g} % of the rows move slower than {0.2 * top:.3g} rad/s",
+        "Record low speeds beside high ones.",
+    )
 
 
 def acceleration(log: Log, motion: Motion | None) -> Lack | None:
@@ -156,8 +190,12 @@ def acceleration(log: Log, motion: Motion | None) -> Lack | None:
     speed = float(np.sqrt(np.mean(motion.velocity**2)))
     if size > 5 * noise and size * float(motion.time[-1] - motion.time[0]) > speed:
         return None
-    return (size, "rad/s²", f"the acceleration is {size:.3g} rad/s² RMS, of which noise makes "
-            f"{noise:.3g}", "Record a run that accelerates.")
+    return (
+        size,
+        "rad/s²",
+        f"the acceleration is {size:.3g} rad/s² RMS, of which noise makes {noise:.3g}",
+        "Record a run that accelerates.",
+    )
 
 
 def turn_of(share: float) -> Need:
@@ -167,9 +205,13 @@ def turn_of(share: float) -> Need:
         reach = float(np.ptp(motion.position)) if motion is not None else 0.0
         if reach >= 2 * np.pi * share * 0.98:
             return None
-        return (reach, "rad", f"the output covers {reach / (2 * np.pi):.2g} of a turn, where its "
-                "low harmonics look like each other and like an offset",
-                f"Record at least {share:g} turn, or expect wide intervals.")
+        return (
+            reach,
+            "rad",
+            f"the output covers {reach / (2 * np.pi):.2g} of a turn, where its "
+            "low harmonics look like each other and like an offset",
+            f"Record at least {share:g} turn, or expect wide intervals.",
+        )
 
     return need
 
@@ -188,8 +230,13 @@ def sampled(order_of: Callable[[Log, float], float]) -> Need:
         share = float(np.mean(fast))
         if share < 0.1:
             return None
-        return (share, "", f"order {order:.4g} per turn is above half the rate of {log.rate:.4g} "
-                f"Hz in {100 * share:.0f} % of the rows", "Record faster, or move slower.")
+        return (
+            share,
+            "",
+            f"order {order:.4g} per turn is above half the rate of {log.rate:.4g} "
+            f"Hz in {100 * share:.0f} % of the rows",
+            "Record faster, or move slower.",
+        )
 
     return need
 
@@ -202,8 +249,12 @@ def changing(channel: str, least: float, unit: str) -> Need:
         span = max((float(np.nanmax(log[n]) - np.nanmin(log[n])) for n in names), default=0.0)
         if span > least:
             return None
-        return (span, unit, f"{listed(names)} changes by {span:.3g} {unit} only",
-                f"Record a run in which {listed(names)} changes by more than {least:g} {unit}.")
+        return (
+            span,
+            unit,
+            f"{listed(names)} changes by {span:.3g} {unit} only",
+            f"Record a run in which {listed(names)} changes by more than {least:g} {unit}.",
+        )
 
     return need
 
@@ -214,8 +265,12 @@ def lasting(seconds: float) -> Need:
     def need(log: Log, _: Motion | None) -> Lack | None:
         if log.duration >= seconds:
             return None
-        return (log.duration, "s", f"the run lasts {log.duration:.3g} s",
-                f"Record {seconds:g} s or more.")
+        return (
+            log.duration,
+            "s",
+            f"the run lasts {log.duration:.3g} s",
+            f"Record {seconds:g} s or more.",
+        )
 
     return need
 
@@ -256,8 +311,9 @@ EFFECTS: dict[str, Asked] = {
     "gain_temperature_dependence": Asked((*KNOWN, "temperature"), (LOADED, WARM)),
     "sensor_nonlinearity": Asked(KNOWN, (LOADED,)),
     "torque_hysteresis": Asked(KNOWN, (LOADED,)),
-    "motor_crosstalk": Asked(("motor_current or motor_torque",),
-                             (changing("motor_current or motor_torque", 0.0, ""),)),
+    "motor_crosstalk": Asked(
+        ("motor_current or motor_torque",), (changing("motor_current or motor_torque", 0.0, ""),)
+    ),
     "sensor_lag": Asked(KNOWN, (LOADED,)),
     "torque_constant_error": Asked(KNOWN, (LOADED,)),
     "mesh_compliance": Asked(BOTH_ANGLES),

@@ -60,9 +60,7 @@ def measured_gear(log: Log) -> Gear | None:
     ratio = float(solved[0])
     if ratio == 0:
         return Gear(0.0, float(error[0]), 0.0, float("inf"))
-    return Gear(
-        ratio, float(error[0]), float(solved[1] / ratio), float(error[1] / abs(ratio))
-    )
+    return Gear(ratio, float(error[0]), float(solved[1] / ratio), float(error[1] / abs(ratio)))
 
 
 def gear(log: Log) -> Iterator[Finding]:
@@ -73,7 +71,12 @@ def gear(log: Log) -> Iterator[Finding]:
     rows = (0, len(log))
     if found.ratio < 0:
         yield Finding(
-            "motor_reversed", "fault", "motor_position", rows, found.ratio, "",
+            "motor_reversed",
+            "fault",
+            "motor_position",
+            rows,
+            found.ratio,
+            "",
             f"the motor side runs the other way: θ is {found.ratio:.5g} times q.",
             "Ask for the repair reverse_motor.",
         )
@@ -82,7 +85,12 @@ def gear(log: Log) -> Iterator[Finding]:
     if abs(found.delay) > max(4 * found.delay_error, 0.05 * step):
         which = "output_position" if found.delay > 0 else "motor_position"
         yield Finding(
-            "encoder_delay", "fault", which, rows, abs(found.delay), "s",
+            "encoder_delay",
+            "fault",
+            which,
+            rows,
+            abs(found.delay),
+            "s",
             f"{which} is {1e3 * abs(found.delay):.3g} ± {1e3 * found.delay_error:.1g} ms late "
             f"against the other encoder: their difference grows with velocity.",
             f"Ask for the repair shift={which}:{abs(found.delay):.3g}.",
@@ -93,7 +101,12 @@ def _ratio(log: Log, ratio: float, error: float) -> Iterator[Finding]:
     rows, stated = (0, len(log)), log.effective_ratio
     if stated is None:
         yield Finding(
-            "gear_ratio_not_stated", "note", "motor_position", rows, ratio, "",
+            "gear_ratio_not_stated",
+            "note",
+            "motor_position",
+            rows,
+            ratio,
+            "",
             f"the motor side turns {ratio:.5g} ± {max(error, 1e-6):.1g} times per turn of the "
             f"output; no gear ratio was stated.",
             f"State gear_ratio={ratio:.5g}.",
@@ -103,10 +116,16 @@ def _ratio(log: Log, ratio: float, error: float) -> Iterator[Finding]:
         other = n if log.facts.get("output_spline") == "circular" else n + 1
         fits = abs(ratio / other - 1) <= max(0.1 * RATIO_LIMIT, 5 * error / other)
         yield Finding(
-            "gear_ratio", "fault", "motor_position", rows, ratio, "",
+            "gear_ratio",
+            "fault",
+            "motor_position",
+            rows,
+            ratio,
+            "",
             f"the motor side turns {ratio:.5g} ± {max(error, 1e-6):.1g} times per turn of the "
             f"output, not {stated:.5g} as stated"
             + (": the other spline is the output." if fits else "."),
-            f"State output_spline={'flex' if other == n else 'circular'}." if fits
+            f"State output_spline={'flex' if other == n else 'circular'}."
+            if fits
             else f"State gear_ratio={ratio:.5g}, or check the encoders' units.",
         )

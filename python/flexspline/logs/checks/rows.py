@@ -31,7 +31,12 @@ def not_finite(log: Log) -> Iterator[Finding]:
         bad = np.flatnonzero(~np.isfinite(log[channel]))
         if bad.size:
             yield Finding(
-                "not_finite", "error", channel, _span(bad), float(bad.size), "rows",
+                "not_finite",
+                "error",
+                channel,
+                _span(bad),
+                float(bad.size),
+                "rows",
                 f"{channel} is NaN or infinite in {_rows(bad.size)}, first in row {bad[0]}.",
                 "Ask for the repair drop_invalid.",
             )
@@ -44,14 +49,24 @@ def time_order(log: Log) -> Iterator[Finding]:
     if back.size:
         worst = float(-np.min(steps[back - 1]))
         yield Finding(
-            "time_not_increasing", "error", "time", _span(back), worst, "s",
+            "time_not_increasing",
+            "error",
+            "time",
+            _span(back),
+            worst,
+            "s",
             f"time runs backwards in {_rows(back.size)}, first in row {back[0]}, by up to "
             f"{worst:.4g} s.",
             "Ask for the repair sort_time.",
         )
     if same.size:
         yield Finding(
-            "duplicate_time", "error", "time", _span(same), float(same.size), "rows",
+            "duplicate_time",
+            "error",
+            "time",
+            _span(same),
+            float(same.size),
+            "rows",
             f"{_rows(same.size)} repeat the time of the row before, first row {same[0]}.",
             "Ask for the repair drop_duplicates.",
         )
@@ -70,7 +85,12 @@ def dropped_samples(log: Log) -> Iterator[Finding]:
     missing = int(np.sum(np.round(steps[long] / step) - 1))
     widest = float(np.max(steps[long]))
     yield Finding(
-        "dropped_samples", "fault", "time", _span(long + 1), float(missing), "rows",
+        "dropped_samples",
+        "fault",
+        "time",
+        _span(long + 1),
+        float(missing),
+        "rows",
         f"about {_rows(missing)} missing in {long.size} places, first before row {long[0] + 1}; "
         f"the longest step is {widest:.4g} s where {step:.4g} s is usual.",
         "Nothing bridges a gap of more than 2.5 steps; resample=RATE closes shorter ones.",
@@ -95,7 +115,12 @@ def repeated_rows(log: Log) -> Iterator[Finding]:
     rows, longest = np.flatnonzero(stuck) + 1, int(np.max(lengths))
     name = "stuck_recorder" if longest >= STUCK_ROWS else "repeated_rows"
     yield Finding(
-        name, "fault", "all", _span(rows), float(rows.size), "rows",
+        name,
+        "fault",
+        "all",
+        _span(rows),
+        float(rows.size),
+        "rows",
         f"{_rows(rows.size)} repeat all values of the row before, first row {rows[0]}, up to "
         f"{longest} on end: the recorder was read faster than it was written.",
         "Drop these rows, or record again.",

@@ -32,7 +32,12 @@ def start_transient(log: Log) -> Iterator[Finding]:
     worst = float(np.nanmax(np.abs(values[:rows] - level)))
     unit = CHANNELS[channel].unit
     yield Finding(
-        "start_transient", "fault", channel, (0, rows), seconds, "s",
+        "start_transient",
+        "fault",
+        channel,
+        (0, rows),
+        seconds,
+        "s",
         f"the first {seconds:.1f} s differ from the steady run behind them: {channel} is up to "
         f"{worst:.3g} {unit} away from its {level:.3g} {unit}.",
         f"Ask for the repair drop_start={seconds:.1f}.",

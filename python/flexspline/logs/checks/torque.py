@@ -91,10 +91,18 @@ def _sign(log: Log, channel: str, found: Reaction) -> Iterator[Finding]:
         level += f", inertia of {found.inertia:.3g} ± {found.inertia_error:.1g} {unit}/(rad/s²)"
     drive = channel in DRIVE
     yield Finding(
-        "torque_sign", "fault" if drive else "note", channel, (0, len(log)), found.friction, unit,
+        "torque_sign",
+        "fault" if drive else "note",
+        channel,
+        (0, len(log)),
+        found.friction,
+        unit,
         f"{channel} shows {level}: "
-        + ("its sign is flipped." if drive else
-           "its sign is flipped, or the sensor sits where it sees friction from the other side."),
+        + (
+            "its sign is flipped."
+            if drive
+            else "its sign is flipped, or the sensor sits where it sees friction from the other side."
+        ),
         f"{'Ask' if drive else 'If it is flipped, ask'} for the repair flip_sign={channel}.",
     )
 
@@ -117,7 +125,12 @@ def _late(
     if whole is None or whole.seconds < max(0.5 * step, SURE * whole.error):
         return
     yield Finding(
-        "torque_delay", "note", channel, (0, len(log)), found.seconds, "s",
+        "torque_delay",
+        "note",
+        channel,
+        (0, len(log)),
+        found.seconds,
+        "s",
         f"{channel} is {1e3 * found.seconds:.3g} ± {1e3 * found.error:.1g} ms late against the "
         f"motion: a sensor or filter lags, or the joint gives before it slips (presliding).",
         f"If it is a lag, ask for the repair shift={channel}:{found.seconds:.3g}.",

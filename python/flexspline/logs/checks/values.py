@@ -19,7 +19,11 @@ CONDITIONS = ("enabled", "supply_voltage", "temperature", "motor_temperature", "
 POSITIONS = ("output_position", "motor_position", "commanded_position")
 
 MEASURED = (
-    "motor_torque", "motor_current", "sensor_torque", "sensor_voltage", "thermistor_voltage",
+    "motor_torque",
+    "motor_current",
+    "sensor_torque",
+    "sensor_voltage",
+    "thermistor_voltage",
     "reference_torque",
 )
 """Channels that end at the range of a converter; a velocity may hold its plateau with reason."""
@@ -36,7 +40,11 @@ def constant(log: Log) -> Iterator[Finding]:
             continue
         if np.all(values == values[0]):
             yield Finding(
-                "constant_channel", "fault", channel, (0, len(log)), float(values[0]),
+                "constant_channel",
+                "fault",
+                channel,
+                (0, len(log)),
+                float(values[0]),
                 CHANNELS[channel].unit,
                 f"{channel} is {values[0]:.6g} {CHANNELS[channel].unit} in every row.",
                 "Check the wiring and the column map, or leave the channel out.",
@@ -60,8 +68,12 @@ def clipped(log: Log) -> Iterator[Finding]:
                 continue
             unit = CHANNELS[channel].unit
             yield Finding(
-                "clipped_channel", "fault", channel, (int(ranges[0, 0]), int(ranges[-1, 1])),
-                limit, unit,
+                "clipped_channel",
+                "fault",
+                channel,
+                (int(ranges[0, 0]), int(ranges[-1, 1])),
+                limit,
+                unit,
                 f"{channel} stays at exactly {limit:.6g} {unit} in {count} rows, first in row "
                 f"{ranges[0, 0]}: it is clipped there.",
                 "Leave these rows out, or record with a wider range.",
@@ -76,8 +88,12 @@ def wrapped(log: Log) -> Iterator[Finding]:
         jumps = wrap_rows(log[channel])
         if jumps.size:
             yield Finding(
-                "wrapped_angle", "fault", channel, (int(jumps[0]), int(jumps[-1]) + 1),
-                float(jumps.size), "jumps",
+                "wrapped_angle",
+                "fault",
+                channel,
+                (int(jumps[0]), int(jumps[-1]) + 1),
+                float(jumps.size),
+                "jumps",
                 f"{channel} jumps by a whole turn in {jumps.size} place"
                 f"{'' if jumps.size == 1 else 's'}, first in row {jumps[0]}: the angle is wrapped.",
                 f"Ask for the repair unwrap={channel}; the other checks went on with the unwrapped "
@@ -99,7 +115,12 @@ def quantised(log: Log) -> Iterator[Finding]:
             continue
         unit = CHANNELS[channel].unit
         yield Finding(
-            "quantised_channel", "note", channel, (0, len(log)), step, unit,
+            "quantised_channel",
+            "note",
+            channel,
+            (0, len(log)),
+            step,
+            unit,
             f"{channel} has steps of {step:.4g} {unit}, {reach / step:.0f} over its range.",
             "Derivatives need a bandwidth that suits it (differentiate chooses one).",
         )

@@ -81,7 +81,12 @@ def _wrong_factor(log: Log, channel: str, factor: float, error: float) -> Iterat
     size, everywhere = abs(factor), (0, len(log))
     if factor < 0:
         yield Finding(
-            "velocity_sign", "fault", channel, everywhere, factor, "",
+            "velocity_sign",
+            "fault",
+            channel,
+            everywhere,
+            factor,
+            "",
             f"{channel} has the opposite sign of the derivative of {PAIRS[channel]} (factor "
             f"{factor:.4g}).",
             f"Ask for the repair flip_sign={channel}.",
@@ -90,7 +95,12 @@ def _wrong_factor(log: Log, channel: str, factor: float, error: float) -> Iterat
         return
     unit = next((w for k, w in _known_factors(log) if abs(size / k - 1) <= FACTOR_LIMIT), None)
     yield Finding(
-        "velocity_unit" if unit else "velocity_scale", "fault", channel, everywhere, size, "",
+        "velocity_unit" if unit else "velocity_scale",
+        "fault",
+        channel,
+        everywhere,
+        size,
+        "",
         f"{channel} is {size:.4g} times the derivative of {PAIRS[channel]}"
         + (f": {unit}." if unit else ": scale or sampling rate is wrong."),
         f"Give the right unit or rate when reading, or ask for the repair "
@@ -114,7 +124,12 @@ def _known_factors(log: Log) -> Iterator[tuple[float, str]]:
 def _late(log: Log, channel: str, delay: float, error: float) -> Finding:
     way = "late" if delay > 0 else "early"
     return Finding(
-        "velocity_delay", "fault", channel, (0, len(log)), delay, "s",
+        "velocity_delay",
+        "fault",
+        channel,
+        (0, len(log)),
+        delay,
+        "s",
         f"{channel} is {1e3 * abs(delay):.3g} ± {1e3 * error:.1g} ms {way} against the derivative "
         f"of {PAIRS[channel]}.",
         f"Ask for the repair velocity_from_position={channel}, or shift={channel}:{delay:.4g}.",
@@ -123,7 +138,12 @@ def _late(log: Log, channel: str, delay: float, error: float) -> Finding:
 
 def _unrelated(log: Log, channel: str, explained: float) -> Finding:
     return Finding(
-        "velocity_unrelated", "fault", channel, (0, len(log)), max(explained, 0.0), "",
+        "velocity_unrelated",
+        "fault",
+        channel,
+        (0, len(log)),
+        max(explained, 0.0),
+        "",
         f"{channel} is not the derivative of {PAIRS[channel]}: that explains "
         f"{100 * max(explained, 0.0):.0f} % of its variance at any delay up to 0.3 s.",
         f"Check the column map, or ask for the repair velocity_from_position={channel}.",
