@@ -101,7 +101,7 @@ def _sign(log: Log, channel: str, found: Reaction) -> Iterator[Finding]:
         + (
             "its sign is flipped."
             if drive
-            else "its sign is flipped, or the sensor sits where it sees friction from the other side."
+            else "its sign is flipped, or the sensor sees friction from the other side."
         ),
         f"{'Ask' if drive else 'If it is flipped, ask'} for the repair flip_sign={channel}.",
     )
