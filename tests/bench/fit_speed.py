@@ -1,7 +1,7 @@
 """Least squares of Turlapati (16) against its named alternatives, in one process.
 
     python tests/bench/fit_speed.py                 # a minute: N = 10⁶
-    python tests/bench/fit_speed.py --rows 1e7      # the figures of the README; numpy takes a while
+    python tests/bench/fit_speed.py --rows 1e7      # the long one; numpy takes a while
     python tests/bench/fit_speed.py --stream 1e8    # a log of 3.2 GB from disk, constant memory
 
 Every method solves the same problem: offset, two sigmoids, viscous friction, inertia and n

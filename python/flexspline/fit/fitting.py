@@ -96,7 +96,7 @@ def fit(
                 f"logs holds a {type(run).__name__}; give logs, as read_log makes them"
             )
     chosen = _chosen(effects, orders or {})
-    warnings = _checked(runs, chosen, target) if checks else []
+    warnings = _checked(runs, chosen, target, known_load) if checks else []
     given = Given(fixed or {}, bounds or {}, priors or {}, robust == "huber")
 
     def problem(these: Sequence[Effect]) -> Problem:
@@ -132,13 +132,21 @@ def _chosen(
     return chosen
 
 
-def _checked(runs: Sequence[Log], effects: Sequence[Effect], target: str) -> list[str]:
-    """Refuse what makes a fit meaningless and return the faults as sentences."""
+def _checked(
+    runs: Sequence[Log], effects: Sequence[Effect], target: str, known_load: str | None
+) -> list[str]:
+    """Refuse what makes a fit meaningless and return the faults as sentences.
+
+    The checks know a load as reference_torque; with another channel they cannot judge effects
+    that read it, and the fit looks after these itself.
+    """
     from flexspline.logs.checks import check
 
+    elsewhere = known_load not in (None, "reference_torque")
+    asked = [e.name for e in effects if not (elsewhere and "load" in e.info.reads)]
     sentences = []
     for log in runs:
-        findings = check(log, effects=[e.name for e in effects], target=target)
+        findings = check(log, effects=asked, target=target)
         findings.raise_errors()
         sentences += [f"{log.name}: {finding.sentence}" for finding in findings.faults]
     return sentences

@@ -6,7 +6,7 @@ effect is a note: it may be one of several runs that do together.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,15 +16,21 @@ from flexspline.effects import CATALOGUE
 from flexspline.errors import InputError, did_you_mean, listed
 from flexspline.logs.checks.findings import Finding
 from flexspline.logs.checks.motion import Motion, motion_of
-from flexspline.logs.derive import white_noise
+from flexspline.logs.checks.needs import (
+    Need,
+    acceleration,
+    both_directions,
+    changing,
+    lasting,
+    low_speeds,
+    sampled,
+    speeds,
+    teeth,
+    turn_of,
+)
 from flexspline.logs.log import Log
 
 TARGETS = ("sensor_torque", "motor_torque", "motor_current", "torsion")
-
-Lack = tuple[float, str, str, str]
-"""Size, its unit, what the run lacks, what to record."""
-
-Need = Callable[[Log, Motion | None], Lack | None]
 
 
 @dataclass(frozen=True)
@@ -120,165 +126,6 @@ def _missing(log: Log, channel: str, what: str) -> Finding:
     )
 
 
-def both_directions(log: Log, motion: Motion | None) -> Lack | None:
-    """A tenth of the moving rows at least in each direction."""
-    if motion is None:
-        return 0.0, "rad/s", "the joint does not move", "Record a run that moves both ways."
-    limit = 0.05 * float(np.percentile(np.abs(motion.velocity), 95))
-    moving = motion.velocity[np.abs(motion.velocity) > limit]
-    share = float(np.mean(moving > 0)) if moving.size else 0.0
-    less = min(share, 1 - share)
-    if less >= 0.1:
-        return None
-    return (
-        less,
-        "",
-        f"{100 * max(share, 1 - share):.0f} % of the moving rows go one way, where a "
-        "level of friction is an offset",
-        "Record a run that moves both ways.",
-    )
-
-
-def speeds(ratio: float) -> Need:
-    """Moving rows whose speeds span this ratio (10 % to 90 % of them)."""
-
-    def need(log: Log, motion: Motion | None) -> Lack | None:
-        if motion is None:
-            return 0.0, "rad/s", "the joint does not move", "Record a run that moves."
-        speed = np.abs(motion.velocity)
-        moving = speed[speed > 0.02 * np.percentile(speed, 99)]
-        low, high = (float(x) for x in np.percentile(moving, (10, 90)))
-        if high >= ratio * low:
-            return None
-        return (
-            high,
-            "rad/s",
-            f"the speeds lie between {low:.3g} and {high:.3g} rad/s, a factor "
-            f"of {ratio:g} is needed",
-            "Record several speeds.",
-        )
-
-    return need
-
-
-def low_speeds(log: Log, motion: Motion | None) -> Lack | None:
-    """One row in a hundred at least that moves at less than a fifth of the top speed."""
-    if motion is None:
-        return 0.0, "rad/s", "the joint does not move", "Record a run that moves slowly."
-    speed = np.abs(motion.velocity)
-    top = float(np.percentile(speed, 99))
-    share = float(np.mean((speed > 0.01 * top) & (speed < 0.2 * top)))
-    if share >= 0.01:
-        return None
-    return (
-        share,
-        "",
-        f"only {100 * share:.2g} % of the rows move slower than {0.2 * top:.3g} rad/s",
-        "Record low speeds beside high ones.",
-    )
-
-
-def acceleration(log: Log, motion: Motion | None) -> Lack | None:
-    """An acceleration well above what the noise of the position makes of it."""
-    if motion is None:
-        return 0.0, "rad/s²", "the joint does not move", "Record a run that accelerates."
-    size = float(np.sqrt(np.mean(motion.acceleration**2)))
-    # (noise of q̈)² = noise² step ∫ (2πf)⁴ G² df = noise² · step · 2 (2π)⁴ 0.554 B⁵, see local_fit
-    step = float(np.median(np.diff(motion.time)))
-    gain = np.sqrt(2 * (2 * np.pi) ** 4 * 0.554 * motion.bandwidth**5 * step)
-    noise = float(gain) * white_noise(motion.position)
-    speed = float(np.sqrt(np.mean(motion.velocity**2)))
-    if size > 5 * noise and size * float(motion.time[-1] - motion.time[0]) > speed:
-        return None
-    return (
-        size,
-        "rad/s²",
-        f"the acceleration is {size:.3g} rad/s² RMS, of which noise makes {noise:.3g}",
-        "Record a run that accelerates.",
-    )
-
-
-def turn_of(share: float) -> Need:
-    """At least this share of an output turn."""
-
-    def need(log: Log, motion: Motion | None) -> Lack | None:
-        reach = float(np.ptp(motion.position)) if motion is not None else 0.0
-        if reach >= 2 * np.pi * share * 0.98:
-            return None
-        return (
-            reach,
-            "rad",
-            f"the output covers {reach / (2 * np.pi):.2g} of a turn, where its "
-            "low harmonics look like each other and like an offset",
-            f"Record at least {share:g} turn, or expect wide intervals.",
-        )
-
-    return need
-
-
-def sampled(order_of: Callable[[Log, float], float]) -> Need:
-    """Ripple of the lowest order of an effect below half the rate."""
-
-    def need(log: Log, motion: Motion | None) -> Lack | None:
-        if motion is None:
-            return 0.0, "rad/s", "the joint does not move", "Record a run that moves."
-        ratio = log.effective_ratio
-        if ratio is None:
-            return 0.0, "", "no gear ratio is stated", "State gear_ratio."
-        order = order_of(log, ratio)
-        fast = np.abs(motion.velocity) * order / (2 * np.pi) > 0.5 * log.rate
-        share = float(np.mean(fast))
-        if share < 0.1:
-            return None
-        return (
-            share,
-            "",
-            f"order {order:.4g} per turn is above half the rate of {log.rate:.4g} "
-            f"Hz in {100 * share:.0f} % of the rows",
-            "Record faster, or move slower.",
-        )
-
-    return need
-
-
-def changing(channel: str, least: float, unit: str) -> Need:
-    """A channel that spans at least this much."""
-
-    def need(log: Log, _: Motion | None) -> Lack | None:
-        names = [name for name in channel.split(" or ") if name in log]
-        span = max((float(np.nanmax(log[n]) - np.nanmin(log[n])) for n in names), default=0.0)
-        if span > least:
-            return None
-        return (
-            span,
-            unit,
-            f"{listed(names)} changes by {span:.3g} {unit} only",
-            f"Record a run in which {listed(names)} changes by more than {least:g} {unit}.",
-        )
-
-    return need
-
-
-def lasting(seconds: float) -> Need:
-    """A run of at least this length."""
-
-    def need(log: Log, _: Motion | None) -> Lack | None:
-        if log.duration >= seconds:
-            return None
-        return (
-            log.duration,
-            "s",
-            f"the run lasts {log.duration:.3g} s",
-            f"Record {seconds:g} s or more.",
-        )
-
-    return need
-
-
-def _teeth(log: Log, ratio: float) -> float:
-    return ratio * float(log.facts.get("pole_pairs", 7))
-
-
 MOVES = ("output_position or output_velocity",)
 ANGLE = ("output_position",)
 BOTH_ANGLES = ("output_position", "motor_position")
@@ -303,7 +150,7 @@ EFFECTS: dict[str, Asked] = {
     "output_ripple": Asked(ANGLE, (turn_of(1.0),)),
     "wave_generator_ripple": Asked(ANGLE, (sampled(lambda _, ratio: 2 * ratio),)),
     "speed_dependent_ripple": Asked(ANGLE, (speeds(1.5),)),
-    "cogging": Asked(ANGLE, (sampled(_teeth),)),
+    "cogging": Asked(ANGLE, (sampled(teeth),)),
     "temperature_drift": Asked(("temperature",), (changing("temperature", 2.0, "°C"),)),
     "thermal_gradient_drift": Asked(("temperature",), (changing("temperature", 2.0, "°C"),)),
     "time_drift": Asked((), (lasting(60.0),)),
