@@ -72,7 +72,10 @@ def channels_for(
     missing = [name for name in derived if name in reads and name not in log]
     if missing and "output_position" in log:
         made = differentiate(log)
-        log = log.with_columns({name: made[name] for name in missing}, note=made.history[-1])
+        log = log.with_columns(
+            {name: made[name] for name in missing},
+            note=made.history[-1].replace(listed(derived), listed(missing)),
+        )
     needed = reads - {"load", "motor_position"}
     if "motor_position" in reads and "motor_position" not in log:
         needed.add("output_position")
