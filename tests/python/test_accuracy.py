@@ -219,3 +219,24 @@ def test_the_fast_structured_sums_equal_those_of_the_plain_rows(orders):
     sums = posed.sums(chosen(*effects), np.empty(0)).total()[0]
     size = np.sqrt(np.outer(np.diag(sums), np.diag(sums)))
     assert (np.abs(sums - table.T @ table) <= 1e-12 * size).all()
+
+
+@pytest.mark.parametrize("weighted", [False, True])
+@pytest.mark.parametrize("turlapati", [False, True])
+def test_both_directions_of_coulomb_friction_have_the_sums_of_their_rows(turlapati, weighted):
+    pair = effect("coulomb_friction_per_direction", direction_width=WIDTH)
+    ripple = effect("output_ripple", orders=range(1, 9))
+    effects = ["viscous_friction", pair, ripple, "inertia", *(["offset"] if turlapati else [])]
+    log = with_noise(effects, motion(3, 3001))
+    posed = problem_of(
+        [log], chosen(*effects), "sensor_torque", known_load=None, lowpass_hz=None, threads=2
+    )
+    weights = np.random.default_rng(4).uniform(0.2, 1.0, len(log)) if weighted else None
+    assert posed.design(chosen(*effects)).structured
+    sums = posed.sums(
+        chosen(*effects), np.empty(0), weights=None if weights is None else [weights]
+    ).total()[0]
+    table = np.column_stack([rows_of(effects, log), log["sensor_torque"]])
+    plain = table.T @ (table if weights is None else weights[:, None] * table)
+    size = np.sqrt(np.outer(np.diag(plain), np.diag(plain)))
+    assert (np.abs(sums - plain) <= 1e-12 * size).all()

@@ -270,7 +270,7 @@ CASES = {
         "note",
         "sensor_torque",
         None,
-        "or the sensor sits",
+        "or the sensor sees",
         "flip_sign=sensor_torque",
     ),
     "coarse encoder": Case(

@@ -39,6 +39,9 @@ struct Structure {
   std::vector<std::size_t> dense;  ///< columns that are neither ripple nor ones
   std::vector<int> order;          ///< column of the design -> column of TrigSums, target last
   int harmonics = 0;
+  /// The column that is one minus the column before it (the two directions of Coulomb friction
+  /// add up to one), so that its sums need no pass; 0: there is none.
+  std::size_t complement = 0;
 };
 
 /// The structure of a design, if it has one that pays: a ripple effect with orders 1, 2, … n,
@@ -74,6 +77,9 @@ inline std::optional<Structure> structure_of(const Design& design) {
         ripple_at.push_back(column);
         structure.order.push_back(0);
       } else if (std::holds_alternative<Offset<double>>(effect)) {
+        structure.order.push_back(0);
+      } else if (std::holds_alternative<CoulombFrictionPerDirection<double>>(effect) && k == 1) {
+        structure.complement = column;
         structure.order.push_back(0);
       } else {
         structure.dense.push_back(column);
@@ -141,6 +147,18 @@ inline Gram plain_gram(const Problem& problem, const Rows& rows, Precision preci
   return gram;
 }
 
+/// Turns the column of ones at `complement` into ones minus the column before it.
+inline void complete(Gram& gram, std::size_t complement) {
+  const auto size = static_cast<std::size_t>(gram.columns);
+  double* values = gram.high.data();
+  for (std::size_t x = 0; x < size; ++x) {
+    values[complement * size + x] -= values[(complement - 1) * size + x];
+  }
+  for (std::size_t x = 0; x < size; ++x) {
+    values[x * size + complement] -= values[x * size + complement - 1];
+  }
+}
+
 /// The Gram of one block of rows through sums of harmonics.
 inline Gram structured_gram(const Problem& problem, const Structure& structure, const Rows& rows) {
   const ColumnBlock block(problem.design.columns(), SampleBlock::capacity);
@@ -158,7 +176,9 @@ inline Gram structured_gram(const Problem& problem, const Structure& structure, 
     const double* weights = problem.weights != nullptr ? problem.weights + first : nullptr;
     sums.add(dense, cosine.data(), sine.data(), count, weights);
   });
-  return sums.gram().select(structure.order);
+  Gram gram = sums.gram().select(structure.order);
+  if (structure.complement != 0) complete(gram, structure.complement);
+  return gram;
 }
 
 /// The Gram of each block. `structured` false forces the plain columns.

@@ -112,7 +112,8 @@ class Design {
     each(block, out, stride, [](const AnyEffect&) { return true; });
   }
 
-  /// The same without the columns of one ripple effect, and instead cosine and sine of its angle.
+  /// The same without the columns of ones and of one ripple effect, and instead cosine and sine
+  /// of its angle.
   void fill_dense(const Channels& channels, std::size_t first, std::size_t count,
                   std::span<const double> coefficients, std::size_t ripple, double* out,
                   std::size_t stride, double* cosine, double* sine) const {
@@ -120,7 +121,9 @@ class Design {
     SampleBlock::Column<double> load;
     read(channels, first, count, coefficients, out, stride, block, load);
     const AnyEffect* left_out = &effects_[ripple];
-    each(block, out, stride, [&](const AnyEffect& effect) { return &effect != left_out; });
+    each(block, out, stride, [&](const AnyEffect& effect) {
+      return &effect != left_out && !std::holds_alternative<Offset<double>>(effect);
+    });
     const Pair pair = std::visit(
         [](const auto& effect) {
           if constexpr (HarmonicEffect<std::remove_cvref_t<decltype(effect)>>) {
