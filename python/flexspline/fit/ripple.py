@@ -16,7 +16,7 @@ from flexspline.orders import OrderAnalysis, find_orders
 
 __all__ = ["with_found_orders"]
 
-SURE = float(chi2.ppf(0.999, 2))  # of cosine and sine together
+SURE = float(chi2.ppf(0.9999, 2))  # of cosine and sine together; some ten orders are tried
 
 CORE_PAIRS = {
     "output_housing": "output_on_housing",
@@ -42,12 +42,9 @@ def with_found_orders(
     found = _analysed([e for e in effects if e not in open_ones], problem_of)
     filled = {e.name: _with_orders(e, found) for e in open_ones}
     filled = _significant([filled.get(e.name, e) for e in effects], filled, problem_of)
-    sentences = [
-        f"no order of {name} stands out of the noise: it is left out"
-        for name, e in filled.items()
-        if not e.harmonics
-    ]
+    sentences = [_empty(found, name) for name, e in filled.items() if not e.harmonics]
     sentences += _unowned(found, {e.name for e in effects})
+    sentences += _only_by_fit(found, filled)
     kept = [filled.get(e.name, e) for e in effects]
     return [e for e in kept if e.harmonics or not e.ripple], found, sentences
 
@@ -92,13 +89,30 @@ def _significant(
 
 
 def _with_orders(effect: Effect, found: OrderAnalysis) -> Effect:
-    """The effect with the orders it owns, the largest where there are too many."""
+    """The effect with the orders it owns, the largest where there are too many.
+
+    Low orders of the output that the analysis is not certain of are tried too: the fit, which
+    sees all runs and effects at once, decides.
+    """
     own = [
         (f.order, CORE_PAIRS[f.pair])
         for f in found
         if f.effect == effect.name and isinstance(f.order, int)
     ]
+    if effect.name == "output_ripple":
+        own += [(f.order, CORE_PAIRS["output_housing"]) for f in found.faint]
     return effect.with_orders(own[: _core.max_harmonics])
+
+
+def _empty(found: OrderAnalysis, name: str) -> str:
+    """Why an effect is left with no order."""
+    seen = [f"{f.per_output_turn:.6g}" for f in found if f.effect == name]
+    if not seen:
+        return f"no order of {name} stands out of the noise: it is left out"
+    return (
+        f"orders {', '.join(seen)} per output turn of {name} stand out, but none with an amplitude "
+        "and phase that hold over all runs: it is left out"
+    )
 
 
 def _unowned(found: OrderAnalysis, names: set[str]) -> list[str]:
@@ -111,4 +125,17 @@ def _unowned(found: OrderAnalysis, names: set[str]) -> list[str]:
         f"orders {', '.join(orders)} per output turn stand out and belong to {owner}, which is "
         "not in the model"
         for owner, orders in missing.items()
+    ]
+
+
+def _only_by_fit(found: OrderAnalysis, filled: dict[str, Effect]) -> list[str]:
+    """Orders that are in the model although the analysis alone is not certain of them."""
+    faint = {f.order for f in found.faint}
+    own = filled["output_ripple"].harmonics if "output_ripple" in filled else ()
+    kept = [str(order) for order, _ in own if order in faint]
+    if not kept:
+        return []
+    return [
+        f"orders {', '.join(kept)} per output turn are in the model because the fit tells them "
+        "from zero; the order analysis alone is not certain of them: runs over full turns would be"
     ]

@@ -1,0 +1,71 @@
+"""Orders that a fit finds by itself."""
+
+from __future__ import annotations
+
+import numpy as np
+from fit_logs import autoregressive
+
+import flexspline
+from flexspline.logs import Log
+
+SMOOTH = ["offset", "coulomb_friction", "viscous_friction"]
+WIDTH = {"direction_width": 0.02}
+
+
+def run(seed: int, ripple: float = 0.05) -> Log:
+    """Two full turns each way with order 3 of the output and order 2 of the motor (ratio 50)."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(0.0, 24.0, 0.004)
+    v = 1.1 * np.sign(np.sin(2 * np.pi * t / 24.0 + 1e-9)) * (1 + 0.2 * np.sin(0.9 * t + seed))
+    q = np.cumsum(v) * 0.004 + seed
+    y = 0.1 + 0.3 * np.tanh(v / 0.02) + 0.1 * v
+    y += ripple * np.cos(3 * q + 0.4) + 0.6 * ripple * np.sin(100 * q)
+    y += autoregressive(rng, len(t), innovation=0.01)
+    return Log.from_arrays(
+        time=t,
+        output_position=q,
+        output_velocity=v,
+        sensor_torque=y,
+        facts={"name": f"run {seed}", "gear_ratio": 50},
+    )
+
+
+def fitted(effects: list[str], logs: list[Log]) -> flexspline.Fit:
+    return flexspline.fit(effects, logs, "sensor_torque", checks=False, fixed=WIDTH)
+
+
+def test_orders_left_open_are_found_with_their_amplitudes() -> None:
+    fit = fitted([*SMOOTH, "output_ripple", "wave_generator_ripple"], [run(k) for k in range(4)])
+    orders = {e.name: [o for o, _ in e.harmonics] for e in fit.part.effects if e.ripple}
+    assert orders == {"output_ripple": [3], "wave_generator_ripple": [2]}
+    cosine, sine = fit["output_ripple.cosine 3"], fit["output_ripple.sine 3"]
+    assert abs(cosine.value - 0.05 * np.cos(0.4)) < 4 * cosine.standard_error
+    assert abs(sine.value + 0.05 * np.sin(0.4)) < 4 * sine.standard_error
+    assert fit.orders is not None and len(fit.orders) >= 2
+
+
+def test_without_ripple_an_open_effect_is_left_out_and_the_fit_says_so() -> None:
+    fit = fitted([*SMOOTH, "output_ripple"], [run(k, ripple=0.0) for k in range(4)])
+    assert [e.name for e in fit.part.effects] == SMOOTH
+    assert any("no order of output_ripple stands out" in w for w in fit.warnings)
+
+
+def test_an_order_whose_owner_is_not_in_the_model_is_named() -> None:
+    fit = fitted([*SMOOTH, "output_ripple"], [run(k) for k in range(4)])
+    assert any(
+        "100 per output turn" in w and "wave_generator_ripple, which is not in the model" in w
+        for w in fit.warnings
+    )
+
+
+def test_given_orders_are_taken_as_they_are() -> None:
+    fit = flexspline.fit(
+        [*SMOOTH, "output_ripple"],
+        [run(0)],
+        "sensor_torque",
+        checks=False,
+        fixed=WIDTH,
+        orders={"output_ripple": [1, 3]},
+    )
+    assert fit.orders is None
+    assert [o for o, _ in fit.part.effects[-1].harmonics] == [1, 3]
