@@ -155,7 +155,8 @@ def test_a_second_fit_replaces_its_files_and_keeps_others(tmp_path: Path, runs: 
 
 
 SLOW = """
-import sys, time
+import signal, sys, time
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a background job starts without it
 from flexspline.fit.result import Fit
 def slow(self, path):
     path.write_text("half")
