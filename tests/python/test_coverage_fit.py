@@ -6,8 +6,6 @@ standard deviations. The full study with 1000 logs is that of test_uncertainty.
 
 from __future__ import annotations
 
-import time
-
 import numpy as np
 import pytest
 from fit_logs import FRICTION, WIDTH, autoregressive, friction, motion, simulated
@@ -54,14 +52,3 @@ def test_intervals_of_fit_cover_each_parameter_in_90_to_98_5_percent_of_the_logs
 def test_naive_intervals_cover_far_less(study):
     assert max(naive for _, naive in study.values()) < 0.75
     assert np.mean([naive for _, naive in study.values()]) < 0.55
-
-
-def test_a_fit_of_2000_samples_with_a_shape_takes_less_than_a_fifth_of_a_second():
-    noise = autoregressive(np.random.default_rng(1), SAMPLES)
-    log = simulated(MODEL, TRUTH, motion(1, SAMPLES), noise)
-    taken = []
-    for _ in range(7):
-        start = time.process_time()
-        flexspline.fit(MODEL, log, "sensor_torque", checks=False)
-        taken.append(time.process_time() - start)
-    assert min(taken) < 0.2

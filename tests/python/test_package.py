@@ -6,7 +6,6 @@ import os
 import shutil
 import subprocess
 import sys
-import time
 from importlib.metadata import Distribution, PackageNotFoundError, distribution
 from pathlib import Path
 
@@ -127,10 +126,9 @@ def test_a_program_builds_against_the_cmake_package(wheel: Distribution, tmp_pat
     assert said.stdout == "1 3"
 
 
-def test_the_package_is_imported_within_one_and_a_half_seconds() -> None:
-    def seconds() -> float:
-        start = time.perf_counter()
-        subprocess.run([sys.executable, "-c", "import flexspline"], check=True)
-        return time.perf_counter() - start
-
-    assert min(seconds() for _ in range(3)) < 1.5
+def test_importing_the_package_leaves_out_what_only_pictures_and_files_need() -> None:
+    asked = "import sys, flexspline; print(*{name.split('.')[0] for name in sys.modules})"
+    loaded = subprocess.run(
+        [sys.executable, "-c", asked], capture_output=True, text=True, check=True
+    ).stdout.split()
+    assert not {"matplotlib", "pandas", "h5py", "jinja2", "pint"} & set(loaded)
