@@ -92,7 +92,11 @@ class Design {
       : effects_(std::move(effects)), gear_(gear) {
     for (const AnyEffect& effect : effects_) {
       columns_ += terms_of(effect);
-      motor_side_ |= reads_any(effect, Channel::motor_position);
+      const bool motor_side = reads_any(effect, Channel::motor_position);
+      const bool angle = motor_side || reads_any(effect, Channel::output_position);
+      if (angle) ++angle_readers_;
+      if (angle && angles_ == SampleBlock::Angles::none) angles_ = SampleBlock::Angles::output;
+      if (motor_side) angles_ = SampleBlock::Angles::both_sides;
       load_ |= reads_any(effect, Channel::load);
     }
   }
@@ -108,31 +112,32 @@ class Design {
             std::span<const double> coefficients, double* out, std::size_t stride) const {
     SampleBlock block;
     SampleBlock::Column<double> load;
-    read(channels, first, count, coefficients, out, stride, block, load);
+    read(channels, first, count, coefficients, out, stride, angles_, block, load);
     each(block, out, stride, [](const AnyEffect&) { return true; });
   }
 
   /// The same without the columns of ones and of one ripple effect, and instead cosine and sine
-  /// of its angle.
+  /// of its angle: where no other effect reads an angle, straight from the radians.
   void fill_dense(const Channels& channels, std::size_t first, std::size_t count,
                   std::span<const double> coefficients, std::size_t ripple, double* out,
                   std::size_t stride, double* cosine, double* sine) const {
+    const AnyEffect* left_out = &effects_[ripple];
+    const Pair pair = pair_of(*left_out);
+    const bool direct = angle_readers_ == 1 && pair == Pair::output_on_housing &&
+                        channels.output_position != nullptr &&
+                        within_reach(channels.output_position + first, count);
     SampleBlock block;
     SampleBlock::Column<double> load;
-    read(channels, first, count, coefficients, out, stride, block, load);
-    const AnyEffect* left_out = &effects_[ripple];
+    read(channels, first, count, coefficients, out, stride,
+         direct ? SampleBlock::Angles::none : angles_, block, load);
     each(block, out, stride, [&](const AnyEffect& effect) {
       return &effect != left_out && !std::holds_alternative<Offset<double>>(effect);
     });
-    const Pair pair = std::visit(
-        [](const auto& effect) {
-          if constexpr (HarmonicEffect<std::remove_cvref_t<decltype(effect)>>) {
-            return effect.harmonics[0].pair;
-          }
-          return Pair{};
-        },
-        *left_out);
-    phasors(1, block.phases(pair), count, cosine, sine);
+    if (direct) {
+      kernels().cosine_and_sine(channels.output_position + first, count, cosine, sine);
+    } else {
+      phasors(1, block.phases(pair), count, cosine, sine);
+    }
   }
 
   /// Row · coefficients for rows [first, first + count), summed as Model::predict does.
@@ -154,11 +159,38 @@ class Design {
                       any);
   }
 
+  /// The pair of a ripple effect's first harmonic.
+  static Pair pair_of(const AnyEffect& any) {
+    return std::visit(
+        [](const auto& effect) {
+          if constexpr (HarmonicEffect<std::remove_cvref_t<decltype(effect)>>) {
+            return effect.harmonics[0].pair;
+          }
+          return Pair{};
+        },
+        any);
+  }
+
+  /// Whether angles [rad] are such that the kernel takes them as they are, without phases.
+  static bool within_reach(const double* angle, std::size_t count) {
+    double farthest = 0.0;
+    run_wide([angle, count, &farthest] {
+      double most = 0.0;
+      for (std::size_t i = 0; i < count; ++i) {
+        const double size = math::absolute(angle[i]);
+        most = size < most ? most : size;
+      }
+      farthest = most;
+    });
+    return farthest <= 1e6;  // false for NaN too
+  }
+
   /// Reads a block and makes its load, kept in `load`; `out` serves as scratch.
   void read(const Channels& channels, std::size_t first, std::size_t count,
             std::span<const double> coefficients, double* out, std::size_t stride,
-            SampleBlock& block, SampleBlock::Column<double>& load) const {
-    block.read(channels, first, count, gear_, motor_side_);
+            SampleBlock::Angles angles, SampleBlock& block,
+            SampleBlock::Column<double>& load) const {
+    block.read(channels, first, count, gear_, angles);
     if (!load_ || coefficients.empty()) return;
     each(block, out, stride, carries_load);
     SampleBlock::Column<double> carried{};
@@ -203,7 +235,8 @@ class Design {
   std::vector<AnyEffect> effects_;
   Gear<double> gear_;
   std::size_t columns_ = 0;
-  bool motor_side_ = false;
+  SampleBlock::Angles angles_ = SampleBlock::Angles::none;
+  std::size_t angle_readers_ = 0;
   bool load_ = false;
 };
 

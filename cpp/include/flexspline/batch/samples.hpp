@@ -24,6 +24,8 @@ struct Channels {
 /// Up to `capacity` samples of a log, a column each, so that a loop over them vectorises. Plain
 /// channels stay where they are; phases are made here.
 struct SampleBlock {
+  enum class Angles { none, output, both_sides };
+
   static constexpr std::size_t capacity = 1024;
   template <typename T>
   struct alignas(64) Column : std::array<T, capacity> {};
@@ -37,11 +39,12 @@ struct SampleBlock {
   Column<std::int32_t> turns;
   Column<std::uint64_t> output_phase, motor_phase, flexspline_phase, circular_spline_phase;
 
-  /// Points at rows [first, first + count) and fills the phases; the load is the known load.
+  /// Points at rows [first, first + count) and fills the phases asked for; the load is the known
+  /// load.
   /// A channel that the log lacks is 0 (temperature: 25); a position that is not finite gives
   /// phase zero.
   void read(const Channels& from, std::size_t first, std::size_t count, const Gear<double>& gear,
-            bool motor_side) noexcept {
+            Angles angles) noexcept {
     static const Column<double> none{};
     static const Column<double> room = [] {
       Column<double> filled;
@@ -57,13 +60,14 @@ struct SampleBlock {
     temperature = at(from.temperature, room);
     known_load = at(from.known_load, none);
     load = known_load;
+    if (angles == Angles::none) return;
     if (from.output_position == nullptr) {
       std::fill_n(turns.begin(), count, 0);
       std::fill_n(output_phase.begin(), count, 0);
     } else {
       read_angle(from.output_position + first, turns, output_phase);
     }
-    if (motor_side) read_motor(from, first, gear);
+    if (angles == Angles::both_sides) read_motor(from, first, gear);
   }
 
   /// The phases of one pair of parts.
