@@ -102,7 +102,7 @@ def test_the_include_folder_holds_the_core(wheel: Distribution) -> None:
 
 
 def test_a_program_builds_against_the_cmake_package(wheel: Distribution, tmp_path: Path) -> None:
-    if shutil.which("c++") is None:
+    if shutil.which("c++") is None and os.environ.get("CI") != "true":
         pytest.skip("there is no C++ compiler to build a program with")
     (tmp_path / "CMakeLists.txt").write_text(CONSUMER.format(version=flexspline.__version__))
     (tmp_path / "main.cpp").write_text(PROGRAM)
