@@ -10,7 +10,7 @@ import numpy as np
 
 import flexspline
 from flexspline import effect
-from flexspline.rigs import SPEEDS, sensor_rig
+from flexspline.rigs.sensor import SPEEDS, sensor_rig
 
 matplotlib.rcParams.update({"svg.hashsalt": "flexspline", "svg.fonttype": "none", "font.size": 9})
 TODAY = [

@@ -27,7 +27,7 @@ from flexspline.logs.log import Log, Source
 from flexspline.logs.read import read_log
 from flexspline.plot.canvas import PlainFigure, titled
 from flexspline.plot.residuals import residual_over
-from flexspline.rigs import SPEEDS, Rig, Truth, sensor_rig
+from flexspline.rigs.sensor import SPEEDS, Rig, Truth, sensor_rig
 
 __all__ = ["BASE", "Demo", "demo", "most_helpful"]
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from flexspline.errors import InputError
 from flexspline.logs.checks import check
-from flexspline.rigs import OUTPUT_BITS, SENSOR_STEP, SPEEDS, play, sensor_rig
+from flexspline.rigs.sensor import OUTPUT_BITS, SENSOR_STEP, SPEEDS, play, sensor_rig
 
 
 def play_by_loop(position: list[float], slip: float) -> list[float]:

@@ -13,6 +13,7 @@ from flexspline.cli.demo import demo
 from flexspline.cli.export import export
 from flexspline.cli.fit import fit
 from flexspline.cli.predict import predict
+from flexspline.cli.reproduce import reproduce
 
 __all__ = ["commands", "main"]
 
@@ -42,6 +43,7 @@ def commands() -> None:
     \b
     See it work, no data needed:
       flexspline demo
+      flexspline reproduce all --out papers     (the papers' claims beside ours)
 
     \b
     On your own runs:
@@ -55,7 +57,7 @@ def commands() -> None:
     """
 
 
-for command in (fit, predict, export, convert, demo):
+for command in (fit, predict, export, convert, demo, reproduce):
     commands.add_command(command)
 
 

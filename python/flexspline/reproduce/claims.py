@@ -57,9 +57,9 @@ class Claim:
         kind = self.criterion["kind"]
         if kind == "near":
             expected = self.criterion.get("expected", self.published)
-            return np.abs(values - expected) <= self.criterion["tolerance"]
+            return np.asarray(np.abs(values - expected) <= self.criterion["tolerance"])
         bound = self.criterion["bound"]
-        return values <= bound if kind == "at_most" else values >= bound
+        return np.asarray(values <= bound if kind == "at_most" else values >= bound)
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,4 @@
-"""Simulated rigs: logs of a joint that has more physics than the models fitted to it.
-
-A rig that contains exactly the model under test proves nothing. Here the reading is
+"""A joint with a torque sensor, driven without load. The reading is
 
     τ_s = Σ effects of the catalogue (evaluated by the core along the true motion)
           + presliding: an elastic-plastic element, σ (q − p), that slips at its level

@@ -1,0 +1,8 @@
+"""Simulated rigs: logs of a joint that has more physics than the models fitted to it.
+
+A rig that contains exactly the model under test proves nothing.
+"""
+
+from flexspline.rigs.sensor import FACTS, Rig, Truth, play, sensor_rig
+
+__all__ = ["FACTS", "Rig", "Truth", "play", "sensor_rig"]

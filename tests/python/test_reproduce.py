@@ -1,0 +1,91 @@
+"""The frame of `reproduce`, with a paper of three claims that the test writes itself."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pandas
+import pytest
+from cli_calls import call
+
+from flexspline.errors import InputError
+from flexspline.plot.canvas import axes_or_new
+from flexspline.reproduce import Claim, Story, claims, reproduce, run
+
+PAPER = "small_paper"
+
+
+def draw(rng: np.random.Generator) -> Mapping[str, float]:
+    return {"small_paper.near": rng.normal(1.0, 0.01), "small_paper.never": 2.0}
+
+
+def story(seed: int) -> Story:
+    ax = axes_or_new(None)
+    ax.plot([0, 1], [0, seed])
+    return Story(
+        {"fig1": ax.figure}, {"table1": pandas.DataFrame({"x [Nm]": [1.0]})}, {"fig1": "a line"}
+    )
+
+
+@pytest.fixture
+def small_paper(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    module = ModuleType(PAPER)
+    module.draw, module.story = draw, story  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, f"flexspline.reproduce.{PAPER}", module)
+    near, never = {"kind": "near", "tolerance": 0.1}, {"kind": "at_most", "bound": 1.0}
+    unclear = {"kind": "undecidable", "reason": "?"}
+    rules = (
+        Claim("small_paper.near", "(1)", "one", "x", 1.0, "Nm", near),
+        Claim("small_paper.never", "(2)", "< one", "y", 1.0, "Nm", never),
+        Claim("small_paper.open", "(3)", "?", None, None, "", unclear),
+    )
+    monkeypatch.setattr(claims, "claims_of", lambda paper: rules)
+    monkeypatch.setattr(run, "PAPERS", (PAPER,))
+    yield
+
+
+@pytest.mark.usefixtures("small_paper")
+def test_a_reproduction_leaves_figures_tables_claims_and_a_page(tmp_path: Path) -> None:
+    made = reproduce(PAPER, tmp_path / "out", draws=5)[PAPER]
+    assert [v.holds for v in made.verdicts] == [True, False, None]
+    assert "1 holds, 1 does not hold, 1 not decided" in str(made)
+    for name in ("fig1.png", "fig1.svg", "table1.csv"):
+        assert (tmp_path / "out" / PAPER / name).stat().st_size > 0
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert "<svg" in page and "does not hold" in page
+    kept = json.loads((tmp_path / "out" / "claims.json").read_text(encoding="utf-8"))
+    first = kept["papers"][PAPER]["claims"][0]
+    assert first["published"] == 1.0 and first["holds"] is True and first["ours"]["draws"] == 5
+
+
+@pytest.mark.usefixtures("small_paper")
+def test_the_same_seed_gives_the_same_numbers_and_another_seed_others() -> None:
+    one, same, other = (reproduce(PAPER, draws=3, seed=s)[PAPER].verdicts[0] for s in (1, 1, 2))
+    assert one.values.tolist() == same.values.tolist() != other.values.tolist()
+
+
+@pytest.mark.usefixtures("small_paper")
+def test_nothing_is_left_where_a_draw_fails(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(run, "draw", lambda paper, seed: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        reproduce(PAPER, tmp_path / "out", draws=1)
+    assert not (tmp_path / "out").exists()
+
+
+def test_an_unknown_paper_is_answered_with_the_nearest() -> None:
+    with pytest.raises(InputError, match="did you mean 'zhang'"):
+        reproduce("zang")
+
+
+def test_no_draw_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="at least 1"):
+        reproduce("zhang", draws=0)
+    done = call("reproduce", "zhang", "--draws", "0", "--out", str(tmp_path / "x"))
+    assert done.exit_code == 2
