@@ -54,6 +54,58 @@ TEST_CASE_TEMPLATE("exp, expm1 and tanh err by no more than their headers say", 
   CHECK(tanh <= 3.0);
 }
 
+TEST_CASE_TEMPLATE("log, atan and tan err by no more than their headers say", S, float, double) {
+  std::mt19937_64 random(5);
+  double log = 0, atan = 0, tan = 0, far_tan = 0;
+  const S far = sizeof(S) == 4 ? S(10) : S(1000);
+  for (int i = 0; i < 300000; ++i) {
+    const S any = std::abs(any_finite<S>(random));
+    const S near_one = std::exp(argument<S>(random, 3 * (i % 2) + 1) / S(3));
+    const S share = std::uniform_real_distribution<S>(-1, 1)(random);
+    const S gap = i % 2 == 0 ? share : S(1) - std::exp2(S(-20) * std::abs(share));
+    for (const S x : {any, near_one}) {
+      if (x > S(0)) log = std::max(log, ulps(math::log(x), std::log(static_cast<long double>(x))));
+      atan = std::max(atan, ulps(math::atan(-x), std::atan(-static_cast<long double>(x))));
+    }
+    const S x = gap * math::pi<S> / S(2);
+    tan = std::max(tan, ulps(math::tan(x), std::tan(static_cast<long double>(x))));
+    const S y = share * far;
+    far_tan = std::max(far_tan, ulps(math::tan(y), std::tan(static_cast<long double>(y))));
+  }
+  CHECK(log <= 1.0);
+  CHECK(atan <= 2.5);
+  CHECK(tan <= 3.5);
+  CHECK(far_tan <= (sizeof(S) == 4 ? 16 : 4));
+}
+
+TEST_CASE_TEMPLATE("log, atan and tan have the right values at the edges", S, float, double) {
+  using Limits = std::numeric_limits<S>;
+  CHECK(math::log(S(1)) == S(0));
+  CHECK(math::log(S(0)) == -infinity<S>);
+  CHECK(math::log(infinity<S>) == infinity<S>);
+  CHECK(std::isnan(math::log(S(-1))));
+  CHECK(std::isnan(math::log(not_a_number<S>)));
+  CHECK(math::log(Limits::denorm_min()) == S(std::log(Limits::denorm_min())));
+  CHECK(math::atan(infinity<S>) == math::pi<S> / S(2));
+  CHECK(math::atan(-infinity<S>) == -math::pi<S> / S(2));
+  CHECK(math::atan(S(0)) == S(0));
+  CHECK(std::isnan(math::atan(not_a_number<S>)));
+  CHECK(math::tan(S(0)) == S(0));
+  CHECK(math::is_finite(math::tan(math::pi<S> / S(2))));
+  CHECK(std::isnan(math::tan(infinity<S>)));
+  CHECK(std::isnan(math::tan(not_a_number<S>)));
+}
+
+TEST_CASE_TEMPLATE("atan and tan are odd", S, float, double) {
+  std::mt19937_64 random(6);
+  for (int i = 0; i < 100000; ++i) {
+    const S x = any_finite<S>(random);
+    CHECK(math::atan(-x) == -math::atan(x));
+    const S y = math::atan(x);
+    CHECK(math::tan(-y) == -math::tan(y));
+  }
+}
+
 TEST_CASE_TEMPLATE("exponentials saturate outside their range", S, float, double) {
   const S limit = sizeof(S) == 4 ? S(87) : S(708);
   for (const S x : {limit * 2, std::numeric_limits<S>::max(), infinity<S>}) {
@@ -148,6 +200,9 @@ TEST_CASE_TEMPLATE("a phasor's neighbours across the edge of a quarter agree", S
 TEST_CASE_TEMPLATE("elementary functions are computed by the compiler too", S, float, double) {
   static_assert(math::tanh(S(0)) == S(0) && math::exp(S(0)) == S(1));
   static_assert(math::phasor<S>(0).cosine == S(1));
+  static_assert(math::log(S(1)) == S(0) && math::atan(S(0)) == S(0) && math::tan(S(0)) == S(0));
+  static_assert(noexcept(math::log(S(1))) && noexcept(math::atan(S(1))) &&
+                noexcept(math::tan(S(1))));
   static_assert(noexcept(math::tanh(S(0))) && noexcept(math::exp(S(0))));
   constexpr S at_compile_time = math::tanh(S(0.3L));
   volatile S x = S(0.3L);

@@ -1,4 +1,4 @@
-/// Verdicts of a step.
+/// Verdicts of a step, and remarks beside a good result.
 #pragma once
 
 #include <cstdint>
@@ -8,8 +8,32 @@ namespace flexspline {
 /// What a step found. Anything but `ok` leaves the outputs and the state as they were.
 enum class [[nodiscard]] Status : std::uint8_t {
   ok = 0,
-  not_finite = 1,  ///< NaN or infinity in a channel that the step reads, or in its result
-  bad_period = 2,  ///< time since the last sample is zero, negative or not finite
+  not_finite = 1,    ///< NaN or infinity in a channel that the step reads, or in its result
+  bad_period = 2,    ///< time since the last sample is zero, negative or not finite
+  out_of_range = 3,  ///< a channel or a setting outside of what the formula is made for
+};
+
+/// What is to be known of a result that is good enough to use: bits, side by side.
+enum class Flag : std::uint8_t {
+  none = 0,
+  extrapolated = 1,  ///< an input outside the range that the parameters were fitted in
+  saturated = 2,     ///< held at the edge of the model, where its formula has a pole
+};
+
+constexpr Flag operator|(Flag a, Flag b) noexcept {
+  return static_cast<Flag>(static_cast<std::uint8_t>(a) | static_cast<std::uint8_t>(b));
+}
+constexpr Flag operator&(Flag a, Flag b) noexcept {
+  return static_cast<Flag>(static_cast<std::uint8_t>(a) & static_cast<std::uint8_t>(b));
+}
+/// Whether `flags` has any of the bits of `wanted`.
+constexpr bool has(Flag flags, Flag wanted) noexcept { return (flags & wanted) != Flag::none; }
+
+/// A torque and what is to be known of it.
+template <typename S>
+struct FlaggedTorque {
+  S torque = 0;  ///< Nm
+  Flag flags = Flag::none;
 };
 
 }  // namespace flexspline

@@ -1,0 +1,35 @@
+/// Torque from the voltage of the sensor's bridge.
+///
+///   τ = k V + zero + compensation(T)
+///
+/// The compensation comes from TemperatureCompensation, 0 without one. Outside [low, high] volts:
+/// `extrapolated`.
+/// Source: zhang_disturbance_elimination (10), (25): 62.738 Nm/V, 2.1835 Nm. A_0 of (10) is the
+/// zero, A_1 T + A_2 T² counted from the reference temperature the compensation.
+#pragma once
+
+#include <limits>
+
+#include "flexspline/math.hpp"
+#include "flexspline/status.hpp"
+
+namespace flexspline {
+
+template <typename S>
+struct Calibration {
+  S sensitivity = 0;                       ///< k, Nm/V
+  S zero = 0;                              ///< Nm, the torque that zero volts stand for
+  S low = -std::numeric_limits<S>::max();  ///< V, range of the calibration
+  S high = std::numeric_limits<S>::max();
+
+  /// `voltage` V; `compensation` and result in Nm, positive outward.
+  constexpr Status torque(S voltage, S compensation, FlaggedTorque<S>& out) const noexcept {
+    const S found = sensitivity * voltage + zero + compensation;
+    if (!math::is_finite(found)) return Status::not_finite;
+    const bool inside = voltage >= low && voltage <= high;
+    out = {found, inside ? Flag::none : Flag::extrapolated};
+    return Status::ok;
+  }
+};
+
+}  // namespace flexspline

@@ -1,0 +1,297 @@
+#include <doctest/doctest.h>
+
+#include "estimator_cases.hpp"
+#include "flexspline/batch/replay_chain.hpp"
+
+using namespace flexspline;
+
+namespace {
+
+/// Every stage.
+template <typename S>
+typename Chain<S>::Config whole() {
+  typename Chain<S>::Config config;
+  config.thermistor = {S(3.3), S(10000), S(10000), S(3435), S(25)};
+  config.compensation = {.coefficients = {S(0.02), S(-0.0006)},
+                         .gradient = S(0.1),
+                         .thermal_lag = S(30),
+                         .low = S(20),
+                         .high = S(45)};
+  config.sensor = true;
+  config.calibration = {S(62.738), S(2.1835), S(-1), S(1.2)};
+  config.observer = {S(100), Discretisation::exact};
+  config.compliance = {S(15548), S(0.0487L), S(0.05L)};
+  config.logistic = {S(500), S(0.001L)};
+  auto& collision = config.collision.emplace();
+  collision.negative.fill(S(5));
+  collision.positive.fill(S(5));
+  config.watched = Watched::merged;
+  return config;
+}
+
+/// A joint that swings, as its channels.
+template <typename S>
+typename Chain<S>::Input sample(int i) {
+  const double t = 0.001 * i;
+  typename Chain<S>::Input in;
+  in.period = S(0.001);
+  in.voltage = S(0.3 * std::sin(3 * t));
+  in.thermistor_voltage = S(1.4 - 0.01 * t);
+  in.sensor_intrinsic = S(0.2 * std::cos(20 * t));
+  in.motor_torque = S(20 * std::sin(3 * t));
+  in.momentum = S(1.9 * std::cos(2 * t));
+  in.observer_intrinsic = S(0.5);
+  in.torsion = S(-1e-3 * std::sin(3 * t));
+  in.gear_known = S(0.3);
+  in.velocity = S(0.01 * std::sin(t));
+  return in;
+}
+
+/// The numbers of an output, for comparison in bits.
+template <typename S>
+bool same(const typename Chain<S>::Output& a, const typename Chain<S>::Output& b) {
+  return same_bits(a.temperature, b.temperature) && same_bits(a.sensor_torque, b.sensor_torque) &&
+         same_bits(a.external_sensor, b.external_sensor) &&
+         same_bits(a.external_observer, b.external_observer) &&
+         same_bits(a.external_compliance, b.external_compliance) &&
+         same_bits(a.external_merged, b.external_merged) &&
+         same_bits(a.merge_weight, b.merge_weight) && a.contact == b.contact;
+}
+
+template <typename S>
+struct Device {
+  typename Chain<S>::Config config = whole<S>();
+  typename Chain<S>::State state{};
+  typename Chain<S>::Output out{};
+
+  void run(int from, int to) {
+    for (int i = from; i < to; ++i) step(sample<S>(i));
+  }
+  void step(const typename Chain<S>::Input& in) {
+    REQUIRE(Chain<S>::step(config, state, in, out) == Status::ok);
+  }
+};
+
+}  // namespace
+
+TEST_CASE_TEMPLATE("the chain gives what its stages give one by one", S, float, double) {
+  Device<S> device;
+  const auto config = whole<S>();
+  typename TemperatureCompensation<S>::State body;
+  typename MomentumObserver<S>::State observer;
+  typename CollisionDetector<S>::State detector;
+  for (int i = 0; i < 500; ++i) {
+    const auto in = sample<S>(i);
+    device.step(in);
+    S temperature = 0, external = 0, weight = 0, merged = 0;
+    FlaggedTorque<S> drift, sensor, gear;
+    bool contact = false;
+    CHECK(config.thermistor->temperature(in.thermistor_voltage, temperature) == Status::ok);
+    CHECK(TemperatureCompensation<S>::step(*config.compensation, body, temperature, in.period,
+                                           drift) == Status::ok);
+    CHECK(config.calibration->torque(in.voltage, drift.torque, sensor) == Status::ok);
+    CHECK(MomentumObserver<S>::step(*config.observer, observer, in.momentum,
+                                    sensor.torque - in.observer_intrinsic, in.period,
+                                    external) == Status::ok);
+    CHECK(config.compliance->torque(in.torsion, gear) == Status::ok);
+    CHECK(config.logistic->merge(in.velocity, external, gear.torque - in.gear_known, weight,
+                                 merged) == Status::ok);
+    CHECK(CollisionDetector<S>::step(*config.collision, detector, merged, in.velocity, in.period,
+                                     contact) == Status::ok);
+    const typename Chain<S>::Output expected{temperature,
+                                             sensor.torque,
+                                             sensor.torque - in.sensor_intrinsic,
+                                             external,
+                                             gear.torque - in.gear_known,
+                                             merged,
+                                             weight,
+                                             contact};
+    CHECK(same<S>(device.out, expected));
+    CHECK(device.out.missed == Stage::none);
+    CHECK(device.out.flags == Flag::none);
+  }
+}
+
+TEST_CASE_TEMPLATE("the chain in two parts equals the chain in one", S, float, double) {
+  Device<S> one, two;
+  one.config.kalman = two.config.kalman = typename KalmanMerge<S>::Config{};
+  one.run(0, 700);
+  two.run(0, 300);
+  Device<S> later{two.config, two.state, two.out};
+  later.run(300, 700);
+  CHECK(same<S>(one.out, later.out));
+}
+
+TEST_CASE_TEMPLATE("a missing channel stops its stage and what follows, and no other", S, float,
+                   double) {
+  using Input = typename Chain<S>::Input;
+  struct Case {
+    S Input::* channel;
+    Stage missed;
+  };
+  const Stage end = Stage::merge | Stage::collision;
+  const std::array<Case, 9> cases{{
+      {&Input::voltage, Stage::sensor | Stage::observer | end},
+      {&Input::thermistor_voltage, Stage::thermistor | Stage::compensation},
+      {&Input::sensor_intrinsic, Stage::sensor | Stage::observer | end},
+      {&Input::motor_torque, Stage::none},
+      {&Input::momentum, Stage::observer | end},
+      {&Input::observer_intrinsic, Stage::observer | end},
+      {&Input::torsion, Stage::compliance | end},
+      {&Input::gear_known, Stage::compliance | end},
+      {&Input::velocity, end},
+  }};
+  for (const Case& one : cases) {
+    for (const S bad : not_finite<S>) {
+      Device<S> device;
+      device.run(0, 50);
+      const auto before = device.out;
+      Input in = sample<S>(50);
+      in.*one.channel = bad;
+      device.step(in);
+      CHECK(device.out.missed == one.missed);
+      CHECK((device.out.external_merged == before.external_merged) ==
+            has(one.missed, Stage::merge));
+      CHECK((device.out.external_sensor == before.external_sensor) ==
+            has(one.missed, Stage::sensor));
+      device.run(51, 60);
+      CHECK(device.out.missed == Stage::none);
+      CHECK(math::is_finite(device.out.external_merged));
+    }
+  }
+}
+
+TEST_CASE("after a gap the observer counts the whole time since its last good sample") {
+  Device<double> all, some;
+  all.config.observer_input = some.config.observer_input = ObserverInput::motor_torque;
+  for (int i = 0; i < 100; ++i) {
+    auto in = sample<double>(i);
+    in.motor_torque = 0;
+    in.momentum = -4e-3 * i;  // 4 Nm from outside
+    all.step(in);
+    if (i % 5 == 2) in.momentum = not_a_number<double>;
+    some.step(in);
+  }
+  CHECK(some.out.external_observer == doctest::Approx(all.out.external_observer).epsilon(1e-12));
+}
+
+TEST_CASE("an Euler observer goes on after a gap that is too long for it") {
+  Device<double> device;
+  device.config.observer = {1500, Discretisation::euler};
+  device.run(0, 50);
+  const double before = device.out.external_observer;
+  auto in = sample<double>(50);
+  in.period = 0.5;
+  device.step(in);
+  CHECK(has(device.out.missed, Stage::observer));
+  CHECK(device.out.external_observer == before);
+  device.run(51, 52);
+  CHECK_FALSE(has(device.out.missed, Stage::observer));
+  CHECK(device.out.external_observer == before);
+  device.run(52, 53);
+  CHECK(device.out.external_observer != before);
+}
+
+TEST_CASE_TEMPLATE("a bad period changes nothing at all", S, float, double) {
+  Device<S> device;
+  device.run(0, 20);
+  const auto before = device.out;
+  for (const S bad : bad_periods<S>) {
+    auto in = sample<S>(20);
+    in.period = bad;
+    CHECK(Chain<S>::step(device.config, device.state, in, device.out) == Status::bad_period);
+    CHECK(same<S>(device.out, before));
+  }
+  device.run(20, 40);
+  Device<S> straight;
+  straight.run(0, 40);
+  CHECK(same<S>(device.out, straight.out));
+}
+
+TEST_CASE_TEMPLATE("any finite channels give finite outputs or a missed stage", S, float, double) {
+  std::mt19937_64 random(7);
+  Device<S> device;
+  using Input = typename Chain<S>::Input;
+  const std::array<S Input::*, 9> channels{
+      &Input::voltage,    &Input::thermistor_voltage, &Input::sensor_intrinsic,
+      &Input::momentum,   &Input::observer_intrinsic, &Input::torsion,
+      &Input::gear_known, &Input::velocity,           &Input::motor_torque};
+  for (int i = 0; i < 20000; ++i) {
+    Input in = sample<S>(i);
+    in.*channels[random() % channels.size()] = any_finite<S>(random);
+    device.step(in);
+    for (const S value : {device.out.temperature, device.out.sensor_torque,
+                          device.out.external_sensor, device.out.external_observer,
+                          device.out.external_compliance, device.out.external_merged}) {
+      REQUIRE(math::is_finite(value));
+    }
+  }
+}
+
+TEST_CASE("the sensor waits for the first temperature and goes on with the last") {
+  Device<double> device;
+  auto in = sample<double>(0);
+  in.thermistor_voltage = not_a_number<double>;
+  device.step(in);
+  CHECK(has(device.out.missed, Stage::sensor));
+  device.run(1, 2);
+  CHECK(device.out.missed == Stage::none);
+  device.step(in);
+  CHECK_FALSE(has(device.out.missed, Stage::sensor));
+  CHECK(has(device.out.missed, Stage::compensation));
+}
+
+TEST_CASE("without thermistor and calibration the channels are taken as they are") {
+  Device<double> device;
+  device.config = {};
+  device.config.sensor = true;
+  device.config.compensation = {.coefficients = {0.5}};
+  auto in = sample<double>(0);
+  in.temperature = 27;
+  in.sensor_torque = 4;
+  device.step(in);
+  CHECK(device.out.temperature == 27);
+  CHECK(device.out.sensor_torque == 5);
+  CHECK(device.out.external_sensor == 4.8);
+  CHECK(device.out.missed == Stage::none);
+}
+
+TEST_CASE("flags of the stages that ran are told together") {
+  Device<double> device;
+  auto in = sample<double>(0);
+  in.torsion = -1;
+  device.step(in);
+  CHECK(device.out.flags == Flag::saturated);
+  in.voltage = 1.3;
+  device.step(in);
+  CHECK(device.out.flags == (Flag::saturated | Flag::extrapolated));
+  in = sample<double>(0);
+  in.thermistor_voltage = 2.5;  // some −3 °C
+  device.step(in);
+  CHECK(device.out.flags == Flag::extrapolated);
+  in.thermistor_voltage = not_a_number<double>;  // the drift is still that of the last temperature
+  device.step(in);
+  CHECK(device.out.flags == Flag::extrapolated);
+}
+
+TEST_CASE("a replayed chain repeats what it has where time stands still") {
+  const std::array<double, 4> time{0, 0.001, 0.001, 0.002}, torque{1, 2, 9, 3};
+  std::array<double, 4> external{};
+  std::array<std::uint8_t, 4> flags{}, missed{};
+  std::array<bool, 4> contact{};
+  batch::LogChain::Config config;
+  config.sensor = true;
+  const batch::ChainColumn<batch::LogChain::Input, const double> in{
+      &batch::LogChain::Input::sensor_torque, torque.data()};
+  const batch::ChainColumn<batch::LogChain::Output, double> out{
+      &batch::LogChain::Output::external_sensor, external.data()};
+  batch::replay_chain(
+      config, {4, time.data(), {&in, 1}, {&out, 1}, flags.data(), missed.data(), contact.data()});
+  CHECK(external == std::array<double, 4>{1, 2, 2, 3});
+  CHECK(missed == std::array<std::uint8_t, 4>{0, 0, 4, 0});
+}
+
+TEST_CASE("a chain's stages are those that are configured") {
+  CHECK(batch::configured(whole<double>()) == Stage{127});
+  CHECK(batch::configured({}) == Stage::none);
+}
