@@ -1,0 +1,258 @@
+"""The gauges of a torque sensor as one Wheatstone bridge: zhang_disturbance_elimination (1)–(5)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexspline import _core
+from flexspline.errors import InputError
+from flexspline.sensor.gauges import Gauge, WaveStrain
+
+__all__ = ["DEFAULT_WAVES", "Bridge", "cancelling_bridge", "common_bridge"]
+
+Array = NDArray[np.float64]
+
+#: Not printed: 0.5 % and 1 % of full scale at orders 1 and 2 (the peaks of Fig. 15), and a tenth
+#: of that at order 4, which no placement at quarter turns takes out. Stretching as large.
+DEFAULT_WAVES = (
+    WaveStrain(1, 4e-6, phase=0.6, stretching=4e-6, stretching_phase=1.1),
+    WaveStrain(2, 8e-6, phase=0.0, stretching=8e-6, stretching_phase=0.5),
+    WaveStrain(4, 0.8e-6, phase=0.3, stretching=0.8e-6, stretching_phase=0.8),
+)
+MOST_GAUGES = 16
+
+
+@dataclass(frozen=True)
+class Bridge:
+    """Strain gauges of a torque sensor, wired to one bridge.
+
+    Parameters
+    ----------
+    gauges : an even number of `Gauge`, at most 16, half of them in each arm.
+    waves : what the wave generator does to the spokes.
+    gauge_factor : K.
+    supply : V across the bridge; not printed in the paper.
+    strain_per_torque : strain of a gauge per Nm; the default makes (25)'s 62.738 Nm/V of a gain
+        of 200 and the other defaults.
+    full_scale : Nm.
+    resistance : of one gauge, Ω.
+    poisson : Poisson's ratio of the body (aluminium 6061).
+    reference_temperature : where gauges have no apparent strain, °C.
+
+    Raises
+    ------
+    InputError
+        Where the arms are not of equal number, the gauges cancel the torque itself, or a number
+        is not positive.
+    """
+
+    gauges: tuple[Gauge, ...]
+    waves: tuple[WaveStrain, ...] = DEFAULT_WAVES
+    gauge_factor: float = 2.0
+    supply: float = 3.3
+    strain_per_torque: float = 1.0 / (62.738 * 200.0 * 2.0 * 3.3)
+    full_scale: float = 70.0
+    resistance: float = 350.0
+    poisson: float = 0.33
+    reference_temperature: float = 25.0
+    _fixed: dict[str, Any] = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "gauges", tuple(self.gauges))
+        object.__setattr__(self, "waves", tuple(self.waves))
+        for name in ("gauge_factor", "supply", "strain_per_torque", "full_scale", "resistance"):
+            if not (math.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
+                raise InputError(f"bridge: {name} = {getattr(self, name)} must be above zero")
+        self._require_wheatstone()
+        object.__setattr__(self, "_fixed", self._for_core())
+        if abs(self.torque_gain) < 1e-9:
+            raise InputError(
+                "bridge: the gauges cancel the torque itself; put those that are stretched into "
+                "one arm and those that are compressed into the other"
+            )
+
+    def _require_wheatstone(self) -> None:
+        arms = [gauge.arm for gauge in self.gauges]
+        if not 2 <= len(arms) <= MOST_GAUGES or arms.count(1) != arms.count(-1):
+            raise InputError(
+                f"bridge: {arms.count(1)} gauges in the one arm and {arms.count(-1)} in the other; "
+                "give as many in each, 16 at most in all"
+            )
+        orders = [wave.order for wave in self.waves]
+        if len(set(orders)) < len(orders):
+            raise InputError("bridge: an order of the waves is named twice; name it once")
+
+    def _for_core(self) -> dict[str, Any]:
+        of = {
+            name: np.array([float(getattr(g, name)) for g in self.gauges])
+            for name in ("sign", "arm", "thermal_linear", "thermal_quadratic")
+        }
+        errors, tilts = ([getattr(g, n) for g in self.gauges] for n in ("factor_error", "tilt"))
+        return {
+            **of,
+            "position": self.angles,
+            "sensitivity": _core.gauge_sensitivity(errors, tilts, self.poisson),
+            "waves": np.array([w.for_core() for w in self.waves]).reshape(-1, 5),
+        }
+
+    @property
+    def angles(self) -> Array:
+        """Where the gauges are [rad], shape (n,)."""
+        return np.array([gauge.angle for gauge in self.gauges])
+
+    @property
+    def orders(self) -> tuple[int, ...]:
+        return tuple(wave.order for wave in self.waves)
+
+    @property
+    def torque_gain(self) -> float:
+        """Share of the torque strain that reaches the output, 1 for a full bridge."""
+        return float(self._response()[2][0])
+
+    @property
+    def sensitivity(self) -> float:
+        """Output per torque [V/Nm]: K ε_t U_i of (5), per Nm."""
+        return self.gauge_factor * self.supply * self.strain_per_torque * self.torque_gain
+
+    @property
+    def output_resistance(self) -> float:
+        """Ω that an amplifier sees: that of one arm; n/4 gauges are in series in each."""
+        return self.resistance * len(self.gauges) / 4.0
+
+    def voltage(self, angle: ArrayLike, torque: ArrayLike, temperature: ArrayLike = 25.0) -> Array:
+        """Return the output [V], shape (N,).
+
+        Parameters
+        ----------
+        angle : β, wave generator against flexspline [rad], (N,) or one number.
+        torque : at the sensor [Nm], (N,) or one number.
+        temperature : °C; one number, (N,) for even heating, or (N, n) for each gauge.
+        """
+        return self._signal(angle, torque, temperature)[1]
+
+    def strains(self, angle: ArrayLike, torque: ArrayLike, temperature: ArrayLike = 25.0) -> Array:
+        """Return the strain of each gauge, shape (N, n); arguments as in `voltage`."""
+        return self._signal(angle, torque, temperature)[0]
+
+    def torque(self, voltage: ArrayLike) -> Array:
+        """Return what an output [V] reads as [Nm], by the bridge's own sensitivity."""
+        return np.asarray(voltage, dtype=float) / self.sensitivity
+
+    def reading(self, angle: ArrayLike, torque: ArrayLike, temperature: ArrayLike = 25.0) -> Array:
+        """Return what the bridge reads [Nm], shape (N,): torque, ripple and thermal strain."""
+        return self.torque(self.voltage(angle, torque, temperature))
+
+    def ripple(self) -> dict[int, float]:
+        """Return the amplitude of the ripple left at the output [Nm], by order."""
+        cosine, sine, gain = self._response()
+        size = np.hypot(cosine[0], sine[0]) / (abs(gain[0]) * self.strain_per_torque)
+        return dict(zip(self.orders, size.tolist(), strict=True))
+
+    def with_waves(self, *waves: WaveStrain) -> Bridge:
+        """Return the bridge with other strain from the wave generator."""
+        return replace(self, waves=waves)
+
+    def with_errors(
+        self, *, angle: ArrayLike = 0.0, tilt: ArrayLike = 0.0, factor: ArrayLike = 0.0
+    ) -> Bridge:
+        """Return the bridge with placement errors added: one number or one a gauge, (n,).
+
+        `angle`, `tilt` in rad, `factor` as a share of the gauge factor.
+        """
+        count = len(self.gauges)
+        errors = [np.broadcast_to(np.asarray(e, float), (count,)) for e in (angle, tilt, factor)]
+        moved = [
+            replace(g, angle=g.angle + a, tilt=g.tilt + t, factor_error=g.factor_error + f)
+            for g, a, t, f in zip(self.gauges, *(e.tolist() for e in errors), strict=True)
+        ]
+        return replace(self, gauges=tuple(moved))
+
+    def with_thermal(self, linear: ArrayLike, quadratic: ArrayLike = 0.0) -> Bridge:
+        """Return the bridge with the gauges' apparent strain [1/K, 1/K²]: one number or (n,)."""
+        count = len(self.gauges)
+        given = [np.broadcast_to(np.asarray(e, float), (count,)) for e in (linear, quadratic)]
+        warmed = [
+            replace(g, thermal_linear=a, thermal_quadratic=b)
+            for g, a, b in zip(self.gauges, *(e.tolist() for e in given), strict=True)
+        ]
+        return replace(self, gauges=tuple(warmed))
+
+    def _signal(
+        self, angle: ArrayLike, torque: ArrayLike, temperature: ArrayLike
+    ) -> tuple[Array, Array]:
+        given = np.asarray(temperature, dtype=float)
+        each = given if given.ndim == 2 else given[..., None]
+        if given.ndim == 2 and given.shape[1] != len(self.gauges):
+            raise InputError(
+                f"bridge: temperature has {given.shape[1]} columns for {len(self.gauges)} gauges; "
+                "give one a gauge, or one temperature for all"
+            )
+        beta, load, each = np.broadcast_arrays(
+            np.atleast_1d(np.asarray(angle, float))[:, None],
+            np.atleast_1d(np.asarray(torque, float))[:, None],
+            np.atleast_2d(each - self.reference_temperature) + np.zeros(len(self.gauges)),
+        )
+        return _core.bridge_signal(
+            beta[:, 0],
+            load[:, 0] * self.strain_per_torque,
+            each,
+            **self._fixed,
+            gauge_factor=self.gauge_factor,
+            supply=self.supply,
+        )
+
+    def _response(self) -> tuple[Array, Array, Array]:
+        fixed = self._fixed
+        return _core.bridge_ripple(
+            fixed["position"][None],
+            fixed["sensitivity"][None],
+            fixed["sign"],
+            fixed["arm"],
+            fixed["waves"],
+        )
+
+
+def _pairs(angles: Sequence[float]) -> tuple[Gauge, ...]:
+    """A stretched and a compressed gauge on each spoke."""
+    return tuple(Gauge(angle, sign) for angle in angles for sign in (1, -1))
+
+
+def common_bridge(apart: float = 0.0, **options: Any) -> Bridge:
+    """Return a bridge of four gauges whose ripple does not cancel (Fig. 13).
+
+    Parameters
+    ----------
+    apart : angle between its two pairs [rad]. Fig. 13 is a drawing that the text does not
+        describe; Fig. 15(a) shows orders 1 *and* 2 with it, so its pairs are neither half a turn
+        apart (order 1 would cancel) nor a quarter (order 2). By default both sit on one spoke.
+    options : of `Bridge`.
+    """
+    return Bridge(_pairs((0.0, apart)), **options)
+
+
+def cancelling_bridge(gauges: int = 4, **options: Any) -> Bridge:
+    """Return the bridge whose pairs, a quarter of a turn apart, cancel order 2 (Fig. 8).
+
+    Four gauges, R1 to R4: pairs at 0° and 90°; order 2 cancels (3), (4), order 1 does not. All
+    eight: pairs at 0°, 90°, 180° and 270°, and only multiples of four are left. The text derives
+    order 2 alone; that both peaks of Fig. 15 vanish needs all eight.
+
+    Parameters
+    ----------
+    gauges : 4 or 8.
+    options : of `Bridge`.
+
+    Raises
+    ------
+    InputError
+        For another number of gauges.
+    """
+    if gauges not in (4, 8):
+        raise InputError(f"cancelling bridge: {gauges} gauges; give 4 or 8, or build a Bridge")
+    return Bridge(_pairs([k * math.pi / 2 for k in range(gauges // 2)]), **options)
