@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 import flexspline
 from flexspline.export import export
 from flexspline.logs.log import Log
+from flexspline.logs.segments import runs
 from flexspline.model import Model
 
 Array = NDArray[np.float64]
@@ -47,11 +48,13 @@ def compilers() -> list[str]:
     return found
 
 
-def compiled(model: Model, folder: Path, compiler: str, target: str | None = None) -> Path:
-    """Export a model and compile `stream.cpp` with it."""
+def compiled(
+    model: Model, folder: Path, compiler: str, target: str | None = None, name: str = "stream"
+) -> Path:
+    """Export a model and compile `stream.cpp`, or another program of this folder, with it."""
     export(model, folder / "joint.hpp", target=target)
-    program = folder / "stream"
-    source = Path(__file__).with_name("stream.cpp")
+    program = folder / name
+    source = Path(__file__).with_name(f"{name}.cpp")
     command = [compiler, *STRICT.split(), f"-I{include()}", f"-I{folder}", str(source)]
     done = subprocess.run([*command, "-o", str(program)], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr[:4000]
@@ -59,7 +62,7 @@ def compiled(model: Model, folder: Path, compiler: str, target: str | None = Non
 
 
 def stream(program: Path, scalar: str, angles: str, rows: Array) -> tuple[Array, Array]:
-    """Stream rows (N, 8) through the program; torques (N,) and statuses (N,)."""
+    """Stream rows (N, 10) through the program; torques (N,) and statuses (N,)."""
     done = subprocess.run(
         [str(program), scalar, angles], input=rows.tobytes(), capture_output=True, check=True
     )
@@ -70,10 +73,13 @@ def stream(program: Path, scalar: str, angles: str, rows: Array) -> tuple[Array,
 
 def radian_rows(log: Log, known_load: str | None) -> Array:
     """Rows of `stream.cpp` with angles in radians."""
-    rows = np.zeros((len(log), 8))
+    rows = np.zeros((len(log), 10))
     rows[:, 6] = 25.0
+    rows[1:, 9] = np.diff(log["time"])
+    rows[runs(log["time"])[:, 0], 9] = 0.0
     channels = ("output_position", "motor_position", "output_velocity", "output_acceleration")
-    places = dict(zip((*channels, "temperature", known_load), (0, 2, 4, 5, 6, 7), strict=True))
+    channels += ("temperature", known_load, "motor_torque")
+    places = dict(zip(channels, (0, 2, 4, 5, 6, 7, 8), strict=True))
     for name, place in places.items():
         if name is not None and name in log:
             rows[:, place] = log[name]

@@ -2,8 +2,8 @@
 //
 //   stream float|double radians|fractions < rows > results
 //
-// A row is eight doubles: output angle (two numbers), motor angle (two numbers), velocity,
-// acceleration, temperature, known load. Angles are radians and nothing, or turns and a fraction
+// A row is ten doubles: output angle (two numbers), motor angle (two numbers), velocity,
+// acceleration, temperature, known load, motor torque, period (0 at a start). Angles are radians and nothing, or turns and a fraction
 // in 2^-32 turns, as an encoder counts. A result is two doubles: torque and status.
 #include <array>
 #include <cstdio>
@@ -26,6 +26,15 @@ Status read_fractions(const double* in, Angle<S>& angle) noexcept {
 }
 
 template <typename S>
+Status predict(const Sample<S>& at, typename joint::Model<S>::State& state, S& torque) noexcept {
+  if constexpr (joint::Model<S>::remembers) {
+    return joint::model<S>.predict(at, state, torque);
+  } else {
+    return joint::model<S>.predict(at, torque);
+  }
+}
+
+template <typename S>
 int stream(bool radians) noexcept {
   const auto read_angle = [radians](const double* in, Angle<S>& angle) noexcept {
     return radians ? flexspline::read_radians(static_cast<S>(in[0]), angle)
@@ -33,7 +42,8 @@ int stream(bool radians) noexcept {
   };
   Sample<S> at;
   S torque = S(0);
-  std::array<double, 8> row{};
+  typename joint::Model<S>::State state;
+  std::array<double, 10> row{};
   while (std::fread(row.data(), sizeof row, 1, stdin) == 1) {
     Status status = read_angle(&row[0], at.output_position);
     if (status == Status::ok) status = read_angle(&row[2], at.motor_position);
@@ -41,7 +51,10 @@ int stream(bool radians) noexcept {
     at.output_acceleration = static_cast<S>(row[5]);
     at.temperature = static_cast<S>(row[6]);
     at.known_load = static_cast<S>(row[7]);
-    if (status == Status::ok) status = joint::model<S>.predict(at, torque);
+    at.motor_torque = static_cast<S>(row[8]);
+    at.period = static_cast<S>(row[9]);
+    if (at.period == S(0)) state = {};
+    if (status == Status::ok) status = predict(at, state, torque);
     const std::array<double, 2> result{static_cast<double>(torque), static_cast<double>(status)};
     if (std::fwrite(result.data(), sizeof result, 1, stdout) != 1) return 1;
   }

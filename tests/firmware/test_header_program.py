@@ -14,7 +14,7 @@ import flexspline
 from flexspline.effects import Effect, effect
 from flexspline.export import export
 from flexspline.logs.log import Log
-from flexspline.model import Model, Part
+from flexspline.model import PART_OF, Model, Part
 
 FLEX = "wave_generator_on_flexspline"
 CIRCULAR = "wave_generator_on_circular_spline"
@@ -71,7 +71,13 @@ def without_encoder(log: Log) -> Log:
     return Log.from_arrays(facts=dict(log.facts), **columns)
 
 
-def model_of(effects: tuple[Effect, ...], ratio: float, spline: str | None, encoder: bool) -> Model:
+def model_of(
+    effects: tuple[Effect, ...],
+    ratio: float,
+    spline: str | None,
+    encoder: bool,
+    target: str = "sensor_torque",
+) -> Model:
     """A model with random coefficients of the size of one for each effect's row."""
     rng = np.random.default_rng(7)
     terms = [(e.name, term) for e in effects for term in e.terms]
@@ -80,7 +86,8 @@ def model_of(effects: tuple[Effect, ...], ratio: float, spline: str | None, enco
     values = [rng.normal() * sizes.get(name, 0.3) for name, _ in terms]
     record = {"channels": ["motor_position"]} if encoder else {}
     facts = {"gear_ratio": ratio} | ({"output_spline": spline} if spline else {})
-    return Model({"sensor": Part("sensor_torque", effects, np.array(values), LOAD, record)}, facts)
+    part = Part(target, effects, np.array(values), LOAD, record)
+    return Model({PART_OF[target]: part}, facts)
 
 
 @pytest.fixture(scope="module")
@@ -104,6 +111,16 @@ CASES = [
     pytest.param(FITTED, 100.7, None, False, id="fraction"),
     pytest.param(OTHERS, 100.0, "circular", True, id="encoder"),
 ]
+
+
+TWISTED = (
+    effect("offset"),
+    effect("mesh_compliance", mesh_shape=0.06),
+    effect("torsional_hysteresis", load_width=12.0, angle_width=0.9),
+    effect("wave_generator_compliance"),
+    effect("kinematic_error", orders=[2, (2, CIRCULAR), (1, FLEX), (14, "motor_on_stator")]),
+    effect("temperature_drift"),
+)
 
 
 def assert_same_as_predict(model: Model, log: Log, program: Path) -> None:
@@ -141,6 +158,25 @@ def test_every_gear_predicts_the_same_in_python_and_on_the_device(
     assert_same_as_predict(model, log, program)
     for far in (0, 1_000_000, -200_000_000):
         assert float_error(program, log, far) <= 1e-6
+
+
+@pytest.mark.parametrize("path", [0, 1])
+def test_a_model_with_memory_is_the_same_in_python_and_on_the_device(
+    tmp_path: Path, path: int
+) -> None:
+    effects = tuple(e.with_shapes(path=path) if e.info.paths else e for e in TWISTED)
+    sensor = model_of(effects, 100.0, "circular", encoder=True, target="torsion")
+    log = motion(5)
+    torque = 0.4 * np.sin(0.9 * log["time"])
+    log = log.with_columns({"motor_torque": torque}, note="simulated")
+    rows = np.delete(np.arange(len(log)), slice(2000, 2100))  # a gap: memory starts anew behind it
+    mask = np.zeros(len(log), dtype=bool)
+    mask[rows] = True
+    log = log.rows(mask, note="a gap")
+    for compiler in device.compilers():
+        program = device.compiled(sensor, tmp_path, compiler)
+        assert_same_as_predict(sensor, log, program)
+        assert float_error(program, log, far=0) <= 2e-6
 
 
 def test_a_sample_that_is_not_finite_is_flagged_and_keeps_the_last_torque(

@@ -1,0 +1,7 @@
+"""The production chain over a log: what the joint computes, sample by sample."""
+
+from flexspline.estimation.chain import estimate
+from flexspline.estimation.result import Estimate
+from flexspline.estimation.status import Status
+
+__all__ = ["Estimate", "Status", "estimate"]

@@ -1,0 +1,226 @@
+"""`flexspline.estimate`: the production chain over a log."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexspline import _core
+from flexspline.errors import InputError, listed
+from flexspline.estimation.models import channel, model_inputs
+from flexspline.estimation.plan import Plan, plan_of
+from flexspline.estimation.result import Estimate
+from flexspline.estimation.status import Status
+from flexspline.logs.causal import differentiate_causal
+from flexspline.logs.log import Log
+from flexspline.logs.read import with_motor_torque
+from flexspline.logs.segments import median_step, runs
+from flexspline.model import Model
+
+__all__ = ["estimate"]
+
+Array = NDArray[np.float64]
+Bits = NDArray[np.uint8]
+Runs = NDArray[np.intp]
+
+BANDWIDTH = 20.0  # Hz, of the causal differentiator, where the log's rate allows it
+DERIVED = ("output_velocity", "output_acceleration")
+STAGES = {  # bit of the core's stage: bit of the status, result, column
+    4: (Status.NO_SENSOR, "external_sensor", "external_torque_sensor"),
+    8: (Status.NO_OBSERVER, "external_observer", "external_torque_observer"),
+    16: (Status.NO_COMPLIANCE, "external_compliance", "external_torque_compliance"),
+    32: (Status.NO_MERGED, "external_merged", "external_torque_merged"),
+    64: (Status.NO_CONTACT, "contact", "contact"),
+}
+THERMISTOR, COMPENSATION, SENSOR = 1, 2, 4
+
+
+def estimate(model: Model, log: Log, *, bandwidth: float | None = None) -> Estimate:
+    """Run a model's estimators over a log, sample by sample, as the joint would.
+
+    The chain is the core's: thermistor, temperature compensation, calibration, the sensor's
+    intrinsic part, observer, compliance, merge, collision, each where the model holds it. A value
+    is NaN where its stage had nothing to work with, and `status` says so; observer, lags and
+    detector start again behind a gap. Nothing that looks ahead is used: a velocity that the log
+    lacks is the causal derivative of its position, and a note says so.
+
+    Parameters
+    ----------
+    model : with estimators, a part for sensor_torque, or both.
+    log : time must increase. `sensor_voltage` is read where the model has a calibration, else
+        `sensor_torque`; `thermistor_voltage` where it has a thermistor, else `temperature`.
+        A reference torque is never read.
+    bandwidth : Hz, of the causal differentiator; None for 20 Hz, or a quarter of a low rate.
+
+    Returns
+    -------
+    Columns of (N,): time [s], temperature [°C], sensor_torque [Nm], external torques [Nm at the
+    output, positive outward] by sensor, observer, compliance and merged, contact, status. Bits of
+    the status (`flexspline.estimation.Status`): 1 extrapolated, 2 saturated, 4 no temperature,
+    8 no sensor, 16 no observer, 32 no compliance, 64 no merged torque, 128 contact not decided,
+    256 started again.
+
+    Raises
+    ------
+    InputError
+        Where the model has nothing to estimate with or lacks what an estimator reads, the log
+        lacks every channel that they read, its time does not increase, or the observer's gain is
+        not stable at its rate.
+
+    Sources
+    -------
+    zhang_disturbance_elimination (6)–(11), (16)–(25); full_range_torque_estimation (7), (8),
+    (14)–(20).
+    """
+    plan = plan_of(model)
+    ranges = _increasing(log)
+    _require_stable(plan, log)
+    said: dict[str, None] = {}  # sentences, each once, in order
+    log = _with_derivatives(plan, with_motor_torque(log), bandwidth, said)
+    sensed = _sensed(plan, log, ranges, said)
+    log = log.with_columns(
+        {"temperature": _last_good(sensed["temperature"], ranges)}, note="as the chain knows it"
+    )
+    inputs = model_inputs(
+        model, plan, log, sensed["sensor_torque"], lambda sentence: said.update({sentence: None})
+    )
+    found = _run({"sensor": plan.has_sensor, **plan.estimating}, log, inputs, ranges)
+    columns = _columns(plan, log, sensed, found, ranges)
+    _require_something(columns, log, tuple(said))
+    return Estimate(log.name, columns, tuple(said))
+
+
+def _increasing(log: Log) -> Runs:
+    """Row ranges without a gap."""
+    bad = np.flatnonzero(~(np.diff(log["time"]) > 0.0))
+    if bad.size or not np.isfinite(log["time"][0]):
+        row = int(bad[0]) + 1 if bad.size else 0
+        raise InputError(
+            f"log '{log.name}': time does not increase at row {row}; repair the log before"
+        )
+    return runs(log["time"])
+
+
+def _require_stable(plan: Plan, log: Log) -> None:
+    observer = plan.estimating.get("observer")
+    if observer is None or observer["discretisation"] == "exact":
+        return
+    step = median_step(log["time"])
+    if observer["gain"] * step >= 2.0:
+        raise InputError(
+            f"log '{log.name}': the observer's gain of {observer['gain']:g} 1/s by euler is not "
+            f"stable at {1.0 / step:.4g} Hz; give a gain below {2.0 / step:.4g} 1/s or the "
+            "discretisation exact"
+        )
+
+
+def _with_derivatives(plan: Plan, log: Log, bandwidth: float | None, said: dict[str, None]) -> Log:
+    """Add a velocity and an acceleration that a stage reads and the log lacks."""
+    wanted = _reads(plan)
+    missing = [name for name in DERIVED if name in wanted and name not in log]
+    if not missing or "output_position" not in log or len(log) < 2:
+        return log
+    chosen = min(BANDWIDTH, log.rate / 4.0) if bandwidth is None else bandwidth
+    made = differentiate_causal(log, bandwidth=chosen)
+    note = f"{listed(missing)}: {made.history[-1].split(': ', 1)[1]}"
+    said[f"derived from output_position, as a device would: {note}"] = None
+    return log.with_columns({name: made[name] for name in missing}, note=note)
+
+
+def _reads(plan: Plan) -> set[str]:
+    """Channels that the chain's parts and stages read."""
+    parts = (plan.sensor, plan.observed, plan.torsion, plan.carried)
+    effects = [effect for part in parts if part is not None for effect in part.effects]
+    reads = {name for effect in effects for name in effect.reads}
+    if plan.inertia or plan.estimating.keys() & {"merge", "collision"}:
+        reads.add("output_velocity")
+    return reads
+
+
+def _sensed(plan: Plan, log: Log, ranges: Runs, said: dict[str, None]) -> dict[str, Array]:
+    """Temperature and sensor torque, NaN where there is none, with their flags and `missed`."""
+    config, inputs = dict(plan.sensing), {}
+    if "thermistor" in config and "thermistor_voltage" in log:
+        inputs["thermistor_voltage"] = channel(log, "thermistor_voltage")
+    elif config.pop("thermistor", None) is not None and "temperature" in log:
+        said["temperature is the log's own: it has no thermistor_voltage"] = None
+    inputs["temperature"] = channel(log, "temperature")
+    inputs["voltage"] = channel(log, "sensor_voltage")
+    if "calibration" in config and "sensor_voltage" not in log and "sensor_torque" in log:
+        config.pop("calibration")
+        config.pop("temperature_compensation", None)
+        said["sensor_torque is the log's own, not compensated: it has no sensor_voltage"] = None
+    inputs["sensor_torque"] = channel(log, "sensor_torque")
+    found = _run({"sensor": plan.has_sensor, **config}, log, inputs, ranges)
+    missed = found["missed"]
+    temperature = found.get("temperature", inputs["temperature"])
+    torque = found.get("sensor_torque", inputs["sensor_torque"])
+    return {
+        "temperature": _unless(missed & (THERMISTOR | COMPENSATION), temperature),
+        "sensor_torque": _unless(missed & SENSOR, torque),
+        "flags": found["flags"],
+    }
+
+
+def _run(
+    config: Mapping[str, Any], log: Log, inputs: Mapping[str, Array], ranges: Runs
+) -> dict[str, Any]:
+    """Run a chain over each stretch without a gap, from a fresh state."""
+    chain = _core.Chain(dict(config))
+    pieces = []
+    for first, last in ranges:
+        rows = slice(int(first), int(last))
+        columns = {name: data[rows] for name, data in {"time": log["time"], **inputs}.items()}
+        pieces.append(chain.run(columns, int(last - first)))
+    return {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
+
+
+def _columns(
+    plan: Plan, log: Log, sensed: Mapping[str, Array], found: Mapping[str, Any], ranges: Runs
+) -> dict[str, Array]:
+    columns = {"time": np.array(log["time"])}
+    columns |= {name: np.array(sensed[name]) for name in ("temperature", "sensor_torque")}
+    status = np.zeros(len(log), dtype=np.int64)
+    for stage, (bit, result, name) in STAGES.items():
+        if result in found:
+            columns[name] = _unless(found["missed"] & stage, found[result])
+            status |= np.where(found["missed"] & stage, int(bit), 0)
+    if plan.sensing.keys() & {"thermistor", "temperature_compensation"}:
+        status |= np.where(np.isnan(sensed["temperature"]), int(Status.NO_TEMPERATURE), 0)
+    status |= _flagged(plan, log, sensed["flags"] | found["flags"])
+    status[ranges[:, 0]] |= int(Status.RESTARTED)
+    return {**columns, "status": status.astype(np.float64)}
+
+
+def _flagged(plan: Plan, log: Log, flags: Bits) -> NDArray[np.int64]:
+    """Bits of extrapolation and saturation: those of the core are the same."""
+    made = flags.astype(np.int64)
+    if plan.temperature_range is not None:
+        low, high = plan.temperature_range
+        outside = (log["temperature"] < low) | (log["temperature"] > high)
+        made |= np.where(outside, int(Status.EXTRAPOLATED), 0)
+    return np.asarray(made)
+
+
+def _unless(missed: Bits, values: Array) -> Array:
+    return np.where(missed, np.nan, values)
+
+
+def _last_good(values: Array, ranges: Runs) -> Array:
+    """Values with NaN replaced by the last number before it in the same stretch."""
+    rows = np.where(np.isfinite(values), np.arange(len(values)), -1)
+    rows[ranges[:, 0]] = ranges[:, 0]
+    return np.asarray(values[np.maximum.accumulate(rows)])
+
+
+def _require_something(columns: Mapping[str, Array], log: Log, said: tuple[str, ...]) -> None:
+    estimates = [name for name in columns if name.startswith("external") or name == "contact"]
+    if not any(np.isfinite(columns[name]).any() for name in estimates):
+        why = f" ({said[-1]})" if said else ""
+        raise InputError(
+            f"log '{log.name}': no row has all that {listed(estimates)} read{why}; "
+            f"it has {listed(log.channels)}; map the columns that are missing"
+        )

@@ -1,0 +1,193 @@
+"""What a model's chain is made of: for a log here, for a joint in an exported header.
+
+    sensing      thermistor, compensation, calibration → temperature, sensor torque
+    models       what each part says of the sample
+    estimating   observer, compliance, merge, collision
+
+The core runs it: `flexspline/joint.hpp` on a device.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from flexspline.errors import InputError
+from flexspline.estimators import Collision, Observer
+from flexspline.estimators.needs import require_complete
+from flexspline.model import Model
+from flexspline.part import Part
+from flexspline.signals import gear_of
+
+__all__ = ["Plan", "plan_of"]
+
+SENSING = ("thermistor", "temperature_compensation", "calibration")
+MESH = "mesh_compliance"
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The two chains, and the parts of the model between them.
+
+    Parameters
+    ----------
+    sensing, estimating : stages by key, with their fields as `_core.Chain` takes them.
+    has_sensor : whether the chain has a sensor torque.
+    sensor : the sensor's part, or None.
+    observed : the part of the observer's input without inertia, or None.
+    torsion : the torsion's part without the mesh, or None.
+    carried : what the gear carries beside the load: gravity, or None.
+    inertia : kg m² at the output, of the observer.
+    effective_ratio : Ñ.
+    temperature_range : °C, where the parts that read the temperature were fitted, or None.
+    """
+
+    sensing: Mapping[str, Mapping[str, Any]]
+    estimating: Mapping[str, Mapping[str, Any]]
+    has_sensor: bool
+    sensor: Part | None
+    observed: Part | None
+    torsion: Part | None
+    carried: Part | None
+    inertia: float
+    effective_ratio: float
+    temperature_range: tuple[float, float] | None
+
+
+def plan_of(model: Model) -> Plan:
+    """Return the chain of a model.
+
+    Raises
+    ------
+    InputError
+        Where the model has nothing to estimate with, or an estimator lacks what it reads.
+    """
+    require_complete(model.estimators, model.parts)
+    has_sensor = _has_sensor(model)
+    if not has_sensor and not model.estimators:
+        raise InputError(
+            "the model holds no estimator and no part for sensor_torque, so there is nothing to "
+            "estimate; make one with flexspline calibrate, or with model.with_estimator"
+        )
+    entries = {key: made.to_json() for key, made in model.estimators.items()}
+    estimating = {key: entry for key, entry in entries.items() if key not in SENSING}
+    sensor = _known(model.parts.get("sensor"))
+    driven = _known(_driven(model))
+    torsion = _known(model.parts.get("torsion")) if "compliance" in estimating else None
+    if torsion is not None:
+        estimating["compliance"] |= _mesh(model, torsion)
+    read = [part for part in (sensor, driven, torsion) if part is not None]
+    return Plan(
+        sensing={key: entry for key, entry in entries.items() if key in SENSING},
+        estimating=estimating,
+        has_sensor=has_sensor,
+        sensor=sensor,
+        observed=None if driven is None else _without(driven, "inertia"),
+        torsion=None if torsion is None else _without(torsion, MESH),
+        carried=_carried(model) if "compliance" in estimating else None,
+        inertia=0.0 if driven is None else _coefficient(driven, "inertia"),
+        effective_ratio=_ratio(model),
+        temperature_range=_temperature_range(read),
+    )
+
+
+def _has_sensor(model: Model) -> bool:
+    observer, collision = model.estimators.get("observer"), model.estimators.get("collision")
+    return (
+        "sensor" in model.parts
+        or "calibration" in model.estimators
+        or "temperature_compensation" in model.estimators
+        or (isinstance(observer, Observer) and observer.input == "sensor_torque")
+        or (isinstance(collision, Collision) and collision.input == "sensor")
+    )
+
+
+def _driven(model: Model) -> Part | None:
+    """The part that knows the observer's input."""
+    observer = model.estimators.get("observer")
+    if not isinstance(observer, Observer):
+        return None
+    return model.parts.get("drive" if observer.input == "motor_torque" else "sensor")
+
+
+def _known(part: Part | None) -> Part | None:
+    """The part with its channels said: a log must not decide whose angle the motor's is."""
+    if part is None or "channels" in part.record:
+        return part
+    return replace(part, record={**part.record, "channels": []})
+
+
+def _mesh(model: Model, torsion: Part) -> dict[str, float]:
+    """Stiffness K_m0 = Ñ / c [Nm/rad] and shape c_m [1/Nm] of the torsion's part."""
+    compliance = _coefficient(torsion, MESH)
+    if not compliance > 0.0:
+        raise InputError(
+            f"the estimator compliance needs a mesh that gives way, but {MESH}.compliance of the "
+            f"torsion's part is {compliance:g} rad/Nm; fit it again with runs under load"
+        )
+    (mesh,) = (effect for effect in torsion.effects if effect.name == MESH)
+    return {
+        "mesh_stiffness": _ratio(model) / compliance,
+        "mesh_shape": mesh.shapes["mesh_shape"],
+    }
+
+
+def _ratio(model: Model) -> float:
+    observer = model.estimators.get("observer")
+    by_motor = isinstance(observer, Observer) and observer.input == "motor_torque"
+    reader = "observer" if by_motor else "compliance"
+    if (by_motor or reader in model.estimators) and "gear_ratio" not in model.facts:
+        raise InputError(
+            f"the estimator {reader} needs the gear ratio, which the model lacks; "
+            "fit its part again with --gear-ratio"
+        )
+    return float(gear_of(model.facts, motor_encoder=True)["effective_ratio"])
+
+
+def _carried(model: Model) -> Part | None:
+    """Gravity: what the gear carries beside the load, by the drive's part or the sensor's."""
+    for name in ("drive", "sensor"):
+        part = model.parts.get(name)
+        if (
+            part is not None
+            and part.unit == "Nm"
+            and any(e.name == "gravity" for e in part.effects)
+        ):
+            return _without(part, *(e.name for e in part.effects if e.name != "gravity"))
+    return None
+
+
+def _without(part: Part, *names: str) -> Part:
+    """The part without these effects."""
+    first, effects, values = 0, [], []
+    for effect in part.effects:
+        last = first + len(effect.terms)
+        if effect.name not in names:
+            effects.append(effect)
+            values += part.coefficients[first:last].tolist()
+        first = last
+    return replace(part, effects=tuple(effects), coefficients=np.array(values))
+
+
+def _coefficient(part: Part, name: str) -> float:
+    """The coefficient of an effect with one term, 0 where the part lacks it."""
+    first = 0
+    for effect in part.effects:
+        if effect.name == name:
+            return float(part.coefficients[first])
+        first += len(effect.terms)
+    return 0.0
+
+
+def _temperature_range(parts: list[Part]) -> tuple[float, float] | None:
+    """The narrowest range of temperature in which parts that read it were fitted."""
+    low, high = -math.inf, math.inf
+    for part in parts:
+        known = part.record.get("validity", {}).get("temperature")
+        if known is not None and any("temperature" in e.reads for e in part.effects):
+            low, high = max(low, known[0]), min(high, known[1])
+    return (low, high) if low < high and math.isfinite(high - low) else None

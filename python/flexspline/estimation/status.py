@@ -1,0 +1,39 @@
+"""Bits of the status column: what is to be known of a row's estimates."""
+
+from __future__ import annotations
+
+from enum import IntFlag
+
+__all__ = ["MEANING", "Status"]
+
+
+class Status(IntFlag):
+    """Bits of the column `status`; 0 is a row in which every stage of the model did its work.
+
+    A bit that begins with NO stands for a stage whose estimate is empty in this row: a channel
+    that it reads is missing, not finite or out of range. Only stages that the model holds
+    set one.
+    """
+
+    EXTRAPOLATED = 1
+    SATURATED = 2
+    NO_TEMPERATURE = 4
+    NO_SENSOR = 8
+    NO_OBSERVER = 16
+    NO_COMPLIANCE = 32
+    NO_MERGED = 64
+    NO_CONTACT = 128
+    RESTARTED = 256
+
+
+MEANING = {
+    Status.EXTRAPOLATED: "voltage or temperature lies outside the range of the calibration",
+    Status.SATURATED: "the torsion is at the end of the compliance model: its torque is held there",
+    Status.NO_TEMPERATURE: "no temperature",
+    Status.NO_SENSOR: "no external torque from the sensor",
+    Status.NO_OBSERVER: "no torque from the observer",
+    Status.NO_COMPLIANCE: "no torque from the compliance",
+    Status.NO_MERGED: "no merged torque",
+    Status.NO_CONTACT: "contact is not decided",
+    Status.RESTARTED: "observer, lags and detector start here: the first row, or one behind a gap",
+}

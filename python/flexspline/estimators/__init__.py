@@ -1,0 +1,49 @@
+"""Estimators with their values: what `model.json` holds under `estimators`.
+
+Each is a frozen dataclass, checked when it is made. The formulas are in the core; `estimate` runs
+them over a log, an exported header on the joint.
+"""
+
+from __future__ import annotations
+
+from types import MappingProxyType
+from typing import TypeAlias
+
+from flexspline.estimators.calibration import Calibration
+from flexspline.estimators.collision import Collision
+from flexspline.estimators.compliance import Compliance
+from flexspline.estimators.merge import Merge
+from flexspline.estimators.observer import Observer
+from flexspline.estimators.temperature_compensation import TemperatureCompensation
+from flexspline.estimators.thermistor import Thermistor
+
+__all__ = [
+    "ESTIMATORS",
+    "Calibration",
+    "Collision",
+    "Compliance",
+    "Estimator",
+    "Merge",
+    "Observer",
+    "TemperatureCompensation",
+    "Thermistor",
+]
+
+Estimator: TypeAlias = (
+    Thermistor | TemperatureCompensation | Calibration | Observer | Compliance | Merge | Collision
+)
+
+ESTIMATORS: MappingProxyType[str, type[Estimator]] = MappingProxyType(
+    {
+        made.key: made
+        for made in (
+            Thermistor,
+            TemperatureCompensation,
+            Calibration,
+            Observer,
+            Compliance,
+            Merge,
+            Collision,
+        )
+    }
+)  # in the order in which they run

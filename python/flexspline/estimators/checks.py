@@ -1,0 +1,118 @@
+"""What the fields of an estimator are checked with, and how they go to JSON and back."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import MISSING, fields
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from flexspline.errors import InputError, did_you_mean, listed
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+__all__ = [
+    "ABSOLUTE_ZERO",
+    "above_zero",
+    "choice",
+    "from_fields",
+    "json_record",
+    "number",
+    "numbers",
+    "span",
+    "to_fields",
+]
+
+ABSOLUTE_ZERO = -273.15  # °C
+
+Made = TypeVar("Made", bound="DataclassInstance")
+
+
+def number(value: object, name: str, unit: str = "") -> float:
+    """Return a finite number; `name` is what the sentence calls it."""
+    try:
+        found = float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError):
+        found = math.nan
+    if isinstance(value, (str, bool)) or not math.isfinite(found):
+        raise InputError(f"{name} = {value!r} is no finite number; give one{_in(unit)}")
+    return found
+
+
+def above_zero(value: object, name: str, unit: str = "", *, or_zero: bool = False) -> float:
+    """Return a finite number above zero, or zero where that is allowed."""
+    found = number(value, name, unit)
+    if not (found > 0.0 or (or_zero and found == 0.0)):
+        least = "zero or more" if or_zero else "a number above zero"
+        raise InputError(f"{name} = {found:g} is not allowed; give {least}{_in(unit)}")
+    return found
+
+
+def numbers(values: Iterable[object], name: str, unit: str = "") -> tuple[float, ...]:
+    """Return finite numbers as a tuple."""
+    try:
+        given = tuple(values)
+    except TypeError:
+        raise InputError(f"{name} = {values!r} is no list of numbers; give a list") from None
+    return tuple(number(value, f"{name}[{i}]", unit) for i, value in enumerate(given))
+
+
+def span(values: Iterable[object] | None, name: str, unit: str) -> tuple[float, float] | None:
+    """Return (low, high) with low < high, or None where nothing is known."""
+    if values is None:
+        return None
+    found = numbers(values, name, unit)
+    if len(found) != 2 or not found[0] < found[1]:
+        raise InputError(f"{name} = {list(found)} is no range; give low and high{_in(unit)}")
+    return found[0], found[1]
+
+
+def choice(value: object, name: str, known: Iterable[str]) -> str:
+    """Return a word that is one of the known."""
+    words = tuple(known)
+    if value not in words:
+        near = did_you_mean(str(value), words)
+        raise InputError(f"{name} = {value!r} is unknown{near}; give one of {listed(words)}")
+    return str(value)
+
+
+def json_record(record: Mapping[str, Any], name: str) -> dict[str, Any]:
+    """Return a copy as JSON would give it back, so that a round trip changes nothing."""
+    try:
+        copy: dict[str, Any] = json.loads(json.dumps(dict(record), allow_nan=False))
+    except (TypeError, ValueError) as error:
+        raise InputError(
+            f"{name}: the record holds what JSON does not know ({error}); "
+            "give text, numbers, lists and mappings"
+        ) from error
+    return copy
+
+
+def to_fields(estimator: DataclassInstance) -> dict[str, Any]:
+    """Return the fields as `model.json` holds them, without those that say nothing."""
+    content = {known.name: getattr(estimator, known.name) for known in fields(estimator)}
+    return {
+        name: list(value) if isinstance(value, tuple) else value
+        for name, value in content.items()
+        if value is not None and value != {}
+    }
+
+
+def from_fields(made: type[Made], content: Mapping[str, Any], label: str) -> Made:
+    """Return an estimator of what `to_fields` gave; `label` is what errors call it."""
+    known = {field.name: field for field in fields(made)}
+    for name in content:
+        if name not in known:
+            near = did_you_mean(name, known)
+            raise InputError(f"{label} has no '{name}'{near}; it has {listed(known)}")
+    for name, field in known.items():
+        needed = field.default is MISSING and field.default_factory is MISSING
+        if needed and name not in content:
+            raise InputError(f"{label} lacks '{name}'; it needs a value")
+    return made(**content)
+
+
+def _in(unit: str) -> str:
+    return f" in {unit}" if unit else ""

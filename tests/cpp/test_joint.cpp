@@ -1,0 +1,153 @@
+#include <doctest/doctest.h>
+
+#include "flexspline/effects/gain_error.hpp"
+#include "flexspline/effects/inertia.hpp"
+#include "flexspline/effects/offset.hpp"
+#include "flexspline/effects/temperature_drift.hpp"
+#include "flexspline/joint.hpp"
+
+using namespace flexspline;
+
+namespace {
+
+constexpr double ratio = 101.0;
+
+template <typename S>
+double twist(std::int32_t turns, double fraction, double theta_turns, double rest) {
+  const auto gear = Gear<S>::from_ratio(ratio, OutputSpline::circular, true);
+  const Angle<S> q{turns, Angle<S>::from_turns(S(fraction)).phase};
+  const Phase<S> theta = Angle<S>::from_turns(S(theta_turns)).phase;
+  return static_cast<double>(mesh_torsion_left(gear, S(ratio), q, theta, S(rest)));
+}
+
+/// A sensor with a zero and a gain error: τ_s = 0.5 + 1.1 τ.
+template <typename S>
+using Sensor = Model<S, Offset<S>, GainError<S>>;
+template <typename S>
+using Plain = Joint<S, Sensor<S>, Model<S>, Model<S>, Model<S>>;
+
+template <typename S>
+Plain<S> plain() {
+  Plain<S> joint{};
+  joint.sensing.sensor = true;
+  joint.estimating.sensor = true;
+  std::get<0>(joint.sensor.parts).coefficients = {S(0.5)};
+  std::get<1>(joint.sensor.parts).coefficients = {S(0.1)};
+  return joint;
+}
+
+template <typename S>
+Reading<S> reading(double torque) {
+  Reading<S> in;
+  in.period = S(0.001);
+  in.sensor_torque = S(torque);
+  return in;
+}
+
+}  // namespace
+
+TEST_CASE_TEMPLATE("the mesh's torsion is the same after a million turns", S, float, double) {
+  // A quarter turn of q is 25.25 of the motor; the motor runs 0.01 turns ahead.
+  const double near = twist<S>(0, 0.25, 0.26, 0.0);
+  CHECK(near == twist<S>(1'000'000, 0.25, 0.26, 0.0));
+  CHECK(near == twist<S>(-1'000'000, 0.25, 0.26, 0.0));
+  const double exact = -0.01 * 2.0 * 3.141592653589793 / ratio;
+  CHECK(near == doctest::Approx(exact).epsilon(sizeof(S) == 4 ? 1e-6 : 1e-14));
+}
+
+TEST_CASE_TEMPLATE("whole turns between the encoders' zeros do not count", S, float, double) {
+  const double turn = 2.0 * 3.141592653589793;
+  const double none = twist<S>(3, 0.5, 0.49, 0.02);
+  for (const double turns : {-7.0, 1.0, 12.0}) {
+    // The rest is rounded once: half a unit in the last place of 12 turns.
+    const double unit = sizeof(S) == 4 ? 0x1p-24 : 0x1p-52;
+    CHECK(math::absolute(twist<S>(3, 0.5, 0.49, 0.02 + turns * turn) - none) <=
+          80.0 * unit / ratio * 2);
+  }
+}
+
+TEST_CASE_TEMPLATE("a gain error is taken off to its square", S, float, double) {
+  const auto joint = plain<S>();
+  typename Plain<S>::State state;
+  typename Plain<S>::Chain::Output out;
+  for (const double load : {-20.0, 0.0, 3.0, 70.0}) {
+    REQUIRE(joint.step(state, reading<S>(0.5 + 1.1 * load), out) == Status::ok);
+    CHECK(out.missed == Stage::none);
+    const double left = static_cast<double>(out.external_sensor) - load;
+    CHECK(math::absolute(left) <= 0.1 * 0.1 * math::absolute(load) * 1.001 + 1e-5);
+  }
+}
+
+TEST_CASE_TEMPLATE("a reading that is missing leaves the last good value and says so", S, float,
+                   double) {
+  const auto joint = plain<S>();
+  typename Plain<S>::State state;
+  typename Plain<S>::Chain::Output out;
+  REQUIRE(joint.step(state, reading<S>(5.0), out) == Status::ok);
+  const S last = out.external_sensor;
+  REQUIRE(joint.step(state, reading<S>(std::numeric_limits<double>::quiet_NaN()), out) ==
+          Status::ok);
+  CHECK(has(out.missed, Stage::sensor));
+  CHECK(out.external_sensor == last);
+}
+
+TEST_CASE_TEMPLATE("a bad period changes neither state nor estimate", S, float, double) {
+  auto joint = plain<S>();
+  joint.estimating.observer = typename Plain<S>::Chain::Observer::Config{};
+  typename Plain<S>::State state;
+  typename Plain<S>::State other;
+  typename Plain<S>::Chain::Output out;
+  typename Plain<S>::Chain::Output same;
+  for (int k = 0; k < 50; ++k) {
+    const Reading<S> in = reading<S>(2.0 + k);
+    REQUIRE(joint.step(state, in, out) == Status::ok);
+    REQUIRE(joint.step(other, in, same) == Status::ok);
+    for (const double period : {0.0, -1.0, std::numeric_limits<double>::infinity()}) {
+      Reading<S> bad = in;
+      bad.period = S(period);
+      CHECK(joint.step(other, bad, same) == Status::bad_period);
+    }
+    CHECK(out.external_observer == same.external_observer);
+    CHECK(out.external_sensor == same.external_sensor);
+  }
+}
+
+TEST_CASE_TEMPLATE("models go on with the last good temperature and start with none", S, float,
+                   double) {
+  Joint<S, Model<S, TemperatureDrift<S>>, Model<S>, Model<S>, Model<S>> joint{};
+  joint.sensing.sensor = joint.estimating.sensor = true;
+  joint.low = S(20);
+  joint.high = S(40);
+  std::get<0>(joint.sensor.parts).coefficients = {S(0.125), S(0)};
+  typename decltype(joint)::State state;
+  typename decltype(joint)::Chain::Output out;
+  REQUIRE(joint.step(state, reading<S>(3.0), out) == Status::ok);
+  CHECK(has(out.missed, Stage::sensor));
+  Reading<S> warm = reading<S>(3.0);
+  warm.temperature = S(33);
+  REQUIRE(joint.step(state, warm, out) == Status::ok);
+  CHECK(out.external_sensor == S(2));
+  REQUIRE(joint.step(state, reading<S>(4.0), out) == Status::ok);
+  CHECK(out.external_sensor == S(3));
+  CHECK_FALSE(has(out.flags, Flag::extrapolated));
+  warm.temperature = S(41);
+  REQUIRE(joint.step(state, warm, out) == Status::ok);
+  CHECK(has(out.flags, Flag::extrapolated));
+}
+
+TEST_CASE_TEMPLATE("a part that reads an angle is silent without it, the others are not", S, float,
+                   double) {
+  Joint<S, Sensor<S>, Model<S>, Model<S>, Model<S>> joint = plain<S>();
+  joint.estimating.compliance = Compliance<S>{};
+  typename decltype(joint)::State state;
+  typename decltype(joint)::Chain::Output out;
+  Reading<S> in = reading<S>(3.0);
+  REQUIRE(joint.step(state, in, out) == Status::ok);
+  CHECK(has(out.missed, Stage::compliance));
+  CHECK_FALSE(has(out.missed, Stage::sensor));
+  in.output_position = Angle<S>{};
+  in.motor_position = Angle<S>{};
+  REQUIRE(joint.step(state, in, out) == Status::ok);
+  CHECK(out.missed == Stage::none);
+  CHECK(out.external_compliance == S(0));
+}

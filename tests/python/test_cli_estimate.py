@@ -1,0 +1,171 @@
+"""`flexspline estimate` by the contract: file, exit codes, one line of help or error."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas
+import pytest
+from chain_rig import BY_MOTOR, CALIBRATION, joint, raw_log, whole_joint, without
+from cli_calls import call
+
+import flexspline
+from flexspline import Observer
+from flexspline.estimation.status import MEANING
+from flexspline.logs.convert import write_log
+from flexspline.logs.log import Log
+from flexspline.model import Model
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("run") / "run.csv"
+    write_log(raw_log(1500), path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("joint") / "model.json"
+    whole_joint().save(path)
+    return path
+
+
+def test_the_file_holds_what_the_call_returns(tmp_path: Path, run: Path, model: Path) -> None:
+    out = tmp_path / "external.csv"
+    result = call("estimate", "--model", model, run, "--out", out)
+    assert result.exit_code == 0, result.stderr
+    table = pandas.read_csv(out)
+    made = flexspline.estimate(Model.load(model), flexspline.read_log(run))
+    assert list(table.columns) == list(made.columns)
+    for name in made.columns:
+        np.testing.assert_allclose(table[name], made[name], rtol=1e-15)
+    text = out.read_text()
+    assert text.splitlines()[0].startswith("time,temperature,sensor_torque,external_torque_sensor")
+    assert text.splitlines()[0].endswith("contact,status") and text.splitlines()[1].endswith(",256")
+    assert "1 contact: " in result.stdout and f"wrote {out}" in result.stdout
+
+
+def test_what_has_no_estimate_is_empty_and_its_row_stays(
+    tmp_path: Path, run: Path, model: Path
+) -> None:
+    log = raw_log(1500)
+    torque = log["motor_torque"].copy()
+    torque[7] = np.nan
+    write_log(log.with_columns({"motor_torque": torque}, note="hole"), tmp_path / "holed.csv")
+    out = tmp_path / "external.csv"
+    assert call("estimate", "--model", model, tmp_path / "holed.csv", "--out", out).exit_code == 0
+    table = pandas.read_csv(out)
+    assert len(table) == 1500
+    assert np.flatnonzero(table["external_torque_observer"].isna()).tolist() == [7]
+    assert np.flatnonzero(table["contact"].isna()).tolist() == [7]
+    assert table["status"][7] == 16 + 32 + 64 + 128  # the wave generator is twisted by the motor
+    assert set(table["contact"].dropna()) <= {0, 1}
+
+
+def test_columns_of_estimators_that_the_model_lacks_are_not_written(
+    tmp_path: Path, run: Path
+) -> None:
+    joint(BY_MOTOR).save(tmp_path / "model.json")
+    out = tmp_path / "external.csv"
+    assert call("estimate", "--model", tmp_path / "model.json", run, "--out", out).exit_code == 0
+    known = "time,temperature,sensor_torque,external_torque_sensor,external_torque_observer,status"
+    assert out.read_text().splitlines()[0] == known
+
+
+def test_facts_of_the_model_and_options_reach_the_run(tmp_path: Path, model: Path) -> None:
+    log = without(raw_log(1000), "motor_torque", "output_velocity", "output_acceleration")
+    columns = {**log.columns, "motor_current": raw_log(1000)["motor_torque"] / 0.1}
+    write_log(Log(columns, {}), tmp_path / "run.csv")
+    out = tmp_path / "external.csv"
+    result = call(
+        "estimate", "--model", model, tmp_path / "run.csv", "--out", out,
+        "--torque-constant", 0.1, "--bandwidth", 60,
+    )  # fmt: skip
+    assert result.exit_code == 0, result.stderr
+    assert "60 Hz" in result.stdout
+    assert pandas.read_csv(out)["external_torque_observer"].notna().all()
+
+
+def wrong_calls(folder: Path, run: Path, model: Path) -> dict[str, tuple[list[object], str]]:
+    Model({}).save(folder / "bare.json")
+    joint(Observer(1500.0, discretisation="euler")).save(folder / "euler.json")
+    joint(CALIBRATION).save(folder / "calibrated.json")
+    write_log(without(raw_log(100), "sensor_voltage", "sensor_torque"), folder / "silent.csv")
+    out = folder / "out.csv"
+    return {
+        "a model without estimators": (
+            ["--model", folder / "bare.json", run, "--out", out],
+            "nothing to estimate",
+        ),
+        "a gain that is not stable": (
+            ["--model", folder / "euler.json", run, "--out", out],
+            "below 1000 1/s",
+        ),
+        "a run that has nothing": (
+            ["--model", folder / "calibrated.json", folder / "silent.csv", "--out", out],
+            "external_torque_sensor",
+        ),
+        "a bandwidth of zero": (
+            ["--model", model, run, "--out", out, "--bandwidth", 0],
+            "no number above zero",
+        ),
+        "no model": (["--model", folder / "none.json", run, "--out", out], "none.json"),
+        "the run itself as output": (["--model", model, run, "--out", run], "would overwrite"),
+        "a folder that is not there": (
+            ["--model", model, run, "--out", folder / "none" / "out.csv"],
+            "cannot be written",
+        ),
+    }
+
+
+CASES = (
+    "a model without estimators",
+    "a gain that is not stable",
+    "a run that has nothing",
+    "a bandwidth of zero",
+    "no model",
+    "the run itself as output",
+    "a folder that is not there",
+)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_a_wrong_call_ends_with_2_one_line_and_no_file(
+    tmp_path: Path, run: Path, model: Path, case: str
+) -> None:
+    arguments, word = wrong_calls(tmp_path, run, model)[case]
+    before = run.read_bytes()
+    result = call("estimate", *arguments)
+    assert result.exit_code == 2
+    assert word in result.stderr and result.stderr.count("\n") == 1, result.stderr
+    assert not (tmp_path / "out.csv").exists() and run.read_bytes() == before
+
+
+def test_an_old_file_stays_where_the_call_is_wrong(tmp_path: Path, run: Path) -> None:
+    Model({}).save(tmp_path / "bare.json")
+    out = tmp_path / "external.csv"
+    out.write_text("old\n")
+    assert call("estimate", "--model", tmp_path / "bare.json", run, "--out", out).exit_code == 2
+    assert out.read_text() == "old\n"
+
+
+def test_the_help_has_an_example_and_every_bit_of_the_status() -> None:
+    text = " ".join(call("estimate", "--help").stdout.split())
+    assert "flexspline estimate --model joint/model.json run3.csv --out external.csv" in text
+    for bit, meaning in MEANING.items():
+        assert f"{int(bit)} {' '.join(meaning.split())}"[:60] in text
+
+
+def test_the_installed_command_does_the_same(tmp_path: Path, run: Path, model: Path) -> None:
+    out = tmp_path / "external.csv"
+    command = [sys.executable, "-m", "flexspline.cli", "estimate", "--model", str(model), str(run)]
+    done = subprocess.run(
+        [*command, "--out", str(out)], capture_output=True, text=True, env=dict(os.environ)
+    )
+    assert done.returncode == 0 and done.stderr == ""
+    assert len(out.read_text().splitlines()) == 1501

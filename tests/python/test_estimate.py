@@ -1,0 +1,369 @@
+"""`flexspline.estimate`: the right torque, nothing invented, gaps, flags, and what it says."""
+
+from __future__ import annotations
+
+import pickle
+
+import numpy as np
+import pytest
+from chain_rig import (
+    BY_MOTOR,
+    CALIBRATION,
+    COLLISION,
+    COMPENSATION,
+    DRIVE,
+    FACTS,
+    MERGE,
+    SENSOR,
+    THERMISTOR,
+    joint,
+    raw_log,
+    whole_joint,
+    without,
+)
+
+import flexspline
+from flexspline import Collision, Compliance, InputError, Observer, effect
+from flexspline.estimation import Status
+from flexspline.logs.log import Log
+from flexspline.model import Model, Part
+
+GAIN = SENSOR.coefficients[1]
+
+
+def largest(values) -> float:
+    return float(np.nanmax(np.abs(values)))
+
+
+def test_every_estimator_finds_the_external_torque_that_made_the_log() -> None:
+    log = raw_log()
+    made = flexspline.estimate(whole_joint(), log)
+    truth = log["reference_torque"]
+    # The gain error is taken off by one step of a contraction: what is left is its square.
+    sensor = made["external_torque_sensor"] - truth
+    assert largest(sensor) <= 1.01 * GAIN**2 * largest(truth)
+    # Exact but for the angles' 52 bits: 2π 2⁻⁵² · 30 turns · K / Ñ.
+    stiffness = 15548.0 * (1.0 + (0.05 * 5.0) ** 2)
+    assert largest(made["external_torque_compliance"] - truth) <= stiffness * 30.0 * 6.3 * 2.0**-52
+    # A first-order low pass is late by 1/K: the error is at most the steepest slope over K, and
+    # what the sensor's error does to the load-dependent friction.
+    slope = largest(np.gradient(truth, log["time"])) / BY_MOTOR.gain
+    friction = DRIVE.coefficients[4]  # of the load; inertia is a load that the observer leaves out
+    carried = DRIVE.coefficients[0] * largest(log["output_acceleration"])
+    settled = made["time"] > 10.0 / BY_MOTOR.gain
+    observer = (made["external_torque_observer"] - truth)[settled]
+    assert largest(observer) <= slope + friction * (carried + largest(sensor))
+    assert largest(made["sensor_torque"] - log["sensor_torque"]) < 1e-13 * 100
+    assert largest(made["temperature"] - log["temperature"]) < 1e-11
+
+
+def test_a_reference_torque_is_never_read() -> None:
+    log = raw_log()
+    bare = without(log, "reference_torque")
+    first, second = (flexspline.estimate(whole_joint(), run) for run in (log, bare))
+    assert list(first.columns) == list(second.columns)
+    for name in first.columns:
+        np.testing.assert_array_equal(first[name], second[name])
+
+
+def test_columns_are_those_of_the_estimators_that_the_model_holds() -> None:
+    log = raw_log(500)
+    always = ["time", "temperature", "sensor_torque"]
+    sensor = [*always, "external_torque_sensor", "status"]
+    assert list(flexspline.estimate(joint(), log).columns) == sensor
+    made = flexspline.estimate(joint(BY_MOTOR, Collision("observer", (), (2.0,), (2.0,))), log)
+    found = ["external_torque_sensor", "external_torque_observer", "contact", "status"]
+    assert list(made.columns) == [*always, *found]
+    blind = Model({"drive": DRIVE}, FACTS).with_estimator(BY_MOTOR)
+    assert "external_torque_sensor" not in flexspline.estimate(blind, log)
+    everything = flexspline.estimate(whole_joint(), log)
+    assert list(everything.columns) == list(flexspline.estimation.result.COLUMNS)
+
+
+# Nothing invented
+
+SILENT = {  # channel that is gone: what is empty, bits that say so
+    "motor_torque": ("observer", Status.NO_OBSERVER | Status.NO_MERGED | Status.NO_CONTACT),
+    "motor_position": ("compliance", Status.NO_COMPLIANCE | Status.NO_MERGED | Status.NO_CONTACT),
+    "output_acceleration": ("sensor", Status.NO_SENSOR | Status.NO_OBSERVER),
+    "sensor_voltage": ("sensor", Status.NO_SENSOR | Status.NO_OBSERVER),
+}
+
+
+@pytest.mark.parametrize("channel", SILENT)
+def test_a_row_without_a_channel_has_no_estimate_of_it_and_says_so(channel: str) -> None:
+    log = raw_log(1000)
+    values = log[channel].copy()
+    values[[300, 301, 700]] = np.nan, np.inf, -np.inf
+    made = flexspline.estimate(whole_joint(), log.with_columns({channel: values}, note="holes"))
+    stage, bits = SILENT[channel]
+    empty = np.flatnonzero(np.isnan(made[f"external_torque_{stage}"]))
+    assert empty.tolist() == [300, 301, 700]
+    assert np.flatnonzero((made.status & int(bits)) == int(bits)).tolist() == [300, 301, 700]
+
+
+@pytest.mark.parametrize("channel", ["motor_torque", "motor_position"])
+def test_a_log_without_a_channel_leaves_its_stage_silent_and_names_it(channel: str) -> None:
+    made = flexspline.estimate(whole_joint(), without(raw_log(500), channel))
+    stage, bits = SILENT[channel]
+    assert np.isnan(made[f"external_torque_{stage}"]).all()
+    assert ((made.status & int(bits)) == int(bits)).all()
+    assert any(f"reads {channel}, which log 'rig' lacks" in note for note in made.notes)
+    assert np.isfinite(made["external_torque_sensor"]).all()
+
+
+def test_a_log_without_anything_to_read_is_refused() -> None:
+    log = without(raw_log(500), "sensor_voltage", "sensor_torque")
+    with pytest.raises(InputError, match=r"no row has all that external_torque_sensor read"):
+        flexspline.estimate(joint(CALIBRATION), log)
+
+
+def test_a_shorted_thermistor_gives_no_temperature_and_the_last_drift() -> None:
+    log = raw_log(1000)
+    voltage = log["thermistor_voltage"].copy()
+    voltage[400:420] = 0.0
+    voltage[500:510] = 3.3
+    made = flexspline.estimate(
+        whole_joint(), log.with_columns({"thermistor_voltage": voltage}, note="short")
+    )
+    gone = np.isnan(made["temperature"])
+    assert np.flatnonzero(gone).tolist() == [*range(400, 420), *range(500, 510)]
+    assert np.array_equal(gone, made.flagged(Status.NO_TEMPERATURE))
+    # 20 samples of 2 ms at 5 °C/s: 0.2 K of drift, at most 0.05 Nm/K with its gradient, that late.
+    whole = flexspline.estimate(whole_joint(), log)
+    late = largest(made["sensor_torque"] - whole["sensor_torque"])
+    assert 0.0 < late <= 0.2 * 0.05
+
+
+def test_a_temperature_of_the_log_is_read_where_it_has_no_thermistor() -> None:
+    made = flexspline.estimate(whole_joint(), without(raw_log(500), "thermistor_voltage"))
+    assert np.isfinite(made["temperature"]).all() and np.isfinite(made["sensor_torque"]).all()
+    assert any("no thermistor_voltage" in note for note in made.notes)
+
+
+def test_a_sensor_torque_of_the_log_is_taken_as_it_is_where_it_has_no_voltage() -> None:
+    log = without(raw_log(500), "sensor_voltage")
+    made = flexspline.estimate(whole_joint(), log)
+    assert np.array_equal(made["sensor_torque"], log["sensor_torque"])
+    assert any("not compensated" in note for note in made.notes)
+
+
+def test_a_drift_without_a_calibration_is_added_to_the_logs_torque() -> None:
+    log = raw_log(500)
+    made = flexspline.estimate(joint(COMPENSATION), log)
+    whole = flexspline.estimate(joint(COMPENSATION, CALIBRATION), log)
+    volts = CALIBRATION.sensitivity * log["sensor_voltage"] + CALIBRATION.zero
+    drift = whole["sensor_torque"] - volts
+    assert largest(made["sensor_torque"] - log["sensor_torque"] - drift) < 1e-13
+
+
+# Gaps, flags, velocity
+
+
+def test_a_gap_starts_every_state_again() -> None:
+    log = raw_log(2000)
+    holed = log.rows(np.r_[0:800, 1000:2000], note="a gap")
+    made = flexspline.estimate(whole_joint(), holed)
+    alone = flexspline.estimate(whole_joint(), log.rows(slice(1000, 2000)))
+    assert np.flatnonzero(made.flagged(Status.RESTARTED)).tolist() == [0, 800]
+    for name in alone.columns:
+        np.testing.assert_array_equal(made[name][800:], alone[name])
+    assert made["external_torque_observer"][800] == 0.0
+
+
+def test_what_lies_outside_of_the_fit_is_flagged_and_said() -> None:
+    log = raw_log(2000)
+    made = flexspline.estimate(whole_joint(), log)
+    low, high = COMPENSATION.temperature_range
+    outside = (made["temperature"] < low) | (made["temperature"] > high)
+    assert outside.any() and not outside.all()
+    assert np.array_equal(made.flagged(Status.EXTRAPOLATED), outside)
+    assert "outside the range" in str(made)
+
+
+def test_the_temperature_of_a_parts_fit_is_a_range_too() -> None:
+    record = {**SENSOR.record, "validity": {"temperature": [25.0, 35.0]}}
+    part = Part(SENSOR.target, SENSOR.effects, SENSOR.coefficients, None, record)
+    log = raw_log(2000)
+    made = flexspline.estimate(Model({"sensor": part}, FACTS), log)
+    outside = (log["temperature"] < 25.0) | (log["temperature"] > 35.0)
+    assert outside.any() and np.array_equal(made.flagged(Status.EXTRAPOLATED), outside)
+
+
+def test_a_torsion_past_the_pole_is_held_flagged_and_of_the_right_sign() -> None:
+    log = raw_log(500)
+    for step in (0.4, -0.4):
+        motor = log["motor_position"].copy()
+        motor[200:210] += step
+        jumped = log.with_columns({"motor_position": motor}, note="an encoder step")
+        made = flexspline.estimate(whole_joint(), jumped)
+        assert np.flatnonzero(made.flagged(Status.SATURATED)).tolist() == [*range(200, 210)]
+        held = made["external_torque_compliance"][200:210]
+        # A motor that runs ahead pushes outward; the pole is kept 5 % off: tan(0.95 π/2) / c_m.
+        assert (np.sign(held) == np.sign(step)).all()
+        assert largest(held) <= np.tan(0.95 * np.pi / 2) / 0.05 + 1.0
+
+
+def test_a_missing_velocity_is_derived_as_a_device_would_and_said() -> None:
+    log = raw_log()
+    bare = without(log, "output_velocity", "output_acceleration")
+    made = flexspline.estimate(whole_joint(), bare)
+    (note,) = (n for n in made.notes if "derived from output_position" in n)
+    assert "output_velocity, output_acceleration" in note and "late by" in note and "20 Hz" in note
+    wider = flexspline.estimate(whole_joint(), bare, bandwidth=80.0)
+    truth = log["reference_torque"]
+    settled = made["time"] > 1.0
+    slow, fast = (
+        np.std((run["external_torque_observer"] - truth)[settled]) for run in (made, wider)
+    )
+    assert fast < slow < 1.0
+    with pytest.raises(InputError, match="bandwidth"):
+        flexspline.estimate(whole_joint(), bare, bandwidth=400.0)
+
+
+def test_nothing_looks_ahead() -> None:
+    log = without(raw_log(2000), "output_velocity", "output_acceleration")
+    whole = flexspline.estimate(whole_joint(), log)
+    start = flexspline.estimate(whole_joint(), log.rows(slice(0, 1200)))
+    for name in start.columns:
+        np.testing.assert_array_equal(start[name], whole[name][:1200])
+
+
+# Refusals
+
+
+def test_a_gain_that_euler_cannot_hold_is_refused_at_this_rate() -> None:
+    log = raw_log(500)
+    for gain, stable in ((999.0, True), (1000.0, False)):
+        model = joint(Observer(gain, discretisation="euler"))
+        if stable:
+            assert np.isfinite(flexspline.estimate(model, log)["external_torque_observer"]).all()
+            continue
+        with pytest.raises(InputError, match=r"not stable at 500 Hz; give a gain below 1000 1/s"):
+            flexspline.estimate(model, log)
+
+
+def test_time_that_does_not_increase_is_refused_with_its_row() -> None:
+    log = raw_log(500)
+    for value in (log["time"][9], np.nan):
+        time = log["time"].copy()
+        time[10] = value
+        with pytest.raises(InputError, match="at row 10; repair"):
+            flexspline.estimate(joint(), log.with_columns({"time": time}, note="stuck"))
+
+
+EMPTY = {
+    "nothing": (Model({}), "nothing to estimate"),
+    "a drive alone": (Model({"drive": DRIVE}, FACTS), "nothing to estimate"),
+    "an incomplete file": (Model({}, {}, {"merge": MERGE}), "needs the estimator observer"),
+    "no gear": (Model({"drive": DRIVE}, {}, {"observer": BY_MOTOR}), "gear ratio"),
+    "a mesh that pushes": (
+        Model(
+            {"torsion": Part("torsion", (effect("mesh_compliance"),), np.array([-1.0]))},
+            FACTS,
+            {"compliance": Compliance()},
+        ),
+        "gives way",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", EMPTY)
+def test_a_model_that_cannot_estimate_is_refused_with_what_to_do(case: str) -> None:
+    model, word = EMPTY[case]
+    with pytest.raises(InputError, match=word) as caught:
+        flexspline.estimate(model, raw_log(500))
+    assert ";" in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_a_log_of_another_gear_is_refused() -> None:
+    with pytest.raises(InputError, match="gear_ratio"):
+        flexspline.estimate(whole_joint(), raw_log(500).with_facts({"gear_ratio": 50.0}))
+
+
+# The result
+
+
+def test_contacts_are_where_the_thresholds_are_passed() -> None:
+    log = raw_log()
+    model = joint(Collision("sensor", (), (2.0,), (1.5,)))
+    made = flexspline.estimate(model, log)
+    torque = made["external_torque_sensor"]
+    assert np.array_equal(made["contact"] == 1.0, (torque > 1.5) | (torque < -2.0))
+    starts = np.flatnonzero(np.diff(made["contact"]) == 1.0) + 1
+    assert [start for start, _ in made.contacts] == made["time"][starts].tolist()
+    assert not flexspline.estimate(joint(), log).contacts
+
+
+def test_the_result_speaks() -> None:
+    made = flexspline.estimate(whole_joint(), raw_log())
+    text, page = str(made), made._repr_html_()
+    for word in ("external_torque_merged", "Nm", "contacts:", "status 1 in", "4000 rows"):
+        assert word in text and word in page
+    assert max(map(len, text.splitlines())) <= 100
+    assert "<script" not in page and repr(made).startswith("<Estimate of 'rig': 4000 rows")
+    frame = made.to_frame()
+    assert list(frame.columns) == list(made.columns) and str(frame["status"].dtype) == "Int64"
+    with pytest.raises(InputError, match="did you mean 'external_torque_merged'"):
+        made["external_torque_merge"]
+    again = pickle.loads(pickle.dumps(made))
+    assert np.array_equal(again["status"], made["status"]) and again.notes == made.notes
+    with pytest.raises(ValueError):
+        made["time"][0] = 1.0
+
+
+def test_the_plot_shows_every_estimate_and_what_is_flagged() -> None:
+    made = flexspline.estimate(whole_joint(), raw_log())
+    above, below = made.plot().axes
+    labels = [line.get_label() for line in above.lines]
+    assert labels == ["sensor", "observer", "compliance", "merged"]
+    assert len(above.patches) == len(made.contacts) > 0
+    assert [tick.get_text() for tick in below.get_yticklabels()] == ["extrapolated", "restarted"]
+    assert "[Nm]" in above.get_ylabel() and "[s]" in below.get_xlabel()
+
+
+def test_a_run_of_one_row_is_a_run() -> None:
+    log = raw_log(3)
+    made = flexspline.estimate(whole_joint(), log.rows(slice(0, 1)))
+    assert len(made) == 1 and made["external_torque_observer"][0] == 0.0
+    assert np.isfinite(made["external_torque_sensor"][0])
+
+
+def test_estimators_go_through_a_file(tmp_path) -> None:
+    model, log = whole_joint(), raw_log(500)
+    model.save(tmp_path / "model.json")
+    first = flexspline.estimate(model, log)
+    second = flexspline.estimate(Model.load(tmp_path / "model.json"), log)
+    for name in first.columns:
+        np.testing.assert_array_equal(first[name], second[name])
+
+
+def test_only_what_is_read_needs_to_be_there() -> None:
+    log = raw_log(500)
+    bare = Log.from_arrays(
+        time=log["time"], sensor_voltage=log["sensor_voltage"], thermistor_voltage=np.full(500, 1.6)
+    )
+    model = Model({}).with_estimator(THERMISTOR).with_estimator(COMPENSATION)
+    made = flexspline.estimate(model.with_estimator(CALIBRATION), bare)
+    assert np.isfinite(made["sensor_torque"]).all()
+    assert np.array_equal(made["sensor_torque"], made["external_torque_sensor"])
+    assert any("no part for sensor_torque" in note for note in made.notes)
+
+
+def test_the_observer_of_a_sensor_without_inertia_is_a_low_pass_and_says_so() -> None:
+    log = raw_log(2000)
+    model = Model({}).with_estimator(CALIBRATION).with_estimator(Observer(50.0))
+    made = flexspline.estimate(model, log)
+    assert any("low pass" in note for note in made.notes)
+    torque, period = made["sensor_torque"], 2e-3
+    expected, share = np.zeros(2000), -np.expm1(-50.0 * period)
+    for row in range(1, 2000):
+        mean = 0.5 * (torque[row] + torque[row - 1])
+        expected[row] = expected[row - 1] + share * (mean - expected[row - 1])
+    np.testing.assert_allclose(made["external_torque_observer"], expected, atol=1e-12)
+
+
+def test_a_collision_needs_only_what_it_watches() -> None:
+    model = joint(BY_MOTOR, Compliance(), MERGE, COLLISION)
+    made = flexspline.estimate(model, without(raw_log(500), "sensor_voltage"))
+    assert np.isfinite(made["contact"]).all()
