@@ -1,0 +1,37 @@
+"""The external torque from standstill to full speed: observer in motion, torsion at rest.
+
+`train` chooses how a momentum observer and the compliance of the gear share the range, after the
+third paper, and compares them with the methods that it names. `torsion_part_from_datasheet` makes
+the compliance from a catalogue, `fit_mesh_stiffness` from a stiffness run.
+"""
+
+from flexspline.full_range.datasheet import compliance_from_datasheet, torsion_part_from_datasheet
+from flexspline.full_range.result import FullRange
+from flexspline.full_range.scores import ErrorScore, ErrorTable, SpeedCurve
+from flexspline.full_range.torsion_part import (
+    GearCompliance,
+    fit_kinematic_error,
+    fit_mesh_stiffness,
+    mesh_of,
+    torsion_part,
+    with_mesh_stiffness,
+)
+from flexspline.full_range.training import train
+from flexspline.full_range.transition import Transition
+
+__all__ = [
+    "ErrorScore",
+    "ErrorTable",
+    "FullRange",
+    "GearCompliance",
+    "SpeedCurve",
+    "Transition",
+    "compliance_from_datasheet",
+    "fit_kinematic_error",
+    "fit_mesh_stiffness",
+    "mesh_of",
+    "torsion_part",
+    "torsion_part_from_datasheet",
+    "train",
+    "with_mesh_stiffness",
+]
