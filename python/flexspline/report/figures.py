@@ -5,20 +5,18 @@ from __future__ import annotations
 import html
 import io
 import re
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import matplotlib
-from matplotlib.axes import Axes
 
 from flexspline.plot.canvas import INK, PlainFigure, axes_or_new
-from flexspline.plot.fit import panels
+from flexspline.plot.fit import Panel, panels
 
 if TYPE_CHECKING:
     from flexspline.fit.result import Fit
 
-__all__ = ["ReportFigure", "inline_svg", "report_figures"]
+__all__ = ["ReportFigure", "drawn", "inline_svg", "report_figures"]
 
 DPI = 130  # of the heavy layers, which are drawn as pixels
 
@@ -33,15 +31,16 @@ class ReportFigure:
 
 def report_figures(fit: Fit) -> list[ReportFigure]:
     """Return a figure for each panel of `plot_fit`."""
-    return [ReportFigure(_drawn(panel.draw), panel.look_for) for panel in panels(fit)]
+    return [drawn(panel) for panel in panels(fit)]
 
 
-def _drawn(draw: Callable[[Axes], object]) -> str:
+def drawn(panel: Panel) -> ReportFigure:
+    """Return a panel as a figure of a report."""
     ax = axes_or_new(None, 7.2, 3.7)
-    draw(ax)
+    panel.draw(ax)
     figure = ax.figure
     assert isinstance(figure, PlainFigure)
-    return inline_svg(figure, ax.get_title(loc="left"))
+    return ReportFigure(inline_svg(figure, ax.get_title(loc="left")), panel.look_for)
 
 
 def inline_svg(figure: PlainFigure, name: str) -> str:

@@ -21,13 +21,13 @@ from flexspline.report.verdict import TARGET_WORDS, validation_sentence, verdict
 if TYPE_CHECKING:
     from flexspline.fit.result import Fit
 
-__all__ = ["fit_html", "write_report"]
+__all__ = ["fit_html", "templates", "write_report"]
 
 
 def fit_html(fit: Fit) -> str:
     """Return a fit as a fragment of HTML without scripts, for notebooks light and dark."""
     return (
-        _templates()
+        templates()
         .get_template("fit.html")
         .render(_common(fit), scores=score_rows(fit.scores, fit.unit))
     )
@@ -46,7 +46,7 @@ def write_report(fit: Fit, path: str | os.PathLike[str]) -> None:
     made = shares(fit)
     largest = max(made.values(), default=1.0) or 1.0
     page = (
-        _templates()
+        templates()
         .get_template("report.html")
         .render(
             _common(fit),
@@ -78,7 +78,8 @@ def _common(fit: Fit) -> dict[str, Any]:
 
 
 @cache
-def _templates() -> Environment:
+def templates() -> Environment:
+    """Return the package's HTML templates, which know how a minus sign is printed."""
     made = Environment(
         loader=PackageLoader("flexspline.report"),
         autoescape=True,

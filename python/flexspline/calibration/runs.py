@@ -1,0 +1,247 @@
+"""From logs to the three columns of a calibration: voltage, reference torque, temperature.
+
+Nothing is repaired here. What cannot be calibrated from is refused with one sentence; what is
+strange but possible is returned as a warning.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexspline import _core
+from flexspline.errors import InputError, did_you_mean, listed
+from flexspline.estimators import Thermistor
+from flexspline.logs.channels import CHANNELS
+from flexspline.logs.checks import check
+from flexspline.logs.checks.findings import Finding
+from flexspline.logs.derive import quantum, white_noise
+from flexspline.logs.log import Log
+from flexspline.logs.segments import runs as unbroken
+
+__all__ = ["CalibrationRun", "calibration_runs", "why_unexcited"]
+
+Array = NDArray[np.float64]
+
+VOLTAGE = "sensor_voltage"
+MOST_VOLTS = 30.0  # no converter of a bridge reads more; millivolts do
+LEAST_VOLTS = 1e-5  # of full range: a bridge that says nothing, or another unit
+WARMEST = 200.0  # °C; above it the column is kelvin
+LOST_IN_NOISE = 0.01  # share of the reference's variance that is its own noise
+LEAST_LEVEL = 1e-3  # Nm
+BEYOND = 3.0  # standard deviations of the line from which a voltage is held back
+LEAST_BEYOND = 1e-6  # of its range
+TOLERATED = ("constant_channel", "repeated_rows", "stuck_recorder")  # of a typed or stepped load
+
+
+@dataclass(frozen=True)
+class CalibrationRun:
+    """One run as the regression reads it; arrays (N,).
+
+    `voltage` V. `torque`: the reference, Nm; zeros where the run is without load. `temperature`:
+    °C, or None. `loaded`: whether a reference was recorded. `starts`: true on the first row and
+    behind each gap.
+    """
+
+    log: Log
+    voltage: Array
+    torque: Array
+    temperature: Array | None
+    loaded: bool
+    starts: NDArray[np.bool_]
+
+    def __len__(self) -> int:
+        return len(self.voltage)
+
+
+def calibration_runs(
+    logs: Sequence[Log],
+    reference: str | None,
+    thermistor: Thermistor | None,
+    *,
+    temperature_needed: bool,
+) -> tuple[list[CalibrationRun], list[str]]:
+    """Return the runs and sentences on what is strange in them.
+
+    Parameters
+    ----------
+    reference : channel with the trusted torque, Nm; None for runs that are all without load.
+    thermistor : for logs with `thermistor_voltage` and no `temperature`.
+    temperature_needed : refuse logs without temperature.
+
+    Raises
+    ------
+    InputError
+        For a channel that is missing, not finite or saturated.
+    """
+    _require_reference(logs, reference)
+    runs, said = [], []
+    for log in logs:
+        run, warnings = _run(log, reference, thermistor, temperature_needed)
+        runs.append(run)
+        said += warnings
+    if all(np.all(run.voltage == runs[0].voltage[0]) for run in runs):
+        raise InputError(
+            f"{VOLTAGE} is {runs[0].voltage[0]:.6g} V in every row of all runs; check the wiring "
+            "and the column map"
+        )
+    return runs, [*said, *_strange(runs)]
+
+
+def _require_reference(logs: Sequence[Log], reference: str | None) -> None:
+    if reference is None or any(reference in log for log in logs):
+        return
+    if reference not in CHANNELS:
+        raise InputError(
+            f"reference '{reference}' is no channel of a log{did_you_mean(reference, CHANNELS)}; "
+            f"the channels are {listed(CHANNELS)}"
+        )
+    raise InputError(
+        f"no run has the channel '{reference}'; map the reference sensor to it, or give "
+        "reference=None (--reference none) where all runs are without load: then the drift alone "
+        "is fitted"
+    )
+
+
+def _run(
+    log: Log, reference: str | None, thermistor: Thermistor | None, temperature_needed: bool
+) -> tuple[CalibrationRun, list[str]]:
+    if VOLTAGE not in log:
+        raise InputError(
+            f"log '{log.name}': no channel '{VOLTAGE}'; map the bridge's voltage to it; it has "
+            f"{listed(log.channels)}"
+        )
+    voltage = log[VOLTAGE]
+    loaded = reference is not None and reference in log
+    names = ["time", VOLTAGE, *([str(reference)] if loaded else [])]
+    warmth = next((n for n in ("temperature", "thermistor_voltage") if n in log), None)
+    names += [warmth] if warmth else []
+    used = Log({n: log[n] for n in names}, log.facts, log.history, log.source)
+    said = _checked(used, reference if loaded else None)
+    if reference is not None and not loaded:
+        said.append(f"{log.name}: has no {reference} and is taken to be without load")
+    starts = np.zeros(len(log), dtype=bool)
+    starts[unbroken(log["time"])[:, 0]] = True
+    torque = log[str(reference)] if loaded else np.zeros(len(log))
+    temperature = _temperature(log, warmth, thermistor, temperature_needed)
+    return CalibrationRun(log, voltage, torque, temperature, loaded, starts), said
+
+
+def _checked(used: Log, reference: str | None) -> list[str]:
+    """Refuse what makes a calibration meaningless; return the other faults as sentences."""
+    findings = check(used)
+    findings.raise_errors()
+    for finding in findings.named("clipped_channel"):
+        if finding.channel == VOLTAGE and _is_saturated(used, finding, reference):
+            raise InputError(_saturated(used, finding))
+    return [
+        f"{used.name}: {finding.sentence}"
+        for finding in findings.faults
+        if finding.name not in TOLERATED and finding.name != "clipped_channel"
+    ]
+
+
+def _is_saturated(log: Log, finding: Finding, reference: str | None) -> bool:
+    """Whether the voltage would go on where it stands.
+
+    By the line through the other rows, where the reference moves: a plateau that a coarse
+    converter reads as one number lies on the line, a limit does not. Without a reference a voltage
+    that is noisy elsewhere and not coarse stands for no other reason.
+    """
+    values = log[finding.channel]
+    at = values == finding.size
+    if reference is None or _lost(log[reference]):
+        return white_noise(values) > quantum(values)
+    slope, level = np.polyfit(log[reference][~at], values[~at], 1)
+    left = values - level - slope * log[reference]
+    beyond = abs(float(left[at].mean()))
+    return beyond > BEYOND * float(left[~at].std()) + LEAST_BEYOND * float(np.ptp(values))
+
+
+def _lost(torque: Array) -> bool:
+    """Whether a reference is lost in its own noise."""
+    variance = float(np.var(torque))
+    return not (variance > 0.0 and white_noise(torque) ** 2 <= LOST_IN_NOISE * variance)
+
+
+def _saturated(log: Log, finding: Finding) -> str:
+    count = int(np.count_nonzero(log[finding.channel] == finding.size))
+    return (
+        f"log '{log.name}': {finding.channel} stays at exactly {finding.size:.6g} V in {count} "
+        f"rows, first in row {finding.rows[0]}: the converter is saturated there; leave these rows "
+        "out (log.rows) or record with less gain"
+    )
+
+
+def _temperature(
+    log: Log, channel: str | None, thermistor: Thermistor | None, needed: bool
+) -> Array | None:
+    if channel == "temperature":
+        return log["temperature"]
+    if channel is not None and thermistor is not None:
+        return _from_divider(log, thermistor)
+    if not needed:
+        return None
+    if channel is None:
+        raise InputError(
+            f"log '{log.name}': no channel 'temperature' (or 'thermistor_voltage'); record it, or "
+            "give degree=0 (--degree 0) to calibrate without temperature"
+        )
+    raise InputError(
+        f"log '{log.name}': thermistor_voltage needs the constants of the divider; give thermistor "
+        "(--thermistor SUPPLY:DIVIDER:NOMINAL:BETA, in V, Ω, Ω, K)"
+    )
+
+
+def _from_divider(log: Log, thermistor: Thermistor) -> Array:
+    """(6), (7): temperature from the divider's voltage, °C."""
+    found = np.asarray(
+        _core.thermistor_temperature(log["thermistor_voltage"], **thermistor.to_json())
+    )
+    bad = np.flatnonzero(~np.isfinite(found))
+    if len(bad):
+        raise InputError(
+            f"log '{log.name}': thermistor_voltage is no voltage of a divider at "
+            f"{thermistor.supply_voltage:g} V in {len(bad)} rows, first in row {bad[0]} "
+            f"({log['thermistor_voltage'][bad[0]]:.4g} V): open or short circuit, or another "
+            "supply; mend the recording or the constants"
+        )
+    return found
+
+
+def _strange(runs: Sequence[CalibrationRun]) -> list[str]:
+    said = []
+    high = max(float(np.abs(run.voltage).max()) for run in runs)
+    span = max(float(np.ptp(run.voltage)) for run in runs)
+    if high > MOST_VOLTS:
+        said.append(
+            f"sensor_voltage reaches {high:.4g} V: if the column is in mV, say so in the column "
+            "map; the sensitivity is a thousand times too small otherwise"
+        )
+    elif span < LEAST_VOLTS:
+        said.append(
+            f"sensor_voltage spans only {span:.2g} V: if the column is in mV or kV, say so in the "
+            "column map"
+        )
+    warm = [run.temperature for run in runs if run.temperature is not None]
+    if warm and max(float(t.max()) for t in warm) > WARMEST:
+        said.append("the temperature is above 200 °C: if the column is in kelvin, say so")
+    return said
+
+
+def why_unexcited(runs: Sequence[CalibrationRun]) -> str:
+    """Return why the reference says nothing of the sensitivity; "" where it may."""
+    loaded = [run.torque for run in runs if run.loaded]
+    if not loaded:
+        return "the runs are without load"
+    variance = float(np.var(np.concatenate(loaded)))
+    noise = max(white_noise(torque) for torque in loaded)
+    level = float(np.mean(np.concatenate(loaded)))
+    if variance > 0.0 and noise**2 <= LOST_IN_NOISE * variance:
+        return ""
+    if abs(level) <= 5.0 * max(noise, LEAST_LEVEL):
+        return "the reference never leaves zero"
+    return f"the reference stays at {level:.4g} Nm"

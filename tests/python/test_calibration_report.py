@@ -1,0 +1,144 @@
+"""What a calibration prints, shows in a notebook, draws and reports."""
+
+from __future__ import annotations
+
+import re
+from functools import cache
+from html.parser import HTMLParser
+from pathlib import Path
+
+import calibration_logs as bench
+import matplotlib.pyplot as plt
+import pytest
+from calibration_logs import QUIET
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from flexspline import InputError, calibrate
+from flexspline.calibration import CalibrationResult
+from flexspline.plot import calibration as plots
+
+UNIT = re.compile(r"\[[^\]]+\]$")
+VOID = {"meta", "br", "img", "link", "hr"}
+
+
+class _Balance(HTMLParser):
+    """Counts what is opened and not closed."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        pass
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+
+@cache
+def whole() -> CalibrationResult:
+    return calibrate([bench.load_run(), bench.drift_run(cooling=True)], full_scale=70.0)
+
+
+@cache
+def drift_alone() -> CalibrationResult:
+    return calibrate(bench.drift_run(QUIET))
+
+
+@cache
+def load_alone() -> CalibrationResult:
+    return calibrate(bench.load_run(), degree=0)
+
+
+def everything() -> list[CalibrationResult]:
+    return [whole(), drift_alone(), load_alone()]
+
+
+def axes(figure: Figure) -> list[Axes]:
+    return [ax for part in figure.subfigs for ax in part.axes]
+
+
+def test_the_text_leads_with_the_verdict_and_fits_a_screen_in_width() -> None:
+    for made in everything():
+        lines = str(made).splitlines()
+        assert max(map(len, lines)) <= 120
+    assert str(whole()).startswith("Calibrated, 62.")
+    assert str(drift_alone()).startswith("No calibration, but the drift in volts")
+
+
+def test_every_parameter_and_figure_stands_in_the_text() -> None:
+    text = str(whole())
+    for parameter in whole().parameters:
+        assert parameter.name.replace("_", " ") in text
+    for figure in whole().figures:
+        assert re.search(rf"^{re.escape(figure.name)} +[\d.]+ %FS +[\d.]+ Nm", text, re.MULTILINE)
+
+
+def test_a_figure_that_is_not_shown_says_why_instead_of_a_number() -> None:
+    text = str(drift_alone())
+    for figure in drift_alone().figures:
+        assert re.search(rf"^{re.escape(figure.name)} +not shown +{figure.reason[:20]}", text,
+                         re.MULTILINE)  # fmt: skip
+
+
+def test_html_is_closed_and_loads_nothing(tmp_path: Path) -> None:
+    for number, made in enumerate(everything()):
+        path = tmp_path / f"{number}.html"
+        made.report(path)
+        page = path.read_text(encoding="utf-8")
+        for text in (page, made._repr_html_()):
+            parser = _Balance()
+            parser.feed(text)
+            assert not parser.open
+            assert "<script" not in text
+        assert not re.search(r"""(src|href)\s*=\s*["'](https?:)?//""", page)
+
+
+def test_the_report_shows_each_figure_that_the_runs_allow(tmp_path: Path) -> None:
+    for made, count in zip(everything(), (4, 2, 2), strict=True):
+        made.report(tmp_path / "report.html")
+        page = (tmp_path / "report.html").read_text(encoding="utf-8")
+        assert page.count("<svg") == count == len(axes(made.plot()))
+
+
+def test_every_axis_has_a_unit_and_a_title_and_nothing_is_left_open() -> None:
+    before = plt.get_fignums()
+    for made in everything():
+        for ax in axes(made.plot()):
+            assert UNIT.search(ax.get_xlabel()) and UNIT.search(ax.get_ylabel())
+            assert ax.get_title(loc="left")
+    assert plt.get_fignums() == before
+
+
+def test_a_plot_that_the_runs_do_not_allow_is_refused() -> None:
+    with pytest.raises(InputError, match="leg of the reference"):
+        plots.calibration_line(drift_alone())
+    for view in (plots.voltage_drift, plots.compensation):
+        with pytest.raises(InputError, match="leaves temperature out"):
+            view(load_alone())
+
+
+def test_tables_hold_the_same_numbers() -> None:
+    frame, figures = whole().to_frame(), whole().figures_frame()
+    assert frame.loc["sensitivity", "value"] == whole()["sensitivity"].value
+    assert figures.loc["hysteresis", "percent"] == whole().figure("hysteresis").percent
+
+
+def test_the_call_that_the_report_prints_makes_the_calibration_again(tmp_path: Path) -> None:
+    import flexspline
+
+    whole().report(tmp_path / "report.html")
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    call = re.search(r"<code>(result = flexspline\.calibrate.*?)</code>", page, re.DOTALL)
+    assert call is not None
+    logs = [bench.load_run(), bench.drift_run(cooling=True)]
+    names: dict[str, object] = {"flexspline": flexspline, "logs": logs}
+    exec(call[1].replace("&#39;", "'"), names)
+    again = names["result"]
+    assert isinstance(again, CalibrationResult)
+    assert str(again) == str(whole())

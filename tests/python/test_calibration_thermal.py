@@ -1,0 +1,199 @@
+"""Degree, distinct temperatures, thermistor, heating and cooling, lag and gradient."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import calibration_logs as bench
+import numpy as np
+import pytest
+from calibration_logs import FULL_SCALE, QUIET, Bench
+
+from flexspline import InputError, Thermistor, _core, calibrate
+from flexspline.calibration.result import CalibrationResult
+from flexspline.calibration.thermal import count_temperatures
+
+FOUR_SIGMA = 4.0
+LAG, GRADIENT = 40.0, 0.05
+LAGGING = Bench(bend=0.0, memory=0.0, ripple=0.0, lag=LAG, gradient=GRADIENT)
+DIVIDER = Thermistor(3.3, 10e3, 10e3, 3435.0)
+
+
+@cache
+def lagging(fitted: bool) -> CalibrationResult:
+    logs = [bench.load_run(LAGGING, count=1), bench.drift_run(LAGGING, cooling=True)]
+    how = "fit" if fitted else 0.0
+    return calibrate(logs, thermal_lag=how, gradient=how, full_scale=FULL_SCALE)
+
+
+@pytest.mark.parametrize("degree", [1, 2, 3, 5])
+def test_fewer_than_degree_plus_one_temperatures_are_refused_and_counted(degree: int) -> None:
+    levels = np.repeat(np.linspace(20.0, 45.0, degree), 400)
+    log = bench.recorded("few", np.zeros(len(levels)), levels, QUIET, 3)
+    count = f"{degree} distinct temperature{'' if degree == 1 else 's'} "
+    with pytest.raises(InputError, match=f"{count}.*degree {degree} needs {degree + 1}"):
+        calibrate(log, degree=degree)
+
+
+@pytest.mark.parametrize("degree", [1, 2, 3, 5])
+def test_degree_plus_one_temperatures_are_enough(degree: int) -> None:
+    levels = np.repeat(np.linspace(20.0, 45.0, degree + 1), 400)
+    log = bench.recorded("enough", np.zeros(len(levels)), levels, QUIET, 3)
+    assert len(calibrate(log, degree=degree).drift_polynomial) == degree + 1
+
+
+def test_noise_of_the_thermometer_makes_no_new_temperatures() -> None:
+    rng = np.random.default_rng(1)
+    assert count_temperatures([25.0 + rng.normal(0.0, 0.3, 20_000)], 0.3) < 4
+    assert count_temperatures([np.array([20.0, 20.4, 25.0, 25.1])], 0.0) == 2
+
+
+def test_a_cubic_drift_needs_and_gets_a_cubic() -> None:
+    warmth = bench.stairs(bench.thermal_steps(), 60.0, 60.0)
+    log = bench.recorded("cubic", np.zeros(len(warmth)), warmth, QUIET, 3)
+    bent = log["sensor_voltage"] + 2e-6 * (warmth - 25.0) ** 3
+    log = log.with_columns({"sensor_voltage": bent}, note="cubic")
+    third = calibrate(log, degree=3)
+    square = calibrate(log, degree=2)
+    cubic = third.drift_polynomial[3]
+    assert abs(cubic.value - 2e-6) < FOUR_SIGMA * cubic.standard_error
+    assert third.cv_rmse < square.cv_rmse
+
+
+def test_the_drift_does_not_depend_on_where_it_is_counted_from() -> None:
+    log = bench.drift_run(QUIET)
+    one, other = (calibrate(log, reference_temperature=t) for t in (25.0, 40.0))
+    for a, b in zip(one.drift_polynomial, other.drift_polynomial, strict=True):
+        assert a.value == pytest.approx(b.value, rel=1e-8)
+        assert a.standard_error == pytest.approx(b.standard_error, rel=1e-4)
+
+
+def test_the_band_of_the_drift_holds_the_truth() -> None:
+    made = calibrate([bench.load_run(QUIET), bench.drift_run(QUIET, cooling=True)])
+    grid = np.linspace(20.0, 45.0, 26)
+    values, errors = made.drift_voltage(grid)
+    assert np.all(np.abs(values - bench.drift(grid)) < FOUR_SIGMA * errors)
+
+
+def test_a_thermistor_stands_in_for_the_temperature() -> None:
+    logs = [bench.load_run(QUIET, count=1), bench.drift_run(QUIET)]
+    plain = calibrate(logs)
+    divided = [
+        bench.without(
+            log.with_columns(
+                {
+                    "thermistor_voltage": _core.thermistor_voltage(
+                        log["temperature"], **DIVIDER.to_json()
+                    )
+                },
+                note="divider",
+            ),
+            "temperature",
+        )
+        for log in logs
+    ]
+    made = calibrate(divided, thermistor=DIVIDER)
+    assert made.model.estimators["thermistor"] == DIVIDER
+    for name in ("sensitivity", "zero", "drift_1", "drift_2"):
+        assert made[name].value == pytest.approx(plain[name].value, rel=1e-6)
+    again = calibrate(divided, into=made.model)  # the constants of the model
+    assert again["drift_2"].value == made["drift_2"].value
+
+
+def test_an_open_or_unknown_thermistor_is_refused() -> None:
+    log = bench.without(bench.drift_run(QUIET), "temperature")
+    rng = np.random.default_rng(2)
+    volts = 1.5 + rng.normal(0.0, 0.01, len(log))
+    volts[100:103] = 3.3 + rng.uniform(0.01, 0.02, 3)
+    open_circuit = log.with_columns({"thermistor_voltage": volts}, note="open")
+    with pytest.raises(InputError, match=r"in 3 rows, first in row 100 .*open or short circuit"):
+        calibrate(open_circuit, thermistor=DIVIDER)
+    with pytest.raises(InputError, match="thermistor_voltage needs the constants"):
+        calibrate(open_circuit)
+
+
+def test_heating_alone_shows_no_thermal_hysteresis() -> None:
+    made = calibrate([bench.load_run(QUIET, count=1), bench.drift_run(QUIET)])
+    figure = made.figure("thermal hysteresis, compensated")
+    assert figure.percent is None and "only rises" in figure.reason
+    assert [leg.heating for leg in made.thermal_legs] == [True]
+
+
+def test_heating_and_cooling_are_reported_by_themselves() -> None:
+    made = calibrate([bench.load_run(QUIET, count=1), bench.drift_run(QUIET, cooling=True)])
+    assert [leg.heating for leg in made.thermal_legs] == [True, False]
+    assert "Heating in drift" in str(made) and "Cooling in drift" in str(made)
+    figure = made.figure("thermal hysteresis, compensated")
+    assert figure.percent is not None and figure.noise is not None
+    assert figure.percent < 2.0 * figure.noise
+
+
+def test_a_body_that_lags_shows_as_thermal_hysteresis_and_is_said_to() -> None:
+    made = lagging(False)
+    figure = made.figure("thermal hysteresis, compensated")
+    assert figure.percent is not None and figure.noise is not None
+    assert figure.percent > 2.0 * figure.noise
+    assert any("thermal_lag='fit'" in said for said in made.warnings)
+
+
+def test_lag_and_gradient_are_found_within_their_errors() -> None:
+    made = lagging(True)
+    for name, true in (("thermal_lag", LAG), ("gradient", GRADIENT)):
+        parameter = made[name]
+        assert parameter.determined
+        assert abs(parameter.value - true) < FOUR_SIGMA * parameter.standard_error
+        assert parameter.standard_error < 0.2 * true
+    assert made.compensation is not None
+    assert made.compensation.thermal_lag == made["thermal_lag"].value
+    assert made.compensation.gradient == made["gradient"].value
+
+
+def test_a_fitted_lag_removes_the_thermal_hysteresis_on_rows_never_seen_too() -> None:
+    before, after = lagging(False), lagging(True)
+    left = after.figure("thermal hysteresis, compensated")
+    assert left.percent is not None and left.noise is not None
+    assert left.percent < 2.0 * left.noise
+    assert after.cv_rmse < before.cv_rmse
+
+
+def test_a_given_lag_and_gradient_are_used_and_not_fitted() -> None:
+    logs = [bench.load_run(LAGGING, count=1), bench.drift_run(LAGGING, cooling=True)]
+    made = calibrate(logs, thermal_lag=LAG, gradient=GRADIENT)
+    assert made["thermal_lag"].state == "fixed"
+    assert made.compensation is not None
+    assert (made.compensation.thermal_lag, made.compensation.gradient) == (LAG, GRADIENT)
+    assert made.rmse == pytest.approx(lagging(True).rmse, rel=0.01)
+
+
+def test_a_lag_that_is_not_there_is_not_told_apart_from_zero() -> None:
+    logs = [bench.load_run(QUIET, count=1), bench.drift_run(QUIET, cooling=True)]
+    made = calibrate(logs, thermal_lag="fit")
+    lag = made["thermal_lag"]
+    assert not lag.determined or not lag.significant
+    steps = np.full(2000, 25.0)
+    rest = bench.recorded("rest", np.zeros(2000), steps, Bench(thermometer=0.0), 3)
+    warm = bench.recorded("warm", np.zeros(2000), steps + 10.0, Bench(thermometer=0.0), 4)
+    still = calibrate([rest, warm], degree=1, thermal_lag="fit")
+    assert not still["thermal_lag"].determined
+    assert any("say nothing of a thermal lag" in said for said in still.warnings)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        ({"degree": 7}, "whole number from 0 to 6"),
+        ({"degree": 1.5}, "whole number from 0 to 6"),
+        ({"degree": True}, "whole number from 0 to 6"),
+        ({"thermal_lag": "yes"}, "or 'fit' to find it"),
+        ({"thermal_lag": -1.0}, "below 0"),
+        ({"gradient": 0.1}, "give thermal_lag as well"),
+        ({"degree": 0, "thermal_lag": 3.0}, "degree of 1 or more for a lag"),
+        ({"reference_temperature": np.nan}, "no finite number"),
+        ({"full_scale": 0.0}, "above zero"),
+        ({"sensitivity": 0.0}, "reads nothing"),
+        ({"thermistor": {"supply_voltage": 3.3}}, "lacks 'divider_resistance'"),
+    ],
+)
+def test_arguments_without_sense_are_refused(arguments: dict[str, object], says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        calibrate(bench.drift_run(QUIET), **arguments)  # type: ignore[arg-type]

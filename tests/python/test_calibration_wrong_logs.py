@@ -1,0 +1,158 @@
+"""What a calibration says of logs that are not what they should be."""
+
+from __future__ import annotations
+
+import calibration_logs as bench
+import numpy as np
+import pytest
+from calibration_logs import QUIET, SENSITIVITY, Bench
+
+from flexspline import InputError, calibrate
+from flexspline.logs.log import Log
+
+LOAD, DRIFT = bench.load_run(), bench.drift_run(cooling=True)
+
+
+def changed(log: Log, **columns: np.ndarray) -> Log:  # type: ignore[type-arg]
+    return log.with_columns(columns, note="changed")
+
+
+def refused(says: str, *logs: Log, **arguments: object) -> None:
+    with pytest.raises(InputError, match=says) as raised:
+        calibrate(list(logs), **arguments)  # type: ignore[arg-type]
+    assert "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize("channel", ["sensor_voltage", "reference_torque", "temperature"])
+def test_nan_is_refused_with_its_channel_and_row(channel: str) -> None:
+    values = LOAD[channel].copy()
+    values[17] = np.nan
+    refused(f"{channel} is NaN or infinite in 1 row, first in row 17",
+            changed(LOAD, **{channel: values}), DRIFT)  # fmt: skip
+
+
+def test_nan_in_a_channel_that_is_not_read_does_not_matter() -> None:
+    odd = changed(LOAD, motor_current=np.full(len(LOAD), np.nan))
+    assert calibrate(odd, degree=0)["sensitivity"].determined
+
+
+def test_a_saturated_converter_is_refused() -> None:
+    clipped = np.minimum(LOAD["sensor_voltage"], 0.9)
+    refused("stays at exactly 0.9 V in .* saturated", changed(LOAD, sensor_voltage=clipped), DRIFT)
+
+
+def test_a_unipolar_converter_that_cannot_go_below_zero_is_refused() -> None:
+    clipped = np.maximum(LOAD["sensor_voltage"], 0.0)
+    refused("stays at exactly 0 V in .* saturated", changed(LOAD, sensor_voltage=clipped), degree=0)
+
+
+def test_a_drift_run_against_the_end_of_the_converter_is_refused() -> None:
+    low = np.maximum(DRIFT["sensor_voltage"], -0.0395)
+    refused("stays at exactly -0.0395 V", changed(DRIFT, sensor_voltage=low))
+
+
+@pytest.mark.parametrize("step", [1e-4, 1e-3, 5e-3])
+def test_plateaus_of_a_coarse_converter_are_not_called_saturated(step: float) -> None:
+    coarse = step * np.round(LOAD["sensor_voltage"] / step)
+    made = calibrate([changed(LOAD, sensor_voltage=coarse), DRIFT])
+    fine = calibrate([LOAD, DRIFT])["sensitivity"].value
+    # rounding adds step/√12 to single rows, here in 15 levels on plateaus: less than step/1 V
+    assert made["sensitivity"].value == pytest.approx(fine, rel=step)
+
+
+def test_a_simulated_log_without_noise_is_not_called_saturated() -> None:
+    clean = Bench(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, thermometer=0.0)
+    made = calibrate([bench.load_run(clean), bench.drift_run(clean)])
+    # double precision of a sum over 10⁴ rows, far below a millionth
+    assert made["sensitivity"].value == pytest.approx(SENSITIVITY, rel=1e-9)
+
+
+def test_a_voltage_that_never_changes_is_refused() -> None:
+    dead = np.zeros(len(LOAD))
+    refused("0 V in every row", changed(LOAD, sensor_voltage=dead), degree=0)
+
+
+def test_millivolts_as_volts_are_suspected() -> None:
+    made = calibrate(changed(LOAD, sensor_voltage=1e3 * LOAD["sensor_voltage"]), degree=0)
+    assert any("in mV" in said for said in made.warnings)
+    tiny = calibrate(changed(LOAD, sensor_voltage=1e-6 * LOAD["sensor_voltage"]), degree=0)
+    assert any("spans only" in said for said in tiny.warnings)
+
+
+def test_a_reference_of_the_wrong_sign_is_suspected() -> None:
+    made = calibrate(changed(LOAD, reference_torque=-LOAD["reference_torque"]), degree=0)
+    assert made["sensitivity"].value < 0.0
+    assert any("flip_sign=reference_torque" in said for said in made.warnings)
+
+
+def test_kelvin_is_suspected() -> None:
+    logs = [changed(g, temperature=g["temperature"] + 273.15) for g in (LOAD, DRIFT)]
+    made = calibrate(logs, reference_temperature=298.15)
+    assert any("kelvin" in said for said in made.warnings)
+
+
+@pytest.mark.parametrize("typed", [False, True])
+def test_a_reference_that_never_leaves_zero_determines_no_sensitivity(typed: bool) -> None:
+    log = changed(DRIFT, reference_torque=np.zeros(len(DRIFT))) if typed else DRIFT
+    made = calibrate(log)
+    assert made.sensitivity_reason == "the reference never leaves zero"
+    assert made.calibration is None
+
+
+def test_a_reference_that_stands_under_load_is_said_to_be_in_the_zero() -> None:
+    made = calibrate(changed(DRIFT, reference_torque=20.0 + DRIFT["reference_torque"]))
+    assert made.sensitivity_reason == "the reference stays at 20 Nm"
+    assert any("holds the load" in said for said in made.warnings)
+
+
+def test_a_voltage_that_does_not_follow_the_reference_determines_no_sensitivity() -> None:
+    noise = np.random.default_rng(1).normal(size=len(LOAD))
+    made = calibrate(changed(LOAD, sensor_voltage=noise), degree=0)
+    assert made.sensitivity_reason == "the voltage does not follow the reference"
+    assert made.model.estimators == {}
+
+
+def test_a_known_sensitivity_that_the_runs_do_not_share_is_said() -> None:
+    made = calibrate([bench.load_run(QUIET), bench.drift_run(QUIET)], sensitivity=62.0)
+    assert any("by themselves say 62.7" in said for said in made.warnings)
+
+
+def test_a_run_without_the_reference_is_taken_to_be_without_load_and_said_to() -> None:
+    made = calibrate([LOAD, bench.without(DRIFT, "reference_torque")])
+    assert any(said.startswith("drift: has no reference_torque") for said in made.warnings)
+
+
+def test_runs_that_all_lack_the_reference_are_refused() -> None:
+    log = bench.without(DRIFT, "reference_torque")
+    refused("give reference=None", log)
+    assert calibrate(log, reference=None).sensitivity_reason == "the runs are without load"
+
+
+def test_an_unknown_reference_is_answered_with_the_nearest_channel() -> None:
+    refused("did you mean 'reference_torque'", LOAD, reference="refrence_torque", degree=0)
+
+
+def test_missing_channels_are_named() -> None:
+    refused("map the bridge's voltage to it", bench.without(LOAD, "sensor_voltage"))
+    refused("no channel 'temperature'.*--degree 0", LOAD, bench.without(DRIFT, "temperature"))
+
+
+def test_too_few_rows_are_refused_and_counted() -> None:
+    refused("1 run with 25 rows cannot hold 1 parameter", LOAD.rows(slice(900, 925)), degree=0)
+
+
+def test_time_that_runs_backwards_is_refused() -> None:
+    refused("time runs backwards", changed(LOAD, time=LOAD["time"][::-1].copy()), degree=0)
+
+
+def test_what_is_no_log_is_refused() -> None:
+    with pytest.raises(InputError, match="there is no log"):
+        calibrate([])
+    with pytest.raises(InputError, match="holds a str"):
+        calibrate(["run.csv"])  # type: ignore[list-item]
+
+
+def test_another_channel_can_be_the_reference() -> None:
+    log = changed(bench.without(LOAD, "reference_torque"), sensor_torque=LOAD["reference_torque"])
+    made = calibrate(log, reference="sensor_torque", degree=0)
+    assert made["sensitivity"].value == calibrate(LOAD, degree=0)["sensitivity"].value

@@ -1,0 +1,99 @@
+"""`flexspline calibrate`: what it writes, what it prints, and that it writes all or nothing."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import calibration_logs as bench
+import numpy as np
+import pytest
+from cli_calls import call
+
+import flexspline
+from flexspline.logs.convert import write_log
+from flexspline.model import Model
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    folder = tmp_path_factory.mktemp("runs")
+    paths = [folder / "load.csv", folder / "warmup.csv"]
+    write_log(bench.load_run(), paths[0])
+    write_log(bench.drift_run(cooling=True), paths[1])
+    return paths
+
+
+def test_calibrate_leaves_model_and_report_and_nothing_else(
+    tmp_path: Path, runs: list[Path]
+) -> None:
+    out = tmp_path / "sensor"
+    result = call("calibrate", *runs, "--full-scale", 70, "--out", out)
+    assert result.exit_code == 0, result.stderr
+    assert result.stderr == ""
+    assert sorted(path.name for path in out.iterdir()) == ["model.json", "report.html"]
+    made = flexspline.calibrate([flexspline.read_log(path) for path in runs], full_scale=70.0)
+    assert str(made) in result.stdout
+    assert Model.load(out / "model.json").estimators == made.model.estimators
+
+
+def test_estimate_runs_with_what_calibrate_leaves(tmp_path: Path, runs: list[Path]) -> None:
+    out = tmp_path / "sensor"
+    assert call("calibrate", *runs, "--out", out).exit_code == 0
+    log = flexspline.read_log(runs[0])
+    read = flexspline.estimate(Model.load(out / "model.json"), log)["sensor_torque"]
+    # bend 0.3, hysteresis 0.2, ripple 0.05 and noise of the rig
+    assert np.sqrt(np.mean((read - log["reference_torque"]) ** 2)) < 0.3
+
+
+def test_options_reach_the_calibration(tmp_path: Path, runs: list[Path]) -> None:
+    out = tmp_path / "sensor"
+    result = call(
+        "calibrate", *runs, "--degree", 3, "--reference-temperature", 30, "--thermal-lag", 5,
+        "--gradient", 0.01, "--sensitivity", 62.5, "--full-scale", 100, "--out", out,
+    )  # fmt: skip
+    assert result.exit_code == 0, result.stderr
+    found = Model.load(out / "model.json").estimators
+    compensation, calibration = found["temperature_compensation"], found["calibration"]
+    assert isinstance(compensation, flexspline.TemperatureCompensation)
+    assert isinstance(calibration, flexspline.Calibration)
+    assert len(compensation.coefficients) == 3
+    assert compensation.reference_temperature == 30.0
+    assert (compensation.thermal_lag, compensation.gradient) == (5.0, 0.01)
+    assert (calibration.sensitivity, calibration.full_scale) == (62.5, 100.0)
+
+
+def test_into_updates_the_drift_of_a_model(tmp_path: Path, runs: list[Path]) -> None:
+    first, second = tmp_path / "first", tmp_path / "second"
+    assert call("calibrate", runs[0], "--degree", 0, "--out", first).exit_code == 0
+    into = first / "model.json"
+    result = call("calibrate", runs[1], "--reference", "none", "--into", into, "--out", second)
+    assert result.exit_code == 0, result.stderr
+    found = Model.load(second / "model.json").estimators
+    assert set(found) == {"temperature_compensation", "calibration"}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["--reference", "sensor_torque"], "no run has the channel 'sensor_torque'"),
+        (["--degree", "9"], "--degree"),
+        (["--thermal-lag", "soon"], "'soon' is no number and not 'fit'"),
+        (["--gradient", "fit"], "give thermal_lag as well"),
+        (["--thermistor", "3.3:10000"], "SUPPLY:DIVIDER:NOMINAL:BETA"),
+        (["--into", "nowhere.json"], "nowhere.json: cannot be read"),
+    ],
+)
+def test_a_wrong_call_ends_with_2_and_one_line_and_no_folder(
+    tmp_path: Path, runs: list[Path], arguments: list[str], says: str
+) -> None:
+    result = call("calibrate", *runs, *arguments, "--out", tmp_path / "out")
+    assert result.exit_code == 2
+    assert says in result.stderr and result.stderr.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_runs_without_load_end_with_0_and_the_reason(tmp_path: Path, runs: list[Path]) -> None:
+    result = call("calibrate", runs[1], "--out", tmp_path / "drift")
+    assert result.exit_code == 0
+    assert "the reference never leaves zero" in result.stdout
+    assert Model.load(tmp_path / "drift" / "model.json").estimators == {}
