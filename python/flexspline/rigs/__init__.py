@@ -4,5 +4,6 @@ A rig that contains exactly the model under test proves nothing.
 """
 
 from flexspline.rigs.sensor import FACTS, Rig, Truth, play, sensor_rig
+from flexspline.rigs.turlapati import TurlapatiRig, turlapati_rig
 
-__all__ = ["FACTS", "Rig", "Truth", "play", "sensor_rig"]
+__all__ = ["FACTS", "Rig", "Truth", "TurlapatiRig", "play", "sensor_rig", "turlapati_rig"]
