@@ -61,7 +61,10 @@ def claims_text(made: Reproduction) -> str:
 
 def claims_html(made: Reproduction) -> str:
     """Return the claims as a fragment of HTML."""
-    table = claims_table(made).to_html(index=False, border=0)
+    import pandas
+
+    with pandas.option_context("display.max_colwidth", None):
+        table = claims_table(made).to_html(index=False, border=0)
     return f"<p>{made.draws} draws, seed {made.seed}</p>\n{table}"
 
 

@@ -46,7 +46,7 @@ class Story:
     captions: Mapping[str, str] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Reproduction:
     """One paper, done again: its story and each of its claims beside ours."""
 
@@ -55,6 +55,9 @@ class Reproduction:
     verdicts: tuple[Verdict, ...]
     draws: int
     seed: int
+
+    def __repr__(self) -> str:
+        return f"<Reproduction of {self.paper}: {len(self.verdicts)} claims, {self.draws} draws>"
 
     def __str__(self) -> str:
         from flexspline.reproduce.report import claims_text
