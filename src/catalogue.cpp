@@ -4,9 +4,10 @@
 namespace flexspline::bindings {
 namespace {
 
-constexpr std::array<const char*, 6> channel_names{"output_position",     "output_velocity",
+constexpr std::array<const char*, 8> channel_names{"output_position",     "output_velocity",
                                                    "output_acceleration", "motor_position",
-                                                   "temperature",         "load"};
+                                                   "temperature",         "load",
+                                                   "motor_torque",        "period"};
 
 py::list shapes_of(const batch::AnyEffect& any) {
   py::list shapes;
@@ -31,6 +32,7 @@ py::dict describe(const Effect& effect) {
   entry["signature"] = std::string(effect.signature);
   entry["source"] = std::string(effect.source);
   entry["carries_load"] = CarriesLoad<Effect>;
+  entry["remembers"] = Remembers<Effect>;
   py::list terms;
   for (const Term& term : effect.terms) {
     terms.append(py::make_tuple(std::string(term.name), std::string(term.unit)));
@@ -41,6 +43,14 @@ py::dict describe(const Effect& effect) {
     reads.append(channel_names[static_cast<std::size_t>(channel)]);
   }
   entry["reads"] = reads;
+  py::list paths;
+  if constexpr (requires { effect.paths; }) {
+    for (const Path& path : effect.paths) {
+      paths.append(py::make_tuple(channel_names[static_cast<std::size_t>(path.channel)],
+                                  std::string(path.width)));
+    }
+  }
+  entry["paths"] = paths;
   py::list pairs;
   if constexpr (HarmonicEffect<Effect>) {
     for (const Pair pair : effect.pairs) pairs.append(std::string(batch::name_of(pair)));

@@ -58,8 +58,10 @@ Array rows(const batch::Design& design, const py::dict& columns, py::ssize_t siz
   const auto stride = static_cast<std::size_t>(size);
   {
     const py::gil_scoped_release release;
+    batch::Memory memory = design.fresh();
     batch::in_pieces({0, stride}, [&](std::size_t first, std::size_t count) {
-      design.fill(borrowed.channels, first, count, span_of(coefficients), values + first, stride);
+      design.fill(borrowed.channels, first, count, span_of(coefficients), memory, values + first,
+                  stride);
     });
   }
   return py::reinterpret_borrow<Array>(out);
@@ -73,10 +75,30 @@ py::array_t<double> predict(const batch::Design& design, const py::dict& columns
   double* values = out.mutable_data();
   {
     const py::gil_scoped_release release;
-    batch::in_pieces(
-        {0, static_cast<std::size_t>(size)}, [&](std::size_t first, std::size_t count) {
-          design.predict(borrowed.channels, first, count, span_of(coefficients), values + first);
-        });
+    batch::Memory memory = design.fresh();
+    batch::in_pieces({0, static_cast<std::size_t>(size)},
+                     [&](std::size_t first, std::size_t count) {
+                       design.predict(borrowed.channels, first, count, span_of(coefficients),
+                                      memory, values + first);
+                     });
+  }
+  return out;
+}
+
+py::array_t<bool> settled(const batch::Design& design, const py::dict& columns, py::ssize_t size,
+                          const Array& coefficients) {
+  const Borrowed borrowed = borrow(columns, size);
+  require_size(span_of(coefficients), design.columns(), true);
+  py::array_t<bool> out(size);
+  bool* values = out.mutable_data();
+  {
+    const py::gil_scoped_release release;
+    batch::Memory memory = design.fresh();
+    batch::in_pieces({0, static_cast<std::size_t>(size)},
+                     [&](std::size_t first, std::size_t count) {
+                       design.settled(borrowed.channels, first, count, span_of(coefficients),
+                                      memory, values + first);
+                     });
   }
   return out;
 }
@@ -177,13 +199,15 @@ Borrowed borrow(const py::dict& columns, py::ssize_t size) {
   Borrowed borrowed;
   batch::Channels& c = borrowed.channels;
   c.size = static_cast<std::size_t>(size);
-  const std::array<std::pair<const char*, const double**>, 6> known{{
+  const std::array<std::pair<const char*, const double**>, 8> known{{
       {"output_position", &c.output_position},
       {"output_velocity", &c.output_velocity},
       {"output_acceleration", &c.output_acceleration},
       {"motor_position", &c.motor_position},
       {"temperature", &c.temperature},
       {"known_load", &c.known_load},
+      {"motor_torque", &c.motor_torque},
+      {"period", &c.period},
   }};
   for (const auto& [name, field] : known) {
     if (!columns.contains(name)) continue;
@@ -207,6 +231,8 @@ void bind_design(py::module_& module) {
            "Design matrix, shape (size, columns).")
       .def("predict", &predict, py::arg("channels"), py::arg("size"), py::arg("coefficients"),
            "Rows times coefficients, shape (size,).")
+      .def("settled", &settled, py::arg("channels"), py::arg("size"), py::arg("coefficients"),
+           "Rows that no longer depend on what an effect remembered before its run, (size,).")
       .def("accumulate", &accumulate, py::arg("channels"), py::arg("target"), py::arg("blocks"),
            py::arg("coefficients"), py::arg("held"), py::arg("weights"), py::arg("double_double"),
            py::arg("structured"), py::arg("threads"),

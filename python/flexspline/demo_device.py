@@ -28,13 +28,14 @@ PROGRAM = """\
 
 int main() {{
   flexspline::Sample<double> at;
+  [[maybe_unused]] {namespace}::Model<double>::State state;
   double in[{count}], torque = 0;
   for (;;) {{
     for (double& value : in) {{
       if (std::scanf("%lf", &value) != 1) return 0;
     }}
 {assignments}
-    if ({namespace}::model<double>.predict(at, torque) != flexspline::Status::ok) return 1;
+    if ({namespace}::model<double>.predict({given}) != flexspline::Status::ok) return 1;
     std::printf("%.17g\\n", torque);
   }}
 }}
@@ -64,7 +65,8 @@ def run_exported(header: Path, model: Model, log: Log) -> str:
     channels = core_channels(ready, part.effects, part.known_load)
     with tempfile.TemporaryDirectory() as folder:
         source = Path(folder) / "main.cpp"
-        source.write_text(_program(header, list(channels)))
+        remembers = any(effect.info.remembers for effect in part.effects)
+        source.write_text(_program(header, list(channels), remembers))
         device = Path(folder) / "device"
         include = ["-I", flexspline.get_include(), "-I", str(header.parent.resolve())]
         built = _run([compiler, *FLAGS, *include, str(source), "-o", str(device)])
@@ -85,7 +87,7 @@ def run_exported(header: Path, model: Model, log: Log) -> str:
     )
 
 
-def _program(header: Path, channels: list[str]) -> str:
+def _program(header: Path, channels: list[str], remembers: bool) -> str:
     lines = [
         f"    if (flexspline::read_radians(in[{k}], at.{name}) != flexspline::Status::ok) return 1;"
         if name in ANGLES
@@ -97,6 +99,7 @@ def _program(header: Path, channels: list[str]) -> str:
         count=len(channels),
         assignments="\n".join(lines),
         namespace=namespace_of(header),
+        given="at, state, torque" if remembers else "at, torque",
     )
 
 

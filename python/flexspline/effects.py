@@ -31,7 +31,7 @@ Harmonic = tuple[int, str]
 
 @dataclass(frozen=True)
 class TermInfo:
-    """Name of a coefficient and its unit where the target is in Nm."""
+    """Name of a coefficient and its unit where the target is in Nm, or alone in rad."""
 
     name: str
     unit: str
@@ -55,6 +55,8 @@ class EffectInfo:
 
     `targets`: letters of S (sensor), M (drive), D (torsion). `reads`: channels, "load" among
     them. `pairs`: pairs of parts that a ripple effect may turn with, empty for others.
+    `remembers`: whether its row depends on the rows before. `paths`: where one of several channels
+    may drive it, each with the shape that is its width; the shape `path` counts them.
     """
 
     name: str
@@ -66,6 +68,8 @@ class EffectInfo:
     reads: tuple[str, ...]
     pairs: tuple[str, ...]
     carries_load: bool
+    remembers: bool
+    paths: tuple[tuple[str, str], ...]
 
 
 def _catalogue() -> Mapping[str, EffectInfo]:
@@ -73,8 +77,8 @@ def _catalogue() -> Mapping[str, EffectInfo]:
     for entry in _core.catalogue():
         terms = tuple(TermInfo(*term) for term in entry.pop("terms"))
         shapes = tuple(ShapeInfo(**shape) for shape in entry.pop("shapes"))
-        reads, pairs = tuple(entry.pop("reads")), tuple(entry.pop("pairs"))
-        info = EffectInfo(terms=terms, shapes=shapes, reads=reads, pairs=pairs, **entry)
+        entry |= {name: tuple(entry[name]) for name in ("reads", "pairs", "paths")}
+        info = EffectInfo(**{**entry, "terms": terms, "shapes": shapes})
         known[info.name] = info
     return MappingProxyType(known)
 
@@ -109,9 +113,8 @@ class Effect:
     def __post_init__(self) -> None:
         if self.name not in CATALOGUE:
             near = did_you_mean(self.name, CATALOGUE)
-            raise InputError(
-                f"there is no effect '{self.name}'{near}; known are {listed(CATALOGUE)}"
-            )
+            others = "`flexspline fit --help` shows all" if near else f"known are {_named()}"
+            raise InputError(f"there is no effect '{self.name}'{near}; {others}")
         known = {shape.name: shape for shape in self.info.shapes}
         values = {shape.name: shape.default for shape in self.info.shapes}
         for name, value in self.shapes.items():
@@ -144,6 +147,23 @@ class Effect:
         return bool(self.info.pairs)
 
     @property
+    def reads(self) -> tuple[str, ...]:
+        """Channels that the effect reads: of several that may drive it, the one in use."""
+        unused = {channel for channel, _ in self._unused_paths}
+        return tuple(channel for channel in self.info.reads if channel not in unused)
+
+    @property
+    def fitted_shapes(self) -> tuple[ShapeInfo, ...]:
+        """Shapes that a fit searches: of several widths, that of the path in use."""
+        unused = {width for _, width in self._unused_paths}
+        return tuple(s for s in self.info.shapes if s.fitted and s.name not in unused)
+
+    @property
+    def _unused_paths(self) -> tuple[tuple[str, str], ...]:
+        paths = self.info.paths
+        return tuple(p for k, p in enumerate(paths) if k != round(self.shapes["path"]))
+
+    @property
     def terms(self) -> tuple[TermInfo, ...]:
         """The coefficients, in the order of the row."""
         if not self.ripple:
@@ -165,6 +185,11 @@ class Effect:
             raise InputError(f"effect '{self.name}' has no orders; leave them out")
         harmonics: list[Harmonic] = [o if isinstance(o, tuple) else (o, pairs[0]) for o in orders]
         return replace(self, harmonics=tuple(sorted(harmonics, key=lambda h: (h[1], h[0]))))
+
+    def without_load(self) -> Effect:
+        """Return the effect on a path that needs no load, where it has one."""
+        others = [k for k, (channel, _) in enumerate(self.info.paths) if channel != "load"]
+        return self.with_shapes(path=others[0]) if others and "load" in self.reads else self
 
     def for_core(self) -> dict[str, Any]:
         """Return what the core needs to build the effect."""
@@ -222,11 +247,18 @@ def require_effects(effects: Sequence[Effect], target: str) -> None:
 
 
 def unit_in(unit: str, target: str) -> str:
-    """Return a term's unit for a target: 'Nm·s/rad' for a torque is 'A·s/rad' for a current."""
+    """Return a term's unit for a target: 'Nm·s/rad' for a torque is 'A·s/rad' for a current.
+
+    Effects of the torsion alone have their units in rad, 'rad/Nm', which stand as they are.
+    """
     own = UNITS[target]
-    if own == "Nm":
+    if own == "Nm" or unit.startswith("rad"):
         return unit
     return unit.replace("kg·m²", "Nm·s²/rad").replace("Nm", own)
+
+
+def _named() -> str:
+    return listed(CATALOGUE, most=len(CATALOGUE))
 
 
 def _against(pair: str, pairs: tuple[str, ...]) -> str:

@@ -2,25 +2,26 @@
 
 from __future__ import annotations
 
-import importlib.resources
 import json
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-import jsonschema
 import numpy as np
 from numpy.typing import NDArray
 
 from flexspline import __version__, _core
-from flexspline.errors import InputError, listed
+from flexspline.errors import InputError, did_you_mean, listed
+from flexspline.estimators import ESTIMATORS, Estimator
+from flexspline.estimators.needs import require_complete
 from flexspline.files import atomic_write
 from flexspline.logs.derive import lowpass
 from flexspline.logs.log import Log
 from flexspline.part import PART_OF, SIDES, Part, part_from_json, part_to_json
+from flexspline.schema import require_schema
 from flexspline.signals import channels_for, core_channels, gear_of, target_of
 
 __all__ = ["PART_OF", "Model", "Part", "Prediction"]
@@ -53,12 +54,21 @@ class Model:
     """One joint: gear facts and up to three parts, "sensor", "drive" and "torsion".
 
     `facts`: gear_ratio, output_spline, pole_pairs, slots, torque_constant [Nm/A], joint.
-    `estimators`: what `estimate` runs with, by name.
+    `estimators`: what `estimate` runs with, by key ("observer": an `Observer`).
     """
 
     parts: Mapping[str, Part]
     facts: Mapping[str, Any] = field(default_factory=dict)
-    estimators: Mapping[str, Any] = field(default_factory=dict)
+    estimators: Mapping[str, Estimator] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for key, estimator in self.estimators.items():
+            if type(estimator) is not ESTIMATORS.get(key):
+                near = did_you_mean(key, ESTIMATORS)
+                raise InputError(
+                    f"the model's estimator '{key}'{near} is a {type(estimator).__name__}; "
+                    f"give one of flexspline.estimators by its key: {listed(ESTIMATORS)}"
+                )
 
     def part(self, target: str | None = None) -> Part:
         """Return the part of a target; None picks the only one.
@@ -91,6 +101,24 @@ class Model:
         parts = {**self.parts, PART_OF[part.target]: part}
         known = {key: value for key, value in facts.items() if value is not None}
         return replace(self, parts=parts, facts={**self.facts, **known})
+
+    def with_estimator(self, estimator: Estimator) -> Model:
+        """Return the model with this estimator added or replaced.
+
+        Parameters
+        ----------
+        estimator : one of `flexspline.estimators`, such as ``Observer(gain=80.0)``.
+
+        Raises
+        ------
+        InputError
+            Where the model lacks a part or an estimator that it reads; the sentence names the
+            command that makes it.
+        """
+        key = getattr(estimator, "key", type(estimator).__name__)
+        made = replace(self, estimators={**self.estimators, key: estimator})
+        require_complete(made.estimators, made.parts)
+        return made
 
     def predict(
         self, log: Log, target: str | None = None, *, lowpass_hz: float | None = None
@@ -141,9 +169,11 @@ class Model:
             "made_by": f"flexspline {__version__}",
             "joint": dict(self.facts),
             **{name: part_to_json(self.parts[name]) for name in SIDES if name in self.parts},
-            "estimators": dict(self.estimators),
+            "estimators": {
+                key: self.estimators[key].to_json() for key in ESTIMATORS if key in self.estimators
+            },
         }
-        _validate(content, "model")
+        require_schema(content, "model")
         return json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
     def save(self, path: str | os.PathLike[str]) -> None:
@@ -192,13 +222,13 @@ class Model:
                 f"{label}: has version {content.get('version')} of the format, this flexspline "
                 f"knows version {VERSION}; update flexspline or export the model again"
             )
-        _validate(content, label)
+        require_schema(content, label)
         parts = {
             name: part_from_json(name, content[name], f"{label}: {name}")
             for name in SIDES
             if name in content
         }
-        return cls(parts, content["joint"], content["estimators"])
+        return cls(parts, content["joint"], _estimators(content.get("estimators", {}), label))
 
     def _require_same(self, keys: Sequence[str], facts: Mapping[str, Any], whose: str) -> None:
         for key in keys:
@@ -215,6 +245,8 @@ class Model:
     def _evaluate(self, part: Part, log: Log, coefficients: Array) -> Array:
         """Prediction (N,); NaN where a channel that it reads is not finite."""
         channels = core_channels(log, part.effects, part.known_load)
+        if not _by_motor_encoder(part, log):
+            channels.pop("motor_position", None)
         values = np.asarray(self._design(part, log).predict(channels, len(log), coefficients))
         for data in channels.values():
             values[~np.isfinite(data)] = np.nan
@@ -229,10 +261,17 @@ class Model:
             return np.full(len(log), np.nan)
 
 
+def _estimators(content: Mapping[str, Any], label: str) -> dict[str, Estimator]:
+    try:
+        return {key: ESTIMATORS[key].from_json(entry) for key, entry in content.items()}
+    except InputError as error:
+        raise InputError(f"{label}: estimators: {error}") from error
+
+
 def _by_motor_encoder(part: Part, log: Log) -> bool:
     """Whether the motor's angle is measured: as in the fit, for the encoders' zeros differ."""
     fitted = part.record.get("channels")
-    motor_side = any("motor_position" in effect.info.reads for effect in part.effects)
+    motor_side = any("motor_position" in effect.reads for effect in part.effects)
     if fitted is None or not motor_side:
         return "motor_position" in log
     if "motor_position" in fitted and "motor_position" not in log:
@@ -245,18 +284,3 @@ def _by_motor_encoder(part: Part, log: Log) -> bool:
 
 def _no_constant(label: str, word: str) -> float:
     raise InputError(f"{label}: holds {word}, which is no JSON number; fit the model again")
-
-
-@cache
-def _schema() -> dict[str, Any]:
-    file = importlib.resources.files("flexspline") / "schemas" / "model.schema.json"
-    content: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
-    return content
-
-
-def _validate(content: dict[str, Any], label: str) -> None:
-    errors = jsonschema.Draft202012Validator(_schema()).iter_errors(content)
-    first = jsonschema.exceptions.best_match(errors)
-    if first is not None:
-        where = "/".join(str(part) for part in first.absolute_path) or "the top"
-        raise InputError(f"{label}: at {where}: {first.message}; mend it or fit the model again")

@@ -18,6 +18,8 @@ from flexspline.effects import Effect
 from flexspline.errors import InputError, listed
 from flexspline.logs.derive import differentiate
 from flexspline.logs.log import Log
+from flexspline.logs.read import with_motor_torque
+from flexspline.logs.segments import runs
 
 __all__ = ["channels_for", "core_channels", "gear_of", "target_of"]
 
@@ -62,7 +64,7 @@ def channels_for(
     InputError
         Where a channel is missing and cannot be derived; the known load only if `load_needed`.
     """
-    reads = {channel for effect in effects for channel in effect.info.reads}
+    reads = {channel for effect in effects for channel in effect.reads}
     if load_needed and known_load is not None and known_load not in log:
         raise InputError(
             f"log '{log.name}': no channel '{known_load}' for the known load; "
@@ -76,12 +78,13 @@ def channels_for(
             {name: made[name] for name in missing},
             note=made.history[-1].replace(listed(derived), listed(missing)),
         )
-    needed = reads - {"load", "motor_position"}
+    log = with_motor_torque(log) if "motor_torque" in reads else log
+    needed = reads - {"load", "motor_position", "period"}
     if "motor_position" in reads and "motor_position" not in log:
         needed.add("output_position")
     for name in sorted(needed):
         if name not in log:
-            users = listed(e.name for e in effects if name in e.info.reads) or "ripple effects"
+            users = listed(e.name for e in effects if name in e.reads) or "ripple effects"
             raise InputError(
                 f"log '{log.name}': {users} needs the channel {name}; it has "
                 f"{listed(log.channels)}; map a column to it or leave the effect out"
@@ -90,14 +93,21 @@ def channels_for(
 
 
 def core_channels(log: Log, effects: Sequence[Effect], known_load: str | None) -> dict[str, Array]:
-    """Return the channels that the core reads, by its names."""
-    reads = {channel for effect in effects for channel in effect.info.reads}
+    """Return the channels that the core reads, by its names.
+
+    Effects that remember get the `period` [s] since the row before, 0 where the memory starts
+    anew: at the first row and behind each gap.
+    """
+    reads = {channel for effect in effects for channel in effect.reads}
     names = set(reads) - {"load"}
     if "motor_position" in reads:
         names.add("output_position")
     channels = {name: np.ascontiguousarray(log[name]) for name in names if name in log}
     if known_load is not None and known_load in log:
         channels["known_load"] = np.ascontiguousarray(log[known_load])
+    if any(effect.info.remembers for effect in effects):
+        channels["period"] = np.diff(log["time"], prepend=log["time"][:1])
+        channels["period"][runs(log["time"])[:, 0]] = 0.0
     return channels
 
 

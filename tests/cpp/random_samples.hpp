@@ -27,13 +27,23 @@ void for_each_effect(Use&& use) {
           if constexpr (HarmonicEffect<std::remove_cvref_t<decltype(e)>>) {
             constexpr std::array<std::uint32_t, room> orders{1, 2, 3, 4,  5,   6,
                                                              7, 8, 9, 10, 320, 4200};
-            for (std::size_t k = 0; k < room; ++k) e.harmonics[k] = {orders[k], e.pairs[0]};
+            for (std::size_t k = 0; k < room; ++k) {
+              e.harmonics[k] = {orders[k], e.pairs[k / 3 % e.pairs.size()]};
+            }
           }
           use(std::as_const(e));
         };
         (prepare(effect), ...);
       },
       all);
+}
+
+/// The row of an effect at the second sample of its run.
+template <typename S, typename Effect>
+auto second_row(const Effect& effect, const Sample<S>& first, const Sample<S>& at) {
+  StateOf<Effect> state;
+  (void)row_of<S>(effect, first, state);
+  return row_of<S>(effect, at, state);
 }
 
 /// Random bits of an angle.
@@ -53,6 +63,8 @@ Sample<S> usual_sample(std::mt19937_64& random) {
   at.output_acceleration = S(10 * normal(random));
   at.temperature = S(30 + 10 * normal(random));
   at.known_load = S(50 * normal(random));
+  at.motor_torque = S(normal(random));
+  at.period = S(0.001);
   at.load = S(50 * normal(random));
   at.wave_generator_on_flexspline = any_angle<S>(random).phase;
   at.wave_generator_on_circular_spline = any_angle<S>(random).phase;
@@ -72,8 +84,8 @@ S any_finite(std::mt19937_64& random) {
 template <typename S>
 Sample<S> any_sample(std::mt19937_64& random) {
   Sample<S> at = usual_sample<S>(random);
-  for (S* field :
-       {&at.output_velocity, &at.output_acceleration, &at.temperature, &at.known_load, &at.load}) {
+  for (S* field : {&at.output_velocity, &at.output_acceleration, &at.temperature, &at.known_load,
+                   &at.motor_torque, &at.load}) {
     *field = any_finite<S>(random);
   }
   return at;

@@ -11,11 +11,12 @@ using namespace flexspline;
 
 namespace {
 
-constexpr std::size_t rows = 1300;  // two full blocks and a part of one
+constexpr std::size_t rows = 2300;  // two full blocks and a part of one
+constexpr std::size_t gap = 1111;   // where a run begins anew
 
 /// A log of random motion with all channels.
 struct RandomLog {
-  std::vector<double> q, v, a, theta, temperature, load;
+  std::vector<double> q, v, a, theta, temperature, load, motor_torque, period;
 
   explicit RandomLog(unsigned seed) {
     std::mt19937_64 random(seed);
@@ -24,9 +25,14 @@ struct RandomLog {
       for (std::size_t i = 0; i < rows; ++i) column->push_back(20 * normal(random));
     }
     for (double& speed : v) speed *= 0.001;
+    for (std::size_t i = 0; i < rows; ++i) motor_torque.push_back(normal(random));
+    period.assign(rows, 0.001);
+    period[0] = period[gap] = 0.0;
   }
   batch::Channels channels() const {
-    return {rows, q.data(), v.data(), a.data(), theta.data(), temperature.data(), load.data()};
+    return {rows,         q.data(),           v.data(),    a.data(),
+            theta.data(), temperature.data(), load.data(), motor_torque.data(),
+            period.data()};
   }
   Sample<double> operator[](std::size_t i) const {
     Sample<double> at;
@@ -36,6 +42,8 @@ struct RandomLog {
     at.motor_position = Angle<double>::from_radians(theta[i]);
     at.temperature = temperature[i];
     at.known_load = load[i];
+    at.motor_torque = motor_torque[i];
+    at.period = period[i];
     return at;
   }
 };
@@ -44,8 +52,9 @@ struct RandomLog {
 std::vector<double> fill(const batch::Design& design, const RandomLog& log,
                          std::span<const double> coefficients) {
   std::vector<double> out(design.columns() * rows);
+  batch::Memory memory = design.fresh();
   batch::in_pieces({0, rows}, [&](std::size_t first, std::size_t count) {
-    design.fill(log.channels(), first, count, coefficients, out.data() + first, rows);
+    design.fill(log.channels(), first, count, coefficients, memory, out.data() + first, rows);
   });
   return out;
 }
@@ -66,6 +75,9 @@ void check_equal(Model<double, Effects...> model, unsigned seed) {
       part.effect.direction_width = 0.02;
       batch::set_shape(any, "direction_width", 0.02);
     }
+    if constexpr (requires { part.effect.path; }) {
+      batch::set_shape(any, "path", part.effect.path);
+    }
     effects.push_back(any);
     for (double& c : part.coefficients) coefficients.push_back(c = normal(random));
   };
@@ -76,22 +88,31 @@ void check_equal(Model<double, Effects...> model, unsigned seed) {
   const RandomLog log(seed + 1);
   const auto columns = fill(design, log, coefficients);
   std::vector<double> predicted(rows);
+  batch::Memory memory = design.fresh();
   batch::in_pieces({0, rows}, [&](std::size_t first, std::size_t count) {
-    design.predict(log.channels(), first, count, coefficients, predicted.data() + first);
+    design.predict(log.channels(), first, count, coefficients, memory, predicted.data() + first);
   });
+  typename Model<double, Effects...>::State state;
+  std::tuple<StateOf<Effects>...> states;
   for (std::size_t i = 0; i < rows; ++i) {
     auto at = log[i];
     double torque = 0;
-    REQUIRE(model.predict(at, torque) == Status::ok);
+    if (at.period == 0.0) {
+      state = {};
+      states = {};
+    }
+    REQUIRE(model.predict(at, state, torque) == Status::ok);
     CHECK(same_bits(predicted[i], torque));
     model.prepare(at);
     std::size_t k = 0;
-    const auto compare = [&](const auto& part) {
-      for (const double value : part.effect.row(at)) {
+    const auto compare = [&](const auto& part, auto& own) {
+      for (const double value : row_of<double>(part.effect, at, own)) {
         CHECK(same_bits(columns[k++ * rows + i], value));
       }
     };
-    std::apply([&](const auto&... part) { (compare(part), ...); }, model.parts);
+    [&]<std::size_t... I>(std::index_sequence<I...>) {
+      (compare(std::get<I>(model.parts), std::get<I>(states)), ...);
+    }(std::index_sequence_for<Effects...>{});
   }
 }
 
@@ -145,6 +166,93 @@ TEST_CASE("columns and sums of a design have the bits of the plain rows: ripple"
       }
     }
   }
+}
+
+TEST_CASE("columns and sums of a design have the bits of the plain rows: torsion and memory") {
+  for (const double path : {0.0, 1.0}) {
+    Model<D, TorsionalHysteresis<D>, MeshCompliance<D>, KinematicError<D, 3>,
+          WaveGeneratorCompliance<D>>
+        model;
+    model.gear = Gear<D>::from_ratio(101.0, OutputSpline::circular, true);
+    std::get<0>(model.parts).effect.path = path;
+    std::get<2>(model.parts).effect = with_orders<KinematicError<D, 3>>(
+        {{2, Pair::output_on_housing}, {1, circular_pair}, {2, circular_pair}});
+    check_equal(model, 56);
+  }
+}
+
+TEST_CASE("blocks of a run with memory give the same sums in any order and on any threads") {
+  const batch::Design design({Offset<D>{}, TorsionalHysteresis<D>{}, MeshCompliance<D>{}}, {});
+  REQUIRE(design.remembers());
+  const RandomLog log(61);
+  const batch::Channels channels = log.channels();
+  const batch::Problem problem{design, channels, log.v.data(), nullptr, {}, {}};
+  const std::vector<batch::Rows> blocks{{0, 40}, {40, 1100}, {1100, 1200}, {1200, 2300}};
+  const std::vector<batch::Rows> turned(blocks.rbegin(), blocks.rend());
+  const auto one = batch::accumulate(problem, blocks, batch::Precision::plain, true, 1);
+  const auto two = batch::accumulate(problem, turned, batch::Precision::plain, true, 3);
+  for (std::size_t b = 0; b < blocks.size(); ++b) {
+    const auto& other = two[blocks.size() - 1 - b];
+    for (std::size_t k = 0; k < one[b].high.size(); ++k) {
+      CHECK(same_bits(one[b].high[k], other.high[k]));
+    }
+  }
+  const auto columns = fill(design, log, {});
+  double sum = 0;
+  for (std::size_t i = 1100; i < 1200; ++i) sum += columns[rows + i];
+  CHECK(one[2].high[1] == doctest::Approx(sum).epsilon(1e-12));
+}
+
+TEST_CASE("a row that cannot be read is passed over by the memory and flagged as NaN") {
+  const batch::Design design({TorsionalHysteresis<D>{}}, {});
+  const RandomLog log(62);
+  RandomLog broken(62);
+  RandomLog without(62);
+  broken.load[500] = std::numeric_limits<double>::quiet_NaN();
+  without.load[500] = without.load[499];  // standing still says nothing either
+  const auto marked = fill(design, broken, {});
+  const auto still = fill(design, without, {});
+  for (std::size_t i = 0; i < rows; ++i) {
+    if (i == 500) {
+      CHECK(std::isnan(marked[i]));
+    } else {
+      CHECK(same_bits(marked[i], still[i]));
+    }
+  }
+}
+
+TEST_CASE("rows are settled once no start, wherever in the widths, makes a difference") {
+  TorsionalHysteresis<D> effect;
+  effect.load_width = 30.0;
+  const batch::Design design({effect}, {});
+  RandomLog log(63);
+  double path = 0;
+  for (double& value : log.load) value = path += 0.05 * (value + 2.0);
+  std::array<bool, rows> settled{};
+  batch::Memory memory = design.fresh();
+  batch::in_pieces({0, rows}, [&](std::size_t first, std::size_t count) {
+    design.settled(log.channels(), first, count, {}, memory, settled.data() + first);
+  });
+  const auto low = [&](double start) {
+    std::vector<double> wide;
+    double z = start;
+    for (std::size_t i = 0; i < rows; ++i) {
+      if (i == 0 || i == gap) {
+        z = start;
+      } else {
+        z = std::clamp(z + log.load[i] - log.load[i - 1], -30.0, 30.0);
+      }
+      wide.push_back(z);
+    }
+    return wide;
+  };
+  const auto a = low(-30.0);
+  const auto b = low(30.0);
+  CHECK_FALSE(settled[0]);
+  CHECK_FALSE(settled[gap]);
+  CHECK(settled[gap - 1]);
+  CHECK(settled[rows - 1]);
+  for (std::size_t i = 0; i < rows; ++i) CHECK(settled[i] == (a[i] == b[i]));
 }
 
 TEST_CASE("without coefficients the load is the known load alone") {

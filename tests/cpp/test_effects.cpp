@@ -27,7 +27,32 @@ template <typename S, typename Effect>
 consteval auto row_by_the_compiler() {
   Effect effect;
   Sample<S> at;
-  return effect.row(at);
+  StateOf<Effect> state;
+  return row_of<S>(effect, at, state);
+}
+
+/// Whether an effect reads a channel: of several that may drive it, only the one in use.
+template <typename Effect>
+bool reads_now(const Effect& effect, Channel channel) {
+  if constexpr (requires { effect.paths; }) {
+    for (std::size_t k = 0; k < effect.paths.size(); ++k) {
+      if (effect.paths[k].channel == channel) return static_cast<std::size_t>(effect.path) == k;
+    }
+  }
+  return reads<Effect>(channel);
+}
+
+/// Calls use(effect) for each of its paths.
+template <typename Effect, typename Use>
+void for_each_path(Effect effect, Use use) {
+  if constexpr (requires { effect.paths; }) {
+    for (std::size_t k = 0; k < effect.paths.size(); ++k) {
+      effect.path = static_cast<decltype(effect.path)>(k);
+      use(std::as_const(effect));
+    }
+  } else {
+    use(std::as_const(effect));
+  }
 }
 
 template <typename S, typename Effect>
@@ -63,12 +88,19 @@ void disturb(Sample<S>& at, Channel channel, std::mt19937_64& random) {
     case Channel::load:
       at.load = other.load;
       break;
+    case Channel::motor_torque:
+      at.motor_torque = other.motor_torque;
+      break;
+    case Channel::period:
+      at.period = other.period;
+      break;
   }
 }
 
-constexpr std::array<Channel, 6> channels{Channel::output_position,     Channel::output_velocity,
+constexpr std::array<Channel, 8> channels{Channel::output_position,     Channel::output_velocity,
                                           Channel::output_acceleration, Channel::motor_position,
-                                          Channel::temperature,         Channel::load};
+                                          Channel::temperature,         Channel::load,
+                                          Channel::motor_torque,        Channel::period};
 
 }  // namespace
 
@@ -88,27 +120,35 @@ TEST_CASE_TEMPLATE("every effect has a name of its own, targets, a source, terms
 TEST_CASE_TEMPLATE("every row can be had without exceptions and by the compiler", S, float,
                    double) {
   for_each_effect<S>([]<typename Effect>(const Effect&) {
-    static_assert(noexcept(std::declval<Effect>().row(std::declval<Sample<S>>())));
+    static_assert(noexcept(row_of(std::declval<const Effect&>(), std::declval<const Sample<S>&>(),
+                                  std::declval<StateOf<Effect>&>())));
+    if constexpr (Remembers<Effect>) {
+      static_assert(std::is_trivially_copyable_v<StateOf<Effect>>);
+      static_assert(noexcept(std::declval<const Effect&>().settled(StateOf<Effect>{})));
+    }
     static_assert(row_by_the_compiler<S, Effect>().size() == width_of<S, Effect>);
   });
 }
 
 TEST_CASE_TEMPLATE("a row depends on the channels that it names and on no other", S, float,
                    double) {
-  for_each_effect<S>([]<typename Effect>(const Effect& effect) {
-    CAPTURE(effect.name);
-    std::mt19937_64 random(21);
-    for (const Channel channel : channels) {
-      bool changed = false;
-      for (int i = 0; i < 100; ++i) {
-        auto at = usual_sample<S>(random);
-        at.output_velocity *= S(0.001);
-        const auto before = effect.row(at);
-        disturb(at, channel, random);
-        changed |= effect.row(at) != before;
+  for_each_effect<S>([]<typename Effect>(const Effect& each) {
+    for_each_path(each, [](const Effect& effect) {
+      CAPTURE(effect.name);
+      std::mt19937_64 random(21);
+      for (const Channel channel : channels) {
+        bool changed = false;
+        for (int i = 0; i < 100; ++i) {
+          const auto first = usual_sample<S>(random);
+          auto at = usual_sample<S>(random);
+          at.output_velocity *= S(0.001);
+          const auto before = second_row<S>(effect, first, at);
+          disturb(at, channel, random);
+          changed |= second_row<S>(effect, first, at) != before;
+        }
+        CHECK(changed == reads_now(effect, channel));
       }
-      CHECK(changed == reads<Effect>(channel));
-    }
+    });
   });
 }
 
@@ -125,9 +165,13 @@ TEST_CASE_TEMPLATE("a torque is linear in the coefficients", S, float, double) {
     std::normal_distribution<double> normal;
     for (int i = 0; i < 100; ++i) {
       const auto at = usual_sample<S>(random);
+      const auto first = usual_sample<S>(random);
       Part<S, Effect> one{effect}, other{effect}, both{effect}, twice{effect};
       S size = 0;
-      const auto row = effect.row(at);
+      const auto row = second_row<S>(effect, first, at);
+      const auto torque = [&](const Part<S, Effect>& part) {
+        return weighted<S>(second_row<S>(part.effect, first, at), part.coefficients);
+      };
       for (std::size_t k = 0; k < row.size(); ++k) {
         one.coefficients[k] = S(normal(random));
         other.coefficients[k] = S(normal(random));
@@ -136,10 +180,10 @@ TEST_CASE_TEMPLATE("a torque is linear in the coefficients", S, float, double) {
         size += math::absolute(row[k]) *
                 (math::absolute(one.coefficients[k]) + math::absolute(other.coefficients[k]));
       }
-      CHECK(twice.torque(at) == 2 * one.torque(at));
+      CHECK(torque(twice) == 2 * torque(one));
       // each of 2n products and sums, twice, rounds once
       const S bound = size * std::numeric_limits<S>::epsilon() * S(2 * row.size() + 2);
-      CHECK(math::absolute(both.torque(at) - one.torque(at) - other.torque(at)) <= bound);
+      CHECK(math::absolute(torque(both) - torque(one) - torque(other)) <= bound);
     }
   });
 }
@@ -149,11 +193,12 @@ TEST_CASE_TEMPLATE("rows are finite for any finite sample whose powers are", S, 
   for_each_effect<S>([&]<typename Effect>(const Effect& effect) {
     CAPTURE(effect.name);
     std::mt19937_64 random(23);
+    StateOf<Effect> state;
     for (int i = 0; i < 20000; ++i) {
       auto at = any_sample<S>(random);
       at.output_velocity = math::clamp(at.output_velocity, -cube_root, cube_root);
       at.temperature = math::clamp(at.temperature, -cube_root, cube_root);
-      for (const S value : effect.row(at)) CHECK(math::is_finite(value));
+      for (const S value : row_of<S>(effect, at, state)) CHECK(math::is_finite(value));
     }
   });
 }
@@ -240,4 +285,97 @@ TEST_CASE_TEMPLATE("shapes lie within their bounds", S, float, double) {
       }
     }
   });
+}
+
+TEST_CASE_TEMPLATE("the mesh yields in proportion first and stiffens, against the torque", S, float,
+                   double) {
+  const MeshCompliance<S> effect{S(0.05)};
+  const auto row = [&](S load) {
+    Sample<S> at;
+    at.load = load;
+    return effect.row(at)[0];
+  };
+  CHECK(row(0) == S(0));
+  CHECK(row(S(0.01)) == doctest::Approx(-0.01).epsilon(1e-6));
+  CHECK(row(S(20)) == doctest::Approx(-std::atan(1.0) / 0.05).epsilon(1e-6));
+  CHECK(row(S(1e30)) == doctest::Approx(-1.5707963267948966 / 0.05).epsilon(1e-6));
+  CHECK(row(S(-20)) == -row(S(20)));
+}
+
+TEST_CASE_TEMPLATE("the wave generator yields to its stop, against the motor's torque", S, float,
+                   double) {
+  const WaveGeneratorCompliance<S> effect{S(3)};
+  const auto row = [&](S torque) {
+    Sample<S> at;
+    at.motor_torque = torque;
+    return effect.row(at)[0];
+  };
+  CHECK(row(0) == S(0));
+  CHECK(row(S(1e-4)) == doctest::Approx(-1e-4).epsilon(2e-4));
+  CHECK(row(S(0.4)) == doctest::Approx(std::expm1(-1.2) / 3).epsilon(1e-6));
+  CHECK(row(S(1e30)) == S(-1) / S(3));
+  CHECK(row(S(-0.4)) == -row(S(0.4)));
+}
+
+TEST_CASE_TEMPLATE("springs that slip follow the path and forget nothing but their overrun", S,
+                   float, double) {
+  TorsionalHysteresis<S> effect;
+  effect.load_width = S(8);
+  typename TorsionalHysteresis<S>::State state;
+  const auto row = [&](S load) {
+    Sample<S> at;
+    at.load = load;
+    return effect.row(at, state);
+  };
+  CHECK(row(S(5)) == Row<S, 4>{0, 0, 0, 0});  // the first sample is the start, wherever it is
+  CHECK(row(S(6)) == Row<S, 4>{S(0.125), S(0.25), S(0.5), S(1)});
+  CHECK(row(S(9)) == Row<S, 4>{S(0.5), S(1), S(1), S(1)});
+  CHECK(row(S(7)) == Row<S, 4>{S(0.25), S(0.5), S(0), S(-1)});
+  CHECK_FALSE(effect.settled(state));
+  CHECK(row(S(20)) == Row<S, 4>{S(1), S(1), S(1), S(1)});
+  CHECK_FALSE(effect.settled(state));  // 5 to 20 is less than twice the width
+  CHECK(row(S(21)) == Row<S, 4>{S(1), S(1), S(1), S(1)});
+  CHECK(effect.settled(state));
+  const auto saved = state;
+  const auto next = row(S(17));
+  state = saved;
+  CHECK(row(S(17)) == next);
+}
+
+TEST_CASE_TEMPLATE("on the motor's path the way counts over whole turns, the other way round", S,
+                   float, double) {
+  TorsionalHysteresis<S> effect;
+  effect.path = S(1);
+  effect.angle_width = S(16);
+  typename TorsionalHysteresis<S>::State state;
+  S last = 0;
+  for (int i = 0; i <= 40; ++i) {  // five turns in steps of an eighth
+    Sample<S> at;
+    at.motor_position = Angle<S>::from_turns(S(i) / S(8));
+    at.motor_position.turns = 0;  // the phase alone counts, as in a batch
+    last = effect.row(at, state)[0];
+    CHECK(last == doctest::Approx(-std::min(i / 8.0 * 6.283185307179586 / 16, 1.0)).epsilon(1e-5));
+  }
+  CHECK(last == S(-1));
+}
+
+TEST_CASE_TEMPLATE("a loop of hysteresis costs energy on either path", S, float, double) {
+  TorsionalHysteresis<S> effect;
+  for (const S path : {S(0), S(1)}) {
+    effect.path = path;
+    typename TorsionalHysteresis<S>::State state;
+    std::array<S, 4> work{};
+    for (int i = 0; i <= 400; ++i) {
+      Sample<S> at;
+      const double swing = 0.4 * std::sin(2 * 3.141592653589793 * i / 200);
+      at.load = S(60 * swing);
+      at.motor_position = Angle<S>::from_turns(S(swing));
+      // by the load: ∮ Δθ dτ < 0 lags; by the motor: −∮ Δθ dθ > 0 is what friction takes
+      const S driven =
+          path == S(0) ? at.load - state.load : (at.motor_position.phase - state.motor).shortest();
+      const auto row = effect.row(at, state);
+      for (std::size_t k = 0; k < 4 && i > 200; ++k) work[k] += row[k] * driven;
+    }
+    for (const S w : work) CHECK((path == S(0) ? w : -w) > S(0));
+  }
 }

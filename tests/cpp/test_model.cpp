@@ -1,6 +1,8 @@
 #include <doctest/doctest.h>
 
 #include <limits>
+#include <type_traits>
+#include <vector>
 
 #include "random_samples.hpp"
 
@@ -123,4 +125,98 @@ TEST_CASE_TEMPLATE("the step cannot throw and the compiler can take it", S, floa
   S at_run_time = 0;
   CHECK(loaded_model<S>().predict(Sample<S>{}, at_run_time) == Status::ok);
   CHECK(same_bits(torque, at_run_time));
+}
+
+namespace {
+
+template <typename S>
+using Twisted = Model<S, Offset<S>, MeshCompliance<S>, TorsionalHysteresis<S>,
+                      WaveGeneratorCompliance<S>, KinematicError<S, 1>>;
+
+template <typename S>
+constexpr Twisted<S> twisted_model() {
+  Twisted<S> model;
+  model.gear = Gear<S>::from_ratio(101, OutputSpline::circular, true);
+  std::apply([](auto&... part) { (part.coefficients.fill(S(0.5)), ...); }, model.parts);
+  return model;
+}
+
+template <typename S>
+Status next(const Twisted<S>& model, std::mt19937_64& random, typename Twisted<S>::State& state,
+            S& torsion) {
+  return model.predict(usual_sample<S>(random), state, torsion);
+}
+
+}  // namespace
+
+static_assert(std::is_empty_v<Loaded<double>::State>);
+static_assert(!Loaded<double>::remembers && Twisted<double>::remembers);
+static_assert(std::is_trivially_copyable_v<Twisted<float>::State>);
+
+TEST_CASE_TEMPLATE("a state that is saved and restored goes on as if nothing had been", S, float,
+                   double) {
+  const auto model = twisted_model<S>();
+  std::mt19937_64 random(42);
+  typename Twisted<S>::State state;
+  S torsion = 0;
+  for (int i = 0; i < 20; ++i) REQUIRE(next<S>(model, random, state, torsion) == Status::ok);
+  const auto saved = state;
+  const auto there = random;
+  std::vector<S> through;
+  for (int i = 0; i < 20; ++i) {
+    REQUIRE(next<S>(model, random, state, torsion) == Status::ok);
+    through.push_back(torsion);
+  }
+  state = saved;
+  random = there;
+  bool reset_differs = false;
+  typename Twisted<S>::State fresh;
+  for (const S expected : through) {
+    auto copy = random;
+    REQUIRE(next<S>(model, random, state, torsion) == Status::ok);
+    CHECK(same_bits(torsion, expected));
+    REQUIRE(next<S>(model, copy, fresh, torsion) == Status::ok);
+    reset_differs |= torsion != expected;
+  }
+  CHECK(reset_differs);
+}
+
+TEST_CASE_TEMPLATE("what is not finite never enters a state", S, float, double) {
+  const auto model = twisted_model<S>();
+  std::mt19937_64 random(43);
+  typename Twisted<S>::State state;
+  typename Twisted<S>::State clean;
+  S torsion = 7;
+  S expected = 7;
+  for (int i = 0; i < 100; ++i) {
+    const auto at = usual_sample<S>(random);
+    REQUIRE(model.predict(at, clean, expected) == Status::ok);
+    for (const S bad : {not_a_number<S>, std::numeric_limits<S>::infinity()}) {
+      for (S Sample<S>::* field : {&Sample<S>::known_load, &Sample<S>::motor_torque}) {
+        auto broken = at;
+        broken.*field = bad;
+        const S before = torsion;
+        CHECK(model.predict(broken, state, torsion) == Status::not_finite);
+        CHECK(torsion == before);
+      }
+    }
+    REQUIRE(model.predict(at, state, torsion) == Status::ok);
+    CHECK(same_bits(torsion, expected));
+  }
+}
+
+TEST_CASE_TEMPLATE("a torsion that overflows leaves the state as it was", S, float, double) {
+  auto model = twisted_model<S>();
+  std::get<0>(model.parts).coefficients = {std::numeric_limits<S>::max()};
+  std::get<2>(model.parts).coefficients[0] = std::numeric_limits<S>::max();
+  typename Twisted<S>::State state;
+  Sample<S> at;
+  S torsion = 7;
+  const auto hysteresis = [&] { return state_of<2>(state); };
+  REQUIRE(model.predict(at, state, torsion) == Status::ok);
+  const auto before = hysteresis();
+  at.known_load = S(1000);
+  CHECK(model.predict(at, state, torsion) == Status::not_finite);
+  CHECK(hysteresis().load == before.load);
+  CHECK(hysteresis().elements.stretch == before.elements.stretch);
 }

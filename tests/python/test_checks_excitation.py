@@ -44,6 +44,53 @@ def test_a_run_at_one_speed_does_not_excite(effect: str, words: str) -> None:
     assert finding.severity == "note"
 
 
+def torsion_run(load: np.ndarray) -> Log:
+    """Half a turn back and forth under a load (N,), with both encoders."""
+    position = np.pi * np.sin(2 * np.pi * TIME / 5)
+    return Log.from_arrays(
+        time=TIME,
+        output_position=position,
+        motor_position=101 * position,
+        reference_torque=load,
+        motor_torque=np.full(len(TIME), 0.1),
+        facts={"gear_ratio": 100, "output_spline": "circular"},
+    )
+
+
+@pytest.mark.parametrize(
+    ("effect", "words"),
+    [
+        ("mesh_compliance", "reference_torque changes by 0 Nm only"),
+        ("wave_generator_compliance", "motor_torque changes by 0"),
+        ("torsional_hysteresis", "0 Nm one way and 0 Nm back"),
+    ],
+)
+def test_a_constant_torque_twists_nothing(effect: str, words: str) -> None:
+    (finding,) = check(torsion_run(np.full(len(TIME), 5.0)), effects=[effect]).named(
+        "no_excitation"
+    )
+    assert effect in finding.sentence and words in finding.sentence
+
+
+def test_hysteresis_asks_for_loading_and_unloading_whatever_the_noise() -> None:
+    noise = np.random.default_rng(1).standard_normal(len(TIME))
+    rising = torsion_run(4.0 * TIME + noise)
+    (finding,) = check(rising, effects=["torsional_hysteresis"]).named("no_excitation")
+    assert "loads and unloads" in finding.remedy
+    swinging = torsion_run(20.0 * np.sin(TIME) + noise)
+    assert not check(swinging, effects=["torsional_hysteresis"]).named("no_excitation")
+
+
+def test_without_a_torque_channel_the_mesh_is_no_candidate() -> None:
+    log = torsion_run(np.sin(TIME))
+    bare = Log.from_arrays(
+        **{name: log[name] for name in ("time", "output_position", "motor_position")}
+    )
+    (finding,) = check(bare, effects=["mesh_compliance"]).named("missing_channel")
+    assert finding.severity == "error" and finding.channel == "reference_torque"
+    assert not check(bare, effects=["torsional_hysteresis"]).named("missing_channel")
+
+
 def test_low_speeds_are_asked_for_by_stribeck() -> None:
     square = 0.5 * np.sign(np.sin(TIME)) + 1e-4 * np.sin(50 * TIME)
     position = np.cumsum(square) / 1000

@@ -38,6 +38,27 @@ def test_the_catalogue_holds_the_first_effects_with_their_targets():
         assert CATALOGUE[name].targets == targets.get(name, "SM"), name
 
 
+def test_the_torsion_effects_are_for_the_torsion_and_its_units():
+    names = ("mesh_compliance", "wave_generator_compliance", "kinematic_error")
+    names += ("torsional_hysteresis",)
+    for name in names:
+        info = CATALOGUE[name]
+        assert info.targets == "D"
+        assert all(unit_in(t.unit, "torsion") == t.unit in ("rad", "rad/Nm") for t in info.terms)
+    assert all("D" in CATALOGUE[name].targets for name in ("offset", "temperature_drift"))
+    assert [name for name, info in CATALOGUE.items() if info.remembers] == ["torsional_hysteresis"]
+
+
+def test_an_effect_with_several_paths_reads_the_one_in_use():
+    by_load = effect("torsional_hysteresis")
+    by_motor = by_load.without_load()
+    assert by_load.reads == ("load",) and by_motor.reads == ("motor_position",)
+    assert [s.name for s in by_load.fitted_shapes] == ["load_width"]
+    assert [s.name for s in by_motor.fitted_shapes] == ["angle_width"]
+    assert by_motor.without_load() == by_motor
+    assert effect("mesh_compliance").without_load() == effect("mesh_compliance")
+
+
 def test_every_effect_says_where_it_comes_from_and_every_shape_starts_within_its_bounds():
     for info in CATALOGUE.values():
         assert info.signature and info.source
@@ -74,8 +95,25 @@ def test_the_rows_are_the_formulas_of_the_papers():
         ],
         effect("temperature_drift"): [warm, warm**2],
     }
+    load, torque = 30.0 * np.sin(0.7 * channels["time"]), 0.8 * np.cos(1.1 * channels["time"])
+    log = log.with_columns({"reference_torque": load, "motor_torque": torque}, note="simulated")
+    theta = 101.0 * q
+    log = log.with_columns({"motor_position": theta}, note="simulated")
+    log = log.with_facts({"gear_ratio": 100.0, "output_spline": "circular"})
+    pairs = [(2, "output_on_housing"), (2, "motor_on_stator")]
+    pairs += [(2, "wave_generator_on_circular_spline")]
+    angles = [theta, q, theta - q]  # sorted by the names of the pairs
+    formulas |= {
+        effect("mesh_compliance", mesh_shape=0.05): [-np.arctan(0.05 * load) / 0.05],
+        effect("wave_generator_compliance", wave_generator_shape=3.0): [
+            -np.sign(torque) * (1 - np.exp(-3.0 * np.abs(torque))) / 3.0
+        ],
+        effect("kinematic_error", orders=pairs): [
+            wave(2 * angle) for angle in angles for wave in (np.cos, np.sin)
+        ],
+    }
     for made, columns in formulas.items():
-        rows = rows_of([made], log)
+        rows = rows_of([made], log, "reference_torque")
         assert rows == pytest.approx(np.column_stack(columns), rel=1e-9, abs=1e-9), made.name
 
 
@@ -118,6 +156,8 @@ def test_units_follow_the_target():
     assert unit_in("Nm·s/rad", "motor_current") == "A·s/rad"
     assert unit_in("kg·m²", "motor_current") == "A·s²/rad"
     assert unit_in("Nm", "torsion") == "rad"
+    assert unit_in("Nm/K", "torsion") == "rad/K"
+    assert unit_in("rad/Nm", "torsion") == "rad/Nm"
     for info in CATALOGUE.values():
         for term in info.terms:
             assert unit_in(term.unit, "motor_torque") == term.unit

@@ -174,3 +174,12 @@ def test_a_folder_that_does_not_exist_is_named(tmp_path: Path) -> None:
 
 def test_the_same_model_gives_the_same_header(tmp_path: Path) -> None:
     assert header(ONE, tmp_path) == header(ONE, tmp_path)
+
+
+def test_an_effect_with_memory_shows_its_state_in_the_example(tmp_path: Path) -> None:
+    part = Part("torsion", (effect("torsional_hysteresis"),), np.full(4, 1e-3), "reference_torque")
+    text = header(Model({"torsion": part}, {"gear_ratio": 100.0}), tmp_path)
+    assert "Model<float>::State state;" in text
+    assert ".predict(at, state, torsion);" in text
+    assert ".path = S(0.0)" in text
+    assert "State state" not in header(ONE, tmp_path)

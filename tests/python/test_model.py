@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 import flexspline
 from flexspline import CATALOGUE, InputError, effect
 from flexspline.effects import TARGETS
+from flexspline.estimators import Observer
 from flexspline.logs.log import Log
 from flexspline.model import PART_OF, Model, Part
 
@@ -53,7 +54,7 @@ def models(draw):
     named = draw(st.lists(st.sampled_from(sorted(sides)), unique=True))
     made = {side: draw(parts(draw(st.sampled_from(sides[side])))) for side in named}
     facts = {"gear_ratio": draw(st.floats(1, 400)), "output_spline": "circular", "joint": "A 1"}
-    return Model(made, facts, {"observer": {"gain": draw(st.floats(0, 1e3))}})
+    return Model(made, facts, {"observer": Observer(draw(st.floats(1e-3, 1e3)))})
 
 
 @settings(max_examples=60, deadline=None, derandomize=True)

@@ -16,10 +16,22 @@ concept HarmonicEffect = requires(const Effect& effect) { effect.harmonics; };
 template <typename Effect>
 concept CarriesLoad = Effect::carries_load;
 
+/// The row of an effect, with its memory where it has one.
+template <typename S, typename Effect>
+constexpr auto row_of(const Effect& effect, const Sample<S>& at,
+                      [[maybe_unused]] StateOf<Effect>& state) noexcept {
+  if constexpr (Remembers<Effect>) {
+    return effect.row(at, state);
+  } else {
+    return effect.row(at);
+  }
+}
+
 /// How many terms an effect's row has at most.
 template <typename S, typename Effect>
-inline constexpr std::size_t width_of =
-    std::tuple_size_v<decltype(std::declval<Effect>().row(std::declval<Sample<S>>()))>;
+inline constexpr std::size_t width_of = std::tuple_size_v<decltype(row_of(
+    std::declval<const Effect&>(), std::declval<const Sample<S>&>(),
+    std::declval<StateOf<Effect>&>()))>;
 
 template <typename Effect>
 constexpr bool reads(Channel channel) noexcept {
@@ -43,10 +55,39 @@ struct Part {
   Effect effect;
   std::array<S, width_of<S, Effect>> coefficients{};
 
-  constexpr S torque(const Sample<S>& at) const noexcept {
+  constexpr S torque(const Sample<S>& at) const noexcept
+    requires(!Remembers<Effect>)
+  {
     return weighted<S>(effect.row(at), coefficients);
   }
+  constexpr S torque(const Sample<S>& at, StateOf<Effect>& state) const noexcept {
+    return weighted<S>(row_of(effect, at, state), coefficients);
+  }
 };
+
+/// The memory of effect number I; nothing where it has none.
+template <std::size_t I, typename T>
+struct Slot {
+  T state{};
+};
+template <std::size_t I>
+struct Slot<I, NoState> {};
+
+template <typename Numbers, typename... T>
+struct Slots;
+template <std::size_t... I, typename... T>
+struct Slots<std::index_sequence<I...>, T...> : Slot<I, T>... {};
+
+/// The memory of a model: a plain struct, empty where no effect has any. `States{}` has seen
+/// nothing; a copy saves it, assigning the copy restores it.
+template <typename... Effects>
+using States = Slots<std::index_sequence_for<Effects...>, StateOf<Effects>...>;
+
+/// The memory of effect number I, which has one.
+template <std::size_t I, typename T>
+constexpr T& state_of(Slot<I, T>& slot) noexcept {
+  return slot.state;
+}
 
 /// The sum of effects, evaluated in the order of the list.
 ///
@@ -54,8 +95,15 @@ struct Part {
 ///
 /// The load of the sample is the known load plus the model's own inertia and gravity; it is
 /// filled before any row is read, so no row depends on coefficients.
+///
+/// Where an effect remembers, the caller keeps a `State` and hands it to each step; it begins anew
+/// with `State{}`, as it must after a gap.
 template <typename S, typename... Effects>
 struct Model {
+  using State = States<Effects...>;
+  static constexpr bool remembers = (Remembers<Effects> || ...);
+  static_assert(!((CarriesLoad<Effects> && Remembers<Effects>) || ...));
+
   Gear<S> gear;
   std::tuple<Part<S, Effects>...> parts;
 
@@ -73,32 +121,61 @@ struct Model {
           gear.against_circular_spline(q, at.motor_position.phase);
     }
     if constexpr (uses(Channel::load)) {
-      at.load = at.known_load + sum(at, [](const auto& part) {
-                  return CarriesLoad<std::remove_cvref_t<decltype(part.effect)>>;
-                });
+      at.load = at.known_load + carried(at);
     }
   }
 
   /// The modelled torque at one instant, in the target's unit. NaN or infinity in a channel
   /// that the model reads: `not_finite`, and `torque` keeps its last good value.
-  constexpr Status predict(Sample<S> at, S& torque) const noexcept {
+  constexpr Status predict(const Sample<S>& at, S& torque) const noexcept
+    requires(!remembers)
+  {
+    State none;
+    return predict(at, none, torque);
+  }
+
+  /// The same, one sample on: `state` moves with each good sample and stays at a bad one. With
+  /// effects that read it, a period that is not above zero is `bad_period`.
+  constexpr Status predict(Sample<S> at, State& state, S& torque) const noexcept {
     if (!readable(at)) return Status::not_finite;
+    if constexpr (uses(Channel::period)) {
+      if (!math::is_finite(at.period) || !(at.period > S(0))) return Status::bad_period;
+    }
     prepare(at);
-    const S total = sum(at, [](const auto&) { return true; });
+    State next = state;
+    const S total = sum(at, next, std::index_sequence_for<Effects...>{});
     if (!math::is_finite(total)) return Status::not_finite;
+    state = next;
     torque = total;
     return Status::ok;
   }
 
  private:
-  template <typename Chosen>
-  constexpr S sum(const Sample<S>& at, Chosen chosen) const noexcept {
+  template <std::size_t I>
+  constexpr S torque_of(const Sample<S>& at, [[maybe_unused]] State& state) const noexcept {
+    const auto& part = std::get<I>(parts);
+    if constexpr (Remembers<std::tuple_element_t<I, std::tuple<Effects...>>>) {
+      return part.torque(at, state_of<I>(state));
+    } else {
+      return part.torque(at);
+    }
+  }
+
+  template <std::size_t... I>
+  constexpr S sum([[maybe_unused]] const Sample<S>& at, [[maybe_unused]] State& state,
+                  std::index_sequence<I...>) const noexcept {
     S total = S(0);
-    std::apply(
-        [&](const auto&... part) {
-          ((chosen(part) ? void(total += part.torque(at)) : void()), ...);
-        },
-        parts);
+    ((total += torque_of<I>(at, state)), ...);
+    return total;
+  }
+
+  /// What the model's own effects add to the known load.
+  constexpr S carried(const Sample<S>& at) const noexcept {
+    S total = S(0);
+    const auto add = [&]<typename Effect>(const Part<S, Effect>& part) {
+      if constexpr (CarriesLoad<Effect>) total += part.torque(at);
+    };
+    std::apply([&](const auto&... part) { (add(part), ...); }, parts);
     return total;
   }
 
@@ -110,6 +187,7 @@ struct Model {
     }
     if constexpr (uses(Channel::temperature)) good &= math::is_finite(at.temperature);
     if constexpr (uses(Channel::load)) good &= math::is_finite(at.known_load);
+    if constexpr (uses(Channel::motor_torque)) good &= math::is_finite(at.motor_torque);
     return good;
   }
 };

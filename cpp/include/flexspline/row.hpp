@@ -13,7 +13,8 @@ namespace flexspline {
 template <typename S, std::size_t N>
 using Row = std::array<S, N>;
 
-/// A coefficient's name, and its unit where the target is a torque in Nm.
+/// A coefficient's name, and its unit where the target is a torque in Nm; effects of the torsion
+/// alone state theirs in rad.
 struct Term {
   std::string_view name;
   std::string_view unit;
@@ -38,7 +39,41 @@ enum class Channel : unsigned char {
   motor_position,
   temperature,
   load,  ///< the transmitted torque, filled by the model
+  motor_torque,
+  period,  ///< time since the sample before
 };
+
+/// What may drive an effect that remembers, and the shape that is its width then. Where an effect
+/// has several, its shape `path` is the number of the one in use; it reads that channel alone.
+struct Path {
+  Channel channel;
+  std::string_view width;
+};
+
+/// An effect whose row depends on what came before. Its memory is a plain `State`, passed in:
+///
+///   row(sample, state) -> a few numbers; the state moves on by one sample
+///
+/// `State{}` has seen nothing: the first sample starts it. A copy saves it, assigning the copy
+/// restores it. What is not finite never enters it: a model looks at a sample before its effects
+/// do. What the memory was before the first sample is unknown; `settled(state)` says whether the
+/// row still depends on that.
+template <typename Effect>
+concept Remembers = requires { typename Effect::State; };
+
+/// The memory of an effect that has none.
+struct NoState {};
+
+template <typename Effect>
+struct StateOfEffect {
+  using type = NoState;
+};
+template <Remembers Effect>
+struct StateOfEffect<Effect> {
+  using type = typename Effect::State;
+};
+template <typename Effect>
+using StateOf = typename StateOfEffect<Effect>::type;
 
 /// Which way the joint moves: −1 … 1, through 0 at rest.
 ///

@@ -17,6 +17,8 @@ struct Sample {
   Angle<S> motor_position;    ///< θ; filled from q where the joint has no motor encoder
   S temperature = 25;         ///< °C
   S known_load = 0;           ///< Nm at the output, τ_load measured by something trusted
+  S motor_torque = 0;         ///< Nm at the motor's shaft, τ_m
+  S period = 0;               ///< s since the sample before; read by effects that remember
 
   // Filled by Model::prepare.
   Phase<S> wave_generator_on_flexspline;

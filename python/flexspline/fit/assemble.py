@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.effects import unit_in
+from flexspline.fit.derived import sign_warnings
 from flexspline.fit.estimate import Estimate, counts_of, noise_of, residuals_of
 from flexspline.fit.identifiability import Confounded, confounded_groups
+from flexspline.fit.memory import memory_warnings
 from flexspline.fit.problem import Problem
 from flexspline.fit.result import Fit, FittedRun, Parameter
 from flexspline.fit.scores import scores_of
@@ -64,7 +66,7 @@ def assembled(
     )
     facts = _facts(problem)
     model = (into or Model({})).with_part(part, facts)
-    return Fit(
+    found = Fit(
         model=model,
         target=problem.target,
         parameters=parameters,
@@ -81,6 +83,7 @@ def assembled(
         condition=made.linear.solution.condition,
         orders=orders,
     )
+    return replace(found, warnings=(*found.warnings, *sign_warnings(found)))
 
 
 def uncertainty_of(made: Estimate) -> Uncertainty:
@@ -226,7 +229,7 @@ def _record(
     confounded: Sequence[Confounded],
     uncertainty: Uncertainty,
 ) -> dict[str, Any]:
-    channels = sorted({name for run in problem.runs for name in run.channels})
+    channels = sorted({name for run in problem.runs for name in run.channels} - {"period"})
     return {
         "parameters": [asdict(p) for p in parameters],
         "covariance": {
@@ -289,6 +292,7 @@ def _warnings(made: Estimate, uncertainty: Uncertainty) -> list[str]:
     for k in np.flatnonzero(made.linear.at_bound):
         side = int(made.linear.at_bound[k])
         said.append(f"{made.names[k]} ended on its {BOUND[side][3:]}")
+    said += memory_warnings(made.tangent.problem, made.linear.effects)
     for name in made.searched.flat:
         said.append(f"{name} changes nothing in these runs and keeps its value")
     return said

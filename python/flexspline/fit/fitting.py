@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from tqdm import tqdm
@@ -11,6 +11,7 @@ from flexspline.effects import Effect, effect
 from flexspline.errors import InputError
 
 if TYPE_CHECKING:  # what is heavy is imported where it is used: `flexspline --help` is quick
+    from flexspline.fit.estimate import Estimate, Given
     from flexspline.fit.names import Bounds
     from flexspline.fit.problem import Problem
     from flexspline.fit.result import Fit
@@ -20,6 +21,7 @@ if TYPE_CHECKING:  # what is heavy is imported where it is used: `flexspline --h
 __all__ = ["fit"]
 
 ROWS_A_PARAMETER = 3
+SETTLING_ROUNDS = 3
 
 
 def fit(
@@ -96,6 +98,8 @@ def fit(
                 f"logs holds a {type(run).__name__}; give logs, as read_log makes them"
             )
     chosen = _chosen(effects, orders or {})
+    if known_load is None:
+        chosen = [e.without_load() for e in chosen]
     warnings = _checked(runs, chosen, target, known_load) if checks else []
     given = Given(fixed or {}, bounds or {}, priors or {}, robust == "huber")
 
@@ -115,6 +119,7 @@ def fit(
         posed = problem(chosen)
         _require_rows(posed, chosen)
         made = estimate(posed, chosen, given, bar.update)
+        posed, made = _settled(posed, made, given, bar.update)
         bar.set_description("errors and validation")
         return assembled(posed, made, into, [*warnings, *said], found)
 
@@ -143,13 +148,28 @@ def _checked(
     from flexspline.logs.checks import check
 
     elsewhere = known_load not in (None, "reference_torque")
-    asked = [e.name for e in effects if not (elsewhere and "load" in e.info.reads)]
+    asked = [e.name for e in effects if not (elsewhere and "load" in e.reads)]
     sentences = []
     for log in runs:
         findings = check(log, effects=asked, target=target)
         findings.raise_errors()
         sentences += [f"{log.name}: {finding.sentence}" for finding in findings.faults]
     return sentences
+
+
+def _settled(
+    problem: Problem, made: Estimate, given: Given, tick: Callable[[], object]
+) -> tuple[Problem, Estimate]:
+    """Estimate again until the rows left out for unknown memory are those of the widths found."""
+    from flexspline.fit.estimate import estimate
+    from flexspline.fit.memory import settled
+
+    for _ in range(SETTLING_ROUNDS):
+        again = settled(problem, made.linear.effects)
+        if again.runs == problem.runs:
+            break
+        problem, made = again, estimate(again, made.linear.effects, given, tick)
+    return problem, made
 
 
 def _require_rows(problem: Problem, effects: Sequence[Effect]) -> None:

@@ -126,7 +126,7 @@ def fit_linear(
 
 def _load_moves(effects: Sequence[Effect]) -> bool:
     """Whether rows read a load that the coefficients make."""
-    reads = any("load" in effect.info.reads for effect in effects)
+    reads = any("load" in effect.reads for effect in effects)
     return reads and any(effect.info.carries_load for effect in effects)
 
 

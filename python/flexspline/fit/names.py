@@ -98,9 +98,7 @@ def shapes_of(effects: Sequence[Effect]) -> list[ShapeParameter]:
     """Return the shapes that can be fitted, the direction width once for all friction."""
     found: dict[str, ShapeParameter] = {}
     for number, effect in enumerate(effects):
-        for info in effect.info.shapes:
-            if not info.fitted:
-                continue
+        for info in effect.fitted_shapes:
             shared = info.name == "direction_width"
             name = info.name if shared else f"{effect.name}.{info.name}"
             users = found[name].effects if name in found else ()

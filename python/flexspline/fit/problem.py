@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from flexspline import _core
 from flexspline.effects import Effect, require_effects
 from flexspline.errors import InputError
+from flexspline.fit.memory import kept_rows, settled
 from flexspline.fit.requirements import gear_for, require_finite, require_load
 from flexspline.fit.sums import Sums
 from flexspline.logs.derive import lowpass
@@ -38,12 +39,14 @@ class Run:
     """One log made ready: channels for the core, the target, and the pieces without gaps.
 
     `channels`: name -> (N,) in SI units, "known_load" among them. `target`: (N,), y.
-    `stretches`: row ranges [first, last) without a gap, of which every row counts.
+    `unbroken`: row ranges [first, last) without a gap. `stretches`: the rows of these that count;
+    the beginning may be left out, where an effect still depends on what came before the run.
     """
 
     log: Log
     channels: dict[str, Array]
     target: Array
+    unbroken: tuple[tuple[int, int], ...]
     stretches: tuple[tuple[int, int], ...]
 
     def __len__(self) -> int:
@@ -170,7 +173,7 @@ class Problem:
         run = self.runs[number]
         columns = [np.empty((len(run), 0))]
         for k, effect in enumerate(effects):
-            if "load" in effect.info.reads:
+            if "load" in effect.reads:
                 first = sum(len(e.terms) for e in effects[:k])
                 raw = self.design(effects).rows(run.channels, len(run), load)
                 made = self.smooth(run, np.asarray(raw)[:, first : first + len(effect.terms)])
@@ -236,9 +239,10 @@ def problem_of(
     rate = float(np.median([run.log.rate for run in made]))
     counted = sum(run.counted for run in made)
     block = max(round(SECONDS_A_BLOCK * rate), counted // MOST_BLOCKS, 1)
-    return Problem(
+    problem = Problem(
         tuple(made), target, gear, known_load, lowpass_hz, threads, block, offset_per_run
     )
+    return settled(problem, effects)
 
 
 def _offset_column(effects: Sequence[Effect]) -> int | None:
@@ -258,20 +262,10 @@ def _run(
         require_bandwidth(cutoff, log.rate, f"log '{log.name}', low pass")
         smooth = lowpass(y, log["time"], cutoff)
         y = smooth.values
-        stretches = _kept(stretches, smooth.valid)
+        stretches = kept_rows(stretches, smooth.valid)
         if not stretches:
             raise InputError(
                 f"log '{log.name}': a low pass of {cutoff:g} Hz leaves no row that it sees from "
                 "both sides; give a longer log or a higher cutoff"
             )
-    return Run(log, channels, y, tuple(stretches))
-
-
-def _kept(stretches: list[tuple[int, int]], valid: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Shorten each stretch to its valid rows."""
-    kept = []
-    for first, last in stretches:
-        inside = np.flatnonzero(valid[first:last])
-        if len(inside):
-            kept.append((first + int(inside[0]), first + int(inside[-1]) + 1))
-    return kept
+    return Run(log, channels, y, tuple(stretches), tuple(stretches))

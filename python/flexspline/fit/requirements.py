@@ -44,7 +44,7 @@ def require_load(effects: Sequence[Effect], known_load: str | None) -> None:
                 f"effect '{effect.name}' needs a known load; name its channel with known_load, or "
                 "leave the effect out"
             )
-        if "load" in effect.info.reads and not own:
+        if "load" in effect.reads and not own:
             raise InputError(
                 f"effect '{effect.name}' depends on the load, which neither a known load nor "
                 "inertia or gravity tells; give known_load, add one of these, or leave it out"
@@ -61,7 +61,7 @@ def gear_for(logs: Sequence[Log], target: str, effects: Sequence[Effect]) -> dic
             )
     facts = dict(logs[0].facts)
     encoders = {"motor_position" in log for log in logs}
-    motor_side = [e.name for e in effects if "motor_position" in e.info.reads]
+    motor_side = [e.name for e in effects if "motor_position" in e.reads]
     if motor_side and len(encoders) > 1:
         raise InputError("some logs have motor_position and others not; give it in all or none")
     if motor_side and "gear_ratio" not in facts:

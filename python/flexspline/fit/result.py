@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.effects import UNITS
+from flexspline.fit.derived import Derived, derived_of
 from flexspline.fit.identifiability import Confounded
 from flexspline.fit.scores import Score
 from flexspline.fit.uncertainty import Uncertainty
@@ -144,6 +145,11 @@ class Fit:
 
         names = [parameter.name for parameter in self.parameters]
         return self.parameters[resolve(name, names, "fit")]
+
+    @cached_property
+    def derived(self) -> tuple[Derived, ...]:
+        """Quantities that follow from the parameters, such as a stiffness from a compliance."""
+        return derived_of(self)
 
     @cached_property
     def effective_samples(self) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.stats import chi2
@@ -59,7 +60,13 @@ def _analysed(
         np.where(counts_of(run), residual, np.nan)
         for run, residual in zip(problem.runs, residuals_of(problem, made.linear), strict=True)
     ]
-    return find_orders([run.log for run in problem.runs], residuals, unit=UNITS[problem.target])
+    found = find_orders([run.log for run in problem.runs], residuals, unit=UNITS[problem.target])
+    return _of_the_gear(found) if problem.target == "torsion" else found
+
+
+def _of_the_gear(found: OrderAnalysis) -> OrderAnalysis:
+    """The orders with kinematic_error as the owner of all: nothing else turns in a torsion."""
+    return replace(found, found=tuple(replace(f, effect="kinematic_error") for f in found))
 
 
 def _significant(
@@ -99,7 +106,7 @@ def _with_orders(effect: Effect, found: OrderAnalysis) -> Effect:
         for f in found
         if f.effect == effect.name and isinstance(f.order, int)
     ]
-    if effect.name == "output_ripple":
+    if effect.name in ("output_ripple", "kinematic_error"):
         own += [(f.order, CORE_PAIRS["output_housing"]) for f in found.faint]
     return effect.with_orders(own[: _core.max_harmonics])
 
@@ -131,8 +138,9 @@ def _unowned(found: OrderAnalysis, names: set[str]) -> list[str]:
 def _only_by_fit(found: OrderAnalysis, filled: dict[str, Effect]) -> list[str]:
     """Orders that are in the model although the analysis alone is not certain of them."""
     faint = {f.order for f in found.faint}
-    own = filled["output_ripple"].harmonics if "output_ripple" in filled else ()
-    kept = [str(order) for order, _ in own if order in faint]
+    own = [harmonic for effect in filled.values() for harmonic in effect.harmonics]
+    output = CORE_PAIRS["output_housing"]
+    kept = [str(order) for order, pair in own if pair == output and order in faint]
     if not kept:
         return []
     return [

@@ -52,6 +52,12 @@ def accumulate(
         As `fit`, and where there is no log.
     """
     chosen = [e if isinstance(e, Effect) else effect(e) for e in effects]
+    for e in chosen:
+        if e.info.remembers:
+            raise InputError(
+                f"effect '{e.name}' remembers what came before a piece of a log; fit whole runs "
+                "or leave it out"
+            )
     require_effects(chosen, target)
     require_load(chosen, known_load)
     pieces = []

@@ -49,8 +49,8 @@ class Tangent:
         """Run number, rows and chunk of each piece, in order."""
         whole: tuple[int, Array] | None = None
         for number, first, last in self.problem.pieces():
-            if self.problem.lowpass is not None and (whole is None or whole[0] != number):
-                whole = (number, self._filtered(number))
+            if self._whole_runs and (whole is None or whole[0] != number):
+                whole = (number, self._whole_run(number))
             rows = self._rows(number, first, last) if whole is None else whole[1][first:last]
             run = self.problem.runs[number]
             residual = run.target[first:last] - rows[:, -1]
@@ -86,6 +86,12 @@ class Tangent:
         ]
         return np.asarray((ends[1] - ends[0]) / (high - low))
 
-    def _filtered(self, number: int) -> Array:
+    @property
+    def _whole_runs(self) -> bool:
+        """Whether rows need all rows before them: filters and memory do."""
+        remembers = any(effect.info.remembers for effect in self.effects)
+        return remembers or self.problem.lowpass is not None
+
+    def _whole_run(self, number: int) -> Array:
         run = self.problem.runs[number]
         return self.problem.smooth(run, self._rows(number, 0, len(run)))

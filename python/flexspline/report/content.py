@@ -47,14 +47,28 @@ class KnownGroup:
 
 
 def parameter_lines(fit: Fit) -> list[ParameterLine]:
-    """Return a line for each parameter; the orders of ripple come last, one line each."""
+    """Return a line for each parameter, then one for each order of ripple and derived quantity."""
     ripple = ripple_orders(fit)
     orders = {name for order in ripple for name in order.names}
     lines = [_line(fit, p) for p in fit.parameters if p.name not in orders]
     for (effect, turns), members in groupby(ripple, lambda o: (o.effect, o.turns)):
         for number, order in enumerate(members):
             lines.append(_ripple_line(order, "" if number else _heading(effect, turns)))
-    return lines
+    return [*lines, *_derived_lines(fit)]
+
+
+def _derived_lines(fit: Fit) -> list[ParameterLine]:
+    """What follows from the parameters, under a heading of its own."""
+    return [
+        ParameterLine(
+            d.name,
+            plus_minus(d.value, d.standard_error),
+            d.unit,
+            "",
+            heading="" if number else "From these (errors to first order)",
+        )
+        for number, d in enumerate(fit.derived)
+    ]
 
 
 def known_groups(fit: Fit) -> list[KnownGroup]:

@@ -45,8 +45,9 @@ struct Structure {
 };
 
 /// The structure of a design, if it has one that pays: a ripple effect with orders 1, 2, … n,
-/// n ≥ 4, of one pair.
+/// n ≥ 4, of one pair, and no memory.
 inline std::optional<Structure> structure_of(const Design& design) {
+  if (design.remembers()) return std::nullopt;
   const auto dense_orders = [](const AnyEffect& any) {
     return std::visit(
         [](const auto& effect) {
@@ -93,14 +94,17 @@ inline std::optional<Structure> structure_of(const Design& design) {
   return structure;
 }
 
-/// Columns of a design for a piece of a log, with the target behind them.
+/// Columns of a design for one piece of a log after another, with the target behind them.
 class Columns {
  public:
-  explicit Columns(const Problem& problem)
-      : problem_(problem), block_(problem.design.columns() + 1, SampleBlock::capacity) {}
+  /// `memory`: before the first piece.
+  Columns(const Problem& problem, Memory memory)
+      : problem_(problem),
+        block_(problem.design.columns() + 1, SampleBlock::capacity),
+        memory_(std::move(memory)) {}
 
   void fill(std::size_t first, std::size_t count) {
-    problem_.design.fill(problem_.channels, first, count, problem_.coefficients, block_[0],
+    problem_.design.fill(problem_.channels, first, count, problem_.coefficients, memory_, block_[0],
                          SampleBlock::capacity);
     double* target = block_[problem_.design.columns()];
     std::copy_n(problem_.target + first, count, target);
@@ -121,6 +125,7 @@ class Columns {
  private:
   const Problem& problem_;
   ColumnBlock block_;
+  Memory memory_;
 };
 
 /// Calls piece(first, count) for rows in pieces that fit a SampleBlock.
@@ -131,9 +136,10 @@ void in_pieces(const Rows& rows, Piece&& piece) {
   }
 }
 
-/// The Gram of one block of rows through plain columns.
-inline Gram plain_gram(const Problem& problem, const Rows& rows, Precision precision) {
-  Columns columns(problem);
+/// The Gram of one block of rows through plain columns; `memory` is that before the block.
+inline Gram plain_gram(const Problem& problem, const Rows& rows, Precision precision,
+                       const Memory& memory) {
+  Columns columns(problem, memory);
   Gram gram(static_cast<int>(problem.design.columns()) + 1, precision);
   in_pieces(rows, [&](std::size_t first, std::size_t count) {
     columns.fill(first, count);
@@ -187,10 +193,13 @@ inline std::vector<Gram> accumulate(const Problem& problem, std::span<const Rows
   const auto structure = structured && precision == Precision::plain && problem.held.empty()
                              ? structure_of(problem.design)
                              : std::optional<Structure>{};
+  std::vector<std::size_t> firsts;
+  for (const Rows& block : blocks) firsts.push_back(block.first);
+  const auto memories = problem.design.remember(problem.channels, firsts, problem.coefficients);
   std::vector<Gram> grams(blocks.size());
   parallel_blocks(blocks.size(), threads, [&](std::size_t b) {
     grams[b] = structure ? structured_gram(problem, *structure, blocks[b])
-                         : plain_gram(problem, blocks[b], precision);
+                         : plain_gram(problem, blocks[b], precision, memories[b]);
   });
   return grams;
 }

@@ -1,89 +1,15 @@
 /// Effects chosen at run time: their columns for a block of samples, and their sum.
 ///
-/// The formulas are those of the effects; only the order of the loops differs. A test holds
-/// columns and sums to the bits of the plain rows.
+/// Effects that remember go through a run row by row: who evaluates pieces of it in another order
+/// takes the memory before each piece from `remember`.
 #pragma once
 
-#include <algorithm>
+#include <numeric>
 #include <span>
-#include <variant>
-#include <vector>
 
-#include "flexspline/batch/samples.hpp"
-#include "flexspline/batch/wide_loop.hpp"
-#include "flexspline/effects/catalogue.hpp"
-#include "flexspline/model.hpp"
+#include "flexspline/batch/columns.hpp"
 
 namespace flexspline::batch {
-
-inline constexpr std::size_t max_harmonics = 64;  ///< of one effect
-
-using AnyEffect = Catalogue<std::variant, double, max_harmonics>;
-
-/// How many terms the effect has.
-inline std::size_t terms_of(const AnyEffect& any) {
-  return std::visit(
-      [](const auto& effect) {
-        if constexpr (HarmonicEffect<std::remove_cvref_t<decltype(effect)>>) {
-          return 2 * effect.count;
-        } else {
-          return effect.terms.size();
-        }
-      },
-      any);
-}
-
-/// The columns of one effect for a block: term k of sample i at out[k · stride + i].
-template <typename Effect>
-void columns(const Effect& effect, const SampleBlock& block, double* out, std::size_t stride) {
-  constexpr std::size_t width = width_of<double, Effect>;
-  run_wide([&effect, &block, out, stride, size = block.size] {
-    for (std::size_t i = 0; i < size; ++i) {
-      const auto row = effect.row(block[i]);
-      for (std::size_t k = 0; k < width; ++k) out[k * stride + i] = row[k];
-    }
-  });
-}
-
-/// Cosine and sine of `order` times the angle of a pair.
-inline void phasors(std::uint64_t order, const std::uint64_t* phase, std::size_t size,
-                    double* cosine, double* sine) {
-  run_wide([=] {
-    for (std::size_t i = 0; i < size; ++i) {
-      const auto p = (order * Phase<double>{phase[i]}).phasor();
-      cosine[i] = p.cosine;
-      sine[i] = p.sine;
-    }
-  });
-}
-
-/// The same for harmonics, a harmonic at a time instead of a sample at a time.
-template <HarmonicEffect Effect>
-void columns(const Effect& effect, const SampleBlock& block, double* out, std::size_t stride) {
-  SampleBlock::Column<double> cosine_once;
-  SampleBlock::Column<double> sine_once;
-  for (std::size_t k = 0; k < effect.count; ++k) {
-    const auto [order, pair] = effect.harmonics[k];
-    double* cosine = out + 2 * k * stride;
-    double* sine = cosine + stride;
-    if (!effect.continues(k)) {
-      phasors(order, block.phases(pair), block.size, cosine, sine);
-      continue;
-    }
-    if (!effect.continues(k - 1)) {
-      phasors(1, block.phases(pair), block.size, cosine_once.data(), sine_once.data());
-    }
-    const double* last_cosine = cosine - 2 * stride;
-    const double* last_sine = sine - 2 * stride;
-    run_wide([=, c = cosine_once.data(), s = sine_once.data(), size = block.size] {
-      for (std::size_t i = 0; i < size; ++i) {
-        const auto p = math::rotate<double>({last_cosine[i], last_sine[i]}, {c[i], s[i]});
-        cosine[i] = p.cosine;
-        sine[i] = p.sine;
-      }
-    });
-  }
-}
 
 /// A model put together at run time.
 class Design {
@@ -98,22 +24,75 @@ class Design {
       if (angle && angles_ == SampleBlock::Angles::none) angles_ = SampleBlock::Angles::output;
       if (motor_side) angles_ = SampleBlock::Angles::both_sides;
       load_ |= reads_any(effect, Channel::load);
+      remembers_ |= remembers(effect);
     }
   }
 
   std::size_t columns() const noexcept { return columns_; }
   const std::vector<AnyEffect>& effects() const noexcept { return effects_; }
   const Gear<double>& gear() const noexcept { return gear_; }
+  bool remembers() const noexcept { return remembers_; }
+
+  /// The memory at the beginning of a run.
+  Memory fresh() const {
+    Memory memory;
+    for (std::size_t k = 0; remembers_ && k < effects_.size(); ++k) {
+      std::visit([&memory]<typename Effect>(
+                     const Effect&) { memory.emplace_back(std::in_place_index<place_of<Effect>>); },
+                 effects_[k]);
+    }
+    return memory;
+  }
 
   /// The columns of rows [first, first + count), count ≤ SampleBlock::capacity: term k of row
   /// first + i at out[k · stride + i]. The load is the known load plus what `coefficients` (as
-  /// many as columns, or none) say of it.
+  /// many as columns, or none) say of it. `memory` is that before row `first` and becomes that
+  /// after the last one.
   void fill(const Channels& channels, std::size_t first, std::size_t count,
-            std::span<const double> coefficients, double* out, std::size_t stride) const {
+            std::span<const double> coefficients, Memory& memory, double* out,
+            std::size_t stride) const {
     SampleBlock block;
     SampleBlock::Column<double> load;
     read(channels, first, count, coefficients, out, stride, angles_, block, load);
-    each(block, out, stride, [](const AnyEffect&) { return true; });
+    each(block, memory, out, stride, [](const AnyEffect&) { return true; });
+  }
+
+  /// The same with a memory that has seen nothing.
+  void fill(const Channels& channels, std::size_t first, std::size_t count,
+            std::span<const double> coefficients, double* out, std::size_t stride) const {
+    Memory memory = fresh();
+    fill(channels, first, count, coefficients, memory, out, stride);
+  }
+
+  /// The memory before each of these rows, from one pass over the log up to the last of them. With
+  /// it the rows between can be evaluated in any order, and in parallel, to the same bits.
+  std::vector<Memory> remember(const Channels& channels, std::span<const std::size_t> rows,
+                               std::span<const double> coefficients) const {
+    std::vector<Memory> found(rows.size());
+    if (!remembers_) return found;
+    std::vector<std::size_t> order(rows.size());
+    std::iota(order.begin(), order.end(), std::size_t{0});
+    std::sort(order.begin(), order.end(),
+              [rows](std::size_t a, std::size_t b) { return rows[a] < rows[b]; });
+    Memory memory = fresh();
+    std::size_t row = 0;
+    for (const std::size_t k : order) {
+      for (; row < rows[k]; row += std::min(SampleBlock::capacity, rows[k] - row)) {
+        const std::size_t count = std::min(SampleBlock::capacity, rows[k] - row);
+        pass(channels, row, count, coefficients, memory, [](std::size_t, bool) {});
+      }
+      found[k] = memory;
+    }
+    return found;
+  }
+
+  /// Whether each of the rows [first, first + count) no longer depends on what the memory was
+  /// before the first row of its run, which nobody knows.
+  void settled(const Channels& channels, std::size_t first, std::size_t count,
+               std::span<const double> coefficients, Memory& memory, bool* out) const {
+    std::fill_n(out, count, true);
+    pass(channels, first, count, coefficients, memory,
+         [out](std::size_t i, bool done) { out[i] = out[i] && done; });
   }
 
   /// The same without the columns of ones and of one ripple effect, and instead cosine and sine
@@ -130,7 +109,8 @@ class Design {
     SampleBlock::Column<double> load;
     read(channels, first, count, coefficients, out, stride,
          direct ? SampleBlock::Angles::none : angles_, block, load);
-    each(block, out, stride, [&](const AnyEffect& effect) {
+    Memory memory = fresh();
+    each(block, memory, out, stride, [&](const AnyEffect& effect) {
       return &effect != left_out && !std::holds_alternative<Offset<double>>(effect);
     });
     if (direct) {
@@ -142,14 +122,25 @@ class Design {
 
   /// Row · coefficients for rows [first, first + count), summed as Model::predict does.
   void predict(const Channels& channels, std::size_t first, std::size_t count,
-               std::span<const double> coefficients, double* torque) const {
+               std::span<const double> coefficients, Memory& memory, double* torque) const {
     std::vector<double> rows(columns_ * count);
-    fill(channels, first, count, coefficients, rows.data(), count);
+    fill(channels, first, count, coefficients, memory, rows.data(), count);
     std::fill_n(torque, count, 0.0);
     sum(coefficients, rows.data(), count, count, torque, [](const AnyEffect&) { return true; });
   }
 
+  /// The same with a memory that has seen nothing.
+  void predict(const Channels& channels, std::size_t first, std::size_t count,
+               std::span<const double> coefficients, double* torque) const {
+    Memory memory = fresh();
+    predict(channels, first, count, coefficients, memory, torque);
+  }
+
  private:
+  static bool remembers(const AnyEffect& any) {
+    return std::visit([](const auto& e) { return Remembers<std::remove_cvref_t<decltype(e)>>; },
+                      any);
+  }
   static bool reads_any(const AnyEffect& any, Channel channel) {
     return std::visit(
         [&](const auto& e) { return reads<std::remove_cvref_t<decltype(e)>>(channel); }, any);
@@ -192,7 +183,8 @@ class Design {
             SampleBlock::Column<double>& load) const {
     block.read(channels, first, count, gear_, angles);
     if (!load_ || coefficients.empty()) return;
-    each(block, out, stride, carries_load);
+    Memory none;
+    each(block, none, out, stride, carries_load);
     SampleBlock::Column<double> carried{};
     sum(coefficients, out, stride, count, carried.data(), carries_load);
     for (std::size_t i = 0; i < count; ++i) load[i] = block.known_load[i] + carried[i];
@@ -200,12 +192,44 @@ class Design {
   }
 
   template <typename Chosen>
-  void each(const SampleBlock& block, double* out, std::size_t stride, Chosen chosen) const {
-    for (const AnyEffect& any : effects_) {
-      if (chosen(any)) {
-        std::visit([&](const auto& e) { flexspline::batch::columns(e, block, out, stride); }, any);
+  void each(const SampleBlock& block, [[maybe_unused]] Memory& memory, double* out,
+            std::size_t stride, Chosen chosen) const {
+    for (std::size_t k = 0; k < effects_.size(); ++k) {
+      if (chosen(effects_[k])) {
+        std::visit(
+            [&]<typename Effect>(const Effect& effect) {
+              if constexpr (Remembers<Effect>) {
+                auto& state = std::get<place_of<Effect>>(memory[k]);
+                flexspline::batch::columns(effect, block, state, out, stride);
+              } else {
+                flexspline::batch::columns(effect, block, out, stride);
+              }
+            },
+            effects_[k]);
       }
-      out += terms_of(any) * stride;
+      out += terms_of(effects_[k]) * stride;
+    }
+  }
+
+  /// Takes the effects with memory over rows without writing columns: use(i, settled) for each of
+  /// them and each row.
+  template <typename Use>
+  void pass(const Channels& channels, std::size_t first, std::size_t count,
+            std::span<const double> coefficients, Memory& memory, Use use) const {
+    SampleBlock block;
+    SampleBlock::Column<double> load;
+    std::vector<double> scratch(load_ && !coefficients.empty() ? columns_ * count : 0);
+    read(channels, first, count, coefficients, scratch.data(), count, angles_, block, load);
+    for (std::size_t k = 0; k < memory.size(); ++k) {
+      std::visit(
+          [&]<typename Effect>(const Effect& effect) {
+            if constexpr (Remembers<Effect>) {
+              auto& state = std::get<place_of<Effect>>(memory[k]);
+              walk(effect, block, state,
+                   [&](std::size_t i, const auto&) { use(i, effect.settled(state)); });
+            }
+          },
+          effects_[k]);
     }
   }
 
@@ -238,6 +262,7 @@ class Design {
   SampleBlock::Angles angles_ = SampleBlock::Angles::none;
   std::size_t angle_readers_ = 0;
   bool load_ = false;
+  bool remembers_ = false;
 };
 
 }  // namespace flexspline::batch

@@ -19,6 +19,8 @@ struct Channels {
   const double* motor_position = nullptr;       ///< rad
   const double* temperature = nullptr;          ///< °C
   const double* known_load = nullptr;           ///< Nm
+  const double* motor_torque = nullptr;         ///< Nm at the shaft
+  const double* period = nullptr;               ///< s since the row before; 0: a new start
 };
 
 /// Up to `capacity` samples of a log, a column each, so that a loop over them vectorises. Plain
@@ -31,34 +33,39 @@ struct SampleBlock {
   struct alignas(64) Column : std::array<T, capacity> {};
 
   std::size_t size = 0;
+  const double* output_position = nullptr;
+  const double* motor_position = nullptr;
   const double* output_velocity = nullptr;
   const double* output_acceleration = nullptr;
   const double* temperature = nullptr;
   const double* known_load = nullptr;
+  const double* motor_torque = nullptr;
+  const double* period = nullptr;
   const double* load = nullptr;
   Column<std::int32_t> turns;
   Column<std::uint64_t> output_phase, motor_phase, flexspline_phase, circular_spline_phase;
 
   /// Points at rows [first, first + count) and fills the phases asked for; the load is the known
   /// load.
-  /// A channel that the log lacks is 0 (temperature: 25); a position that is not finite gives
-  /// phase zero.
+  /// A channel that the log lacks is 0 (temperature: 25, period: 1); a position that is not finite
+  /// gives phase zero.
   void read(const Channels& from, std::size_t first, std::size_t count, const Gear<double>& gear,
             Angles angles) noexcept {
-    static const Column<double> none{};
-    static const Column<double> room = [] {
-      Column<double> filled;
-      filled.fill(25.0);
-      return filled;
-    }();
+    static const Column<double> none = filled(0.0);
+    static const Column<double> room = filled(25.0);
+    static const Column<double> second = filled(1.0);
     const auto at = [first](const double* column, const Column<double>& absent) {
       return column != nullptr ? column + first : absent.data();
     };
     size = count;
+    output_position = at(from.output_position, none);
+    motor_position = at(from.motor_position, none);
     output_velocity = at(from.output_velocity, none);
     output_acceleration = at(from.output_acceleration, none);
     temperature = at(from.temperature, room);
     known_load = at(from.known_load, none);
+    motor_torque = at(from.motor_torque, none);
+    period = at(from.period, second);
     load = known_load;
     if (angles == Angles::none) return;
     if (from.output_position == nullptr) {
@@ -85,6 +92,29 @@ struct SampleBlock {
     return output_phase.data();
   }
 
+  /// Whether a channel of sample i can be read; angles lose a NaN on their way to a phase.
+  bool finite(Channel channel, std::size_t i) const noexcept {
+    switch (channel) {
+      case Channel::output_position:
+        return math::is_finite(output_position[i]);
+      case Channel::output_velocity:
+        return math::is_finite(output_velocity[i]);
+      case Channel::output_acceleration:
+        return math::is_finite(output_acceleration[i]);
+      case Channel::motor_position:
+        return math::is_finite(output_position[i]) && math::is_finite(motor_position[i]);
+      case Channel::temperature:
+        return math::is_finite(temperature[i]);
+      case Channel::load:
+        return math::is_finite(load[i]);
+      case Channel::motor_torque:
+        return math::is_finite(motor_torque[i]);
+      case Channel::period:
+        return math::is_finite(period[i]);
+    }
+    return false;
+  }
+
   Sample<double> operator[](std::size_t i) const noexcept {
     Sample<double> at;
     at.output_position = {turns[i], {output_phase[i]}};
@@ -93,6 +123,8 @@ struct SampleBlock {
     at.motor_position = {0, {motor_phase[i]}};
     at.temperature = temperature[i];
     at.known_load = known_load[i];
+    at.motor_torque = motor_torque[i];
+    at.period = period[i];
     at.wave_generator_on_flexspline = {flexspline_phase[i]};
     at.wave_generator_on_circular_spline = {circular_spline_phase[i]};
     at.load = load[i];
@@ -100,6 +132,12 @@ struct SampleBlock {
   }
 
  private:
+  static Column<double> filled(double value) noexcept {
+    Column<double> column;
+    column.fill(value);
+    return column;
+  }
+
   void read_angle(const double* angle, Column<std::int32_t>& whole,
                   Column<std::uint64_t>& phase) noexcept {
     run_wide([angle, count = size, w = whole.data(), p = phase.data()] {
@@ -112,7 +150,9 @@ struct SampleBlock {
   }
 
   void read_motor(const Channels& from, std::size_t first, const Gear<double>& gear) noexcept {
-    if (gear.motor_encoder) {
+    if (gear.motor_encoder && from.motor_position == nullptr) {
+      std::fill_n(motor_phase.begin(), size, 0);
+    } else if (gear.motor_encoder) {
       Column<std::int32_t> whole;
       read_angle(from.motor_position + first, whole, motor_phase);
     }

@@ -10,13 +10,17 @@
 #include "flexspline/effects/gain_error.hpp"
 #include "flexspline/effects/gravity.hpp"
 #include "flexspline/effects/inertia.hpp"
+#include "flexspline/effects/kinematic_error.hpp"
 #include "flexspline/effects/load_dependent_friction.hpp"
+#include "flexspline/effects/mesh_compliance.hpp"
 #include "flexspline/effects/nonlinear_viscous_friction.hpp"
 #include "flexspline/effects/offset.hpp"
 #include "flexspline/effects/output_ripple.hpp"
 #include "flexspline/effects/stribeck_friction.hpp"
 #include "flexspline/effects/temperature_drift.hpp"
+#include "flexspline/effects/torsional_hysteresis.hpp"
 #include "flexspline/effects/viscous_friction.hpp"
+#include "flexspline/effects/wave_generator_compliance.hpp"
 #include "flexspline/effects/wave_generator_ripple.hpp"
 
 namespace flexspline {
@@ -37,6 +41,10 @@ using Catalogue = Combine<           //
     WaveGeneratorRipple<S, K>,       //
     Cogging<S, K>,                   //
     TemperatureDrift<S>,             //
-    GainError<S>>;
+    GainError<S>,                    //
+    MeshCompliance<S>,               //
+    WaveGeneratorCompliance<S>,      //
+    KinematicError<S, K>,            //
+    TorsionalHysteresis<S>>;
 
 }  // namespace flexspline

@@ -26,6 +26,7 @@ from flexspline.logs.checks.needs import (
     sampled,
     speeds,
     teeth,
+    there_and_back,
     turn_of,
 )
 from flexspline.logs.log import Log
@@ -163,10 +164,13 @@ EFFECTS: dict[str, Asked] = {
     ),
     "sensor_lag": Asked(KNOWN, (LOADED,)),
     "torque_constant_error": Asked(KNOWN, (LOADED,)),
-    "mesh_compliance": Asked(BOTH_ANGLES),
-    "wave_generator_compliance": Asked((*BOTH_ANGLES, "motor_torque or motor_current")),
+    "mesh_compliance": Asked((*BOTH_ANGLES, *KNOWN), (LOADED,)),
+    "wave_generator_compliance": Asked(
+        (*BOTH_ANGLES, "motor_torque or motor_current"),
+        (changing("motor_torque or motor_current", 0.0, ""),),
+    ),
     "kinematic_error": Asked(BOTH_ANGLES, (turn_of(1.0),)),
-    "torsional_hysteresis": Asked(BOTH_ANGLES, (both_directions,)),
+    "torsional_hysteresis": Asked(BOTH_ANGLES, (there_and_back,)),
     "backlash": Asked(BOTH_ANGLES, (both_directions,)),
     "temperature_dependent_stiffness": Asked((*BOTH_ANGLES, "temperature"), (WARM,)),
 }

@@ -159,6 +159,28 @@ def changing(channel: str, least: float, unit: str) -> Need:
     return need
 
 
+def there_and_back(log: Log, motion: Motion | None) -> Lack | None:
+    """A known torque that rises and falls over at least a tenth of its way, else motion both ways.
+
+    The way is counted over a few hundred means, so that noise is no way.
+    """
+    if "reference_torque" not in log:
+        return both_directions(log, motion)
+    load = log["reference_torque"]
+    means = np.array([part.mean() for part in np.array_split(load, min(200, len(load)))])
+    steps = np.diff(means)
+    up, down = float(steps[steps > 0].sum()), float(-steps[steps < 0].sum())
+    less, way = min(up, down), up + down
+    if less > 0.1 * way:
+        return None
+    return (
+        less,
+        "Nm",
+        f"the known torque goes {max(up, down):.3g} Nm one way and {less:.3g} Nm back",
+        "Record a run that loads and unloads.",
+    )
+
+
 def lasting(seconds: float) -> Need:
     """A run of at least this length."""
 

@@ -1,0 +1,134 @@
+/// The columns of one effect for a block of samples, and what a design remembers between blocks.
+///
+/// The formulas are those of the effects; only the order of the loops differs. A test holds
+/// columns to the bits of the plain rows.
+#pragma once
+
+#include <algorithm>
+#include <limits>
+#include <type_traits>
+#include <variant>
+#include <vector>
+
+#include "flexspline/batch/samples.hpp"
+#include "flexspline/batch/wide_loop.hpp"
+#include "flexspline/effects/catalogue.hpp"
+#include "flexspline/model.hpp"
+
+namespace flexspline::batch {
+
+inline constexpr std::size_t max_harmonics = 64;  ///< of one effect
+
+using AnyEffect = Catalogue<std::variant, double, max_harmonics>;
+
+template <typename... Effects>
+using StateOfOne = std::variant<StateOf<Effects>...>;
+
+/// The memory of any effect, by the place of the effect in the catalogue.
+using AnyState = Catalogue<StateOfOne, double, max_harmonics>;
+
+/// The memory of a design: one for each of its effects; empty where none of them remembers.
+using Memory = std::vector<AnyState>;
+
+/// The place of an effect in the catalogue.
+template <typename Effect, typename... All>
+constexpr std::size_t place_in(std::type_identity<std::variant<All...>>) {
+  std::size_t place = 0;
+  (void)((std::is_same_v<Effect, All> || (++place, false)) || ...);
+  return place;
+}
+template <typename Effect>
+inline constexpr std::size_t place_of = place_in<Effect>(std::type_identity<AnyEffect>{});
+
+/// How many terms the effect has.
+inline std::size_t terms_of(const AnyEffect& any) {
+  return std::visit(
+      [](const auto& effect) {
+        if constexpr (HarmonicEffect<std::remove_cvref_t<decltype(effect)>>) {
+          return 2 * effect.count;
+        } else {
+          return effect.terms.size();
+        }
+      },
+      any);
+}
+
+/// The columns of one effect for a block: term k of sample i at out[k · stride + i].
+template <typename Effect>
+void columns(const Effect& effect, const SampleBlock& block, double* out, std::size_t stride) {
+  constexpr std::size_t width = width_of<double, Effect>;
+  run_wide([&effect, &block, out, stride, size = block.size] {
+    for (std::size_t i = 0; i < size; ++i) {
+      const auto row = effect.row(block[i]);
+      for (std::size_t k = 0; k < width; ++k) out[k * stride + i] = row[k];
+    }
+  });
+}
+
+/// Takes an effect with memory through a block: use(i, row) after each sample. A row whose period
+/// is 0 starts anew; one that cannot be read is passed over and leaves the memory as it was.
+template <Remembers Effect, typename Use>
+void walk(const Effect& effect, const SampleBlock& block, StateOf<Effect>& state, Use&& use) {
+  for (std::size_t i = 0; i < block.size; ++i) {
+    if (block.period[i] == 0.0) state = {};
+    bool good = true;
+    for (const Channel channel : Effect::reads) good &= block.finite(channel, i);
+    if (good) use(i, effect.row(block[i], state));
+  }
+}
+
+/// The columns of an effect with memory, which moves on by the block; NaN in rows that cannot be
+/// read.
+template <Remembers Effect>
+void columns(const Effect& effect, const SampleBlock& block, StateOf<Effect>& state, double* out,
+             std::size_t stride) {
+  constexpr std::size_t width = width_of<double, Effect>;
+  for (std::size_t k = 0; k < width; ++k) {
+    std::fill_n(out + k * stride, block.size, std::numeric_limits<double>::quiet_NaN());
+  }
+  walk(effect, block, state, [out, stride](std::size_t i, const Row<double, width>& row) {
+    for (std::size_t k = 0; k < width; ++k) out[k * stride + i] = row[k];
+  });
+}
+
+/// Cosine and sine of `order` times the angle of a pair.
+inline void phasors(std::uint64_t order, const std::uint64_t* phase, std::size_t size,
+                    double* cosine, double* sine) {
+  run_wide([=] {
+    for (std::size_t i = 0; i < size; ++i) {
+      const auto p = (order * Phase<double>{phase[i]}).phasor();
+      cosine[i] = p.cosine;
+      sine[i] = p.sine;
+    }
+  });
+}
+
+/// The same for harmonics, a harmonic at a time instead of a sample at a time.
+template <HarmonicEffect Effect>
+void columns(const Effect& effect, const SampleBlock& block, double* out, std::size_t stride) {
+  SampleBlock::Column<double> cosine_once;
+  SampleBlock::Column<double> sine_once;
+  for (std::size_t k = 0; k < effect.count; ++k) {
+    const auto [order, pair] = effect.harmonics[k];
+    double* cosine = out + 2 * k * stride;
+    double* sine = cosine + stride;
+    if (!effect.continues(k)) {
+      phasors(order, block.phases(pair), block.size, cosine, sine);
+      continue;
+    }
+    if (!effect.continues(k - 1)) {
+      phasors(1, block.phases(pair), block.size, cosine_once.data(), sine_once.data());
+    }
+    const double* last_cosine = cosine - 2 * stride;
+    const double* last_sine = sine - 2 * stride;
+    run_wide([=, c = cosine_once.data(), s = sine_once.data(), size = block.size] {
+      for (std::size_t i = 0; i < size; ++i) {
+        const auto p = math::rotate<double>({last_cosine[i], last_sine[i]}, {c[i], s[i]});
+        cosine[i] = p.cosine;
+        sine[i] = p.sine;
+      }
+    });
+  }
+}
+
+}  // namespace flexspline::batch
