@@ -1,0 +1,18 @@
+"""When a residual is a contact: thresholds for a stated rate of false alarms, delays, sizes."""
+
+from flexspline.collision.calibrating import calibrate_detector
+from flexspline.collision.delay import detection_delay, smallest_detectable_torque
+from flexspline.collision.margin import left_out_margin
+from flexspline.collision.residual import Residual, standstill_residual
+from flexspline.collision.result import DetectorCalibration, Threshold
+
+__all__ = [
+    "DetectorCalibration",
+    "Residual",
+    "Threshold",
+    "calibrate_detector",
+    "detection_delay",
+    "left_out_margin",
+    "smallest_detectable_torque",
+    "standstill_residual",
+]

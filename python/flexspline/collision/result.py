@@ -1,0 +1,231 @@
+"""Thresholds, what they promise, and what that promise rests on."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexspline import _core
+from flexspline.collision.residual import Residual
+from flexspline.errors import InputError
+from flexspline.estimators.collision import Collision
+from flexspline.logs.segments import runs
+
+if TYPE_CHECKING:
+    import pandas
+
+__all__ = ["DetectorCalibration", "Threshold", "proven_rate"]
+
+
+def proven_rate(hours: float, confidence: float = 0.95) -> float:
+    """Return the rate [1/h] that hours without an alarm exclude: −ln(1 − confidence) / T ≈ 3/T."""
+    return -math.log(1.0 - confidence) / hours
+
+
+@dataclass(frozen=True)
+class Threshold:
+    """One threshold of one joint.
+
+    Parameters
+    ----------
+    joint : 1 to n.
+    direction : +1 for outward torque, −1 for inward.
+    band : of speed, from 0.
+    value : what the detector uses, unit of the residual, above zero.
+    likely : the most likely threshold for the stated rate; NaN without a fit.
+    rate : most likely rate of false alarms at `value`, 1/h; NaN without a fit.
+    rate_interval : (low, high) of that rate; NaN without a fit.
+    largest : largest value in the contact-free logs.
+    paper : the paper's rule: largest value times 0.03/0.0255.
+    clusters : separate exceedances that the fit rests on; 0 without a fit.
+    shape : ξ of the generalised Pareto law; NaN without a fit.
+    hours : in which this band was watched.
+    """
+
+    joint: int
+    direction: int
+    band: int
+    value: float
+    likely: float
+    rate: float
+    rate_interval: tuple[float, float]
+    largest: float
+    paper: float
+    clusters: int
+    shape: float
+    hours: float
+
+
+@dataclass(frozen=True)
+class DetectorCalibration:
+    """Thresholds of a whole detector from contact-free logs.
+
+    Parameters
+    ----------
+    thresholds : by joint, direction and band.
+    stated_rate : false alarms per hour of the whole detector; None for the rule of the largest
+        value, which states none.
+    confidence : of intervals and of the stated rate.
+    hours : of all contact-free logs.
+    apart : s, exceedances closer than this are one event.
+    speed_edges : rad/s.
+    release, hold : hysteresis and hold time [s] of the detector.
+    unit : of the residual.
+    runs : names of the logs.
+    warnings : sentences on what the thresholds rest on.
+    """
+
+    thresholds: tuple[Threshold, ...]
+    stated_rate: float | None
+    confidence: float
+    hours: float
+    apart: float
+    speed_edges: tuple[float, ...]
+    release: float
+    hold: float
+    unit: str
+    runs: tuple[str, ...]
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def joints(self) -> int:
+        """How many joints are watched."""
+        return max(each.joint for each in self.thresholds)
+
+    @property
+    def proven_rate(self) -> float:
+        """False alarms per hour that the logs exclude by 95 % had they no alarm at all: 3/T."""
+        return proven_rate(self.hours)
+
+    def values(self, joint: int, direction: int) -> tuple[float, ...]:
+        """Return the thresholds of one joint (1 to n) and direction, one for each band."""
+        found = (t for t in self.thresholds if (t.joint, t.direction) == (joint, direction))
+        return tuple(each.value for each in sorted(found, key=lambda t: t.band))
+
+    def collision(self, joint: int = 1, *, input: str = "observer") -> Collision:
+        """Return the estimator of one joint for `Model.with_estimator`.
+
+        Parameters
+        ----------
+        joint : 1 to n.
+        input : "observer", "sensor" or "merged": what the residuals were.
+
+        Raises
+        ------
+        InputError
+            Where there is no such joint, or the residuals were no torques.
+        """
+        self._require(joint)
+        if self.unit != "Nm":
+            raise InputError(
+                f"the detector was calibrated on residuals in {self.unit}, the estimator collision "
+                "reads Nm; calibrate on torques or use detect"
+            )
+        record = {
+            "stated_rate_per_hour": self.stated_rate,
+            "confidence": self.confidence,
+            "hours": self.hours,
+            "proven_rate_per_hour": self.proven_rate,
+            "runs": list(self.runs),
+            "thresholds": [_plain(each) for each in self.thresholds if each.joint == joint],
+        }
+        return Collision(
+            input=input,
+            speed_edges=self.speed_edges,
+            negative=self.values(joint, -1),
+            positive=self.values(joint, 1),
+            release=self.release,
+            hold=self.hold,
+            record=record,
+        )
+
+    def detect(self, residual: Residual) -> NDArray[np.bool_]:
+        """Return where each joint is in contact, (N, n); a gap begins anew.
+
+        Raises
+        ------
+        InputError
+            Where the residual has other joints or another unit.
+        """
+        if residual.values.shape[1] != self.joints or residual.unit != self.unit:
+            raise InputError(
+                f"residual '{residual.name}': {residual.values.shape[1]} joints in "
+                f"{residual.unit}, the detector watches {self.joints} in {self.unit}"
+            )
+        contact = np.zeros(residual.values.shape, dtype=bool)
+        for joint in range(self.joints):
+            known = np.flatnonzero(np.isfinite(residual.values[:, joint]))
+            for first, last in runs(residual.time[known], self.apart + self.hold):
+                rows = known[first:last]
+                contact[rows, joint] = self._run(residual, joint, rows)
+        return contact
+
+    def _run(self, residual: Residual, joint: int, rows: NDArray[np.intp]) -> NDArray[np.bool_]:
+        found = _core.detect_collision(
+            residual.time[rows],
+            np.ascontiguousarray(residual.values[rows, joint]),
+            np.ascontiguousarray(residual.speed[rows, joint]),
+            speed_edges=list(self.speed_edges),
+            negative=list(self.values(joint + 1, -1)),
+            positive=list(self.values(joint + 1, 1)),
+            release=self.release,
+            hold=self.hold,
+        )
+        return np.asarray(found, dtype=bool)
+
+    def to_frame(self) -> pandas.DataFrame:
+        """Return the thresholds as a table."""
+        import pandas
+
+        return pandas.DataFrame([asdict(each) for each in self.thresholds])
+
+    def __str__(self) -> str:
+        return "\n".join([*self._head(), *self._table(), *(f"- {w}" for w in self.warnings)])
+
+    def _head(self) -> list[str]:
+        seconds = self.hours * 3600.0
+        watched = f"{len(self.runs)} contact-free logs, {seconds:.4g} s"
+        proven = (
+            f"  {seconds:.4g} s without an alarm prove no more than {self.proven_rate:.3g} false "
+            "alarms per hour (3/T, 95 %)"
+        )
+        if self.stated_rate is None:
+            return [f"Thresholds by the largest value times a margin, {watched}", proven]
+        return [
+            f"Thresholds for {self.stated_rate:.3g} false alarms per hour, {watched}",
+            f"  stated with {self.confidence:.0%} confidence by an extreme-value fit",
+            proven,
+        ]
+
+    def _table(self) -> list[str]:
+        lines = [
+            "  joint  band  direction  threshold  likely  largest  largest·1.18  "
+            "rate 1/h (interval)"
+        ]
+        for t in self.thresholds:
+            low, high = t.rate_interval
+            rate = "-" if math.isnan(t.rate) else f"{t.rate:.2g} ({low:.2g} to {high:.2g})"
+            likely = "-" if math.isnan(t.likely) else f"{t.likely:.4g}"
+            lines.append(
+                f"  {t.joint:>5}  {t.band:>4}  {'outward' if t.direction > 0 else 'inward':>9}  "
+                f"{t.value:>9.4g}  {likely:>6}  {t.largest:>7.4g}  {t.paper:>12.4g}  {rate}"
+            )
+        return [*lines, f"  all thresholds in {self.unit}; joint 1 is the first column"]
+
+    def _require(self, joint: int) -> None:
+        if not 1 <= joint <= self.joints:
+            raise InputError(f"detector: no joint {joint}; it watches joints 1 to {self.joints}")
+
+
+def _plain(each: Threshold) -> dict[str, Any]:
+    """The fields as JSON knows them: None for what there is not."""
+
+    def known(value: Any) -> Any:
+        return None if isinstance(value, float) and not math.isfinite(value) else value
+
+    fields = {name: known(value) for name, value in asdict(each).items()}
+    return {**fields, "rate_interval": [known(value) for value in each.rate_interval]}

@@ -1,0 +1,132 @@
+"""Rigid-body dynamics of an arm as a function of its state, and whether they can be right.
+
+    M(q) q̈ + C(q, q̇) q̇ + g(q) = what drives the joints,    Ṁ = C + Cᵀ
+
+The second equation is what the momentum observer rests on: with a C that violates it, ṗ is not
+what the observer takes it for, and the estimate is wrong wherever the arm moves.
+Source: zhang_disturbance_elimination (12), (13).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexspline.errors import InputError
+
+__all__ = ["Dynamics", "require_dynamics"]
+
+Array = NDArray[np.float64]
+
+Dynamics: TypeAlias = Callable[[Array, Array], tuple[ArrayLike, ArrayLike, ArrayLike]]
+"""q, q̇ (N, n) → M (N, n, n) kg m², C (N, n, n) Nm s, g (N, n) Nm, at the outputs."""
+
+STEP = 1e-5
+"""rad: half-width of the central difference; truncation and rounding are both near 1e-10 of M."""
+CHECKED_ROWS = 200
+EPS = float(np.finfo(float).eps)
+
+
+def require_dynamics(dynamics: Dynamics, position: Array, velocity: Array) -> None:
+    """Refuse dynamics with Ṁ ≠ C + Cᵀ, with wrong shapes or with an impossible mass matrix.
+
+    Looked at in up to 200 of the rows, with the log's velocities and again with made-up ones of
+    1 rad/s, as a log at rest says nothing about C. Ṁ is the central difference of M along q̇ with
+    the steps h and 2h. What may be left: ten times their difference (three times the truncation
+    at h) and the rounding of M, 100 ε |M| / h.
+
+    Parameters
+    ----------
+    dynamics : callable of (N, n), (N, n).
+    position, velocity : (N, n), rad and rad/s at the outputs, finite.
+
+    Raises
+    ------
+    InputError
+        Where one of these does not hold; names the row.
+    """
+    rows = np.unique(np.linspace(0, len(position) - 1, CHECKED_ROWS).astype(int))
+    made_up = np.random.default_rng(0).standard_normal((len(rows), position.shape[1]))
+    made_up /= np.linalg.norm(made_up, axis=1, keepdims=True)
+    for moving in (velocity[rows], made_up):
+        _require_coriolis(dynamics, position[rows], moving, rows)
+
+
+def evaluated(dynamics: Dynamics, position: Array, velocity: Array) -> tuple[Array, Array, Array]:
+    """Return M (N, n, n), C (N, n, n), g (N, n), checked for shape, symmetry and sign of M.
+
+    Raises
+    ------
+    InputError
+        Where a shape is another one, a value is not finite, or M is not symmetric and positive.
+    """
+    count, joints = position.shape
+    made = dynamics(position, velocity)
+    if not isinstance(made, tuple) or len(made) != 3:
+        raise InputError("the dynamics must return M, C and g as a tuple of three arrays")
+    wanted = {"M": (count, joints, joints), "C": (count, joints, joints), "g": (count, joints)}
+    found = []
+    for (name, shape), values in zip(wanted.items(), made, strict=True):
+        array = np.asarray(values, dtype=float)
+        if array.shape != shape:
+            raise InputError(
+                f"the dynamics return {name} of shape {array.shape} for {count} samples of "
+                f"{joints} joints; return {shape}"
+            )
+        if not np.isfinite(array).all():
+            row = int(np.argwhere(~np.isfinite(array))[0, 0])
+            raise InputError(f"the dynamics return {name} that is not finite at row {row}")
+        found.append(array)
+    _require_mass(found[0])
+    return found[0], found[1], found[2]
+
+
+def _require_mass(mass: Array) -> None:
+    """Refuse a mass matrix that is not symmetric or not positive definite."""
+    size = np.abs(mass).max(axis=(1, 2))
+    skew = np.abs(mass - mass.swapaxes(1, 2)).max(axis=(1, 2))
+    _refuse_first(skew > 1e-9 * size, "M is not symmetric", "fill both of its triangles")
+    least = np.linalg.eigvalsh(mass)[:, 0]
+    _refuse_first(
+        ~(least > 10.0 * EPS * size),
+        "M is not positive definite",
+        "every motion needs inertia: check masses and the joints' own inertia",
+    )
+
+
+def _refuse_first(bad: NDArray[np.bool_], what: str, remedy: str) -> None:
+    if bad.any():
+        raise InputError(f"the dynamics at row {int(np.argmax(bad))}: {what}; {remedy}")
+
+
+def _require_coriolis(
+    dynamics: Dynamics, position: Array, velocity: Array, rows: NDArray[np.intp]
+) -> None:
+    speed = np.linalg.norm(velocity, axis=1)[:, None, None]
+    along = velocity / np.maximum(speed[:, :, 0], np.finfo(float).tiny)
+    mass, coriolis, _ = evaluated(dynamics, position, velocity)
+
+    def slope(step: float) -> Array:
+        ahead = evaluated(dynamics, position + step * along, velocity)[0]
+        behind = evaluated(dynamics, position - step * along, velocity)[0]
+        return np.asarray(speed * (ahead - behind) / (2.0 * step))
+
+    fine, coarse = slope(STEP), slope(2.0 * STEP)
+    left = _size(fine - coriolis - coriolis.swapaxes(1, 2))
+    rounding = 100.0 * EPS * speed[:, 0, 0] * _size(mass) / STEP
+    allowed = 10.0 * _size(fine - coarse) + rounding
+    # At rest both sides are zero; C may then hold what the callable's own rounding leaves.
+    bad = left > allowed + 100.0 * EPS * _size(coriolis)
+    if bad.any():
+        worst = int(np.argmax(np.where(bad, left, 0.0)))
+        raise InputError(
+            f"the dynamics violate Ṁ = C + Cᵀ at row {int(rows[worst])} by {left[worst]:.3g} "
+            f"kg m²/s where |Ṁ| is {_size(fine)[worst]:.3g}; make C of the Christoffel symbols of M"
+        )
+
+
+def _size(matrices: Array) -> Array:
+    return np.asarray(np.linalg.norm(matrices, axis=(1, 2)))
