@@ -1,0 +1,281 @@
+/// A joint driven through time: rows, servo ticks, stops, steps.
+///
+/// Between two rows inputs are linear (or hold the first one's value); each stretch without a jump
+/// is cut into equal steps, as few as keep each at or below `longest_step`. Mechanics is fourth
+/// order in the step; temperatures follow once a stretch. What goes wrong is a `Fault` with its
+/// row; rows before it are valid.
+#pragma once
+
+#include "flexspline/batch/simulation/record.hpp"
+#include "flexspline/batch/simulation/servo.hpp"
+#include "flexspline/batch/simulation/thermal.hpp"
+
+namespace flexspline::batch::simulation {
+
+enum class Fault : std::uint8_t {
+  none = 0,
+  pole = 1,        ///< the gear's wind-up passed the end of its spring
+  not_finite = 2,  ///< the motion grew without bound
+  unstable = 3,    ///< ω h reached the limit of stability
+};
+
+/// Columns of inputs; null where nothing is given. The time increases strictly.
+struct Signals {
+  const double* time = nullptr;
+  std::size_t size = 0;
+  const double* motor_torque = nullptr;      ///< Nm; the servo's feed-forward where there is one
+  const double* load_torque = nullptr;       ///< Nm
+  const double* room_temperature = nullptr;  ///< °C
+  const double* position_command = nullptr;  ///< rad
+  const double* velocity_command = nullptr;  ///< rad/s
+  bool hold = false;  ///< torques hold their value from row to row instead of changing linearly
+};
+
+enum class Reaction : std::uint8_t { release, brake, hold_position };
+
+/// When and how the motor stops.
+struct Stop {
+  double time = 1e300;       ///< s
+  double threshold = 1e300;  ///< Nm of the torque through the sensor, seen at rows
+  double delay = 0;          ///< s from the row that passes the threshold
+  Reaction reaction = Reaction::release;
+};
+
+struct Options {
+  double longest_step = 1e-4;  ///< s
+  Servo servo;
+  Stop stop;
+};
+
+/// Everything that goes on from one call to the next.
+struct Course {
+  Motion motion;
+  Servo::State servo;
+  double next_tick = -1e300;  ///< s
+  double servo_torque = 0;    ///< Nm, of the last tick
+  double stop_time = 1e300;   ///< s
+  bool stopped = false;
+  Command held;  ///< after a stop that holds the position
+};
+
+struct Outcome {
+  Fault fault = Fault::none;
+  std::size_t row = 0;
+  double largest_phase = 0;  ///< ω h
+};
+
+/// 1/s: the fastest eigenfrequency where the spring has dτ/du = `stiffness`, and the
+/// fastest decay by friction and damping.
+struct Fastest {
+  double frequency = 0;
+  double decay = 0;
+};
+inline Fastest fastest(const Joint& joint, double stiffness) noexcept {
+  const double n2 = joint.ratio * joint.ratio;
+  const double total = joint.output_inertia + n2 * joint.motor_inertia;
+  const double by_output = 1 / (joint.rigid ? total : joint.output_inertia);
+  const double by_motor = joint.rigid ? n2 / total : 1 / joint.motor_inertia;
+  double squares = (joint.gravity + joint.obstacle.stiffness) * by_output;
+  double decay = 0;
+  if (!joint.rigid) {
+    squares += (by_motor + n2 * by_output) * stiffness;
+    decay = joint.damping * (by_motor / n2 + by_output);
+  }
+  for (std::size_t j = 0; j < joint.element_count; ++j) {
+    const Element& e = joint.elements[j];
+    const double along_motor = joint.rigid ? 0 : e.along[motor] * e.along[motor] * by_motor;
+    squares += e.stiffness * (along_motor + e.along[output] * e.along[output] * by_output);
+  }
+  for (std::size_t i = 0; i < 2; ++i) {
+    const Friction& f = joint.friction[i];
+    const double steep = f.stribeck > 0 ? 0.86 * f.stribeck / f.stribeck_velocity : 0;
+    decay += (f.viscous + steep) * (i == motor ? by_motor : by_output);
+  }
+  double root = squares > 1 ? squares : 1;  // Newton's square root, from above
+  for (int i = 0; i < 200; ++i) root = (root + squares / root) / 2;
+  return {root, decay};
+}
+
+/// Where the motor is when the joint rests at q with the torque `through` the gear.
+inline double resting_motor_angle(const Joint& joint, double q, double through) noexcept {
+  if (joint.rigid) return rigid_motor_angle(joint, q);
+  const double base = joint.ratio * q + spring_at(joint.spring, through / joint.ratio).windup;
+  const Phase<double> phase = Angle<double>::from_radians(q).phase;
+  double theta = base;
+  for (int i = 0; i < 50 && !joint.kinematic_error.empty(); ++i) {
+    theta =
+        base - sum(joint.kinematic_error, Angle<double>::from_radians(theta).phase, phase).value;
+  }
+  return theta;
+}
+
+inline double at_or(const double* column, std::size_t row, double otherwise) noexcept {
+  return column != nullptr ? column[row] : otherwise;
+}
+
+/// Inputs from row i on.
+inline Inputs inputs_of(const Signals& s, std::size_t i) noexcept {
+  Inputs in{s.time[i], at_or(s.motor_torque, i, 0), 0, at_or(s.load_torque, i, 0), 0};
+  if (!s.hold && i + 1 < s.size) {
+    const double width = s.time[i + 1] - s.time[i];
+    in.motor_slope = (at_or(s.motor_torque, i + 1, 0) - in.motor_torque) / width;
+    in.load_slope = (at_or(s.load_torque, i + 1, 0) - in.load) / width;
+  }
+  return in;
+}
+
+/// The commands at time t within row i, linear between rows.
+inline Command told(const Signals& s, std::size_t i, double t) noexcept {
+  const std::size_t next = i + 1 < s.size ? i + 1 : i;
+  const double share = next > i ? (t - s.time[i]) / (s.time[next] - s.time[i]) : 0;
+  const auto between = [&](const double* column) {
+    return column != nullptr ? column[i] + share * (column[next] - column[i]) : 0;
+  };
+  return {between(s.position_command), between(s.velocity_command), between(s.motor_torque)};
+}
+
+/// The motor's torque is taken away, its brake falls, or the position of now is held.
+inline void stop_now(const Joint& joint, const Options& options, Course& c) noexcept {
+  c.stopped = true;
+  Motion& m = c.motion;
+  c.held = {m.position[output], 0, 0};
+  if (options.stop.reaction != Reaction::brake) return;
+  m.braked = true;
+  for (std::size_t body = joint.rigid ? output : motor; body < 2; ++body) {
+    if (m.mode[body] != 0 && may_stick(joint, m, body))
+      m.mode[body] = m.velocity[body] < 0 ? -1 : 1;
+  }
+}
+
+/// What the motor gets from time t on.
+inline void drive(const Joint& joint, const Signals& s, const Options& options, std::size_t row,
+                  double t, Course& c, Inputs& in) noexcept {
+  const bool holds = c.stopped && options.stop.reaction == Reaction::hold_position;
+  if (options.servo.period > 0 && (!c.stopped || holds)) {
+    const double early = 1e-9 * options.servo.period;
+    if (c.next_tick <= t + early) {
+      const Command command = holds ? c.held : told(s, row, t);
+      c.servo_torque = servo_step(options.servo, joint, command, c.motion, c.servo);
+      c.next_tick = (c.next_tick < t - early ? t : c.next_tick) + options.servo.period;
+    }
+    in.motor_torque = c.servo_torque;
+    in.motor_slope = 0;
+  } else if (c.stopped) {
+    in.motor_torque = 0;
+    in.motor_slope = 0;
+  }
+}
+
+/// Steps from t to `end`, which has no jump in it.
+inline Fault stretch_out(const Joint& joint, const Inputs& in, const Options& options, double t,
+                         double end, double room, Course& c, double& stiffest) noexcept {
+  const double length = end - t;
+  const double wanted = length / options.longest_step;
+  auto count = static_cast<std::int64_t>(wanted);
+  if (wanted > static_cast<double>(count) * (1 + 1e-12)) ++count;
+  if (count < 1) count = 1;
+  const double h = length / static_cast<double>(count);
+  const double n2 = joint.ratio * joint.ratio;
+  const double spread = joint.rigid ? 0 : 1 / joint.motor_inertia + n2 / joint.output_inertia;
+  Motion& m = c.motion;
+  const Work before = m.work;
+  for (std::int64_t k = 0; k < count; ++k) {
+    advance(joint, in, t + static_cast<double>(k) * h, h, m);
+    if (!math::is_finite(m.velocity[motor] + m.velocity[output])) {
+      return !joint.rigid && has_pole(joint.spring) ? Fault::pole : Fault::not_finite;
+    }
+    if (joint.rigid) continue;
+    if (m.spring.stiffness > stiffest) stiffest = m.spring.stiffness;
+    if (h * h * spread * m.spring.stiffness > stability_limit * stability_limit) {
+      return Fault::unstable;
+    }
+  }
+  const Work& w = m.work;
+  thermal_step(joint,
+               {w.copper - before.copper + w.friction[motor] - before.friction[motor],
+                w.friction[output] - before.friction[output] + w.gear - before.gear},
+               room, length, m);
+  return Fault::none;
+}
+
+/// From row i to the next.
+inline Fault run_row(const Joint& joint, const Signals& s, const Options& options, std::size_t i,
+                     Course& c, Inputs& in, double& stiffest) noexcept {
+  double t = s.time[i];
+  const double end = s.time[i + 1];
+  while (t < end) {
+    if (!c.stopped && t >= c.stop_time) stop_now(joint, options, c);
+    drive(joint, s, options, i, t, c, in);
+    double next = end;
+    if (options.servo.period > 0 && c.next_tick > t && c.next_tick < next) next = c.next_tick;
+    if (!c.stopped && c.stop_time > t && c.stop_time < next) next = c.stop_time;
+    if (end - next < 1e-9 * (end - s.time[i])) next = end;
+    const double room = at_or(s.room_temperature, i, 25);
+    const Fault fault = stretch_out(joint, in, options, t, next, room, c, stiffest);
+    if (fault != Fault::none) return fault;
+    t = next;
+  }
+  return Fault::none;
+}
+
+/// Watches the torque through the sensor at a row that is written.
+inline void watch(const Joint& joint, const Inputs& in, const Options& options, double t,
+                  Course& c) noexcept {
+  if (c.stopped || c.stop_time < 1e300 || options.stop.threshold >= 1e300) return;
+  Motion m = c.motion;
+  const Torques at = torques(joint, in, t, m);
+  const double a = slopes(joint, at, m)[output].acceleration;
+  const double through = outer_load(at, m) - at.outside.ripple + joint.link_inertia * a;
+  if (math::absolute(through) > options.stop.threshold) c.stop_time = t + options.stop.delay;
+}
+
+/// Bodies at rest stick or slide, the obstacle is touched or not, temperatures act.
+inline void begin(const Joint& joint, const Inputs& in, double t, const Options& options,
+                  Course& c) noexcept {
+  Motion& m = c.motion;
+  c.stop_time = options.stop.time;
+  warm_up(joint, m);
+  const Obstacle& o = joint.obstacle;
+  m.contact = o.stiffness > 0 && o.direction * (m.position[output] - o.angle) > 0;
+  for (std::size_t j = 0; j < joint.element_count; ++j) {
+    m.anchor[j] = stretch(joint.elements[j], m);
+  }
+  for (std::size_t body = joint.rigid ? output : motor; body < 2; ++body) {
+    m.mode[body] = m.velocity[body] < 0 && may_stick(joint, m, body) ? -1 : 1;
+  }
+  for (std::size_t body = joint.rigid ? output : motor; body < 2; ++body) {
+    if (m.velocity[body] == 0 && may_stick(joint, m, body)) settle(joint, in, t, m, body);
+  }
+}
+
+/// Simulates all rows. `c` holds where it starts, and in the end where it is; `fresh` says that
+/// only positions, velocities and temperatures of it are given.
+inline Outcome simulate(const Joint& joint, const Signals& s, const Options& options, bool fresh,
+                        Course& c, const Record& record) noexcept {
+  c.motion.spring = spring_at(joint.spring, c.motion.spring.torque);
+  double stiffest = c.motion.spring.stiffness;
+  Inputs in = inputs_of(s, 0);
+  drive(joint, s, options, 0, s.time[0], c, in);
+  if (fresh) begin(joint, in, s.time[0], options, c);
+  Outcome outcome;
+  const bool all = record.needs_torques();
+  for (std::size_t i = 0;; ++i) {
+    outcome.row = i;
+    if (i > 0) in = inputs_of(s, i);
+    if (!c.stopped && s.time[i] >= c.stop_time) stop_now(joint, options, c);
+    drive(joint, s, options, i, s.time[i], c, in);
+    if (all) {
+      write_all(joint, in, s.time[i], c.motion, c.stopped, i, record);
+    } else {
+      write_motion(joint, c.motion, i, record);
+    }
+    if (i + 1 == s.size) break;
+    watch(joint, in, options, s.time[i], c);
+    outcome.fault = run_row(joint, s, options, i, c, in, stiffest);
+    if (outcome.fault != Fault::none) break;
+  }
+  outcome.largest_phase = fastest(joint, stiffest).frequency * options.longest_step;
+  return outcome;
+}
+
+}  // namespace flexspline::batch::simulation

@@ -1,0 +1,322 @@
+"""A simulated joint: its parts, and the run through time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexspline import _core
+from flexspline.errors import InputError, did_you_mean, listed
+from flexspline.simulation.control import Servo, Start, Stop
+from flexspline.simulation.parts import (
+    PAIRS,
+    Gear,
+    Harmonic,
+    Motor,
+    Obstacle,
+    Output,
+    SlipElement,
+    Thermal,
+)
+from flexspline.simulation.steps import Steps, run
+from flexspline.simulation.trajectory import CHANNELS, Trajectory
+
+__all__ = ["Joint"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Joint:
+    """A joint with a strain wave gear; every number that is left at zero is physics left out.
+
+    Parameters
+    ----------
+    gear, motor, output : what it is made of.
+    thermal, obstacle : what surrounds it.
+    name : goes into the facts of its logs.
+
+    Notes
+    -----
+    J_m θ̈ = τ_m − τ (1 + ∂θ_err/∂θ) − z/Ñ − friction and J q̈ = τ (Ñ − ∂θ_err/∂q) + z − τ_load
+    − gravity · sin(q − q₀) − ripple − friction, τ the spring's torque at the wave generator, z the
+    hysteresis. A rigid gear gives (J + Ñ² J_m) q̈ = Ñ τ_m − …. Signs as in `log_format.md`: τ_load
+    is positive when the joint pushes outward. Source: full_range_torque_estimation Fig. 3.
+    """
+
+    gear: Gear = field(default_factory=Gear)
+    motor: Motor = field(default_factory=Motor)
+    output: Output = field(default_factory=Output)
+    thermal: Thermal = field(default_factory=Thermal)
+    obstacle: Obstacle | None = None
+    name: str = field(default="simulated joint", compare=False)
+
+    def __post_init__(self) -> None:
+        if not self.gear.rigid and not self.motor.inertia > 0:
+            raise InputError(
+                "simulation: the gear is compliant but Motor.inertia is 0; give the rotor's "
+                "inertia, or leave the stiffnesses at 0"
+            )
+        most = _core.simulation_elements
+        if len(self.gear.hysteresis) + len(self.output.presliding) > most:
+            raise InputError(f"simulation: more than {most} slip elements; give fewer")
+
+    @property
+    def effective_ratio(self) -> float:
+        """Ñ, turns of the motor per turn of the output."""
+        return self.gear.effective_ratio
+
+    def simulate(
+        self,
+        time: ArrayLike,
+        *,
+        motor_torque: ArrayLike | None = None,
+        servo: Servo | None = None,
+        position_command: ArrayLike | None = None,
+        velocity_command: ArrayLike | None = None,
+        load_torque: ArrayLike | None = None,
+        room_temperature: ArrayLike | None = None,
+        start: Start | None = None,
+        stop: Stop | None = None,
+        inputs: str = "linear",
+        steps_per_sample: int | None = None,
+        channels: Sequence[str] | None = None,
+    ) -> Trajectory:
+        """Drive the joint through time.
+
+        Parameters
+        ----------
+        time : (N,), s, strictly increasing; the rows of the result.
+        motor_torque : (N,) or a number, Nm at the motor side; a servo's feed-forward.
+        servo : closes the loop on the commands.
+        position_command, velocity_command : (N,) or a number, rad and rad/s at the output.
+        load_torque : (N,) or a number, Nm at the output, what the joint pushes on outside.
+        room_temperature : (N,) or a number, °C; 25 where nothing is given.
+        start : where it starts; `trajectory.end` goes on with an earlier run.
+        stop : when and how the motor stops.
+        inputs : torques between rows are "linear", or "hold" the value of the row before.
+        steps_per_sample : inner steps for the longest interval of `time`; None chooses from the
+            fastest eigenfrequency, with gear as stiff as the run turns out to make it.
+        channels : of the trajectory; None keeps all of `trajectory.CHANNELS`.
+
+        Returns
+        -------
+        Trajectory
+            What truly happened, and where it ended.
+
+        Raises
+        ------
+        InputError
+            For inputs that do not fit together or are not finite, a step that cannot be stable,
+            or a motion that the gear cannot follow.
+
+        Notes
+        -----
+        Fixed steps of fourth order, symplectic where nothing is lost: without friction and
+        damping the energy swings about its value and does not drift. Changes between sticking
+        and sliding, slipping elements and the obstacle are located within the step; a joint that
+        sticks does not creep. Temperatures follow once a row, or once a servo tick.
+        """
+        times = _increasing(time)
+        given = {
+            "motor_torque": motor_torque,
+            "position_command": position_command,
+            "velocity_command": velocity_command,
+            "load_torque": load_torque,
+            "room_temperature": room_temperature,
+        }
+        columns = {
+            name: _column(name, value, len(times))
+            for name, value in given.items()
+            if value is not None
+        }
+        self._require_commands(columns, servo, stop)
+        if inputs not in ("linear", "hold"):
+            raise InputError(f"simulation: inputs is '{inputs}'; give 'linear' or 'hold'")
+        begin = self._start(start or Start(), columns)
+        options = {**self._servo(servo), **_stop(stop)}
+        steps = Steps(times, columns, inputs == "hold", options, begin, _wanted(channels))
+        return Trajectory.of(self, times, run(self.core, steps, steps_per_sample))
+
+    def windup(self, transmitted_torque: ArrayLike) -> Array:
+        """Return the gear's wind-up, rad at the motor side, at torques in Nm at the output.
+
+        It is −Δθ without the kinematic error: (15) and (16) with the signs of the log.
+        """
+        torque = np.atleast_1d(np.asarray(transmitted_torque, dtype=float))
+        return _core.simulation_windup(self.core, torque)
+
+    def transmitted_torque(self, windup: ArrayLike) -> Array:
+        """Return the torque, Nm at the output, at wind-ups in rad at the motor side.
+
+        The inverse of `windup`; infinite beyond the pole of the spring.
+        """
+        return _core.simulation_torque(self.core, np.atleast_1d(np.asarray(windup, dtype=float)))
+
+    @cached_property
+    def core(self) -> _core.SimulatedJoint:
+        """The same in the core."""
+        gear, motor, output = self.gear, self.motor, self.output
+        n = self.effective_ratio
+        constant = motor.torque_constant
+        fields: dict[str, Any] = {
+            "ratio": n,
+            "output_spline": gear.output_spline,
+            "mesh_stiffness": gear.mesh_stiffness,
+            "mesh_shape": gear.mesh_shape,
+            "wave_generator_stiffness": gear.wave_generator_stiffness,
+            "wave_generator_shape": gear.wave_generator_shape,
+            "damping": gear.damping,
+            "kinematic_error": _waves(gear.kinematic_error),
+            "elements": [
+                *_elements(gear.hysteresis, 1.0 / n, -1.0),
+                *_elements(output.presliding, 0.0, 1.0),
+            ],
+            "motor_inertia": motor.inertia,
+            "motor_friction": asdict(motor.friction),
+            "current_ripple": _waves(motor.current_ripple),
+            "cogging": _waves(motor.cogging),
+            "brake": motor.brake,
+            "copper_loss": motor.resistance / constant**2 if constant else 0.0,
+            "output_inertia": output.inertia,
+            "link_inertia": output.inertia if output.link_inertia is None else output.link_inertia,
+            "gravity": output.gravity,
+            "gravity_angle": output.gravity_angle,
+            "output_friction": asdict(output.friction),
+            "output_ripple": _waves(output.ripple),
+            "friction_ripple": _waves(output.friction_ripple),
+            **asdict(self.thermal),
+        }
+        obstacle = asdict(self.obstacle) if self.obstacle else {}
+        surroundings = {f"obstacle_{name}": value for name, value in obstacle.items()}
+        return _core.SimulatedJoint({**fields, **surroundings})
+
+    def _require_commands(
+        self, columns: dict[str, Array], servo: Servo | None, stop: Stop | None
+    ) -> None:
+        told = [name for name in ("position_command", "velocity_command") if name in columns]
+        if told and servo is None:
+            raise InputError(f"simulation: {told[0]} is given without a servo; give servo=Servo(…)")
+        if servo is not None and servo.position_gain > 0 and "position_command" not in columns:
+            raise InputError(
+                "simulation: the servo has a position_gain but no position_command; give one, or "
+                "position_gain=0 for a velocity loop"
+            )
+        reaction = stop.reaction if stop else ""
+        if reaction == "hold" and (servo is None or servo.position_gain == 0):
+            raise InputError(
+                "simulation: Stop.reaction 'hold' needs a servo with a position_gain; give one, or "
+                "'brake'"
+            )
+        if reaction == "brake" and self.motor.brake == 0:
+            raise InputError(
+                "simulation: Stop.reaction is 'brake' but the motor has none; give Motor.brake in "
+                "Nm at the motor side"
+            )
+
+    def _start(self, start: Start, columns: dict[str, Array]) -> dict[str, Any]:
+        fields = {k: v for k, v in vars(start).items() if v is not None}
+        room = float(columns["room_temperature"][0]) if "room_temperature" in columns else 25.0
+        load = float(columns["load_torque"][0]) if "load_torque" in columns else 0.0
+        angle = start.output_position - self.output.gravity_angle
+        return {
+            "motor_temperature": room,
+            "body_temperature": room,
+            "transmitted_torque": load + self.output.gravity * math.sin(angle),
+            **fields,
+        }
+
+    def _servo(self, servo: Servo | None) -> dict[str, Any]:
+        if servo is None:
+            return {}
+        return {
+            "servo_period": 1.0 / servo.rate,
+            "position_gain": servo.position_gain,
+            "velocity_gain": servo.velocity_gain,
+            "integral_gain": servo.integral_gain,
+            "torque_limit": servo.torque_limit,
+            "reads_output": servo.feedback == "output",
+            "encoder_step": 2.0 * math.pi / 2**servo.encoder_bits if servo.encoder_bits else 0.0,
+            "servo_delay": servo.delay,
+        }
+
+
+def _stop(stop: Stop | None) -> dict[str, Any]:
+    if stop is None:
+        return {}
+    fields: dict[str, Any] = {
+        "stop_delay": stop.delay,
+        "stop_reaction": ("release", "brake", "hold").index(stop.reaction),
+    }
+    if stop.time is not None:
+        fields["stop_time"] = stop.time
+    if stop.threshold is not None:
+        fields["stop_threshold"] = stop.threshold
+    return fields
+
+
+def _waves(harmonics: Iterable[Harmonic]) -> list[tuple[int, float, float, int]]:
+    return [(int(h.order), h.amplitude, h.phase, PAIRS.index(h.pair)) for h in harmonics]
+
+
+def _elements(
+    elements: Iterable[SlipElement], motor: float, output: float
+) -> list[tuple[float, float, float, float]]:
+    """Elements in the core's coordinate, which winds up positively outward."""
+    return [(e.stiffness, e.level, motor, output) for e in elements]
+
+
+def _wanted(channels: Sequence[str] | None) -> list[str]:
+    if channels is None:
+        return list(CHANNELS)
+    for name in channels:
+        if name not in CHANNELS:
+            raise InputError(
+                f"simulation: '{name}' is no channel of a trajectory"
+                f"{did_you_mean(name, CHANNELS)}; the channels are {listed(CHANNELS, 40)}"
+            )
+    return list(channels)
+
+
+def _increasing(time: ArrayLike) -> Array:
+    times = np.ascontiguousarray(time, dtype=float)
+    if times.ndim != 1 or len(times) < 2:
+        raise InputError(
+            f"simulation: time has shape {times.shape}; give one dimension with two rows or more"
+        )
+    finite = np.isfinite(times)
+    if not finite.all():
+        bad = np.flatnonzero(~finite)
+        raise InputError(f"simulation: time is not finite in row {bad[0]}; give every time in s")
+    forward = times[1:] > times[:-1]
+    if not forward.all():
+        back = np.flatnonzero(~forward)
+        raise InputError(
+            f"simulation: time does not increase from row {back[0]} to row {back[0] + 1}; "
+            "give strictly increasing times"
+        )
+    return times
+
+
+def _column(name: str, value: ArrayLike, rows: int) -> Array:
+    data = np.asarray(value, dtype=float)
+    if data.ndim == 0:
+        data = np.full(rows, float(data))
+    if data.shape != (rows,):
+        raise InputError(
+            f"simulation: {name} has shape {data.shape} where time has {rows} rows; "
+            "give one number for each row, or one for all"
+        )
+    finite = np.isfinite(data)
+    if not finite.all():
+        bad = np.flatnonzero(~finite)
+        raise InputError(
+            f"simulation: {name} is {data[bad[0]]} in row {bad[0]}; give finite numbers"
+        )
+    return np.ascontiguousarray(data)

@@ -1,0 +1,262 @@
+"""The forward simulation against independent solutions: order, energy, spring, heat, signs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+
+from flexspline import _core
+from flexspline.errors import InputError
+from flexspline.simulation import (
+    Friction,
+    Gear,
+    Harmonic,
+    Joint,
+    Motor,
+    Output,
+    SlipElement,
+    Start,
+    Thermal,
+)
+
+Array = NDArray[np.float64]
+
+MESH = Gear(100, mesh_stiffness=15548.0, mesh_shape=0.0487)
+C1 = replace(MESH, wave_generator_stiffness=21.9931, wave_generator_shape=3.125)  # Table III
+ERROR = (
+    Harmonic(2, 3.0e-3, 0.4, "output_on_housing"),
+    Harmonic(1, 2.0e-3, 1.4, "wave_generator_on_circular_spline"),
+)
+ROTOR = Motor(inertia=1e-4)
+
+
+def smooth_joint() -> Joint:
+    """Everything that is smooth at once."""
+    return Joint(
+        replace(MESH, damping=5.0, kinematic_error=ERROR),
+        Motor(inertia=1e-4, friction=Friction(viscous=1e-4, cubic=1e-9)),
+        Output(inertia=0.5, gravity=20.0, gravity_angle=0.1, friction=Friction(viscous=2, cubic=3)),
+    )
+
+
+def smooth_reference(start: Array, end: float) -> Array:
+    """The same joint written down a second time: θ, q, θ̇, q̇ at `end`."""
+    n, stiffness, shape = 101.0, 15548.0, 0.0487
+
+    def rate(t: float, y: Array) -> list[float]:
+        theta, q, omega, v = y
+        beta = theta - q
+        error = 3e-3 * np.cos(2 * q + 0.4) + 2e-3 * np.cos(beta + 1.4)
+        by_theta = -2e-3 * np.sin(beta + 1.4)
+        by_q = -6e-3 * np.sin(2 * q + 0.4) - by_theta
+        mesh = np.tan((theta - n * q + error) / n * shape * stiffness) / shape
+        tau = mesh / n
+        damping = 5.0 * (omega / n - v)
+        on_motor = 0.5 + 0.6 * t - tau * (1 + by_theta) - damping / n
+        on_output = tau * (n - by_q) + damping - 20 * np.sin(q - 0.1) - (3 - t)
+        return [
+            omega,
+            v,
+            (on_motor - 1e-4 * omega - 1e-9 * omega**3) / 1e-4,
+            (on_output - 2 * v - 3 * v**3) / 0.5,
+        ]
+
+    done = solve_ivp(rate, (0.0, end), start, method="DOP853", rtol=1e-12, atol=1e-13)
+    return np.asarray(done.y[:, -1])
+
+
+def test_the_smooth_joint_converges_with_order_four_to_a_tight_solution() -> None:
+    time = np.linspace(0.0, 0.5, 251)
+    start = Start(output_position=0.3, motor_position=30.32)
+    reference = smooth_reference(np.array([30.32, 0.3, 0.0, 0.0]), 0.5)
+    errors = []
+    for steps in (2, 4, 8, 16):
+        run = smooth_joint().simulate(
+            time,
+            motor_torque=0.5 + 0.6 * time,
+            load_torque=3.0 - time,
+            start=start,
+            steps_per_sample=steps,
+        )
+        end = [run[c][-1] for c in ("motor_position", "output_position", "motor_velocity")]
+        errors.append(np.abs(np.array(end) - reference[:3]))
+    # halving the step divides the error by 16; a tenth of an order is left for the next term
+    orders = np.log2(np.array(errors[:-1]) / np.array(errors[1:]))
+    assert np.all(np.abs(orders[1:, :2] - 4.0) < 0.1)
+    assert errors[-1][1] < 1e-11  # rad at the output
+
+
+@pytest.mark.parametrize(
+    "gear",
+    [Gear(100, mesh_stiffness=15548.0), C1, replace(MESH, kinematic_error=ERROR)],
+    ids=["linear", "lost motion", "kinematic error"],
+)
+def test_energy_does_not_drift_over_a_hundred_thousand_periods(gear: Gear) -> None:
+    joint = Joint(gear, ROTOR, Output(inertia=0.5))
+    frequency, _ = _core.simulation_rates(joint.core, 0.0)
+    time = np.linspace(0.0, 1e5 * 2 * np.pi / frequency, 3989)  # rows at all phases of a period
+    steps = int(np.ceil((time[1] - time[0]) * frequency / 0.25))
+    run = joint.simulate(time, start=Start(motor_position=0.1), steps_per_sample=steps)
+    change = run.energy / run.energy[0] - 1.0
+    # it swings by O((ω h)⁴) within a period; what is left after means of half a run is drift
+    assert np.max(np.abs(change)) < 1e-4
+    drift = np.mean(change[1995:]) - np.mean(change[:1995])
+    assert abs(drift) < 5 * np.std(change) / np.sqrt(1000) + 1e-10
+
+
+def test_the_spring_and_its_inverse_agree_with_the_papers_formulas() -> None:
+    joint = Joint(C1, ROTOR)
+    torque = np.array([-150.0, -20.0, -1e-3, 0.0, 1e-9, 0.3, 7.0, 60.0, 300.0])
+    mesh = 101 * np.arctan(0.0487 * torque) / (0.0487 * 15548.0)
+    at_motor = torque / 101
+    generator = np.sign(at_motor) * -np.expm1(-3.125 * np.abs(at_motor)) / (3.125 * 21.9931)
+    windup = mesh + generator
+    np.testing.assert_allclose(joint.windup(torque), windup, rtol=1e-14, atol=0)
+    np.testing.assert_allclose(joint.transmitted_torque(windup), torque, rtol=1e-11, atol=1e-20)
+    found = [brentq(lambda x, w=w: joint.windup(x)[0] - w, -400, 400, xtol=1e-13) for w in windup]
+    np.testing.assert_allclose(found, torque, rtol=1e-9, atol=1e-10)
+
+
+def test_beyond_its_pole_the_spring_has_an_infinite_torque() -> None:
+    pole = 101 * np.pi / 2 / (0.0487 * 15548.0) + 1 / (3.125 * 21.9931)
+    torque = Joint(C1, ROTOR).transmitted_torque([0.999 * pole, 1.001 * pole])
+    assert np.isfinite(torque[0]) and np.isinf(torque[1])
+
+
+def test_torsion_is_negative_where_the_joint_pushes_outward() -> None:
+    joint = Joint(C1, replace(ROTOR, friction=Friction.both_ways(2.0)))
+    run = joint.simulate(np.linspace(0, 1, 101), load_torque=30.0)  # the stuck rotor carries it
+    assert np.all(run["motor_stuck"] == 1.0)
+    assert run["transmitted_torque"][-1] == pytest.approx(30.0, rel=1e-9)
+    assert run["link_torque"][-1] == pytest.approx(30.0, rel=1e-9)
+    np.testing.assert_allclose(run.torsion, -joint.windup(30.0)[0], rtol=1e-9)
+
+
+def test_a_rigid_gear_moves_as_one_mass() -> None:
+    joint = Joint(Gear(100), Motor(inertia=1e-4), Output(inertia=0.5))
+    time = np.linspace(0, 1, 11)
+    run = joint.simulate(time, motor_torque=0.1, load_torque=4.0)
+    acceleration = (101 * 0.1 - 4.0) / (0.5 + 101**2 * 1e-4)
+    np.testing.assert_allclose(run["output_position"], acceleration * time**2 / 2, atol=1e-13)
+    np.testing.assert_allclose(run["motor_position"], 101 * run["output_position"], rtol=1e-14)
+    np.testing.assert_allclose(run["link_torque"], 4.0 + 0.5 * acceleration, rtol=1e-12)
+
+
+def test_load_friction_of_a_rigid_gear_counts_the_torque_that_it_transmits() -> None:
+    share, inertia, total = 0.2, 0.5, 0.5 + 101**2 * 1e-4
+    joint = Joint(
+        Gear(100),
+        Motor(inertia=1e-4),
+        Output(inertia=inertia, friction=Friction.both_ways(0.0, load=share)),
+    )
+    for load in (4.0, -4.0, 0.0):
+        run = joint.simulate([0.0, 0.1], motor_torque=0.3, load_torque=load)
+        a = run["output_acceleration"][-1]
+        assert run["output_friction"][-1] == pytest.approx(share * abs(load + inertia * a))
+        assert total * a == pytest.approx(101 * 0.3 - load - share * abs(load + inertia * a))
+
+
+def test_heat_and_energy_balance_where_everything_acts() -> None:
+    friction = Friction(3.0, 2.0, 0.04, 0.06, 1.0, 0.1, viscous=4.0, quadratic=-1.0, cubic=0.5)
+    joint = Joint(
+        replace(C1, damping=5.0, kinematic_error=ERROR, hysteresis=[SlipElement(900.0, 0.8)]),
+        Motor(
+            inertia=1e-4,
+            friction=friction.at_motor(101),
+            cogging=[Harmonic(12, 0.004, 0.3, "motor_on_stator")],
+        ),
+        Output(
+            inertia=0.5,
+            gravity=10.0,
+            friction=friction,
+            ripple=[Harmonic(3, 0.2)],
+            friction_ripple=[Harmonic(2, 0.3)],
+            presliding=[SlipElement(2000.0, 0.5)],
+        ),
+    )
+    time = np.linspace(0, 4, 4001)
+    balances = []
+    for steps in (4, 8):
+        run = joint.simulate(
+            time,
+            motor_torque=0.4 * np.sin(3 * time),
+            load_torque=2 * np.cos(time),
+            steps_per_sample=steps,
+        )
+        balances.append(np.max(np.abs(run.balance)))
+    through = run["motor_friction_heat"][-1] + run["output_friction_heat"][-1]
+    assert np.all(np.diff(run["output_friction_heat"]) >= -1e-12)
+    assert balances[1] < 1e-4 * through
+    assert balances[1] < balances[0] / 3  # second order in the step
+
+
+def test_temperatures_settle_where_heat_in_is_heat_out() -> None:
+    thermal = Thermal(5.0, 20.0, motor_to_body=1.5, motor_to_room=0.5, body_to_room=1.0)
+    joint = Joint(
+        Gear(100),
+        Motor(
+            inertia=1e-4,
+            friction=Friction.both_ways(0.05),
+            torque_constant=0.1,
+            resistance=0.5,
+            brake=1.0,
+        ),
+        Output(inertia=0.5, friction=Friction(viscous=20.0)),
+        thermal=thermal,
+    )
+    time = np.linspace(0, 300, 30001)
+    run = joint.simulate(time, motor_torque=0.5, room_temperature=20.0)
+    copper = 0.5 * (0.5 / 0.1) ** 2
+    speed = run["output_velocity"][-1]
+    friction = 0.05 * 101 * speed + 20 * speed**2
+    assert friction == pytest.approx(0.5 * 101 * speed, rel=1e-9)
+    # a rigid gear has one friction, which heats the body
+    conductance = np.array([[1.5 + 0.5, -1.5], [-1.5, 1.5 + 1.0]])
+    above_room = np.linalg.solve(conductance, [copper, friction])
+    got = [run["motor_temperature"][-1] - 20, run["body_temperature"][-1] - 20]
+    np.testing.assert_allclose(got, above_room, rtol=1e-6)
+
+
+def test_a_run_cut_in_two_has_the_same_bits() -> None:
+    friction = Friction.both_ways(3.0, stribeck=1.0, viscous=4.0, load=0.05)
+    joint = Joint(
+        replace(C1, hysteresis=[SlipElement(900.0, 0.8)]),
+        Motor(inertia=1e-4, friction=friction.at_motor(101)),
+        Output(inertia=0.5, gravity=10.0, friction=friction),
+    )
+    time = np.arange(2001) / 1024.0
+    torque = 0.4 * np.sin(3 * time)
+    whole = joint.simulate(time, motor_torque=torque, steps_per_sample=8)
+    first = joint.simulate(time[:900], motor_torque=torque[:900], steps_per_sample=8)
+    rest = joint.simulate(
+        time[899:], motor_torque=torque[899:], steps_per_sample=8, start=first.end
+    )
+    for channel in ("output_position", "motor_position", "hysteresis_torque", "motor_work"):
+        np.testing.assert_array_equal(whole[channel][899:], rest[channel])
+
+
+def test_a_step_that_cannot_be_stable_is_refused() -> None:
+    joint = Joint(MESH, Motor(inertia=1e-6), Output(inertia=0.5))
+    with pytest.raises(InputError, match=r"1 steps per sample of 0\.01 s cannot be stable"):
+        joint.simulate([0.0, 0.01], steps_per_sample=1)
+
+
+def test_a_gear_that_stiffens_under_torque_is_noticed_in_the_run() -> None:
+    joint = Joint(MESH, ROTOR, Output(inertia=0.5, gravity=0.0))
+    time = np.linspace(0, 0.2, 21)
+    with pytest.raises(InputError, match=r"so stiff under its torque|wound up to the end"):
+        joint.simulate(time, motor_torque=3.0, load_torque=300.0, steps_per_sample=1)
+    run = joint.simulate(time, motor_torque=3.0, load_torque=300.0)  # chosen by itself
+    fastest, _ = _core.simulation_rates(joint.core, float(np.max(run["transmitted_torque"])))
+    assert fastest * run.longest_step < 0.7
+
+
+def test_a_motion_without_bound_ends_with_a_sentence() -> None:
+    joint = Joint(Gear(100), ROTOR, Output(friction=Friction(cubic=-50.0)))
+    with pytest.raises(InputError, match="the motion grows without bound"):
+        joint.simulate(np.linspace(0, 50, 501), motor_torque=1.0)
