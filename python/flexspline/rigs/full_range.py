@@ -31,66 +31,47 @@ More physics than any model under test, each range chosen once, before any claim
   5) and 0.1–0.3 mrad (motor, order 3). Their orders 1, 2, 4 are in Table III, as measured there.
 - Force sensor: gain within 1 %, zero within 0.1 Nm, coloured noise of 0.05 Nm (data sheets of
   wrist sensors).
-- The hand: 1–4.8 Nm where it must not move the joint (Table II: below breakaway), 6.5–14 Nm where it
-  must, a tremor of 2–6 % about it.
+- The hand: 1–4.8 Nm where it must not move the joint (below the breakaway of Table II),
+  6.5–14 Nm where it must, a tremor of 2–6 % about it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.logs.log import Log
-from flexspline.rigs.hand import pushes
-from flexspline.simulation import (
-    Encoder,
-    Friction,
-    Gear,
-    Harmonic,
-    Joint,
-    Motor,
-    Noise,
-    Output,
-    Servo,
-    SlipElement,
-    Start,
-    Thermal,
-    Trajectory,
+from flexspline.rigs.full_range_joint import (
+    COULOMB,
+    INERTIA,
+    KINEMATIC_ERROR,
+    VISCOUS,
+    drawn_joint,
+    harmonic,
 )
+from flexspline.rigs.hand import pushes
+from flexspline.simulation import Encoder, Joint, Noise, Servo, Start, Trajectory
 
-__all__ = ["COULOMB", "INERTIA", "KINEMATIC_ERROR", "MOTION", "FullRangeRig", "full_range_rig"]
+__all__ = [
+    "COULOMB",
+    "INERTIA",
+    "KINEMATIC_ERROR",
+    "MOTION",
+    "VISCOUS",
+    "FullRangeRig",
+    "full_range_rig",
+]
 
 Array = NDArray[np.float64]
 
 RATE = 500.0  # Hz
-RATIO = 100.0
-INERTIA = 1.9221  # kg m², rotor and link at the output
-COULOMB = (5.1586, 5.7429)  # Nm, forward and backward
-VISCOUS = (10.3207, -5.1580, 1.2135)  # Nm (s/rad)^k
-STIFFNESS, SHAPE = 26431.0, 0.0487  # of c2: Nm/rad, 1/Nm
-WAVE_GENERATOR = (21.9931, 3.1250)  # Nm/rad, 1/Nm at the motor
+WRITTEN = 125.0  # Hz, of the runs that are not by hand
 MOTION = 0.01  # rad/s, from which a row moves
 SPEEDS = (0.05, 0.1, 0.2, 0.4, 0.6, 0.9, 1.2, 1.5, 1.8)  # rad/s
-SLIPS = (50e-6, 150e-6, 300e-6)  # rad at the output
-OUTPUT, CIRCULAR = "output_on_housing", "wave_generator_on_circular_spline"
-FLEX = "wave_generator_on_flexspline"
-
-#: Table III: order, pair, amplitude [rad at the motor], phase of (23).
-KINEMATIC_ERROR = (
-    Harmonic(1, 0.5725e-3, -0.9089, OUTPUT),
-    Harmonic(2, 3.0897e-3, 1.7965, OUTPUT),
-    Harmonic(4, 2.5476e-3, -1.3968, OUTPUT),
-    Harmonic(1, 0.4770e-3, -0.9092, CIRCULAR),
-    Harmonic(1, 0.1289e-3, -1.2547, FLEX),
-    Harmonic(2, 4.3530e-3, 2.2575, CIRCULAR),
-    Harmonic(201, 0.6327e-3, -2.5073, OUTPUT),
-    Harmonic(2, 0.7937e-3, 1.7018, FLEX),
-    Harmonic(4, 2.3372e-3, 0.8252, CIRCULAR),
-    Harmonic(4, 0.1693e-3, 0.9262, FLEX),
-)
 
 
 @dataclass(frozen=True)
@@ -131,68 +112,61 @@ class FullRangeRig:
         """Return a run by hand on another day."""
         return self._by_hand("validation", 2, seconds, self.validation_temperature)
 
-    def friction(self, speeds: Sequence[float] = SPEEDS, seconds: float = 1.5) -> Log:
-        """Return a run that holds each of these speeds [rad/s] both ways without load, 125 Hz."""
-        levels = [sign * speed for speed in speeds for sign in (1.0, -1.0)]
-        time = np.arange(0.0, seconds * (len(levels) + 1), 1.0 / RATE)
-        knots = seconds * np.arange(len(levels) + 1)
-        at = np.concatenate([[0.0], *([k + 0.2 * seconds, k + seconds] for k in knots)])
-        command = np.interp(time, at, np.concatenate([[0.0], np.repeat([*levels, 0.0], 2)]))
-        return self._turned(command, time, "friction", 5)
-
     def turning(self, speed: float = 0.2, turns: float = 2.2) -> Log:
-        """Return a run that turns forward and back without load, 125 Hz."""
+        """Return a run that turns forward and back without load, 125 Hz.
+
+        More than two turns each way tell orders 200, 201 and 202 apart.
+        """
         half = 2 * np.pi * turns / speed
         time = np.arange(0.0, 2 * half, 1.0 / RATE)
-        command = speed * np.interp(
-            time, [0.0, 0.5, half - 0.5, half + 0.5, 2 * half - 0.5, 2 * half], [0, 1, 1, -1, -1, 0]
-        )
-        return self._turned(command, time, "turning", 3)
+        knots = [0.0, 0.5, half - 0.5, half + 0.5, 2 * half - 0.5, 2 * half]
+        command = speed * np.interp(time, knots, [0, 1, 1, -1, -1, 0])
+        return self._controlled("turning", 3, time, velocity_command=command)
 
     def stiffness(self, peak: float = 20.0, seconds: float = 60.0) -> Log:
         """Return a run with the motor held while the load rises and falls both ways, 125 Hz."""
         time = np.arange(0.0, seconds, 1.0 / RATE)
         load = peak * np.interp(time / seconds, [0.0, 0.25, 0.75, 1.0], [0.0, 1.0, -1.0, 0.0])
-        servo = Servo(
-            RATE, position_gain=20.0, velocity_gain=0.03, integral_gain=0.5, torque_limit=2.0
-        )
-        day = self._day(self.training_temperature, 4)
-        start = day["start"]
-        assert isinstance(start, Start)
-        trajectory = self.joint.simulate(
-            time, servo=servo, position_command=start.output_position, load_torque=load, **day
-        )
-        return self._log(trajectory, "stiffness", 4, rate=RATE / 4)
+        return self._controlled("stiffness", 4, time, load_torque=load)
 
-    def _turned(self, velocity: Array, time: Array, name: str, run: int) -> Log:
-        servo = Servo(RATE, velocity_gain=0.03, integral_gain=0.5, torque_limit=2.0)
-        day = self._day(self.training_temperature, run)
-        trajectory = self.joint.simulate(time, servo=servo, velocity_command=velocity, **day)
-        return self._log(trajectory, name, run, rate=RATE / 4)
+    def friction(self, speeds: Sequence[float] = SPEEDS, seconds: float = 1.5) -> Log:
+        """Return a run that holds each of these speeds [rad/s] both ways without load, 125 Hz."""
+        levels = [sign * speed for speed in speeds for sign in (1.0, -1.0)]
+        time = np.arange(0.0, seconds * (len(levels) + 1), 1.0 / RATE)
+        starts = seconds * np.arange(len(levels) + 1)
+        knots = np.concatenate([[0.0], *([at + 0.2 * seconds, at + seconds] for at in starts)])
+        command = np.interp(time, knots, [0.0, *np.repeat([*levels, 0.0], 2)])
+        return self._controlled("friction", 5, time, velocity_command=command)
 
     def _by_hand(self, name: str, run: int, seconds: float, temperature: float) -> Log:
         rng = np.random.default_rng([self.seed, run, 1])
         time = np.arange(0.0, seconds, 1.0 / RATE)
         hand = pushes(time, rng, tremor=self.tremor)
-        trajectory = self.joint.simulate(
+        trajectory = self._simulated(
+            run, time, temperature, motor_torque=self.current_zero, load_torque=-hand
+        )
+        return self._log(trajectory, name, run, RATE)
+
+    def _controlled(self, name: str, run: int, time: Array, **commands: Array) -> Log:
+        """Return a run with the motor's angle or speed controlled; held where none is commanded."""
+        servo = Servo(RATE, velocity_gain=0.03, integral_gain=0.5, torque_limit=2.0)
+        trajectory = self._simulated(
+            run,
             time,
-            motor_torque=self.current_zero,
-            load_torque=-hand,
-            **self._day(temperature, run),
+            self.training_temperature,
+            servo=servo,
+            **{"velocity_command": 0.0, **commands},
         )
-        return self._log(trajectory, name, run)
+        return self._log(trajectory, name, run, WRITTEN)
 
-    def _day(self, temperature: float, run: int) -> dict[str, float | Start]:
-        """Room and start of a run: the joint is 4 K above the room."""
+    def _simulated(self, run: int, time: Array, temperature: float, **drive: Any) -> Trajectory:
+        """Run the joint from any angle, 4 K warmer than the room."""
         rng = np.random.default_rng([self.seed, run, 2])
-        start = Start(
-            output_position=float(rng.uniform(0.0, 2 * np.pi)),
-            motor_temperature=temperature,
-            body_temperature=temperature,
-        )
-        return {"start": start, "room_temperature": temperature - 4.0}
+        angle = float(rng.uniform(0.0, 2 * np.pi))
+        start = Start(angle, motor_temperature=temperature, body_temperature=temperature)
+        return self.joint.simulate(time, start=start, room_temperature=temperature - 4.0, **drive)
 
-    def _log(self, trajectory: Trajectory, name: str, run: int, rate: float = RATE) -> Log:
+    def _log(self, trajectory: Trajectory, name: str, run: int, rate: float) -> Log:
         """What the rig writes down: no velocities."""
         rng = np.random.default_rng([self.seed, run, 3])
         time = trajectory.time
@@ -228,16 +202,16 @@ def full_range_rig(seed: int = 1) -> FullRangeRig:
     training = rng.uniform(26.0, 34.0)
     output = Encoder(
         bits=int(rng.integers(18, 21)),
-        eccentricity=[_harmonic(rng, order, 1e-6, 3e-6) for order in (3, 5)],
+        eccentricity=[harmonic(rng, order, 1e-6, 3e-6) for order in (3, 5)],
         delay=rng.uniform(0.0, 20e-6),
     )
     motor = Encoder(
         bits=int(rng.integers(13, 18)),
-        eccentricity=[_harmonic(rng, 3, 0.1e-3, 0.3e-3)],
+        eccentricity=[harmonic(rng, 3, 0.1e-3, 0.3e-3)],
         delay=rng.uniform(0.0, 20e-6),
     )
     return FullRangeRig(
-        joint=_joint(rng, training),
+        joint=drawn_joint(rng, training),
         output_encoder=output,
         motor_encoder=motor,
         zero_drift=rng.uniform(-2e-6, 2e-6),
@@ -250,62 +224,3 @@ def full_range_rig(seed: int = 1) -> FullRangeRig:
         tremor=rng.uniform(0.02, 0.06),
         seed=seed,
     )
-
-
-def _joint(rng: np.random.Generator, temperature: float) -> Joint:
-    ratio = RATIO + 1.0
-    bearings, load = rng.uniform(0.1, 0.5), rng.uniform(0.01, 0.06)
-    fades = {
-        "coulomb_fade": rng.uniform(0.002, 0.008),
-        "viscous_fade": rng.uniform(0.01, 0.025),
-        "reference_temperature": temperature,
-    }
-    forward, backward = ((1.0 - load) * level - bearings for level in COULOMB)
-    drive = Friction(
-        forward,
-        backward,
-        load,
-        load,
-        stribeck=rng.uniform(0.2, 1.0),
-        stribeck_velocity=rng.uniform(0.02, 0.1),
-        viscous=VISCOUS[0],
-        quadratic=VISCOUS[1],
-        cubic=VISCOUS[2],
-        **fades,
-    )
-    rotor = INERTIA * rng.uniform(0.65, 0.9)
-    motor = Motor(
-        inertia=rotor / ratio**2,
-        friction=drive.at_motor(ratio),
-        current_ripple=[_harmonic(rng, 24, 0.5e-3, 3e-3, "motor_on_stator")],
-        cogging=[_harmonic(rng, int(rng.choice([36, 48, 60])), 1e-3, 4e-3, "motor_on_stator")],
-    )
-    return Joint(
-        _gear(rng),
-        motor,
-        Output(inertia=INERTIA - rotor, friction=Friction.both_ways(bearings, **fades)),
-        Thermal(300.0, 900.0, motor_to_body=1.5, motor_to_room=0.3, body_to_room=1.0),
-        name="UR joint size 2.5",
-    )
-
-
-def _gear(rng: np.random.Generator) -> Gear:
-    stiffness = STIFFNESS * rng.uniform(0.95, 1.05)
-    levels = rng.uniform(0.4, 1.9) * rng.dirichlet(np.full(len(SLIPS), 4.0))
-    return Gear(
-        RATIO,
-        "circular",
-        mesh_stiffness=stiffness,
-        mesh_shape=SHAPE * rng.uniform(0.9, 1.1),
-        wave_generator_stiffness=WAVE_GENERATOR[0] / rng.uniform(0.3, 1.0),
-        wave_generator_shape=WAVE_GENERATOR[1],
-        damping=rng.uniform(3.0, 12.0),
-        kinematic_error=KINEMATIC_ERROR,
-        hysteresis=[SlipElement(float(z / x), float(z)) for z, x in zip(levels, SLIPS, strict=True)],
-    )
-
-
-def _harmonic(
-    rng: np.random.Generator, order: int, least: float, most: float, pair: str = OUTPUT
-) -> Harmonic:
-    return Harmonic(order, rng.uniform(least, most), rng.uniform(-np.pi, np.pi), pair)
