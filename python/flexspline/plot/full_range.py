@@ -79,7 +79,8 @@ def validation(trained: FullRange, log: Log) -> Figure:
     figure = PlainFigure(9.0, 7.6)
     axes = figure.subplots(4, 1, sharex=True)
     drawn = trained.drawn(log)
-    time, weight = drawn["time"], drawn["weight"]
+    time = drawn["time"]
+    shaded = outline(drawn["weight"], MOST)
     rows = (
         ("reference", 1.0, "external torque τ_e [Nm]"),
         ("torsion", 1e3, "torsion Δθ [mrad]"),
@@ -92,9 +93,8 @@ def validation(trained: FullRange, log: Log) -> Figure:
         at = outline(values, MOST)
         ax.plot(time[at], values[at], color=PALETTE[0], linewidth=1.0)
         low, high = ax.get_ylim()
-        ax.fill_between(
-            time, low, low + (high - low) * weight, color=GREY, alpha=0.22, linewidth=0, step="mid"
-        )
+        height = low + (high - low) * drawn["weight"][shaded]
+        ax.fill_between(time[shaded], low, height, color=GREY, alpha=0.22, linewidth=0, step="mid")
         ax.set_ylim(low, high)
         ax.set_ylabel(label, fontsize=8.5)
     axes[-1].set_xlabel("time [s]")
