@@ -5,9 +5,11 @@
 ///   estimating   observer, compliance, merge, collision
 ///
 /// Both are a `Chain`; the models come between them, for they read the temperature. The load that
-/// an effect reads is the sensor's external torque, 0 in a joint without sensor. The sensor's own
-/// part is asked twice where it reads the load: once with none, then with what that leaves, which
-/// leaves an error of the second order in a gain.
+/// an effect reads is the sensor's external torque. The sensor's own part is asked twice where it
+/// reads the load: once with none, then with what that leaves, which leaves an error of the second
+/// order in a gain. In a joint without sensor the load is the compliance's external torque of the
+/// sample before, or of the last that had one, not held at the pole; 0 until there is one, and
+/// where the chain has no compliance.
 ///
 /// A reading that is missing stays NaN (an angle: empty); the stages that need it are in `missed`.
 /// The models go on with the last good temperature. State{} has seen nothing: assign it after a
@@ -35,10 +37,12 @@ struct Reading {
   S sensor_torque = missing;                ///< Nm, where no voltage is read
   S thermistor_voltage = missing;           ///< V
   S temperature = missing;                  ///< °C, where no thermistor is read
+  S time = missing;                         ///< s since the run began
 };
 
 /// Models: `Sensor` of the sensor's part; `Observed` of the observer's torque, without inertia;
-/// `Torsion` without the mesh; `Carried` of what the gear carries beside the load: gravity.
+/// `Torsion` without the mesh and what the chain knows of hysteresis; `Carried` of what the gear
+/// carries beside the load: gravity.
 /// `Model<S>`, without effects, where there is none.
 template <typename S, typename Sensor, typename Observed, typename Torsion, typename Carried>
 struct Joint {
@@ -52,6 +56,7 @@ struct Joint {
   Carried carried;
   S effective_ratio = 1;                   ///< Ñ
   S inertia = 0;                           ///< kg m² at the output, of the observer
+  S link_inertia = 0;                      ///< kg m² at the output, of the compliant observer
   S low = -std::numeric_limits<S>::max();  ///< °C, range of the parts' fits
   S high = std::numeric_limits<S>::max();
 
@@ -59,6 +64,7 @@ struct Joint {
     typename Chain::State sensing, estimating;
     typename Chain::Output sensed;
     S temperature = Chain::missing;  ///< °C, the last good one
+    S gear_load = 0;                 ///< Nm, the compliance's last external torque not held
     typename Sensor::State sensor, sensor_without_load;
     typename Observed::State observed;
     typename Torsion::State torsion;
@@ -74,6 +80,10 @@ struct Joint {
     const Status estimated =
         Chain::step(estimating, state.estimating, estimating_input(in, at, state), out);
     if (estimated != Status::ok) return estimated;
+    if (estimating.compliance && !has(out.missed, Stage::compliance) &&
+        !has(out.flags, Flag::saturated)) {
+      state.gear_load = out.external_compliance;
+    }
     out.temperature = state.sensed.temperature;
     if (sensing.sensor) out.sensor_torque = state.sensed.sensor_torque;
     out.missed = out.missed | state.sensed.missed;
@@ -105,6 +115,7 @@ struct Joint {
     at.temperature = state.temperature;
     at.motor_torque = in.motor_torque;
     at.period = in.period;
+    at.time = in.time;
     return at;
   }
 
@@ -115,11 +126,14 @@ struct Joint {
     input.velocity = in.output_velocity;
     input.motor_torque = effective_ratio * in.motor_torque;
     input.momentum = inertia == S(0) ? S(0) : inertia * in.output_velocity;
+    input.link_momentum = link_inertia == S(0) ? S(0) : link_inertia * in.output_velocity;
     if (sensing.sensor) {
       const bool read = !has(state.sensed.missed, Stage::sensor);
       input.sensor_torque = read ? state.sensed.sensor_torque : Chain::missing;
       input.sensor_intrinsic = intrinsic(in, at, state, input.sensor_torque);
       at.known_load = input.sensor_torque - input.sensor_intrinsic;
+    } else {
+      at.known_load = state.gear_load;
     }
     input.observer_intrinsic = predicted(observed, in, at, state.observed);
     input.gear_known = predicted(carried, in, at, state.carried);
@@ -135,7 +149,9 @@ struct Joint {
     return predicted(sensor, in, at, state.sensor);
   }
 
-  constexpr S mesh(const Reading<S>& in, const Sample<S>& at, State& state) const noexcept {
+  /// The torsion's model reads no load: the chain has what does.
+  constexpr S mesh(const Reading<S>& in, Sample<S> at, State& state) const noexcept {
+    at.known_load = S(0);
     const S rest = predicted(torsion, in, at, state.torsion);
     if (!in.output_position || !in.motor_position || !math::is_finite(rest)) return Chain::missing;
     return mesh_torsion_left(torsion.gear, effective_ratio, *in.output_position,

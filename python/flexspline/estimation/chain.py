@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline import _core
 from flexspline.errors import InputError, listed
 from flexspline.estimation.models import channel, model_inputs
 from flexspline.estimation.plan import Plan, plan_of
 from flexspline.estimation.result import Estimate
+from flexspline.estimation.running import last_good, run_chain
 from flexspline.estimation.status import Status
 from flexspline.logs.causal import differentiate_causal
 from flexspline.logs.log import Log
@@ -34,6 +34,11 @@ STAGES = {  # bit of the core's stage: bit of the status, result, column
     16: (Status.NO_COMPLIANCE, "external_compliance", "external_torque_compliance"),
     32: (Status.NO_MERGED, "external_merged", "external_torque_merged"),
     64: (Status.NO_CONTACT, "contact", "contact"),
+    128: (
+        Status.NO_COMPLIANT_OBSERVER,
+        "external_compliant_observer",
+        "external_torque_compliant_observer",
+    ),
 }
 THERMISTOR, COMPENSATION, SENSOR = 1, 2, 4
 
@@ -42,7 +47,8 @@ def estimate(model: Model, log: Log, *, bandwidth: float | None = None) -> Estim
     """Run a model's estimators over a log, sample by sample, as the joint would.
 
     The chain is the core's: thermistor, temperature compensation, calibration, the sensor's
-    intrinsic part, observer, compliance, merge, collision, each where the model holds it. A value
+    intrinsic part, observer, compliance, the link's observer, merge, collision, each where the
+    model holds it. A value
     is NaN where its stage had nothing to work with, and `status` says so; observer, lags and
     detector start again behind a gap. Nothing that looks ahead is used: a velocity that the log
     lacks is the causal derivative of its position, and a note says so.
@@ -58,10 +64,10 @@ def estimate(model: Model, log: Log, *, bandwidth: float | None = None) -> Estim
     Returns
     -------
     Columns of (N,): time [s], temperature [°C], sensor_torque [Nm], external torques [Nm at the
-    output, positive outward] by sensor, observer, compliance and merged, contact, status. Bits of
-    the status (`flexspline.estimation.Status`): 1 extrapolated, 2 saturated, 4 no temperature,
-    8 no sensor, 16 no observer, 32 no compliance, 64 no merged torque, 128 contact not decided,
-    256 started again.
+    output, positive outward] by sensor, observer, compliance, compliant_observer and merged,
+    contact, status. Bits of the status (`flexspline.estimation.Status`): 1 extrapolated, 2
+    saturated, 4 no temperature, 8 no sensor, 16 no observer, 32 no compliance, 64 no merged torque,
+    128 contact not decided, 256 started again, 512 no observer of the link.
 
     Raises
     ------
@@ -82,12 +88,12 @@ def estimate(model: Model, log: Log, *, bandwidth: float | None = None) -> Estim
     log = _with_derivatives(plan, with_motor_torque(log), bandwidth, said)
     sensed = _sensed(plan, log, ranges, said)
     log = log.with_columns(
-        {"temperature": _last_good(sensed["temperature"], ranges)}, note="as the chain knows it"
+        {"temperature": last_good(sensed["temperature"], ranges)}, note="as the chain knows it"
     )
     inputs = model_inputs(
         model, plan, log, sensed["sensor_torque"], lambda sentence: said.update({sentence: None})
     )
-    found = _run({"sensor": plan.has_sensor, **plan.estimating}, log, inputs, ranges)
+    found = run_chain({"sensor": plan.has_sensor, **plan.estimating}, log, inputs, ranges)
     columns = _columns(plan, log, sensed, found, ranges)
     _require_something(columns, log, tuple(said))
     return Estimate(log.name, columns, tuple(said))
@@ -105,16 +111,15 @@ def _increasing(log: Log) -> Runs:
 
 
 def _require_stable(plan: Plan, log: Log) -> None:
-    observer = plan.estimating.get("observer")
-    if observer is None or observer["discretisation"] == "exact":
-        return
     step = median_step(log["time"])
-    if observer["gain"] * step >= 2.0:
-        raise InputError(
-            f"log '{log.name}': the observer's gain of {observer['gain']:g} 1/s by euler is not "
-            f"stable at {1.0 / step:.4g} Hz; give a gain below {2.0 / step:.4g} 1/s or the "
-            "discretisation exact"
-        )
+    for key in ("observer", "compliant_observer"):
+        entry = plan.estimating.get(key, {})
+        if entry.get("discretisation") == "euler" and entry["gain"] * step >= 2.0:
+            raise InputError(
+                f"log '{log.name}': the {key.replace('_', ' ')}'s gain of {entry['gain']:g} 1/s by "
+                f"euler is not stable at {1.0 / step:.4g} Hz; give a gain below "
+                f"{2.0 / step:.4g} 1/s or the discretisation exact"
+            )
 
 
 def _with_derivatives(plan: Plan, log: Log, bandwidth: float | None, said: dict[str, None]) -> Log:
@@ -135,7 +140,7 @@ def _reads(plan: Plan) -> set[str]:
     parts = (plan.sensor, plan.observed, plan.torsion, plan.carried)
     effects = [effect for part in parts if part is not None for effect in part.effects]
     reads = {name for effect in effects for name in effect.reads}
-    if plan.inertia or plan.estimating.keys() & {"merge", "collision"}:
+    if plan.inertia or plan.link_inertia or plan.estimating.keys() & {"merge", "collision"}:
         reads.add("output_velocity")
     return reads
 
@@ -154,7 +159,7 @@ def _sensed(plan: Plan, log: Log, ranges: Runs, said: dict[str, None]) -> dict[s
         config.pop("temperature_compensation", None)
         said["sensor_torque is the log's own, not compensated: it has no sensor_voltage"] = None
     inputs["sensor_torque"] = channel(log, "sensor_torque")
-    found = _run({"sensor": plan.has_sensor, **config}, log, inputs, ranges)
+    found = run_chain({"sensor": plan.has_sensor, **config}, log, inputs, ranges)
     missed = found["missed"]
     temperature = found.get("temperature", inputs["temperature"])
     torque = found.get("sensor_torque", inputs["sensor_torque"])
@@ -163,19 +168,6 @@ def _sensed(plan: Plan, log: Log, ranges: Runs, said: dict[str, None]) -> dict[s
         "sensor_torque": _unless(missed & SENSOR, torque),
         "flags": found["flags"],
     }
-
-
-def _run(
-    config: Mapping[str, Any], log: Log, inputs: Mapping[str, Array], ranges: Runs
-) -> dict[str, Any]:
-    """Run a chain over each stretch without a gap, from a fresh state."""
-    chain = _core.Chain(dict(config))
-    pieces = []
-    for first, last in ranges:
-        rows = slice(int(first), int(last))
-        columns = {name: data[rows] for name, data in {"time": log["time"], **inputs}.items()}
-        pieces.append(chain.run(columns, int(last - first)))
-    return {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
 
 
 def _columns(
@@ -207,13 +199,6 @@ def _flagged(plan: Plan, log: Log, flags: Bits) -> NDArray[np.int64]:
 
 def _unless(missed: Bits, values: Array) -> Array:
     return np.where(missed, np.nan, values)
-
-
-def _last_good(values: Array, ranges: Runs) -> Array:
-    """Values with NaN replaced by the last number before it in the same stretch."""
-    rows = np.where(np.isfinite(values), np.arange(len(values)), -1)
-    rows[ranges[:, 0]] = ranges[:, 0]
-    return np.asarray(values[np.maximum.accumulate(rows)])
 
 
 def _require_something(columns: Mapping[str, Array], log: Log, said: tuple[str, ...]) -> None:

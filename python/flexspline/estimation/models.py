@@ -14,7 +14,9 @@ from numpy.typing import NDArray
 from flexspline import _core
 from flexspline.errors import InputError
 from flexspline.estimation.plan import Plan
+from flexspline.estimation.running import last_good, run_chain
 from flexspline.logs.log import Log
+from flexspline.logs.segments import runs
 from flexspline.model import Model
 from flexspline.part import PART_OF, Part
 from flexspline.signals import channels_for
@@ -25,6 +27,7 @@ Array = NDArray[np.float64]
 Say = Callable[[str], None]
 
 LOAD = "reference_torque"  # the channel through which a load reaches `Model.predict`
+SATURATED = 2
 
 
 def channel(log: Log, name: str) -> Array:
@@ -50,13 +53,35 @@ def model_inputs(
         intrinsic = _sensor_intrinsic(model, plan, log, sensor_torque, say)
         known_load = sensor_torque - intrinsic
         columns |= {"sensor_torque": sensor_torque, "sensor_intrinsic": intrinsic}
-    elif plan.observed is not None and _reads_load(plan.observed):
-        say("the effects of the observer's part that read the load take it as zero: no sensor")
+    if "compliance" in plan.estimating:
+        columns |= _twisted(model, plan, log, say)
+    if "compliant_observer" in plan.estimating:
+        columns["link_momentum"] = _momentum(plan.link_inertia, log, "compliant observer", say)
+    if not plan.has_sensor and plan.observed is not None and _reads_load(plan.observed):
+        known_load = _gear_load(plan, log, columns, say)
     if "observer" in plan.estimating:
         columns |= _observed(model, plan, log, known_load, say)
-    if "compliance" in plan.estimating:
-        columns |= _twisted(model, plan, log, known_load, say)
     return columns
+
+
+def _gear_load(plan: Plan, log: Log, columns: dict[str, Array], say: Say) -> Array:
+    """The load [Nm] of a joint without sensor, (N,): the compliance's of the row before.
+
+    Of the last row that had one, not held at the pole; 0 before the first.
+    """
+    which = "the effects of the observer's part that read the load take"
+    if "compliance" not in plan.estimating:
+        say(f"{which} it as zero: no sensor, and no estimator compliance")
+        return np.zeros(len(log))
+    say(f"{which} the compliance's of the row before: no sensor")
+    ranges = runs(log["time"])
+    inputs = {name: columns[name] for name in ("torsion", "gear_known")}
+    found = run_chain({"compliance": plan.estimating["compliance"]}, log, inputs, ranges)
+    good = (found["missed"] == 0) & ((found["flags"] & SATURATED) == 0)
+    held = last_good(np.where(good, found["external_compliance"], np.nan), ranges)
+    before = np.concatenate([[0.0], held[:-1]])
+    before[ranges[:, 0]] = 0.0
+    return np.where(np.isfinite(before), before, 0.0)
 
 
 def _sensor_intrinsic(model: Model, plan: Plan, log: Log, torque: Array, say: Say) -> Array:
@@ -72,15 +97,8 @@ def _sensor_intrinsic(model: Model, plan: Plan, log: Log, torque: Array, say: Sa
 
 
 def _observed(model: Model, plan: Plan, log: Log, load: Array, say: Say) -> dict[str, Array]:
-    if plan.inertia == 0.0:
-        momentum = np.zeros(len(log))
-        say("the observer is a low pass of the sensor's torque: its part knows no inertia")
-    else:
-        momentum = plan.inertia * channel(log, "output_velocity")
-        if "output_velocity" not in log:
-            say(f"the observer reads output_velocity, which log '{log.name}' lacks")
     columns = {
-        "momentum": momentum,
+        "momentum": _momentum(plan.inertia, log, "observer", say),
         "observer_intrinsic": _predicted(model, plan.observed, log, load, say),
     }
     if plan.estimating["observer"]["input"] == "motor_torque":
@@ -90,7 +108,18 @@ def _observed(model: Model, plan: Plan, log: Log, load: Array, say: Say) -> dict
     return columns
 
 
-def _twisted(model: Model, plan: Plan, log: Log, load: Array, say: Say) -> dict[str, Array]:
+def _momentum(inertia: float, log: Log, whose: str, say: Say) -> Array:
+    if inertia == 0.0:
+        say(f"the {whose} is a low pass of its torque: its part knows no inertia")
+        return np.zeros(len(log))
+    if "output_velocity" not in log:
+        say(f"the {whose} reads output_velocity, which log '{log.name}' lacks")
+    return inertia * channel(log, "output_velocity")
+
+
+def _twisted(model: Model, plan: Plan, log: Log, say: Say) -> dict[str, Array]:
+    """Torsion and what is known of its torque; neither part reads the load: the chain has it."""
+    load = np.zeros(len(log))
     for name in ("output_position", "motor_position"):
         if name not in log:
             say(f"the compliance reads {name}, which log '{log.name}' lacks")
@@ -115,6 +144,7 @@ def _predicted(model: Model, part: Part | None, log: Log, load: Array, say: Say)
         log = log.with_columns({LOAD: load}, note="the load as the chain knows it")
     else:
         part = replace(part, known_load=None)
+    log = _whole_rows(part, log)
     try:
         channels_for(log, part.effects, part.known_load)
     except InputError as error:
@@ -122,6 +152,19 @@ def _predicted(model: Model, part: Part | None, log: Log, load: Array, say: Say)
         return np.full(len(log), np.nan)
     alone = replace(model, parts={PART_OF[part.target]: part}, estimators={})
     return alone.predict(log).predicted
+
+
+def _whole_rows(part: Part, log: Log) -> Log:
+    """The log without the motor's angle where a channel of the part is missing.
+
+    What remembers stays in such a row, as on the device, which looks at the whole sample first.
+    """
+    if "motor_position" not in log or not any(e.info.remembers for e in part.effects):
+        return log
+    reads = {name for effect in part.effects for name in effect.reads} - {"load"}
+    good = np.isfinite([log[name] for name in {*reads, "output_position"} if name in log])
+    angle = np.where(good.all(axis=0), log["motor_position"], np.nan)
+    return log.with_columns({"motor_position": angle}, note="in whole rows")
 
 
 def _reads_load(part: Part) -> bool:

@@ -18,7 +18,7 @@ import numpy as np
 
 from flexspline.errors import InputError
 from flexspline.estimators import Collision, Observer
-from flexspline.estimators.needs import require_complete
+from flexspline.estimators.needs import link_part, require_complete
 from flexspline.model import Model
 from flexspline.part import Part
 from flexspline.signals import gear_of
@@ -27,6 +27,7 @@ __all__ = ["Plan", "plan_of"]
 
 SENSING = ("thermistor", "temperature_compensation", "calibration")
 MESH = "mesh_compliance"
+HYSTERESIS = "torsional_hysteresis"
 
 
 @dataclass(frozen=True)
@@ -39,9 +40,10 @@ class Plan:
     has_sensor : whether the chain has a sensor torque.
     sensor : the sensor's part, or None.
     observed : the part of the observer's input without inertia, or None.
-    torsion : the torsion's part without the mesh, or None.
+    torsion : the torsion's part without the mesh and without hysteresis on the path of the load,
+        which the chain's compliance has; or None.
     carried : what the gear carries beside the load: gravity, or None.
-    inertia : kg m² at the output, of the observer.
+    inertia, link_inertia : kg m² at the output, of the observer and the compliant observer.
     effective_ratio : Ñ.
     temperature_range : °C, where the parts that read the temperature were fitted, or None.
     """
@@ -54,6 +56,7 @@ class Plan:
     torsion: Part | None
     carried: Part | None
     inertia: float
+    link_inertia: float
     effective_ratio: float
     temperature_range: tuple[float, float] | None
 
@@ -79,7 +82,9 @@ def plan_of(model: Model) -> Plan:
     driven = _known(_driven(model))
     torsion = _known(model.parts.get("torsion")) if "compliance" in estimating else None
     if torsion is not None:
-        estimating["compliance"] |= _mesh(model, torsion)
+        loop = _hysteresis(model, torsion)
+        estimating["compliance"] |= {**_mesh(model, torsion), **loop}
+        torsion = _without(torsion, MESH, *([HYSTERESIS] if loop else []))
     read = [part for part in (sensor, driven, torsion) if part is not None]
     return Plan(
         sensing={key: entry for key, entry in entries.items() if key in SENSING},
@@ -87,9 +92,10 @@ def plan_of(model: Model) -> Plan:
         has_sensor=has_sensor,
         sensor=sensor,
         observed=None if driven is None else _without(driven, "inertia"),
-        torsion=None if torsion is None else _without(torsion, MESH),
+        torsion=torsion,
         carried=_carried(model) if "compliance" in estimating else None,
         inertia=0.0 if driven is None else _coefficient(driven, "inertia"),
+        link_inertia=_link_inertia(model),
         effective_ratio=_ratio(model),
         temperature_range=_temperature_range(read),
     )
@@ -115,10 +121,44 @@ def _driven(model: Model) -> Part | None:
 
 
 def _known(part: Part | None) -> Part | None:
-    """The part with its channels said: a log must not decide whose angle the motor's is."""
+    """The part with its channels said: a log must not decide whose angle the motor's is.
+
+    A torsion is measured with the motor's encoder; another part made by hand has none.
+    """
     if part is None or "channels" in part.record:
         return part
-    return replace(part, record={**part.record, "channels": []})
+    channels = ["motor_position"] if part.target == "torsion" else []
+    return replace(part, record={**part.record, "channels": channels})
+
+
+def _link_inertia(model: Model) -> float:
+    """J_l = J − Ñ² J_m of the compliant observer, kg·m² at the output; 0 without one."""
+    observer, part = model.estimators.get("compliant_observer"), link_part(model.parts)
+    if not isinstance(observer, Observer) or part is None:
+        return 0.0
+    total = _coefficient(part, "inertia")
+    rotor = observer.rotor_inertia or 0.0
+    reflected = _ratio(model) ** 2 * rotor
+    if not 0.0 <= reflected <= total:
+        raise InputError(
+            f"rotor_inertia = {rotor:g} kg·m² is {reflected:.3g} kg·m² at the output, but the part "
+            f"for {part.target} has {total:.3g} kg·m² of link and rotor together; give that of "
+            "the motor's shaft"
+        )
+    return total - reflected
+
+
+def _hysteresis(model: Model, torsion: Part) -> dict[str, Any]:
+    """The loop on the path of the load, rad at the output, as a field of the compliance."""
+    first = 0
+    for effect in torsion.effects:
+        last = first + len(effect.terms)
+        if effect.name == HYSTERESIS and effect.shapes["path"] < 0.5:
+            heights = torsion.coefficients[first:last] / _ratio(model)
+            loop = {"load_width": effect.shapes["load_width"], "heights": heights.tolist()}
+            return {"hysteresis": loop}
+        first = last
+    return {}
 
 
 def _mesh(model: Model, torsion: Part) -> dict[str, float]:

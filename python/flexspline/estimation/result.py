@@ -28,6 +28,7 @@ COLUMNS = {
     "external_torque_sensor": "Nm",
     "external_torque_observer": "Nm",
     "external_torque_compliance": "Nm",
+    "external_torque_compliant_observer": "Nm",
     "external_torque_merged": "Nm",
     "contact": "0/1",
     "status": "bits",
@@ -43,8 +44,8 @@ class Estimate:
     Parameters
     ----------
     name : of the run.
-    columns : `COLUMNS`, those of observer, compliance, merged and contact where the model has
-        the estimator. `status` holds the bits of `flexspline.estimation.Status`.
+    columns : `COLUMNS`, those of both observers, compliance, merged and contact where the model
+        has the estimator. `status` holds the bits of `flexspline.estimation.Status`.
     notes : sentences on what was derived, missing, extrapolated or held.
     """
 

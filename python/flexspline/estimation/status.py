@@ -24,6 +24,7 @@ class Status(IntFlag):
     NO_MERGED = 64
     NO_CONTACT = 128
     RESTARTED = 256
+    NO_COMPLIANT_OBSERVER = 512
 
 
 MEANING = {
@@ -35,5 +36,6 @@ MEANING = {
     Status.NO_COMPLIANCE: "no torque from the compliance",
     Status.NO_MERGED: "no merged torque",
     Status.NO_CONTACT: "contact is not decided",
+    Status.NO_COMPLIANT_OBSERVER: "no torque from the observer of the link",
     Status.RESTARTED: "observer, lags and detector start here: the first row, or one behind a gap",
 }

@@ -35,15 +35,13 @@ Estimator: TypeAlias = (
 
 ESTIMATORS: MappingProxyType[str, type[Estimator]] = MappingProxyType(
     {
-        made.key: made
-        for made in (
-            Thermistor,
-            TemperatureCompensation,
-            Calibration,
-            Observer,
-            Compliance,
-            Merge,
-            Collision,
-        )
+        "thermistor": Thermistor,
+        "temperature_compensation": TemperatureCompensation,
+        "calibration": Calibration,
+        "observer": Observer,
+        "compliance": Compliance,
+        "compliant_observer": Observer,
+        "merge": Merge,
+        "collision": Collision,
     }
-)  # in the order in which they run
+)  # by their `key`, in the order in which they run

@@ -19,7 +19,7 @@ from flexspline.estimators.checks import (
 
 __all__ = ["MOST_BANDS", "Collision"]
 
-INPUTS = ("observer", "sensor", "merged")
+INPUTS = ("observer", "sensor", "merged", "compliant_observer")
 MOST_BANDS = 8
 
 
@@ -35,7 +35,7 @@ class Collision:
 
     Parameters
     ----------
-    input : the estimate that is watched: "observer", "sensor" or "merged".
+    input : the estimate that is watched: "observer", "sensor", "merged" or "compliant_observer".
     speed_edges : rad/s at the output, increasing, between the bands: one fewer than there are
         thresholds, none for one band.
     negative, positive : Nm, above zero; one threshold per band of speed and direction of torque.

@@ -17,11 +17,18 @@ class Compliance:
     """Torque through the gear's mesh from its torsion; stiffness and shape are those of the
     effect mesh_compliance in the model's part "torsion".
 
-        τ = tan(c_m K_m0 Δθ_m) / c_m
+        τ = −tan(c_m K_m0 Δθ_m) / c_m
 
-    Δθ_m is what is left of the measured torsion, seen from the output, when the other effects of
-    the part are taken off, with the sign turned so that it is positive where the joint pushes
-    outward. Source: full_range_torque_estimation (14), (15), (18).
+    Δθ_m is what is left of the measured torsion q Ñ − θ, seen from the output, when the other
+    effects of the part are taken off: negative where the joint pushes outward. Hysteresis on the
+    path of the load needs the torque that is looked for: each sample finds it with the loop of the
+    sample before, corrects it once by the loop at that torque, and moves the loop on. The loop
+    follows this torque alone, also where there is a sensor, and stays while the torque is held.
+
+    Where the model has no sensor torque, the drive's effects that read the load take it from here:
+    the external torque of the sample before, zero until there is one.
+
+    Source: full_range_torque_estimation (14), (15), (18); hysteresis is the step beyond it.
 
     Parameters
     ----------

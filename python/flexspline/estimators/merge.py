@@ -20,11 +20,12 @@ __all__ = ["Merge"]
 
 METHODS = ("logistic", "kalman")
 KALMAN = ("walk", "observer_noise", "compliance_noise")
+AT_REST = ("compliance", "compliant_observer")
 
 
 @dataclass(frozen=True)
 class Merge:
-    """The observer in motion, the compliance at standstill.
+    """The observer in motion, the compliance or an observer with it at standstill.
 
         λ(q̇) = 1 / (1 + exp(−α (|q̇| − q̇_trans)))
         logistic   τ = λ τ_observer + (1 − λ) τ_compliance
@@ -43,6 +44,8 @@ class Merge:
     observer_noise, compliance_noise : of kalman: (at rest, in motion), Nm, standard deviations of
         one sample.
     record : how the values were chosen; kept as it is.
+    at_rest : what takes the compliance's place above, noise included: "compliance", or
+        "compliant_observer", the observer with the input compliance.
 
     Raises
     ------
@@ -59,9 +62,11 @@ class Merge:
     observer_noise: tuple[float, float] | None = None
     compliance_noise: tuple[float, float] | None = None
     record: Mapping[str, Any] = field(default_factory=dict, hash=False)
+    at_rest: str = "compliance"
 
     def __post_init__(self) -> None:
         choice(self.method, "merge: method", METHODS)
+        choice(self.at_rest, "merge: at_rest", AT_REST)
         velocity = above_zero(
             self.transition_velocity, "merge: transition_velocity", "rad/s", or_zero=True
         )

@@ -7,10 +7,11 @@ from typing import Any
 
 from flexspline.errors import InputError
 from flexspline.estimators.collision import Collision
+from flexspline.estimators.merge import Merge
 from flexspline.estimators.observer import Observer
 from flexspline.part import Part
 
-__all__ = ["require_complete"]
+__all__ = ["link_part", "require_complete"]
 
 Estimators = Mapping[str, Any]
 Parts = Mapping[str, Part]
@@ -27,6 +28,15 @@ def require_complete(estimators: Estimators, parts: Parts) -> None:
     for key, check in _CHECKS.items():
         if key in estimators:
             check(estimators, parts)
+
+
+def link_part(parts: Parts) -> Part | None:
+    """The part whose inertia is that of the link, or of link and rotor: the drive's first."""
+    for name, target in (("drive", "motor_torque"), ("sensor", "sensor_torque")):
+        part = parts.get(name)
+        if part is not None and part.target == target and _has(part, "inertia"):
+            return part
+    return None
 
 
 def _observer(estimators: Estimators, parts: Parts) -> None:
@@ -49,41 +59,63 @@ def _observer(estimators: Estimators, parts: Parts) -> None:
 
 
 def _compliance(estimators: Estimators, parts: Parts) -> None:
+    _require_mesh("compliance", parts)
+
+
+def _compliant_observer(estimators: Estimators, parts: Parts) -> None:
+    named = "observer with the input compliance"
+    _require_mesh(named, parts)
+    if link_part(parts) is None:
+        raise InputError(
+            f"the estimator {named} needs the effect inertia in a part for motor_torque or "
+            "sensor_torque, which the model lacks; make one with: flexspline fit RUN.csv --target "
+            "motor_torque --effects inertia,coulomb_friction_per_direction,viscous_friction "
+            "--into MODEL.json"
+        )
+    _require_estimators(f"the estimator {named} needs", ("compliance",), estimators)
+
+
+def _require_mesh(named: str, parts: Parts) -> None:
     if "torsion" not in parts or not _has(parts["torsion"], "mesh_compliance"):
         raise InputError(
-            "the estimator compliance needs the effect mesh_compliance in a part for torsion, "
+            f"the estimator {named} needs the effect mesh_compliance in a part for torsion, "
             "which the model lacks; make one with: flexspline fit RUN.csv --target torsion "
             "--known-load CHANNEL --effects mesh_compliance,... --into MODEL.json"
         )
 
 
 def _merge(estimators: Estimators, parts: Parts) -> None:
-    for key in ("observer", "compliance"):
-        if key not in estimators:
-            raise InputError(
-                f"the estimator merge needs the estimator {key}, which the model lacks; add it "
-                f"with: model.with_estimator(flexspline.{key.capitalize()}(...))"
-            )
+    merge: Merge = estimators["merge"]
+    _require_estimators("the estimator merge needs", ("observer", merge.at_rest), estimators)
 
 
 def _collision(estimators: Estimators, parts: Parts) -> None:
     collision: Collision = estimators["collision"]
-    needed = {"observer": "observer", "merged": "merge"}.get(collision.input)
-    if needed is not None and needed not in estimators:
-        raise InputError(
-            f"the estimator collision watches the {collision.input} estimate and needs the "
-            f"estimator {needed}, which the model lacks; add it with: "
-            f"model.with_estimator(flexspline.{needed.capitalize()}(...))"
-        )
+    needed = {"sensor": (), "merged": ("merge",)}.get(collision.input, (collision.input,))
+    watches = f"the estimator collision watches the {collision.input} estimate and needs"
+    _require_estimators(watches, needed, estimators)
+
+
+def _require_estimators(needs: str, keys: tuple[str, ...], estimators: Estimators) -> None:
+    for key in keys:
+        if key not in estimators:
+            made = _MAKES.get(key, f"{key.capitalize()}(...)")
+            raise InputError(
+                f"{needs} the estimator {key}, which the model lacks; add it with: "
+                f"model.with_estimator(flexspline.{made})"
+            )
 
 
 def _has(part: Part, effect: str) -> bool:
     return any(known.name == effect for known in part.effects)
 
 
+_MAKES = {"compliant_observer": 'Observer(..., input="compliance")'}
+
 _CHECKS: dict[str, Callable[[Estimators, Parts], None]] = {
     "observer": _observer,
     "compliance": _compliance,
+    "compliant_observer": _compliant_observer,
     "merge": _merge,
     "collision": _collision,
 }

@@ -8,13 +8,15 @@ input and estimate. With the torque through the mesh known from the torsion ther
     rotor   Ñ J_m θ̈ = Ñ τ_m − friction − τ_gear,            p_m = Ñ J_m θ̇
 
 "co" observes the link alone: no friction of gear or motor stands in its way, and unlike the
-compliance by itself it takes the link's inertia off. "o2" observes the sum of both momenta, with
+compliance by itself it takes the link's inertia off; in production it is
+`Observer(gain, input="compliance")`. "o2" observes the sum of both momenta, with
 the rotor's from its own encoder: the paper's observer, less the error of a gear that it takes for
 rigid. J_l = J − Ñ² J_m, J the inertia of the drive's part.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,7 +27,7 @@ from flexspline.errors import InputError
 from flexspline.estimation.models import model_inputs
 from flexspline.estimation.plan import Plan, plan_of
 from flexspline.estimators import Compliance, Observer
-from flexspline.full_range.torsion_part import WAVE_GENERATOR, Mesh, mesh_of, only
+from flexspline.full_range.torsion_part import WAVE_GENERATOR, only
 from flexspline.logs.causal import differentiate_causal
 from flexspline.logs.log import Log
 from flexspline.logs.read import with_motor_torque
@@ -37,8 +39,10 @@ __all__ = [
     "Signals",
     "compliant_observer",
     "link_inertia",
+    "link_observer",
     "signals_of",
     "two_mass_observer",
+    "wave_generator_share",
     "with_estimators",
     "with_velocities",
 ]
@@ -46,9 +50,6 @@ __all__ = [
 Array = NDArray[np.float64]
 
 BANDWIDTH = 20.0  # Hz, of the causal velocity where a log has none, as `flexspline.estimate`
-HYSTERESIS = "torsional_hysteresis"
-LOAD = "reference_torque"
-ROUNDS = 3  # of torque and hysteresis, each from the other; the loop is a small part of the torsion
 SATURATED = 2
 
 
@@ -104,6 +105,11 @@ def with_estimators(model: Model, settings: Settings) -> Model:
     return observed.with_estimator(Compliance(settings.margin))
 
 
+def link_observer(settings: Settings) -> Observer:
+    """Return "co" as an estimator of a model."""
+    return Observer(settings.gain, input="compliance", rotor_inertia=settings.rotor_inertia)
+
+
 def with_velocities(log: Log) -> Log:
     """Return the log with both velocities; a missing one is causal, as on a device."""
     log = with_motor_torque(log)
@@ -144,9 +150,7 @@ def signals_of(model: Model, log: Log, settings: Settings) -> Signals:
                 else f"log '{log.name}': {name} is not finite in any row"
             )
     acting = inputs["motor_torque"] - inputs["observer_intrinsic"]
-    mesh = mesh_of(model.part("torsion"), plan.effective_ratio)
-    torsion = _with_hysteresis(model, plan, log, inputs["torsion"], mesh, settings.margin)
-    torque, flags = _through(mesh, torsion, settings.margin)
+    torque, flags, torsion = _through(plan, log, inputs["torsion"])
     return Signals(
         np.asarray(log["time"]),
         inputs["velocity"],
@@ -183,15 +187,16 @@ def link_inertia(model: Model, settings: Settings) -> float:
     InputError
         Where the rotor has more inertia than the drive's part.
     """
-    plan = plan_of(with_estimators(model, settings))
-    reflected = plan.effective_ratio**2 * settings.rotor_inertia
-    if not 0.0 <= reflected <= plan.inertia:
-        raise InputError(
-            f"rotor_inertia = {settings.rotor_inertia:g} kg·m² is {reflected:.3g} kg·m² at the "
-            f"output, but the part for motor_torque has {plan.inertia:.3g} kg·m² of link and rotor "
-            "together; give that of the motor's shaft"
-        )
-    return plan.inertia - reflected
+    link = link_observer(settings)
+    return plan_of(with_estimators(model, settings).with_estimator(link)).link_inertia
+
+
+def wave_generator_share(signals: Sequence[Signals], model: Model) -> float:
+    """Return RMS of the wave generator's term over that of the mesh's torsion, both at the motor."""
+    ratio = float(model.facts["gear_ratio"]) + (model.facts.get("output_spline") == "circular")
+    wave = np.concatenate([s.wave_generator for s in signals])
+    mesh = ratio * np.concatenate([s.mesh_torsion for s in signals])
+    return float(np.sqrt(np.mean(wave**2) / np.mean(mesh**2)))
 
 
 def _observed(time: Array, momentum: Array, acting: Array, gain: float) -> Array:
@@ -205,32 +210,23 @@ def _observed(time: Array, momentum: Array, acting: Array, gain: float) -> Array
     return np.concatenate(pieces)
 
 
-def _through(mesh: Mesh, torsion: Array, margin: float) -> tuple[Array, NDArray[np.uint8]]:
-    """(18) with its flags."""
-    torque, flags = _core.mesh_torque(
-        torsion, mesh_stiffness=mesh.stiffness, mesh_shape=mesh.shape, margin=margin
-    )
-    return torque, flags
+def _through(plan: Plan, log: Log, torsion: Array) -> tuple[Array, NDArray[np.uint8], Array]:
+    """(18) with its flags, and the mesh's own torsion [rad at the output], (N,) each.
 
-
-def _with_hysteresis(
-    model: Model, plan: Plan, log: Log, torsion: Array, mesh: Mesh, margin: float
-) -> Array:
-    """Take hysteresis on the path of the load off the mesh's torsion, (N,), rad at the output.
-
-    It needs the torque that is looked for: both in turn. The device's chain has no load and
-    leaves it in; on the path of the motor's angle it is taken off already.
+    Hysteresis on the path of the load, where the model has it, is the chain's own rule.
     """
-    part = model.part("torsion")
-    if not any(its.name == HYSTERESIS and its.shapes["path"] < 0.5 for its in part.effects):
-        return torsion
-    alone = replace(model, parts={"torsion": replace(only(part, HYSTERESIS), known_load=LOAD)})
-    left = torsion
-    for _ in range(ROUNDS):
-        load, _ = _through(mesh, left, margin)
-        loop = alone.predict(log.with_columns({LOAD: load}, note="as estimated")).predicted
-        left = torsion - loop / plan.effective_ratio
-    return left
+    entry = plan.estimating["compliance"]
+    loop = entry.get("hysteresis")
+    options = {name: entry[name] for name in ("mesh_stiffness", "mesh_shape", "margin")}
+    if loop is None:
+        torque, flags = _core.mesh_torque(torsion, **options)
+        return torque, flags, torsion
+    pieces = [
+        _core.hysteretic_mesh_torque(torsion[first:last], **options, **loop)
+        for first, last in runs(log["time"])
+    ]
+    torque, flags, left = (np.concatenate(part) for part in zip(*pieces, strict=True))
+    return torque, flags, left
 
 
 def _wave_generator(model: Model, log: Log) -> Array:

@@ -81,7 +81,14 @@ class FullRange:
     @property
     def transition(self) -> Transition:
         """The transition of the merge in `model`."""
-        return self.transitions[f"m{self.kept}"]
+        return self.transitions[self.merged]
+
+    @property
+    def merged(self) -> str:
+        """The method that `model` merges by: "m" with the name of its part, or "mco"."""
+        merge = self.model.estimators.get("merge")
+        compliant = isinstance(merge, Merge) and merge.at_rest == "compliant_observer"
+        return "mco" if compliant else f"m{self.kept}"
 
     def estimates(self, log: Log) -> dict[str, Array]:
         """Return the external torque by every method, (N,) each, Nm, outward.
@@ -156,18 +163,19 @@ class FullRange:
         return "\n\n".join("\n".join(block) for block in blocks if block)
 
     def __repr__(self) -> str:
-        return f"<FullRange m{self.kept}: {self.transition.rmse:.3g} Nm RMSE on its training logs>"
+        return f"<FullRange {self.merged}: {self.transition.rmse:.3g} Nm RMSE on its training logs>"
 
     def _repr_html_(self) -> str:
         return f"<pre>{html.escape(str(self))}</pre>"
 
     def _verdict(self) -> str:
         score, made = self.training, self.transition
-        alone = {"observer": made.rmse_observer, "compliance": made.rmse_compliance}
+        still = "compliant observer" if self.merged == "mco" else "compliance"
+        alone = {"observer": made.rmse_observer, still: made.rmse_compliance}
         best = min(alone, key=lambda name: alone[name])
         gain = 100.0 * (1.0 - made.rmse / alone[best])
         return (
-            f"m{self.kept} has {made.rmse:.3g} Nm RMSE on the training logs, the {best} alone "
+            f"{self.merged} has {made.rmse:.3g} Nm RMSE on the training logs, the {best} alone "
             f"{alone[best]:.3g} Nm ({gain:.0f} % less); {score.rule}."
         )
 

@@ -10,13 +10,17 @@ from numpy.typing import NDArray
 
 from flexspline.errors import InputError, listed
 from flexspline.estimators import Merge
+from flexspline.estimators.checks import choice
+from flexspline.estimators.merge import AT_REST
 from flexspline.full_range.gaussian_process import GaussianProcess, fit_gaussian_process
 from flexspline.full_range.kalman import MergeRun, fit_kalman
 from flexspline.full_range.methods import (
     Settings,
     Signals,
     compliant_observer,
+    link_observer,
     signals_of,
+    wave_generator_share,
     with_estimators,
     with_velocities,
 )
@@ -55,6 +59,7 @@ def train(
     methods: Sequence[str] = METHODS,
     gp_rows: int = 1000,
     seed: int = 0,
+    at_rest: str = "compliance",
 ) -> FullRange:
     """Choose α and q̇_trans of (20) for the least RMSE, and train what it is compared with.
 
@@ -77,6 +82,8 @@ def train(
     methods : which of "sd", "gp", "kalman" to train.
     gp_rows : samples that enter the Gaussian process.
     seed : of blocks drawn and of the Gaussian process.
+    at_rest : what the model's merge takes at rest: "compliance" ("m"), or "compliant_observer",
+        which puts "co" into the model ("mco").
 
     Raises
     ------
@@ -84,6 +91,7 @@ def train(
         Where part, channel, motion or standstill is missing, or a method is unknown.
     """
     runs = _checked(logs, reference, methods)
+    choice(at_rest, "at_rest", AT_REST)
     speed = _motion_speed(runs, motion_speed)
     settings = Settings(gain, margin, speed, rotor_inertia)
     variants = _variants(model, torsion_parts)
@@ -99,9 +107,9 @@ def train(
     own = signals[kept]
     co = [compliant_observer(variants[kept], s, settings) for s in own]
     transitions["mco"] = task.transition(co, own)
-    chosen = transitions[f"m{kept}"]
+    chosen = transitions[f"m{kept}" if at_rest == "compliance" else "mco"]
     made = FullRange(
-        model=_finished(variants[kept], settings, chosen, runs),
+        model=_finished(variants[kept], settings, chosen, runs, at_rest),
         variants=variants,
         kept=kept,
         transitions=transitions,
@@ -112,7 +120,7 @@ def train(
         training=ErrorTable((), (), speed, 0.0),
         settings=settings,
         reference=reference,
-        wave_generator_share=_share(own, variants[kept]),
+        wave_generator_share=wave_generator_share(own, variants[kept]),
         warnings=_warnings(transitions, signals),
     )
     return _scored(made, task, signals)
@@ -232,7 +240,9 @@ def _variants(model: Model, parts: Mapping[str, Part] | None) -> dict[str, Model
     }
 
 
-def _finished(model: Model, settings: Settings, chosen: Transition, runs: Sequence[Log]) -> Model:
+def _finished(
+    model: Model, settings: Settings, chosen: Transition, runs: Sequence[Log], at_rest: str
+) -> Model:
     record = {
         "rmse": chosen.rmse,
         "alpha_interval": list(chosen.alpha_interval),
@@ -242,8 +252,10 @@ def _finished(model: Model, settings: Settings, chosen: Transition, runs: Sequen
             {"name": run.name, "sha256": run.source.sha256 if run.source else None} for run in runs
         ],
     }
-    merge = Merge(chosen.alpha, chosen.transition_velocity, record=record)
-    return with_estimators(model, settings).with_estimator(merge)
+    merge = Merge(chosen.alpha, chosen.transition_velocity, record=record, at_rest=at_rest)
+    made = with_estimators(model, settings)
+    link = at_rest != "compliance"
+    return (made.with_estimator(link_observer(settings)) if link else made).with_estimator(merge)
 
 
 def _scored(made: FullRange, task: _Task, signals: Mapping[str, Sequence[Signals]]) -> FullRange:
@@ -271,14 +283,6 @@ def _scored(made: FullRange, task: _Task, signals: Mapping[str, Sequence[Signals
         curve=speed_curve(errors, velocity, repetition, edges, said),
         training=error_table(joined, truth, velocity, task.settings.motion_speed),
     )
-
-
-def _share(signals: Sequence[Signals], model: Model) -> float:
-    """RMS of the wave generator's term over RMS of the mesh's torsion, both at the motor."""
-    ratio = float(model.facts["gear_ratio"]) + (model.facts.get("output_spline") == "circular")
-    wave = np.concatenate([s.wave_generator for s in signals])
-    mesh = ratio * np.concatenate([s.mesh_torsion for s in signals])
-    return float(np.sqrt(np.mean(wave**2) / np.mean(mesh**2)))
 
 
 def _warnings(

@@ -20,7 +20,7 @@ struct NamedField {
   double Row::* field;
 };
 
-inline constexpr std::array<NamedField<LogChain::Input>, 11> chain_inputs{{
+inline constexpr std::array<NamedField<LogChain::Input>, 12> chain_inputs{{
     {"voltage", &LogChain::Input::voltage},
     {"thermistor_voltage", &LogChain::Input::thermistor_voltage},
     {"temperature", &LogChain::Input::temperature},
@@ -31,15 +31,17 @@ inline constexpr std::array<NamedField<LogChain::Input>, 11> chain_inputs{{
     {"observer_intrinsic", &LogChain::Input::observer_intrinsic},
     {"torsion", &LogChain::Input::torsion},
     {"gear_known", &LogChain::Input::gear_known},
+    {"link_momentum", &LogChain::Input::link_momentum},
     {"velocity", &LogChain::Input::velocity},
 }};
 
-inline constexpr std::array<NamedField<LogChain::Output>, 7> chain_outputs{{
+inline constexpr std::array<NamedField<LogChain::Output>, 8> chain_outputs{{
     {"temperature", &LogChain::Output::temperature},
     {"sensor_torque", &LogChain::Output::sensor_torque},
     {"external_sensor", &LogChain::Output::external_sensor},
     {"external_observer", &LogChain::Output::external_observer},
     {"external_compliance", &LogChain::Output::external_compliance},
+    {"external_compliant_observer", &LogChain::Output::external_compliant_observer},
     {"external_merged", &LogChain::Output::external_merged},
     {"merge_weight", &LogChain::Output::merge_weight},
 }};
@@ -69,6 +71,7 @@ inline Stage configured(const LogChain::Config& config) noexcept {
          bit(config.compensation.has_value(), Stage::compensation) |
          bit(config.sensor, Stage::sensor) | bit(config.observer.has_value(), Stage::observer) |
          bit(config.compliance.has_value(), Stage::compliance) |
+         bit(config.compliant_observer.has_value(), Stage::compliant_observer) |
          bit(config.logistic.has_value() || config.kalman.has_value(), Stage::merge) |
          bit(config.collision.has_value(), Stage::collision);
 }

@@ -10,6 +10,7 @@
 #include "flexspline/estimators/collision_detector.hpp"
 #include "flexspline/estimators/compliance.hpp"
 #include "flexspline/estimators/kalman_merge.hpp"
+#include "flexspline/estimators/load_hysteresis.hpp"
 #include "flexspline/estimators/momentum_observer.hpp"
 #include "flexspline/estimators/temperature_compensation.hpp"
 #include "flexspline/estimators/thermistor.hpp"

@@ -6,7 +6,9 @@
 ///                  less its intrinsic part → external torque
 ///   observer       sensor or motor torque, momentum → external torque
 ///   compliance     torsion → torque through the gear; less what is known of it → external torque
-///   merge          observer and compliance → external torque
+///   compliant      an observer of the link alone: that torque, momentum of the link → external
+///   observer       torque, without the friction of motor and gear
+///   merge          observer and, at rest, one of the last two → external torque
 ///   collision      one of the external torques → contact
 ///
 /// A stage runs where it is configured, always in this order. What a model predicts is an input:
@@ -17,7 +19,7 @@
 /// changes nothing at all.
 ///
 /// Source: zhang_disturbance_elimination (6)–(11), (21), (22); full_range_torque_estimation
-/// (7), (8), (14)–(20).
+/// (7), (8), (14)–(20); the compliant gear inside the observer is its own next step.
 #pragma once
 
 #include <cstddef>
@@ -29,6 +31,7 @@
 #include "flexspline/estimators/collision_detector.hpp"
 #include "flexspline/estimators/compliance.hpp"
 #include "flexspline/estimators/kalman_merge.hpp"
+#include "flexspline/estimators/load_hysteresis.hpp"
 #include "flexspline/estimators/momentum_observer.hpp"
 #include "flexspline/estimators/temperature_compensation.hpp"
 #include "flexspline/estimators/thermistor.hpp"
@@ -45,6 +48,7 @@ enum class Stage : std::uint8_t {
   compliance = 16,
   merge = 32,
   collision = 64,
+  compliant_observer = 128,
 };
 
 constexpr Stage operator|(Stage a, Stage b) noexcept {
@@ -58,8 +62,11 @@ constexpr bool has(Stage stages, Stage wanted) noexcept {
 /// Which torque drives the observer.
 enum class ObserverInput : unsigned char { sensor_torque, motor_torque };
 
+/// Which external torque the merge takes at rest.
+enum class AtRest : unsigned char { compliance, compliant_observer };
+
 /// Which external torque the collision detector watches.
-enum class Watched : unsigned char { observer, sensor, merged };
+enum class Watched : unsigned char { observer, sensor, merged, compliant_observer };
 
 template <typename S, std::size_t Degree = 6, std::size_t Bands = 8>
 struct Chain {
@@ -79,8 +86,11 @@ struct Chain {
     std::optional<typename Observer::Config> observer;
     ObserverInput observer_input = ObserverInput::sensor_torque;
     std::optional<Compliance<S>> compliance;
+    std::optional<LoadHysteresis<S>> hysteresis;  ///< of the compliance
+    std::optional<typename Observer::Config> compliant_observer;
     std::optional<LogisticMerge<S>> logistic;
     std::optional<typename Kalman::Config> kalman;  ///< comes before `logistic`
+    AtRest at_rest = AtRest::compliance;
     std::optional<typename Detector::Config> collision;
     Watched watched = Watched::observer;
   };
@@ -98,6 +108,7 @@ struct Chain {
     S observer_intrinsic = 0;  ///< Nm, the model's part of the observer's torque without inertia
     S torsion = missing;       ///< Δθ_m, rad at the output: error and wave generator taken off
     S gear_known = 0;          ///< Nm, known part of the gear's torque: load, gravity, inertia
+    S link_momentum = 0;       ///< Nm s at the output, J_l q̇, of what is behind the gear
     S velocity = missing;      ///< rad/s at the output
   };
 
@@ -108,6 +119,7 @@ struct Chain {
     S external_sensor = 0;
     S external_observer = 0;
     S external_compliance = 0;
+    S external_compliant_observer = 0;
     S external_merged = 0;
     S merge_weight = 0;  ///< share of the observer in the logistic merge
     bool contact = false;
@@ -118,11 +130,13 @@ struct Chain {
   struct State {
     typename Compensation::State compensation;
     FlaggedTorque<S> drift;  ///< the compensation's last good torque
-    typename Observer::State observer;
+    typename Observer::State observer, compliant_observer;
+    typename LoadHysteresis<S>::State hysteresis;
     typename Kalman::State kalman;
     typename Detector::State collision;
-    /// Time since the last good sample of each stage that has a memory, s.
-    S compensation_wait = 0, observer_wait = 0, kalman_wait = 0, collision_wait = 0;
+    /// Time since the last good sample of each stage whose memory counts time, s.
+    S compensation_wait = 0, observer_wait = 0, compliant_wait = 0, kalman_wait = 0,
+      collision_wait = 0;
   };
 
   static constexpr Status step(const Config& config, State& state, const Input& in,
@@ -134,11 +148,14 @@ struct Chain {
     const bool known_drift = compensate(config, state, in, warm, out);
     const bool sensor = read_sensor(config, state, in, known_drift, out);
     const bool observer = observe(config, state, in, sensor, out);
-    const bool compliance = untwist(config, in, out);
-    const bool merged = merge(config, state, in, observer && compliance, out);
+    const bool compliance = untwist(config, state, in, out);
+    const bool link = observe_link(config, state, in, compliance, out);
+    const bool still = config.at_rest == AtRest::compliance ? compliance : link;
+    const bool merged = merge(config, state, in, observer && still, out);
     const bool fresh = config.watched == Watched::observer ? observer
                        : config.watched == Watched::sensor ? sensor
-                                                           : merged;
+                       : config.watched == Watched::merged ? merged
+                                                           : link;
     watch(config, state, in, fresh, out);
     return Status::ok;
   }
@@ -193,22 +210,41 @@ struct Chain {
   static constexpr bool observe(const Config& config, State& state, const Input& in, bool sensor,
                                 Output& out) noexcept {
     if (!config.observer) return false;
-    state.observer_wait += in.period;
     const bool by_sensor = config.observer_input == ObserverInput::sensor_torque;
     const S torque = by_sensor ? (sensor ? out.sensor_torque : missing) : in.motor_torque;
-    const Status seen =
-        Observer::step(*config.observer, state.observer, in.momentum,
-                       torque - in.observer_intrinsic, state.observer_wait, out.external_observer);
-    // After a gap too long for Euler: start again from where it was.
-    if (seen == Status::out_of_range) state.observer.started = false;
-    if (seen == Status::ok || seen == Status::out_of_range) state.observer_wait = S(0);
-    return ran(seen == Status::ok, Stage::observer, out);
+    state.observer_wait += in.period;
+    const bool seen =
+        observed(*config.observer, state.observer, in.momentum, torque - in.observer_intrinsic,
+                 state.observer_wait, out.external_observer);
+    return ran(seen, Stage::observer, out);
   }
 
-  static constexpr bool untwist(const Config& config, const Input& in, Output& out) noexcept {
+  static constexpr bool observe_link(const Config& config, State& state, const Input& in,
+                                     bool compliance, Output& out) noexcept {
+    if (!config.compliant_observer) return false;
+    state.compliant_wait += in.period;
+    const bool seen = observed(*config.compliant_observer, state.compliant_observer,
+                               in.link_momentum, compliance ? out.external_compliance : missing,
+                               state.compliant_wait, out.external_compliant_observer);
+    return ran(seen, Stage::compliant_observer, out);
+  }
+
+  /// `wait`: s since the last good sample, 0 behind one.
+  static constexpr bool observed(const typename Observer::Config& config,
+                                 typename Observer::State& state, S momentum, S known_torque,
+                                 S& wait, S& external) noexcept {
+    const Status seen = Observer::step(config, state, momentum, known_torque, wait, external);
+    // After a gap too long for Euler: start again from where it was.
+    if (seen == Status::out_of_range) state.started = false;
+    if (seen == Status::ok || seen == Status::out_of_range) wait = S(0);
+    return seen == Status::ok;
+  }
+
+  static constexpr bool untwist(const Config& config, State& state, const Input& in,
+                                Output& out) noexcept {
     if (!config.compliance) return false;
     FlaggedTorque<S> gear;
-    const bool read = config.compliance->torque(in.torsion, gear) == Status::ok;
+    const bool read = math::is_finite(in.gear_known) && twisted(config, state, in, gear);
     const S external = gear.torque - in.gear_known;
     if (!ran(read && math::is_finite(external), Stage::compliance, out)) return false;
     out.external_compliance = external;
@@ -216,20 +252,29 @@ struct Chain {
     return true;
   }
 
+  static constexpr bool twisted(const Config& config, State& state, const Input& in,
+                                FlaggedTorque<S>& gear) noexcept {
+    if (!config.hysteresis) return config.compliance->torque(in.torsion, gear) == Status::ok;
+    S left = S(0);
+    return config.hysteresis->torque(*config.compliance, state.hysteresis, in.torsion, left,
+                                     gear) == Status::ok;
+  }
+
   static constexpr bool merge(const Config& config, State& state, const Input& in, bool fresh,
                               Output& out) noexcept {
     if (!config.kalman && !config.logistic) return false;
     if (config.kalman) state.kalman_wait += in.period;
     if (!ran(fresh, Stage::merge, out)) return false;
+    const S still = config.at_rest == AtRest::compliance ? out.external_compliance
+                                                         : out.external_compliant_observer;
     if (!config.kalman) {
-      const Status merged =
-          config.logistic->merge(in.velocity, out.external_observer, out.external_compliance,
-                                 out.merge_weight, out.external_merged);
+      const Status merged = config.logistic->merge(in.velocity, out.external_observer, still,
+                                                   out.merge_weight, out.external_merged);
       return ran(merged == Status::ok, Stage::merge, out);
     }
     const Status merged =
-        Kalman::step(*config.kalman, state.kalman, in.velocity, out.external_observer,
-                     out.external_compliance, state.kalman_wait, out.external_merged);
+        Kalman::step(*config.kalman, state.kalman, in.velocity, out.external_observer, still,
+                     state.kalman_wait, out.external_merged);
     if (merged == Status::ok) state.kalman_wait = S(0);
     return ran(merged == Status::ok, Stage::merge, out);
   }
@@ -240,7 +285,8 @@ struct Chain {
     state.collision_wait += in.period;
     const S residual = config.watched == Watched::observer ? out.external_observer
                        : config.watched == Watched::sensor ? out.external_sensor
-                                                           : out.external_merged;
+                       : config.watched == Watched::merged ? out.external_merged
+                                                           : out.external_compliant_observer;
     const bool good =
         fresh && Detector::step(*config.collision, state.collision, residual, in.velocity,
                                 state.collision_wait, out.contact) == Status::ok;
