@@ -18,6 +18,11 @@ void bind_catalogue(py::module_& module);
 void bind_design(py::module_& module);
 void bind_solve(py::module_& module);
 void bind_estimators(py::module_& module);
+void bind_chain(py::module_& module);
+void bind_joint(py::module_& module);
+void bind_sensor(py::module_& module);
+void bind_full_range(py::module_& module);
+void bind_simulation(py::module_& module);
 
 /// Channels by name, held together with the arrays that they point into.
 struct Borrowed {

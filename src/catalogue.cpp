@@ -4,10 +4,10 @@
 namespace flexspline::bindings {
 namespace {
 
-constexpr std::array<const char*, 8> channel_names{"output_position",     "output_velocity",
-                                                   "output_acceleration", "motor_position",
-                                                   "temperature",         "load",
-                                                   "motor_torque",        "period"};
+constexpr std::array<const char*, 9> channel_names{
+    "output_position", "output_velocity", "output_acceleration",
+    "motor_position",  "temperature",     "load",
+    "motor_torque",    "period",          "time"};
 
 py::list shapes_of(const batch::AnyEffect& any) {
   py::list shapes;

@@ -78,20 +78,36 @@ void read_calibration(const Entry& entry, Config& config) {
   entry.range("voltage_range", made.low, made.high);
 }
 
+MomentumObserver<double>::Config observer_from(const Entry& entry) {
+  return {entry.number("gain"),
+          entry.choice<Discretisation>("discretisation", std::array{"exact", "euler"})};
+}
+
 void read_observer(const Entry& entry, Config& config) {
-  config.observer = {entry.number("gain"),
-                     entry.choice<Discretisation>("discretisation", std::array{"exact", "euler"})};
+  config.observer = observer_from(entry);
   config.observer_input =
       entry.choice<ObserverInput>("input", std::array{"sensor_torque", "motor_torque"});
+}
+
+void read_compliant_observer(const Entry& entry, Config& config) {
+  config.compliant_observer = observer_from(entry);
 }
 
 void read_compliance(const Entry& entry, Config& config) {
   config.compliance = {entry.number("mesh_stiffness"), entry.number("mesh_shape"),
                        entry.number("margin")};
+  if (!entry.fields.contains("hysteresis")) return;
+  const Entry loop{"hysteresis", entry.get<py::dict>("hysteresis")};
+  config.hysteresis.emplace().load_width = loop.number("load_width");
+  loop.fill("heights", config.hysteresis->heights);
 }
 
 void read_merge(const Entry& entry, Config& config) {
   enum class Method : unsigned char { logistic, kalman };
+  if (entry.fields.contains("at_rest")) {
+    config.at_rest =
+        entry.choice<AtRest>("at_rest", std::array{"compliance", "compliant_observer"});
+  }
   const LogisticMerge<double> logistic{entry.number("alpha"), entry.number("transition_velocity")};
   if (entry.choice<Method>("method", std::array{"logistic", "kalman"}) == Method::logistic) {
     config.logistic = logistic;
@@ -110,14 +126,19 @@ void read_collision(const Entry& entry, Config& config) {
   entry.fill("speed_edges", made.speed_edges);
   made.release = entry.number("release");
   made.hold = entry.number("hold");
-  config.watched = entry.choice<Watched>("input", std::array{"observer", "sensor", "merged"});
+  config.watched = entry.choice<Watched>(
+      "input", std::array{"observer", "sensor", "merged", "compliant_observer"});
 }
 
 Config config_from(const py::dict& entries) {
   static const std::map<std::string, void (*)(const Entry&, Config&)> readers{
-      {"thermistor", read_thermistor},   {"temperature_compensation", read_compensation},
-      {"calibration", read_calibration}, {"observer", read_observer},
-      {"compliance", read_compliance},   {"merge", read_merge},
+      {"thermistor", read_thermistor},
+      {"temperature_compensation", read_compensation},
+      {"calibration", read_calibration},
+      {"observer", read_observer},
+      {"compliance", read_compliance},
+      {"compliant_observer", read_compliant_observer},
+      {"merge", read_merge},
       {"collision", read_collision}};
   Config config;
   for (const auto& [key, value] : entries) {
@@ -134,13 +155,12 @@ Config config_from(const py::dict& entries) {
 }
 
 /// Forward Euler that cannot be stable at the log's mean period.
-void require_stable(const Config& config, const double* time, std::size_t size) {
-  if (!config.observer || config.observer->discretisation == Discretisation::exact || size < 2) {
-    return;
-  }
+void require_stable(const std::optional<MomentumObserver<double>::Config>& observer,
+                    const double* time, std::size_t size) {
+  if (!observer || observer->discretisation == Discretisation::exact || size < 2) return;
   const double period = (time[size - 1] - time[0]) / static_cast<double>(size - 1);
-  if (!(config.observer->gain * period >= 2)) return;
-  refuse("the observer's gain of " + std::to_string(config.observer->gain) +
+  if (!(observer->gain * period >= 2)) return;
+  refuse("the observer's gain of " + std::to_string(observer->gain) +
          " 1/s is not stable by Euler at a period of " + std::to_string(period) +
          " s; gain times period must stay below 2, or take 'exact'");
 }
@@ -154,6 +174,7 @@ bool gives(const Config& config, std::string_view name) {
   if (name == "sensor_torque" || name == "external_sensor") return config.sensor;
   if (name == "external_observer") return config.observer.has_value();
   if (name == "external_compliance") return config.compliance.has_value();
+  if (name == "external_compliant_observer") return config.compliant_observer.has_value();
   return name == "external_merged" ? merges : config.logistic.has_value();
 }
 
@@ -187,7 +208,8 @@ Columns columns_from(const py::dict& columns, std::size_t size) {
 py::dict run(const Config& config, const py::dict& columns, py::ssize_t size) {
   const auto count = static_cast<std::size_t>(size);
   const Columns in = columns_from(columns, count);
-  require_stable(config, in.time, count);
+  require_stable(config.observer, in.time, count);
+  require_stable(config.compliant_observer, in.time, count);
   py::dict results;
   std::vector<batch::ChainColumn<batch::LogChain::Output, double>> outputs;
   for (const auto& output : batch::chain_outputs) {
@@ -227,7 +249,7 @@ void bind_chain(py::module_& module) {
 
 A stage that misses a row keeps its last good values, NaN before the first, and sets its bit
 in 'missed': 1 thermistor, 2 temperature_compensation, 4 sensor, 8 observer, 16 compliance,
-32 merge, 64 collision. 'flags': 1 extrapolated, 2 saturated. Each run starts anew.)");
+32 merge, 64 collision, 128 compliant_observer. 'flags': 1 extrapolated, 2 saturated. Each run starts anew.)");
 }
 
 }  // namespace flexspline::bindings

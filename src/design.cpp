@@ -199,7 +199,7 @@ Borrowed borrow(const py::dict& columns, py::ssize_t size) {
   Borrowed borrowed;
   batch::Channels& c = borrowed.channels;
   c.size = static_cast<std::size_t>(size);
-  const std::array<std::pair<const char*, const double**>, 8> known{{
+  const std::array<std::pair<const char*, const double**>, 9> known{{
       {"output_position", &c.output_position},
       {"output_velocity", &c.output_velocity},
       {"output_acceleration", &c.output_acceleration},
@@ -208,6 +208,7 @@ Borrowed borrow(const py::dict& columns, py::ssize_t size) {
       {"known_load", &c.known_load},
       {"motor_torque", &c.motor_torque},
       {"period", &c.period},
+      {"time", &c.time},
   }};
   for (const auto& [name, field] : known) {
     if (!columns.contains(name)) continue;

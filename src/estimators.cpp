@@ -106,6 +106,25 @@ py::tuple mesh_torques(const Array& torsion, double mesh_stiffness, double mesh_
   return py::make_tuple(torque, flags);
 }
 
+py::tuple hysteretic_torques(const Array& torsion, const Compliance<double>& mesh,
+                             double load_width, const std::vector<double>& heights) {
+  LoadHysteresis<double> hysteresis{load_width};
+  fill(heights, hysteresis.heights, "heights");
+  py::array_t<std::uint8_t> flags(torsion.request().shape);
+  py::array_t<double> left(torsion.request().shape);
+  std::uint8_t* flag = flags.mutable_data();
+  double* rest = left.mutable_data();
+  LoadHysteresis<double>::State state;
+  const auto torque = each(torsion, [&](double twist) {
+    FlaggedTorque<double> found{batch::unknown};
+    *rest = batch::unknown;
+    const Status status = hysteresis.torque(mesh, state, twist, *rest++, found);
+    *flag++ = static_cast<std::uint8_t>(found.flags);
+    return status == Status::ok ? found.torque : batch::unknown;
+  });
+  return py::make_tuple(torque, flags, left);
+}
+
 py::array_t<double> merge_kalman(const Array& time, const Array& velocity, const Array& observer,
                                  const Array& compliance,
                                  const KalmanMerge<double>::Config& config) {
@@ -181,6 +200,18 @@ void bind_compliance(py::module_& module) {
   module.def("mesh_torque", &mesh_torques, py::arg("torsion"), py::kw_only(),
              py::arg("mesh_stiffness"), py::arg("mesh_shape"), py::arg("margin"),
              "Outward torque [Nm] from the mesh's torsion [rad at the output]: (torque, flags).");
+  module.def(
+      "hysteretic_mesh_torque",
+      [](const Array& torsion, double mesh_stiffness, double mesh_shape, double margin,
+         double load_width, const std::vector<double>& heights) {
+        return hysteretic_torques(torsion, {mesh_stiffness, mesh_shape, margin}, load_width,
+                                  heights);
+      },
+      py::arg("torsion"), py::kw_only(), py::arg("mesh_stiffness"), py::arg("mesh_shape"),
+      py::arg("margin"), py::arg("load_width"), py::arg("heights"),
+      R"(Torque of one run whose torsion also remembers the way of the load, row by row:
+(torque, flags, torsion of the mesh alone). `heights` [rad at the output] of `load_width` [Nm at
+the output], its half, quarter and eighth; NaN where the torsion is not finite.)");
   module.def(
       "wave_generator_torsion",
       [](const Array& motor_torque, double stiffness, double shape) {

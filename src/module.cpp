@@ -8,6 +8,11 @@ PYBIND11_MODULE(_core, module) {
   bind_design(module);
   bind_solve(module);
   bind_estimators(module);
+  bind_chain(module);
+  bind_joint(module);
+  bind_sensor(module);
+  bind_full_range(module);
+  bind_simulation(module);
   module.def(
       "isa", [] { return std::string(flexspline::batch::isa()); },
       "Name of the instruction set in use: 'baseline', 'v3' or 'v4'.");

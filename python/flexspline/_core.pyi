@@ -7,6 +7,20 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 max_harmonics: int
+simulation_columns: list[str]
+simulation_elements: int
+
+class Chain:
+    """From raw channels to the external torque and a contact, as on the device."""
+
+    def __init__(self, config: dict[str, Any]) -> None: ...
+    def run(self, columns: dict[str, NDArray[np.float64]], size: int) -> dict[str, NDArray[Any]]:
+        """Results of each row by name, for the stages that the chain has.
+
+        A stage that misses a row keeps its last good values, NaN before the first, and sets its bit
+        in 'missed': 1 thermistor, 2 temperature_compensation, 4 sensor, 8 observer, 16 compliance,
+        32 merge, 64 collision, 128 compliant_observer. 'flags': 1 extrapolated, 2 saturated. Each run starts anew.
+        """
 
 class Design:
     """Effects chosen at run time: rows, sums and predictions over arrays."""
@@ -36,6 +50,11 @@ class Design:
     ) -> NDArray[np.float64]:
         """Rows times coefficients, shape (size,)."""
 
+    def settled(
+        self, channels: dict[str, NDArray[np.float64]], size: int, coefficients: ArrayLike
+    ) -> NDArray[np.bool_]:
+        """Rows that no longer depend on what an effect remembered before its run, (size,)."""
+
     def accumulate(
         self,
         channels: dict[str, NDArray[np.float64]],
@@ -49,6 +68,14 @@ class Design:
         threads: int,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Sums of products of [rows, target] of each block: (high, low)."""
+
+class SimulatedJoint:
+    """The parameters of a joint, ready to simulate."""
+
+    def __init__(self, fields: dict[str, Any]) -> None: ...
+    @property
+    def eventless(self) -> bool:
+        """True where nothing can stick, slip or touch."""
 
 class Solution:
     """Least squares from a Gram matrix."""
@@ -99,8 +126,58 @@ def accumulate_rows(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Sums of products of [rows, target] of each block, from explicit rows: (high, low)."""
 
+def bridge_ripple(
+    position: ArrayLike, sensitivity: ArrayLike, sign: ArrayLike, arm: ArrayLike, waves: ArrayLike
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Ripple at the output of each placement as strain: cosine, sine, (D, O); torque gain, (D,)."""
+
+def bridge_signal(
+    angle: ArrayLike,
+    torque_strain: ArrayLike,
+    warmer: ArrayLike,
+    position: ArrayLike,
+    sensitivity: ArrayLike,
+    sign: ArrayLike,
+    arm: ArrayLike,
+    thermal_linear: ArrayLike,
+    thermal_quadratic: ArrayLike,
+    waves: ArrayLike,
+    gauge_factor: float,
+    supply: float,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Strain of each gauge, (N, n), and output of the bridge in V, (N,)."""
+
 def catalogue() -> list[dict[str, Any]]:
     """Every effect of the core: name, targets, terms, shapes, channels read, pairs of parts."""
+
+def condition_signal(
+    time: ArrayLike,
+    voltage: ArrayLike,
+    gain: float,
+    offset: float,
+    time_constant: float,
+    reference: float,
+    bits: int,
+) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
+    """What the converter reads of a bridge [V], and flags: 2 at the end of its range."""
+
+def detect_collision(
+    time: ArrayLike,
+    residual: ArrayLike,
+    velocity: ArrayLike,
+    *,
+    speed_edges: Sequence[float],
+    negative: Sequence[float],
+    positive: Sequence[float],
+    release: float,
+    hold: float,
+) -> NDArray[np.bool_]:
+    """Whether each row is in contact by its external torque [Nm] and velocity [rad/s]."""
+
+def gauge_sensitivity(
+    factor_error: ArrayLike, tilt: ArrayLike, poisson: float
+) -> NDArray[np.float64]:
+    """Sensitivity of gauges with a factor error and a tilt [rad]."""
 
 def isa() -> str:
     """Name of the instruction set in use: 'baseline', 'v3' or 'v4'."""
@@ -110,10 +187,168 @@ def merge(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Sum of the chosen blocks' sums of products, exact where they are: (high, low)."""
 
+def merge_kalman(
+    time: ArrayLike,
+    velocity: ArrayLike,
+    observer: ArrayLike,
+    compliance: ArrayLike,
+    *,
+    alpha: float,
+    transition_velocity: float,
+    walk: float,
+    observer_rest: float,
+    observer_motion: float,
+    compliance_rest: float,
+    compliance_motion: float,
+) -> NDArray[np.float64]:
+    """Torque [Nm] that observer and compliance agree on, by a Kalman filter of a random walk."""
+
+def merge_weight(
+    velocity: ArrayLike, *, alpha: float, transition_velocity: float
+) -> NDArray[np.float64]:
+    """Share of the observer in the logistic merge at each velocity [rad/s at the output]."""
+
+def mesh_torque(
+    torsion: ArrayLike, *, mesh_stiffness: float, mesh_shape: float, margin: float
+) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
+    """Outward torque [Nm] from the mesh's torsion [rad at the output]: (torque, flags)."""
+
+def hysteretic_mesh_torque(
+    torsion: ArrayLike,
+    *,
+    mesh_stiffness: float,
+    mesh_shape: float,
+    margin: float,
+    load_width: float,
+    heights: Sequence[float],
+) -> tuple[NDArray[np.float64], NDArray[np.uint8], NDArray[np.float64]]:
+    """Torque of one run whose torsion also remembers the way of the load, row by row:
+    (torque, flags, torsion of the mesh alone). `heights` [rad at the output] of `load_width` [Nm at
+    the output], its half, quarter and eighth; NaN where the torsion is not finite.
+    """
+
+def mesh_torsion(
+    torque: ArrayLike, *, mesh_stiffness: float, mesh_shape: float
+) -> NDArray[np.float64]:
+    """Torsion of the mesh [rad at the output] under an outward torque [Nm at the output]."""
+
+def noise_variances(
+    resistance: float,
+    amplifier_noise: float,
+    gain: float,
+    time_constant: float,
+    capacitance: float,
+    reference: float,
+    bits: int,
+    temperature: float,
+) -> tuple[float, float, float, float]:
+    """Variances at the converter [V²]: bridge, amplifier, low pass, rounding."""
+
+def mesh_torsion_left(
+    output_position: ArrayLike,
+    motor_position: ArrayLike,
+    rest: ArrayLike,
+    *,
+    effective_ratio: float,
+) -> NDArray[np.float64]:
+    """Torsion of the mesh [rad at the output]: what is left of q·ratio − θ after `rest`
+    [rad at the motor], the short way round."""
+
+def observe_momentum(
+    time: ArrayLike, momentum: ArrayLike, known_torque: ArrayLike, *, gain: float, exact: bool
+) -> NDArray[np.float64]:
+    """External torque [Nm, outward] from the momentum [Nm s] and what else drives it [Nm]."""
+
 def replay_differentiator(
     time: ArrayLike, position: ArrayLike, bandwidth: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Velocity and acceleration of each row by the causal differentiator of the core."""
 
+def replay_order_tracker(
+    angle: ArrayLike, reading: ArrayLike, orders: Sequence[int], points: int
+) -> NDArray[np.float64]:
+    """Torque of each row, the orders taken out over the resampled angle."""
+
+def replay_ripple_oscillator(
+    time: ArrayLike,
+    angle: ArrayLike,
+    reading: ArrayLike,
+    orders: Sequence[int],
+    noise: float,
+    level_rate: float,
+    ripple_rate: float,
+    amplitude: float,
+) -> NDArray[np.float64]:
+    """Torque of each row, the ripple taken out by the core's Kalman oscillator."""
+
+def simulate(
+    joint: SimulatedJoint,
+    time: ArrayLike,
+    inputs: dict[str, NDArray[np.float64]],
+    hold: bool,
+    options: dict[str, Any],
+    start: dict[str, Any],
+    channels: Sequence[str],
+) -> dict[str, Any]:
+    """Drives a joint through time: dict of columns, fault, row, largest_phase, end."""
+
+def simulation_rates(joint: SimulatedJoint, torque: float) -> tuple[float, float]:
+    """Fastest eigenfrequency and decay [1/s] where the gear transmits `torque` [Nm]."""
+
+def simulation_torque(joint: SimulatedJoint, windup: ArrayLike) -> NDArray[np.float64]:
+    """Transmitted torque [Nm, output] at wind-ups [rad, motor side]; infinite past the pole."""
+
+def simulation_windup(joint: SimulatedJoint, torque: ArrayLike) -> NDArray[np.float64]:
+    """Wind-up of the gear [rad, motor side] at transmitted torques [Nm, output]."""
+
 def solve(high: ArrayLike, low: ArrayLike) -> Solution:
     """Least squares from the sums of products of [X, y]; low is empty for plain sums."""
+
+def structural_damping_torque(
+    time: ArrayLike,
+    torsion: ArrayLike,
+    *,
+    damping: float,
+    time_constant: float,
+    initial_torque: float,
+    threshold: float,
+) -> NDArray[np.float64]:
+    """Outward torque [Nm] of each row from the rate of the torsion [rad at the output]."""
+
+def temperature_compensation(
+    time: ArrayLike,
+    temperature: ArrayLike,
+    *,
+    coefficients: Sequence[float],
+    reference_temperature: float,
+    gradient: float,
+    thermal_lag: float,
+) -> NDArray[np.float64]:
+    """Torque [Nm] to add to each row's reading so that temperature leaves no trace."""
+
+def thermistor_temperature(
+    voltage: ArrayLike,
+    *,
+    supply_voltage: float,
+    divider_resistance: float,
+    nominal_resistance: float,
+    beta: float,
+    nominal_temperature: float,
+) -> NDArray[np.float64]:
+    """Temperature [°C] from the divider's voltage [V]; NaN where the line is open or short."""
+
+def thermistor_voltage(
+    temperature: ArrayLike,
+    *,
+    supply_voltage: float,
+    divider_resistance: float,
+    nominal_resistance: float,
+    beta: float,
+    nominal_temperature: float,
+) -> NDArray[np.float64]:
+    """The divider's voltage [V] at a temperature [°C]; NaN at absolute zero and below."""
+
+def wave_generator_torsion(
+    motor_torque: ArrayLike, *, stiffness: float, shape: float
+) -> NDArray[np.float64]:
+    """Torsion of the wave generator [rad at the motor] under a motor torque [Nm at the motor]."""

@@ -47,7 +47,13 @@ TRAINING, HELD_OUT = 4, 2  # runs
 SECONDS, RATE = 24.0, 200.0
 LEAST_GAIN = 0.05  # of the error on unseen runs; less is no discovery
 SAME_SPEED = 0.1  # share by which a row's speed may differ from the one commanded
-NEEDS_A_LOAD = ("gain_error",)
+NEEDS_A_LOAD = (
+    "gain_error",
+    "gain_temperature_dependence",
+    "sensor_nonlinearity",
+    "torque_hysteresis",
+    "sensor_lag",
+)
 
 
 @dataclass(frozen=True)
@@ -129,8 +135,8 @@ def _recorded(rig: Rig, draft: Path, out: Path, say: Say) -> list[Log]:
         f"   {len(rig.logs)} runs of {rig.logs[0].duration:.0f} s at {RATE:g} Hz, both directions, "
         f"{min(SPEEDS):g} to {max(SPEEDS):g} rad/s.\n"
         f"   Put in:\n{_names(truth.model.part(TARGET).effects)},\n"
-        f"   and what no effect knows: presliding ({truth.presliding_level:g} Nm), encoder steps, "
-        f"coloured noise ({truth.noise:g} Nm)."
+        f"   and what hides among them: presliding ({truth.presliding_level:g} Nm), "
+        f"encoder steps, coloured noise ({truth.noise:g} Nm)."
     )
     logs = []
     for log in rig.logs:

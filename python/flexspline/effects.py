@@ -249,11 +249,14 @@ def require_effects(effects: Sequence[Effect], target: str) -> None:
 def unit_in(unit: str, target: str) -> str:
     """Return a term's unit for a target: 'Nm·s/rad' for a torque is 'A·s/rad' for a current.
 
-    Effects of the torsion alone have their units in rad, 'rad/Nm', which stand as they are.
+    A factor of a torque, '1', is 'A/Nm' for a current. Effects of the torsion alone have their
+    units in rad, 'rad/Nm', which stand as they are.
     """
     own = UNITS[target]
     if own == "Nm" or unit.startswith("rad"):
         return unit
+    if unit == "1":
+        return f"{own}/Nm"
     return unit.replace("kg·m²", "Nm·s²/rad").replace("Nm", own)
 
 

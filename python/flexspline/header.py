@@ -34,8 +34,14 @@ USE = {
     "output_acceleration": ("at.output_acceleration = acceleration;  // rad/s^2",),
     "temperature": ("at.temperature = temperature;  // deg C",),
     "motor_torque": ("at.motor_torque = motor_torque;  // Nm at the motor's shaft",),
-    "period": ("at.period = period;  // s since the sample before",),
+    "period": ("at.period = period;  // s since the last sample whose status was ok",),
+    "time": ("at.time = time;  // s since the run began",),
     "load": ("at.known_load = load;  // Nm at the output, 0 where nothing is known of it",),
+}
+
+COUNTED = {
+    "period": ("s", "since the last sample whose status was ok; any at the first"),
+    "time": ("s", "since the run began, as in the logs"),
 }
 
 
@@ -140,7 +146,8 @@ def _expectations(model: Model, part: Part) -> Iterator[str]:
             known = part.known_load or "none in the logs: zero"
             yield f"Reads known_load [Nm]: {known}"
         else:
-            yield f"Reads {name} [{CHANNELS[name].unit}]: {CHANNELS[name].meaning}"
+            unit, meaning = COUNTED.get(name) or CHANNELS[name]
+            yield f"Reads {name} [{unit}]: {meaning}"
     hertz = part.record.get("lowpass")
     if hertz:
         yield f"Fitted to target and rows low-passed at {hertz:g} Hz (-3 dB), zero phase."

@@ -22,12 +22,14 @@ READINGS = {
     "output_velocity": "rad/s",
     "output_acceleration": "rad/s^2",
     "motor_torque": "Nm at the motor's shaft",
+    "time": "s since the run began",
 }
 ANGLES = {"output_position": "q", "motor_position": "theta"}
 RESULTS = {
     "sensor": "external_sensor",
     "observer": "external_observer",
     "compliance": "external_compliance",
+    "compliant_observer": "external_compliant_observer",
     "merge": "external_merged",
     "collision": "contact",
 }
@@ -61,7 +63,8 @@ def chain_head(plan: Plan, namespace: str) -> Iterator[str]:
     yield f"    flexspline::Status status = {namespace}::joint<float>.step(state, in, out);"
     for stage, name in RESULTS.items():
         if stage in plan.estimating or (stage == "sensor" and plan.has_sensor):
-            yield f"    // out.{name}: unless has(out.missed, flexspline::Stage::{stage})"
+            yield f"    // out.{name}: unless"
+            yield f"    //     has(out.missed, flexspline::Stage::{stage})"
     yield "    // has(out.flags, flexspline::Flag::extrapolated), saturated: to be known beside it"
 
 
@@ -96,6 +99,7 @@ def chain_lines(model: Model, plan: Plan) -> Iterator[str]:
         yield f"    .{name} = {f'{name}_model<S>' if part is not None else '{}'},"
     yield f"    .effective_ratio = {literal(plan.effective_ratio, 'effective_ratio')},"
     yield f"    .inertia = {literal(plan.inertia, 'inertia of the observer')},  // kg m^2"
+    yield f"    .link_inertia = {literal(plan.link_inertia, 'inertia of the link')},  // kg m^2"
     if plan.temperature_range is not None:
         for side, value in zip(("low", "high"), plan.temperature_range, strict=True):
             yield f"    .{side} = {literal(value, 'range of temperature')},  // deg C"
@@ -129,7 +133,7 @@ def _readings(plan: Plan) -> set[str]:
         found.add("temperature")
     if plan.has_sensor:
         found.add("sensor_voltage" if "calibration" in plan.sensing else "sensor_torque")
-    if plan.inertia or plan.estimating.keys() & {"merge", "collision"}:
+    if plan.inertia or plan.link_inertia or plan.estimating.keys() & {"merge", "collision"}:
         found.add("output_velocity")
     if plan.estimating.get("observer", {}).get("input") == "motor_torque":
         found.add("motor_torque")

@@ -77,11 +77,14 @@ def type_name(effect: Effect) -> str:
 
 
 def _fields(effect: Effect) -> str:
-    """Shapes by name, or the orders of a ripple effect."""
+    """Shapes by name; of a ripple effect the orders, and behind them its shapes in their order."""
     if effect.ripple:
         between = ",\n" + " " * 17
         orders = between.join(f"{{{o}, flexspline::Pair::{pair}}}" for o, pair in effect.harmonics)
-        return f"{{{{{{{orders}}}}}, {len(effect.harmonics)}}}"
+        shapes = "".join(
+            f", {literal(value, f'{effect.name}.{name}')}" for name, value in effect.shapes.items()
+        )
+        return f"{{{{{{{orders}}}}}, {len(effect.harmonics)}}}{shapes}"
     return ", ".join(
         f".{name} = {literal(value, f'{effect.name}.{name}')}"
         for name, value in effect.shapes.items()

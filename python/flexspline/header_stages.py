@@ -36,6 +36,8 @@ UNITS = {
     "gain": "1/s",
     "mesh_stiffness": "Nm/rad at the output",
     "mesh_shape": "1/Nm",
+    "load_width": "Nm",
+    "heights": "rad at the output, of the width, its half, quarter and eighth",
     "alpha": "s/rad",
     "transition_velocity": "rad/s",
     "walk": "Nm/sqrt(s)",
@@ -58,11 +60,14 @@ def config_lines(entries: Mapping[str, Entry], has_sensor: bool) -> Iterator[str
         "compensation": _compensation(entries),
         "sensor": str(has_sensor).lower(),
         "calibration": _calibration(entries),
-        "observer": _observer(entries),
+        "observer": _observer("observer", entries),
         "observer_input": f"flexspline::ObserverInput::{observer.get('input', 'sensor_torque')}",
         "compliance": _compliance(entries),
+        "hysteresis": _hysteresis(entries),
+        "compliant_observer": _observer("compliant_observer", entries),
         "logistic": ABSENT if kalman else _logistic(entries),
         "kalman": _kalman(entries) if kalman else ABSENT,
+        "at_rest": f"flexspline::AtRest::{merge.get('at_rest', 'compliance')}",
         "collision": _collision(entries),
         "watched": f"flexspline::Watched::{collision.get('input', 'observer')}",
     }
@@ -106,11 +111,11 @@ def _calibration(entries: Mapping[str, Entry]) -> str:
     return _struct("flexspline::Calibration<S>", fields)
 
 
-def _observer(entries: Mapping[str, Entry]) -> str:
-    if "observer" not in entries:
+def _observer(key: str, entries: Mapping[str, Entry]) -> str:
+    if key not in entries:
         return ABSENT
-    rule = f".discretisation = flexspline::Discretisation::{entries['observer']['discretisation']},"
-    fields = [*_numbers("observer", entries, ("gain",)), rule]
+    rule = f".discretisation = flexspline::Discretisation::{entries[key]['discretisation']},"
+    fields = [*_numbers(key, entries, ("gain",)), rule]
     return _struct(f"typename {CHAIN}::Observer::Config", fields)
 
 
@@ -119,6 +124,15 @@ def _compliance(entries: Mapping[str, Entry]) -> str:
         return ABSENT
     names = ("mesh_stiffness", "mesh_shape", "margin")
     return _struct("flexspline::Compliance<S>", _numbers("compliance", entries, names))
+
+
+def _hysteresis(entries: Mapping[str, Entry]) -> str:
+    loop = entries.get("compliance", {}).get("hysteresis")
+    if loop is None:
+        return ABSENT
+    key = "compliance"
+    fields = [*_numbers(key, {key: loop}, ("load_width",)), _array(key, "heights", loop["heights"])]
+    return _struct("flexspline::LoadHysteresis<S>", fields)
 
 
 def _logistic(entries: Mapping[str, Entry]) -> str:

@@ -69,6 +69,11 @@ class Model:
                     f"the model's estimator '{key}'{near} is a {type(estimator).__name__}; "
                     f"give one of flexspline.estimators by its key: {listed(ESTIMATORS)}"
                 )
+            if estimator.key != key:
+                raise InputError(
+                    f"the model's estimator '{key}' is one whose key is {estimator.key}; give it "
+                    "by that key, or use model.with_estimator"
+                )
 
     def part(self, target: str | None = None) -> Part:
         """Return the part of a target; None picks the only one.

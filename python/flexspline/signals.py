@@ -85,9 +85,11 @@ def channels_for(
     for name in sorted(needed):
         if name not in log:
             users = listed(e.name for e in effects if name in e.reads) or "ripple effects"
+            by_current = name == "motor_torque" and "motor_current" in log
+            remedy = "give torque_constant" if by_current else "map a column to it"
             raise InputError(
                 f"log '{log.name}': {users} needs the channel {name}; it has "
-                f"{listed(log.channels)}; map a column to it or leave the effect out"
+                f"{listed(log.channels)}; {remedy} or leave the effect out"
             )
     return log
 
@@ -95,14 +97,16 @@ def channels_for(
 def core_channels(log: Log, effects: Sequence[Effect], known_load: str | None) -> dict[str, Array]:
     """Return the channels that the core reads, by its names.
 
-    Effects that remember get the `period` [s] since the row before, 0 where the memory starts
-    anew: at the first row and behind each gap.
+    `time` [s] counts from the first row. Effects that remember get the `period` [s] since the row
+    before, 0 where the memory starts anew: at the first row and behind each gap.
     """
     reads = {channel for effect in effects for channel in effect.reads}
     names = set(reads) - {"load"}
     if "motor_position" in reads:
         names.add("output_position")
     channels = {name: np.ascontiguousarray(log[name]) for name in names if name in log}
+    if "time" in channels:
+        channels["time"] = channels["time"] - channels["time"][0]
     if known_load is not None and known_load in log:
         channels["known_load"] = np.ascontiguousarray(log[known_load])
     if any(effect.info.remembers for effect in effects):

@@ -1,20 +1,27 @@
 // Everything that a device runs, in both precisions, for a look at the symbols that it needs.
 #include "flexspline/effects/catalogue.hpp"
+#include "flexspline/estimators/chain.hpp"
 #include "flexspline/estimators/differentiator.hpp"
+#include "flexspline/estimators/order_tracker.hpp"
+#include "flexspline/estimators/ripple_oscillator.hpp"
+#include "flexspline/joint.hpp"
 #include "flexspline/model.hpp"
+#include "flexspline/sensor/bridge.hpp"
+#include "flexspline/sensor/electronics.hpp"
 
 namespace flexspline {
 
 template <typename S>
-struct Joint {
+struct Whole {
   template <typename... Effects>
   using ModelOf = Model<S, Effects...>;
   using All = Catalogue<ModelOf, S, 12>;
 };
 
 template <typename S>
-Status step(const typename Joint<S>::All& model, typename Differentiator<S>::State& state,
-            Sample<S>& at, S radians, S period, S& torque) noexcept {
+Status step(const typename Whole<S>::All& model, typename Differentiator<S>::State& state,
+            typename Whole<S>::All::State& memory, Sample<S>& at, S radians, S period,
+            S& torque) noexcept {
   if (const Status read = read_radians(radians, at.output_position); read != Status::ok) {
     return read;
   }
@@ -22,17 +29,48 @@ Status step(const typename Joint<S>::All& model, typename Differentiator<S>::Sta
   if (moved != Status::ok) return moved;
   at.output_velocity = state.velocity;
   at.output_acceleration = state.acceleration;
-  return model.predict(at, torque);
+  at.period = period;
+  return model.predict(at, memory, torque);
 }
 
-Status step_float(const Joint<float>::All& model, Differentiator<float>::State& state,
-                  Sample<float>& at, float radians, float period, float& torque) noexcept {
-  return step<float>(model, state, at, radians, period, torque);
+Status step_float(const Whole<float>::All& model, Differentiator<float>::State& state,
+                  Whole<float>::All::State& memory, Sample<float>& at, float radians, float period,
+                  float& torque) noexcept {
+  return step<float>(model, state, memory, at, radians, period, torque);
 }
 
-Status step_double(const Joint<double>::All& model, Differentiator<double>::State& state,
-                   Sample<double>& at, double radians, double period, double& torque) noexcept {
-  return step<double>(model, state, at, radians, period, torque);
+Status step_double(const Whole<double>::All& model, Differentiator<double>::State& state,
+                   Whole<double>::All::State& memory, Sample<double>& at, double radians,
+                   double period, double& torque) noexcept {
+  return step<double>(model, state, memory, at, radians, period, torque);
 }
+
+template <typename S>
+using Loaded = Joint<S, Model<S, GainError<S>>, Model<S>, Model<S, Offset<S>>, Model<S>>;
+Status step_float(const Loaded<float>& joint, Loaded<float>::State& state, const Reading<float>& in,
+                  Chain<float>::Output& out) noexcept {
+  return joint.step(state, in, out);
+}
+Status step_double(const Loaded<double>& joint, Loaded<double>::State& state,
+                   const Reading<double>& in, Chain<double>::Output& out) noexcept {
+  return joint.step(state, in, out);
+}
+
+template struct Chain<float>;
+template struct Chain<double>;
+template struct Thermistor<float>;
+template struct Thermistor<double>;
+template struct RippleOscillator<float, 3>;
+template struct RippleOscillator<double, 3>;
+template struct OrderTracker<float, 64>;
+template struct OrderTracker<double, 64>;
+template struct Bridge<float, 8>;
+template struct Bridge<double, 8>;
+template struct Conditioning<float>;
+template struct Conditioning<double>;
+template float mesh_torsion(float, float, float) noexcept;
+template double mesh_torsion(double, double, double) noexcept;
+template float wave_generator_torsion(float, float, float) noexcept;
+template double wave_generator_torsion(double, double, double) noexcept;
 
 }  // namespace flexspline

@@ -64,7 +64,8 @@ Sample<S> usual_sample(std::mt19937_64& random) {
   at.temperature = S(30 + 10 * normal(random));
   at.known_load = S(50 * normal(random));
   at.motor_torque = S(normal(random));
-  at.period = S(0.001);
+  at.period = S(0.001 + 0.001 * std::abs(normal(random)));
+  at.time = S(100 * std::abs(normal(random)));
   at.load = S(50 * normal(random));
   at.wave_generator_on_flexspline = any_angle<S>(random).phase;
   at.wave_generator_on_circular_spline = any_angle<S>(random).phase;

@@ -21,6 +21,8 @@ typename Chain<S>::Config whole() {
   config.calibration = {S(62.738), S(2.1835), S(-1), S(1.2)};
   config.observer = {S(100), Discretisation::exact};
   config.compliance = {S(15548), S(0.0487L), S(0.05L)};
+  config.hysteresis = {S(2), {S(3e-6L), S(2e-6L), S(1e-6L), S(1e-6L)}};
+  config.compliant_observer = {S(60), Discretisation::exact};
   config.logistic = {S(500), S(0.001L)};
   auto& collision = config.collision.emplace();
   collision.negative.fill(S(5));
@@ -43,6 +45,7 @@ typename Chain<S>::Input sample(int i) {
   in.observer_intrinsic = S(0.5);
   in.torsion = S(-1e-3 * std::sin(3 * t));
   in.gear_known = S(0.3);
+  in.link_momentum = S(1.1 * std::cos(2 * t));
   in.velocity = S(0.01 * std::sin(t));
   return in;
 }
@@ -54,6 +57,7 @@ bool same(const typename Chain<S>::Output& a, const typename Chain<S>::Output& b
          same_bits(a.external_sensor, b.external_sensor) &&
          same_bits(a.external_observer, b.external_observer) &&
          same_bits(a.external_compliance, b.external_compliance) &&
+         same_bits(a.external_compliant_observer, b.external_compliant_observer) &&
          same_bits(a.external_merged, b.external_merged) &&
          same_bits(a.merge_weight, b.merge_weight) && a.contact == b.contact;
 }
@@ -78,12 +82,13 @@ TEST_CASE_TEMPLATE("the chain gives what its stages give one by one", S, float, 
   Device<S> device;
   const auto config = whole<S>();
   typename TemperatureCompensation<S>::State body;
-  typename MomentumObserver<S>::State observer;
+  typename MomentumObserver<S>::State observer, link;
+  typename LoadHysteresis<S>::State springs;
   typename CollisionDetector<S>::State detector;
   for (int i = 0; i < 500; ++i) {
     const auto in = sample<S>(i);
     device.step(in);
-    S temperature = 0, external = 0, weight = 0, merged = 0;
+    S temperature = 0, external = 0, weight = 0, merged = 0, left = 0, behind = 0;
     FlaggedTorque<S> drift, sensor, gear;
     bool contact = false;
     CHECK(config.thermistor->temperature(in.thermistor_voltage, temperature) == Status::ok);
@@ -93,7 +98,10 @@ TEST_CASE_TEMPLATE("the chain gives what its stages give one by one", S, float, 
     CHECK(MomentumObserver<S>::step(*config.observer, observer, in.momentum,
                                     sensor.torque - in.observer_intrinsic, in.period,
                                     external) == Status::ok);
-    CHECK(config.compliance->torque(in.torsion, gear) == Status::ok);
+    CHECK(config.hysteresis->torque(*config.compliance, springs, in.torsion, left, gear) ==
+          Status::ok);
+    CHECK(MomentumObserver<S>::step(*config.compliant_observer, link, in.link_momentum,
+                                    gear.torque - in.gear_known, in.period, behind) == Status::ok);
     CHECK(config.logistic->merge(in.velocity, external, gear.torque - in.gear_known, weight,
                                  merged) == Status::ok);
     CHECK(CollisionDetector<S>::step(*config.collision, detector, merged, in.velocity, in.period,
@@ -103,6 +111,7 @@ TEST_CASE_TEMPLATE("the chain gives what its stages give one by one", S, float, 
                                              sensor.torque - in.sensor_intrinsic,
                                              external,
                                              gear.torque - in.gear_known,
+                                             behind,
                                              merged,
                                              weight,
                                              contact};
@@ -130,15 +139,17 @@ TEST_CASE_TEMPLATE("a missing channel stops its stage and what follows, and no o
     Stage missed;
   };
   const Stage end = Stage::merge | Stage::collision;
-  const std::array<Case, 9> cases{{
+  const Stage gear = Stage::compliance | Stage::compliant_observer | end;
+  const std::array<Case, 10> cases{{
       {&Input::voltage, Stage::sensor | Stage::observer | end},
       {&Input::thermistor_voltage, Stage::thermistor | Stage::compensation},
       {&Input::sensor_intrinsic, Stage::sensor | Stage::observer | end},
       {&Input::motor_torque, Stage::none},
       {&Input::momentum, Stage::observer | end},
       {&Input::observer_intrinsic, Stage::observer | end},
-      {&Input::torsion, Stage::compliance | end},
-      {&Input::gear_known, Stage::compliance | end},
+      {&Input::torsion, gear},
+      {&Input::gear_known, gear},
+      {&Input::link_momentum, Stage::compliant_observer},
       {&Input::velocity, end},
   }};
   for (const Case& one : cases) {
@@ -212,17 +223,19 @@ TEST_CASE_TEMPLATE("any finite channels give finite outputs or a missed stage", 
   std::mt19937_64 random(7);
   Device<S> device;
   using Input = typename Chain<S>::Input;
-  const std::array<S Input::*, 9> channels{
-      &Input::voltage,    &Input::thermistor_voltage, &Input::sensor_intrinsic,
-      &Input::momentum,   &Input::observer_intrinsic, &Input::torsion,
-      &Input::gear_known, &Input::velocity,           &Input::motor_torque};
+  const std::array<S Input::*, 10> channels{
+      &Input::voltage,      &Input::thermistor_voltage, &Input::sensor_intrinsic,
+      &Input::momentum,     &Input::observer_intrinsic, &Input::torsion,
+      &Input::gear_known,   &Input::velocity,           &Input::motor_torque,
+      &Input::link_momentum};
   for (int i = 0; i < 20000; ++i) {
     Input in = sample<S>(i);
     in.*channels[random() % channels.size()] = any_finite<S>(random);
     device.step(in);
-    for (const S value : {device.out.temperature, device.out.sensor_torque,
-                          device.out.external_sensor, device.out.external_observer,
-                          device.out.external_compliance, device.out.external_merged}) {
+    for (const S value :
+         {device.out.temperature, device.out.sensor_torque, device.out.external_sensor,
+          device.out.external_observer, device.out.external_compliance,
+          device.out.external_compliant_observer, device.out.external_merged}) {
       REQUIRE(math::is_finite(value));
     }
   }
@@ -274,6 +287,52 @@ TEST_CASE("flags of the stages that ran are told together") {
   CHECK(device.out.flags == Flag::extrapolated);
 }
 
+TEST_CASE_TEMPLATE("merge and detector take the link's observer where they are told to", S, float,
+                   double) {
+  Device<S> device;
+  device.config.at_rest = AtRest::compliant_observer;
+  device.config.watched = Watched::compliant_observer;
+  device.config.collision->negative.fill(S(4));
+  device.config.collision->positive.fill(S(4));
+  int contacts = 0;
+  for (int i = 0; i < 2000; ++i) {
+    auto in = sample<S>(i);
+    in.velocity = S(0);  // λ(0) = 0.378
+    device.step(in);
+    const auto& out = device.out;
+    S weight = 0, merged = 0;
+    REQUIRE(device.config.logistic->merge(S(0), out.external_observer,
+                                          out.external_compliant_observer, weight,
+                                          merged) == Status::ok);
+    CHECK(same_bits(out.external_merged, merged));
+    CHECK(out.contact == (math::absolute(out.external_compliant_observer) > S(4)));
+    contacts += out.contact;
+  }
+  CHECK(contacts > 100);
+  CHECK(contacts < 1900);
+  auto in = sample<S>(2000);
+  in.link_momentum = not_a_number<S>;
+  device.step(in);
+  CHECK(device.out.missed == (Stage::compliant_observer | Stage::merge | Stage::collision));
+}
+
+TEST_CASE("the observer of a link takes off the inertia that the compliance leaves in") {
+  Device<double> device;
+  device.config.hysteresis.reset();
+  const double inertia = 0.7, push = 3, acceleration = 20;
+  for (int i = 0; i < 400; ++i) {
+    auto in = sample<double>(i);
+    in.gear_known = 0;
+    in.torsion = mesh_torsion(push + inertia * acceleration, 15548.0, 0.0487);
+    in.link_momentum = inertia * acceleration * 0.001 * i;
+    device.step(in);
+  }
+  const double decay = 60 * 0.399;
+  CHECK(device.out.external_compliance == doctest::Approx(push + inertia * acceleration));
+  CHECK(device.out.external_compliant_observer ==
+        doctest::Approx(push * (1 - std::exp(-decay))).epsilon(1e-9));
+}
+
 TEST_CASE("a replayed chain repeats what it has where time stands still") {
   const std::array<double, 4> time{0, 0.001, 0.001, 0.002}, torque{1, 2, 9, 3};
   std::array<double, 4> external{};
@@ -292,6 +351,6 @@ TEST_CASE("a replayed chain repeats what it has where time stands still") {
 }
 
 TEST_CASE("a chain's stages are those that are configured") {
-  CHECK(batch::configured(whole<double>()) == Stage{127});
+  CHECK(batch::configured(whole<double>()) == Stage{255});
   CHECK(batch::configured({}) == Stage::none);
 }

@@ -16,7 +16,7 @@ constexpr std::size_t gap = 1111;   // where a run begins anew
 
 /// A log of random motion with all channels.
 struct RandomLog {
-  std::vector<double> q, v, a, theta, temperature, load, motor_torque, period;
+  std::vector<double> q, v, a, theta, temperature, load, motor_torque, period, time;
 
   explicit RandomLog(unsigned seed) {
     std::mt19937_64 random(seed);
@@ -28,11 +28,12 @@ struct RandomLog {
     for (std::size_t i = 0; i < rows; ++i) motor_torque.push_back(normal(random));
     period.assign(rows, 0.001);
     period[0] = period[gap] = 0.0;
+    for (std::size_t i = 0; i < rows; ++i) time.push_back(0.001 * static_cast<double>(i));
   }
   batch::Channels channels() const {
-    return {rows,         q.data(),           v.data(),    a.data(),
-            theta.data(), temperature.data(), load.data(), motor_torque.data(),
-            period.data()};
+    return {rows,          q.data(),           v.data(),    a.data(),
+            theta.data(),  temperature.data(), load.data(), motor_torque.data(),
+            period.data(), time.data()};
   }
   Sample<double> operator[](std::size_t i) const {
     Sample<double> at;
@@ -44,6 +45,7 @@ struct RandomLog {
     at.known_load = load[i];
     at.motor_torque = motor_torque[i];
     at.period = period[i];
+    at.time = time[i];
     return at;
   }
 };
@@ -75,6 +77,10 @@ void check_equal(Model<double, Effects...> model, unsigned seed) {
       part.effect.direction_width = 0.02;
       batch::set_shape(any, "direction_width", 0.02);
     }
+    if constexpr (requires { part.effect.resonance_velocity; }) {
+      part.effect.resonance_velocity = 0.1;
+      batch::set_shape(any, "resonance_velocity", 0.1);
+    }
     if constexpr (requires { part.effect.path; }) {
       batch::set_shape(any, "path", part.effect.path);
     }
@@ -100,6 +106,7 @@ void check_equal(Model<double, Effects...> model, unsigned seed) {
     if (at.period == 0.0) {
       state = {};
       states = {};
+      at.period = 0.001;  // a device has some period; where it starts anew any will do
     }
     REQUIRE(model.predict(at, state, torque) == Status::ok);
     CHECK(same_bits(predicted[i], torque));
@@ -178,6 +185,33 @@ TEST_CASE("columns and sums of a design have the bits of the plain rows: torsion
     std::get<2>(model.parts).effect = with_orders<KinematicError<D, 3>>(
         {{2, Pair::output_on_housing}, {1, circular_pair}, {2, circular_pair}});
     check_equal(model, 56);
+  }
+}
+
+TEST_CASE("columns and sums of a design have the bits of the plain rows: friction with memory") {
+  check_equal(Model<D, PreslidingFriction<D>, TemperatureDependentFriction<D>,
+                    PositionDependentFriction<D>, CoulombFriction<D>, TimeDrift<D>>{},
+              57);
+}
+
+TEST_CASE("columns and sums of a design have the bits of the plain rows: errors of a sensor") {
+  check_equal(Model<D, ThermalGradientDrift<D>, Gravity<D>, GainTemperatureDependence<D>,
+                    SensorNonlinearity<D>, TorqueHysteresis<D>, MotorCrosstalk<D>, SensorLag<D>>{},
+              58);
+  check_equal(Model<D, TorqueConstantError<D>, Inertia<D>, TimeDrift<D>>{}, 59);
+}
+
+TEST_CASE("columns and sums of a design have the bits of the plain rows: bent ripple and mesh") {
+  std::vector<Harmonic> mixed{{1, circular_pair},
+                              {2, circular_pair},
+                              {3, circular_pair},
+                              {1, flexspline_pair},
+                              {7, Pair::motor_on_stator}};
+  for (const bool encoder : {false, true}) {
+    Model<D, SpeedDependentRipple<D, 5>, Backlash<D>, TemperatureDependentStiffness<D>> model;
+    model.gear = Gear<D>::from_ratio(101.0, OutputSpline::circular, encoder);
+    std::get<0>(model.parts).effect = with_orders<SpeedDependentRipple<D, 5>>(mixed);
+    check_equal(model, 60);
   }
 }
 
@@ -290,6 +324,11 @@ TEST_CASE("structure is found where orders are 1 to n of one pair, n of four or 
   CHECK_FALSE(structure({ripple({{1, {}}, {2, {}}, {3, {}}})}).has_value());
   CHECK_FALSE(structure({ripple({{1, {}}, {2, {}}, {3, {}}, {5, {}}})}).has_value());
   CHECK_FALSE(structure({ripple({{2, {}}, {3, {}}, {4, {}}, {5, {}}})}).has_value());
+  batch::AnyEffect bent = batch::effect_by_name("speed_dependent_ripple");
+  std::vector<Harmonic> turning(four);
+  for (Harmonic& harmonic : turning) harmonic.pair = Pair::motor_on_stator;
+  batch::set_harmonics(bent, turning);
+  CHECK_FALSE(structure({bent}).has_value());
 
   const auto found = structure({ViscousFriction<D>{}, ripple(four), Offset<D>{}, Inertia<D>{}});
   REQUIRE(found.has_value());

@@ -2,6 +2,7 @@
 
 #include "flexspline/effects/gain_error.hpp"
 #include "flexspline/effects/inertia.hpp"
+#include "flexspline/effects/load_dependent_friction.hpp"
 #include "flexspline/effects/offset.hpp"
 #include "flexspline/effects/temperature_drift.hpp"
 #include "flexspline/joint.hpp"
@@ -150,4 +151,65 @@ TEST_CASE_TEMPLATE("a part that reads an angle is silent without it, the others 
   REQUIRE(joint.step(state, in, out) == Status::ok);
   CHECK(out.missed == Stage::none);
   CHECK(out.external_compliance == S(0));
+}
+
+namespace {
+
+/// A joint without sensor whose friction is a tenth of its load, at full speed.
+template <typename S>
+using Blind = Joint<S, Model<S>, Model<S, LoadDependentFriction<S>>, Model<S>, Model<S>>;
+
+template <typename S>
+Blind<S> blind() {
+  Blind<S> joint{};
+  joint.estimating.observer = {S(100), Discretisation::exact};
+  joint.estimating.observer_input = ObserverInput::motor_torque;
+  joint.estimating.compliance = Compliance<S>{S(10000), S(0.05L)};
+  joint.effective_ratio = S(ratio);
+  joint.torsion.gear = Gear<S>::from_ratio(ratio, OutputSpline::circular, true);
+  std::get<0>(joint.observed.parts).coefficients = {S(0.1)};
+  return joint;
+}
+
+/// The gear carries `load`; NaN: its torsion is not read.
+template <typename S>
+Reading<S> carrying(double load) {
+  Reading<S> in;
+  in.period = S(0.001);
+  in.motor_torque = S(0);
+  in.output_velocity = S(3);
+  in.output_position = Angle<S>{};
+  const double torsion = mesh_torsion(load, 10000.0, 0.05);
+  if (math::is_finite(load)) in.motor_position = Angle<S>::from_radians(S(-torsion * ratio));
+  return in;
+}
+
+}  // namespace
+
+TEST_CASE_TEMPLATE("without a sensor the load is that of the sample before, and zero at first", S,
+                   float, double) {
+  const auto joint = blind<S>();
+  typename Blind<S>::State state;
+  typename Blind<S>::Chain::Output out;
+  typename Blind<S>::Chain::Observer::State expected;
+  constexpr double gone = std::numeric_limits<double>::quiet_NaN();
+  const std::array<double, 8> loads{gone, 4.0, -7.0, gone, 2.0, 1e4, 1e4, 5.0};
+  const std::array<double, 8> known{0.0, 0.0, 4.0, -7.0, -7.0, 2.0, 2.0, 2.0};
+  for (std::size_t k = 0; k < loads.size(); ++k) {
+    REQUIRE(joint.step(state, carrying<S>(loads[k]), out) == Status::ok);
+    CHECK(has(out.missed, Stage::compliance) == !math::is_finite(loads[k]));
+    CHECK(has(out.flags, Flag::saturated) == (loads[k] > 100));
+    CHECK_FALSE(has(out.missed, Stage::observer));
+    S external = 0;
+    const S friction = S(0.1L) * S(math::absolute(known[k]));
+    REQUIRE(Blind<S>::Chain::Observer::step(*joint.estimating.observer, expected, S(0), -friction,
+                                            S(0.001), external) == Status::ok);
+    CHECK(static_cast<double>(math::absolute(out.external_observer - external)) <= 2e-4);
+  }
+  state = {};
+  REQUIRE(joint.step(state, carrying<S>(4.0), out) == Status::ok);
+  REQUIRE(joint.step(state, carrying<S>(4.0), out) == Status::ok);
+  CHECK(out.external_observer < S(0));
+  state = {};
+  CHECK(state.gear_load == S(0));
 }

@@ -4,9 +4,9 @@
 //
 // A row is eleven doubles: 1 for a fresh start, period, output angle, motor angle (radians, which
 // become an encoder's counts of 2^-32 turns in float), velocity, acceleration, motor torque, sensor
-// voltage, sensor torque, thermistor voltage, temperature; NaN is missing. A result is ten:
+// voltage, sensor torque, thermistor voltage, temperature; NaN is missing. A result is eleven:
 // temperature, sensor torque, external torques of sensor, observer, compliance and merged, contact,
-// flags, missed stages, status.
+// flags, missed stages, status, external torque of the compliant observer.
 #include <array>
 #include <cstdio>
 #include <cstring>
@@ -50,7 +50,7 @@ int stream() noexcept {
     if (row[0] == 1.0) state = {};
     const flexspline::Status status = joint::joint<S>.step(state, reading<S>(row), out);
     const auto wide = [](auto value) { return static_cast<double>(value); };
-    const std::array<double, 10> result{wide(out.temperature),
+    const std::array<double, 11> result{wide(out.temperature),
                                         wide(out.sensor_torque),
                                         wide(out.external_sensor),
                                         wide(out.external_observer),
@@ -59,7 +59,8 @@ int stream() noexcept {
                                         wide(out.contact),
                                         wide(out.flags),
                                         wide(out.missed),
-                                        wide(status)};
+                                        wide(status),
+                                        wide(out.external_compliant_observer)};
     if (std::fwrite(result.data(), sizeof result, 1, stdout) != 1) return 1;
   }
   return 0;

@@ -62,7 +62,7 @@ def compiled(
 
 
 def stream(program: Path, scalar: str, angles: str, rows: Array) -> tuple[Array, Array]:
-    """Stream rows (N, 10) through the program; torques (N,) and statuses (N,)."""
+    """Stream rows (N, 11) through the program; torques (N,) and statuses (N,)."""
     done = subprocess.run(
         [str(program), scalar, angles], input=rows.tobytes(), capture_output=True, check=True
     )
@@ -73,10 +73,11 @@ def stream(program: Path, scalar: str, angles: str, rows: Array) -> tuple[Array,
 
 def radian_rows(log: Log, known_load: str | None) -> Array:
     """Rows of `stream.cpp` with angles in radians."""
-    rows = np.zeros((len(log), 10))
+    rows = np.zeros((len(log), 11))
     rows[:, 6] = 25.0
     rows[1:, 9] = np.diff(log["time"])
     rows[runs(log["time"])[:, 0], 9] = 0.0
+    rows[:, 10] = log["time"] - log["time"][0]
     channels = ("output_position", "motor_position", "output_velocity", "output_acceleration")
     channels += ("temperature", known_load, "motor_torque")
     places = dict(zip(channels, (0, 2, 4, 5, 6, 7, 8), strict=True))

@@ -2,9 +2,10 @@
 //
 //   stream float|double radians|fractions < rows > results
 //
-// A row is ten doubles: output angle (two numbers), motor angle (two numbers), velocity,
-// acceleration, temperature, known load, motor torque, period (0 at a start). Angles are radians and nothing, or turns and a fraction
-// in 2^-32 turns, as an encoder counts. A result is two doubles: torque and status.
+// A row is eleven doubles: output angle (two numbers), motor angle (two numbers), velocity,
+// acceleration, temperature, known load, motor torque, period (0 at a start), time. Angles are
+// radians and nothing, or turns and a fraction in 2^-32 turns, as an encoder counts. A result is
+// two doubles: torque and status.
 #include <array>
 #include <cstdio>
 #include <cstring>
@@ -43,7 +44,7 @@ int stream(bool radians) noexcept {
   Sample<S> at;
   S torque = S(0);
   typename joint::Model<S>::State state;
-  std::array<double, 10> row{};
+  std::array<double, 11> row{};
   while (std::fread(row.data(), sizeof row, 1, stdin) == 1) {
     Status status = read_angle(&row[0], at.output_position);
     if (status == Status::ok) status = read_angle(&row[2], at.motor_position);
@@ -53,7 +54,11 @@ int stream(bool radians) noexcept {
     at.known_load = static_cast<S>(row[7]);
     at.motor_torque = static_cast<S>(row[8]);
     at.period = static_cast<S>(row[9]);
-    if (at.period == S(0)) state = {};
+    at.time = static_cast<S>(row[10]);
+    if (at.period == S(0)) {
+      state = {};
+      at.period = S(0.5);  // a device has some period; where it starts anew any will do
+    }
     if (status == Status::ok) status = predict(at, state, torque);
     const std::array<double, 2> result{static_cast<double>(torque), static_cast<double>(status)};
     if (std::fwrite(result.data(), sizeof result, 1, stdout) != 1) return 1;

@@ -9,11 +9,20 @@ import chain_rig
 import device
 import numpy as np
 import pytest
-from chain_rig import BY_MOTOR, CALIBRATION, COLLISION, COMPENSATION, KALMAN, MERGE, THERMISTOR
+from chain_rig import (
+    BY_GEAR,
+    BY_MOTOR,
+    CALIBRATION,
+    COLLISION,
+    COMPENSATION,
+    KALMAN,
+    MERGE,
+    THERMISTOR,
+)
 from numpy.typing import NDArray
 
 import flexspline
-from flexspline import Collision, Compliance, InputError, Observer, effect
+from flexspline import Collision, Compliance, InputError, Merge, Observer, effect
 from flexspline.estimation import Status
 from flexspline.export import export
 from flexspline.logs.log import Log
@@ -41,6 +50,7 @@ RESULTS = {
     "external_torque_compliance": 4,
     "external_torque_merged": 5,
     "contact": 6,
+    "external_torque_compliant_observer": 10,
 }
 EPSILON = 2.0**-24  # half a unit in the last place of a float
 
@@ -64,11 +74,11 @@ def rows_of(log: Log, *, single: bool = False) -> Array:
 
 
 def stream(program: Path, scalar: str, rows: Array) -> Array:
-    """Stream rows through the program; results (N, 10)."""
+    """Stream rows through the program; results (N, 11)."""
     done = subprocess.run(
         [str(program), scalar], input=rows.tobytes(), capture_output=True, check=True
     )
-    results = np.frombuffer(done.stdout).reshape(-1, 10)
+    results = np.frombuffer(done.stdout).reshape(-1, 11)
     assert len(results) == len(rows)
     return results
 
@@ -87,7 +97,8 @@ def assert_same_bits(model: Model, log: Log, program: Path) -> None:
     assert compared > len(log)
     missed = found[:, 8].astype(int)
     stages = {4: Status.NO_SENSOR, 8: Status.NO_OBSERVER, 16: Status.NO_COMPLIANCE}
-    for stage, bit in {**stages, 32: Status.NO_MERGED, 64: Status.NO_CONTACT}.items():
+    last = {32: Status.NO_MERGED, 64: Status.NO_CONTACT, 128: Status.NO_COMPLIANT_OBSERVER}
+    for stage, bit in {**stages, **last}.items():
         assert np.array_equal((missed & stage) != 0, made.flagged(bit)), bit
     for flag in (Status.EXTRAPOLATED, Status.SATURATED):
         assert np.array_equal((found[:, 7].astype(int) & int(flag)) != 0, made.flagged(flag)), flag
@@ -106,7 +117,18 @@ def broken(log: Log) -> Log:
 
 
 CHAINS = {
-    "everything": (THERMISTOR, COMPENSATION, CALIBRATION, BY_MOTOR, Compliance(), MERGE, COLLISION),
+    "everything": tuple(chain_rig.whole_joint().estimators.values()),
+    "the link behind the gear": (
+        BY_MOTOR,
+        Compliance(),
+        BY_GEAR,
+        Merge(500.0, 0.01, at_rest="compliant_observer"),
+        Collision("compliant_observer", (), (2.0,), (2.0,)),
+    ),
+    "the link by euler, without a motor's torque": (
+        Compliance(),
+        Observer(60.0, "compliance", "euler"),
+    ),
     "kalman": (BY_MOTOR, Compliance(0.2), KALMAN, COLLISION),
     "euler by the sensor": (
         CALIBRATION,
@@ -127,15 +149,21 @@ def test_the_device_computes_the_bits_of_estimate(tmp_path: Path, case: str) -> 
     assert_same_bits(model, broken(log), program)
 
 
-def test_a_part_that_remembers_is_the_same_on_the_device(tmp_path: Path) -> None:
-    torsion = chain_rig.TORSION
-    effects = (*torsion.effects, effect("torsional_hysteresis"))
-    values = np.append(torsion.coefficients, [2e-3, 1e-3, 5e-4, 2e-4])
-    part = Part("torsion", effects, values, torsion.known_load, torsion.record)
-    model = chain_rig.joint(CALIBRATION, BY_MOTOR, Compliance(), MERGE).with_part(part, {})
+@pytest.mark.parametrize("path", [0, 1])
+def test_a_part_that_remembers_is_the_same_on_the_device(tmp_path: Path, path: int) -> None:
+    part = chain_rig.with_hysteresis(chain_rig.TORSION, path=float(path))
+    estimators = (CALIBRATION, BY_MOTOR, Compliance(), BY_GEAR, MERGE)
+    model = chain_rig.joint(*estimators).with_part(part, {})
     program = device.compiled(model, tmp_path, device.compilers()[0], name="chain")
     assert_same_bits(model, chain_rig.raw_log(), program)
     assert_same_bits(model, broken(chain_rig.raw_log()), program)
+
+
+def test_a_joint_without_a_sensor_is_the_same_on_the_device(tmp_path: Path) -> None:
+    model = chain_rig.blind_joint(BY_MOTOR, Compliance(), BY_GEAR, MERGE)
+    program = device.compiled(model, tmp_path, device.compilers()[0], name="chain")
+    for log in (chain_rig.raw_log(), broken(chain_rig.raw_log())):
+        assert_same_bits(model, chain_rig.without(log, "sensor_voltage", "sensor_torque"), program)
 
 
 @pytest.mark.parametrize("compiler", device.compilers())

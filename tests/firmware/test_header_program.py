@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import flexspline
-from flexspline.effects import Effect, effect
+from flexspline.effects import CATALOGUE, TARGETS, Effect, effect, unit_in
 from flexspline.export import export
 from flexspline.logs.log import Log
 from flexspline.model import PART_OF, Model, Part
@@ -176,6 +176,73 @@ def test_a_model_with_memory_is_the_same_in_python_and_on_the_device(
     for compiler in device.compilers():
         program = device.compiled(sensor, tmp_path, compiler)
         assert_same_as_predict(sensor, log, program)
+        assert float_error(program, log, far=0) <= 2e-6
+
+
+def all_of(target: str) -> tuple[Effect, ...]:
+    """Every effect of the catalogue that acts on a target; ripple with orders of all its pairs."""
+    found = []
+    for name, info in CATALOGUE.items():
+        if TARGETS[target] in info.targets:
+            orders = [(order, pair) for pair in info.pairs for order in (1, 2, 5)]
+            found.append(effect(name, orders=orders))
+    return tuple(found)
+
+
+def rich(seed: int) -> Log:
+    """A run with every channel that an effect reads, and a gap."""
+    log = motion(seed)
+    torque = 0.4 * np.sin(0.9 * log["time"])
+    log = log.with_columns({"motor_torque": torque}, note="simulated")
+    kept = np.ones(len(log), dtype=bool)
+    kept[2000:2100] = False
+    return log.rows(kept, note="a gap")
+
+
+def exported(effects: tuple[Effect, ...], target: str) -> Model:
+    """A model with coefficients of which each makes its row as large as one."""
+    log = rich(5)
+    facts = {"gear_ratio": 100.0, "output_spline": "circular"}
+    terms = sum(len(e.terms) for e in effects)
+    record = {"channels": ["motor_position"]}
+    plain = Part(target, effects, np.ones(terms), LOAD, record)
+    sizes = Model({PART_OF[target]: plain}, facts).components(log)
+    values = [
+        1.0 / float(np.abs(sizes[e.name]).max()) / (2 + k)
+        for e in effects
+        for k in range(len(e.terms))
+    ]
+    part = Part(target, effects, np.array(values), LOAD, record)
+    return Model({PART_OF[target]: part}, facts)
+
+
+@pytest.mark.parametrize("target", ["sensor_torque", "motor_current", "torsion"])
+def test_every_effect_of_the_catalogue_has_the_same_bits_on_the_device(
+    tmp_path: Path, target: str
+) -> None:
+    log = rich(5)
+    for made in all_of(target):
+        model = exported((made,), target)
+        program = device.compiled(model, tmp_path, device.compilers()[0])
+        rows = device.radian_rows(log, LOAD)
+        torque, status = device.stream(program, "double", "radians", rows)
+        assert not status.any(), made.name
+        assert np.array_equal(torque, model.predict(log).predicted), made.name
+        text = (tmp_path / "joint.hpp").read_text()
+        assert all(unit_in(term.unit, target) in text for term in made.terms), made.name
+
+
+@pytest.mark.parametrize("target", ["sensor_torque", "motor_torque", "torsion"])
+def test_all_effects_of_a_target_at_once_have_the_same_bits_on_the_device(
+    tmp_path: Path, target: str
+) -> None:
+    model, log = exported(all_of(target), target), rich(5)
+    for compiler in device.compilers():
+        program = device.compiled(model, tmp_path, compiler)
+        rows = device.radian_rows(log, LOAD)
+        torque, status = device.stream(program, "double", "radians", rows)
+        assert not status.any()
+        assert np.array_equal(torque, model.predict(log).predicted)
         assert float_error(program, log, far=0) <= 2e-6
 
 

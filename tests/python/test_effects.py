@@ -40,13 +40,44 @@ def test_the_catalogue_holds_the_first_effects_with_their_targets():
 
 def test_the_torsion_effects_are_for_the_torsion_and_its_units():
     names = ("mesh_compliance", "wave_generator_compliance", "kinematic_error")
-    names += ("torsional_hysteresis",)
+    names += ("torsional_hysteresis", "backlash", "temperature_dependent_stiffness")
     for name in names:
         info = CATALOGUE[name]
         assert info.targets == "D"
-        assert all(unit_in(t.unit, "torsion") == t.unit in ("rad", "rad/Nm") for t in info.terms)
-    assert all("D" in CATALOGUE[name].targets for name in ("offset", "temperature_drift"))
-    assert [name for name, info in CATALOGUE.items() if info.remembers] == ["torsional_hysteresis"]
+        assert all(unit_in(t.unit, "torsion") == t.unit for t in info.terms)
+        assert all(t.unit.startswith("rad") for t in info.terms)
+    shared = ("offset", "temperature_drift", "time_drift")
+    assert all("D" in CATALOGUE[name].targets for name in shared)
+
+
+def test_the_effects_that_remember_are_those_of_path_and_lag():
+    assert {name for name, info in CATALOGUE.items() if info.remembers} == {
+        "presliding_friction",
+        "thermal_gradient_drift",
+        "torque_hysteresis",
+        "sensor_lag",
+        "torsional_hysteresis",
+    }
+
+
+def test_every_effect_of_the_specification_has_its_targets():
+    targets = {
+        "presliding_friction": "SM",
+        "temperature_dependent_friction": "SM",
+        "position_dependent_friction": "SM",
+        "speed_dependent_ripple": "SM",
+        "thermal_gradient_drift": "S",
+        "time_drift": "SD",
+        "gain_temperature_dependence": "S",
+        "sensor_nonlinearity": "S",
+        "torque_hysteresis": "S",
+        "motor_crosstalk": "S",
+        "sensor_lag": "S",
+        "torque_constant_error": "M",
+        "backlash": "D",
+        "temperature_dependent_stiffness": "D",
+    }
+    assert {name: CATALOGUE[name].targets for name in targets} == targets
 
 
 def test_an_effect_with_several_paths_reads_the_one_in_use():
@@ -95,6 +126,13 @@ def test_the_rows_are_the_formulas_of_the_papers():
         ],
         effect("temperature_drift"): [warm, warm**2],
     }
+    formulas |= {
+        effect("time_drift"): [log["time"], log["time"] ** 2],
+        effect("temperature_dependent_friction"): [v * warm, v * warm**2],
+        effect("position_dependent_friction", direction_width=0.03): [
+            wave(k * q) * direction for k in (1, 2, 3) for wave in (np.cos, np.sin)
+        ],
+    }
     load, torque = 30.0 * np.sin(0.7 * channels["time"]), 0.8 * np.cos(1.1 * channels["time"])
     log = log.with_columns({"reference_torque": load, "motor_torque": torque}, note="simulated")
     theta = 101.0 * q
@@ -111,6 +149,12 @@ def test_the_rows_are_the_formulas_of_the_papers():
         effect("kinematic_error", orders=pairs): [
             wave(2 * angle) for angle in angles for wave in (np.cos, np.sin)
         ],
+        effect("gain_temperature_dependence"): [load * warm],
+        effect("sensor_nonlinearity"): [load**2, load**3],
+        effect("motor_crosstalk"): [torque],
+        effect("torque_constant_error"): [load],
+        effect("backlash", contact_torque=2.0): [-np.tanh(load / 2.0)],
+        effect("temperature_dependent_stiffness"): [-np.arctan(0.05 * load) / 0.05 * warm],
     }
     for made, columns in formulas.items():
         rows = rows_of([made], log, "reference_torque")
@@ -158,6 +202,7 @@ def test_units_follow_the_target():
     assert unit_in("Nm", "torsion") == "rad"
     assert unit_in("Nm/K", "torsion") == "rad/K"
     assert unit_in("rad/Nm", "torsion") == "rad/Nm"
+    assert unit_in("1", "motor_current") == "A/Nm" and unit_in("1", "sensor_torque") == "1"
     for info in CATALOGUE.values():
         for term in info.terms:
             assert unit_in(term.unit, "motor_torque") == term.unit

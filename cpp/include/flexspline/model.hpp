@@ -12,6 +12,11 @@ namespace flexspline {
 template <typename Effect>
 concept HarmonicEffect = requires(const Effect& effect) { effect.harmonics; };
 
+/// Harmonics whose amplitude and phase speed changes: their rows are more than cosines and sines.
+template <typename Effect>
+concept BentHarmonicEffect =
+    HarmonicEffect<Effect> && requires(const Effect& effect) { effect.bent({}, 1, {}); };
+
 /// Effects that make up the transmitted torque beside the known load.
 template <typename Effect>
 concept CarriesLoad = Effect::carries_load;
@@ -39,14 +44,6 @@ constexpr bool reads(Channel channel) noexcept {
     if (c == channel) return true;
   }
   return false;
-}
-
-/// row · coefficients, term by term from the left.
-template <typename S, std::size_t N>
-constexpr S weighted(const Row<S, N>& row, const std::array<S, N>& coefficients) noexcept {
-  S sum = S(0);
-  for (std::size_t k = 0; k < N; ++k) sum += row[k] * coefficients[k];
-  return sum;
 }
 
 /// An effect and its coefficients.
@@ -188,6 +185,7 @@ struct Model {
     if constexpr (uses(Channel::temperature)) good &= math::is_finite(at.temperature);
     if constexpr (uses(Channel::load)) good &= math::is_finite(at.known_load);
     if constexpr (uses(Channel::motor_torque)) good &= math::is_finite(at.motor_torque);
+    if constexpr (uses(Channel::time)) good &= math::is_finite(at.time);
     return good;
   }
 };

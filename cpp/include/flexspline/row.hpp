@@ -13,6 +13,14 @@ namespace flexspline {
 template <typename S, std::size_t N>
 using Row = std::array<S, N>;
 
+/// row · coefficients, term by term from the left.
+template <typename S, std::size_t N>
+constexpr S weighted(const Row<S, N>& row, const std::array<S, N>& coefficients) noexcept {
+  S sum = S(0);
+  for (std::size_t k = 0; k < N; ++k) sum += row[k] * coefficients[k];
+  return sum;
+}
+
 /// A coefficient's name, and its unit where the target is a torque in Nm; effects of the torsion
 /// alone state theirs in rad.
 struct Term {
@@ -41,6 +49,7 @@ enum class Channel : unsigned char {
   load,  ///< the transmitted torque, filled by the model
   motor_torque,
   period,  ///< time since the sample before
+  time,    ///< since the run began
 };
 
 /// What may drive an effect that remembers, and the shape that is its width then. Where an effect

@@ -18,7 +18,8 @@ struct Sample {
   S temperature = 25;         ///< °C
   S known_load = 0;           ///< Nm at the output, τ_load measured by something trusted
   S motor_torque = 0;         ///< Nm at the motor's shaft, τ_m
-  S period = 0;               ///< s since the sample before; read by effects that remember
+  S period = 0;               ///< s since the last sample that was taken
+  S time = 0;                 ///< s since the run began
 
   // Filled by Model::prepare.
   Phase<S> wave_generator_on_flexspline;

@@ -13,6 +13,7 @@ from flexspline.effects import unit_in
 from flexspline.fit.derived import sign_warnings
 from flexspline.fit.estimate import Estimate, counts_of, noise_of, residuals_of
 from flexspline.fit.identifiability import Confounded, confounded_groups
+from flexspline.fit.loops import loop_warnings
 from flexspline.fit.memory import memory_warnings
 from flexspline.fit.problem import Problem
 from flexspline.fit.result import Fit, FittedRun, Parameter
@@ -20,6 +21,7 @@ from flexspline.fit.scores import scores_of
 from flexspline.fit.uncertainty import Prior, Uncertainty, parameter_uncertainty
 from flexspline.fit.validation import cross_validate
 from flexspline.model import Model, Part
+from flexspline.plain import plain_json
 
 __all__ = ["assembled", "uncertainty_of"]
 
@@ -62,7 +64,7 @@ def assembled(
         made.linear.effects,
         _shared(problem, made),
         problem.known_load,
-        _plain(record),
+        plain_json(record),
     )
     facts = _facts(problem)
     model = (into or Model({})).with_part(part, facts)
@@ -83,7 +85,7 @@ def assembled(
         condition=made.linear.solution.condition,
         orders=orders,
     )
-    return replace(found, warnings=(*found.warnings, *sign_warnings(found)))
+    return replace(found, warnings=(*found.warnings, *sign_warnings(found), *loop_warnings(found)))
 
 
 def uncertainty_of(made: Estimate) -> Uncertainty:
@@ -267,19 +269,6 @@ def _facts(problem: Problem) -> dict[str, Any]:
     known = ("joint", "gear_ratio", "output_spline", "pole_pairs", "slots", "torque_constant")
     facts = problem.runs[0].log.facts
     return {key: facts[key] for key in known if key in facts}
-
-
-def _plain(value: Any) -> Any:
-    """Turn what JSON has no word for into null, tuples into lists, numpy numbers into numbers."""
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
-    if isinstance(value, np.generic):
-        value = value.item()
-    if isinstance(value, float) and not np.isfinite(value):
-        return None
-    return value
 
 
 def _warnings(made: Estimate, uncertainty: Uncertainty) -> list[str]:

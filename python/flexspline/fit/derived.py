@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from flexspline.effects import unit_in
 from flexspline.orders.parts import effective_ratio
 
 if TYPE_CHECKING:
@@ -75,10 +76,52 @@ DERIVED: Mapping[str, tuple[Formula, ...]] = {
             lambda p: (p["wide"] + p["half"] + p["quarter"] + p["eighth"]) / p["ratio"],
         ),
     ),
+    "backlash": (
+        Formula("dead zone of the backlash, at the motor", "rad", lambda p: 2.0 * p["half_gap"]),
+        Formula(
+            "dead zone of the backlash, at the output",
+            "rad",
+            lambda p: 2.0 * p["half_gap"] / p["ratio"],
+        ),
+    ),
+    "presliding_friction": (
+        Formula(
+            "level of the presliding friction once it slips",
+            "Nm",
+            lambda p: p["wide"] + p["half"] + p["quarter"] + p["eighth"],
+        ),
+    ),
+    "torque_hysteresis": (
+        Formula(
+            "half the loop of the sensor's hysteresis",
+            "Nm",
+            lambda p: p["wide"] + p["half"] + p["quarter"] + p["eighth"],
+        ),
+    ),
+    "speed_dependent_ripple": (
+        Formula(
+            "resonance frequency",
+            "Hz",
+            lambda p: p["ratio"] * p["resonance_velocity"] / (2 * np.pi),
+        ),
+    ),
+    "sensor_lag": (
+        Formula(
+            "smoothing over lateness (a lag has 1, a delay 0.5)",
+            "1",
+            lambda p: p["smoothing_time"] / p["lateness"],
+        ),
+    ),
 }
 
-
-POSITIVE = tuple(formulas[0].name for formulas in DERIVED.values())
+_DISSIPATE = (
+    "mesh_compliance",
+    "wave_generator_compliance",
+    "torsional_hysteresis",
+    "backlash",
+    "presliding_friction",
+)
+POSITIVE = tuple(DERIVED[name][0].name for name in _DISSIPATE)
 """Negative, a spring or a brake would give energy."""
 
 
@@ -104,7 +147,10 @@ def derived_of(fit: Fit) -> tuple[Derived, ...]:
                 error = _error(fit, prefix, formula, values)
                 if error > ROUGH * abs(value):
                     continue
-                found.append(Derived(formula.name, value, error, formula.unit))
+                unit = (
+                    formula.unit if fit.target == "torsion" else unit_in(formula.unit, fit.target)
+                )
+                found.append(Derived(formula.name, value, error, unit))
     return tuple(found)
 
 

@@ -71,6 +71,9 @@ def memory_warnings(problem: Problem, effects: Sequence[Effect]) -> list[str]:
             f"{left_out} of {whole} rows at the start of runs do not count: there "
             f"{listed(remembering)} still depends on what came before"
         ]
+    design, nothing = problem.design(effects), np.empty(0)
+    if all(design.settled(run.channels, len(run), nothing).all() for run in problem.runs):
+        return []
     return [
         f"the runs hardly take {listed(remembering)} through its whole width, so that its start, "
         "in the middle, remains a guess; record runs that go further each way"

@@ -1,7 +1,8 @@
 """Names of the parameters of a model, and what a user fixes, bounds or knows of them.
 
 A coefficient is called "effect.term", or by its effect alone where that has one term. A shape is
-called "effect.shape", or by the shape alone; `direction_width` is one for all friction.
+called "effect.shape", or by the shape alone; `direction_width` is one for all friction, and the
+shape of the mesh is one for its compliance and for what temperature makes of it.
 """
 
 from __future__ import annotations
@@ -95,12 +96,14 @@ def coefficient_names(effects: Sequence[Effect], runs: Sequence[str] = ()) -> li
 
 
 def shapes_of(effects: Sequence[Effect]) -> list[ShapeParameter]:
-    """Return the shapes that can be fitted, the direction width once for all friction."""
+    """Return the shapes that can be fitted, those that effects share once."""
     found: dict[str, ShapeParameter] = {}
+    shared = {"direction_width": "direction_width"}
+    if any(effect.name == "mesh_compliance" for effect in effects):
+        shared["mesh_shape"] = "mesh_compliance.mesh_shape"
     for number, effect in enumerate(effects):
         for info in effect.fitted_shapes:
-            shared = info.name == "direction_width"
-            name = info.name if shared else f"{effect.name}.{info.name}"
+            name = shared.get(info.name, f"{effect.name}.{info.name}")
             users = found[name].effects if name in found else ()
             found[name] = ShapeParameter(name, info, (*users, number))
     return list(found.values())

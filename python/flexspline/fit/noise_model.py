@@ -15,9 +15,8 @@ prior: with z_t = [x_t, r_t] (row and residual), C_ij = Σ_t z_{t-i} z_{t-j}ᵀ,
 One pass collects C; the iteration works on small matrices. Likelihoods are conditional on the
 first p rows of every stretch of samples (a run, or what lies between gaps).
 
-Sources: Patterson & Thompson 1971 (restricted likelihood), Cooper & Thompson 1977 (for ARMA
-noise), Dempster, Laird & Rubin 1977 (EM), Meng & Rubin 1991 (its information matrix), Hurvich &
-Tsai 1989 (the corrected AIC that picks p).
+Sources: Patterson & Thompson 1971 (restricted likelihood), Cooper & Thompson 1977 (ARMA), Dempster,
+Laird & Rubin 1977 (EM), Meng & Rubin 1991 (information), Hurvich & Tsai 1989 (AICc picks p).
 """
 
 from __future__ import annotations

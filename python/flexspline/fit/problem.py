@@ -16,7 +16,12 @@ from flexspline import _core
 from flexspline.effects import Effect, require_effects
 from flexspline.errors import InputError
 from flexspline.fit.memory import kept_rows, settled
-from flexspline.fit.requirements import gear_for, require_finite, require_load
+from flexspline.fit.requirements import (
+    gear_for,
+    require_change,
+    require_finite,
+    require_load,
+)
 from flexspline.fit.sums import Sums
 from flexspline.logs.derive import lowpass
 from flexspline.logs.local_fit import require_bandwidth
@@ -236,6 +241,7 @@ def problem_of(
         raise InputError("offset_per_run needs the effect 'offset'; add it to the effects")
     gear = gear_for(logs, target, effects)
     made = [_run(log, effects, target, known_load, lowpass_hz) for log in logs]
+    require_change(target, [run.target for run in made])
     rate = float(np.median([run.log.rate for run in made]))
     counted = sum(run.counted for run in made)
     block = max(round(SECONDS_A_BLOCK * rate), counted // MOST_BLOCKS, 1)
@@ -253,6 +259,8 @@ def _offset_column(effects: Sequence[Effect]) -> int | None:
 def _run(
     log: Log, effects: Sequence[Effect], target: str, known_load: str | None, cutoff: float | None
 ) -> Run:
+    if len(log) < 2:
+        raise InputError(f"log '{log.name}': one row is no run; leave it out or record longer")
     log = channels_for(log, effects, known_load)
     y = target_of(log, target, known_load)
     channels = core_channels(log, effects, known_load)

@@ -13,24 +13,43 @@ from flexspline.errors import InputError, listed
 from flexspline.logs.log import Log
 from flexspline.signals import gear_of
 
-__all__ = ["gear_for", "require_finite", "require_load"]
+__all__ = ["IMAGINABLE", "gear_for", "require_change", "require_finite", "require_load"]
 
 Array = NDArray[np.float64]
 
-NEED_KNOWN_LOAD = ("gain_error",)
+IMAGINABLE = 1e9
+"""No channel of a log, in SI units, is beyond this; instruments write 9.91e37 for an overload."""
+NEED_KNOWN_LOAD = ("gain_error", "torque_constant_error")
 
 
 def require_finite(log: Log, columns: Mapping[str, Array]) -> None:
-    """Refuse columns (N,) with NaN or infinities, naming channel and row."""
+    """Refuse columns (N,) with NaN, infinities or an overload, naming channel and row."""
     for name, values in columns.items():
-        if np.isfinite(values.sum()):
+        if max(values.max(), -values.min()) <= IMAGINABLE:
             continue
+        beyond = np.flatnonzero(np.isfinite(values) & (np.abs(values) > IMAGINABLE))
+        if len(beyond):
+            raise InputError(
+                f"log '{log.name}': {name} is {values[beyond[0]]:.4g} in row {beyond[0]}, which no "
+                f"instrument reads (rows of this kind: {len(beyond)}): an overload is written so; "
+                "leave such rows out (log.rows), or mend the recording"
+            )
         bad = np.flatnonzero(~np.isfinite(values))
         if len(bad):
             raise InputError(
                 f"log '{log.name}': {name} is not finite in {len(bad)} rows, first in row "
                 f"{bad[0]}; ask for the repair drop_invalid, or mend the recording"
             )
+
+
+def require_change(target: str, columns: Sequence[Array]) -> None:
+    """Refuse a target, (N,) for each run, that is one number throughout."""
+    if all(np.all(values == columns[0][0]) for values in columns):
+        raise InputError(
+            f"the target {target} is {columns[0][0]:.6g} in every row of all logs: there is "
+            "nothing to explain; check the wiring and the column map, or record runs with motion "
+            "and load"
+        )
 
 
 def require_load(effects: Sequence[Effect], known_load: str | None) -> None:

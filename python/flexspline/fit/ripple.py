@@ -9,7 +9,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from flexspline import _core
-from flexspline.effects import UNITS, Effect
+from flexspline.effects import UNITS, Effect, Harmonic
 from flexspline.fit.assemble import uncertainty_of
 from flexspline.fit.estimate import Given, counts_of, estimate, residuals_of
 from flexspline.fit.problem import Problem
@@ -18,6 +18,10 @@ from flexspline.orders import OrderAnalysis, find_orders
 __all__ = ["with_found_orders"]
 
 SURE = float(chi2.ppf(0.9999, 2))  # of cosine and sine together; some ten orders are tried
+
+FOLLOWER = "speed_dependent_ripple"
+LEADERS = ("wave_generator_ripple", "cogging")
+"""The follower has the orders of these, and adds what speed does to them."""
 
 CORE_PAIRS = {
     "output_housing": "output_on_housing",
@@ -35,13 +39,17 @@ def with_found_orders(
     Without an open ripple effect nothing is sought. What the analysis finds is fitted beside
     everything else, and an order that its error does not tell from zero there is dropped again.
     An effect that is left with no order is taken out of the model, and the sentences say so; they
-    also name orders whose owner is not among the effects.
+    also name orders whose owner is not among the effects. What a resonance makes of ripple has the
+    orders of that ripple, given or found.
     """
     open_ones = [e for e in effects if e.ripple and not e.harmonics]
     if not open_ones:
         return effects, None, []
+    given = {h for e in effects if e.name in LEADERS for h in e.harmonics}
+    if given and [e.name for e in open_ones] == [FOLLOWER]:
+        return [e.with_orders(given) if e in open_ones else e for e in effects], None, []
     found = _analysed([e for e in effects if e not in open_ones], problem_of)
-    filled = {e.name: _with_orders(e, found) for e in open_ones}
+    filled = {e.name: _with_orders(e, found, given) for e in open_ones}
     filled = _significant([filled.get(e.name, e) for e in effects], filled, problem_of)
     sentences = [_empty(found, name) for name, e in filled.items() if not e.harmonics]
     sentences += _unowned(found, {e.name for e in effects})
@@ -95,17 +103,20 @@ def _significant(
     return kept
 
 
-def _with_orders(effect: Effect, found: OrderAnalysis) -> Effect:
+def _with_orders(effect: Effect, found: OrderAnalysis, given: set[Harmonic]) -> Effect:
     """The effect with the orders it owns, the largest where there are too many.
 
     Low orders of the output that the analysis is not certain of are tried too: the fit, which
     sees all runs and effects at once, decides.
     """
+    follows = effect.name == FOLLOWER
     own = [
         (f.order, CORE_PAIRS[f.pair])
         for f in found
-        if f.effect == effect.name and isinstance(f.order, int)
+        if f.effect in (LEADERS if follows else (effect.name,)) and isinstance(f.order, int)
     ]
+    if follows:
+        own = [*given, *(harmonic for harmonic in own if harmonic not in given)]
     if effect.name in ("output_ripple", "kinematic_error"):
         own += [(f.order, CORE_PAIRS["output_housing"]) for f in found.faint]
     return effect.with_orders(own[: _core.max_harmonics])

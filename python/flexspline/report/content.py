@@ -159,9 +159,9 @@ def _line(fit: Fit, parameter: Parameter) -> ParameterLine:
 
 
 def _interval(parameter: Parameter) -> str:
-    if not np.isfinite(parameter.standard_error):
-        return ""
     low, high = parameter.interval
+    if not np.isfinite(parameter.standard_error) or not np.isfinite(high - low):
+        return ""  # unknown, or fewer effective samples than parameters
     digits = max(0, min(9, 1 - int(np.floor(np.log10(max((high - low) / 4.0, 1e-9))))))
     return f"{low:.{digits}f} to {high:.{digits}f}"
 

@@ -51,7 +51,8 @@ inline std::optional<Structure> structure_of(const Design& design) {
   const auto dense_orders = [](const AnyEffect& any) {
     return std::visit(
         [](const auto& effect) {
-          if constexpr (HarmonicEffect<std::remove_cvref_t<decltype(effect)>>) {
+          using Effect = std::remove_cvref_t<decltype(effect)>;
+          if constexpr (HarmonicEffect<Effect> && !BentHarmonicEffect<Effect>) {
             for (std::size_t k = 0; k < effect.count; ++k) {
               if (effect.harmonics[k].order != k + 1) return false;
               if (effect.harmonics[k].pair != effect.harmonics[0].pair) return false;

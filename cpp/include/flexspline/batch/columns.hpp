@@ -103,6 +103,23 @@ inline void phasors(std::uint64_t order, const std::uint64_t* phase, std::size_t
   });
 }
 
+/// What speed makes of harmonics, in place.
+template <BentHarmonicEffect Effect>
+void bend(const Effect& effect, const SampleBlock& block, double* out, std::size_t stride) {
+  for (std::size_t k = 0; k < effect.count; ++k) {
+    double* cosine = out + 2 * k * stride;
+    double* sine = cosine + stride;
+    const std::uint32_t order = effect.harmonics[k].order;
+    run_wide([&effect, cosine, sine, order, v = block.output_velocity, size = block.size] {
+      for (std::size_t i = 0; i < size; ++i) {
+        const auto p = effect.bent({cosine[i], sine[i]}, order, v[i]);
+        cosine[i] = p.cosine;
+        sine[i] = p.sine;
+      }
+    });
+  }
+}
+
 /// The same for harmonics, a harmonic at a time instead of a sample at a time.
 template <HarmonicEffect Effect>
 void columns(const Effect& effect, const SampleBlock& block, double* out, std::size_t stride) {
@@ -129,6 +146,7 @@ void columns(const Effect& effect, const SampleBlock& block, double* out, std::s
       }
     });
   }
+  if constexpr (BentHarmonicEffect<Effect>) bend(effect, block, out, stride);
 }
 
 }  // namespace flexspline::batch

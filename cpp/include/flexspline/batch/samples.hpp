@@ -21,6 +21,7 @@ struct Channels {
   const double* known_load = nullptr;           ///< Nm
   const double* motor_torque = nullptr;         ///< Nm at the shaft
   const double* period = nullptr;               ///< s since the row before; 0: a new start
+  const double* time = nullptr;                 ///< s since the run began
 };
 
 /// Up to `capacity` samples of a log, a column each, so that a loop over them vectorises. Plain
@@ -41,6 +42,7 @@ struct SampleBlock {
   const double* known_load = nullptr;
   const double* motor_torque = nullptr;
   const double* period = nullptr;
+  const double* time = nullptr;
   const double* load = nullptr;
   Column<std::int32_t> turns;
   Column<std::uint64_t> output_phase, motor_phase, flexspline_phase, circular_spline_phase;
@@ -66,6 +68,7 @@ struct SampleBlock {
     known_load = at(from.known_load, none);
     motor_torque = at(from.motor_torque, none);
     period = at(from.period, second);
+    time = at(from.time, none);
     load = known_load;
     if (angles == Angles::none) return;
     if (from.output_position == nullptr) {
@@ -111,6 +114,8 @@ struct SampleBlock {
         return math::is_finite(motor_torque[i]);
       case Channel::period:
         return math::is_finite(period[i]);
+      case Channel::time:
+        return math::is_finite(time[i]);
     }
     return false;
   }
@@ -125,6 +130,7 @@ struct SampleBlock {
     at.known_load = known_load[i];
     at.motor_torque = motor_torque[i];
     at.period = period[i];
+    at.time = time[i];
     at.wave_generator_on_flexspline = {flexspline_phase[i]};
     at.wave_generator_on_circular_spline = {circular_spline_phase[i]};
     at.load = load[i];

@@ -20,9 +20,11 @@ from flexspline.logs.checks.needs import (
     Need,
     acceleration,
     both_directions,
+    both_torques,
     changing,
     lasting,
     low_speeds,
+    own_or_known_load,
     sampled,
     speeds,
     teeth,
@@ -130,9 +132,10 @@ def _missing(log: Log, channel: str, what: str) -> Finding:
 MOVES = ("output_position or output_velocity",)
 ANGLE = ("output_position",)
 BOTH_ANGLES = ("output_position", "motor_position")
-HEAT = ("temperature or motor_temperature", "output_position or output_velocity")
+HEAT = ("temperature", "output_position or output_velocity")
 KNOWN = ("reference_torque",)
-WARM = changing("temperature or motor_temperature", 2.0, "°C")
+LOAD = ("reference_torque or output_position or output_velocity",)
+WARM = changing("temperature", 2.0, "°C")
 LOADED = changing("reference_torque", 0.0, "Nm")
 
 EFFECTS: dict[str, Asked] = {
@@ -150,19 +153,19 @@ EFFECTS: dict[str, Asked] = {
     "gravity": Asked(ANGLE, (turn_of(0.5),)),
     "output_ripple": Asked(ANGLE, (turn_of(1.0),)),
     "wave_generator_ripple": Asked(ANGLE, (sampled(lambda _, ratio: 2 * ratio),)),
-    "speed_dependent_ripple": Asked(ANGLE, (speeds(1.5),)),
+    "speed_dependent_ripple": Asked(ANGLE, (speeds(1.5), sampled(lambda _, ratio: 2 * ratio))),
     "cogging": Asked(ANGLE, (sampled(teeth),)),
-    "temperature_drift": Asked(("temperature",), (changing("temperature", 2.0, "°C"),)),
-    "thermal_gradient_drift": Asked(("temperature",), (changing("temperature", 2.0, "°C"),)),
+    "temperature_drift": Asked(("temperature",), (WARM,)),
+    "thermal_gradient_drift": Asked(("temperature",), (WARM,)),
     "time_drift": Asked((), (lasting(60.0),)),
     "gain_error": Asked(KNOWN, (LOADED,)),
-    "gain_temperature_dependence": Asked((*KNOWN, "temperature"), (LOADED, WARM)),
-    "sensor_nonlinearity": Asked(KNOWN, (LOADED,)),
-    "torque_hysteresis": Asked(KNOWN, (LOADED,)),
+    "gain_temperature_dependence": Asked((*LOAD, "temperature"), (own_or_known_load, WARM)),
+    "sensor_nonlinearity": Asked(LOAD, (own_or_known_load,)),
+    "torque_hysteresis": Asked(LOAD, (own_or_known_load, there_and_back)),
     "motor_crosstalk": Asked(
         ("motor_current or motor_torque",), (changing("motor_current or motor_torque", 0.0, ""),)
     ),
-    "sensor_lag": Asked(KNOWN, (LOADED,)),
+    "sensor_lag": Asked(LOAD, (own_or_known_load,)),
     "torque_constant_error": Asked(KNOWN, (LOADED,)),
     "mesh_compliance": Asked((*BOTH_ANGLES, *KNOWN), (LOADED,)),
     "wave_generator_compliance": Asked(
@@ -171,8 +174,8 @@ EFFECTS: dict[str, Asked] = {
     ),
     "kinematic_error": Asked(BOTH_ANGLES, (turn_of(1.0),)),
     "torsional_hysteresis": Asked(BOTH_ANGLES, (there_and_back,)),
-    "backlash": Asked(BOTH_ANGLES, (both_directions,)),
-    "temperature_dependent_stiffness": Asked((*BOTH_ANGLES, "temperature"), (WARM,)),
+    "backlash": Asked((*BOTH_ANGLES, *KNOWN), (both_torques,)),
+    "temperature_dependent_stiffness": Asked((*BOTH_ANGLES, *KNOWN, "temperature"), (LOADED, WARM)),
 }
 """What effects ask of a run. An effect of the catalogue that is not here asks nothing more than
 the channels it reads."""

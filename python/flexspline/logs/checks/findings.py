@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -80,9 +80,15 @@ class Findings(Sequence[Finding]):
 
     def raise_errors(self) -> None:
         """Raise `InputError` with the first error's sentence and remedy, if there is one."""
-        if self.errors:
-            first = self.errors[0]
-            more = f" ({len(self.errors) - 1} more)" if len(self.errors) > 1 else ""
+        self._raise(self.errors)
+
+    def raise_named(self, names: Iterable[str]) -> None:
+        """Raise `InputError` with the first finding of these names, whatever its severity."""
+        self._raise([finding for name in names for finding in self.named(name)])
+
+    def _raise(self, found: Sequence[Finding]) -> None:
+        if found:
+            first, more = found[0], f" ({len(found) - 1} more)" if len(found) > 1 else ""
             raise InputError(f"{self.log_name}: {first.sentence} {first.remedy}".strip() + more)
 
     def __str__(self) -> str:

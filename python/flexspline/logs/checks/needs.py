@@ -159,6 +159,30 @@ def changing(channel: str, least: float, unit: str) -> Need:
     return need
 
 
+def own_or_known_load(log: Log, motion: Motion | None) -> Lack | None:
+    """A known torque that changes, else motion: inertia and gravity of the model are a load too."""
+    if "reference_torque" in log:
+        return changing("reference_torque", 0.0, "Nm")(log, motion)
+    if motion is not None:
+        return None
+    return 0.0, "Nm", "neither a known torque nor motion loads it", "Record a run under load."
+
+
+def both_torques(log: Log, _: Motion | None) -> Lack | None:
+    """A known torque that takes both signs, each in a tenth of the rows at least."""
+    share = float(np.mean(log["reference_torque"] > 0.0))
+    less = min(share, 1.0 - share)
+    if less >= 0.1:
+        return None
+    return (
+        less,
+        "",
+        f"the known torque has one sign in {100 * max(share, 1 - share):.0f} % of the rows, where "
+        "a dead zone is an offset",
+        "Record a run that loads the joint both ways.",
+    )
+
+
 def there_and_back(log: Log, motion: Motion | None) -> Lack | None:
     """A known torque that rises and falls over at least a tenth of its way, else motion both ways.
 

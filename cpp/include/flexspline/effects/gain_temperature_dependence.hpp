@@ -1,0 +1,37 @@
+#pragma once
+
+#include "flexspline/row.hpp"
+
+namespace flexspline {
+
+/// A sensor whose factor changes with temperature: the modulus of its steel and the gauges' factor
+/// do.
+///
+///   τ = c · τ_load (T − T₀)
+///
+/// Without load and at T₀: 0. Linear in c; steel with common gauges: 3e-4 /K to 6e-4 /K.
+/// Source: zhang_disturbance_elimination (8), whose sensitivity holds at one temperature.
+template <typename S>
+struct GainTemperatureDependence {
+  static constexpr std::string_view name = "gain_temperature_dependence";
+  static constexpr std::string_view targets = "S";
+  static constexpr std::string_view signature =
+      "the residual is in proportion to the load, by another factor when warm";
+  static constexpr std::string_view source = "zhang_disturbance_elimination (8), a step beyond";
+  static constexpr std::array<Term, 1> terms{{{"gain", "1/K"}}};
+  static constexpr std::array<Channel, 2> reads{Channel::load, Channel::temperature};
+
+  S reference_temperature = S(25);  ///< °C, where gain_error holds alone
+
+  static constexpr auto shapes() noexcept {
+    return std::array{Shape<GainTemperatureDependence, S>{
+        "reference_temperature", "°C", &GainTemperatureDependence::reference_temperature, S(-50),
+        S(150), false}};
+  }
+
+  constexpr Row<S, 1> row(const Sample<S>& at) const noexcept {
+    return {at.load * (at.temperature - reference_temperature)};
+  }
+};
+
+}  // namespace flexspline

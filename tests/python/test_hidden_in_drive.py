@@ -1,0 +1,130 @@
+"""Each effect of the drive torque is found in runs that hide it and not in runs that do not."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+from fit_logs import WIDTH
+from hidden_logs import (
+    CLOSED,
+    LOAD,
+    NOTHING,
+    RATIO,
+    Array,
+    Channels,
+    Truth,
+    by_position,
+    by_temperature,
+    evidence,
+    fitted,
+    friction_of,
+    log_of,
+    noise,
+    presliding,
+    rich_run,
+    share_closed,
+)
+
+import flexspline
+from flexspline.effects import effect
+from flexspline.fit.result import Fit
+from flexspline.logs.log import Log
+
+BASE = [
+    "offset",
+    effect("coulomb_friction", direction_width=WIDTH),
+    "viscous_friction",
+    "inertia",
+]
+SEEDS = (1, 2)
+
+
+def mistaken(c: Channels) -> Array:
+    """A torque constant that is 4 % too low makes the drive report more torque than it gives."""
+    return np.asarray(0.04 * (c[LOAD] + friction_of(c)))
+
+
+HIDDEN: dict[str, Truth] = {
+    "presliding_friction": presliding,
+    "temperature_dependent_friction": by_temperature,
+    "position_dependent_friction": by_position,
+    "torque_constant_error": mistaken,
+}
+
+
+@cache
+def runs(name: str) -> tuple[Log, ...]:
+    """Runs that hide an effect; "" hides none."""
+    logs = []
+    for seed in SEEDS:
+        c = rich_run(seed)
+        torque = c[LOAD] + friction_of(c) + noise(seed, len(c["time"]))
+        if name:
+            torque = torque + HIDDEN[name](c)
+        c["motor_torque"] = torque / RATIO
+        logs.append(log_of(c))
+    return tuple(logs)
+
+
+@cache
+def with_it(name: str) -> Fit:
+    return fitted([*BASE, name], runs(name), "motor_torque")
+
+
+def floor_of() -> float:
+    """What the noise alone leaves, Nm RMS at the output."""
+    return float(np.sqrt(np.mean([np.var(noise(seed, 8000)) for seed in SEEDS])))
+
+
+@pytest.mark.parametrize("name", HIDDEN)
+def test_a_hidden_effect_closes_the_gap(name: str) -> None:
+    base = fitted(BASE, runs(name), "motor_torque")
+    assert base.cv_rmse > 1.3 * floor_of()
+    assert share_closed(base, with_it(name), floor_of()) >= CLOSED
+    assert evidence(with_it(name), name) > 50.0
+
+
+@pytest.mark.parametrize("name", HIDDEN)
+def test_an_effect_that_is_not_there_gains_nothing(name: str) -> None:
+    base = fitted(BASE, runs(""), "motor_torque")
+    made = fitted([*BASE, name], runs(""), "motor_torque")
+    assert made.cv_rmse > (1.0 - NOTHING) * base.cv_rmse
+    assert evidence(made, name) < 16.0
+
+
+def test_the_level_of_presliding_is_what_was_put_in() -> None:
+    (level,) = with_it("presliding_friction").derived
+    coulomb = next(
+        p for p in with_it("presliding_friction").parameters if p.name == "coulomb_friction.level"
+    )
+    assert level.unit == "Nm"
+    assert level.value == pytest.approx(0.2, abs=4 * level.standard_error)
+    assert coulomb.value == pytest.approx(0.3, abs=4 * coulomb.standard_error)
+
+
+def test_the_error_of_a_torque_constant_comes_out() -> None:
+    factor = next(
+        p for p in with_it("torque_constant_error").parameters if "torque_constant" in p.name
+    )
+    assert factor.unit == "1"
+    assert factor.value == pytest.approx(0.04, abs=4 * factor.standard_error)
+
+
+def test_the_load_of_a_current_is_in_amperes_for_each_newton_metre() -> None:
+    constant = 0.05  # Nm/A
+    logs = []
+    for log in runs(""):
+        current = log["motor_torque"] / constant
+        logs.append(log.with_columns({"motor_current": current}, note="simulated"))
+    made = flexspline.fit(
+        [*BASE, "torque_constant_error"],
+        logs,
+        "motor_current",
+        known_load=LOAD,
+        fixed={"direction_width": WIDTH},
+    )
+    factor = next(p for p in made.parameters if "torque_constant" in p.name)
+    assert factor.unit == "A/Nm"
+    assert factor.value == pytest.approx(1 / (RATIO * constant), abs=4 * factor.standard_error)
