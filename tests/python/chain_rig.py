@@ -28,6 +28,7 @@ COMPENSATION = TemperatureCompensation(
 )
 CALIBRATION = Calibration(62.738, 2.1835, voltage_range=(-1.0, 1.0))
 BY_MOTOR = Observer(80.0, "motor_torque")
+BY_GEAR = Observer(60.0, "compliance", rotor_inertia=1.3e-5)
 MERGE = Merge(500.0, 0.01)
 KALMAN = Merge(500.0, 0.01, "kalman", 20.0, (2.0, 1.0), (0.5, 3.0))
 COLLISION = Collision("merged", (0.4, 1.1), (2.0, 2.2, 2.5), (2.1, 2.3, 2.6), 0.8, 0.05)
@@ -83,7 +84,23 @@ def joint(*estimators) -> Model:
 
 def whole_joint() -> Model:
     """The joint with one of each."""
-    return joint(THERMISTOR, COMPENSATION, CALIBRATION, BY_MOTOR, Compliance(), MERGE, COLLISION)
+    sensing = (THERMISTOR, COMPENSATION, CALIBRATION)
+    return joint(*sensing, BY_MOTOR, Compliance(), BY_GEAR, MERGE, COLLISION)
+
+
+def with_hysteresis(part: Part, path: float = 0.0) -> Part:
+    """The torsion with a loop on the path of the load, or of the motor's angle (1)."""
+    effects = (*part.effects, effect("torsional_hysteresis", load_width=4.0, path=path))
+    values = np.append(part.coefficients, [4e-3, 2e-3, 1e-3, 5e-4])
+    return replace(part, effects=effects, coefficients=values)
+
+
+def blind_joint(*estimators) -> Model:
+    """The joint without a sensor, with hysteresis on the path of the load."""
+    made = Model({"drive": DRIVE, "torsion": with_hysteresis(TORSION)}, FACTS)
+    for estimator in estimators:
+        made = made.with_estimator(estimator)
+    return made
 
 
 def motion(rows: int = 4000) -> dict[str, np.ndarray]:

@@ -63,7 +63,8 @@ def test_what_has_no_estimate_is_empty_and_its_row_stays(
     assert len(table) == 1500
     assert np.flatnonzero(table["external_torque_observer"].isna()).tolist() == [7]
     assert np.flatnonzero(table["contact"].isna()).tolist() == [7]
-    assert table["status"][7] == 16 + 32 + 64 + 128  # the wave generator is twisted by the motor
+    # the wave generator is twisted by the motor
+    assert table["status"][7] == 16 + 32 + 64 + 128 + 512
     assert set(table["contact"].dropna()) <= {0, 1}
 
 

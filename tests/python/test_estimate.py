@@ -135,6 +135,26 @@ def test_a_shorted_thermistor_gives_no_temperature_and_the_last_drift() -> None:
     assert 0.0 < late <= 0.2 * 0.05
 
 
+@pytest.mark.parametrize("channel", ["sensor_voltage", "thermistor_voltage", "temperature"])
+def test_an_overload_that_no_instrument_measures_is_an_empty_row(channel: str) -> None:
+    log = raw_log(500)
+    if channel == "temperature":
+        log = without(log, "thermistor_voltage")
+    made = []
+    for wrong in (9.91e37, np.nan):
+        values = np.array(log[channel])
+        values[[99, 240]] = wrong
+        run = log.with_columns({channel: values}, note="overload")
+        made.append(flexspline.estimate(whole_joint(), run))
+    for name in made[1].columns:
+        np.testing.assert_array_equal(made[0][name], made[1][name])
+    said = f"{channel} is 9.91e+37"
+    assert any(
+        s.startswith(said) and "in row 99" in s and "2 such rows" in s for s in made[0].notes
+    )
+    assert not any("no instrument" in sentence for sentence in made[1].notes)
+
+
 def test_a_temperature_of_the_log_is_read_where_it_has_no_thermistor() -> None:
     made = flexspline.estimate(whole_joint(), without(raw_log(500), "thermistor_voltage"))
     assert np.isfinite(made["temperature"]).all() and np.isfinite(made["sensor_torque"]).all()
@@ -316,7 +336,7 @@ def test_the_plot_shows_every_estimate_and_what_is_flagged() -> None:
     made = flexspline.estimate(whole_joint(), raw_log())
     above, below = made.plot().axes
     labels = [line.get_label() for line in above.lines]
-    assert labels == ["sensor", "observer", "compliance", "merged"]
+    assert labels == ["sensor", "observer", "compliance", "compliant_observer", "merged"]
     assert len(above.patches) == len(made.contacts) > 0
     assert [tick.get_text() for tick in below.get_yticklabels()] == ["extrapolated", "restarted"]
     assert "[Nm]" in above.get_ylabel() and "[s]" in below.get_xlabel()

@@ -67,8 +67,21 @@ ANY = {
         st.sampled_from(["sensor_torque", "motor_torque"]),
         st.sampled_from(["exact", "euler"]),
     ),
+    "compliant_observer": st.builds(
+        Observer,
+        POSITIVE,
+        st.just("compliance"),
+        st.sampled_from(["exact", "euler"]),
+        st.none() | POSITIVE,
+    ),
     "compliance": st.builds(Compliance, SHARE),
-    "merge": st.builds(Merge, POSITIVE, POSITIVE, record=RECORD)
+    "merge": st.builds(
+        Merge,
+        POSITIVE,
+        POSITIVE,
+        record=RECORD,
+        at_rest=st.sampled_from(["compliance", "compliant_observer"]),
+    )
     | st.builds(Merge, POSITIVE, POSITIVE, st.just("kalman"), POSITIVE, PAIR, PAIR),
     "collision": collisions(),
 }
@@ -129,6 +142,16 @@ WRONG = {
     "the papers' gain of -8": (lambda: Observer(-8), "gain"),
     "an unknown input": (lambda: Observer(1, "motor"), "motor_torque"),
     "an unknown rule": (lambda: Observer(1, discretisation="trapezoid"), "discretisation"),
+    "a rotor of the wrong observer": (
+        lambda: Observer(1, "motor_torque", rotor_inertia=1e-4),
+        "belongs to the input compliance",
+    ),
+    "a rotor below zero": (lambda: Observer(1, "compliance", rotor_inertia=-1), "rotor_inertia"),
+    "a rotor that is no number": (
+        lambda: Observer(1, "compliance", rotor_inertia=float("nan")),
+        "rotor_inertia",
+    ),
+    "rest by nothing": (lambda: Merge(500, 0.1, at_rest="observer"), "compliant_observer"),
     "no margin": (lambda: Compliance(0), "margin"),
     "nothing but margin": (lambda: Compliance(1), "margin"),
     "a slope of zero": (lambda: Merge(0, 0.1), "alpha"),
@@ -183,6 +206,14 @@ DAMAGE = {
     "a gain of zero": (lambda e: e["observer"].update(gain=0), "observer/gain"),
     "a gain in words": (lambda e: e["observer"].update(gain="80"), "80"),
     "an unknown input": (lambda e: e["observer"].update(input="motor"), "motor"),
+    "a link's observer by its key alone": (
+        lambda e: e.update(compliant_observer={"gain": 80}),
+        "compliant_observer",
+    ),
+    "a link's observer by the motor": (
+        lambda e: e.update(compliant_observer={"gain": 80, "input": "motor_torque"}),
+        "compliant_observer/input",
+    ),
     "fields of another method": (lambda e: e["merge"].update(walk=1), "walk"),
     "a list of estimators": (lambda e: e.update(observer=[80]), "observer"),
 }
@@ -211,6 +242,7 @@ def test_an_entry_without_its_class_checks_its_own_fields():
 DRIVE = Part("motor_torque", (effect("inertia"), effect("viscous_friction")), np.ones(2))
 LOOSE = Part("motor_torque", (effect("viscous_friction"),), np.ones(1))
 AMPERES = Part("motor_current", (effect("inertia"),), np.ones(1))
+MESHED = Part("torsion", (effect("mesh_compliance"),), np.ones(1))
 BENT = Part("torsion", (effect("offset"),), np.ones(1))
 COLLISION = {"speed_edges": (), "negative": (1,), "positive": (1,)}
 INCOMPLETE = {
@@ -219,6 +251,27 @@ INCOMPLETE = {
     "an observer in amperes": ({"drive": AMPERES}, Observer(80, "motor_torque"), "motor_torque"),
     "a compliance without torsion": ({}, Compliance(), "--target torsion"),
     "a compliance without a mesh": ({"torsion": BENT}, Compliance(), "mesh_compliance"),
+    "a link without torsion": ({"drive": DRIVE}, Observer(80, "compliance"), "--target torsion"),
+    "a link without a mesh": (
+        {"drive": DRIVE, "torsion": BENT},
+        Observer(80, "compliance"),
+        "mesh_compliance",
+    ),
+    "a link without inertia": (
+        {"drive": LOOSE, "torsion": MESHED},
+        Observer(80, "compliance"),
+        "--effects inertia,",
+    ),
+    "a link without the compliance": (
+        {"drive": DRIVE, "torsion": MESHED},
+        Observer(80, "compliance"),
+        "with_estimator(flexspline.Compliance(",
+    ),
+    "a contact of no link": (
+        {},
+        Collision("compliant_observer", **COLLISION),
+        'flexspline.Observer(..., input="compliance")',
+    ),
     "a merge of nothing": ({}, Merge(500, 0.001), "flexspline.Observer"),
     "a contact of no observer": ({}, Collision("observer", **COLLISION), "flexspline.Observer"),
     "a contact of no merge": ({}, Collision("merged", **COLLISION), "flexspline.Merge"),
@@ -243,6 +296,22 @@ def test_an_estimator_is_added_and_replaced_and_the_old_model_stays():
     assert not bare.estimators and first.estimators["observer"].gain == 80
     assert set(second.estimators) == {"observer", "collision"}
     assert second.estimators["observer"].gain == 40 and second.parts == bare.parts
+
+
+def test_both_observers_fit_into_one_model_each_by_its_key():
+    link = Observer(60, "compliance", rotor_inertia=1e-5)
+    model = Model({"drive": DRIVE, "torsion": MESHED}, {"gear_ratio": 100.0})
+    for made in (Observer(80, "motor_torque"), Compliance(), link):
+        model = model.with_estimator(made)
+    assert set(model.estimators) == {"observer", "compliance", "compliant_observer"}
+    with pytest.raises(InputError, match="needs the estimator compliant_observer") as caught:
+        Model({}, {}, {"observer": Observer(80)}).with_estimator(
+            Merge(500, 0.001, at_rest="compliant_observer")
+        )
+    assert_one_sentence(str(caught.value), 'Observer(..., input="compliance")')
+    assert Model.from_json(model.to_json()).estimators["compliant_observer"] == link
+    with pytest.raises(InputError, match="whose key is compliant_observer"):
+        Model({}, {}, {"observer": link})
 
 
 def test_what_is_no_estimator_is_refused():

@@ -6,11 +6,13 @@ import re
 import shlex
 from pathlib import Path
 
+import calibration_logs
 import numpy as np
 import pytest
 from click.testing import CliRunner
 
 from flexspline.cli import commands
+from flexspline.logs.convert import write_log
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -29,7 +31,9 @@ sensor_torque = {source = "torque", unit = "mNm", sign = -1}
 
 @pytest.fixture(scope="module")
 def after_the_demo(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder as README's first command leaves it, and a recorder's file with its map."""
+    """A folder as README's first command leaves it, a recorder's file with its map, and two runs
+    of a torque sensor's voltage.
+    """
     folder = tmp_path_factory.mktemp("readme")
     run(["demo", "--out", str(folder / "flexspline-demo")])
     time = np.arange(0.0, 2.0, 0.001)
@@ -37,6 +41,8 @@ def after_the_demo(tmp_path_factory: pytest.TempPathFactory) -> Path:
     np.savetxt(
         folder / "recording.txt", recorded, header="t;angle;torque", delimiter=";", comments=""
     )
+    write_log(calibration_logs.load_run(), folder / "load.csv")
+    write_log(calibration_logs.drift_run(cooling=True), folder / "warmup.csv")
     (folder / "map.toml").write_text(COLUMN_MAP, encoding="utf-8")
     return folder
 
@@ -58,7 +64,14 @@ def test_the_commands_of_the_table_run_in_their_order(
     after_the_demo: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(after_the_demo)
-    assert [command.split()[1] for command in TABLE] == ["convert", "fit", "predict", "export"]
+    assert [command.split()[1] for command in TABLE] == [
+        "convert",
+        "fit",
+        "predict",
+        "calibrate",
+        "estimate",
+        "export",
+    ]
     for command in TABLE:
         run(shlex.split(command)[1:])
         assert (after_the_demo / shlex.split(command)[-1]).exists()

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from flexspline import _core
@@ -33,62 +32,6 @@ ERROR = (
     Harmonic(1, 2.0e-3, 1.4, "wave_generator_on_circular_spline"),
 )
 ROTOR = Motor(inertia=1e-4)
-
-
-def smooth_joint() -> Joint:
-    """Everything that is smooth at once."""
-    return Joint(
-        replace(MESH, damping=5.0, kinematic_error=ERROR),
-        Motor(inertia=1e-4, friction=Friction(viscous=1e-4, cubic=1e-9)),
-        Output(inertia=0.5, gravity=20.0, gravity_angle=0.1, friction=Friction(viscous=2, cubic=3)),
-    )
-
-
-def smooth_reference(start: Array, end: float) -> Array:
-    """The same joint written down a second time: θ, q, θ̇, q̇ at `end`."""
-    n, stiffness, shape = 101.0, 15548.0, 0.0487
-
-    def rate(t: float, y: Array) -> list[float]:
-        theta, q, omega, v = y
-        beta = theta - q
-        error = 3e-3 * np.cos(2 * q + 0.4) + 2e-3 * np.cos(beta + 1.4)
-        by_theta = -2e-3 * np.sin(beta + 1.4)
-        by_q = -6e-3 * np.sin(2 * q + 0.4) - by_theta
-        mesh = np.tan((theta - n * q + error) / n * shape * stiffness) / shape
-        tau = mesh / n
-        damping = 5.0 * (omega / n - v)
-        on_motor = 0.5 + 0.6 * t - tau * (1 + by_theta) - damping / n
-        on_output = tau * (n - by_q) + damping - 20 * np.sin(q - 0.1) - (3 - t)
-        return [
-            omega,
-            v,
-            (on_motor - 1e-4 * omega - 1e-9 * omega**3) / 1e-4,
-            (on_output - 2 * v - 3 * v**3) / 0.5,
-        ]
-
-    done = solve_ivp(rate, (0.0, end), start, method="DOP853", rtol=1e-12, atol=1e-13)
-    return np.asarray(done.y[:, -1])
-
-
-def test_the_smooth_joint_converges_with_order_four_to_a_tight_solution() -> None:
-    time = np.linspace(0.0, 0.5, 251)
-    start = Start(output_position=0.3, motor_position=30.32)
-    reference = smooth_reference(np.array([30.32, 0.3, 0.0, 0.0]), 0.5)
-    errors = []
-    for steps in (2, 4, 8, 16):
-        run = smooth_joint().simulate(
-            time,
-            motor_torque=0.5 + 0.6 * time,
-            load_torque=3.0 - time,
-            start=start,
-            steps_per_sample=steps,
-        )
-        end = [run[c][-1] for c in ("motor_position", "output_position", "motor_velocity")]
-        errors.append(np.abs(np.array(end) - reference[:3]))
-    # halving the step divides the error by 16; a tenth of an order is left for the next term
-    orders = np.log2(np.array(errors[:-1]) / np.array(errors[1:]))
-    assert np.all(np.abs(orders[1:, :2] - 4.0) < 0.1)
-    assert errors[-1][1] < 1e-11  # rad at the output
 
 
 @pytest.mark.parametrize(
@@ -251,9 +194,26 @@ def test_a_gear_that_stiffens_under_torque_is_noticed_in_the_run() -> None:
     time = np.linspace(0, 0.2, 21)
     with pytest.raises(InputError, match=r"so stiff under its torque|wound up to the end"):
         joint.simulate(time, motor_torque=3.0, load_torque=300.0, steps_per_sample=1)
-    run = joint.simulate(time, motor_torque=3.0, load_torque=300.0)  # chosen by itself
-    fastest, _ = _core.simulation_rates(joint.core, float(np.max(run["transmitted_torque"])))
-    assert fastest * run.longest_step < 0.7
+    drive = {"motor_torque": 3.0, "load_torque": 300.0}
+    chosen = joint.simulate(time, **drive)  # chosen by itself
+    fastest, _ = _core.simulation_rates(joint.core, float(np.max(chosen["transmitted_torque"])))
+    assert fastest * chosen.longest_step < 1.94 * 1.02  # rows do not see the very stiffest
+    fourth = joint.simulate(time, **drive, order=4)
+    assert fastest * fourth.longest_step < 0.6 * 1.02
+
+
+def test_a_gear_with_losses_is_stepped_finer_where_it_is_stiff() -> None:
+    joint = Joint(replace(MESH, damping=5.0), ROTOR, Output(inertia=0.5))
+    time = np.linspace(0, 0.5, 126)
+    drive = {"motor_torque": 2.0 * np.sin(8 * time), "load_torque": 60.0 * np.sin(8 * time)}
+    fine = joint.simulate(time, **drive, steps_per_sample=40)
+    chosen = joint.simulate(time, **drive)
+    stiff = float(np.max(np.abs(fine["transmitted_torque"])))
+    fastest, _ = _core.simulation_rates(joint.core, stiff)
+    at_rest, _ = _core.simulation_rates(joint.core, 0.0)
+    assert fastest > 2 * at_rest
+    apart = chosen["output_position"] - fine["output_position"]
+    assert np.max(np.abs(apart)) < 1e-6 * np.ptp(fine["output_position"])
 
 
 def test_a_motion_without_bound_ends_with_a_sentence() -> None:

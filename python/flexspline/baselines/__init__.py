@@ -2,6 +2,7 @@
 
 from flexspline.baselines.compare import compare_ripple_methods
 from flexspline.baselines.drift import KernelDrift, LinearDrift, kernel_drift, linear_drift
+from flexspline.baselines.drift_table import compare_drift_methods
 from flexspline.baselines.ripple import (
     RippleKalman,
     kalman_oscillator,
@@ -17,6 +18,7 @@ __all__ = [
     "MethodScore",
     "RippleComparison",
     "RippleKalman",
+    "compare_drift_methods",
     "compare_ripple_methods",
     "kalman_oscillator",
     "kernel_drift",

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from flexspline.report.numbers import short
+from flexspline.report.rows import rows_html, rows_text
 
 if TYPE_CHECKING:
     import pandas
@@ -69,25 +70,11 @@ class RippleComparison:
 
     def __str__(self) -> str:
         rows = self._rows()
-        wide = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
-        last = len(wide) - 1
-        lines = [
-            "  ".join(
-                f"{cell:<{w}}" if k in (0, last) else f"{cell:>{w}}"
-                for k, (cell, w) in enumerate(zip(row, wide, strict=True))
-            ).rstrip()
-            for row in rows
-        ]
-        return "\n".join([*lines, self._note()])
+        return f"{rows_text(rows, left=(0, len(rows[0]) - 1))}\n{self._note()}"
 
     def to_html(self) -> str:
         """Return the table as HTML."""
-
-        def line(cells: tuple[str, ...], tag: str) -> str:
-            return "<tr>" + "".join(f"<{tag}>{html.escape(c)}</{tag}>" for c in cells) + "</tr>"
-
-        head, *body = self._rows()
-        rows = line(head, "th") + "".join(line(cells, "td") for cells in body)
+        rows = rows_html(self._rows())
         note = html.escape(self._note())
         return f'<table class="scores">{rows}</table><p>{note}</p>'
 

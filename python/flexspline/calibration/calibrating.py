@@ -109,6 +109,7 @@ def calibrate(
     """
     from flexspline.calibration.solve import calibrated
     from flexspline.logs.log import Log
+    from flexspline.model import Model
 
     runs = [logs] if isinstance(logs, Log) else list(logs)
     if not runs:
@@ -118,6 +119,10 @@ def calibrate(
             raise InputError(
                 f"logs holds a {type(run).__name__}; give logs, as read_log makes them"
             )
+    if not isinstance(into, Model | None):
+        raise InputError(
+            f"into is a {type(into).__name__}; give a model, as Model.load or a fit makes it"
+        )
     asked = Asked(
         reference,
         _degree(degree),

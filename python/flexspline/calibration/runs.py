@@ -11,10 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import medfilt
 
 from flexspline import _core
 from flexspline.errors import InputError, did_you_mean, listed
 from flexspline.estimators import Thermistor
+from flexspline.fit.requirements import IMAGINABLE
 from flexspline.logs.channels import CHANNELS
 from flexspline.logs.checks import check
 from flexspline.logs.checks.findings import Finding
@@ -30,6 +32,9 @@ VOLTAGE = "sensor_voltage"
 MOST_VOLTS = 30.0  # no converter of a bridge reads more; millivolts do
 LEAST_VOLTS = 1e-5  # of full range: a bridge that says nothing, or another unit
 WARMEST = 200.0  # °C; above it the column is kelvin
+POSSIBLE = {"temperature": (-273.15, 1000.0, "°C")}
+MOST_LEAP = 10.0  # K, of one row against both of its neighbours
+MOST_TORQUE = 1e4  # Nm, the largest strain wave gears
 LOST_IN_NOISE = 0.01  # share of the reference's variance that is its own noise
 LEAST_LEVEL = 1e-3  # Nm
 BEYOND = 3.0  # standard deviations of the line from which a voltage is held back
@@ -132,6 +137,7 @@ def _run(
 
 def _checked(used: Log, reference: str | None) -> list[str]:
     """Refuse what makes a calibration meaningless; return the other faults as sentences."""
+    _require_possible(used)
     findings = check(used)
     findings.raise_errors()
     for finding in findings.named("clipped_channel"):
@@ -142,6 +148,27 @@ def _checked(used: Log, reference: str | None) -> list[str]:
         for finding in findings.faults
         if finding.name not in TOLERATED and finding.name != "clipped_channel"
     ]
+
+
+def _require_possible(log: Log) -> None:
+    """Refuse numbers that no instrument reads: an overload, an open thermocouple, another unit.
+
+    A temperature may step between settled levels, but not leap for one row and come back.
+    """
+    for channel in (name for name in log.channels if name != "time"):
+        low, high, unit = POSSIBLE.get(channel, (-IMAGINABLE, IMAGINABLE, ""))
+        values = log[channel]
+        bad = (values < low) | (values > high)
+        if channel == "temperature":
+            bad[1:-1] |= np.abs(values - medfilt(values, 3))[1:-1] > MOST_LEAP
+        rows = np.flatnonzero(bad)
+        if len(rows):
+            said = f"{values[rows[0]]:.4g} {unit}".rstrip()
+            raise InputError(
+                f"log '{log.name}': {channel} is {said} in row {rows[0]}, which cannot be (rows of "
+                f"this kind: {len(rows)}): an overload, a broken connection or another unit; leave "
+                "such rows out (log.rows) or mend the recording"
+            )
 
 
 def _is_saturated(log: Log, finding: Finding, reference: str | None) -> bool:
@@ -225,6 +252,12 @@ def _strange(runs: Sequence[CalibrationRun]) -> list[str]:
         said.append(
             f"sensor_voltage spans only {span:.2g} V: if the column is in mV or kV, say so in the "
             "column map"
+        )
+    load = max(float(np.abs(run.torque).max()) for run in runs)
+    if load > MOST_TORQUE:
+        said.append(
+            f"the reference reaches {load:.4g} Nm, more than strain wave gears bear: if the "
+            "column is in mNm, say so in the column map"
         )
     warm = [run.temperature for run in runs if run.temperature is not None]
     if warm and max(float(t.max()) for t in warm) > WARMEST:

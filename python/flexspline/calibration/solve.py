@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -30,6 +30,7 @@ from flexspline.fit.identifiability import Confounded
 from flexspline.fit.result import Parameter
 from flexspline.logs.log import Log
 from flexspline.model import Model
+from flexspline.plain import plain_json
 
 __all__ = ["calibrated"]
 
@@ -160,7 +161,7 @@ def _facts(result: CalibrationResult) -> dict[str, Any]:
 
 def _record(result: CalibrationResult, asked: Asked) -> dict[str, Any]:
     return dict(
-        _plain(
+        plain_json(
             {
                 "reference": asked.reference,
                 "parameters": [asdict(p) for p in result.torque_parameters],
@@ -186,16 +187,3 @@ def _log_record(log: Log) -> dict[str, Any]:
         "rows": len(log),
         "history": list(log.history),
     }
-
-
-def _plain(value: Any) -> Any:
-    """Turn what JSON has no word for into null, tuples into lists, numpy numbers into numbers."""
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
-    if isinstance(value, np.generic):
-        value = value.item()
-    if isinstance(value, float) and not np.isfinite(value):
-        return None
-    return value

@@ -35,8 +35,8 @@ def estimate(
     """Run the model's estimators over a run, sample by sample, as the joint would.
 
     FILE.csv receives time, temperature, sensor_torque (compensated) and external_torque_sensor;
-    external_torque_observer, _compliance and _merged and contact where the model holds the
-    estimator; and status. One row for each row of the run, torques in Nm at the output, positive
+    external_torque_observer, _compliance, _compliant_observer and _merged and contact where the
+    model holds the estimator; and status. One row for each row of the run, torques in Nm at the output, positive
     where the joint pushes in the positive direction. A value is empty where its stage had
     nothing to work with; status says which.
 

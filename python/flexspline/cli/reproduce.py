@@ -21,7 +21,13 @@ PAPERS = ("zhang", "turlapati", "full_range", "all")  # importing those of repro
     show_default=True,
     help="Rigs that differ in what the paper does not print.",
 )
-@click.option("--seed", type=int, default=20261121, show_default=True)
+@click.option(
+    "--seed",
+    type=click.IntRange(0),
+    default=20261121,
+    show_default=True,
+    help="The same gives the same numbers.",
+)
 @click.option(
     "--threads", type=click.IntRange(1, 1024), default=1, show_default=True, help="To draw with."
 )

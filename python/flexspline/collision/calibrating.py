@@ -3,7 +3,8 @@
 For a stated rate: each joint, direction and band of speed gets an equal share of the rate, and of
 the thresholds that its tail makes plausible the highest (`extremes`), so that with the stated
 confidence its rate is no more than its share. The paper's rule, the largest value times a margin
-(0.0255 → 0.03 Nm: 1.18), stands beside it: it states no rate, and grows with the log's length.
+(0.0255 → 0.03 Nm: 1.18), stands beside it: it states no rate, and grows with the log's length. Υ
+of (22) is a vector: a threshold for each joint, and here for each direction and band of speed.
 Source: zhang_disturbance_elimination (22), §4.4.
 """
 
@@ -23,7 +24,8 @@ from flexspline.collision.margin import PAPER_MARGIN
 from flexspline.collision.residual import Residual
 from flexspline.collision.result import DetectorCalibration, Threshold
 from flexspline.errors import InputError
-from flexspline.estimators.checks import above_zero
+from flexspline.estimators.checks import above_zero, choice
+from flexspline.estimators.collision import INPUTS
 from flexspline.logs.log import Log
 from flexspline.logs.segments import median_step
 from flexspline.model import Model
@@ -33,6 +35,8 @@ __all__ = ["calibrate_detector"]
 Array = NDArray[np.float64]
 
 CORRELATION_TIMES = 5.0
+WILD = 0.5
+"""ξ from which on a generalised Pareto law has no variance: single events stand out."""
 FAR = 100.0
 """An extrapolation by more than this factor of the proven rate is warned of."""
 
@@ -77,6 +81,7 @@ def calibrate_detector(
     """
     watched = residuals_of(logs, model, input)
     edges = speed_bands(speed_edges)
+    choice(input, "detector: input", INPUTS)
     _require_options(false_alarms_per_hour, confidence, margin, release, hold)
     gap = above_zero(_apart(watched) if apart is None else apart, "detector: apart", "s")
     seen = _Seen(watched, edges, gap)
@@ -165,7 +170,7 @@ class _Seen:
         times, values, begins, seconds = [], [], 0.0, 0.0
         for run in self.runs:
             inside = np.searchsorted(self.edges, run.speed[:, joint], side="right") == band
-            inside &= np.isfinite(run.values[:, joint])
+            inside &= np.isfinite(run.values[:, joint]) & np.isfinite(run.speed[:, joint])
             times.append(run.time - run.time[0] + begins)
             values.append(np.where(inside, direction * run.values[:, joint], np.nan))
             begins = float(times[-1][-1]) + 2.0 * self.apart
@@ -208,6 +213,11 @@ def _by_tail(
             "a lower rate"
         )
     value = tail.threshold_interval(share, confidence)[1]
+    if value <= 0.0:
+        raise InputError(
+            f"detector: {where}: the residual keeps to the other sign without a contact, at this "
+            "rate the threshold would be on the wrong side of zero; take the residual's offset off"
+        )
     return {
         "value": value,
         "likely": tail.threshold(share),
@@ -225,7 +235,11 @@ def _require_options(
         above_zero(rate, "detector: false_alarms_per_hour", "1/h")
     if not 0.5 <= confidence < 1.0:
         raise InputError(f"detector: confidence = {confidence:g}; give 0.5 to below 1")
-    above_zero(margin, "detector: margin")
+    if above_zero(margin, "detector: margin") < 1.0:
+        raise InputError(
+            f"detector: margin = {margin:g} puts the threshold below the largest contact-free "
+            "value; give 1 or more"
+        )
     if above_zero(release, "detector: release") > 1.0:
         raise InputError(
             f"detector: release = {release:g} is above the threshold; give a share of at most 1"
@@ -254,6 +268,13 @@ def _warnings(thresholds: Sequence[Threshold], stated: float | None, hours: floa
     if stated is None:
         yield "the largest value states no rate of false alarms: a longer log has a larger one"
         return
+    wild = [t for t in thresholds if t.shape > WILD]
+    if wild:
+        worst = max(wild, key=lambda t: t.largest)
+        yield (
+            f"single events stand out of the tails of {len(wild)} thresholds (ξ > {WILD:g}), most "
+            f"in joint {worst.joint}, up to {worst.largest:.3g}: look there for a contact, a fault"
+        )
     far = 3.0 / hours / stated
     if far > FAR:
         yield (

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,14 +21,23 @@ __all__ = ["residuals_of", "speed_bands"]
 def residuals_of(
     logs: Residual | Log | Sequence[Residual | Log], model: Model | None, source: str
 ) -> list[Residual]:
-    given = [logs] if isinstance(logs, (Residual, Log)) else list(logs)
+    given: list[Any] = list(logs) if isinstance(logs, (list, tuple)) else [logs]
+    for each in given:
+        if not isinstance(each, (Residual, Log)):
+            raise InputError(
+                f"detector: a {type(each).__name__} is no contact-free run; give Residual, or logs "
+                "with their model"
+            )
     if not given:
         raise InputError("detector: no contact-free logs; give at least one")
-    made = [_estimated(log, model, source) if isinstance(log, Log) else log for log in given]
+    made: list[Residual] = [
+        _estimated(log, model, source) if isinstance(log, Log) else log for log in given
+    ]
     for each in made:
-        if not np.isfinite(each.values).any():
+        if len(each) < 2 or not np.isfinite(each.values).any():
             raise InputError(
-                f"detector: log '{each.name}' holds no finite residual; leave it out or check it"
+                f"detector: log '{each.name}' holds {len(each)} rows and no finite residual over "
+                "any time; leave it out or check it"
             )
         if each.values.shape[1] != made[0].values.shape[1] or each.unit != made[0].unit:
             raise InputError(

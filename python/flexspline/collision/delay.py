@@ -71,11 +71,15 @@ def smallest_detectable_torque(
     Raises
     ------
     InputError
-        As `detection_delay`.
+        As `detection_delay`, or where a duration is not above zero.
     """
     needed = _needed(threshold, gain, noise, probability)
-    with np.errstate(divide="ignore"):
-        return np.asarray(needed / -np.expm1(-gain * np.asarray(duration, dtype=float)))
+    lasting = np.asarray(duration, dtype=float)
+    if not (lasting > 0.0).all():
+        raise InputError(
+            f"detection: duration = {float(lasting.min()):g} s is not allowed; give one above zero"
+        )
+    return np.asarray(needed / -np.expm1(-gain * lasting))
 
 
 def _needed(threshold: float, gain: float, noise: float, probability: float) -> float:

@@ -32,6 +32,7 @@ MOST_CLUSTERS = 100
 SHAPES = np.linspace(-0.5, 0.9, 57)
 """ξ: below zero a tail that ends, 0 exponential, 0.5 infinite variance."""
 SPREADS = 61
+ROUNDS = 20
 
 
 @dataclass(frozen=True)
@@ -149,17 +150,31 @@ def fit_tail(time: Array, values: Array, hours: float, apart: float) -> Tail | N
         return None
     level = float(np.sort(sizes)[0])
     peaks = sizes - np.nextafter(level, -np.inf)
-    shape, scale, likelihood = _likelihoods(peaks, float(peaks.mean()))
-    best = np.unravel_index(int(np.argmax(likelihood)), likelihood.shape)
+    shape, scale = _likeliest(peaks)
     counts = np.histogram(starts, bins=np.quantile(time, np.linspace(0.0, 1.0, 21)))[0]
     return Tail(
         level,
         peaks,
         hours,
-        float(shape[best]),
-        float(scale[best]),
+        shape,
+        scale,
         max(float(counts.var(ddof=1) / max(counts.mean(), 1e-300)), 1.0),
     )
+
+
+def _likeliest(peaks: Array) -> tuple[float, float]:
+    """ξ and σ of the largest likelihood; the grid moves until it stands around the best σ.
+
+    It starts at the median's σ of an exponential law: one wild value moves the mean, not that.
+    """
+    centre, found = float(np.median(peaks)) / np.log(2.0), (0.0, 0.0)
+    for _ in range(ROUNDS):
+        shape, scale, likelihood = _likelihoods(peaks, centre)
+        best = np.unravel_index(int(np.argmax(likelihood)), likelihood.shape)
+        found, centre = (float(shape[best]), float(scale[best])), float(scale[best])
+        if best[1] == SPREADS // 2:
+            break
+    return found
 
 
 def _best_level(time: Array, values: Array, apart: float) -> tuple[Array, Array]:

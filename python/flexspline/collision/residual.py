@@ -24,14 +24,15 @@ class Residual:
     ----------
     time : (N,) s, increasing.
     values : (N, n), in `unit`, outward positive; NaN where nothing is known; (N,) for one joint.
-    velocity : (N, n) rad/s at the outputs; None: at rest.
+    velocity : (N, n) rad/s at the outputs, NaN where it is not known (no band, no detection);
+        None: at rest.
     name : of the run.
     unit : of the values, "Nm" or "A".
 
     Raises
     ------
     InputError
-        Where shapes do not agree or time does not increase.
+        Where shapes do not agree, time does not increase or a value is infinite.
     """
 
     time: Array
@@ -51,6 +52,11 @@ class Residual:
             )
         if not (np.diff(time) > 0.0).all():
             raise InputError(f"residual '{self.name}': time does not increase; repair the log")
+        if np.isinf(values).any():
+            row = int(np.argwhere(np.isinf(values))[0, 0])
+            raise InputError(
+                f"residual '{self.name}': infinite at row {row}; give NaN where nothing is known"
+            )
         for name, array in (("time", time), ("values", values), ("velocity", velocity)):
             object.__setattr__(self, name, array)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from flexspline.collision.residual import Residual
 from flexspline.errors import InputError
 from flexspline.estimators.collision import Collision
 from flexspline.logs.segments import runs
+from flexspline.plain import plain_json
 
 if TYPE_CHECKING:
     import pandas
@@ -131,7 +132,7 @@ class DetectorCalibration:
             "hours": self.hours,
             "proven_rate_per_hour": self.proven_rate,
             "runs": list(self.runs),
-            "thresholds": [_plain(each) for each in self.thresholds if each.joint == joint],
+            "thresholds": plain_json([asdict(t) for t in self.thresholds if t.joint == joint]),
         }
         return Collision(
             input=input,
@@ -158,7 +159,9 @@ class DetectorCalibration:
             )
         contact = np.zeros(residual.values.shape, dtype=bool)
         for joint in range(self.joints):
-            known = np.flatnonzero(np.isfinite(residual.values[:, joint]))
+            known = np.flatnonzero(
+                np.isfinite(residual.values[:, joint]) & np.isfinite(residual.speed[:, joint])
+            )
             for first, last in runs(residual.time[known], self.apart + self.hold):
                 rows = known[first:last]
                 contact[rows, joint] = self._run(residual, joint, rows)
@@ -219,13 +222,3 @@ class DetectorCalibration:
     def _require(self, joint: int) -> None:
         if not 1 <= joint <= self.joints:
             raise InputError(f"detector: no joint {joint}; it watches joints 1 to {self.joints}")
-
-
-def _plain(each: Threshold) -> dict[str, Any]:
-    """The fields as JSON knows them: None for what there is not."""
-
-    def known(value: Any) -> Any:
-        return None if isinstance(value, float) and not math.isfinite(value) else value
-
-    fields = {name: known(value) for name, value in asdict(each).items()}
-    return {**fields, "rate_interval": [known(value) for value in each.rate_interval]}

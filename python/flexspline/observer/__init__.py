@@ -3,17 +3,20 @@
 from flexspline.observer.dynamics import Dynamics, require_dynamics
 from flexspline.observer.gain import observer_delay, observer_noise
 from flexspline.observer.observing import Observed, observe
+from flexspline.observer.subtracting import Remainder, subtract
 from flexspline.observer.urdf import dynamics_from_urdf
 from flexspline.observer.wrench import Wrench, wrench_at_end_effector
 
 __all__ = [
     "Dynamics",
     "Observed",
+    "Remainder",
     "Wrench",
     "dynamics_from_urdf",
     "observe",
     "observer_delay",
     "observer_noise",
     "require_dynamics",
+    "subtract",
     "wrench_at_end_effector",
 ]

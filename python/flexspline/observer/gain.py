@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexspline.errors import InputError
+from flexspline.estimators.checks import above_zero
 
 __all__ = ["observer_delay", "observer_noise"]
 
@@ -63,8 +64,14 @@ def observer_noise(
     Raises
     ------
     InputError
-        As `observer_delay`.
+        As `observer_delay`, or where noise or inertia is negative or not finite.
     """
+    for name, value in (
+        ("torque_noise", torque_noise),
+        ("velocity_noise", velocity_noise),
+        ("inertia", inertia),
+    ):
+        above_zero(value, f"observer: {name}", or_zero=True)
     share = _share(gain, period, discretisation)
     of_torque = share / 2.0 if discretisation == "exact" else share / (2.0 - share)
     of_momentum = (share / period) ** 2 * 2.0 / (2.0 - share)
@@ -74,7 +81,10 @@ def observer_noise(
 
 def require_gain(gain: ArrayLike, longest_period: float, discretisation: str) -> Array:
     """Return the gains as an array, or refuse those that cannot be stable."""
-    values = np.asarray(gain, dtype=float)
+    try:
+        values = np.asarray(gain, dtype=float)
+    except (TypeError, ValueError):
+        raise InputError(f"observer: gain = {gain!r} is no number; give it in 1/s") from None
     if not (np.isfinite(values).all() and (values > 0.0).all()):
         raise InputError(
             f"observer: gain = {values.tolist()} is not allowed; give numbers above zero [1/s]"

@@ -4,12 +4,15 @@
 
 τ is what drives each joint, at its output: the sensor's torque, or Ñ τ_m with its friction τ_f.
 Each joint is one observer of the core. r is the estimate of τ_ext, positive when the joint pushes
-the outside in +q; the residual r of the paper has the opposite sign (`Observed.residual`).
+the outside in +q; τ_c of (12) and the residual r of (16)–(22) are positive when the outside drives
+the joint forward (`Observed.residual`). The first paper takes the sensor's torque, so that (23) has
+no friction; the third the motor's, with friction. Here it may be either.
 Source: zhang_disturbance_elimination (12)–(21); one joint: full_range_torque_estimation (1)–(8).
 """
 
 from __future__ import annotations
 
+import os
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -133,13 +136,13 @@ def observe(
     FlexsplineWarning
         Where forward Euler has gain · period of 1 or more: it rings, or is dead-beat at 1.
     """
-    times, states = _arrays(time, position, velocity, torque)
+    times, states = arrays_of(time, position, velocity, torque)
     angle, speed, driving = states
     count = angle.shape[1]
     gains = _gains(gain, count, times, discretisation)
     parts = parts_of(friction, count)
     momentum, others = _rigid(dynamics, parts, angle, speed)
-    known = driving - others - friction_torque(friction, parts, times, angle, speed)
+    known = driving - others - friction_torque(friction, parts, times, (angle, speed))
     external = np.empty_like(known)
     for first, last in runs(times):
         rows = slice(int(first), int(last))
@@ -154,19 +157,29 @@ def observe(
     return Observed(times, external, speed, gains, discretisation)
 
 
-def _arrays(time: ArrayLike, *given: ArrayLike) -> tuple[Array, list[Array]]:
-    times = np.ascontiguousarray(time, dtype=float)
-    states = [np.asarray(values, dtype=float) for values in given]
+def arrays_of(time: ArrayLike, *given: ArrayLike) -> tuple[Array, list[Array]]:
+    """Return time (N,) and each of `given` as (N, n), or refuse what does not agree."""
+    try:
+        times = np.ascontiguousarray(time, dtype=float)
+        states = [np.asarray(values, dtype=float) for values in given]
+    except (TypeError, ValueError):
+        raise InputError(
+            "observer: time, position, velocity or torque holds what is no number; give arrays"
+        ) from None
     states = [values[:, None] if values.ndim == 1 else values for values in states]
     shapes = [values.shape for values in states]
     if times.ndim != 1 or len(set(shapes)) != 1 or shapes[0][:1] != times.shape or len(times) < 2:
         raise InputError(
-            f"observer: time {times.shape}, position, velocity and torque {shapes} do not agree; "
-            "give (N,) with N of 2 or more, and three times (N, n)"
+            f"observer: time {times.shape} and position, velocity, … torque {shapes} do not agree; "
+            "give (N,) with N of 2 or more, and (N, n) of each of the others"
         )
     if not (np.diff(times) > 0.0).all():
         row = int(np.argmin(np.diff(times) > 0.0)) + 1
         raise InputError(f"observer: time does not increase at row {row}; sort or repair the log")
+    if not np.isfinite(states).all(axis=(0, 2)).any():
+        raise InputError(
+            "observer: position, velocity and torque are in no row all finite; check the channels"
+        )
     return times, states
 
 
@@ -208,8 +221,6 @@ def _rigid(
                 "too; fit it without, with the rigid body's torque as known_load"
             )
     good = np.isfinite(angle).all(axis=1) & np.isfinite(speed).all(axis=1)
-    if not good.any():
-        raise InputError("observer: position and velocity are nowhere finite; check the channels")
     require_dynamics(dynamics, angle[good], speed[good])
     mass, coriolis, gravity = evaluated(dynamics, angle[good], speed[good])
     momentum, others = np.full_like(speed, np.nan), np.full_like(speed, np.nan)
@@ -224,6 +235,11 @@ def _inertia(given: float | None, parts: list[Part | None]) -> float:
         raise InputError(
             f"observer: {len(parts)} joints need dynamics that return M, C and g; give a callable "
             "or dynamics_from_urdf"
+        )
+    if isinstance(given, (str, os.PathLike)):
+        raise InputError(
+            f"observer: dynamics = {str(given)!r} is a text; give dynamics_from_urdf(...) of it "
+            "for a URDF, or the inertia [kg m²]"
         )
     found = coefficient(parts[0], "inertia")
     if (given is None) == (found is None):

@@ -40,11 +40,18 @@ def coefficient(part: Part | None, name: str) -> float | None:
 
 
 def friction_torque(
-    friction: Any, parts: list[Part | None], time: Array, angle: Array, speed: Array
+    friction: Any,
+    parts: list[Part | None],
+    time: Array,
+    state: tuple[Array, ...],
 ) -> Array:
-    """Friction and the like, (N, n) Nm: an array as given, or what the parts say."""
+    """Friction and the like, (N, n) Nm: an array as given, or what the parts say.
+
+    `state`: q, q̇ and, where inertia belongs to it, q̈, each (N, n).
+    """
+    angle = state[0]
     if friction is None or any(part is not None for part in parts):
-        made = [_said(part, time, angle[:, k], speed[:, k]) for k, part in enumerate(parts)]
+        made = [_said(part, time, *(x[:, k] for x in state)) for k, part in enumerate(parts)]
         return np.stack(made, axis=1)
     try:
         values = np.asarray(friction, dtype=float)
@@ -56,8 +63,10 @@ def friction_torque(
     return values
 
 
-def _said(part: Part | None, time: Array, angle: Array, speed: Array) -> Array:
-    """What a part says of the state but for inertia, Nm at the output, (N,)."""
+def _said(
+    part: Part | None, time: Array, angle: Array, speed: Array, rate: Array | None = None
+) -> Array:
+    """What a part says of the state, without its inertia where q̈ is None, Nm, (N,)."""
     if part is None:
         return np.zeros(len(time))
     if part.target not in ("sensor_torque", "motor_torque"):
@@ -71,19 +80,27 @@ def _said(part: Part | None, time: Array, angle: Array, speed: Array) -> Array:
             "observer: the part reads the load, which is what is looked for; use "
             "flexspline.estimate, which takes the sensor's"
         )
-    alone = _without_inertia(part)
+    if "motor_position" in reads:
+        raise InputError(
+            "observer: the part has ripple of the wave generator, whose angle takes the gear; "
+            "predict it with its Model and give the torque as an array"
+        )
+    alone = _alone(part, inertia=rate is not None)
     if not alone.effects:
         return np.zeros(len(time))
-    log = Log.from_arrays(time=time, output_position=angle, output_velocity=speed)
+    channels = {"time": time, "output_position": angle, "output_velocity": speed}
+    if rate is not None:
+        channels["output_acceleration"] = rate
+    log = Log(channels)
     return Model({PART_OF[part.target]: alone}).predict(log).predicted
 
 
-def _without_inertia(part: Part) -> Part:
+def _alone(part: Part, *, inertia: bool) -> Part:
     kept, first = [], 0
     values: list[float] = []
     for effect in part.effects:
         last = first + len(effect.terms)
-        if effect.name != "inertia":
+        if inertia or effect.name != "inertia":
             kept.append(effect)
             values += part.coefficients[first:last].tolist()
         first = last

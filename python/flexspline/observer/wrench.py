@@ -123,14 +123,17 @@ def wrench_at_end_effector(
 def _checked(
     torque: ArrayLike, jacobian: ArrayLike, covariance: ArrayLike
 ) -> tuple[Array, Array, Array]:
-    forces, jacobians = np.asarray(torque, dtype=float), np.asarray(jacobian, dtype=float)
+    try:
+        forces, jacobians = np.asarray(torque, dtype=float), np.asarray(jacobian, dtype=float)
+        spread = np.asarray(covariance, dtype=float)
+    except (TypeError, ValueError):
+        raise InputError("wrench: torque, jacobian or covariance is no array of numbers") from None
     if forces.ndim != 2 or jacobians.shape != (len(forces), 6, forces.shape[1]):
         raise InputError(
             f"wrench: torque of shape {forces.shape} and Jacobian of shape {jacobians.shape} do "
             "not agree; give (N, n) and (N, 6, n)"
         )
     count, joints = forces.shape
-    spread = np.asarray(covariance, dtype=float)
     if spread.shape not in ((joints, joints), (count, joints, joints)):
         raise InputError(
             f"wrench: covariance of shape {spread.shape}; give {(joints, joints)} or "

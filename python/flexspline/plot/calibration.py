@@ -19,13 +19,13 @@ from flexspline.plot.canvas import (
     GREY,
     INK,
     PALETTE,
-    PlainFigure,
+    Panel,
     axes_or_new,
     channel_label,
     legend,
+    panelled,
     titled,
 )
-from flexspline.plot.fit import Panel
 from flexspline.plot.thin import spread_evenly
 
 if TYPE_CHECKING:
@@ -61,13 +61,7 @@ LOOK_FOR = {
 
 def plot_calibration(result: CalibrationResult) -> Figure:
     """Return a figure with a panel for each view that the runs allow."""
-    chosen = panels(result)
-    rows = -(-len(chosen) // 2)
-    figure = PlainFigure(11.0, 3.7 * rows)
-    cells = figure.subfigures(rows, 2, squeeze=False).ravel()
-    for cell, panel in zip(cells, chosen, strict=False):
-        panel.draw(cell.add_subplot())
-    return figure
+    return panelled(panels(result), 3.7)
 
 
 def panels(result: CalibrationResult) -> list[Panel]:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import matplotlib
@@ -17,11 +19,13 @@ __all__ = [
     "INK",
     "MOST_COLOURED_RUNS",
     "PALETTE",
+    "Panel",
     "PlainFigure",
     "axes_or_new",
     "channel_label",
     "colours_of_runs",
     "legend",
+    "panelled",
     "plain",
     "titled",
 ]
@@ -50,6 +54,14 @@ _CHANNEL_WORDS = {
 }
 
 
+@dataclass(frozen=True)
+class Panel:
+    """One view: what draws it on axes, and what to look for in it."""
+
+    draw: Callable[[Axes], object]
+    look_for: str
+
+
 class PlainFigure(Figure):
     """A figure that pyplot does not know, so nothing has to be closed; notebooks show it."""
 
@@ -62,6 +74,16 @@ class PlainFigure(Figure):
         made = io.BytesIO()
         self.savefig(made, format="png", dpi=100)
         return made.getvalue()
+
+
+def panelled(panels: Sequence[Panel], height: float) -> PlainFigure:
+    """Return a figure of the panels, two in a row, each row `height` inches."""
+    rows = -(-len(panels) // 2)
+    figure = PlainFigure(11.0, height * rows)
+    cells = figure.subfigures(rows, 2, squeeze=False).ravel()
+    for cell, panel in zip(cells, panels, strict=False):
+        panel.draw(cell.add_subplot())
+    return figure
 
 
 def axes_or_new(ax: Axes | None, width: float = 6.0, height: float = 3.8) -> Axes:

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from flexspline.errors import InputError
-from flexspline.plot.canvas import PlainFigure
+from flexspline.plot.canvas import Panel, panelled
 from flexspline.plot.components import components
 from flexspline.plot.drift import drift_curve
 from flexspline.plot.orders import order_spectra
@@ -20,16 +17,7 @@ from flexspline.plot.residuals import has_channel, measured_against_predicted, r
 if TYPE_CHECKING:
     from flexspline.fit.result import Fit
 
-__all__ = ["Panel", "panels", "plot_fit"]
-
-
-@dataclass(frozen=True)
-class Panel:
-    """One view: what draws it on axes, and what to look for in it."""
-
-    draw: Callable[[Axes], object]
-    look_for: str
-
+__all__ = ["panels", "plot_fit"]
 
 LOOK_FOR = {
     "predicted": "All points should lie along the diagonal. A cloud that bends or lies beside it "
@@ -54,13 +42,7 @@ LOOK_FOR = {
 
 def plot_fit(fit: Fit) -> Figure:
     """Return a figure with a panel for each view that the channels of the runs allow."""
-    chosen = panels(fit)
-    rows = -(-len(chosen) // 2)
-    figure = PlainFigure(11.0, 3.5 * rows)
-    cells = figure.subfigures(rows, 2, squeeze=False).ravel()
-    for cell, panel in zip(cells, chosen, strict=False):
-        panel.draw(cell.add_subplot())
-    return figure
+    return panelled(panels(fit), 3.5)
 
 
 def panels(fit: Fit) -> list[Panel]:

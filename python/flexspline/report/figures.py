@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 import matplotlib
 
-from flexspline.plot.canvas import INK, PlainFigure, axes_or_new
-from flexspline.plot.fit import Panel, panels
+from flexspline.plot.canvas import INK, Panel, PlainFigure, axes_or_new
+from flexspline.plot.fit import panels
 
 if TYPE_CHECKING:
     from flexspline.fit.result import Fit

@@ -105,13 +105,14 @@ def reproduce(
     Raises
     ------
     InputError
-        For an unknown paper, or fewer than one draw.
+        For an unknown paper, fewer than one draw or thread, or a negative seed.
     """
     if paper != "all" and paper not in PAPERS:
         near = did_you_mean(paper, PAPERS)
         raise InputError(f"there is no paper '{paper}'{near}; give {listed(PAPERS)} or all")
-    if draws < 1:
-        raise InputError(f"draws is {draws}; give at least 1")
+    for name, value, least in (("draws", draws, 1), ("seed", seed, 0), ("threads", threads, 1)):
+        if value < least:
+            raise InputError(f"{name} is {value}; give at least {least}")
     papers = PAPERS if paper == "all" else (paper,)
     if out is None:
         return {name: _one(name, draws, seed, threads, progress) for name in papers}

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexspline import _core
 from flexspline.errors import InputError
+from flexspline.estimators.checks import above_zero
 from flexspline.sensor.gauges import Gauge, WaveStrain
 
 __all__ = ["DEFAULT_WAVES", "Bridge", "cancelling_bridge", "common_bridge"]
@@ -67,8 +68,12 @@ class Bridge:
         object.__setattr__(self, "gauges", tuple(self.gauges))
         object.__setattr__(self, "waves", tuple(self.waves))
         for name in ("gauge_factor", "supply", "strain_per_torque", "full_scale", "resistance"):
-            if not (math.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
-                raise InputError(f"bridge: {name} = {getattr(self, name)} must be above zero")
+            above_zero(getattr(self, name), f"bridge: {name}")
+        if not (0.0 <= self.poisson <= 0.5 and math.isfinite(self.reference_temperature)):
+            raise InputError(
+                f"bridge: poisson = {self.poisson:g}, reference_temperature = "
+                f"{self.reference_temperature:g} °C; give 0 to 0.5 and a finite temperature"
+            )
         self._require_wheatstone()
         object.__setattr__(self, "_fixed", self._for_core())
         if abs(self.torque_gain) < 1e-9:
@@ -166,7 +171,7 @@ class Bridge:
         `angle`, `tilt` in rad, `factor` as a share of the gauge factor.
         """
         count = len(self.gauges)
-        errors = [np.broadcast_to(np.asarray(e, float), (count,)) for e in (angle, tilt, factor)]
+        errors = [_one_each(e, count) for e in (angle, tilt, factor)]
         moved = [
             replace(g, angle=g.angle + a, tilt=g.tilt + t, factor_error=g.factor_error + f)
             for g, a, t, f in zip(self.gauges, *(e.tolist() for e in errors), strict=True)
@@ -176,7 +181,7 @@ class Bridge:
     def with_thermal(self, linear: ArrayLike, quadratic: ArrayLike = 0.0) -> Bridge:
         """Return the bridge with the gauges' apparent strain [1/K, 1/K²]: one number or (n,)."""
         count = len(self.gauges)
-        given = [np.broadcast_to(np.asarray(e, float), (count,)) for e in (linear, quadratic)]
+        given = [_one_each(e, count) for e in (linear, quadratic)]
         warmed = [
             replace(g, thermal_linear=a, thermal_quadratic=b)
             for g, a, b in zip(self.gauges, *(e.tolist() for e in given), strict=True)
@@ -186,6 +191,7 @@ class Bridge:
     def _signal(
         self, angle: ArrayLike, torque: ArrayLike, temperature: ArrayLike
     ) -> tuple[Array, Array]:
+        self._require_state(angle, torque)
         given = np.asarray(temperature, dtype=float)
         each = given if given.ndim == 2 else given[..., None]
         if given.ndim == 2 and given.shape[1] != len(self.gauges):
@@ -207,6 +213,19 @@ class Bridge:
             supply=self.supply,
         )
 
+    @staticmethod
+    def _require_state(angle: ArrayLike, torque: ArrayLike) -> None:
+        """Refuse an angle that is not finite, of which the core makes some phase, or shapes."""
+        turned, load = np.atleast_1d(np.asarray(angle, float)), np.atleast_1d(np.asarray(torque))
+        if not np.isfinite(turned).all():
+            row = int(np.argmin(np.isfinite(turned)))
+            raise InputError(f"bridge: angle is not finite at row {row}; leave such rows out")
+        if len(turned) != len(load) and 1 not in (len(turned), len(load)):
+            raise InputError(
+                f"bridge: {len(turned)} angles and {len(load)} torques; give one a row or one "
+                "for all"
+            )
+
     def _response(self) -> tuple[Array, Array, Array]:
         fixed = self._fixed
         return _core.bridge_ripple(
@@ -216,6 +235,14 @@ class Bridge:
             fixed["arm"],
             fixed["waves"],
         )
+
+
+def _one_each(given: ArrayLike, count: int) -> Array:
+    """One number for each gauge, (n,)."""
+    values = np.asarray(given, float)
+    if values.shape not in ((), (1,), (count,)):
+        raise InputError(f"bridge: {values.size} values for {count} gauges; give one, or one each")
+    return np.broadcast_to(values, (count,))
 
 
 def _pairs(angles: Sequence[float]) -> tuple[Gauge, ...]:
@@ -241,7 +268,9 @@ def cancelling_bridge(gauges: int = 4, **options: Any) -> Bridge:
 
     Four gauges, R1 to R4: pairs at 0° and 90°; order 2 cancels (3), (4), order 1 does not. All
     eight: pairs at 0°, 90°, 180° and 270°, and only multiples of four are left. The text derives
-    order 2 alone; that both peaks of Fig. 15 vanish needs all eight.
+    order 2 alone; that both peaks of Fig. 15 vanish needs all eight. Those are at 9.89 and 19.76 Hz
+    at 35.16 °/s, 101.26 and 2 · 101.16 per turn of the output: once and twice per turn of the wave
+    generator *against the flexspline* with 101 = N + 1 (9.86 Hz); N = 100 is inferred, not printed.
 
     Parameters
     ----------

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexspline import _core
 from flexspline.errors import InputError
+from flexspline.estimators.checks import above_zero
 
 __all__ = ["Electronics"]
 
@@ -23,7 +24,9 @@ SATURATED = 2
 class Electronics:
     """Amplifier, RC low pass and converter (zhang_disturbance_elimination §2.2, Fig. 5).
 
-    Gain 200 (ADA4528), 16 bits (AD7790) are the paper's; what it does not print is a choice:
+    Gain 200 (ADA4528), 16 bits (AD7790) are the paper's; what it does not print is a choice. With
+    (25) ±2.5 V are ±157 Nm: more than the range of 70 Nm, less than the overload of 180 Nm that the
+    body bears (§2.2), so an overload is flagged and not measured.
 
     Parameters
     ----------
@@ -60,13 +63,9 @@ class Electronics:
 
     def __post_init__(self) -> None:
         for name in ("gain", "resistance", "capacitance", "reference"):
-            if not (math.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
-                raise InputError(f"electronics: {name} = {getattr(self, name)} must be above zero")
+            above_zero(getattr(self, name), f"electronics: {name}")
         for name in ("amplifier_noise", "converter_noise", "supply_noise"):
-            if not (math.isfinite(getattr(self, name)) and getattr(self, name) >= 0.0):
-                raise InputError(
-                    f"electronics: {name} = {getattr(self, name)} must not be negative"
-                )
+            above_zero(getattr(self, name), f"electronics: {name}", or_zero=True)
         if not (math.isfinite(self.offset) and -273.15 <= self.temperature < math.inf):
             raise InputError("electronics: offset [V] and temperature [°C] must be possible values")
         if not 2 <= self.bits <= 24 or int(self.bits) != self.bits:
@@ -115,6 +114,11 @@ class Electronics:
         """
         when = np.asarray(time, dtype=float)
         given = np.asarray(voltage, dtype=float)
+        if when.shape != given.shape or when.ndim != 1 or not (np.diff(when) > 0.0).all():
+            raise InputError(
+                f"electronics: time {when.shape} and voltage {given.shape}; give one voltage a row "
+                "and times that increase"
+            )
         if seed is not None:
             given = given + self._noise(when, bridge_resistance, np.random.default_rng(seed))
         read, flags = _core.condition_signal(

@@ -9,6 +9,8 @@ from flexspline.errors import InputError
 
 __all__ = ["Gauge", "WaveStrain"]
 
+MOST_TURNS = 2
+
 
 @dataclass(frozen=True)
 class Gauge:
@@ -28,7 +30,8 @@ class Gauge:
     Raises
     ------
     InputError
-        For a sign or an arm that is not ±1, or a value that is not finite.
+        For a sign or an arm that is not ±1, a value that is not finite, an angle of more than two
+        turns (degrees?) or a gauge factor that is none.
     """
 
     angle: float
@@ -48,6 +51,14 @@ class Gauge:
                 "tension under torque, -1 for compression"
             )
         numbers = (self.angle, self.tilt, self.factor_error)
+        if abs(self.angle) > MOST_TURNS * 2.0 * math.pi:
+            raise InputError(
+                f"gauge: angle = {self.angle:g} rad is more than {MOST_TURNS} turns; give radians"
+            )
+        if self.factor_error <= -1.0:
+            raise InputError(
+                f"gauge: factor_error = {self.factor_error:g} leaves no gauge; give more than -1"
+            )
         if not all(map(math.isfinite, (*numbers, self.thermal_linear, self.thermal_quadratic))):
             raise InputError("gauge: angle, errors and thermal strain must be finite numbers")
 

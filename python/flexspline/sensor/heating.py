@@ -66,6 +66,8 @@ class Heating:
                 "steps"
             )
         lag = self.thermistor_lag
+        if not all(math.isfinite(value) for value in vars(self).values()) or self.degree < 0:
+            raise InputError("heating: give finite numbers, and a degree of 0 or more")
         if self.lots < 1:
             raise InputError(f"heating: {self.lots} lots of gauges; give at least one")
         if not (self.time_constant > 0.0 and self.duration > 0.0 and lag >= 0.0):

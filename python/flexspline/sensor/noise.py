@@ -7,7 +7,9 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from flexspline.errors import InputError
 from flexspline.report.numbers import short
+from flexspline.report.rows import rows_html, rows_text
 from flexspline.sensor.bridge import Bridge
 from flexspline.sensor.electronics import Electronics
 
@@ -63,26 +65,11 @@ class NoiseBudget:
         return pandas.DataFrame(data, index=names, columns=["volts", "torque", "how"])
 
     def __str__(self) -> str:
-        rows = self._rows()
-        wide = [max(len(row[k]) for row in rows) for k in range(4)]
-        lines = [
-            "  ".join(
-                f"{cell:<{w}}" if k == 0 else f"{cell:>{w}}"
-                for k, (cell, w) in enumerate(zip(row[:4], wide, strict=True))
-            )
-            + f"  {row[4]}".rstrip()
-            for row in rows
-        ]
-        return "\n".join([self._title(), *lines])
+        return f"{self._title()}\n{rows_text(self._rows(), left=(0, 4))}"
 
     def to_html(self) -> str:
         """Return the table as HTML."""
-
-        def line(cells: tuple[str, ...], tag: str) -> str:
-            return "<tr>" + "".join(f"<{tag}>{html.escape(c)}</{tag}>" for c in cells) + "</tr>"
-
-        head, *body = self._rows()
-        rows = line(head, "th") + "".join(line(cells, "td") for cells in body)
+        rows = rows_html(self._rows())
         title = html.escape(self._title())
         return f'<table class="scores"><caption>{title}</caption>{rows}</table>'
 
@@ -129,6 +116,8 @@ def noise_budget(
     ----------
     zhang_disturbance_elimination §2.2, Fig. 5 for the chain; Johnson and Nyquist 1928 for 4kTR.
     """
+    if not math.isfinite(load):
+        raise InputError(f"noise budget: load = {load:g} Nm; give a finite torque")
     chain = electronics or Electronics()
     thermal, amplifier, low_pass, rounding = map(
         math.sqrt, chain.variances(bridge.output_resistance)

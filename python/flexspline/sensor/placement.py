@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from flexspline import _core
 from flexspline.errors import InputError
+from flexspline.estimators.checks import above_zero
 from flexspline.report.numbers import short
 from flexspline.sensor.bridge import Bridge
 
@@ -83,6 +84,7 @@ class PlacementRipple:
         0 where none do, 1 where all of the tolerance is allowed.
         """
         high = self.high[:, self._at(order)]
+        above_zero(ripple, "placement tolerance: ripple", "Nm")
         within = np.flatnonzero(high <= ripple)
         if not len(within):
             return 0.0

@@ -33,7 +33,8 @@ ORDERS = tuple(range(1, 9))
 LOWPASS = 1.0  # Hz, §3.1
 TRIALS = (1, 2, 3)
 HELD_OUT = 2.5  # Nm, the peak of a run that no fit sees
-#: Friction of good bearings over that of a typical one; bad ones begin at 1.3.
+#: Friction of good bearings over that of a typical one; bad ones begin at 1.35, the
+#: limit is midway.
 GOOD, REJECTED_ABOVE = (0.9, 1.0, 1.1, 1.15, 1.2, 1.25), 1.3
 
 

@@ -1,0 +1,32 @@
+"""What a fit says of a loop of the torsion that is none of a gear, or that no run went round."""
+
+from __future__ import annotations
+
+import numpy as np
+from torsion_logs import LOAD, own_rows, truth
+
+import flexspline
+
+GIVES_BACK, WIDE = "it gives back", "is wider than half of the"
+
+
+def said(times: float, width: float | None = None) -> str:
+    """Warnings of a fit to a gear whose loop is so many times that of a sound one."""
+    effects, values = truth(orders=False)
+    log = own_rows(9, effects, values * np.r_[np.ones(len(values) - 4), np.full(4, times)])
+    fixed = {} if width is None else {"torsional_hysteresis.load_width": width}
+    fit = flexspline.fit(effects, log, "torsion", known_load=LOAD, fixed=fixed)
+    return " ".join(fit.warnings)
+
+
+def test_a_sound_gear_is_not_warned_of() -> None:
+    found = said(1.0)
+    assert GIVES_BACK not in found and WIDE not in found
+
+
+def test_a_loop_that_gives_back_more_than_the_mesh_yields_is_warned_of() -> None:
+    assert GIVES_BACK in said(5.0)
+
+
+def test_a_loop_wider_than_half_the_load_s_turns_is_warned_of() -> None:
+    assert "its load_width of 500 Nm is wider than half of the 83" in said(1.0, width=500.0)
