@@ -17,6 +17,20 @@ from flexspline.errors import FlexsplineWarning, InputError
 from flexspline.fit.fitting import fit
 
 if TYPE_CHECKING:
+    from flexspline.calibration.calibrating import calibrate
+    from flexspline.calibration.result import CalibrationResult
+    from flexspline.comparison.comparing import compare
+    from flexspline.comparison.result import Comparison
+    from flexspline.estimation import Estimate, estimate
+    from flexspline.estimators import (
+        Calibration,
+        Collision,
+        Compliance,
+        Merge,
+        Observer,
+        TemperatureCompensation,
+        Thermistor,
+    )
     from flexspline.fit.result import Fit
     from flexspline.fit.streaming import accumulate
     from flexspline.logs.convert import convert
@@ -26,30 +40,56 @@ if TYPE_CHECKING:
 
 __all__ = [
     "CATALOGUE",
+    "Calibration",
+    "CalibrationResult",
+    "Collision",
+    "Comparison",
+    "Compliance",
     "Effect",
+    "Estimate",
     "Fit",
     "FlexsplineWarning",
     "InputError",
     "Log",
+    "Merge",
     "Model",
+    "Observer",
     "Part",
     "Prediction",
+    "TemperatureCompensation",
+    "Thermistor",
     "__version__",
     "accumulate",
+    "calibrate",
+    "compare",
     "convert",
     "effect",
+    "estimate",
     "fit",
     "get_include",
     "read_log",
 ]
 
 _HOME = {
+    "Calibration": "estimators",
+    "CalibrationResult": "calibration.result",
+    "Collision": "estimators",
+    "Comparison": "comparison.result",
+    "Compliance": "estimators",
+    "Estimate": "estimation",
     "Fit": "fit.result",
     "Log": "logs.log",
+    "Merge": "estimators",
     "Model": "model",
+    "Observer": "estimators",
     "Part": "model",
     "Prediction": "model",
+    "TemperatureCompensation": "estimators",
+    "Thermistor": "estimators",
     "accumulate": "fit.streaming",
+    "calibrate": "calibration.calibrating",
+    "compare": "comparison.comparing",
+    "estimate": "estimation",
     "convert": "logs.convert",
     "read_log": "logs.read",
 }

@@ -10,8 +10,8 @@ from fit_logs import FRICTION, autoregressive, friction, log_with, motion, rows_
 from numpy.typing import NDArray
 
 import flexspline
-from flexspline.comparison.reversal import since_reversal
 from flexspline.comparison.result import Comparison
+from flexspline.comparison.reversal import since_reversal
 from flexspline.logs import Log
 from flexspline.model import Model, Part
 

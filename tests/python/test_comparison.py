@@ -1,4 +1,4 @@
-"""Where a model and runs disagree: the right covariate and band, and nothing where there is none."""
+"""Where a model and runs disagree: the right covariate and band, or nothing at all."""
 
 from __future__ import annotations
 

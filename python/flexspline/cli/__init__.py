@@ -7,9 +7,12 @@ import sys
 import click
 
 from flexspline import __version__
+from flexspline.cli.calibrate import command as calibrate
+from flexspline.cli.compare import compare
 from flexspline.cli.contract import Commands
 from flexspline.cli.convert import convert
 from flexspline.cli.demo import demo
+from flexspline.cli.estimate import estimate
 from flexspline.cli.export import export
 from flexspline.cli.fit import fit
 from flexspline.cli.predict import predict
@@ -35,9 +38,12 @@ def commands() -> None:
     The path:
       read     your runs, CSV in SI units     flexspline convert (from other formats)
       check    are the data sound?            done by fit, before it starts
+      calibrate  a bridge's volts to torque   flexspline calibrate
       fit      effects to a target            flexspline fit
       judge    held-out error, confounding    what fit prints, and report.html
       predict  on runs it never saw           flexspline predict
+      compare  where model and runs disagree  flexspline compare
+      estimate the torque from outside        flexspline estimate
       export   constants for the robot        flexspline export
 
     \b
@@ -57,7 +63,7 @@ def commands() -> None:
     """
 
 
-for command in (fit, predict, export, convert, demo, reproduce):
+for command in (fit, calibrate, predict, compare, estimate, export, convert, demo, reproduce):
     commands.add_command(command)
 
 

@@ -1,0 +1,157 @@
+"""How large the residual is in each band of each covariate, against the noise floor there.
+
+In band k with residual r, and e what is left when everything that it follows is taken out:
+
+    RMSE² = mean r²,   floor² = mean e² · (1 + swallowed),   excess² = RMSE² − floor²
+
+Where the velocity is too noisy for the model's friction, the floor is at least the floor of all
+rows plus what that noise does to the prediction. Errors count the noise's memory.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import norm as normal
+
+from flexspline.comparison.covariates import Covariate
+from flexspline.comparison.memory import Memory
+from flexspline.comparison.rows import Rows
+from flexspline.comparison.search import ALPHA, CellTests, Search
+from flexspline.comparison.turning import Turning
+
+__all__ = ["Band", "OrderPeak", "bands_of", "overall", "peaks_of"]
+
+Array = NDArray[np.float64]
+
+_DOUBTFUL = 0.25  # of the floor's square, from which the velocity's noise matters
+
+
+@dataclass(frozen=True)
+class Band:
+    """One band of rows. Numbers in the unit of the comparison, variance in its square.
+
+    `lower`, `upper`: of the covariate, in its unit; None for kinds and where it is open.
+    `effective_rows`: independent ones. `noise_floor_error`: standard error of the floor.
+    `excess`: RMS above the floor. `chance`: that noise alone shows such a mean, or such a mean
+    square above the floor, in any band of this covariate. `significant`: more than chance.
+    """
+
+    label: str
+    lower: float | None
+    upper: float | None
+    rows: int
+    effective_rows: float
+    rmse: float
+    variance: float
+    bias: float
+    noise_floor: float
+    noise_floor_error: float
+    excess: float
+    chance: float
+    significant: bool
+
+
+@dataclass(frozen=True)
+class OrderPeak:
+    """An order of what turns in the residual; amplitude and error in its unit.
+
+    `order` per turn of `pair`; `label` says what turns; `chance`: that noise alone shows it.
+    """
+
+    pair: str
+    order: float
+    per_output_turn: float
+    amplitude: float
+    error: float
+    chance: float
+    label: str
+    also: tuple[str, ...]
+
+
+def overall(rows: Rows, memory: Memory, found: Search, test: CellTests) -> Band:
+    """Return the band of all rows."""
+    cells = np.zeros(len(rows), dtype=np.int16)
+    one = np.zeros(1, dtype=np.intp)
+    whole = Covariate("all", "all rows", "", None, ("all rows",), cells, one, one - 1)
+    (band,) = bands_of(whole, rows, memory, found, test, len(found.chances))
+    chance = min((step.chance for step in found.steps), default=min(found.chances.values()))
+    chance = min(1.0, chance * len(found.chances))
+    return replace(band, chance=chance, significant=bool(found.steps))
+
+
+def bands_of(
+    covariate: Covariate,
+    rows: Rows,
+    memory: Memory,
+    found: Search,
+    test: CellTests,
+    family: int,
+) -> list[Band]:
+    """Return the bands of a covariate that hold rows; `family`: covariates tested together."""
+    tested = test(covariate, rows.residual)
+    count = covariate.bins(tested.rows)
+    inside = np.maximum(count, 1.0)
+    mean = covariate.bins(test.sum(covariate, rows.residual)) / inside
+    square = covariate.bins(test.sum(covariate, rows.residual**2)) / inside
+    floor = _floor(covariate, rows, found, test, inside, square)
+    bins = np.append(covariate.bin_of, -1)[covariate.cells].astype(np.int32)
+    tau, tau_square = memory.times(bins, len(covariate.labels))
+    error = np.sqrt(floor * tau_square / (2.0 * inside))  # half of that of the square, by 2 √floor
+    excess = np.sqrt(np.maximum(square - floor, 0.0))
+    chance = np.ones(len(covariate.labels))
+    np.minimum.at(chance, covariate.bin_of, tested.p)
+    above = np.maximum(square - floor, 0.0) / np.maximum(2.0 * np.sqrt(floor) * error, 1e-300)
+    chance = np.minimum(2.0 * np.minimum(chance, normal.sf(above)), 1.0 - 1e-12)
+    chance = -np.expm1(covariate.count * np.log1p(-chance))
+    sure = (chance < ALPHA / family) & (excess > 0.0) & bool(found.steps)
+    ends = _ends(covariate)
+    return [
+        Band(
+            covariate.labels[k],
+            ends[k][0],
+            ends[k][1],
+            int(count[k]),
+            float(count[k] / tau[k]),
+            float(np.sqrt(square[k])),
+            float(max(square[k] - mean[k] ** 2, 0.0)),
+            float(mean[k]),
+            float(np.sqrt(floor[k])),
+            float(error[k]),
+            float(excess[k]),
+            float(chance[k]),
+            bool(sure[k]),
+        )
+        for k in np.flatnonzero(count > 0).tolist()
+    ]
+
+
+def peaks_of(turning: Turning) -> list[OrderPeak]:
+    """Return the orders found, the largest first."""
+    return [
+        OrderPeak(o.pair, float(o.order), o.per_output_turn, o.amplitude, o.error, o.chance,
+                  o.label, o.aliases[:2])
+        for o in turning.found
+    ]  # fmt: skip
+
+
+def _floor(
+    covariate: Covariate, rows: Rows, found: Search, test: CellTests, inside: Array, square: Array
+) -> Array:
+    """Squares of the floor of each band."""
+    left = covariate.bins(test.sum(covariate, found.rest**2)) / inside * found.swallowed
+    doubt = covariate.bins(test.sum(covariate, rows.doubt**2)) / inside
+    everywhere = max(found.floor_square - float(np.mean(rows.doubt**2)), 0.0)
+    least = np.minimum(square, everywhere + doubt)
+    return np.where(doubt > _DOUBTFUL * left, np.maximum(left, least), np.minimum(left, square))
+
+
+def _ends(covariate: Covariate) -> Sequence[tuple[float | None, float | None]]:
+    if covariate.edges is None:
+        return [(None, None)] * len(covariate.labels)
+    closed = [float(e) if np.isfinite(e) else None for e in covariate.edges]
+    return list(pairwise(closed))

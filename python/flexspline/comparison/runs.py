@@ -1,0 +1,146 @@
+"""What a comparison is made of: measured and modelled values of each run.
+
+Prediction and forward simulation both end here; whatever follows does not know which it was.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexspline.comparison.velocity import velocity_noise, with_motion
+from flexspline.errors import InputError
+from flexspline.logs.log import Log
+from flexspline.logs.segments import median_step
+from flexspline.model import Model, Part
+from flexspline.part import PART_OF
+from flexspline.signals import target_of
+
+__all__ = ["Compared", "ComparedRun", "predicted"]
+
+Array = NDArray[np.float64]
+
+LOADS = ("reference_torque",)
+
+
+@dataclass(frozen=True, eq=False)
+class ComparedRun:
+    """One run, arrays (N,).
+
+    Parameters
+    ----------
+    log : with the derived channels that locate a disagreement.
+    measured, modelled : in the unit of the comparison; NaN where there is nothing.
+    doubt : standard deviation that the velocity's noise gives `modelled`, its unit.
+    load : at the output, Nm (A where the model's own load is in a part in A), or None.
+    velocity_noise : rad/s, standard deviation; 0 where there is no velocity.
+    """
+
+    log: Log
+    measured: Array
+    modelled: Array
+    doubt: Array
+    load: Array | None
+    velocity_noise: float
+
+    @property
+    def residual(self) -> Array:
+        """Measured minus modelled."""
+        return self.measured - self.modelled
+
+
+@dataclass(frozen=True, eq=False)
+class Compared:
+    """All runs: `what` is compared (a target, or a channel of a simulation) in `unit`.
+
+    `simulated`: by forward simulation. `lowpass`: Hz, or None. `load_source`: where the load of
+    the runs is from, in words.
+    """
+
+    runs: tuple[ComparedRun, ...]
+    what: str
+    unit: str
+    simulated: bool
+    lowpass: float | None
+    load_source: str
+
+
+def predicted(
+    model: Model, logs: Sequence[Log], target: str | None, lowpass: float | None
+) -> Compared:
+    """Return measured and predicted y of every run.
+
+    Raises
+    ------
+    InputError
+        Where a log lacks the target or a channel that an effect reads.
+    """
+    part = model.part(target)
+    source = _load_source(part, logs)
+    runs = tuple(_predicted_run(model, part, log, lowpass, source) for log in logs)
+    return Compared(runs, part.target, part.unit, False, lowpass, source)
+
+
+def _predicted_run(
+    model: Model, part: Part, log: Log, lowpass: float | None, source: str
+) -> ComparedRun:
+    made = model.predict(log, part.target, lowpass_hz=lowpass)
+    if not np.isfinite(made.residual).any():
+        target_of(log, part.target, part.known_load)  # its sentence says which channel is missing
+        raise InputError(
+            f"log '{log.name}': no row has a measured and a predicted {part.target}; "
+            "look for channels without values"
+        )
+    log = with_motion(log)
+    noise = velocity_noise(log)
+    doubt = _doubt(model, part, log, noise)
+    if lowpass is not None:  # white noise keeps this share of its size
+        doubt = doubt * min(1.0, (2.0 * lowpass * median_step(log["time"])) ** 0.5)
+    load = _load(model, part, log, source)
+    return ComparedRun(log, made.measured, made.predicted, doubt, load, noise)
+
+
+def _doubt(model: Model, part: Part, log: Log, noise: float) -> Array:
+    """Half of what the prediction changes by from v − σ to v + σ, (N,)."""
+    chosen = _only(part, [not e.info.remembers and "output_velocity" in e.reads
+                          for e in part.effects])  # fmt: skip
+    if not chosen.effects or noise == 0.0 or "output_velocity" not in log:
+        return np.zeros(len(log))
+    small = replace(model, parts={PART_OF[part.target]: chosen})
+    velocity = log["output_velocity"]
+    late, early = (
+        small.predict(
+            log.with_columns({"output_velocity": velocity + shift}, note="shifted"), part.target
+        ).predicted
+        for shift in (noise, -noise)
+    )
+    return np.nan_to_num(0.5 * np.abs(late - early))
+
+
+def _only(part: Part, wanted: Sequence[bool]) -> Part:
+    """The part with some of its effects."""
+    sizes = [len(e.terms) for e in part.effects]
+    effects = tuple(e for e, keep in zip(part.effects, wanted, strict=True) if keep)
+    kept = np.repeat(np.asarray(wanted, dtype=bool), sizes)
+    return replace(part, effects=effects, coefficients=part.coefficients[kept])
+
+
+def _load_source(part: Part, logs: Sequence[Log]) -> str:
+    for channel in (part.known_load, *LOADS):
+        if channel is not None and all(channel in log for log in logs):
+            return channel
+    carried = [e.name for e in part.effects if e.info.carries_load]
+    return f"the model's own {' and '.join(carried)}" if carried else ""
+
+
+def _load(model: Model, part: Part, log: Log, source: str) -> Array | None:
+    if source in log:
+        return np.asarray(log[source])
+    if not source:
+        return None
+    parts = model.components(log, part.target)
+    carried = [parts[e.name] for e in part.effects if e.info.carries_load]
+    return np.asarray(np.sum(carried, axis=0))

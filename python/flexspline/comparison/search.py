@@ -1,0 +1,254 @@
+"""What the residual follows, one thing after the other, and what is left: the noise floor.
+
+Each round tests every covariate on what is left e, cell by cell:
+
+    m_j mean of e in cell j,   s_j its spread there,   error_j = s_j √(τ_j / n_j)
+    (few rows know their spread badly: it is then drawn to that of all rows)
+    t_j = max(|m_j| − a_j, 0) / error_j,   a_j what the velocity's noise may shift it by
+    chance = 1 − (1 − p_min)^cells           gain = Σ n_j (m_j² − error_j² − a_j²) / N
+
+The largest gain wins (of near equals the simplest), all winners are fitted together, and the next
+round starts, until no chance is below α / covariates or no gain matters. Noise alone, whatever
+its colour, ends in the first round.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import t as student
+
+from flexspline.comparison.covariates import Covariate
+from flexspline.comparison.memory import Memory
+from flexspline.comparison.rows import Rows
+from flexspline.comparison.turning import Turning
+
+__all__ = ["ALPHA", "CellTest", "CellTests", "Search", "Step", "search"]
+
+Array = NDArray[np.float64]
+
+ALPHA = 0.01  # that noise alone names anything in a set of logs
+NEAR = 0.9  # of the largest gain: as good
+ALSO = 0.7  # of the largest gain: would do nearly as well
+OF_FLOOR, OF_GAP = 0.01, 0.03  # of their squares: a smaller gain does not matter
+LEAST_WORTH = 2.0  # independent rows that a cell needs to be tested
+OWN_SPREAD = 30.0  # independent rows from which a cell is believed to be quieter than the rest
+MOST_STEPS = 8
+SWEEPS = 4
+ORDERS = "position_order"
+TOGETHER = " and "  # in the name of two covariates at once
+
+
+@dataclass(frozen=True, eq=False)
+class CellTest:
+    """Cells of one covariate against what is left: (cells,) each, and the two verdicts."""
+
+    rows: Array
+    mean: Array
+    error: Array
+    p: Array
+    gain: float
+    chance: float
+    tau: Array = field(repr=False)
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """One thing that the residual follows.
+
+    `covariate` None: orders of what turns, by `turning`. `gain`: mean square explained.
+    `chance`: that noise alone does so. `also`: names of what would do nearly as well.
+    `fitted`: (cells,) of a covariate, or (N,) of orders; `lost`: sum of squares of noise that
+    it swallows.
+    """
+
+    name: str
+    covariate: Covariate | None
+    turning: Turning | None
+    gain: float
+    chance: float
+    also: tuple[str, ...]
+    fitted: Array
+    lost: float
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """Steps in the order found, what they leave (N,), and the last chance of each name."""
+
+    steps: tuple[Step, ...]
+    rest: Array
+    chances: dict[str, float]
+
+    @property
+    def floor_square(self) -> float:
+        """Mean square of the noise, with what the steps swallowed of it."""
+        return float(self.rest @ self.rest) / len(self.rest) * self.swallowed
+
+    @property
+    def swallowed(self) -> float:
+        """Factor from the mean square of what is left to that of the noise."""
+        squares = float(self.rest @ self.rest)
+        lost = sum(step.lost for step in self.steps)
+        return 1.0 + lost / squares if squares > 0.0 else 1.0
+
+
+class CellTests:
+    """Tests cells of covariates; what does not change between rounds is kept."""
+
+    def __init__(self, rows: Rows, memory: Memory) -> None:
+        self.rows, self.memory = rows, memory
+        self.known: dict[str, tuple[Array, Array, Array]] = {}
+
+    def __call__(self, covariate: Covariate, rest: Array) -> CellTest:
+        count, tau, allowed = self._kept(covariate)
+        inside = np.maximum(count, 1.0)
+        total = self.sum(covariate, rest)
+        squares = self.sum(covariate, rest * rest)
+        mean = total / inside
+        worth = np.maximum(count / tau, 1e-9)
+        usable = worth >= LEAST_WORTH
+        spread = _spread(squares / inside - mean**2, worth, float(rest @ rest) / len(rest))
+        error = np.sqrt(spread / worth)
+        excess = np.maximum(np.abs(mean) - allowed, 0.0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = np.where(excess > 0.0, excess / error, 0.0)
+        p = np.where(usable, 2.0 * student.sf(ratio, self.memory.degrees), 1.0)
+        gained = np.where(usable, count * (mean**2 - error**2 - allowed**2), 0.0)
+        chance = -np.expm1(usable.sum() * np.log1p(-min(float(p.min()), 1.0 - 1e-12)))
+        return CellTest(count, mean, error, p, float(gained.sum()) / len(rest), chance, tau)
+
+    def sum(self, covariate: Covariate, values: Array) -> Array:
+        """Sum of values (N,) in each cell."""
+        cells = covariate.cells
+        if cells.min(initial=0) >= 0:
+            made = np.bincount(cells, weights=values, minlength=covariate.count)
+        else:
+            made = np.bincount(cells + 1, weights=values, minlength=covariate.count + 1)[1:]
+        return np.asarray(made, dtype=np.float64)
+
+    def _kept(self, covariate: Covariate) -> tuple[Array, Array, Array]:
+        if covariate.name not in self.known:
+            count = self.sum(covariate, np.ones(len(self.rows)))
+            tau = self.memory.times(covariate.cells, covariate.count)[0]
+            allowed = self.sum(covariate, self.rows.allowance) / np.maximum(count, 1.0)
+            self.known[covariate.name] = count, tau, allowed
+        return self.known[covariate.name]
+
+
+def _spread(local: Array, worth: Array, everywhere: float) -> Array:
+    """Variance in each cell: its own where larger or well known, else drawn to that of all."""
+    drawn = (worth * local + OWN_SPREAD * everywhere) / (worth + OWN_SPREAD)
+    return np.maximum(np.where(local > everywhere, local, drawn), 1e-300)
+
+
+def search(
+    rows: Rows, covariates: Sequence[Covariate], turning: Turning, test: CellTests
+) -> Search:
+    """Find what the residual follows; see the head of this file."""
+    steps: list[Step] = []
+    rest = rows.residual
+    chances: dict[str, float] = {}
+    gap = float(rest @ rest) / len(rest)
+    for _ in range(MOST_STEPS):
+        taken = {step.name for step in steps}
+        free = [c for c in covariates if c.name not in taken]
+        tests = {c.name: test(c, rest) for c in free}
+        gains = {name: (made.gain, made.chance) for name, made in tests.items()}
+        waves = None
+        if turning.found and ORDERS not in taken:
+            waves, amplitudes = turning.explained(rest)
+            gains[ORDERS] = (_wave_gain(rest, waves, turning), turning.chance(amplitudes))
+        chances = {name: chance for name, (_, chance) in gains.items()}
+        left = float(rest @ rest) / len(rest)
+        simple = {n: g for n, g in gains.items() if TOGETHER not in n}
+        name, also = _winner(simple, gap, left, len(gains))
+        if name is None:  # two at once only where nothing alone is left
+            name, also = _winner(gains, gap, left, len(gains))
+        if name is None:
+            break
+        gain, chance = gains[name]
+        if name == ORDERS and waves is not None:
+            lost = (float(rest @ rest) - float((rest - waves) @ (rest - waves))) - gain * len(rest)
+            step = Step(name, None, turning, gain, chance, also, waves, max(lost, 0.0))
+        else:
+            covariate = next(c for c in free if c.name == name)
+            made = tests[name]
+            lost = float((made.rows * np.minimum(made.error, np.sqrt(gap)) ** 2).sum())
+            step = Step(name, covariate, None, gain, chance, also, made.mean, lost)
+        steps, rest = _together([*steps, step], rows.residual, test)
+    return Search(tuple(steps), rest, chances)
+
+
+def _winner(
+    gains: dict[str, tuple[float, float]], gap: float, left: float, family: int
+) -> tuple[str | None, tuple[str, ...]]:
+    """The simplest of the best gains that count, and what would do nearly as well."""
+    level = ALPHA / max(family, 1)
+    sure = {n: g for n, (g, chance) in gains.items() if chance < level}
+    best = max(sure.values(), default=0.0)
+    if best <= OF_FLOOR * (left - best) or best < OF_GAP * gap:
+        return None, ()
+    order = [n for n in PREFERENCE if n in sure] + [n for n in sure if n not in PREFERENCE]
+    name = next(n for n in order if sure[n] >= NEAR * best)
+    plain = max(0.0, *(sure.get(n, 0.0) for n in NESTED))
+    if name in NESTED:
+        return name, ()
+    also = tuple(n for n in order if n != name and n not in NESTED and TOGETHER not in n
+                 and sure[n] - plain >= ALSO * (best - plain))  # fmt: skip
+    return name, also
+
+
+NESTED = ("offset", "direction")
+"""What every other covariate holds too, and so would explain as well."""
+
+PREFERENCE = (
+    "offset",
+    "direction",
+    ORDERS,
+    "speed",
+    "load",
+    "temperature",
+    "motor_temperature",
+    "position",
+    "reversal_angle",
+    "reversal_time",
+    "acceleration",
+    "time",
+    "run",
+)
+"""Of two that explain as much, the earlier one is said."""
+
+
+def _wave_gain(rest: Array, waves: Array, turning: Turning) -> float:
+    """Mean square that the orders explain, less what they would of noise."""
+    left = rest - waves
+    explained = (float(rest @ rest) - float(left @ left)) / len(rest)
+    noise = sum(order.error**2 for order in turning.found)
+    return explained - noise
+
+
+def _together(steps: list[Step], residual: Array, test: CellTests) -> tuple[list[Step], Array]:
+    """Fit all steps together, in sweeps over them; return them and what they leave."""
+    rest = residual - np.sum([_values(step) for step in steps], axis=0)
+    for _ in range(SWEEPS if len(steps) > 1 else 0):
+        for number, step in enumerate(steps):
+            if step.covariate is None:
+                continue
+            inside = np.maximum(test.sum(step.covariate, np.ones(len(rest))), 1.0)
+            change = test.sum(step.covariate, rest) / inside
+            steps[number] = replace(step, fitted=step.fitted + change)
+            rest = rest - _of_cells(step.covariate, change)
+    return steps, rest
+
+
+def _values(step: Step) -> Array:
+    return step.fitted if step.covariate is None else _of_cells(step.covariate, step.fitted)
+
+
+def _of_cells(covariate: Covariate, per_cell: Array) -> Array:
+    """Each row's value of its cell, 0 for rows without one."""
+    return np.append(per_cell, 0.0)[covariate.cells]

@@ -1,0 +1,185 @@
+"""The map of a comparison: RMS against the noise floor over everything, the worst first."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+from flexspline.comparison.bands import Band
+from flexspline.orders.parts import pairs
+from flexspline.plot.canvas import GREY, INK, PALETTE, PlainFigure, axes_or_new, legend, titled
+from flexspline.report.comparison_content import ranked
+
+if TYPE_CHECKING:
+    from flexspline.comparison.result import Comparison
+
+__all__ = ["bands_over", "panels", "plot_comparison", "plot_orders", "residual_orders"]
+
+Array = NDArray[np.float64]
+
+ORDERS = "position_order"
+ACROSS = 3
+MOST_TICKS = 7
+MOST_NAMES = 6
+ORDERS_OF_A_PAIR = 13.0
+_BINS = 600
+
+
+def plot_comparison(made: Comparison) -> PlainFigure:
+    """Return the map: a panel for each covariate, what the gap follows first, on one scale."""
+    names = panels(made)
+    down = -(-len(names) // ACROSS)
+    figure = PlainFigure(3.7 * ACROSS, 2.7 * down)
+    grid = figure.subplots(down, ACROSS, squeeze=False).ravel()
+    highest = max(b.rmse for name in names if name != ORDERS for b in _drawn(made.by[name]))
+    for number, (ax, name) in enumerate(zip(grid, names, strict=False)):
+        if name == ORDERS:
+            residual_orders(made, ax=ax)
+            continue
+        bands_over(made, name, ax)
+        ax.set_ylim(0.0, 1.12 * highest)
+        if number == 0:
+            legend(ax)
+    for ax in grid[len(names) :]:
+        ax.set_visible(False)
+    return figure
+
+
+def panels(made: Comparison) -> list[str]:
+    """Return what the map shows, in its order: names of `made.by`, and position_order."""
+    names = [name for name in ranked(made) if len(made.by[name]) > 1]
+    if made.spectrum is None:
+        return names
+    told = [f.name for f in made.follows]
+    place = told.index(ORDERS) if ORDERS in told else len(names)
+    return [*names[:place], ORDERS, *names[place:]]
+
+
+def bands_over(made: Comparison, name: str, ax: Axes | None = None) -> Axes:
+    """Draw RMS and noise floor, in the unit of the comparison, over the bands of one covariate."""
+    ax = axes_or_new(ax, 4.5, 3.0)
+    bands = _drawn(made[name])
+    edges = np.arange(len(bands) + 1, dtype=np.float64)
+    rmse, floor, error = (
+        np.array([getattr(b, key) for b in bands])
+        for key in ("rmse", "noise_floor", "noise_floor_error")
+    )
+    _steps(ax, edges, floor - 2.0 * error, floor + 2.0 * error, GREY, 0.45, "noise floor")
+    over = np.maximum(rmse, floor)
+    sure = np.array([b.significant for b in bands])
+    _steps(ax, edges, floor, np.where(sure, over, floor), PALETTE[3], 0.3, "excess")
+    ax.stairs(rmse, edges, color=INK, linewidth=1.3, baseline=None, label="RMS")
+    middle = edges[:-1] + 0.5
+    ax.plot(middle[sure], rmse[sure], "o", color=PALETTE[3], markersize=3.5)
+    _marked(ax, made, name, bands)
+    ax.set(ylabel=f"RMS [{made.unit}]", xlim=(0, len(bands)))
+    titled(ax, _title(made, name, made.words[name]))
+    return ax
+
+
+def residual_orders(made: Comparison, pair: str = "output_housing", ax: Axes | None = None) -> Axes:
+    """Draw the residual's amplitude over the orders of one pair of parts, with the orders found.
+
+    Only for a comparison whose joint turns.
+    """
+    ax = axes_or_new(ax, 4.5, 3.0)
+    assert made.spectrum is not None
+    table = {entry.name: entry for entry in pairs({**made.runs[0].log.facts, **_gear(made)})}
+    turns = table[pair].turns
+    spectrum = made.spectrum.spectrum
+    known = np.isfinite(spectrum.amplitude) & (spectrum.order > 0)
+    order, amplitude = spectrum.order[known], spectrum.amplitude[known]
+    inside = slice(None) if pair == "output_housing" else order <= ORDERS_OF_A_PAIR * turns
+    at, highest = _thinned(order[inside] / turns, amplitude[inside])
+    ax.plot(at, highest, color=INK, linewidth=0.8, label="residual")
+    label = "order found, ± 2 standard errors"
+    for peak in made.orders:
+        place = peak.per_output_turn / turns
+        if at[0] <= place <= at[-1]:
+            ax.errorbar(
+                place,
+                peak.amplitude,
+                2.0 * peak.error,
+                fmt="v",
+                color=PALETTE[3],
+                markersize=4,
+                linewidth=1.0,
+                label=label,
+            )
+            label = ""
+    words = table[pair].words
+    ax.set(xlabel=f"order per turn of {words}", ylabel=f"amplitude [{made.unit}]", ylim=(0, None))
+    if pair == "output_housing":
+        ax.set_xscale("log")
+    title = "orders of what turns" if pair == "output_housing" else words
+    titled(ax, _title(made, ORDERS, title) if pair == "output_housing" else title)
+    return ax
+
+
+def plot_orders(made: Comparison) -> PlainFigure:
+    """Return the order spectra of the residual, one panel for each pair of parts."""
+    known = [p for p in pairs({**made.runs[0].log.facts, **_gear(made)}) if p.turns > 0]
+    assert made.spectrum is not None
+    shown = [p for p in known if p.turns < made.spectrum.scanned[1]]
+    figure = PlainFigure(11.0, 2.6 * len(shown))
+    for ax, pair in zip(figure.subplots(len(shown), 1, squeeze=False).ravel(), shown, strict=True):
+        residual_orders(made, pair.name, ax)
+    legend(figure.axes[0])
+    return figure
+
+
+def _gear(made: Comparison) -> dict[str, object]:
+    return {k: made.facts[k] for k in ("gear_ratio", "output_spline") if k in made.facts}
+
+
+def _drawn(bands: tuple[Band, ...]) -> list[Band]:
+    """All bands, of many kinds the worst only."""
+    if bands[0].lower is not None or bands[-1].upper is not None or len(bands) <= 2 * MOST_NAMES:
+        return list(bands)
+    worst = sorted(bands, key=lambda band: -band.rmse)[: 2 * MOST_NAMES]
+    return [band for band in bands if band in worst]
+
+
+def _steps(
+    ax: Axes, edges: Array, low: Array, high: Array, colour: str, alpha: float, label: str
+) -> None:
+    ax.fill_between(edges, np.append(low, low[-1]), np.append(high, high[-1]), step="post",
+                    color=colour, alpha=alpha, linewidth=0, label=label)  # fmt: skip
+
+
+def _marked(ax: Axes, made: Comparison, name: str, bands: list[Band]) -> None:
+    """Ticks: edges of bands, or names of kinds."""
+    kinds = all(band.lower is None and band.upper is None for band in bands)
+    if kinds:
+        every = -(-len(bands) // MOST_NAMES)
+        shown = [b.label if len(b.label) <= 12 else b.label[:11] + "…" for b in bands]
+        at = np.arange(0, len(bands), every)
+        ax.set_xticks(at + 0.5, [shown[k].replace("$", r"\$") for k in at])
+        ax.set_xlabel(made.words[name])
+        return
+    every = max(1, -(-(len(bands) + 1) // MOST_TICKS))
+    ends = [band.lower for band in bands] + [bands[-1].upper]
+    marks = [k for k in range(0, len(ends), every) if ends[k] is not None]
+    ax.set_xticks(marks, [f"{ends[k]:.3g}" for k in marks])
+    ax.set_xlabel(f"{made.words[name]} [{made.units[name]}]")
+
+
+def _title(made: Comparison, name: str, words: str) -> str:
+    words = words[0].upper() + words[1:]
+    for f in made.follows:
+        if f.name == name:
+            return f"{words}: {100.0 * min(f.share, 1.0):.0f} % of the excess"
+    return words
+
+
+def _thinned(order: Array, amplitude: Array) -> tuple[Array, Array]:
+    """The highest amplitude of each of a few hundred bins."""
+    if len(order) <= _BINS:
+        return order, amplitude
+    first = np.unique(np.searchsorted(order, np.geomspace(order[0], order[-1], _BINS)[:-1]))
+    ends = [*first[1:].tolist(), len(order)]
+    at = np.array([a + int(np.argmax(amplitude[a:b])) for a, b in zip(first, ends, strict=True)])
+    return order[at], amplitude[at]
