@@ -12,6 +12,7 @@ import flexspline.full_range as fr
 from flexspline.errors import InputError
 from flexspline.estimators import Observer
 from flexspline.full_range.methods import with_velocities
+from flexspline.logs.checks import check
 from flexspline.logs.log import Log
 from flexspline.reproduce.full_range.quantities import PUBLISHED, found_orders, pole
 from flexspline.reproduce.full_range.study import RATIO, Study
@@ -177,3 +178,12 @@ def test_the_printed_gain_of_minus_8_is_refused_and_the_poles_are_where_the_guid
         Observer(-8.0, input="motor_torque")
     assert 1e3 * pole(15548.0) == pytest.approx(2.07, abs=0.01)
     assert 1e3 * pole(26431.0) == pytest.approx(1.22, abs=0.01)
+
+
+def test_a_run_in_which_the_output_only_twists_says_nothing_of_the_ratio() -> None:
+    log = rig().stiffness()
+    found = {finding.name for finding in check(log)}
+    assert not {"gear_ratio", "motor_reversed", "encoder_delay"} & found
+    assert np.ptp(log["output_position"]) < 0.05 < 0.5 < np.ptp(log["motor_position"])
+    turned = log.with_columns({"output_position": 10.0 * log["output_position"]}, note="tenfold")
+    assert check(turned).named("gear_ratio")

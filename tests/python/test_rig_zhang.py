@@ -9,6 +9,7 @@ import pytest
 
 from flexspline import _core
 from flexspline.reproduce.zhang.arm import THRESHOLD, Arm, dead_beat, low_pass_error
+from flexspline.reproduce.zhang.drift_methods import drift_methods
 from flexspline.reproduce.zhang.quantities import sum_over_one
 from flexspline.reproduce.zhang.study import Study, amplitude, peak_between
 from flexspline.rigs import ZhangRig, zhang_rig
@@ -199,3 +200,10 @@ def test_a_phase_of_half_a_turn_cancels_and_a_quarter_leaves_root_two(
     phase: float, left: float
 ) -> None:
     assert sum_over_one(phase) == pytest.approx(left, abs=1e-12)
+
+
+def test_of_the_drift_models_the_papers_polynomial_leaves_the_least(study: Study) -> None:
+    left = drift_methods(study)["RMSE [Nm]"]
+    line, curve = left["linear, with the calibration"], left["polynomial of degree 2"]
+    assert curve < line < left["none"]
+    assert curve < left["kernel regression"] < left["none"]

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.errors import InputError, listed
+from flexspline.estimation.measurable import measurable
 from flexspline.estimation.models import channel, model_inputs
 from flexspline.estimation.plan import Plan, plan_of
 from flexspline.estimation.result import Estimate
@@ -57,7 +58,8 @@ def estimate(model: Model, log: Log, *, bandwidth: float | None = None) -> Estim
     ----------
     model : with estimators, a part for sensor_torque, or both.
     log : time must increase. `sensor_voltage` is read where the model has a calibration, else
-        `sensor_torque`; `thermistor_voltage` where it has a thermistor, else `temperature`.
+        `sensor_torque`; `thermistor_voltage` where it has a thermistor, else `temperature`. A
+        voltage or temperature that no instrument measures counts as none.
         A reference torque is never read.
     bandwidth : Hz, of the causal differentiator; None for 20 Hz, or a quarter of a low rate.
 
@@ -148,6 +150,7 @@ def _reads(plan: Plan) -> set[str]:
 def _sensed(plan: Plan, log: Log, ranges: Runs, said: dict[str, None]) -> dict[str, Array]:
     """Temperature and sensor torque, NaN where there is none, with their flags and `missed`."""
     config, inputs = dict(plan.sensing), {}
+    log = measurable(log, said)
     if "thermistor" in config and "thermistor_voltage" in log:
         inputs["thermistor_voltage"] = channel(log, "thermistor_voltage")
     elif config.pop("thermistor", None) is not None and "temperature" in log:

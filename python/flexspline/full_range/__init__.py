@@ -3,6 +3,11 @@
 `train` chooses how a momentum observer and the compliance of the gear share the range, after the
 third paper, and compares them with the methods that it names. `torsion_part_from_datasheet` makes
 the compliance from a catalogue, `fit_mesh_stiffness` from a stiffness run.
+
+Of the paper's next steps, other gear models inside the observer are taken up ("co", "o2",
+hysteresis of the torsion). Friction with wear of the teeth is not: it needs logs over years, so fit
+the drive's part again as the joint ages. In place of the merge there is a Kalman filter; why no IMM
+or further complementary filter is said in `flexspline.full_range.kalman`.
 """
 
 from flexspline.full_range.datasheet import compliance_from_datasheet, torsion_part_from_datasheet

@@ -21,12 +21,13 @@ from flexspline.errors import InputError
 from flexspline.full_range.methods import with_velocities
 from flexspline.logs.log import Log
 
-__all__ = ["INPUTS", "GaussianProcess", "fit_gaussian_process"]
+__all__ = ["INPUTS", "GaussianProcess", "fit_gaussian_process", "require_rows"]
 
 Array = NDArray[np.float64]
 
 INPUTS = ("output_position", "motor_position", "output_velocity", "motor_velocity", "motor_torque")
 KERNEL_ROWS = 400
+LEAST_ROWS, MOST_ROWS = 20, 25_000  # some per length of the kernel; a matrix of 5 GB
 CHUNK = 4096
 
 
@@ -52,6 +53,22 @@ class GaussianProcess:
         return (
             f"gp: {self.rows} of {self.available} training rows, evenly spread in time; "
             f"{self.regressor.kernel_}"
+        )
+
+
+def require_rows(rows: object) -> None:
+    """Refuse a number of rows that no kernel matrix can have.
+
+    Raises
+    ------
+    InputError
+        Where it is no whole number from `LEAST_ROWS` to `MOST_ROWS`.
+    """
+    whole = isinstance(rows, int | np.integer) and not isinstance(rows, bool)
+    if not whole or not LEAST_ROWS <= int(rows) <= MOST_ROWS:  # type: ignore[call-overload]
+        raise InputError(
+            f"gp_rows = {rows!r} is not allowed; give a whole number from {LEAST_ROWS} to "
+            f"{MOST_ROWS}, or leave 'gp' out of methods"
         )
 
 

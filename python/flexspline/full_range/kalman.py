@@ -4,6 +4,10 @@ The filter is the core's (`flexspline/estimators/kalman_merge.hpp`). The noise o
 rest and in motion is the RMSE that it has there on the training logs. These errors have a memory,
 while the filter takes noise for white, so how fast the torque may wander is not taken from the
 torque but chosen for the least RMSE: only the ratio of wander and noise matters.
+
+Other rivals of (19) are not taken up. It is a complementary filter already, whose share depends on
+speed; an IMM, filters for rest and motion weighed by how likely each is, would tell the two apart
+by the estimates, while the speed is measured and says so at once.
 """
 
 from __future__ import annotations

@@ -192,7 +192,7 @@ def link_inertia(model: Model, settings: Settings) -> float:
 
 
 def wave_generator_share(signals: Sequence[Signals], model: Model) -> float:
-    """Return RMS of the wave generator's term over that of the mesh's torsion, both at the motor."""
+    """Return RMS of the wave generator's term over that of the mesh's torsion, at the motor."""
     ratio = float(model.facts["gear_ratio"]) + (model.facts.get("output_spline") == "circular")
     wave = np.concatenate([s.wave_generator for s in signals])
     mesh = ratio * np.concatenate([s.mesh_torsion for s in signals])

@@ -37,6 +37,7 @@ __all__ = ["FullRange"]
 Array = NDArray[np.float64]
 
 WIDTH = 100
+LEAST_GAIN = 0.5  # %, of which it is worth speaking
 
 
 @dataclass(frozen=True, repr=False)
@@ -174,9 +175,14 @@ class FullRange:
         alone = {"observer": made.rmse_observer, still: made.rmse_compliance}
         best = min(alone, key=lambda name: alone[name])
         gain = 100.0 * (1.0 - made.rmse / alone[best])
+        against = (
+            f"the {best} alone {alone[best]:.3g} Nm ({gain:.0f} % less)"
+            if gain >= LEAST_GAIN
+            else f"no better than the {best} alone ({alone[best]:.3g} Nm)"
+        )
         return (
-            f"{self.merged} has {made.rmse:.3g} Nm RMSE on the training logs, the {best} alone "
-            f"{alone[best]:.3g} Nm ({gain:.0f} % less); {score.rule}."
+            f"{self.merged} has {made.rmse:.3g} Nm RMSE on the training logs, {against}; "
+            f"{score.rule}."
         )
 
     def _remarks(self) -> list[str]:

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.errors import InputError, listed
 from flexspline.estimators import Merge
 from flexspline.estimators.checks import choice
 from flexspline.estimators.merge import AT_REST
@@ -22,11 +21,19 @@ from flexspline.full_range.methods import (
     signals_of,
     wave_generator_share,
     with_estimators,
-    with_velocities,
 )
 from flexspline.full_range.result import FullRange, estimates_of
 from flexspline.full_range.scores import ErrorTable, SpeedCurve, error_table, speed_curve
 from flexspline.full_range.structural_damping import StructuralDamping, fit_structural_damping
+from flexspline.full_range.training_logs import (
+    faults_of,
+    motion_speed_of,
+    require_methods,
+    require_torsion,
+    training_logs,
+    variants_of,
+    warnings_of,
+)
 from flexspline.full_range.transition import Transition, choose_transition
 from flexspline.logs.log import Log
 from flexspline.model import Model
@@ -37,9 +44,6 @@ __all__ = ["METHODS", "train"]
 Array = NDArray[np.float64]
 
 METHODS = ("sd", "gp", "kalman")
-MOTION_SHARE = 0.02  # of the speed that 99 % of the rows stay below
-LEAST_MOTION = 0.01  # rad/s; an elastic gear lets the output creep at some mrad/s under a push
-LEAST_SHARE = 0.01  # of the rows, for motion and for standstill
 BLOCK_SECONDS = 5.0
 ENOUGH_RUNS = 4  # from which runs are the repetitions, below it blocks of time
 BANDS = 8  # of speed in motion
@@ -80,7 +84,7 @@ def train(
     weight_at_rest : largest λ(0) allowed; None leaves the observer as much at standstill as the
         RMSE asks for, with a warning above 0.05.
     methods : which of "sd", "gp", "kalman" to train.
-    gp_rows : samples that enter the Gaussian process.
+    gp_rows : samples that enter the Gaussian process, 20 to 25000.
     seed : of blocks drawn and of the Gaussian process.
     at_rest : what the model's merge takes at rest: "compliance" ("m"), or "compliant_observer",
         which puts "co" into the model ("mco").
@@ -88,16 +92,20 @@ def train(
     Raises
     ------
     InputError
-        Where part, channel, motion or standstill is missing, or a method is unknown.
+        Where part, channel, motion, standstill or load is missing, a channel has a row without a
+        number, an angle is wrapped or turns the wrong way, or a method is unknown.
     """
-    runs = _checked(logs, reference, methods)
+    variants = variants_of(model, torsion_parts)
+    require_methods(methods, METHODS, gp_rows)
     choice(at_rest, "at_rest", AT_REST)
-    speed = _motion_speed(runs, motion_speed)
+    runs = training_logs(logs, reference, list(variants.values()))
+    speed = motion_speed_of(runs, motion_speed)
     settings = Settings(gain, margin, speed, rotor_inertia)
-    variants = _variants(model, torsion_parts)
+    faults = faults_of(runs, model)
     signals = {
         name: [signals_of(its, run, settings) for run in runs] for name, its in variants.items()
     }
+    require_torsion(signals)
     task = _Task(runs, reference, settings, weight_at_rest, seed)
     transitions = {
         f"m{name}": task.transition([s.compliance for s in its], its)
@@ -121,7 +129,7 @@ def train(
         settings=settings,
         reference=reference,
         wave_generator_share=wave_generator_share(own, variants[kept]),
-        warnings=_warnings(transitions, signals),
+        warnings=(*warnings_of(transitions, signals, task.truth(), reference), *faults),
     )
     return _scored(made, task, signals)
 
@@ -180,66 +188,6 @@ class _Task:
         return fit_gaussian_process(self.runs, self.truth(), rows=rows, seed=self.seed)
 
 
-def _checked(logs: Log | Sequence[Log], reference: str, methods: Sequence[str]) -> list[Log]:
-    runs = [logs] if isinstance(logs, Log) else list(logs)
-    if not runs:
-        raise InputError("there is no training log; give at least one")
-    for name in methods:
-        if name not in METHODS:
-            raise InputError(
-                f"there is no method '{name}' to train; give some of {listed(METHODS)}"
-            )
-    for run in runs:
-        if reference not in run:
-            raise InputError(
-                f"log '{run.name}': no channel '{reference}'; training needs the true torque at "
-                f"the output, it has {listed(run.channels)}"
-            )
-        if not np.isfinite(run[reference]).all():
-            raise InputError(f"log '{run.name}': {reference} is not finite in every row; repair it")
-    return runs
-
-
-def _motion_speed(runs: Sequence[Log], given: float | None) -> float:
-    speed = np.abs(np.concatenate([with_velocities(run)["output_velocity"] for run in runs]))
-    limit = given
-    if limit is None:
-        limit = max(LEAST_MOTION, MOTION_SHARE * float(np.quantile(speed, 0.99)))
-    if not limit > 0.0:
-        raise InputError(f"motion_speed = {limit:g} rad/s; give a speed above zero")
-    if not np.isfinite(speed).all():
-        raise InputError("output_velocity is not finite in every training row; repair the logs")
-    moving = float(np.mean(speed >= limit))
-    if moving < LEAST_SHARE:
-        raise InputError(
-            f"the training logs hold no motion: {100 * moving:.1f} % of the rows reach "
-            f"{limit:.3g} rad/s; add a run in which the joint is driven"
-        )
-    if 1.0 - moving < LEAST_SHARE:
-        raise InputError(
-            f"the training logs hold no standstill: {100 * moving:.1f} % of the rows reach "
-            f"{limit:.3g} rad/s; add a run that is pushed without moving"
-        )
-    return limit
-
-
-def _variants(model: Model, parts: Mapping[str, Part] | None) -> dict[str, Model]:
-    if parts is None:
-        model.part("torsion")
-        return {"": model}
-    if not parts:
-        raise InputError("torsion_parts is empty; name at least one part or leave it out")
-    for name in parts:
-        if not str(name).isdigit():
-            raise InputError(
-                f"torsion_parts: '{name}' is no number; name the parts '1', '2', for c1, c2, m1, m2"
-            )
-    return {
-        str(name): replace(model, parts={**model.parts, "torsion": part})
-        for name, part in parts.items()
-    }
-
-
 def _finished(
     model: Model, settings: Settings, chosen: Transition, runs: Sequence[Log], at_rest: str
 ) -> Model:
@@ -283,17 +231,3 @@ def _scored(made: FullRange, task: _Task, signals: Mapping[str, Sequence[Signals
         curve=speed_curve(errors, velocity, repetition, edges, said),
         training=error_table(joined, truth, velocity, task.settings.motion_speed),
     )
-
-
-def _warnings(
-    transitions: Mapping[str, Transition], signals: Mapping[str, Sequence[Signals]]
-) -> tuple[str, ...]:
-    said = [f"{name}: {t.warning}" for name, t in transitions.items() if t.warning]
-    for name, its in signals.items():
-        held = float(np.mean(np.concatenate([s.saturated for s in its])))
-        if held > 0.0:
-            said.append(
-                f"c{name}: in {100 * held:.2g} % of the training rows the torsion is past the end "
-                "of the compliance law; its torque is held there and flagged"
-            )
-    return tuple(said)

@@ -25,6 +25,11 @@ from flexspline.logs.segments import median_step
 RATIO_LIMIT = 0.002
 """Relative deviation of the ratio that is let pass; N and N + 1 differ by more up to N = 400."""
 
+TWIST = 0.005
+"""rad at the output that the torsion of a gear under load may turn of itself."""
+
+LEAST_TRAVEL = 10 * TWIST
+"""rad of the output, below which the motor's angle says more of torsion than of the ratio."""
 
 DIRECTION = 0.001
 """Half width of the change of direction, as a share of the 95 % speed."""
@@ -68,6 +73,10 @@ def gear(log: Log) -> Iterator[Finding]:
     found = measured_gear(log)
     if found is None:
         return
+    angle = unwrapped(log["output_position"])
+    travel = float(np.nanmax(angle) - np.nanmin(angle))
+    if travel < LEAST_TRAVEL:
+        return
     rows = (0, len(log))
     if found.ratio < 0:
         yield Finding(
@@ -80,7 +89,7 @@ def gear(log: Log) -> Iterator[Finding]:
             f"the motor side runs the other way: θ is {found.ratio:.5g} times q.",
             "Ask for the repair reverse_motor.",
         )
-    yield from _ratio(log, abs(found.ratio), found.ratio_error)
+    yield from _ratio(log, abs(found.ratio), found.ratio_error, travel)
     step = median_step(log["time"])
     if abs(found.delay) > max(4 * found.delay_error, 0.05 * step):
         which = "output_position" if found.delay > 0 else "motor_position"
@@ -97,7 +106,8 @@ def gear(log: Log) -> Iterator[Finding]:
         )
 
 
-def _ratio(log: Log, ratio: float, error: float) -> Iterator[Finding]:
+def _ratio(log: Log, ratio: float, error: float, travel: float) -> Iterator[Finding]:
+    """`travel`: rad of the output, over which a wrong ratio is more than a gear twists."""
     rows, stated = (0, len(log)), log.effective_ratio
     if stated is None:
         yield Finding(
@@ -111,7 +121,7 @@ def _ratio(log: Log, ratio: float, error: float) -> Iterator[Finding]:
             f"output; no gear ratio was stated.",
             f"State gear_ratio={ratio:.5g}.",
         )
-    elif abs(ratio / stated - 1) > max(RATIO_LIMIT, 5 * error / stated):
+    elif abs(ratio / stated - 1) > max(RATIO_LIMIT, 5 * error / stated, TWIST / travel):
         n = float(log.facts["gear_ratio"])
         other = n if log.facts.get("output_spline") == "circular" else n + 1
         fits = abs(ratio / other - 1) <= max(0.1 * RATIO_LIMIT, 5 * error / other)
