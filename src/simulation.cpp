@@ -111,6 +111,8 @@ sim::Joint joint_of(const py::dict& from) {
 sim::Options options_of(const py::dict& from) {
   sim::Options o;
   read(from, "longest_step", o.longest_step);
+  read(from, "order", o.order);
+  read(from, "coarsest", o.coarsest);
   read(from, "servo_period", o.servo.period);
   read(from, "position_gain", o.servo.position_gain);
   read(from, "velocity_gain", o.servo.velocity_gain);
@@ -238,7 +240,10 @@ void bind_simulation(py::module_& module) {
   module.attr("simulation_columns") = names;
   module.attr("simulation_elements") = sim::most_elements;
   py::class_<sim::Joint>(module, "SimulatedJoint", "The parameters of a joint, ready to simulate.")
-      .def(py::init(&joint_of), py::arg("fields"));
+      .def(py::init(&joint_of), py::arg("fields"))
+      .def_property_readonly(
+          "eventless", [](const sim::Joint& joint) { return joint.eventless; },
+          "True where nothing can stick, slip or touch.");
   module.def("simulate", &simulate, py::arg("joint"), py::arg("time"), py::arg("inputs"),
              py::arg("hold"), py::arg("options"), py::arg("start"), py::arg("channels"),
              "Drives a joint through time: dict of columns, fault, row, largest_phase, end.");

@@ -202,20 +202,6 @@ def test_a_gear_that_stiffens_under_torque_is_noticed_in_the_run() -> None:
     assert fastest * fourth.longest_step < 0.6 * 1.02
 
 
-def test_a_gear_with_losses_is_stepped_finer_where_it_is_stiff() -> None:
-    joint = Joint(replace(MESH, damping=5.0), ROTOR, Output(inertia=0.5))
-    time = np.linspace(0, 0.5, 126)
-    drive = {"motor_torque": 2.0 * np.sin(8 * time), "load_torque": 60.0 * np.sin(8 * time)}
-    fine = joint.simulate(time, **drive, steps_per_sample=40)
-    chosen = joint.simulate(time, **drive)
-    stiff = float(np.max(np.abs(fine["transmitted_torque"])))
-    fastest, _ = _core.simulation_rates(joint.core, stiff)
-    at_rest, _ = _core.simulation_rates(joint.core, 0.0)
-    assert fastest > 2 * at_rest
-    apart = chosen["output_position"] - fine["output_position"]
-    assert np.max(np.abs(apart)) < 1e-6 * np.ptp(fine["output_position"])
-
-
 def test_a_motion_without_bound_ends_with_a_sentence() -> None:
     joint = Joint(Gear(100), ROTOR, Output(friction=Friction(cubic=-50.0)))
     with pytest.raises(InputError, match="the motion grows without bound"):

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -12,20 +12,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexspline import _core
-from flexspline.errors import InputError, did_you_mean, listed
+from flexspline.errors import InputError
 from flexspline.simulation.control import Servo, Start, Stop
-from flexspline.simulation.parts import (
-    PAIRS,
-    Gear,
-    Harmonic,
-    Motor,
-    Obstacle,
-    Output,
-    SlipElement,
-    Thermal,
-)
-from flexspline.simulation.steps import Steps, run
-from flexspline.simulation.trajectory import CHANNELS, Trajectory
+from flexspline.simulation.fields import joint_fields, servo_fields, stop_fields
+from flexspline.simulation.inputs import column, increasing, wanted
+from flexspline.simulation.parts import Gear, Motor, Obstacle, Output, Thermal
+from flexspline.simulation.steps import Choice, Steps, run
+from flexspline.simulation.trajectory import Trajectory
 
 __all__ = ["Joint"]
 
@@ -44,10 +37,11 @@ class Joint:
 
     Notes
     -----
-    J_m θ̈ = τ_m − τ (1 + ∂θ_err/∂θ) − z/Ñ − friction and J q̈ = τ (Ñ − ∂θ_err/∂q) + z − τ_load
-    − gravity · sin(q − q₀) − ripple − friction, τ the spring's torque at the wave generator, z the
-    hysteresis. A rigid gear gives (J + Ñ² J_m) q̈ = Ñ τ_m − …. Signs as in `log_format.md`: τ_load
-    is positive when the joint pushes outward. Source: full_range_torque_estimation Fig. 3.
+    J_m θ̈ = τ_m − (τ + z/Ñ) (1 + ∂θ_err/∂θ) − friction and
+    J q̈ = (τ + z/Ñ) (Ñ − ∂θ_err/∂q) − τ_load − gravity · sin(q − q₀) − ripple − friction, τ the
+    spring's torque at the wave generator, z the hysteresis beside it, which sees the wind-up as
+    the spring does. A rigid gear gives (J + Ñ² J_m) q̈ = Ñ τ_m − …. Signs as in `log_format.md`:
+    τ_load is positive when the joint pushes outward. Source: full_range_torque_estimation Fig. 3.
     """
 
     gear: Gear = field(default_factory=Gear)
@@ -86,6 +80,8 @@ class Joint:
         stop: Stop | None = None,
         inputs: str = "linear",
         steps_per_sample: int | None = None,
+        accuracy: float | None = None,
+        order: int | None = None,
         channels: Sequence[str] | None = None,
     ) -> Trajectory:
         """Drive the joint through time.
@@ -103,6 +99,10 @@ class Joint:
         inputs : torques between rows are "linear", or "hold" the value of the row before.
         steps_per_sample : inner steps for the longest interval of `time`; None chooses from the
             fastest eigenfrequency, with gear as stiff as the run turns out to make it.
+        accuracy : relative error of that frequency to aim at, 1e-13 … 1e-4, where the steps are
+            chosen; None means 2.4e-7, a quarter radian a step of fourth order.
+        order : of the steps, 4 or 6; None takes the one that needs less work where the steps are
+            chosen, else 4. Order 6 is for joints in which nothing sticks, slips or touches.
         channels : of the trajectory; None keeps all of `trajectory.CHANNELS`.
 
         Returns
@@ -118,12 +118,12 @@ class Joint:
 
         Notes
         -----
-        Fixed steps of fourth order, symplectic where nothing is lost: without friction and
+        Fixed steps of order 4 or 6, symplectic where nothing is lost: without friction and
         damping the energy swings about its value and does not drift. Changes between sticking
         and sliding, slipping elements and the obstacle are located within the step; a joint that
         sticks does not creep. Temperatures follow once a row, or once a servo tick.
         """
-        times = _increasing(time)
+        times = increasing(time)
         given = {
             "motor_torque": motor_torque,
             "position_command": position_command,
@@ -132,7 +132,7 @@ class Joint:
             "room_temperature": room_temperature,
         }
         columns = {
-            name: _column(name, value, len(times))
+            name: column(name, value, len(times))
             for name, value in given.items()
             if value is not None
         }
@@ -140,9 +140,10 @@ class Joint:
         if inputs not in ("linear", "hold"):
             raise InputError(f"simulation: inputs is '{inputs}'; give 'linear' or 'hold'")
         begin = self._start(start or Start(), columns)
-        options = {**self._servo(servo), **_stop(stop)}
-        steps = Steps(times, columns, inputs == "hold", options, begin, _wanted(channels))
-        return Trajectory.of(self, times, run(self.core, steps, steps_per_sample))
+        options = {**servo_fields(servo), **stop_fields(stop)}
+        choice = Choice(steps_per_sample, accuracy, order)
+        steps = Steps(times, columns, inputs == "hold", options, begin, wanted(channels))
+        return Trajectory.of(self, times, run(self.core, steps, choice))
 
     def windup(self, transmitted_torque: ArrayLike) -> Array:
         """Return the gear's wind-up, rad at the motor side, at torques in Nm at the output.
@@ -162,40 +163,7 @@ class Joint:
     @cached_property
     def core(self) -> _core.SimulatedJoint:
         """The same in the core."""
-        gear, motor, output = self.gear, self.motor, self.output
-        n = self.effective_ratio
-        constant = motor.torque_constant
-        fields: dict[str, Any] = {
-            "ratio": n,
-            "output_spline": gear.output_spline,
-            "mesh_stiffness": gear.mesh_stiffness,
-            "mesh_shape": gear.mesh_shape,
-            "wave_generator_stiffness": gear.wave_generator_stiffness,
-            "wave_generator_shape": gear.wave_generator_shape,
-            "damping": gear.damping,
-            "kinematic_error": _waves(gear.kinematic_error),
-            "elements": [
-                *_elements(gear.hysteresis, 1.0 / n, -1.0),
-                *_elements(output.presliding, 0.0, 1.0),
-            ],
-            "motor_inertia": motor.inertia,
-            "motor_friction": asdict(motor.friction),
-            "current_ripple": _waves(motor.current_ripple),
-            "cogging": _waves(motor.cogging),
-            "brake": motor.brake,
-            "copper_loss": motor.resistance / constant**2 if constant else 0.0,
-            "output_inertia": output.inertia,
-            "link_inertia": output.inertia if output.link_inertia is None else output.link_inertia,
-            "gravity": output.gravity,
-            "gravity_angle": output.gravity_angle,
-            "output_friction": asdict(output.friction),
-            "output_ripple": _waves(output.ripple),
-            "friction_ripple": _waves(output.friction_ripple),
-            **asdict(self.thermal),
-        }
-        obstacle = asdict(self.obstacle) if self.obstacle else {}
-        surroundings = {f"obstacle_{name}": value for name, value in obstacle.items()}
-        return _core.SimulatedJoint({**fields, **surroundings})
+        return _core.SimulatedJoint(joint_fields(self))
 
     def _require_commands(
         self, columns: dict[str, Array], servo: Servo | None, stop: Stop | None
@@ -231,92 +199,3 @@ class Joint:
             "transmitted_torque": load + self.output.gravity * math.sin(angle),
             **fields,
         }
-
-    def _servo(self, servo: Servo | None) -> dict[str, Any]:
-        if servo is None:
-            return {}
-        return {
-            "servo_period": 1.0 / servo.rate,
-            "position_gain": servo.position_gain,
-            "velocity_gain": servo.velocity_gain,
-            "integral_gain": servo.integral_gain,
-            "torque_limit": servo.torque_limit,
-            "reads_output": servo.feedback == "output",
-            "encoder_step": 2.0 * math.pi / 2**servo.encoder_bits if servo.encoder_bits else 0.0,
-            "servo_delay": servo.delay,
-        }
-
-
-def _stop(stop: Stop | None) -> dict[str, Any]:
-    if stop is None:
-        return {}
-    fields: dict[str, Any] = {
-        "stop_delay": stop.delay,
-        "stop_reaction": ("release", "brake", "hold").index(stop.reaction),
-    }
-    if stop.time is not None:
-        fields["stop_time"] = stop.time
-    if stop.threshold is not None:
-        fields["stop_threshold"] = stop.threshold
-    return fields
-
-
-def _waves(harmonics: Iterable[Harmonic]) -> list[tuple[int, float, float, int]]:
-    return [(int(h.order), h.amplitude, h.phase, PAIRS.index(h.pair)) for h in harmonics]
-
-
-def _elements(
-    elements: Iterable[SlipElement], motor: float, output: float
-) -> list[tuple[float, float, float, float]]:
-    """Elements in the core's coordinate, which winds up positively outward."""
-    return [(e.stiffness, e.level, motor, output) for e in elements]
-
-
-def _wanted(channels: Sequence[str] | None) -> list[str]:
-    if channels is None:
-        return list(CHANNELS)
-    for name in channels:
-        if name not in CHANNELS:
-            raise InputError(
-                f"simulation: '{name}' is no channel of a trajectory"
-                f"{did_you_mean(name, CHANNELS)}; the channels are {listed(CHANNELS, 40)}"
-            )
-    return list(channels)
-
-
-def _increasing(time: ArrayLike) -> Array:
-    times = np.ascontiguousarray(time, dtype=float)
-    if times.ndim != 1 or len(times) < 2:
-        raise InputError(
-            f"simulation: time has shape {times.shape}; give one dimension with two rows or more"
-        )
-    finite = np.isfinite(times)
-    if not finite.all():
-        bad = np.flatnonzero(~finite)
-        raise InputError(f"simulation: time is not finite in row {bad[0]}; give every time in s")
-    forward = times[1:] > times[:-1]
-    if not forward.all():
-        back = np.flatnonzero(~forward)
-        raise InputError(
-            f"simulation: time does not increase from row {back[0]} to row {back[0] + 1}; "
-            "give strictly increasing times"
-        )
-    return times
-
-
-def _column(name: str, value: ArrayLike, rows: int) -> Array:
-    data = np.asarray(value, dtype=float)
-    if data.ndim == 0:
-        data = np.full(rows, float(data))
-    if data.shape != (rows,):
-        raise InputError(
-            f"simulation: {name} has shape {data.shape} where time has {rows} rows; "
-            "give one number for each row, or one for all"
-        )
-    finite = np.isfinite(data)
-    if not finite.all():
-        bad = np.flatnonzero(~finite)
-        raise InputError(
-            f"simulation: {name} is {data[bad[0]]} in row {bad[0]}; give finite numbers"
-        )
-    return np.ascontiguousarray(data)

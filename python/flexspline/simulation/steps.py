@@ -13,12 +13,14 @@ from numpy.typing import NDArray
 from flexspline import _core
 from flexspline.errors import InputError
 
-__all__ = ["Steps", "run"]
+__all__ = ["Choice", "Steps", "run"]
 
-PHASE = 0.25  # ω h that is aimed at: 25 steps per period of the fastest mode
-COARSEST = 0.6  # ω h that is left as it is where a gear grows stiffer under torque
-STABLE = 2.98  # ω h at which the method ends (Omelyan et al. 2002); of decay, by its kicks
-FASTEST_DECAY = 1.5
+KICKS = {4: 4, 6: 10}  # evaluations of all torques in a step, by its order
+WRONG = {4: 6.05e-5, 6: 1.51e-7}  # a frequency's relative error, in units of (ω h)^order
+STABLE = {4: 2.98, 6: 3.13}  # ω h at which a method ends (composition.hpp)
+ACCURACY = WRONG[4] * 0.25**4  # 25 steps per period of the fastest mode
+LOOSER = 33.0  # times the accuracy that is left where a gear grows stiffer under torque
+FASTEST_DECAY = 1.5  # decay times h, by the series of a kick
 MOST_STEPS = 2e9
 FINEST = 1 / 256  # of the step that the gear asks for at rest: 65 thousand times its stiffness
 NONE, POLE, NOT_FINITE, UNSTABLE = range(4)
@@ -37,9 +39,12 @@ class Steps:
     start: Fields
     channels: Sequence[str]
 
-    def once(self, joint: _core.SimulatedJoint, step: float) -> Fields:
-        """Run with steps of at most `step` seconds."""
-        options = {**self.options, "longest_step": step}
+    def once(
+        self, joint: _core.SimulatedJoint, step: float, order: int, coarsest: float = math.inf
+    ) -> Fields:
+        """Run with steps of at most `step` seconds, up to where ω h passes `coarsest`."""
+        how = {"longest_step": step, "order": order, "coarsest": coarsest}
+        options = {**self.options, **how}
         result = _core.simulate(
             joint, self.time, self.inputs, self.hold, options, self.start, list(self.channels)
         )
@@ -47,7 +52,44 @@ class Steps:
         return result
 
 
-def run(joint: _core.SimulatedJoint, steps: Steps, steps_per_sample: int | None) -> Fields:
+@dataclass(frozen=True)
+class Choice:
+    """What a caller says about the steps: how many, how good, of which order; None is open."""
+
+    count: int | None = None
+    accuracy: float | None = None
+    order: int | None = None
+
+    def __post_init__(self) -> None:
+        if self.order not in (None, 4, 6):
+            raise InputError(f"simulation: order is {self.order!r}; give 4, 6 or None")
+        if self.accuracy is None:
+            return
+        if self.count is not None:
+            raise InputError("simulation: accuracy and steps_per_sample are both given; give one")
+        if not 1e-13 <= self.accuracy <= 1e-4:
+            raise InputError(
+                f"simulation: accuracy is {self.accuracy!r}; give a number from 1e-13 to 1e-4"
+            )
+
+    def phase(self, order: int) -> float:
+        """Return ω h to aim at."""
+        wanted = ACCURACY if self.accuracy is None else self.accuracy
+        return min(1.2, math.pow(wanted / WRONG[order], 1.0 / order))
+
+    def orders(self, joint: _core.SimulatedJoint) -> tuple[int, ...]:
+        """Return the orders to choose from."""
+        if self.order == 6 and not joint.eventless:
+            raise InputError(
+                "simulation: order 6 is for joints in which nothing sticks, slips or touches; give "
+                "4 or None"
+            )
+        if self.order is not None:
+            return (self.order,)
+        return (4, 6) if joint.eventless and self.count is None else (4,)
+
+
+def run(joint: _core.SimulatedJoint, steps: Steps, choice: Choice) -> Fields:
     """Run with the caller's steps, or with those that the eigenfrequencies ask for.
 
     Raises
@@ -57,24 +99,32 @@ def run(joint: _core.SimulatedJoint, steps: Steps, steps_per_sample: int | None)
     """
     frequency, decay = _core.simulation_rates(joint, 0.0)
     longest = float((steps.time[1:] - steps.time[:-1]).max())
-    if steps_per_sample is not None:
-        step = _given(steps_per_sample, longest, frequency, decay)
-        result = steps.once(joint, step)
+    orders = choice.orders(joint)
+    if choice.count is not None:
+        step = _given(choice.count, longest, frequency, decay, STABLE[orders[0]])
+        result = steps.once(joint, step, orders[0])
     else:
-        step = min(longest, PHASE / frequency, PHASE / max(decay, 1e-300))
-        result = _refined(joint, steps, step)
+        found = {k: _step(choice.phase(k), k, longest, frequency, decay) for k in orders}
+        order = min(orders, key=lambda k: KICKS[k] * math.ceil(longest / found[k] - 1e-9))
+        result = _refined(joint, steps, found[order], order, choice.phase(order))
     _require_sound(result, steps)
     return result
 
 
-def _given(count: int, longest: float, frequency: float, decay: float) -> float:
+def _step(phase: float, order: int, longest: float, frequency: float, decay: float) -> float:
+    """Seconds of a step; friction in a step is a series, of which order 6 takes half the way."""
+    damped = phase if order == 4 else phase / 2
+    return min(longest, phase / frequency, damped / max(decay, 1e-300))
+
+
+def _given(count: int, longest: float, frequency: float, decay: float, stable: float) -> float:
     if count != int(count) or count < 1:
         raise InputError(
             f"simulation: steps_per_sample is {count!r}; give a whole number of at least 1"
         )
     step = longest / count
-    if frequency * step >= STABLE or decay * step >= FASTEST_DECAY:
-        least = int(longest * max(frequency / STABLE, decay / FASTEST_DECAY)) + 1
+    if frequency * step >= stable or decay * step >= FASTEST_DECAY:
+        least = int(longest * max(frequency / stable, decay / FASTEST_DECAY)) + 1
         raise InputError(
             f"simulation: {count} steps per sample of {longest:g} s cannot be stable, the joint's "
             f"fastest mode has {frequency:.4g} rad/s and its fastest decay {decay:.4g} 1/s; give "
@@ -83,25 +133,28 @@ def _given(count: int, longest: float, frequency: float, decay: float) -> float:
     return step
 
 
-def _refined(joint: _core.SimulatedJoint, steps: Steps, step: float) -> Fields:
+def _refined(
+    joint: _core.SimulatedJoint, steps: Steps, step: float, order: int, aim: float
+) -> Fields:
     """Repeat with shorter steps while the gear is stiffer under torque than they allow."""
     span = float(steps.time[-1] - steps.time[0])
     finest = step * FINEST
+    coarsest = aim * LOOSER ** (1.0 / order)
     while True:
         if span / step > MOST_STEPS:
             raise InputError(
                 f"simulation: {span:g} s would take {span / step:.2g} steps of {step:.2g} s; "
                 "simulate a shorter time or a softer gear"
             )
-        result = steps.once(joint, step)
+        result = steps.once(joint, step, order, coarsest)
         phase = result["largest_phase"]
-        if result["fault"] == NONE and phase <= COARSEST:
+        if result["fault"] == NONE and phase <= coarsest:
             return result
         if step <= finest:
-            result["fault"] = result["fault"] or POLE
+            result["fault"] = POLE if result["fault"] in (NONE, UNSTABLE) else result["fault"]
             return result
-        grown = math.isfinite(phase) and phase > COARSEST
-        step = max(finest, step * (max(PHASE / phase, 1 / 16) if grown else 1 / 4))
+        grown = math.isfinite(phase) and phase > coarsest
+        step = max(finest, step * (max(aim / phase, 1 / 16) if grown else 1 / 4))
 
 
 def _require_sound(result: Fields, steps: Steps) -> None:

@@ -55,8 +55,8 @@ inline double lasting(const Joint& joint, const Inputs& in, double t, Motion& m,
   if (j < 2 + joint.element_count) {
     const Element& element = joint.elements[j - 2];
     if (m.slip[j - 2] == 0) return element.level - math::absolute(element_torque(joint, m, j - 2));
-    return m.slip[j - 2] *
-           (element.along[motor] * m.velocity[motor] + element.along[output] * m.velocity[output]);
+    const std::array<double, 2> arm = arms(element, m);
+    return m.slip[j - 2] * (arm[motor] * m.velocity[motor] + arm[output] * m.velocity[output]);
   }
   if (joint.obstacle.stiffness == 0) return 1;
   const double depth = joint.obstacle.direction * (m.position[output] - joint.obstacle.angle);
@@ -167,13 +167,9 @@ inline Event first_event(const Joint& joint, const Inputs& in, double t, double 
   return first;
 }
 
-/// Advances by h seconds through all changes of mode.
+/// Advances by h seconds through all changes of mode; fourth order.
 inline void advance(const Joint& joint, const Inputs& in, double t, double h, Motion& m) noexcept {
   constexpr int most_changes = 24;
-  if (joint.eventless && !m.braked) {
-    smooth_step(joint, in, t, h, m);
-    return;
-  }
   for (int i = 0; i < most_changes && h > 0; ++i) {
     const Motion before = m;
     smooth_step(joint, in, t, h, m);

@@ -1,12 +1,13 @@
 /// What a simulated joint is made of, and the torques that act in it.
 ///
-///   J_m θ̈ = τ_m − τ (1 + ∂θ_err/∂θ) − z/Ñ − friction            u = θ − Ñ q + θ_err(θ, q)
-///   J q̈   = τ (Ñ − ∂θ_err/∂q) + z − τ_load − m g l sin(q − q₀) − ripple − friction
+///   J_m θ̈ = τ_m − (τ + z/Ñ) (1 + ∂θ_err/∂θ) − friction          u = θ − Ñ q + θ_err(θ, q)
+///   J q̈   = (τ + z/Ñ) (Ñ − ∂θ_err/∂q) − τ_load − m g l sin(q − q₀) − ripple − friction
 ///
-/// τ is the spring's torque at the wave generator, z the hysteresis (Maxwell-slip elements between
-/// both sides), τ_load what the joint pushes on outside: a given torque and an obstacle. The
-/// kinematic error works as a varying ratio, so it takes no energy. Structural damping is
-/// proportional to θ̇/Ñ − q̇. A rigid gear is one mass, J + Ñ² J_m, at the output.
+/// τ is the spring's torque at the wave generator, z the hysteresis: Maxwell-slip elements beside
+/// the spring, which see u/Ñ as it does, so the kinematic error of the teeth does not work against
+/// them. τ_load is what the joint pushes on outside: a given torque and an obstacle. The kinematic
+/// error works as a varying ratio, so it takes no energy. Structural damping is proportional to
+/// θ̇/Ñ − q̇. A rigid gear is one mass, J + Ñ² J_m, at the output.
 /// Source: full_range_torque_estimation Fig. 3, (2), (9)–(16), (23); Hunt & Crossley 1975 for the
 /// obstacle.
 #pragma once
@@ -15,6 +16,7 @@
 
 #include "flexspline/batch/simulation/friction.hpp"
 #include "flexspline/batch/simulation/spring.hpp"
+#include "flexspline/batch/simulation/surroundings.hpp"
 #include "flexspline/batch/simulation/waves.hpp"
 
 namespace flexspline::batch::simulation {
@@ -32,23 +34,10 @@ struct Element {
   std::array<double, 2> along{};
 };
 
-/// A stop in the way of the output: τ = k δ (1 + λ δ̇), δ ≥ 0 the depth.
-struct Obstacle {
-  double angle = 0;        ///< rad
-  int direction = 1;       ///< +1: it stops positive motion
-  double stiffness = 0;    ///< k, Nm/rad; 0: there is none
-  double dissipation = 0;  ///< λ, s/rad
-};
-
-/// Two heat capacities in a row: motor, then the joint's body with the sensor, then the room.
-struct Thermal {
-  double motor_capacity = 0;  ///< J/K; 0: as the room
-  double body_capacity = 0;   ///< J/K; 0: as the room
-  double motor_to_body = 0;   ///< W/K
-  double motor_to_room = 0;   ///< W/K
-  double body_to_room = 0;    ///< W/K
-  double copper_loss = 0;     ///< W/Nm², of the motor torque's square
-};
+/// What of a joint a run can meet, known before it starts, so that it does not pay for the rest:
+/// no angle matters but gravity's, the gear is rigid or all in the mesh, and nothing can stick,
+/// slip, touch or brake; or anything.
+enum class Kind : std::uint8_t { anything, smooth_rigid, smooth_mesh };
 
 struct Joint {
   double ratio = 1;           ///< Ñ
@@ -78,6 +67,8 @@ struct Joint {
   bool eventless = true;            ///< nothing that sticks, slips or touches, but for the brake
   std::array<double, 2> inverse{};  ///< 1/kg m², of each body's inertia
   bool accounts = true;             ///< energies are wanted, or heat has to be known
+  Kind kind = Kind::anything;
+  double spread = 0;  ///< 1/J_m + Ñ²/J: eigenfrequency's square by stiffness; 0: rigid
   double inverse_ratio = 1;
   double mass = 1;  ///< kg m² at the output, of both bodies together
 };
@@ -96,6 +87,10 @@ inline Joint prepared(Joint joint) noexcept {
                     joint.element_count == 0 && joint.obstacle.stiffness == 0;
   joint.inverse_ratio = 1 / joint.ratio;
   joint.mass = joint.output_inertia + joint.ratio * joint.ratio * joint.motor_inertia;
+  const bool plain = joint.eventless && !joint.waves && joint.spring.wave_generator_stiffness == 0;
+  joint.kind = !plain ? Kind::anything : joint.rigid ? Kind::smooth_rigid : Kind::smooth_mesh;
+  const double n2 = joint.ratio * joint.ratio;
+  joint.spread = joint.rigid ? 0 : 1 / joint.motor_inertia + n2 / joint.output_inertia;
   joint.inverse = {joint.rigid ? 0 : 1 / joint.motor_inertia,
                    1 / (joint.rigid ? joint.mass : joint.output_inertia)};
   return joint;
@@ -129,6 +124,8 @@ struct Motion {
   std::array<double, 2> velocity{};
   std::array<int, 2> mode{1, 1};
   SpringPoint spring;
+  NearSine hang;
+  WaveSum error;  ///< kinematic error at these positions, where anything reads it
   std::array<double, most_elements> anchor{};
   std::array<int, most_elements> slip{};
   bool contact = false;
@@ -164,8 +161,28 @@ struct Torques {
   Outside outside;
 };
 
+/// The kinematic error of a compliant gear where `m` is.
+inline WaveSum error_at(const Joint& joint, const Motion& m) noexcept {
+  if (joint.rigid || joint.kinematic_error.empty()) return {};
+  return sum(joint.kinematic_error, Angle<double>::from_radians(m.position[motor]).phase,
+             Angle<double>::from_radians(m.position[output]).phase);
+}
+
+inline bool within_gear(const Element& element) noexcept {
+  return element.along[motor] != 0 && element.along[output] != 0;
+}
+
 inline double stretch(const Element& element, const Motion& m) noexcept {
-  return element.along[motor] * m.position[motor] + element.along[output] * m.position[output];
+  const double error = within_gear(element) ? m.error.value : 0;
+  return element.along[motor] * (m.position[motor] + error) +
+         element.along[output] * m.position[output];
+}
+
+/// ∂y/∂θ and ∂y/∂q: what one Nm of the element does to each body.
+inline std::array<double, 2> arms(const Element& element, const Motion& m) noexcept {
+  if (!within_gear(element)) return element.along;
+  return {element.along[motor] * (1 + m.error.by_motor),
+          element.along[output] + element.along[motor] * m.error.by_output};
 }
 
 inline double element_torque(const Joint& joint, const Motion& m, std::size_t j) noexcept {
@@ -183,14 +200,22 @@ inline double rigid_motor_angle(const Joint& joint, double q) noexcept {
                      .value;
 }
 
+/// True where the gear is rigid.
+template <Kind kind>
+constexpr bool is_rigid(const Joint& joint) noexcept {
+  if constexpr (kind == Kind::anything) return joint.rigid;
+  return kind == Kind::smooth_rigid;
+}
+
 /// Gravity, given load, obstacle and ripple.
-inline Outside outside(const Joint& joint, const Inputs& in, double t, const Motion& m,
+template <Kind kind>
+inline Outside outside(const Joint& joint, const Inputs& in, double t, Motion& m,
                        Phase<double> theta, Phase<double> q) noexcept {
   Outside at{in.load_at(t)};
   if (joint.gravity != 0) {
-    const auto hang = Angle<double>::from_radians(m.position[output] - joint.gravity_angle);
-    at.gravity = joint.gravity * hang.phase.phasor().sine;
+    at.gravity = joint.gravity * near_sine(m.position[output] - joint.gravity_angle, m.hang);
   }
+  if constexpr (kind != Kind::anything) return at;
   if (m.contact) {
     const Obstacle& obstacle = joint.obstacle;
     const double depth = obstacle.direction * (m.position[output] - obstacle.angle);
@@ -205,10 +230,16 @@ inline Outside outside(const Joint& joint, const Inputs& in, double t, const Mot
 }
 
 /// The spring of a compliant gear.
-inline Within spring_torques(const Joint& joint, Motion& m, Phase<double> theta,
-                             Phase<double> q) noexcept {
-  WaveSum error;
-  if (!joint.kinematic_error.empty()) error = sum(joint.kinematic_error, theta, q);
+template <Kind kind>
+inline Within spring_torques(const Joint& joint, Motion& m) noexcept {
+  if constexpr (kind == Kind::smooth_mesh) {
+    const double windup = m.position[motor] - joint.ratio * m.position[output];
+    const double torque = joint.spring.linear() ? windup * m.spring.stiffness
+                                                : mesh_torque_of(joint.spring, windup, m.spring);
+    const double transmitted = torque * joint.ratio;
+    return {{-torque, transmitted}, torque, transmitted};
+  }
+  const WaveSum& error = m.error;
   const double windup = m.position[motor] - joint.ratio * m.position[output] + error.value;
   const double torque = torque_of(joint.spring, windup, m.spring);
   const double transmitted = torque * (joint.ratio - error.by_output);
@@ -220,33 +251,34 @@ inline void add_elements(const Joint& joint, const Motion& m, Within& at) noexce
   for (std::size_t j = 0; j < joint.element_count; ++j) {
     const Element& element = joint.elements[j];
     const double torque = element_torque(joint, m, j);
-    at.on[motor] -= element.along[motor] * torque;
-    at.on[output] -= element.along[output] * torque;
-    if (element.along[motor] != 0 && element.along[output] != 0) {
-      at.transmitted -= element.along[output] * torque;
-    }
+    const std::array<double, 2> arm = arms(element, m);
+    at.on[motor] -= arm[motor] * torque;
+    at.on[output] -= arm[output] * torque;
+    if (within_gear(element)) at.transmitted -= arm[output] * torque;
   }
 }
 
-/// All torques at the positions of `m`; the spring's neighbour point moves along.
+/// All torques at the positions of `m`; the neighbours of spring and gravity move along.
+template <Kind kind = Kind::anything>
 inline Torques torques(const Joint& joint, const Inputs& in, double t, Motion& m) noexcept {
   Phase<double> theta;
   Phase<double> q;
   double motor_torque = in.motor_at(t);
   double cogging = 0;
-  if (joint.waves) {
-    if (joint.rigid) m.position[motor] = rigid_motor_angle(joint, m.position[output]);
+  const bool rigid = is_rigid<kind>(joint);
+  if (kind == Kind::anything && joint.waves) {
+    if (rigid) m.position[motor] = rigid_motor_angle(joint, m.position[output]);
     theta = Angle<double>::from_radians(m.position[motor]).phase;
     q = Angle<double>::from_radians(m.position[output]).phase;
     motor_torque += sum(joint.current_ripple, theta, q).value;
     cogging = sum(joint.cogging, theta, q).value;
   }
-  Within within = joint.rigid ? Within{} : spring_torques(joint, m, theta, q);
-  add_elements(joint, m, within);
-  const Outside out = outside(joint, in, t, m, theta, q);
+  Within within = rigid ? Within{} : spring_torques<kind>(joint, m);
+  if constexpr (kind == Kind::anything) add_elements(joint, m, within);
+  const Outside out = outside<kind>(joint, in, t, m, theta, q);
   const double driven = motor_torque - cogging;
-  const double on_motor = joint.rigid ? 0 : within.on[motor] + driven;
-  const double on_output = within.on[output] + (joint.rigid ? joint.ratio * driven : 0) -
+  const double on_motor = rigid ? 0 : within.on[motor] + driven;
+  const double on_output = within.on[output] + (rigid ? joint.ratio * driven : 0) -
                            (out.gravity + out.load + out.contact + out.ripple);
   return {{on_motor, on_output}, motor_torque, cogging, within, out};
 }

@@ -1,23 +1,17 @@
 /// A joint driven through time: rows, servo ticks, stops, steps.
 ///
 /// Between two rows inputs are linear (or hold the first one's value); each stretch without a jump
-/// is cut into equal steps, as few as keep each at or below `longest_step`. Mechanics is fourth
-/// order in the step; temperatures follow once a stretch. What goes wrong is a `Fault` with its
-/// row; rows before it are valid.
+/// is cut into equal steps, as few as keep each at or below `longest_step`. Mechanics is of fourth
+/// order in the step, or of sixth where nothing can stick, slip, touch or brake; temperatures
+/// follow once a stretch. What goes wrong is a `Fault` with its row; rows before it are valid.
 #pragma once
 
 #include "flexspline/batch/simulation/record.hpp"
 #include "flexspline/batch/simulation/servo.hpp"
+#include "flexspline/batch/simulation/steps.hpp"
 #include "flexspline/batch/simulation/thermal.hpp"
 
 namespace flexspline::batch::simulation {
-
-enum class Fault : std::uint8_t {
-  none = 0,
-  pole = 1,        ///< the gear's wind-up passed the end of its spring
-  not_finite = 2,  ///< the motion grew without bound
-  unstable = 3,    ///< ω h reached the limit of stability
-};
 
 /// Columns of inputs; null where nothing is given. The time increases strictly.
 struct Signals {
@@ -43,6 +37,8 @@ struct Stop {
 
 struct Options {
   double longest_step = 1e-4;  ///< s
+  double coarsest = 1e300;     ///< of ω h of the gear; `unstable` beyond it
+  int order = 4;               ///< 4 or 6; the latter of joints without events
   Servo servo;
   Stop stop;
 };
@@ -166,30 +162,27 @@ inline void drive(const Joint& joint, const Signals& s, const Options& options, 
   }
 }
 
+/// How many steps a stretch takes.
+inline std::int64_t steps_of(const Options& options, double length, bool braked) noexcept {
+  // A brake is stepped by order 4, which needs a fifth of the other's step for the same error.
+  const bool shorter = options.order == 6 && braked;
+  const double wanted = length / options.longest_step * (shorter ? 5 : 1);
+  auto count = static_cast<std::int64_t>(wanted);
+  if (wanted > static_cast<double>(count) * (1 + 1e-12)) ++count;
+  return count < 1 ? 1 : count;
+}
+
 /// Steps from t to `end`, which has no jump in it.
 inline Fault stretch_out(const Joint& joint, const Inputs& in, const Options& options, double t,
                          double end, double room, Course& c, double& stiffest) noexcept {
   const double length = end - t;
-  const double wanted = length / options.longest_step;
-  auto count = static_cast<std::int64_t>(wanted);
-  if (wanted > static_cast<double>(count) * (1 + 1e-12)) ++count;
-  if (count < 1) count = 1;
-  const double h = length / static_cast<double>(count);
-  const double n2 = joint.ratio * joint.ratio;
-  const double spread = joint.rigid ? 0 : 1 / joint.motor_inertia + n2 / joint.output_inertia;
+  const std::int64_t count = steps_of(options, length, c.motion.braked);
+  const double h = count == 1 ? length : length / static_cast<double>(count);
   Motion& m = c.motion;
   const Work before = m.work;
-  for (std::int64_t k = 0; k < count; ++k) {
-    advance(joint, in, t + static_cast<double>(k) * h, h, m);
-    if (!math::is_finite(m.velocity[motor] + m.velocity[output])) {
-      return !joint.rigid && has_pole(joint.spring) ? Fault::pole : Fault::not_finite;
-    }
-    if (joint.rigid) continue;
-    if (m.spring.stiffness > stiffest) stiffest = m.spring.stiffness;
-    if (h * h * spread * m.spring.stiffness > stability_limit * stability_limit) {
-      return Fault::unstable;
-    }
-  }
+  const StepsFunction go = steps_for(joint, options.order, m.braked);
+  const Fault fault = go(joint, in, t, h, count, options.coarsest, m, stiffest);
+  if (fault != Fault::none) return fault;
   const Work& w = m.work;
   thermal_step(joint,
                {w.copper - before.copper + w.friction[motor] - before.friction[motor],
@@ -235,6 +228,7 @@ inline void begin(const Joint& joint, const Inputs& in, double t, const Options&
   Motion& m = c.motion;
   c.stop_time = options.stop.time;
   warm_up(joint, m);
+  m.error = error_at(joint, m);
   const Obstacle& o = joint.obstacle;
   m.contact = o.stiffness > 0 && o.direction * (m.position[output] - o.angle) > 0;
   for (std::size_t j = 0; j < joint.element_count; ++j) {

@@ -11,6 +11,7 @@
 /// Source: full_range_torque_estimation (9)–(16), Zhang et al. 2014, with the signs of the log.
 #pragma once
 
+#include "flexspline/batch/simulation/near.hpp"
 #include "flexspline/gear_compliance.hpp"
 
 namespace flexspline::batch::simulation {
@@ -25,6 +26,8 @@ struct Spring {
   double mesh_softness = 0;  ///< filled by `prepared`
   double wave_generator_softness = 0;
   double mesh_motor_stiffness = 0;  ///< of the mesh, Nm/rad at the motor side
+  double mesh_bend = 0;             ///< c_m K_m / Ñ: how far up the tangent a wind-up is
+  double mesh_scale = 0;            ///< 1/(c_m Ñ), Nm at the motor side; 0 where linear
   double inverse_ratio = 1;
 
   constexpr bool linear() const noexcept { return mesh_shape == 0 && wave_generator_shape == 0; }
@@ -39,6 +42,8 @@ constexpr Spring prepared(Spring spring) noexcept {
   if (spring.mesh_stiffness > 0) {
     spring.mesh_motor_stiffness = spring.mesh_stiffness / (spring.ratio * spring.ratio);
     spring.mesh_softness = spring.ratio * spring.ratio / spring.mesh_stiffness;
+    spring.mesh_bend = spring.mesh_shape * spring.mesh_stiffness / spring.ratio;
+    spring.mesh_scale = spring.mesh_shape > 0 ? 1 / (spring.mesh_shape * spring.ratio) : 0;
   }
   if (spring.wave_generator_stiffness > 0) {
     spring.wave_generator_softness = 1 / spring.wave_generator_stiffness;
@@ -118,12 +123,12 @@ inline double torque_from_rest(const Spring& spring, double windup, SpringPoint&
 
 /// The torque where the mesh alone gives: (18). Infinite beyond the pole.
 inline double mesh_torque_of(const Spring& spring, double windup, SpringPoint& p) noexcept {
-  const FlaggedTorque<double> out =
-      mesh_torque(-windup * spring.inverse_ratio, spring.mesh_stiffness, spring.mesh_shape, 0.0);
-  const double a = spring.mesh_shape * out.torque;
-  p.torque = out.torque * spring.inverse_ratio;
-  p.stiffness = (1 + a * a) * spring.mesh_motor_stiffness;
-  return out.flags == Flag::none ? p.torque : std::numeric_limits<double>::infinity();
+  const double bent = spring.mesh_bend * windup;
+  const double tangent = near_tangent(bent);
+  p.stiffness = (1 + tangent * tangent) * spring.mesh_motor_stiffness;
+  p.torque = tangent * spring.mesh_scale;
+  if (math::absolute(bent) > math::pi<double> / 2) return std::numeric_limits<double>::infinity();
+  return p.torque;
 }
 
 /// The torque of a wind-up; `p`, a point near it from the last call, is moved along.

@@ -3,19 +3,17 @@
 ///   drift   positions move, velocities stand
 ///   kick    velocities move, positions stand:  M v̇ = Q − B v − s f(s v)
 ///
-/// Five drifts, four kicks (Omelyan, Mryglod & Folk 2002, "PEFRL", equation 20), each kick by the
-/// Taylor series of its own equation to fourth order. Without friction and damping a kick is exact,
-/// the composition is symplectic and time-reversible, so the energy has no drift: it swings about
-/// its value by O(h⁴). Modes (direction of sliding, sticking, slipping) stand within a step, so a
-/// step is smooth, also where a substep goes back in time. Stable while ω h < 2.98, ω the fastest
-/// eigenfrequency.
+/// Orders 4 and 6 (`composition.hpp`), each kick by the Taylor series of its own equation to that
+/// order. Without friction and damping a kick is exact, the composition is symplectic and
+/// time-reversible, so the energy has no drift: it swings about its value by O(h^order). Modes
+/// (direction of sliding, sticking, slipping) stand within a step, so a step is smooth, also where
+/// a substep goes back in time. Order 6 needs friction that is a polynomial (no Stribeck).
 #pragma once
 
+#include "flexspline/batch/simulation/composition.hpp"
 #include "flexspline/batch/simulation/joint.hpp"
 
 namespace flexspline::batch::simulation {
-
-inline constexpr double stability_limit = 2.98;  ///< of ω h
 
 /// What the output meets outside, without friction.
 inline double outer_load(const Torques& at, const Motion& m) noexcept {
@@ -80,6 +78,26 @@ inline double carried_load(double mass, double output_inertia, double base, doub
   return math::absolute(both) * inverse;
 }
 
+/// The same where friction is odd in the velocity and has no level, and the body cannot stick.
+inline Slope smooth_slope_of(const Joint& joint, const Torques& at, const Motion& m,
+                             const Damping& b, std::size_t body, bool rigid) noexcept {
+  Resistance r;
+  add_smooth(joint.friction[body], m.warm[body], 1, m.velocity[body], r);
+  if (rigid) add_smooth(joint.friction[motor], m.warm[motor], joint.ratio, m.velocity[body], r);
+  const double inverse = joint.inverse[body];
+  const double coupled =
+      rigid ? 0 : b[body][motor] * m.velocity[motor] + b[body][output] * m.velocity[output];
+  Slope out{inverse * (at.on[body] - (coupled + r.value)),
+            rigid ? 0 : -inverse * b[body][motor],
+            rigid ? 0 : -inverse * b[body][output],
+            -inverse * r.second,
+            -inverse * r.third,
+            r.value,
+            r.first};
+  (body == motor ? out.by_motor : out.by_output) -= inverse * r.first;
+  return out;
+}
+
 /// Of one body; zero where it sticks.
 inline Slope slope_of(const Joint& joint, const Torques& at, const Motion& m, const Damping& b,
                       std::size_t body) noexcept {
@@ -110,13 +128,22 @@ inline Slope slope_of(const Joint& joint, const Torques& at, const Motion& m, co
   return out;
 }
 
+template <Kind kind = Kind::anything>
 inline Slopes slopes(const Joint& joint, const Torques& at, const Motion& m) noexcept {
   const Damping b = damping(joint, at);
+  if constexpr (kind == Kind::smooth_rigid) {
+    return {Slope{}, smooth_slope_of(joint, at, m, b, output, true)};
+  } else if constexpr (kind == Kind::smooth_mesh) {
+    return {smooth_slope_of(joint, at, m, b, motor, false),
+            smooth_slope_of(joint, at, m, b, output, false)};
+  }
   return {joint.rigid ? Slope{} : slope_of(joint, at, m, b, motor),
           slope_of(joint, at, m, b, output)};
 }
 
-/// Velocities after `k` seconds at frozen positions: Taylor series to fourth order.
+/// Velocities after `k` seconds at frozen positions: Taylor series to the order, of
+/// w′ = a + B w + ½ s w² + t/6 w³, w the change; `bent` says that the motor has s or t.
+template <int order, bool bent>
 inline std::array<double, 2> kicked(const Slopes& f, const std::array<double, 2>& v,
                                     double k) noexcept {
   const auto& [x, y] = f;
@@ -124,26 +151,52 @@ inline std::array<double, 2> kicked(const Slopes& f, const std::array<double, 2>
   const double ay = y.acceleration;
   const double bx = x.by_motor * ax + x.by_output * ay;
   const double by = y.by_motor * ax + y.by_output * ay;
-  const double cx = x.by_motor * bx + x.by_output * by + x.second * ax * ax;
+  double cx = x.by_motor * bx + x.by_output * by;
   const double cy = y.by_motor * bx + y.by_output * by + y.second * ay * ay;
-  const double dx =
-      x.by_motor * cx + x.by_output * cy + ax * (x.third * ax * ax + 3 * x.second * bx);
+  if constexpr (bent) cx += x.second * ax * ax;
+  double dx = x.by_motor * cx + x.by_output * cy;
   const double dy =
       y.by_motor * cx + y.by_output * cy + ay * (y.third * ay * ay + 3 * y.second * by);
-  const double half = k / 2;
-  const double third = k / 3;
-  const double fourth = k / 4;
-  return {v[0] + k * (ax + half * (bx + third * (cx + fourth * dx))),
-          v[1] + k * (ay + half * (by + third * (cy + fourth * dy)))};
+  if constexpr (bent) dx += ax * (x.third * ax * ax + 3 * x.second * bx);
+  const double k2 = k * k * (1.0 / 2);
+  const double k3 = k * k2 * (1.0 / 3);
+  const double k4 = k2 * k2 * (1.0 / 6);
+  const double to_x = ((v[0] + k * ax) + (k2 * bx + k3 * cx)) + k4 * dx;
+  const double to_y = ((v[1] + k * ay) + (k2 * by + k3 * cy)) + k4 * dy;
+  if constexpr (order == 4) return {to_x, to_y};
+  double ex = x.by_motor * dx + x.by_output * dy;
+  const double ey = y.by_motor * dx + y.by_output * dy + y.second * (4 * ay * cy + 3 * by * by) +
+                    6 * y.third * ay * ay * by;
+  if constexpr (bent) {
+    ex += x.second * (4 * ax * cx + 3 * bx * bx) + 6 * x.third * ax * ax * bx;
+  }
+  double fx = x.by_motor * ex + x.by_output * ey;
+  const double fy = y.by_motor * ex + y.by_output * ey + y.second * (5 * ay * dy + 10 * by * cy) +
+                    y.third * ay * (10 * ay * cy + 15 * by * by);
+  if constexpr (bent) {
+    fx += x.second * (5 * ax * dx + 10 * bx * cx) + x.third * ax * (10 * ax * cx + 15 * bx * bx);
+  }
+  const double k5 = k2 * k3 * (1.0 / 10);
+  const double k6 = k3 * k3 * (1.0 / 20);
+  return {to_x + (k5 * ex + k6 * fx), to_y + (k5 * ey + k6 * fy)};
 }
 
-/// The same of a rigid gear's one mass.
+/// The same of a rigid gear's one mass, to sixth order, as a polynomial in a: the rest is known
+/// before the torque is.
 inline double kicked_alone(const Slope& y, double v, double k) noexcept {
-  const double a = y.acceleration;
-  const double b = y.by_output * a;
-  const double c = y.by_output * b + y.second * a * a;
-  const double d = y.by_output * c + a * (y.third * a * a + 3 * y.second * b);
-  return v + k * (a + k / 2 * (b + k / 3 * (c + k / 4 * d)));
+  const double a = k * y.acceleration;
+  const double b = k * y.by_output;
+  const double s = k * y.second * 0.5;
+  const double t = k * y.third * (1.0 / 6);
+  const double b2 = b * b;
+  const double first = ((1 + b * (1.0 / 2)) + b2 * (1.0 / 6 + b * (1.0 / 24))) +
+                       b2 * b2 * ((1.0 / 120 + b * (1.0 / 720)) + b2 * (1.0 / 5040));
+  const double second = s * ((1.0 / 3 + b * (1.0 / 3)) + b2 * (11.0 / 60 + b * (13.0 / 180)));
+  const double third =
+      t * ((1.0 / 4 + b * (7.0 / 20)) + b2 * (4.0 / 15)) + s * s * (2.0 / 15 + b * (17.0 / 90));
+  const double fourth = s * t * (1.0 / 4);
+  const double a2 = a * a;
+  return (v + a * first) + a2 * ((second + a * third) + a2 * fourth);
 }
 
 /// Work of motor and load during a kick, by the mean of its ends.
@@ -172,18 +225,24 @@ inline void add_heat(const Joint& joint, const Torques& at, const Slopes& f,
   work.obstacle += k * at.outside.contact_damping * v * v;
 }
 
+template <Kind kind, int order>
 inline void kick(const Joint& joint, const Inputs& in, double t, double k, Motion& m) noexcept {
-  const Torques at = torques(joint, in, t, m);
+  const Torques at = torques<kind>(joint, in, t, m);
   if (joint.lossless && !m.contact && !m.braked) {
     const std::array<double, 2> before = m.velocity;
     for (std::size_t i = 0; i < 2; ++i) m.velocity[i] += k * (joint.inverse[i] * at.on[i]);
     if (joint.accounts) add_input_work(joint, at, before, m.velocity, k, m.work);
     return;
   }
-  const Slopes f = slopes(joint, at, m);
-  const std::array<double, 2> after =
-      joint.rigid ? std::array<double, 2>{0, kicked_alone(f[output], m.velocity[output], k)}
-                  : kicked(f, m.velocity, k);
+  const Slopes f = slopes<kind>(joint, at, m);
+  std::array<double, 2> after{};
+  if (is_rigid<kind>(joint)) {
+    after[output] = kicked_alone(f[output], m.velocity[output], k);
+  } else if (f[motor].second != 0 || f[motor].third != 0) {
+    after = kicked<order, true>(f, m.velocity, k);
+  } else {
+    after = kicked<order, false>(f, m.velocity, k);
+  }
   if (joint.accounts) {
     add_input_work(joint, at, m.velocity, after, k, m.work);
     add_heat(joint, at, f, m.velocity, after, k, m.work);
@@ -191,32 +250,34 @@ inline void kick(const Joint& joint, const Inputs& in, double t, double k, Motio
   m.velocity = after;
 }
 
+template <Kind kind>
 inline void drift(const Joint& joint, double k, Motion& m) noexcept {
+  std::array<double, most_elements> before{};
+  if constexpr (kind == Kind::anything) {
+    for (std::size_t j = 0; j < joint.element_count; ++j) before[j] = stretch(joint.elements[j], m);
+  }
   m.position[output] += k * m.velocity[output];
-  m.position[motor] += k * m.velocity[motor];
+  if constexpr (kind != Kind::smooth_rigid) m.position[motor] += k * m.velocity[motor];
+  if constexpr (kind != Kind::anything) return;
+  m.error = error_at(joint, m);
   for (std::size_t j = 0; j < joint.element_count; ++j) {
     const Element& element = joint.elements[j];
-    m.work.gear +=
-        k * m.slip[j] * element.level *
-        (element.along[motor] * m.velocity[motor] + element.along[output] * m.velocity[output]);
+    m.work.gear += m.slip[j] * element.level * (stretch(element, m) - before[j]);
   }
 }
 
 /// One step of h seconds from time t in the modes that `m` has.
+template <Kind kind = Kind::anything, int order = 4>
 inline void smooth_step(const Joint& joint, const Inputs& in, double t, double h,
                         Motion& m) noexcept {
-  constexpr double xi = 0.1786178958448091;
-  constexpr double lambda = -0.2123418310626054;
-  constexpr double chi = -0.06626458266981849;
-  constexpr std::array<double, 4> move{xi, chi, 1 - 2 * (chi + xi), chi};
-  constexpr std::array<double, 4> push{0.5 - lambda, lambda, lambda, 0.5 - lambda};
+  constexpr const auto& parts = composition<order>;
   double gone = 0;
-  for (std::size_t i = 0; i < 4; ++i) {
-    drift(joint, h * move[i], m);
-    gone += move[i];
-    kick(joint, in, t + gone * h, h * push[i], m);
+  for (std::size_t i = 0; i < parts.push.size(); ++i) {
+    drift<kind>(joint, h * parts.move[i], m);
+    gone += parts.move[i];
+    kick<kind, order>(joint, in, t + gone * h, h * parts.push[i], m);
   }
-  drift(joint, h * xi, m);
+  drift<kind>(joint, h * parts.move.back(), m);
 }
 
 }  // namespace flexspline::batch::simulation
