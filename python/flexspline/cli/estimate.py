@@ -36,9 +36,9 @@ def estimate(
 
     FILE.csv receives time, temperature, sensor_torque (compensated) and external_torque_sensor;
     external_torque_observer, _compliance, _compliant_observer and _merged and contact where the
-    model holds the estimator; and status. One row for each row of the run, torques in Nm at the output, positive
-    where the joint pushes in the positive direction. A value is empty where its stage had
-    nothing to work with; status says which.
+    model holds the estimator; and status. One row for each row of the run, torques in Nm at the
+    output, positive where the joint pushes in the positive direction. A value is empty where
+    its stage had nothing to work with; status says which.
 
     \b
     Example:
