@@ -249,7 +249,8 @@ void bind_chain(py::module_& module) {
 
 A stage that misses a row keeps its last good values, NaN before the first, and sets its bit
 in 'missed': 1 thermistor, 2 temperature_compensation, 4 sensor, 8 observer, 16 compliance,
-32 merge, 64 collision, 128 compliant_observer. 'flags': 1 extrapolated, 2 saturated. Each run starts anew.)");
+32 merge, 64 collision, 128 compliant_observer. 'flags': 1 extrapolated, 2 saturated. Each
+run starts anew.)");
 }
 
 }  // namespace flexspline::bindings
