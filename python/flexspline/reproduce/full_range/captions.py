@@ -36,7 +36,5 @@ CAPTIONS = {
     "Nm·rad; (11) repeats θ_ci, with Δθ = θ_c Ñ − θ_w (13) and (14) follow. (18) has a pole at "
     "2.07 mrad (c1) and 1.22 mrad (c2) of mesh torsion, where ours is held and flagged. The "
     "measured K_m0 also holds hysteresis and what (16) takes off too much of lost motion, and its "
-    "error is wide because one loop is little to learn from. Amplitudes come out at 0.7 to 1 of "
-    "what went in: the simulated hysteresis acts between both sides of the gear, so it works "
-    "against the kinematic error as well.",
+    "error is wide because one loop is little to learn from.",
 }
