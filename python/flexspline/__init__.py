@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from flexspline.calibration.result import CalibrationResult
     from flexspline.comparison.comparing import compare
     from flexspline.comparison.result import Comparison
+    from flexspline.discovery.discovering import discover
+    from flexspline.discovery.result import Discovery
     from flexspline.estimation import Estimate, estimate
     from flexspline.estimators import (
         Calibration,
@@ -45,6 +47,7 @@ __all__ = [
     "Collision",
     "Comparison",
     "Compliance",
+    "Discovery",
     "Effect",
     "Estimate",
     "Fit",
@@ -63,6 +66,7 @@ __all__ = [
     "calibrate",
     "compare",
     "convert",
+    "discover",
     "effect",
     "estimate",
     "fit",
@@ -76,6 +80,7 @@ _HOME = {
     "Collision": "estimators",
     "Comparison": "comparison.result",
     "Compliance": "estimators",
+    "Discovery": "discovery.result",
     "Estimate": "estimation",
     "Fit": "fit.result",
     "Log": "logs.log",
@@ -89,6 +94,7 @@ _HOME = {
     "accumulate": "fit.streaming",
     "calibrate": "calibration.calibrating",
     "compare": "comparison.comparing",
+    "discover": "discovery.discovering",
     "estimate": "estimation",
     "convert": "logs.convert",
     "read_log": "logs.read",

@@ -12,6 +12,7 @@ from flexspline.cli.compare import compare
 from flexspline.cli.contract import Commands
 from flexspline.cli.convert import convert
 from flexspline.cli.demo import demo
+from flexspline.cli.discover import discover
 from flexspline.cli.estimate import estimate
 from flexspline.cli.export import export
 from flexspline.cli.fit import fit
@@ -43,6 +44,7 @@ def commands() -> None:
       judge    held-out error, confounding    what fit prints, and report.html
       predict  on runs it never saw           flexspline predict
       compare  where model and runs disagree  flexspline compare
+      discover which effect is missing        flexspline discover
       estimate the torque from outside        flexspline estimate
       export   constants for the robot        flexspline export
 
@@ -63,7 +65,11 @@ def commands() -> None:
     """
 
 
-for command in (fit, calibrate, predict, compare, estimate, export, convert, demo, reproduce):
+COMMANDS = (
+    fit, calibrate, predict, compare, discover, estimate, export, convert, demo, reproduce
+)  # fmt: skip
+
+for command in COMMANDS:
     commands.add_command(command)
 
 

@@ -1,0 +1,94 @@
+"""`flexspline discover`: what a model lacks, found, named and added."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from flexspline import effects as catalogue
+from flexspline.cli.fit import _effects as effects_of
+from flexspline.cli.fit import _orders as orders_of
+from flexspline.cli.help import Taught, effects_by_target, repairs
+from flexspline.cli.options import lowpass, named, reading, target
+from flexspline.cli.runs import Reading, on_terminal
+from flexspline.errors import InputError
+from flexspline.files import atomic_write, whole_folder
+
+__all__ = ["discover"]
+
+
+@click.command(cls=Taught, sections=(effects_by_target, repairs))
+@click.argument("runs", nargs=-1, required=True, metavar="RUN.csv...")
+@target(required=False)
+@click.option("--effects", "names", metavar="A,B,C", help="Effects that are known; or none.")
+@click.option("--model", "model_path", metavar="MODEL.json", help="Or a model to start from.")
+@click.option("--out", required=True, metavar="DIR", help="Folder for what is found.")
+@click.option(
+    "--known-load", metavar="CHANNEL", help="Channel with the load, e.g. reference_torque."
+)
+@lowpass
+@click.option(
+    "--orders",
+    multiple=True,
+    metavar="EFFECT=1,2,4",
+    callback=named("EFFECT=1,2,4", orders_of),
+    help="Orders of a ripple effect; otherwise they are found. Can be repeated.",
+)
+@click.option(
+    "--threads", type=click.IntRange(1, 1024), default=1, show_default=True, help="To compute with."
+)
+@reading()
+def discover(
+    runs: tuple[str, ...],
+    target: str | None,
+    names: str | None,
+    model_path: str | None,
+    out: str,
+    reading: Reading,
+    **options: Any,
+) -> None:
+    """Find what a model of these runs lacks, name it, add it, and show the gap shrink.
+
+    Starts from known effects (--effects) or from a saved model (--model). Faults of the data
+    are looked for first. Every effect of the catalogue that acts on the target and has its
+    channels is a candidate; one is named where it gains on runs that the fit never saw, by more
+    than chance and by more than any other. What no effect explains is said to be unexplained.
+
+    DIR receives model.json (the extended model), discovery.json and report.html.
+
+    \b
+    Examples:
+      flexspline discover run1.csv run2.csv run3.csv run4.csv --target sensor_torque \\
+          --effects offset,coulomb_friction,viscous_friction --out found
+      flexspline discover run5.csv --model joint/model.json --target motor_torque --out found
+    """
+    from flexspline.discovery.discovering import discover as look
+    from flexspline.model import Model
+
+    if (names is None) == (model_path is None):
+        raise InputError("give either --effects A,B,C or --model MODEL.json to start from")
+    if names is not None and target is None:
+        raise InputError("--target is needed beside --effects; say what is explained")
+    model = None if model_path is None else Model.load(model_path)
+    effects = [] if names is None else effects_of(names)
+    for name in effects:
+        catalogue.effect(name)
+    with whole_folder(out, last="discovery.json") as draft:
+        logs = reading.logs(runs, {} if model is None else model.facts)
+        made = look(
+            effects if model is None else model,
+            logs,
+            target=target,
+            known_load=options["known_load"],
+            lowpass=options["lowpass"],
+            orders=options["orders"],
+            threads=options["threads"],
+            progress=on_terminal(),
+        )
+        made.report(draft / "report.html")
+        made.model.save(draft / "model.json")
+        atomic_write(draft / "discovery.json", made.to_json())
+        verdict = str(made)
+    click.echo(f"{verdict}\n\nwrote model.json, discovery.json and report.html to {Path(out)}")

@@ -1,0 +1,1 @@
+"""Naming what a model of a joint lacks."""

@@ -1,0 +1,115 @@
+"""Names that explain these runs as well: rivals beside which a named effect leaves next to nothing.
+
+An alias is real where what the named effect explains, projected on the rest of the model and the
+rival, leaves t < 3. The gain of the effect beside the rival estimates t² plus its number of
+columns. The rival's shapes are refitted first: on the grid it may look worse than it is.
+
+Where forms are not exact, as in all measured logs, t goes on growing with the length of the log.
+There a rival counts as well that explains nearly as much and whose squares on left-out folds do
+not exceed the named effect's by more than they vary from fold to fold.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexspline.discovery.physics import impossible
+from flexspline.discovery.scores import Offer, gain_of, offers
+from flexspline.discovery.search import Searcher, freedom, owned_gain
+from flexspline.discovery.table import Columns, Table
+from flexspline.discovery.working import Working
+from flexspline.effects import Effect
+
+__all__ = ["Rival", "rivals_of", "simplest"]
+
+LEFT = 3.0  # |t| that the named effect keeps beside an alias at most
+REFITTED = 60.0  # χ² that it keeps on the grid, up to which a rival's shapes are refitted
+MOST = 4
+NEARLY = 0.85  # of the named effect's gain, for a rival that only the folds may tell from it
+FOLDS_DIFFER = 2.0  # standard errors of the difference over folds, up to which they do not
+EXPLAINS = 0.5  # of what the named effect gains, that a rival gains in its place at least
+
+
+@dataclass(frozen=True)
+class Rival:
+    """Another candidate in the place of a named effect.
+
+    `gain`: what it explains there, and `own` what the named effect explains, in χ². `left`: |t|
+    that the named effect keeps beside it. `behind`: how much worse it is on left-out folds, in
+    standard errors of the difference from fold to fold.
+    """
+
+    effect: Effect
+    gain: float
+    own: float
+    left: float
+    behind: float
+
+    @property
+    def name(self) -> str:
+        return self.effect.name
+
+    @property
+    def alias(self) -> bool:
+        """Whether these runs do not tell it from the named effect."""
+        if self.left < LEFT and self.gain >= EXPLAINS * self.own:
+            return True
+        return self.gain >= NEARLY * self.own and self.behind < FOLDS_DIFFER
+
+
+def rivals_of(searcher: Searcher, work: Working, effect: Effect) -> list[Rival]:
+    """Return the rivals of a named effect, the best first."""
+    dictionary = searcher.study.dictionary(work, searcher.whitening, without=effect.name)
+    rest = dictionary.without([effect.name])
+    mine = dictionary.model[np.array(dictionary.owners) == effect.name]
+    own = owned_gain(dictionary, effect.name)
+    raw = np.diag(dictionary.table.total)
+    made = []
+    for offer in offers(dictionary, rest, len(dictionary.candidates)):
+        beside: Columns = np.concatenate([rest, offer.columns])
+        kept = gain_of(dictionary.table.without(beside), mine, raw)[0]
+        made.append((kept, offer))
+    found = []
+    for rank, (kept, offer) in enumerate(sorted(made, key=lambda pair: pair[0])):
+        gain = offer.gain
+        if rank < MOST and kept < REFITTED and gain >= EXPLAINS * own:
+            kept, gain = _refitted(searcher, work, effect, offer, kept)
+        left = float(np.sqrt(max(kept - len(effect.terms), 0.0)))
+        behind = _behind(dictionary.table, rest, mine, offer.columns)
+        found.append(Rival(offer.effect, gain, own, left, behind))
+    return sorted(found, key=lambda rival: -rival.gain)
+
+
+def simplest(searcher: Searcher, work: Working) -> Working:
+    """Replace each name by the alias with fewest coefficients: of equals the plainest is said."""
+    for effect in work.named:
+        equals = [r for r in rivals_of(searcher, work, effect) if r.alias]
+        plain = min(equals, key=lambda r: freedom(r.effect), default=None)
+        if plain is None or freedom(plain.effect) >= freedom(effect):
+            continue
+        effects = [plain.effect if e.name == effect.name else e for e in work.effects]
+        trial, _ = searcher.fitted(work.having(effects))
+        if not impossible(trial, plain.effect.name, searcher.study.target):
+            work = trial
+    return work
+
+
+def _behind(table: Table, rest: Columns, mine: Columns, rival: Columns) -> float:
+    """Standard errors by which a rival is worse on left-out folds."""
+    more = table.held_out(np.concatenate([rest, rival]))
+    more = more - table.held_out(np.concatenate([rest, mine]))
+    spread = float(np.std(more, ddof=1) * np.sqrt(len(more)))
+    return float(more.sum() / max(spread, 1e-300))
+
+
+def _refitted(
+    searcher: Searcher, work: Working, effect: Effect, offer: Offer, kept: float
+) -> tuple[float, float]:
+    """Gain of the effect beside a rival with fitted shapes, and the rival's in its place."""
+    others = [e for e in work.effects if e.name != effect.name]
+    trial, squares = searcher.fitted(work.having([*others, offer.effect]))
+    _, both = searcher.fitted(trial.having([*trial.effects, effect]))
+    without = searcher.fitted(work.having(others))[1]
+    return min(kept, max(squares - both, 0.0)), max(without - squares, 0.0)

@@ -1,0 +1,104 @@
+"""From a base model to names: noise, search, what is left, in this order."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexspline.discovery.aliases import simplest
+from flexspline.discovery.dictionary import effect_rows
+from flexspline.discovery.nameless import columns_of, nameless_of
+from flexspline.discovery.noise import first_whitening, restricted_whitening
+from flexspline.discovery.refit import started
+from flexspline.discovery.search import Limits, Searcher, Step, owned_gain
+from flexspline.discovery.study import Study
+from flexspline.discovery.unexplained import Leftover, leftover_of
+from flexspline.discovery.whitening import Whitening
+from flexspline.discovery.working import Working, working
+from flexspline.effects import Effect
+
+__all__ = ["Analysis", "analysed"]
+
+Array = NDArray[np.float64]
+
+SURROGATE = 0.5  # of its gain that a name keeps beside functions without a name, to be no stand-in
+LARGE = 1.0  # times a name's gain that these functions gain beside it, to cast doubt on it
+
+
+@dataclass(frozen=True, eq=False)
+class Analysis:
+    """Base and final model, the search that led there, and what is left.
+
+    `doubted`: names that only stood in for a cause without a name, and were taken back.
+    """
+
+    study: Study
+    base: Working
+    final: Working
+    searcher: Searcher
+    steps: tuple[Step, ...]
+    leftover: Leftover
+    doubted: tuple[str, ...]
+
+    @property
+    def whitening(self) -> Whitening:
+        return self.searcher.whitening
+
+
+def analysed(
+    study: Study,
+    effects: Sequence[Effect],
+    fixed: Mapping[str, float],
+    say: Callable[[str], object],
+) -> Analysis:
+    """Look for what is missing beside `effects`; `say` is told what is being done."""
+    say("base model")
+    plain = Whitening(np.ones(1), 1.0, study.problem.decimation)
+    base, _ = started(study.problem, working(effects, len(effects), fixed), plain)
+    say("looking for orders")
+    study.scan(base)
+    say("noise")
+    first = first_whitening(study.problem, _everything(study, base))
+    lax, _, _ = Searcher(study, first, Limits(lax=True), say).run(base)
+    study.scan(lax)
+    whitening = restricted_whitening(study.problem, lax)
+    searcher = Searcher(study, whitening, Limits(), say)
+    base, _ = searcher.fitted(base)
+    final, _, steps = searcher.run(base)
+    say("what is left")
+    leftover, doubted = leftover_of(study.problem, final, whitening), []
+    while (stand_in := _stand_in(searcher, final, leftover)) is not None:
+        doubted.append(stand_in)
+        kept = [e for e in final.effects if e.name != stand_in]
+        final = searcher.pruned(searcher.fitted(final.having(kept))[0])
+        leftover = leftover_of(study.problem, final, whitening)
+    final = searcher.pruned(simplest(searcher, final))
+    return Analysis(study, base, final, searcher, tuple(steps), leftover, tuple(doubted))
+
+
+def _everything(study: Study, work: Working) -> list[tuple[Array, Array]]:
+    """Columns (N, C) of the model, all candidates and functions of each channel; and targets."""
+    wanted = [e for c in study.candidates(work.effects) for e in c.effects]
+    nameless = nameless_of(study.problem, pairs=False)
+    made = []
+    for number in range(len(study.problem.runs)):
+        rows, target = work.rows(study.problem, number)
+        beside = effect_rows(study.problem, work, list(dict.fromkeys(wanted)), number, study.kept)
+        free = columns_of(nameless, study.problem, number)
+        made.append((np.column_stack([rows, beside, free]), target))
+    return made
+
+
+def _stand_in(searcher: Searcher, work: Working, leftover: Leftover) -> str | None:
+    """The named effect that most clearly stands in for something else, if one does."""
+    if not leftover.groups or not work.named:
+        return None
+    dictionary = searcher.study.dictionary(work, searcher.whitening)
+    shares = {e.name: leftover.gain / max(owned_gain(dictionary, e.name), 1e-300)
+              for e in work.named}  # fmt: skip
+    doubted = [n for n, share in shares.items() if share > LARGE
+               and leftover.survives[n] < SURROGATE]  # fmt: skip
+    return max(doubted, key=lambda name: shares[name], default=None)

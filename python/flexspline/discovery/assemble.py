@@ -1,0 +1,134 @@
+"""From an analysis to a `Discovery`: scores on left-out folds, sentences, the fit to keep."""
+
+from __future__ import annotations
+
+from flexspline.discovery.aliases import Rival, rivals_of
+from flexspline.discovery.analysis import Analysis
+from flexspline.discovery.confidence import confidence, features
+from flexspline.discovery.faults import DataFault
+from flexspline.discovery.heldout import held_out
+from flexspline.discovery.next_run import next_run
+from flexspline.discovery.result import Discovery, Found, Unexplained
+from flexspline.discovery.scores import equivalent_t, price
+from flexspline.discovery.search import owned_gain
+from flexspline.discovery.table import by_runs
+from flexspline.discovery.where import contribution, where
+from flexspline.discovery.working import Working
+from flexspline.effects import UNITS, Effect
+from flexspline.errors import listed
+from flexspline.fit.result import Fit
+
+__all__ = ["assembled"]
+
+SEEN = 0.05  # of the first gap: less is neither a second name nor unexplained
+
+
+def assembled(made: Analysis, faults: tuple[DataFault, ...], fit: Fit) -> Discovery:
+    """Put everything together that a user sees."""
+    problem = made.study.problem
+    steps = [held_out(problem, work, made.whitening).rmse for work in _nested(made)]
+    unexplained, floor = _unexplained(made, steps)
+    found = [
+        _found(made, effect, steps[number], steps[number + 1])
+        for number, effect in enumerate(made.final.named)
+    ]
+    pairs = [
+        (effect, Effect(name))
+        for effect, one in zip(made.final.named, found, strict=True)
+        for name in one.indistinguishable_from
+    ]
+    return Discovery(
+        target=problem.target,
+        unit=UNITS[problem.target],
+        base_effects=tuple(e.name for e in made.base.effects),
+        found=tuple(found),
+        base_rmse=steps[0],
+        final_rmse=steps[-1],
+        noise_floor=floor,
+        validated_by="runs" if by_runs(problem) else "blocks",
+        data_faults=faults,
+        unexplained=unexplained,
+        next_experiment=next_run(pairs),
+        fit=fit,
+        not_tried=made.study.not_tried,
+        refused=_refused(made),
+        doubted=made.doubted,
+    )
+
+
+def _nested(made: Analysis) -> list[Working]:
+    """The base, and the model with one name more each."""
+    models, fitted = [made.base], made.searcher.fitted
+    for count in range(1, len(made.final.named)):
+        models.append(fitted(made.final.having(made.final.effects[: made.final.base + count]))[0])
+    return [*models, made.final] if made.final.named else models
+
+
+def _unexplained(made: Analysis, steps: list[float]) -> tuple[Unexplained | None, float]:
+    """What is left above the noise floor, if it matters; and the floor."""
+    groups = made.leftover.groups
+    if not groups:
+        return None, steps[-1]
+    floor = min(held_out(made.study.problem, made.final, made.whitening, groups).rmse, *steps)
+    gap = steps[0] ** 2 - floor**2
+    share = (steps[-1] ** 2 - floor**2) / gap if gap > 0.0 else 0.0
+    if share < SEEN:
+        return None, steps[-1]
+    return Unexplained(float(min(share, 1.0)), tuple(made.leftover.channels)), floor
+
+
+def _found(made: Analysis, effect: Effect, before: float, after: float) -> Found:
+    work, searcher = made.final, made.searcher
+    rivals = rivals_of(searcher, work, effect)
+    dictionary = searcher.study.dictionary(work, searcher.whitening)
+    gain = owned_gain(dictionary, effect.name)
+    t = equivalent_t(gain, len(effect.terms))
+    aliases = tuple(rival.name for rival in rivals if rival.alias)
+    best = max((r.gain for r in rivals if not r.alias), default=0.0)
+    survives = made.leftover.survives.get(effect.name, 1.0)
+    cost = price(len(effect.terms), 1.0, len(dictionary.candidates))
+    regressors = features(gain, cost, best, survives, made.leftover.gain, len(aliases))
+    own = next(e for e in work.effects if e.name == effect.name)
+    parts = contribution(made.study.problem, work, effect.name)
+    return Found(
+        effect=effect.name,
+        rmse_before=before,
+        rmse_after=after,
+        confidence=confidence(regressors),
+        indistinguishable_from=aliases,
+        where=where(made.study.problem, own, parts),
+        evidence=_evidence(made, effect, t, gain, rivals, aliases, (before, after)),
+        t=t,
+        rivals=tuple(rivals[:5]),
+        regressors=regressors,
+    )
+
+
+def _evidence(
+    made: Analysis,
+    effect: Effect,
+    t: float,
+    gain: float,
+    rivals: list[Rival],
+    aliases: tuple[str, ...],
+    rmse: tuple[float, float],
+) -> str:
+    unit = UNITS[made.study.target]
+    what = "runs" if by_runs(made.study.problem) else "blocks"
+    said = (
+        f"On {what} that the fit never saw it takes the error from {rmse[0]:.3g} to {rmse[1]:.3g} "
+        f"{unit}; beside all other effects it stands {t:.1f} standard errors from nothing, with "
+        "the noise's memory counted"
+    )
+    others = [r for r in rivals if r.name not in aliases]
+    if others:
+        share = 100.0 * min(others[0].gain / max(gain, 1e-300), 1.0)
+        said += f"; the next best in its place, {others[0].name}, explains {share:.0f} % of that"
+    if aliases:
+        said += f"; these runs do not tell it from {listed(aliases)}"
+    return said + "."
+
+
+def _refused(made: Analysis) -> dict[str, str]:
+    named = {e.name for e in made.final.named}
+    return {name: why for name, why in made.searcher.refused.items() if name not in named}

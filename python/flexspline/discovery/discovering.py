@@ -1,0 +1,148 @@
+"""`discover`: from today's model and runs that disagree with it to what is missing."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from tqdm import tqdm
+
+from flexspline.effects import Effect, effect
+from flexspline.errors import InputError
+
+if TYPE_CHECKING:  # what is heavy is imported where it is used
+    from flexspline.discovery.result import Discovery
+    from flexspline.fit.result import Fit
+    from flexspline.logs.log import Log
+    from flexspline.model import Model
+
+__all__ = ["discover"]
+
+
+def discover(
+    model_or_effects: Model | str | Effect | Iterable[str | Effect],
+    logs: Log | Sequence[Log],
+    *,
+    target: str | None = None,
+    known_load: str | None = None,
+    lowpass: float | None = None,
+    orders: Mapping[str, Sequence[int]] | None = None,
+    fixed: Mapping[str, float] | None = None,
+    progress: bool = False,
+    threads: int = 1,
+) -> Discovery:
+    """Find which effects are missing, add them, and say how sure that is.
+
+    Parameters
+    ----------
+    model_or_effects : a model to start from, or the effects that are known to be there. Of a
+        model, what its user fixed stays fixed; all else is fitted again.
+    logs : one or several runs of one joint; four and more are left out one by one.
+    target : "sensor_torque" [Nm], "motor_torque" [Nm at the output], "motor_current" [A] or
+        "torsion" [rad]; None: the model's only part.
+    known_load : channel that holds τ_load [Nm]; None: that of the model.
+    lowpass : Hz; zero phase, on the target and on every row alike.
+    orders : {"output_ripple": [1, 2]} of the base; found where they are not given.
+    fixed : parameters that are not fitted, as for `fit`.
+    progress : show what is being tried on standard error.
+    threads : for the sums over the logs.
+
+    Returns
+    -------
+    Discovery
+
+    Raises
+    ------
+    InputError
+        As `fit`, for the base.
+
+    Notes
+    -----
+    How names are chosen: `discovery/search.py`; what evidence is: `discovery/scores.py`.
+    """
+    from flexspline.discovery.analysis import analysed
+    from flexspline.discovery.assemble import assembled
+    from flexspline.discovery.faults import data_faults
+    from flexspline.discovery.study import study_of
+    from flexspline.fit.fitting import fit
+    from flexspline.logs.log import Log
+
+    runs = [logs] if isinstance(logs, Log) else list(logs)
+    if not runs:
+        raise InputError("there is no log to look at; give at least one")
+    start = _start(model_or_effects, target, known_load, fixed or {})
+    faults = data_faults(runs, start.effects, start.target, start.known_load)
+
+    def fitted(effects: Sequence[Effect]) -> Fit:
+        return fit(
+            effects,
+            runs,
+            start.target,
+            known_load=start.known_load,
+            lowpass=lowpass,
+            orders=orders,
+            fixed=start.fixed,
+            into=start.model,
+            checks=False,
+            threads=threads,
+        )
+
+    with tqdm(desc="discovering", disable=not progress, leave=False, delay=1.0) as bar:
+
+        def say(what: str) -> None:
+            bar.update()
+            bar.set_description(what)
+
+        effects = start.effects
+        if any(e.ripple and not e.harmonics for e in effects):
+            effects = fitted(effects).part.effects
+        study = study_of(
+            effects,
+            runs,
+            start.target,
+            known_load=start.known_load,
+            lowpass_hz=lowpass,
+            threads=threads,
+        )
+        made = analysed(study, effects, start.fixed, say)
+        say("errors and validation")
+        return assembled(made, faults, fitted(made.final.effects))
+
+
+@dataclass(frozen=True)
+class _Start:
+    """What a discovery starts from."""
+
+    effects: tuple[Effect, ...]
+    target: str
+    known_load: str | None
+    fixed: Mapping[str, float]
+    model: Model | None
+
+
+def _start(
+    given: Model | str | Effect | Iterable[str | Effect],
+    target: str | None,
+    known_load: str | None,
+    fixed: Mapping[str, float],
+) -> _Start:
+    from flexspline.model import Model
+
+    if isinstance(given, Model):
+        part = given.part(target)
+        held = {**_fixed_in(part.record), **fixed}
+        return _Start(part.effects, part.target, known_load or part.known_load, held, given)
+    if target is None:
+        raise InputError("no target is given; give target='sensor_torque' or another one")
+    names = [given] if isinstance(given, (str, Effect)) else list(given)
+    effects = [e if isinstance(e, Effect) else effect(e) for e in names]
+    if known_load is None:
+        effects = [e.without_load() for e in effects]
+    return _Start(tuple(effects), target, known_load, fixed, None)
+
+
+def _fixed_in(record: Mapping[str, Any]) -> dict[str, float]:
+    """Parameters that the user of a model held, by name."""
+    parameters = record.get("parameters", ())
+    return {p["name"]: float(p["value"]) for p in parameters if p["state"] == "fixed"}

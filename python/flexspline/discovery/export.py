@@ -1,0 +1,97 @@
+"""`discovery.json`: the contract of the command line."""
+
+from __future__ import annotations
+
+import importlib.resources
+import json
+import math
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+import jsonschema
+
+from flexspline import __version__
+
+if TYPE_CHECKING:
+    from flexspline.discovery.result import Discovery, Found
+
+__all__ = ["discovery_json"]
+
+FORMAT = "flexspline-discovery"
+VERSION = 1
+
+
+def discovery_json(made: Discovery) -> str:
+    """Return the text of `discovery.json`, which fits its schema."""
+    left = made.unexplained
+    content: dict[str, Any] = {
+        "format": FORMAT,
+        "version": VERSION,
+        "made_by": f"flexspline {__version__}",
+        "target": made.target,
+        "unit": made.unit,
+        "base_effects": list(made.base_effects),
+        "found": [_found(made, one) for one in made.found],
+        "rmse": {
+            "base": made.base_rmse,
+            "final": made.final_rmse,
+            "noise_floor": made.noise_floor,
+        },
+        "validated_by": made.validated_by,
+        "simulated_rmse": None,
+        "data_faults": [
+            {
+                "name": fault.name,
+                "channel": fault.channel,
+                "size": _number(fault.size),
+                "rows": list(fault.rows),
+                "unit": fault.unit,
+                "run": fault.run,
+                "sentence": fault.sentence,
+            }
+            for fault in made.data_faults
+        ],
+        "unexplained": None
+        if left is None
+        else {"share_of_variance": left.share_of_variance, "depends_on": list(left.depends_on)},
+        "next_experiment": made.next_experiment,
+        "not_tried": dict(made.not_tried),
+        "refused": dict(made.refused),
+        "doubted": list(made.doubted),
+    }
+    jsonschema.Draft202012Validator(_schema()).validate(content)
+    return json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def _found(made: Discovery, one: Found) -> dict[str, Any]:
+    return {
+        "effect": one.effect,
+        "rmse_before": one.rmse_before,
+        "rmse_after": one.rmse_after,
+        "confidence": one.confidence,
+        "indistinguishable_from": list(one.indistinguishable_from),
+        "where": one.where,
+        "evidence": one.evidence,
+        "runner_up": one.runner_up,
+        "t": one.t,
+        "parameters": [
+            {
+                "name": p.name,
+                "value": _number(p.value),
+                "standard_error": _number(p.standard_error),
+                "unit": p.unit,
+            }
+            for p in made.parameters(one.effect)
+        ],
+    }
+
+
+def _number(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+@cache
+def _schema() -> dict[str, Any]:
+    file = importlib.resources.files("flexspline") / "schemas" / "discovery.schema.json"
+    content: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
+    return content

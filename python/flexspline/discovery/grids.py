@@ -1,0 +1,72 @@
+"""Where a shape may lie in these runs: a few values to screen, spread over what the data show.
+
+A Stribeck speed lies among the speeds of the runs, the width of a loop among its turns, a time
+constant between two samples and half a run. Where nothing tells, the bounds of the catalogue do.
+"""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexspline.effects import Effect, ShapeInfo
+from flexspline.fit.problem import Problem
+
+__all__ = ["shaped"]
+
+Array = NDArray[np.float64]
+
+SHARED = ("direction_width", "mesh_shape")
+"""One for the whole model: what the model has is taken."""
+
+POINTS = {0: 1, 1: 6, 2: 4}
+SHARE = (0.004, 1.2)  # of the largest value of a channel
+UNIT_CHANNELS = {
+    "rad/s": ("output_velocity",),
+    "Nm": ("known_load",),
+    "rad": ("output_position", "motor_position"),
+}
+
+
+def shaped(effect: Effect, model: tuple[Effect, ...], problem: Problem) -> list[Effect]:
+    """Return the effect with each combination of shapes that is worth screening."""
+    known = {name: e.shapes[name] for e in model for name in SHARED if name in e.shapes}
+    own = {name: value for name, value in known.items() if name in effect.shapes}
+    effect = effect.with_shapes(**own)
+    free = [s for s in effect.fitted_shapes if s.name not in own]
+    count = POINTS.get(len(free), 3)
+    grids = [_grid(effect, shape, problem, count) for shape in free]
+    names = [shape.name for shape in free]
+    return [
+        effect.with_shapes(**dict(zip(names, values, strict=True))) for values in product(*grids)
+    ]
+
+
+def _grid(effect: Effect, shape: ShapeInfo, problem: Problem, count: int) -> list[float]:
+    low, high = _range(effect, shape, problem)
+    low, high = max(low, shape.lower), min(high, shape.upper)
+    if not low < high:
+        return [float(np.clip(shape.default, shape.lower, shape.upper))]
+    inside = np.clip(np.geomspace(low, high, count), shape.lower, shape.upper)
+    return [float(value) for value in inside]
+
+
+def _range(effect: Effect, shape: ShapeInfo, problem: Problem) -> tuple[float, float]:
+    if shape.unit == "s":
+        step = min(1.0 / run.log.rate for run in problem.runs)
+        return 2.0 * step, 0.5 * max(run.log.duration for run in problem.runs)
+    wanted = UNIT_CHANNELS.get(shape.unit, ())
+    reads = ("known_load" if name == "load" else name for name in effect.reads)
+    for name in (name for name in reads if name in wanted):
+        sizes = [_size(run.channels[name]) for run in problem.runs if name in run.channels]
+        if sizes and max(sizes) > 0.0:
+            return SHARE[0] * max(sizes), SHARE[1] * max(sizes)
+    return shape.lower, shape.upper
+
+
+def _size(values: Array) -> float:
+    """Half the way from the lowest to the highest, without the outermost per cent."""
+    low, high = np.quantile(values, (0.005, 0.995))
+    return float(max(high - low, 0.0)) / 2.0

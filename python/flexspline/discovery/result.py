@@ -1,0 +1,147 @@
+"""What a discovery found: prints, reports itself, and is plain data."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from flexspline.discovery.faults import DataFault
+from flexspline.fit.result import Fit, Parameter
+from flexspline.model import Model
+
+if TYPE_CHECKING:
+    from flexspline.discovery.aliases import Rival
+
+__all__ = ["Discovery", "Found", "Unexplained"]
+
+
+@dataclass(frozen=True)
+class Found:
+    """One missing effect, by name.
+
+    Parameters
+    ----------
+    effect : its name in `CATALOGUE`.
+    rmse_before, rmse_after : on folds that the fit never saw, without it and with it, beside
+        those found before; in the unit of the target.
+    confidence : probability that the name is right.
+    indistinguishable_from : effects that explain these runs as well, within the noise.
+    where : where it acts.
+    evidence : one sentence.
+    t : |t| of a normal number that is as surprising as what it gains.
+    rivals : the best candidates in its place, the best first.
+    regressors : what the confidence is made of (`discovery/confidence.py`).
+    """
+
+    effect: str
+    rmse_before: float
+    rmse_after: float
+    confidence: float
+    indistinguishable_from: tuple[str, ...]
+    where: str
+    evidence: str
+    t: float
+    rivals: tuple[Rival, ...]
+    regressors: tuple[float, ...]
+
+    @property
+    def runner_up(self) -> str | None:
+        """The best other candidate in its place."""
+        return self.rivals[0].name if self.rivals else None
+
+
+@dataclass(frozen=True)
+class Unexplained:
+    """Structure that no effect explains: its share of the first gap's square above the floor."""
+
+    share_of_variance: float
+    depends_on: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Discovery:
+    """What was missing in a model of these runs.
+
+    Parameters
+    ----------
+    target, unit : what is explained.
+    base_effects : names of the effects that were there.
+    found : missing effects, in the order of discovery.
+    base_rmse, final_rmse, noise_floor : on folds that the fit never saw; the floor is what no
+        channel explains.
+    validated_by : "runs" or "blocks", what was left out.
+    data_faults : looked for first.
+    unexplained : None where the residual is down at the floor.
+    next_experiment : a sentence where the runs cannot separate causes, else None.
+    fit : of the extended model.
+    not_tried : why effects were no candidates, by name. `refused`: why candidates that gained
+        were not taken. `doubted`: names that only stood in for an unexplained cause.
+    """
+
+    target: str
+    unit: str
+    base_effects: tuple[str, ...]
+    found: tuple[Found, ...]
+    base_rmse: float
+    final_rmse: float
+    noise_floor: float
+    validated_by: str
+    data_faults: tuple[DataFault, ...]
+    unexplained: Unexplained | None
+    next_experiment: str | None
+    fit: Fit
+    not_tried: Mapping[str, str]
+    refused: Mapping[str, str]
+    doubted: tuple[str, ...]
+
+    @property
+    def model(self) -> Model:
+        """The extended model: an ordinary one."""
+        return self.fit.model
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the effects found, in order."""
+        return tuple(found.effect for found in self.found)
+
+    @property
+    def gap_closed(self) -> float:
+        """Share of the base's mean square above the noise floor that is gone; NaN without a gap."""
+        gap = self.base_rmse**2 - self.noise_floor**2
+        return (self.base_rmse**2 - self.final_rmse**2) / gap if gap > 0.0 else float("nan")
+
+    def parameters(self, name: str) -> tuple[Parameter, ...]:
+        """Return the parameters of one effect, as the fit of the extended model left them."""
+        own = (p for p in self.fit.parameters if p.name.split(".")[0] == name)
+        return tuple(own)
+
+    def to_json(self) -> str:
+        """Return the text of `discovery.json`."""
+        from flexspline.discovery.export import discovery_json
+
+        return discovery_json(self)
+
+    def __str__(self) -> str:
+        from flexspline.report.discovery import discovery_text
+
+        return discovery_text(self)
+
+    def __repr__(self) -> str:
+        names = ", ".join(self.names) or "nothing"
+        return (
+            f"<Discovery in {self.target}: {names}; RMSE {self.base_rmse:.4g} to "
+            f"{self.final_rmse:.4g} {self.unit}>"
+        )
+
+    def _repr_html_(self) -> str:
+        from flexspline.report.discovery import discovery_html
+
+        return discovery_html(self)
+
+    def report(self, path: str | os.PathLike[str]) -> None:
+        """Write a self-contained HTML report, whole or not at all."""
+        from flexspline.report.discovery import write_discovery_report
+
+        write_discovery_report(self, path)

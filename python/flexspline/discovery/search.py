@@ -1,0 +1,208 @@
+"""Which effects are missing: added one after the other, every earlier choice examined again.
+
+Each round refits the shapes of the model, offers every candidate in its best form beside it, and
+takes the best that
+
+- gains more than its price (`scores.py`: the family of candidates is accounted for),
+- gains on left-out folds too,
+- is no leftover: what a name's form misses is a small share of what that name explains,
+- is physically possible (`physics.py`).
+
+Then each name is put to the test again: beside all others it must still pay its price, and no
+other candidate may do clearly better in its place.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from flexspline.discovery.dictionary import Dictionary
+from flexspline.discovery.grids import SHARED
+from flexspline.discovery.heldout import held_out
+from flexspline.discovery.physics import impossible
+from flexspline.discovery.refit import refitted
+from flexspline.discovery.scores import Offer, gain_of, offers, price
+from flexspline.discovery.study import Study
+from flexspline.discovery.whitening import Whitening
+from flexspline.discovery.working import Working
+from flexspline.effects import Effect
+
+__all__ = ["Limits", "Searcher", "Step", "freedom", "owned_gain"]
+
+MOST_NAMES = 8
+LEFTOVER = 0.03  # of the largest gain of a name: below, it may be what its form misses
+HELD_OUT = 0.5  # of its gain above its price that an effect must have on left-out folds
+REFITTED = 4  # offers whose shapes are refitted before one is chosen
+NEAR = 0.8  # of the best offer's gain, to be among these
+WORSE = 1.005  # times the error on left-out runs, which an effect may not exceed; what is small
+# in slow noise lowers it by less than the noise varies
+COLUMN_SHARE = 0.01  # of the gain that each further column or shape has to explain
+
+
+@dataclass(frozen=True)
+class Limits:
+    """How strict a search is. `lax`: for a first look, without the floors."""
+
+    lax: bool = False
+    most: int = MOST_NAMES
+
+
+@dataclass(frozen=True)
+class Step:
+    """One name taken: effect, gain and price in χ² at that moment, and the offers beside it."""
+
+    effect: Effect
+    gain: float
+    price: float
+    offers: tuple[Offer, ...]
+
+
+@dataclass
+class Searcher:
+    """A search at one noise; `refused` says why the best offers were not taken."""
+
+    study: Study
+    whitening: Whitening
+    limits: Limits
+    say: Callable[[str], object] = lambda _: None
+    refused: dict[str, str] = field(default_factory=dict)
+
+    def run(self, work: Working) -> tuple[Working, float, list[Step]]:
+        """Return the model with all names, its squares over σ², and the steps."""
+        work, squares = self.fitted(work)
+        steps: list[Step] = []
+        seen = set()
+        while len(work.named) < self.limits.most:
+            taken = self._best(work, squares, steps)
+            if taken is None:
+                break
+            work, squares, step = taken
+            steps.append(step)
+            self.say(f"{step.effect.name} beside {len(work.effects) - 1} effects")
+            work, squares = self._examined(work, squares)
+            key = frozenset((e.name, e.harmonics) for e in work.named)
+            if key in seen:
+                break
+            seen.add(key)
+        return work, squares, steps
+
+    def fitted(self, work: Working) -> tuple[Working, float]:
+        """Refit a model on the rows that its memory allows."""
+        return refitted(self.study.problem, work, self.whitening)
+
+    def _rmse(self, work: Working) -> float:
+        return held_out(self.study.problem, work, self.whitening).rmse
+
+    def pruned(self, work: Working) -> Working:
+        """Drop names that do not pay their price beside the others, on left-out folds too."""
+        while work.named:
+            dictionary = self.study.dictionary(work, self.whitening)
+            rivals = len(dictionary.candidates)
+            net = {e.name: owned_gain(dictionary, e.name) - price(len(e.terms), 1.0, rivals)
+                   for e in work.named}  # fmt: skip
+            worst = min(net, key=lambda name: net[name])
+            rest, _ = self.fitted(work.having([e for e in work.effects if e.name != worst]))
+            if net[worst] > 0.0 and self._rmse(work) <= WORSE * self._rmse(rest):
+                break
+            work = rest
+        return work
+
+    def _best(
+        self, work: Working, squares: float, steps: list[Step]
+    ) -> tuple[Working, float, Step] | None:
+        dictionary = self.study.dictionary(work, self.whitening)
+        rivals = len(dictionary.candidates)
+        made = offers(dictionary, dictionary.model, rivals)
+        ranked = sorted(made, key=_rank, reverse=True)
+        worthy = [o for o in ranked if self._worthy(o, dictionary, work)]
+        if not worthy:
+            return None
+        near = [o for o in worthy if o.gain >= NEAR * worthy[0].gain][:REFITTED]
+        trials = []
+        for offer in near:
+            made_, left = self.fitted(work.having([*work.effects, offer.effect]))
+            reason = impossible(made_, offer.effect.name, self.study.target)
+            if reason and not self.limits.lax:
+                self.refused[offer.effect.name] = reason
+                continue
+            if not self.limits.lax and self._rmse(made_) > WORSE * self._rmse(work):
+                self.refused[offer.effect.name] = "raises the error on left-out runs"
+                continue
+            gain = squares - left
+            trials.append((_ranked(gain, offer), made_, left, offer, gain))
+        if not trials:
+            return None
+        _, chosen, left, offer, gain = max(trials, key=lambda trial: trial[0])
+        if gain < offer.price:
+            return None
+        return chosen, left, Step(offer.effect, gain, offer.price, tuple(ranked[:6]))
+
+    def _worthy(self, offer: Offer, dictionary: Dictionary, work: Working) -> bool:
+        if offer.net <= 0.0:
+            return False
+        if self.limits.lax:
+            return True
+        own = [owned_gain(dictionary, e.name) for e in work.named]
+        if offer.gain < LEFTOVER * max(own, default=0.0):
+            self.refused[offer.effect.name] = "no more than what the form of a named effect misses"
+            return False
+        linear = dictionary.model[: dictionary.linear]
+        before = dictionary.table.held_out(linear)
+        after = dictionary.table.held_out(np.concatenate([linear, offer.columns]))
+        if float((before - after).sum()) < HELD_OUT * offer.net:
+            self.refused[offer.effect.name] = "does not hold on left-out runs"
+            return False
+        return True
+
+    def _examined(self, work: Working, squares: float) -> tuple[Working, float]:
+        """Replace or drop earlier names where that is better; every name once."""
+        for effect in work.named:
+            if len(work.named) < 2 or effect.name not in [e.name for e in work.named]:
+                continue
+            dictionary = self.study.dictionary(work, self.whitening, without=effect.name)
+            rivals = len(dictionary.candidates)
+            rest = dictionary.without([effect.name])
+            own = owned_gain(dictionary, effect.name)
+            floor = price(len(effect.terms), 1.0, rivals)
+            largest = max(owned_gain(dictionary, e.name) for e in work.named)
+            others = [e for e in work.effects if e.name != effect.name]
+            best = max(
+                offers(dictionary, rest, rivals), key=lambda o: _ranked(o.gain, o), default=None
+            )
+            if own < max(floor, LEFTOVER * largest):
+                work, squares = self.fitted(work.having(others))
+                continue
+            if best is None or best.gain - best.price <= own - floor:
+                continue
+            trial, left = self.fitted(work.having([*others, best.effect]))
+            margin = COLUMN_SHARE * own * max(freedom(best.effect) - freedom(effect), 0)
+            better = left + best.price + margin < squares + floor
+            if better and not impossible(trial, best.effect.name, self.study.target):
+                work, squares = trial, left
+        return work, squares
+
+
+def owned_gain(dictionary: Dictionary, name: str) -> float:
+    """Squares over σ² that an effect of the model explains beside all others."""
+    rest = dictionary.without([name])
+    own = dictionary.model[np.array(dictionary.owners) == name]
+    left = dictionary.table.without(rest)
+    return gain_of(left, own, np.diag(dictionary.table.total))[0]
+
+
+def _rank(offer: Offer) -> float:
+    return _ranked(offer.gain, offer)
+
+
+def _ranked(gain: float, offer: Offer) -> float:
+    """Net gain, less a share of it for every column and shape beyond the first."""
+    return gain * (1.0 - COLUMN_SHARE * (freedom(offer.effect) - 1)) - offer.price
+
+
+def freedom(effect: Effect) -> int:
+    """How many numbers an effect is fitted by; a shape that all friction shares is none of its."""
+    own = [s for s in effect.fitted_shapes if s.name not in SHARED]
+    return len(effect.terms) + len(own)

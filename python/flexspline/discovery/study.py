@@ -1,0 +1,120 @@
+"""What a discovery looks at: logs made ready for every effect that they could show."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexspline.discovery.candidates import Candidate, candidates_for, possible
+from flexspline.discovery.dictionary import Dictionary, Kept, dictionary_of
+from flexspline.discovery.pools import order_pools, scanned
+from flexspline.discovery.whitening import Whitening
+from flexspline.discovery.working import Working
+from flexspline.effects import UNITS, Effect
+from flexspline.errors import InputError
+from flexspline.fit.problem import Problem, problem_of
+from flexspline.logs.derive import differentiate
+from flexspline.logs.log import Log
+from flexspline.orders import FoundOrder
+
+__all__ = ["Study", "study_of"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass
+class Study:
+    """Problem, effects that may be missing, why others are not tried, and orders found."""
+
+    problem: Problem
+    possible: list[Effect]
+    not_tried: dict[str, str]
+    orders: tuple[FoundOrder, ...] = field(default=())
+    kept: Kept = field(default_factory=dict, repr=False)
+
+    @property
+    def target(self) -> str:
+        return self.problem.target
+
+    def candidates(self, model: Sequence[Effect]) -> list[Candidate]:
+        """Return what may be missing beside a model."""
+        facts = self.problem.runs[0].log.facts
+        names = [e.name for e in self.possible]
+        pools = order_pools(names, facts, self.orders, model, self.target)
+        return candidates_for(model, self.possible, self.problem, pools)
+
+    def dictionary(
+        self, work: Working, whitening: Whitening, *, without: str | None = None
+    ) -> Dictionary:
+        """Return the table of a model and all candidates beside it, or beside it without one."""
+        rest = [e for e in work.effects if e.name != without]
+        candidates = [c for c in self.candidates(rest) if c.name != without]
+        return dictionary_of(self.problem, work, candidates, whitening, self.kept)
+
+    def scan(self, work: Working) -> None:
+        """Look for orders in what a model leaves."""
+        logs = [run.log for run in self.problem.runs]
+        residuals = []
+        for number, run in enumerate(self.problem.runs):
+            left = np.full(len(run), np.nan)
+            for first, last in run.stretches:
+                left[first:last] = (run.target - work.predict(self.problem, number))[first:last]
+            residuals.append(left)
+        self.orders = scanned(logs, residuals, UNITS[self.target])
+
+
+def study_of(
+    base: Sequence[Effect],
+    logs: Sequence[Log],
+    target: str,
+    *,
+    known_load: str | None,
+    lowpass_hz: float | None,
+    threads: int,
+) -> Study:
+    """Make logs ready for the base and every effect that they could show beside it.
+
+    Raises
+    ------
+    InputError
+        As `fit`, for the base alone.
+    """
+    problem_of(logs, base, target, known_load=known_load, lowpass_hz=lowpass_hz, threads=threads)
+    logs = [_with_motion(log) for log in logs]
+    effects, reasons = possible(base, logs, target, known_load)
+    kept = [e for e in effects if _finite(e, logs, reasons)]
+    problem = problem_of(
+        logs,
+        [*base, *kept],
+        target,
+        known_load=known_load,
+        lowpass_hz=lowpass_hz,
+        threads=threads,
+    )
+    runs = tuple(replace(run, stretches=run.unbroken) for run in problem.runs)
+    return Study(replace(problem, runs=runs), kept, reasons)
+
+
+def _finite(effect: Effect, logs: Sequence[Log], reasons: dict[str, str]) -> bool:
+    """Whether all channels of an effect are finite; a candidate's fault is no fault of the base."""
+    for log in logs:
+        for name in effect.reads:
+            if name in log and not np.isfinite(log[name]).all():
+                reasons[effect.name] = f"log '{log.name}': {name} is not finite throughout"
+                return False
+    return True
+
+
+def _with_motion(log: Log) -> Log:
+    """The log with the derivatives of its position, where that allows them."""
+    names = [n for n in ("output_velocity", "output_acceleration") if n not in log]
+    if not names or "output_position" not in log:
+        return log
+    try:
+        made = differentiate(log)
+    except InputError:
+        return log
+    return log.with_columns({n: made[n] for n in names}, note=made.history[-1])

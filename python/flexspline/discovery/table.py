@@ -1,0 +1,105 @@
+"""Sums of products of everything that may explain the target, fold by fold: screening is algebra.
+
+One pass filters the columns of model and candidates and adds up, for each fold, the products of
+[columns, y] over σ². With G their sum and m the columns of a model,
+
+    explained(m) = bᵀ G_mm⁻¹ b,     b = G_my        (a χ² of the columns' number where nothing is)
+    G − G_·m G_mm⁻¹ G_m·                            what is left of every candidate beside m
+    held out     = Σ_f |y_f − X_f β(all but f)|²    from G − G_f and G_f
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexspline import _core
+from flexspline.discovery.whitening import Whitening
+from flexspline.fit.problem import Problem
+from flexspline.fit.validation import RUNS_NEEDED, run_edges
+
+__all__ = ["Table", "by_runs", "fold_blocks", "tabulated"]
+
+Array = NDArray[np.float64]
+Columns = NDArray[np.intp]
+
+SINGULAR = 1e-9  # of the largest eigenvalue of scaled products: what lies below is dependent
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """Products of [columns, y] over σ², (F, C + 1, C + 1) by fold, and rows (F,) in each."""
+
+    folds: Array
+    rows: NDArray[np.int64]
+
+    @property
+    def total(self) -> Array:
+        """(C + 1, C + 1), over all folds."""
+        return np.asarray(self.folds.sum(axis=0))
+
+    def without(self, model: Columns) -> Array:
+        """Products of what the model's columns leave of all others, (C + 1, C + 1)."""
+        return left_by(self.total, model)
+
+    def held_out(self, model: Columns) -> Array:
+        """Squares that are left on each fold by a fit to the others, (F,)."""
+        total, left = self.total, []
+        for fold in self.folds:
+            beta = solved(total - fold, model)
+            cross = fold[model, -1]
+            inside = beta @ fold[np.ix_(model, model)] @ beta
+            left.append(fold[-1, -1] - 2.0 * beta @ cross + inside)
+        return np.array(left)
+
+
+def solved(products: Array, model: Columns) -> Array:
+    """Coefficients of least squares, (m,), of least norm where columns depend on each other."""
+    inverse, scale = _inverse(products, model)
+    return np.asarray(inverse @ (products[model, -1] / scale) / scale)
+
+
+def left_by(products: Array, model: Columns) -> Array:
+    """The Schur complement: products of all columns after `model` is taken out."""
+    inverse, scale = _inverse(products, model)
+    across = products[model] / scale[:, None]
+    return np.asarray(products - across.T @ inverse @ across)
+
+
+def _inverse(products: Array, model: Columns) -> tuple[Array, Array]:
+    """Pseudo-inverse (m, m) of the columns' products scaled to length one, and the lengths."""
+    scale = np.sqrt(np.maximum(products[model, model], 0.0))
+    scale = np.where(scale > 0.0, scale, 1.0)
+    values, vectors = np.linalg.eigh(products[np.ix_(model, model)] / np.outer(scale, scale))
+    seen = values > SINGULAR * max(float(values.max(initial=0.0)), 1e-300)
+    return (vectors[:, seen] / values[seen]) @ vectors[:, seen].T, scale
+
+
+def by_runs(problem: Problem) -> bool:
+    """Whether whole runs are left out, else blocks of them."""
+    return len(problem.runs) >= RUNS_NEEDED
+
+
+def fold_blocks(problem: Problem, number: int, rows: NDArray[np.intp]) -> list[tuple[int, int]]:
+    """Ranges of the filtered rows of a run that lie in each of its folds."""
+    edges = np.searchsorted(rows, run_edges(problem, number, by_runs(problem)))
+    return [(int(first), int(last)) for first, last in pairwise(edges.tolist())]
+
+
+def tabulated(
+    problem: Problem, columns: Sequence[tuple[Array, Array]], whitening: Whitening
+) -> Table:
+    """Add up the products of columns (N, C) and target (N,), given for each run."""
+    products, counts = [], []
+    for number, (rows, target) in enumerate(columns):
+        made, at = whitening(np.column_stack([rows, target]), problem.runs[number])
+        blocks = fold_blocks(problem, number, at)
+        plain = np.asfortranarray(made[:, :-1])
+        high, _ = _core.accumulate_rows(plain, made[:, -1], blocks, None, False, problem.threads)
+        products.append(high / whitening.variance)
+        counts += [last - first for first, last in blocks]
+    return Table(np.concatenate(products), np.array(counts, dtype=np.int64))

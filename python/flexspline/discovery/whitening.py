@@ -1,0 +1,75 @@
+"""Rows and target as the noise sees them: filtered so that what is left is white.
+
+With autoregressive noise, e_t = Σ φ_k e_{t−k} + w_t, least squares on rows and target filtered by
+A = 1 − Σ φ_k z^−k weighs evidence as it is: sums of squares over the innovation variance σ² are
+χ², and slow noise is not counted once for each sample (Cochrane & Orcutt 1949).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_toeplitz
+from scipy.signal import lfilter
+
+from flexspline.fit.problem import Run
+
+__all__ = ["Whitening", "rough_whitening"]
+
+Array = NDArray[np.float64]
+
+LARGEST_ORDER = 16
+
+
+@dataclass(frozen=True, eq=False)
+class Whitening:
+    """A = [1, −φ_1, …], the innovation variance σ², and one row of how many is news."""
+
+    denominator: Array
+    variance: float
+    decimation: int
+
+    @property
+    def order(self) -> int:
+        return len(self.denominator) - 1
+
+    def taken(self, run: Run) -> list[NDArray[np.intp]]:
+        """Rows of each stretch that are filtered; those that only start the filter included."""
+        pieces = [np.arange(first, last, self.decimation) for first, last in run.stretches]
+        return [rows for rows in pieces if len(rows) > 2 * self.order + 2]
+
+    def __call__(self, columns: Array, run: Run) -> tuple[Array, NDArray[np.intp]]:
+        """Filter columns (N, C) of a run; return what is left and the rows it belongs to."""
+        made, at = [np.empty((0, columns.shape[1]))], [np.empty(0, dtype=np.intp)]
+        for rows in self.taken(run):
+            filtered = lfilter(self.denominator, [1.0], columns[rows], axis=0)
+            made.append(filtered[self.order :])
+            at.append(rows[self.order :])
+        return np.concatenate(made), np.concatenate(at)
+
+
+def rough_whitening(residuals: Sequence[Array], runs: Sequence[Run], decimation: int) -> Whitening:
+    """Fit the noise to residuals, (N,) for each run, by Yule and Walker; order by AICc.
+
+    A first guess, from a residual that everything was taken out of.
+    """
+    lags, rows = np.zeros(LARGEST_ORDER + 1), 0
+    plain = Whitening(np.ones(1), 1.0, decimation)
+    for residual, run in zip(residuals, runs, strict=True):
+        for at in plain.taken(run):
+            part = residual[at]
+            lags += [float(part[k:] @ part[: len(part) - k]) for k in range(len(lags))]
+            rows += len(part)
+    lags = lags / max(rows, 1)
+    lags[0] = max(lags[0] * (1.0 + 1e-9), np.finfo(float).tiny)
+    best = (np.inf, np.ones(1), lags[0])
+    for order in range(LARGEST_ORDER + 1):
+        phi = solve_toeplitz(lags[:order], lags[1 : order + 1]) if order else np.empty(0)
+        variance = max(float(lags[0] - phi @ lags[1 : order + 1]), 1e-12 * lags[0])
+        score = rows * np.log(variance) + 2.0 * (order + 1) * rows / max(rows - order - 2, 1)
+        if score < best[0]:
+            best = (score, np.append(1.0, -phi), variance)
+    return Whitening(best[1], float(best[2]), decimation)

@@ -1,0 +1,137 @@
+"""The model at hand while a cause is looked for: effects, coefficients, what is held, and columns.
+
+Shapes are refitted before anything new is named. Near the solution a shape s is one more column,
+
+    ∂(prediction) / ∂(ln s),
+
+so a candidate is judged after the columns *and* the shapes of the model are taken out, without a
+search for each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexspline.effects import Effect
+from flexspline.fit.names import ShapeParameter, coefficient_names, resolve, shapes_of
+from flexspline.fit.problem import Problem
+
+__all__ = ["Working", "working"]
+
+Array = NDArray[np.float64]
+
+STEP = 1e-3  # of a shape's logarithm, for the central difference
+
+
+@dataclass(frozen=True, eq=False)
+class Working:
+    """Effects with their shapes, and the coefficients of the last solve.
+
+    `coefficients`: (P,). `held`: (P,) coefficients that are not fitted. `searched`: shapes that
+    are. `base`: how many of the effects were there at the start; the others were named. `fixed`:
+    values by name that the user holds.
+    """
+
+    effects: tuple[Effect, ...]
+    coefficients: Array
+    held: NDArray[np.bool_]
+    searched: tuple[ShapeParameter, ...]
+    base: int
+    fixed: Mapping[str, float]
+
+    @property
+    def free(self) -> NDArray[np.intp]:
+        """Numbers of the coefficients that are fitted."""
+        return np.flatnonzero(~self.held)
+
+    @property
+    def named(self) -> tuple[Effect, ...]:
+        """What was added to the base, in the order of discovery."""
+        return self.effects[self.base :]
+
+    @property
+    def logarithms(self) -> Array:
+        """Of the searched shapes, (S,)."""
+        return np.log([shape.value(self.effects) for shape in self.searched])
+
+    def owners(self) -> list[str]:
+        """Effect behind each free coefficient, then behind each searched shape."""
+        terms = [e.name for e in self.effects for _ in e.terms]
+        shapes = [self.effects[s.effects[0]].name for s in self.searched]
+        return [terms[k] for k in self.free] + shapes
+
+    def at(self, logarithms: Array) -> Working:
+        """Return the model with other shapes, within their bounds."""
+        effects = self.effects
+        for shape, value in zip(self.searched, np.exp(logarithms), strict=True):
+            limited = float(np.clip(value, shape.info.lower, shape.info.upper))
+            effects = shape.set(effects, limited)
+        return replace(self, effects=effects)
+
+    def having(self, effects: Sequence[Effect]) -> Working:
+        """Return a model of other effects that keeps the coefficients of those in both."""
+        old = dict(zip(coefficient_names(self.effects), self.coefficients, strict=True))
+        made = working(effects, self.base, self.fixed)
+        values = [old.get(n, v) for n, v in zip(_names(effects), made.coefficients, strict=True)]
+        kept = np.where(made.held, made.coefficients, values)
+        return replace(made, coefficients=kept)
+
+    def rows(self, problem: Problem, number: int, *, bends: bool = True) -> tuple[Array, Array]:
+        """Columns of free coefficients and searched shapes of a run, (N, F + S); and its target.
+
+        The target, (N,), is what the held coefficients leave. Without `bends` the columns are
+        (N, F).
+        """
+        run = problem.runs[number]
+        design = np.asarray(
+            problem.design(self.effects).rows(run.channels, len(run), self.coefficients)
+        )
+        count = len(self.searched) if bends else 0
+        bent = [self._bend(problem, number, k) for k in range(count)]
+        columns = problem.smooth(run, np.column_stack([design, *bent]))
+        held = columns[:, : len(self.held)][:, self.held] @ self.coefficients[self.held]
+        kept = np.concatenate([~self.held, np.ones(count, dtype=bool)])
+        return columns[:, kept], run.target - held
+
+    def predict(self, problem: Problem, number: int) -> Array:
+        """Rows times coefficients of a run, (N,)."""
+        return problem.predict_run(self.effects, self.coefficients, number)
+
+    def _bend(self, problem: Problem, number: int, shape: int) -> Array:
+        run, ends = problem.runs[number], []
+        info = self.searched[shape].info
+        limits = np.log([info.lower, info.upper])
+        middle = float(self.logarithms[shape])
+        both = np.clip([middle - STEP, middle + STEP], *limits)
+        for end in both:
+            moved = self.logarithms
+            moved[shape] = end
+            design = problem.design(self.at(moved).effects)
+            ends.append(np.asarray(design.predict(run.channels, len(run), self.coefficients)))
+        return np.asarray((ends[1] - ends[0]) / (both[1] - both[0]))
+
+
+def working(effects: Sequence[Effect], base: int, fixed: Mapping[str, float]) -> Working:
+    """Return the model of effects with zero coefficients, but those that are `fixed` by name."""
+    effects, names, shapes = tuple(effects), _names(effects), shapes_of(effects)
+    known = [shape.name for shape in shapes]
+    values, held = np.zeros(len(names)), np.zeros(len(names), dtype=bool)
+    fixed_shapes = set()
+    for name, value in fixed.items():
+        match = [s for s in shapes if name in (s.name, s.name.split(".")[-1])]
+        if len(match) == 1:
+            effects = match[0].set(effects, value)
+            fixed_shapes.add(match[0].name)
+            continue
+        at = resolve(name, names, "fixed", known)
+        values[at], held[at] = value, True
+    searched = tuple(s for s in shapes if s.name not in fixed_shapes)
+    return Working(effects, values, held, searched, base, fixed)
+
+
+def _names(effects: Sequence[Effect]) -> list[str]:
+    return coefficient_names(effects)

@@ -1,0 +1,72 @@
+"""`flexspline discover`: its files are a contract."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hidden_logs import LOAD, friction_of, log_of, noise, rich_run
+
+from flexspline import Model
+from flexspline.cli import commands
+
+ROWS = 2000
+
+
+def saved(folder: Path, *, bad: bool = False) -> list[str]:
+    """CSV files of four runs that hide a crosstalk of the motor."""
+    paths = []
+    for seed in range(1, 5):
+        c = rich_run(seed, ROWS)
+        torque = c[LOAD] + friction_of(c) + noise(seed, ROWS) + 0.05 * c["motor_torque"]
+        if bad and seed == 3:
+            torque[200] = np.nan
+        paths.append(str(folder / f"run{seed}.csv"))
+        log_of(c, sensor_torque=torque).to_frame().to_csv(paths[-1], index=False)
+    return paths
+
+
+def called(*args: str) -> int:
+    with pytest.raises(SystemExit) as left:
+        commands.main(list(args))
+    return int(left.value.code or 0)
+
+
+def options(out: Path) -> list[str]:
+    return ["--target", "sensor_torque", "--known-load", LOAD, "--gear-ratio", "100",
+            "--output-spline", "circular", "--effects",
+            "offset,coulomb_friction,viscous_friction,inertia", "--out", str(out)]  # fmt: skip
+
+
+def test_the_three_files_are_written_and_say_what_is_missing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "found"
+    assert called("discover", *saved(tmp_path), *options(out)) == 0
+    content = json.loads((out / "discovery.json").read_text(encoding="utf-8"))
+    assert [one["effect"] for one in content["found"]] == ["motor_crosstalk"]
+    assert content["rmse"]["final"] < content["rmse"]["base"]
+    names = [e.name for e in Model.load(out / "model.json").part("sensor_torque").effects]
+    assert names == [*content["base_effects"], "motor_crosstalk"]
+    assert "motor_crosstalk" in (out / "report.html").read_text(encoding="utf-8")
+    assert "lacks motor_crosstalk" in capsys.readouterr().out
+
+
+def test_a_target_that_is_not_finite_is_exit_code_2_and_leaves_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "found"
+    assert called("discover", *saved(tmp_path, bad=True), *options(out)) == 2
+    said = capsys.readouterr().err
+    assert "sensor_torque" in said and "200" in said and said.count("\n") == 1
+    assert not out.exists()
+
+
+def test_effects_and_a_model_together_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    paths = saved(tmp_path)
+    assert called("discover", *paths, *options(tmp_path / "x"), "--model", "model.json") == 2
+    assert "either --effects" in capsys.readouterr().err
