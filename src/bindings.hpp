@@ -23,6 +23,7 @@ void bind_joint(py::module_& module);
 void bind_sensor(py::module_& module);
 void bind_full_range(py::module_& module);
 void bind_simulation(py::module_& module);
+void bind_forward(py::module_& module);
 
 /// Channels by name, held together with the arrays that they point into.
 struct Borrowed {

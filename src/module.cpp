@@ -13,6 +13,7 @@ PYBIND11_MODULE(_core, module) {
   bind_sensor(module);
   bind_full_range(module);
   bind_simulation(module);
+  bind_forward(module);
   module.def(
       "isa", [] { return std::string(flexspline::batch::isa()); },
       "Name of the instruction set in use: 'baseline', 'v3' or 'v4'.");

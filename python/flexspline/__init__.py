@@ -35,6 +35,9 @@ if TYPE_CHECKING:
     )
     from flexspline.fit.result import Fit
     from flexspline.fit.streaming import accumulate
+    from flexspline.forward.result import ForwardRun
+    from flexspline.forward.servo import PositionServo
+    from flexspline.forward.simulating import simulate
     from flexspline.logs.convert import convert
     from flexspline.logs.log import Log
     from flexspline.logs.read import read_log
@@ -52,12 +55,14 @@ __all__ = [
     "Estimate",
     "Fit",
     "FlexsplineWarning",
+    "ForwardRun",
     "InputError",
     "Log",
     "Merge",
     "Model",
     "Observer",
     "Part",
+    "PositionServo",
     "Prediction",
     "TemperatureCompensation",
     "Thermistor",
@@ -72,6 +77,7 @@ __all__ = [
     "fit",
     "get_include",
     "read_log",
+    "simulate",
 ]
 
 _HOME = {
@@ -83,11 +89,13 @@ _HOME = {
     "Discovery": "discovery.result",
     "Estimate": "estimation",
     "Fit": "fit.result",
+    "ForwardRun": "forward.result",
     "Log": "logs.log",
     "Merge": "estimators",
     "Model": "model",
     "Observer": "estimators",
     "Part": "model",
+    "PositionServo": "forward.servo",
     "Prediction": "model",
     "TemperatureCompensation": "estimators",
     "Thermistor": "estimators",
@@ -98,6 +106,7 @@ _HOME = {
     "estimate": "estimation",
     "convert": "logs.convert",
     "read_log": "logs.read",
+    "simulate": "forward.simulating",
 }
 
 

@@ -70,6 +70,34 @@ class Design:
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Sums of products of [rows, target] of each block: (high, low)."""
 
+class Plant:
+    """A fitted drive as a body that moves."""
+
+    def __init__(
+        self,
+        design: Design,
+        coefficients: ArrayLike,
+        motor_offset: float,
+        drive_factor: float,
+        load_factor: float,
+    ) -> None: ...
+    @property
+    def inertia(self) -> float:
+        """kg m², or A s²/rad of a current."""
+
+    def drive(
+        self,
+        time: ArrayLike,
+        columns: dict[str, NDArray[np.float64]],
+        servo: dict[str, float],
+        position: float,
+        velocity: float,
+        steps: int,
+        hold: bool,
+        channels: Sequence[str],
+    ) -> tuple[dict[str, NDArray[np.float64]], int]:
+        """Drives through the inputs of a log: what is asked for, and how many rows are valid."""
+
 class SimulatedJoint:
     """The parameters of a joint, ready to simulate."""
 

@@ -143,7 +143,7 @@ class Model:
             Where a channel that an effect reads is missing, or the gear is another one.
         """
         part = self.part(target)
-        self._require_same(GEAR, log.facts, f"log '{log.name}' has")
+        self.require_gear(log)
         log = channels_for(log, part.effects, part.known_load, load_needed=False)
         predicted = self._evaluate(part, log, part.coefficients)
         measured = self._measured(part, log)
@@ -151,6 +151,10 @@ class Model:
             predicted = lowpass(predicted, log["time"], lowpass_hz).values
             measured = lowpass(measured, log["time"], lowpass_hz).values
         return Prediction(np.asarray(log["time"]), measured, predicted, part.target, part.unit)
+
+    def require_gear(self, log: Log) -> None:
+        """Refuse a log of another gear."""
+        self._require_same(GEAR, log.facts, f"log '{log.name}' has")
 
     def components(self, log: Log, target: str | None = None) -> dict[str, Array]:
         """Return what each effect contributes, (N,) by its name, in the unit of the target."""

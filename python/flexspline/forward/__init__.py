@@ -1,0 +1,18 @@
+"""A fitted model driven forward from a run's inputs, without a look at its measured motion."""
+
+from flexspline.forward.drive import DriveInputs, drive_inputs, require_movable
+from flexspline.forward.result import ForwardRun
+from flexspline.forward.scores import simulated_gap, simulated_rmse
+from flexspline.forward.servo import PositionServo
+from flexspline.forward.simulating import simulate
+
+__all__ = [
+    "DriveInputs",
+    "ForwardRun",
+    "PositionServo",
+    "drive_inputs",
+    "require_movable",
+    "simulate",
+    "simulated_gap",
+    "simulated_rmse",
+]

@@ -1,0 +1,163 @@
+"""`simulate`: a fitted model driven forward from the inputs of runs."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from typing import overload
+
+import numpy as np
+
+from flexspline.errors import InputError
+from flexspline.forward.drive import CHANNELS, DriveInputs, drive_inputs, require_movable
+from flexspline.forward.given import reading, turned
+from flexspline.forward.result import ForwardRun
+from flexspline.forward.servo import PositionServo
+from flexspline.logs.log import Log
+from flexspline.model import Model
+from flexspline.part import PART_OF, Part
+
+__all__ = ["simulate"]
+
+FINE = 1e-5  # rad RMS: half the steps change the motion by no more, where they can be chosen
+MOST_STEPS = 64
+
+
+@overload
+def simulate(
+    model: Model,
+    log: Log,
+    *,
+    target: str | None = None,
+    controller: PositionServo | str | os.PathLike[str] | None = None,
+    steps_per_sample: int | None = None,
+    inputs: str = "linear",
+) -> ForwardRun: ...
+@overload
+def simulate(
+    model: Model,
+    log: Sequence[Log],
+    *,
+    target: str | None = None,
+    controller: PositionServo | str | os.PathLike[str] | None = None,
+    steps_per_sample: int | None = None,
+    inputs: str = "linear",
+) -> list[ForwardRun]: ...
+def simulate(
+    model: Model,
+    log: Log | Sequence[Log],
+    *,
+    target: str | None = None,
+    controller: PositionServo | str | os.PathLike[str] | None = None,
+    steps_per_sample: int | None = None,
+    inputs: str = "linear",
+) -> ForwardRun | list[ForwardRun]:
+    """Drive a model forward from inputs and initial state, without looking at measured motion.
+
+    Drive: J q̈ = Ñ τ_m − τ_load − Σ coefficients · rows, with friction that truly holds: the
+    direction tanh(v / v_d) of its rows is taken to its limit v_d → 0, where friction at rest is
+    whatever keeps the joint there. Torsion: q = (θ + Δθ) / Ñ from the motor's angle. Sensor: the
+    reading along the given motion.
+
+    Parameters
+    ----------
+    model : with a part for the target; a drive needs the effect inertia.
+    log : one run, or several.
+    target : which part, where the model has several.
+    controller : a servo law that takes the place of the measured motor torque (drive only), or the
+        path of its `servo.json`; it reads commanded_position.
+    steps_per_sample : Runge-Kutta steps of fourth order from row to row, ≥ 1; None: as many as
+        leave an error of 1e-5 rad RMS, at most 64.
+    inputs : "linear" or "hold": the measured motor torque between rows.
+
+    Returns
+    -------
+    ForwardRun, or a list of them for several logs.
+
+    Raises
+    ------
+    InputError
+        Without inertia, motor torque or initial angle, with rows that have no value, and where
+        the motion runs away.
+    """
+    if inputs not in ("linear", "hold"):
+        raise InputError(f"inputs is '{inputs}'; give 'linear' or 'hold'")
+    if steps_per_sample is not None and not (
+        isinstance(steps_per_sample, int) and steps_per_sample >= 1
+    ):
+        raise InputError(f"steps_per_sample is {steps_per_sample!r}; give a whole number above 0")
+    law = (
+        PositionServo.load(controller) if isinstance(controller, (str, os.PathLike)) else controller
+    )
+    logs = [log] if isinstance(log, Log) else list(log)
+    part = model.part(target)
+    made = [_simulated(model, part, one, law, steps_per_sample, inputs == "hold") for one in logs]
+    return made[0] if isinstance(log, Log) else made
+
+
+def _simulated(
+    model: Model, part: Part, log: Log, law: PositionServo | None, steps: int | None, hold: bool
+) -> ForwardRun:
+    side = PART_OF[part.target]
+    if side != "drive" and law is not None:
+        raise InputError(
+            f"a controller drives a motor, but the target is {part.target}; leave it out or give "
+            "the target motor_torque"
+        )
+    if side == "sensor":
+        return reading(model, part, log)
+    if side == "torsion":
+        return turned(model, part, log)
+    require_movable(part)
+    return _driven(part, log, drive_inputs(model, log, target=part.target, controller=law,
+                                           hold=hold), steps)  # fmt: skip
+
+
+def _driven(part: Part, log: Log, given: DriveInputs, steps: int | None) -> ForwardRun:
+    error = float("nan")
+    if steps is None:
+        steps, error = fine_steps(part, given)
+    found = given.run(part, steps, CHANNELS)
+    _require_bounded(log, found["position"], given)
+    motor = "motor_current" if part.target == "motor_current" else "motor_torque"
+    columns = {
+        "time": given.time,
+        "output_position": found["position"],
+        "output_velocity": found["velocity"],
+        "output_acceleration": found["acceleration"],
+        motor: found["motor"],
+    }
+    note = f"simulated from the inputs of '{log.name}', {steps} steps from row to row"
+    stuck = np.asarray(found["stuck"] == 1.0)
+    made = Log(columns, dict(log.facts), (note,))
+    return ForwardRun(made, "output_position", given.measured, stuck, steps, error, _notes(given))
+
+
+def fine_steps(part: Part, given: DriveInputs) -> tuple[int, float]:
+    """Return the steps from row to row that leave `FINE`, and what half of them change, rad."""
+    steps = 1
+    coarse = given.run(part, steps)["position"]
+    while True:
+        fine = given.run(part, 2 * steps)["position"]
+        error = float(np.sqrt(np.nanmean((fine - coarse) ** 2)))
+        steps *= 2
+        if not error > FINE or steps >= MOST_STEPS:
+            return steps, error
+        coarse = fine
+
+
+def _require_bounded(log: Log, position: np.ndarray, given: DriveInputs) -> None:
+    driven = np.concatenate([np.arange(a, b) for a, b in given.stretches])
+    lost = driven[~np.isfinite(position[driven])]
+    if len(lost):
+        raise InputError(
+            f"log '{log.name}': the simulated motion runs away at {given.time[lost[0]]:.4g} s (row "
+            f"{lost[0]}); look at the signs of torque, load and gains, and at negative friction"
+        )
+
+
+def _notes(given: DriveInputs) -> tuple[str, ...]:
+    gaps = len(given.stretches) - 1
+    if not gaps:
+        return ()
+    return (f"behind each of {gaps} gaps it begins anew from the measured angle",)
