@@ -18,6 +18,7 @@ from flexspline.cli.export import export
 from flexspline.cli.fit import fit
 from flexspline.cli.predict import predict
 from flexspline.cli.reproduce import reproduce
+from flexspline.cli.simulate import simulate
 
 __all__ = ["commands", "main"]
 
@@ -43,6 +44,7 @@ def commands() -> None:
       fit      effects to a target            flexspline fit
       judge    held-out error, confounding    what fit prints, and report.html
       predict  on runs it never saw           flexspline predict
+      simulate the motion from its inputs     flexspline simulate
       compare  where model and runs disagree  flexspline compare
       discover which effect is missing        flexspline discover
       estimate the torque from outside        flexspline estimate
@@ -66,7 +68,8 @@ def commands() -> None:
 
 
 COMMANDS = (
-    fit, calibrate, predict, compare, discover, estimate, export, convert, demo, reproduce
+    fit, calibrate, predict, simulate, compare, discover, estimate, export, convert, demo,
+    reproduce,
 )  # fmt: skip
 
 for command in COMMANDS:

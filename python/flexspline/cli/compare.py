@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from flexspline.cli.help import Taught, repairs
-from flexspline.cli.options import lowpass, model, reading, target
+from flexspline.cli.options import controller, lowpass, model, reading, target
 from flexspline.cli.runs import Reading, on_terminal
 from flexspline.files import atomic_write, whole_folder
 
@@ -24,6 +24,7 @@ __all__ = ["compare"]
 @click.option(
     "--simulated", is_flag=True, help="Drive the model forward and compare the motion instead."
 )
+@controller
 @lowpass
 @reading()
 def compare(
@@ -32,6 +33,7 @@ def compare(
     out: str,
     target: str | None,
     simulated: bool,
+    controller: str | None,
     lowpass: float | None,
     reading: Reading,
 ) -> None:
@@ -47,8 +49,10 @@ def compare(
     Examples:
       flexspline compare run3.csv run4.csv --model joint/model.json --out where
       flexspline compare run3.csv --model joint/model.json --lowpass 5 --out where
+      flexspline compare run3.csv --model joint/model.json --simulated --out where
     """
     from flexspline.comparison import compare as compare_runs
+    from flexspline.forward import PositionServo
     from flexspline.model import Model
 
     joint = Model.load(model_path)
@@ -61,6 +65,7 @@ def compare(
             target=target,
             lowpass=lowpass,
             simulated=simulated,
+            controller=PositionServo.load(controller) if controller else None,
             progress=on_terminal(),
         )
         made.report(draft / "report.html")

@@ -11,7 +11,7 @@ import click
 from flexspline.cli.runs import Reading
 from flexspline.effects import TARGETS
 
-__all__ = ["lowpass", "model", "named", "out_file", "positive", "reading", "target"]
+__all__ = ["controller", "lowpass", "model", "named", "out_file", "positive", "reading", "target"]
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -68,6 +68,12 @@ def model(command: Command) -> Command:
     return click.option(
         "--model", "model_path", required=True, metavar="MODEL.json", help="A model that fit wrote."
     )(command)
+
+
+def controller(command: Command) -> Command:
+    """--controller SERVO.json"""
+    says = "A servo law that takes the place of the measured motor torque."
+    return click.option("--controller", metavar="SERVO.json", help=says)(command)
 
 
 def out_file(metavar: str) -> Callable[[Command], Command]:

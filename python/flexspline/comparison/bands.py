@@ -4,6 +4,7 @@ In band k with residual r, and e what is left when everything that it follows is
 
     RMSE² = mean r²,   floor² = mean e² · (1 + swallowed),   excess² = RMSE² − floor²
 
+Where the noise of what is measured is known, it is the floor instead.
 Where the velocity is too noisy for the model's friction, the floor is at least the floor of all
 rows plus what that noise does to the prediction. Errors count the noise's memory.
 """
@@ -143,6 +144,8 @@ def _floor(
     covariate: Covariate, rows: Rows, found: Search, test: CellTests, inside: Array, square: Array
 ) -> Array:
     """Squares of the floor of each band."""
+    if rows.floor is not None:
+        return np.minimum(rows.floor**2, square)
     left = covariate.bins(test.sum(covariate, found.rest**2)) / inside * found.swallowed
     doubt = covariate.bins(test.sum(covariate, rows.doubt**2)) / inside
     everywhere = max(found.floor_square - float(np.mean(rows.doubt**2)), 0.0)

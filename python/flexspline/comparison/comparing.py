@@ -11,6 +11,7 @@ from flexspline.errors import InputError
 
 if TYPE_CHECKING:
     from flexspline.comparison.result import Comparison
+    from flexspline.forward.servo import PositionServo
     from flexspline.logs.log import Log
     from flexspline.model import Model
 
@@ -24,6 +25,7 @@ def compare(
     target: str | None = None,
     lowpass: float | None = None,
     simulated: bool = False,
+    controller: PositionServo | None = None,
     progress: bool = False,
 ) -> Comparison:
     """Say where a model and logs disagree. No parameter is touched.
@@ -34,7 +36,9 @@ def compare(
     logs : one or several runs of its joint.
     target : which part, where the model has several.
     lowpass : Hz; zero phase, on measured and predicted alike.
-    simulated : compare a forward simulation instead of the prediction.
+    simulated : compare a forward simulation (see `flexspline.simulate`) instead of the prediction:
+        of a drive or a torsion the output's angle, of a sensor its reading.
+    controller : the servo law that drives the simulation, where the motor torque is not measured.
     progress : show what is being done on standard error.
 
     Returns
@@ -63,6 +67,10 @@ def compare(
     runs = [logs] if isinstance(logs, Log) else list(logs)
     if not runs:
         raise InputError("there is no log to compare with; give at least one")
+    if controller is not None and not simulated:
+        raise InputError("a controller drives a simulation; leave it out or give simulated")
+    if simulated and lowpass is not None:
+        raise InputError("a low pass is for predictions; leave lowpass out where simulated")
     with tqdm(desc="predicting", total=4, disable=not progress, leave=False, delay=1.0) as bar:
 
         def say(what: str) -> None:
@@ -70,7 +78,7 @@ def compare(
             bar.set_description(what)
 
         if simulated:
-            compared = by_simulation(model, runs)
+            compared = by_simulation(model, runs, target, controller)
         else:
             compared = predicted(model, runs, target, lowpass)
         made = analysed(compared, say)

@@ -41,6 +41,7 @@ class Rows:
     still : for each run, rad/s that count as standing still.
     slow : for each run, rad/s below which nothing is a reversal, as in `logs/segments.py`.
     counts : for each run, which of its rows are here.
+    floor : noise of what is measured, where it is known.
     """
 
     residual: Array
@@ -52,6 +53,7 @@ class Rows:
     still: tuple[float, ...]
     slow: tuple[float, ...]
     counts: tuple[NDArray[np.bool_], ...]
+    floor: float | None = None
 
     def __len__(self) -> int:
         return len(self.residual)
@@ -99,7 +101,7 @@ def rows_of(compared: Compared) -> Rows:
     sizes = [int(c.sum()) for c in counts]
     run = np.repeat(np.arange(len(sizes), dtype=np.int32), sizes)
     return Rows(residual, run, _starts(compared, counts), direction.astype(np.int8), allowance,
-                doubt, still, slow, counts)  # fmt: skip
+                doubt, still, slow, counts, compared.floor)  # fmt: skip
 
 
 def _still(run: ComparedRun, share: float) -> float:

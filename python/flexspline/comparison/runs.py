@@ -19,7 +19,7 @@ from flexspline.model import Model, Part
 from flexspline.part import PART_OF
 from flexspline.signals import target_of
 
-__all__ = ["Compared", "ComparedRun", "predicted"]
+__all__ = ["Compared", "ComparedRun", "load_of", "load_source_of", "predicted"]
 
 Array = NDArray[np.float64]
 
@@ -57,7 +57,8 @@ class Compared:
     """All runs: `what` is compared (a target, or a channel of a simulation) in `unit`.
 
     `simulated`: by forward simulation. `lowpass`: Hz, or None. `load_source`: where the load of
-    the runs is from, in words.
+    the runs is from, in words. `floor`: noise of what is measured, where that is known; None
+    where it is to be estimated.
     """
 
     runs: tuple[ComparedRun, ...]
@@ -66,6 +67,7 @@ class Compared:
     simulated: bool
     lowpass: float | None
     load_source: str
+    floor: float | None = None
 
 
 def predicted(
@@ -79,7 +81,7 @@ def predicted(
         Where a log lacks the target or a channel that an effect reads.
     """
     part = model.part(target)
-    source = _load_source(part, logs)
+    source = load_source_of(part, logs)
     runs = tuple(_predicted_run(model, part, log, lowpass, source) for log in logs)
     return Compared(runs, part.target, part.unit, False, lowpass, source)
 
@@ -99,7 +101,7 @@ def _predicted_run(
     doubt = _doubt(model, part, log, noise)
     if lowpass is not None:  # white noise keeps this share of its size
         doubt = doubt * min(1.0, (2.0 * lowpass * median_step(log["time"])) ** 0.5)
-    load = _load(model, part, log, source)
+    load = load_of(model, part, log, source)
     return ComparedRun(log, made.measured, made.predicted, doubt, load, noise)
 
 
@@ -128,7 +130,8 @@ def _only(part: Part, wanted: Sequence[bool]) -> Part:
     return replace(part, effects=effects, coefficients=part.coefficients[kept])
 
 
-def _load_source(part: Part, logs: Sequence[Log]) -> str:
+def load_source_of(part: Part, logs: Sequence[Log]) -> str:
+    """Return what the load of all runs is from, in words; "" where it is not known."""
     for channel in (part.known_load, *LOADS):
         if channel is not None and all(channel in log for log in logs):
             return channel
@@ -136,7 +139,8 @@ def _load_source(part: Part, logs: Sequence[Log]) -> str:
     return f"the model's own {' and '.join(carried)}" if carried else ""
 
 
-def _load(model: Model, part: Part, log: Log, source: str) -> Array | None:
+def load_of(model: Model, part: Part, log: Log, source: str) -> Array | None:
+    """Return the load at the output, (N,), in the unit of the part; None where it is not known."""
     if source in log:
         return np.asarray(log[source])
     if not source:

@@ -21,6 +21,7 @@ __all__ = ["floor_sentence", "sentences", "sized"]
 WORTH_SAYING = 0.1  # of what all explain together
 MOST = 3
 MOST_IDLE = 7
+FAR = 2.0  # times the floor: a simulation that is off by more is not down at it
 
 
 def sentences(made: Comparison) -> tuple[str, str]:
@@ -30,6 +31,9 @@ def sentences(made: Comparison) -> tuple[str, str]:
     floor = sized(whole.noise_floor, whole.noise_floor)
     kind = "simulated" if made.simulated else "predicted"
     of = f"between measured and {kind} {what}"
+    if made.simulated and not made.follows and made.rmse > FAR * made.noise_floor:
+        first = f"The gap {of} is {size} {made.unit} RMS; the measured one resolves {floor}."
+        return first, "No channel locates it: it grows and shrinks with time, as drift does."
     if not made.follows:
         first = f"The gap {of} is {size} {made.unit} RMS, which is down at the noise floor."
         idle = _and(made.makes_no_difference[:MOST_IDLE], "or")
@@ -40,6 +44,11 @@ def sentences(made: Comparison) -> tuple[str, str]:
 
 def floor_sentence(made: Comparison) -> str:
     """Say how the noise floor was estimated."""
+    if made.simulated and made.what == "output_position":
+        return (
+            "The noise floor is that of the measured angle alone: its white noise, or its counts. "
+            "A simulation is off by more wherever it drifts."
+        )
     noise = made.memory
     seconds = f"{noise.seconds:.2g} s" if noise.seconds >= 1e-4 else "less than a row"
     taken = [f.words for f in made.follows]

@@ -1,30 +1,64 @@
 """Comparing motion: the model driven forward from the inputs of each run.
 
-`flexspline.simulate` has to give, for each run, what `runs.Compared` holds: the measured and the
-simulated channel, its unit, and the log that locates a disagreement. Everything else is shared.
+An angle's noise floor is known before: it is what its encoder reads at rest. What is left once all
+that the residual follows is taken out would be no floor, for a simulation that drifts is off by
+something that no channel shows.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-from flexspline.comparison.runs import Compared
+import numpy as np
+
+from flexspline.comparison.runs import Compared, ComparedRun, load_of, load_source_of
+from flexspline.comparison.velocity import velocity_noise, with_motion
 from flexspline.errors import InputError
+from flexspline.forward.servo import PositionServo
+from flexspline.forward.simulating import simulate
+from flexspline.logs.derive import quantum, white_noise
 from flexspline.logs.log import Log
 from flexspline.model import Model
 
 __all__ = ["simulated"]
 
 
-def simulated(model: Model, logs: Sequence[Log]) -> Compared:
-    """Refuse: there is no forward simulation of a fitted model yet.
+def simulated(
+    model: Model, logs: Sequence[Log], target: str | None, controller: PositionServo | None
+) -> Compared:
+    """Return measured and simulated motion of every run; of a sensor, its reading.
 
     Raises
     ------
     InputError
-        Always.
+        Where a run cannot be simulated, or lacks the channel to compare with.
     """
-    raise InputError(
-        f"a forward simulation of the model's {len(model.parts)} parts over {len(logs)} runs "
-        "cannot be compared by this version; leave --simulated out to compare the prediction"
-    )
+    part = model.part(target)
+    source = load_source_of(part, logs)
+    runs, channel, unit = [], "", ""
+    for log in logs:
+        made = simulate(model, log, target=target, controller=controller)
+        channel, unit = made.channel, made.unit
+        if not np.isfinite(made.residual).any():
+            raise InputError(
+                f"log '{log.name}': has no {channel} to compare the simulation with; map a column "
+                "to it"
+            )
+        log = with_motion(log)
+        nothing = np.zeros(len(log))
+        load = load_of(model, part, log, source)
+        runs.append(
+            ComparedRun(log, made.measured, made.simulated, nothing, load, velocity_noise(log))
+        )
+    floor = _resolution(runs) if channel == "output_position" else None
+    return Compared(tuple(runs), channel, unit, True, None, source, floor)
+
+
+def _resolution(runs: Sequence[ComparedRun]) -> float:
+    """RMS of the noise of the measured angle, rad: white noise or its counts."""
+    found = [
+        max(white_noise(run.measured), quantum(run.measured) / np.sqrt(12.0))
+        for run in runs
+        if np.isfinite(run.measured).all()
+    ]
+    return float(np.sqrt(np.mean(np.square(found)))) if found else 0.0

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,7 +55,7 @@ class DriveInputs:
     stretches: NDArray[np.intp]
     start: Array
     motor_offset: float
-    gear: Mapping[str, object]
+    gear: Mapping[str, Any]
     drive_factor: float
     load_factor: float
     hold: bool

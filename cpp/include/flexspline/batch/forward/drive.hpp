@@ -26,10 +26,9 @@ inline void write(const Plant& plant, const Inputs& in, double late, const Motio
   if (to.stuck != nullptr) to.stuck[row] = m.direction == 0 ? 1 : 0;
   if (to.acceleration == nullptr) return;
   Memories memories = m.memories;
-  Guess guess = m.guess;
   to.acceleration[row] = m.direction == 0 ? 0
                                           : plant.acceleration(in, late, m.position, m.velocity,
-                                                               m.direction, memories, guess);
+                                                               m.direction, memories);
 }
 
 /// Drives from `position` [rad] and `velocity` [rad/s] at the first row to the last. `steps` ≥ 1

@@ -13,76 +13,19 @@
 /// a load's friction is smaller than the load.
 #pragma once
 
-#include <array>
+#include <span>
 #include <stdexcept>
-#include <vector>
 
-#include "flexspline/batch/by_name.hpp"
 #include "flexspline/batch/forward/inputs.hpp"
+#include "flexspline/batch/forward/steady.hpp"
 
 namespace flexspline::batch::forward {
-
-inline constexpr double sharp = 1e-300;  ///< rad/s, width of the direction
-inline constexpr double still = 1e-100;  ///< rad/s, where rows have their limits at rest
-inline constexpr std::size_t most_memories = 2;
-
-using Memories = std::array<AnyState, most_memories>;
-
-/// One effect of the drive.
-struct Member {
-  AnyEffect effect;
-  std::vector<double> coefficients;
-  std::size_t memory = 0;  ///< its place among the memories, where it remembers
-  bool carries = false;    ///< part of the transmitted load
-};
-
-template <typename Test>
-bool holds(const AnyEffect& any, Test test) {
-  return std::visit(
-      [&]<typename Effect>(const Effect&) { return test.template operator()<Effect>(); }, any);
-}
-inline bool reads_channel(const AnyEffect& any, Channel channel) {
-  return holds(any, [channel]<typename Effect>() { return reads<Effect>(channel); });
-}
-
-/// row · coefficients of one effect.
-template <typename Effect>
-double torque_of(const Effect& effect, const Sample<double>& at, const double* coefficients,
-                 [[maybe_unused]] AnyState& memory) noexcept {
-  NoState none;
-  double sum = 0;
-  const auto add = [&](const auto& row, std::size_t terms) {
-    for (std::size_t k = 0; k < terms; ++k) sum += row[k] * coefficients[k];
-  };
-  if constexpr (Remembers<Effect>) {
-    add(effect.row(at, *std::get_if<place_of<Effect>>(&memory)), effect.terms.size());
-  } else if constexpr (HarmonicEffect<Effect>) {
-    add(row_of(effect, at, none), 2 * effect.count);
-  } else {
-    add(row_of(effect, at, none), effect.terms.size());
-  }
-  return sum;
-}
-
-inline double torque_of(const Member& member, const Sample<double>& at,
-                        Memories& memories) noexcept {
-  return std::visit(
-      [&](const auto& effect) {
-        return torque_of(effect, at, member.coefficients.data(), memories[member.memory]);
-      },
-      member.effect);
-}
-
-/// Where the last implicit solve ended, for the next one to start at.
-struct Guess {
-  double torque = 0;  ///< x = J q̈
-  double slope = 1;   ///< of x + P(L₀ + x)
-};
 
 class Plant {
  public:
   /// `coefficients`: as many as the effects have terms. `motor_offset` [rad]: θ − Ñ q.
-  /// std::invalid_argument without a positive inertia, or with too many effects that remember.
+  /// std::invalid_argument without a positive inertia, with too many effects that remember, and
+  /// with friction that exceeds its load.
   Plant(std::vector<AnyEffect> effects, std::span<const double> coefficients,
         const Gear<double>& gear, double motor_offset)
       : gear_(gear), motor_offset_(Angle<double>::from_radians(motor_offset).phase) {
@@ -94,6 +37,11 @@ class Plant {
     }
     if (!coefficients.empty()) throw std::invalid_argument("too many coefficients");
     if (!(inertia_ > 0)) throw std::invalid_argument("the inertia is not above zero");
+    inverse_inertia_ = 1 / inertia_;
+    for (Steady& s : steady_) {
+      if (!(s.above > -1 && s.below < 1)) throw std::invalid_argument("friction exceeds its load");
+      s.prepare();
+    }
   }
 
   double inertia() const noexcept { return inertia_; }
@@ -114,9 +62,12 @@ class Plant {
   /// q̈ [rad/s²] while the joint moves in `direction`. `late`: s since the start of the inputs.
   /// `memories` move on to this position.
   double acceleration(const Inputs& in, double late, double position, double velocity,
-                      int direction, Memories& memories, Guess& guess) const noexcept {
+                      int direction, Memories& memories) const noexcept {
     const Sample<double> at = sample(in, late, position, row_velocity(velocity, direction));
-    return solved(at, drive(in, late, velocity), memories, guess) / inertia_;
+    const auto [taken, carried] = plain(at, memories);
+    const double load = at.known_load + carried;
+    const double sum = drive(in, late, velocity) - taken + load;
+    return (steady_[direction > 0].load_of(sum) - load) * inverse_inertia_;
   }
 
   /// By how much the drive surpasses, at rest, the friction that opposes motion in `direction`,
@@ -124,16 +75,9 @@ class Plant {
   double excess(const Inputs& in, double late, double position, int direction,
                 const Memories& memories) const noexcept {
     Memories moved = memories;
-    Sample<double> at = sample(in, late, position, direction * still);
-    at.load = at.known_load;
-    double rest = drive(in, late, 0);
-    for (const Member& member : plain_) {
-      const double torque = torque_of(member, at, moved);
-      rest -= torque;
-      if (member.carries) at.load += torque;
-    }
-    for (const Member& member : loaded_) rest -= torque_of(member, at, moved);
-    return rest;
+    const Sample<double> at = sample(in, late, position, direction * still);
+    const auto [taken, carried] = plain(at, moved);
+    return drive(in, late, 0) - taken - steady_[direction > 0].at(at.known_load + carried);
   }
 
   /// Moves the memories on to a position, where the joint moves in `direction`.
@@ -183,7 +127,14 @@ class Plant {
     if (holds(any, []<typename E>() { return Remembers<E>; })) start_memory(member);
     motor_side_ |= reads_channel(any, Channel::motor_position);
     angles_ |= motor_side_ || reads_channel(any, Channel::output_position);
-    (reads_channel(any, Channel::load) ? loaded_ : plain_).push_back(std::move(member));
+    if (const auto lines = steady(member)) {
+      for (const std::size_t way : {0U, 1U}) steady_[way] += (*lines)[way];
+      return;
+    }
+    if (reads_channel(any, Channel::load) && !blind_to_load(member)) {
+      throw std::invalid_argument("an effect depends on the load in a way that cannot be solved");
+    }
+    plain_.push_back(std::move(member));
   }
 
   void start_memory(Member& member) {
@@ -219,48 +170,28 @@ class Plant {
     return at;
   }
 
-  /// x = J q̈.
-  double solved(Sample<double> at, double drive, Memories& memories, Guess& guess) const noexcept {
-    double carried = at.known_load;
+  /// What effects take that are no lines of the load, and the part of it that they carry.
+  struct Taken {
+    double torque = 0;
+    double carried = 0;
+  };
+  Taken plain(const Sample<double>& at, Memories& memories) const noexcept {
+    Taken sum;
     for (const Member& member : plain_) {
       const double torque = torque_of(member, at, memories);
-      drive -= torque;
-      if (member.carries) carried += torque;
+      sum.torque += torque;
+      if (member.carries) sum.carried += torque;
     }
-    if (loaded_.empty()) return drive;
-    const auto missing = [&](double x) {
-      at.load = carried + x;
-      double sum = x - drive;
-      for (const Member& member : loaded_) sum += torque_of(member, at, memories);
-      return sum;
-    };
-    return root(missing, math::absolute(drive) + math::absolute(carried), guess);
+    return sum;
   }
 
-  /// Where an increasing function that is made of straight lines, or nearly, passes zero.
-  template <typename Function>
-  static double root(const Function& function, double scale, Guess& guess) noexcept {
-    const double enough = 1e-14 * scale;
-    double x = guess.torque;
-    double value = function(x);
-    for (int round = 0; round < 20 && !(math::absolute(value) <= enough); ++round) {
-      const double next = x - value / guess.slope;
-      if (next == x) break;
-      const double found = function(next);
-      const double slope = (found - value) / (next - x);
-      if (slope > 0 && math::absolute(next - x) > 1e-7 * scale) guess.slope = slope;
-      x = next;
-      value = found;
-    }
-    guess.torque = x;
-    return x;
-  }
-
-  std::vector<Member> plain_, loaded_;  ///< those that do not read the load, and those that do
+  std::vector<Member> plain_;  ///< effects whose rows are evaluated at each step
+  BothWays steady_{};          ///< the sum of the others
   Gear<double> gear_;
   Phase<double> motor_offset_;
   Memories fresh_{};
   double inertia_ = 0;
+  double inverse_inertia_ = 0;
   std::size_t memories_ = 0;
   bool jumps_ = false;
   bool angles_ = false;

@@ -16,7 +16,6 @@ struct Motion {
   double velocity = 0;
   int direction = 1;
   Memories memories{};
-  Guess guess;
 };
 
 /// Angle and velocity a step later.
@@ -30,11 +29,10 @@ inline Moved runge_kutta(const Plant& plant, const Inputs& in, double late, doub
                          Motion& m) noexcept {
   const auto slope = [&](double after, double position, double velocity) {
     if (!plant.remembers()) {
-      return plant.acceleration(in, late + after, position, velocity, m.direction, m.memories,
-                                m.guess);
+      return plant.acceleration(in, late + after, position, velocity, m.direction, m.memories);
     }
     Memories moved = m.memories;
-    return plant.acceleration(in, late + after, position, velocity, m.direction, moved, m.guess);
+    return plant.acceleration(in, late + after, position, velocity, m.direction, moved);
   };
   const double half = 0.5 * h;
   const double q = m.position;
