@@ -21,7 +21,8 @@ WRONG = [
     ("{run1} --model {model} --target torsion --out {new}", "torsion"),
     ("{run1} --model {model} --gear-ratio 80 --out {new}", "gear_ratio"),
     ("{run1} --model {model} --lowpass 1000 --out {new}", "1000"),
-    ("{run1} --model {model} --simulated --out {new}", "leave --simulated out"),
+    ("{run1} --model {model} --simulated --lowpass 5 --out {new}", "lowpass"),
+    ("{run1} --model {model} --controller servo.json --out {new}", "servo.json"),
     ("{run1} --model {model} --out {run2}", "is a file"),
     ("{narrow} --model {model} --out {new}", "narrow"),
 ]

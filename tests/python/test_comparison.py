@@ -168,7 +168,9 @@ def test_wrong_calls_say_what_to_do() -> None:
         flexspline.compare(rig.model(), Log.from_arrays(**bare))
     with pytest.raises(InputError, match="no part for the target"):
         flexspline.compare(rig.model(), log, target="torsion")
-    with pytest.raises(InputError, match="leave --simulated out"):
-        flexspline.compare(rig.model(), log, simulated=True)
+    with pytest.raises(InputError, match="leave lowpass out"):
+        flexspline.compare(rig.model(), log, simulated=True, lowpass=5.0)
+    with pytest.raises(InputError, match="leave it out or give simulated"):
+        flexspline.compare(rig.model(), log, controller=flexspline.PositionServo(1.0))
     with pytest.raises(InputError, match="did you mean 'speed'"):
         rig.comparison("nothing")["sped"]
