@@ -19,7 +19,7 @@ from flexspline.model import Model, Part
 from flexspline.part import PART_OF
 from flexspline.signals import target_of
 
-__all__ = ["Compared", "ComparedRun", "load_of", "load_source_of", "predicted"]
+__all__ = ["Compared", "ComparedRun", "load_of", "load_source_of", "located", "predicted"]
 
 Array = NDArray[np.float64]
 
@@ -97,12 +97,29 @@ def _predicted_run(
             "look for channels without values"
         )
     log = with_motion(log)
+    load = load_of(model, part, log, source)
+    return located(model, part, log, made.measured, made.predicted, lowpass, load)
+
+
+def located(
+    model: Model,
+    part: Part,
+    log: Log,
+    measured: Array,
+    modelled: Array,
+    lowpass: float | None,
+    load: Array | None,
+) -> ComparedRun:
+    """Return a run with what locates a disagreement, and what its velocity's noise does to it.
+
+    `part`: of the model, whose friction the noise goes through. Others as in `ComparedRun`.
+    """
+    log = with_motion(log)
     noise = velocity_noise(log)
     doubt = _doubt(model, part, log, noise)
     if lowpass is not None:  # white noise keeps this share of its size
         doubt = doubt * min(1.0, (2.0 * lowpass * median_step(log["time"])) ** 0.5)
-    load = load_of(model, part, log, source)
-    return ComparedRun(log, made.measured, made.predicted, doubt, load, noise)
+    return ComparedRun(log, measured, modelled, doubt, load, noise)
 
 
 def _doubt(model: Model, part: Part, log: Log, noise: float) -> Array:

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import numpy as np
+from numpy.typing import NDArray
+
 from flexspline.discovery.aliases import Rival, rivals_of
 from flexspline.discovery.analysis import Analysis
 from flexspline.discovery.confidence import confidence, features
 from flexspline.discovery.faults import DataFault
-from flexspline.discovery.heldout import held_out
+from flexspline.discovery.heldout import HeldOut, held_out
 from flexspline.discovery.next_run import next_run
 from flexspline.discovery.result import Discovery, Found, Unexplained
 from flexspline.discovery.scores import equivalent_t, price
 from flexspline.discovery.search import owned_gain
+from flexspline.discovery.shrunk import HeldRun
 from flexspline.discovery.table import by_runs
 from flexspline.discovery.where import contribution, where
 from flexspline.discovery.working import Working
@@ -20,13 +24,16 @@ from flexspline.fit.result import Fit
 
 __all__ = ["assembled"]
 
+Array = NDArray[np.float64]
+
 SEEN = 0.05  # of the first gap: less is neither a second name nor unexplained
 
 
 def assembled(made: Analysis, faults: tuple[DataFault, ...], fit: Fit) -> Discovery:
     """Put everything together that a user sees."""
     problem = made.study.problem
-    steps = [held_out(problem, work, made.whitening).rmse for work in _nested(made)]
+    left = [held_out(problem, work, made.whitening) for work in _nested(made)]
+    steps = [one.rmse for one in left]
     unexplained, floor = _unexplained(made, steps)
     found = [
         _found(made, effect, steps[number], steps[number + 1])
@@ -50,9 +57,26 @@ def assembled(made: Analysis, faults: tuple[DataFault, ...], fit: Fit) -> Discov
         unexplained=unexplained,
         next_experiment=next_run(pairs),
         fit=fit,
+        runs=_runs(made, left[0], left[-1]),
         not_tried=made.study.not_tried,
         refused=_refused(made),
         doubted=made.doubted,
+    )
+
+
+def _runs(made: Analysis, before: HeldOut, after: HeldOut) -> tuple[HeldRun, ...]:
+    """What both models predict of folds that they never saw, and the load if it is known in Nm."""
+    problem, final = made.study.problem, made.final
+    own = [e.name for e in final.effects if e.info.carries_load]
+    loads: list[Array | None] = [run.channels.get("known_load") for run in problem.runs]
+    if problem.known_load is None and own and UNITS[problem.target] == "Nm":
+        parts = [contribution(problem, final, name) for name in own]
+        loads = [np.sum(of_run, axis=0) for of_run in zip(*parts, strict=True)]
+    return tuple(
+        HeldRun(run.log, run.target, run.target - base, run.target - last, load)
+        for run, base, last, load in zip(
+            problem.runs, before.residuals, after.residuals, loads, strict=True
+        )
     )
 
 

@@ -14,6 +14,7 @@ from flexspline import __version__
 
 if TYPE_CHECKING:
     from flexspline.discovery.result import Discovery, Found
+    from flexspline.fit.result import Parameter
 
 __all__ = ["discovery_json"]
 
@@ -38,6 +39,17 @@ def discovery_json(made: Discovery) -> str:
             "noise_floor": made.noise_floor,
         },
         "validated_by": made.validated_by,
+        "before_after": [
+            {
+                "group": part.group,
+                "label": part.label,
+                "rows": part.rows,
+                "base": part.base,
+                "final": part.final,
+            }
+            for part in made.slices
+        ],
+        "parameters": [_parameter(p) for p in made.fit.parameters],
         "simulated_rmse": None,
         "data_faults": [
             {
@@ -74,15 +86,17 @@ def _found(made: Discovery, one: Found) -> dict[str, Any]:
         "evidence": one.evidence,
         "runner_up": one.runner_up,
         "t": one.t,
-        "parameters": [
-            {
-                "name": p.name,
-                "value": _number(p.value),
-                "standard_error": _number(p.standard_error),
-                "unit": p.unit,
-            }
-            for p in made.parameters(one.effect)
-        ],
+        "parameters": [_parameter(p) for p in made.parameters(one.effect)],
+    }
+
+
+def _parameter(one: Parameter) -> dict[str, Any]:
+    return {
+        "name": one.name,
+        "value": _number(one.value),
+        "standard_error": _number(one.standard_error),
+        "unit": one.unit,
+        "state": one.state,
     }
 
 

@@ -5,14 +5,20 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 from flexspline.discovery.faults import DataFault
+from flexspline.discovery.shrunk import HeldRun, Slice, slices
 from flexspline.fit.result import Fit, Parameter
 from flexspline.model import Model
 
 if TYPE_CHECKING:
+    import pandas
+    from matplotlib.figure import Figure
+
     from flexspline.discovery.aliases import Rival
+    from flexspline.discovery.disagreement import Disagreement
 
 __all__ = ["Discovery", "Found", "Unexplained"]
 
@@ -76,6 +82,7 @@ class Discovery:
     unexplained : None where the residual is down at the floor.
     next_experiment : a sentence where the runs cannot separate causes, else None.
     fit : of the extended model.
+    runs : measured and predicted values of base and extended model, on folds no fit saw.
     not_tried : why effects were no candidates, by name. `refused`: why candidates that gained
         were not taken. `doubted`: names that only stood in for an unexplained cause.
     """
@@ -92,6 +99,7 @@ class Discovery:
     unexplained: Unexplained | None
     next_experiment: str | None
     fit: Fit
+    runs: tuple[HeldRun, ...]
     not_tried: Mapping[str, str]
     refused: Mapping[str, str]
     doubted: tuple[str, ...]
@@ -116,6 +124,36 @@ class Discovery:
         """Return the parameters of one effect, as the fit of the extended model left them."""
         own = (p for p in self.fit.parameters if p.name.split(".")[0] == name)
         return tuple(own)
+
+    @cached_property
+    def slices(self) -> tuple[Slice, ...]:
+        """RMS before and after in parts of the runs and bands of the residual, held out."""
+        return slices(self.runs)
+
+    @cached_property
+    def disagreement(self) -> Disagreement:
+        """Where the base and the runs disagree, and what is left there; both held out."""
+        from flexspline.discovery.disagreement import disagreement
+
+        return disagreement(self)
+
+    def before_after(self) -> pandas.DataFrame:
+        """Return `slices` as a table: rows, RMS before and after in the target's unit, by part.
+
+        The index is group and label, such as ("reversals", "within ±0.1 s of a reversal").
+        """
+        from dataclasses import asdict
+
+        import pandas
+
+        table = pandas.DataFrame([asdict(part) for part in self.slices])
+        return table.set_index(["group", "label"])
+
+    def plot(self) -> Figure:
+        """Return a figure: one held-out run before and after, where the gap shrank, orders."""
+        from flexspline.plot.discovery import plot_discovery
+
+        return plot_discovery(self)
 
     def to_json(self) -> str:
         """Return the text of `discovery.json`."""

@@ -15,11 +15,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.fit.problem import Problem, Run
+from flexspline.fit.problem import Problem
 from flexspline.logs.log import Log
 from flexspline.logs.segments import near_reversal, standstill
 
-__all__ = ["Score", "score", "scores_of"]
+__all__ = ["REVERSAL_SECONDS", "Score", "bands", "groups", "score", "scores_of"]
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -80,39 +80,46 @@ def scores_of(
         for list_ in ([run.target for run in problem.runs], residuals, held_out)
     )
     found = [score("all", "all rows", y, inside, outside)]
-    for group, label, mask in _groups(problem.runs, counts):
+    for group, label, mask in groups([run.log for run in problem.runs], counts):
         if mask.sum() >= LEAST_ROWS:
             found.append(score(group, label, y[mask], inside[mask], outside[mask]))
     return tuple(found)
 
 
-def _groups(runs: Sequence[Run], counts: Sequence[Mask]) -> Iterator[tuple[str, str, Mask]]:
+def groups(logs: Sequence[Log], counts: Sequence[Mask]) -> Iterator[tuple[str, str, Mask]]:
+    """Yield group, label and the rows (n,) of each part of the n rows that count.
+
+    Parameters
+    ----------
+    logs : runs.
+    counts : (N,) for each run, which of its rows count.
+    """
     number = np.concatenate([np.full(c.sum(), k) for k, c in enumerate(counts)])
-    if len(runs) > 1:
-        for k, run in enumerate(runs):
-            yield "run", run.log.name, number == k
-    if all("output_velocity" in run.log or "output_position" in run.log for run in runs):
-        yield from _by_motion(runs, counts)
-    if all("temperature" in run.log for run in runs):
-        temperature = _joined(runs, counts, "temperature")
-        yield from _bands("temperature", temperature, TEMPERATURE_BANDS, "°C")
+    if len(logs) > 1:
+        for k, log in enumerate(logs):
+            yield "run", log.name, number == k
+    if all("output_velocity" in log or "output_position" in log for log in logs):
+        yield from _by_motion(logs, counts)
+    if all("temperature" in log for log in logs):
+        temperature = _joined(logs, counts, "temperature")
+        yield from bands("temperature", temperature, TEMPERATURE_BANDS, "°C")
 
 
-def _by_motion(runs: Sequence[Run], counts: Sequence[Mask]) -> Iterator[tuple[str, str, Mask]]:
-    still = _masks(runs, counts, standstill)
-    if all("output_velocity" in run.log for run in runs):
-        velocity = _joined(runs, counts, "output_velocity")
+def _by_motion(logs: Sequence[Log], counts: Sequence[Mask]) -> Iterator[tuple[str, str, Mask]]:
+    still = _masks(logs, counts, standstill)
+    if all("output_velocity" in log for log in logs):
+        velocity = _joined(logs, counts, "output_velocity")
         yield "direction", "forward", ~still & (velocity > 0)
         yield "direction", "backward", ~still & (velocity < 0)
-        yield from _bands("speed", np.where(still, np.nan, np.abs(velocity)), SPEED_BANDS, "rad/s")
+        yield from bands("speed", np.where(still, np.nan, np.abs(velocity)), SPEED_BANDS, "rad/s")
     yield "direction", "standstill", still
-    near = _masks(runs, counts, lambda log: near_reversal(log, REVERSAL_SECONDS))
+    near = _masks(logs, counts, lambda log: near_reversal(log, REVERSAL_SECONDS))
     yield "reversals", f"within ±{REVERSAL_SECONDS:g} s of a reversal", near
     yield "reversals", "elsewhere", ~near
 
 
-def _bands(group: str, values: Array, count: int, unit: str) -> Iterator[tuple[str, str, Mask]]:
-    """Bands of about as many rows each; one band is no news."""
+def bands(group: str, values: Array, count: int, unit: str) -> Iterator[tuple[str, str, Mask]]:
+    """Yield bands of about as many rows each; one band is no news."""
     finite = values[np.isfinite(values)]
     if not len(finite):
         return
@@ -126,9 +133,9 @@ def _bands(group: str, values: Array, count: int, unit: str) -> Iterator[tuple[s
         yield group, f"{low:.3g} to {high:.3g} {unit}", mask
 
 
-def _joined(runs: Sequence[Run], counts: Sequence[Mask], channel: str) -> Array:
-    return np.concatenate([run.log[channel][c] for run, c in zip(runs, counts, strict=True)])
+def _joined(logs: Sequence[Log], counts: Sequence[Mask], channel: str) -> Array:
+    return np.concatenate([log[channel][c] for log, c in zip(logs, counts, strict=True)])
 
 
-def _masks(runs: Sequence[Run], counts: Sequence[Mask], of: Callable[[Log], Mask]) -> Mask:
-    return np.concatenate([of(run.log)[c] for run, c in zip(runs, counts, strict=True)])
+def _masks(logs: Sequence[Log], counts: Sequence[Mask], of: Callable[[Log], Mask]) -> Mask:
+    return np.concatenate([of(log)[c] for log, c in zip(logs, counts, strict=True)])

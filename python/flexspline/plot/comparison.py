@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,8 +29,14 @@ ORDERS_OF_A_PAIR = 13.0
 _BINS = 600
 
 
-def plot_comparison(made: Comparison) -> PlainFigure:
-    """Return the map: a panel for each covariate, what the gap follows first, on one scale."""
+After = Mapping[str, Mapping[str, float]]
+
+
+def plot_comparison(made: Comparison, after: After | None = None) -> PlainFigure:
+    """Return the map: a panel for each covariate, what the gap follows first, on one scale.
+
+    `after`: RMS of a better model, by covariate and label of its bands.
+    """
     names = panels(made)
     down = -(-len(names) // ACROSS)
     figure = PlainFigure(3.7 * ACROSS, 2.7 * down)
@@ -39,7 +46,7 @@ def plot_comparison(made: Comparison) -> PlainFigure:
         if name == ORDERS:
             residual_orders(made, ax=ax)
             continue
-        bands_over(made, name, ax)
+        bands_over(made, name, ax, after)
         ax.set_ylim(0.0, 1.12 * highest)
         if number == 0:
             legend(ax)
@@ -58,7 +65,9 @@ def panels(made: Comparison) -> list[str]:
     return [*names[:place], ORDERS, *names[place:]]
 
 
-def bands_over(made: Comparison, name: str, ax: Axes | None = None) -> Axes:
+def bands_over(
+    made: Comparison, name: str, ax: Axes | None = None, after: After | None = None
+) -> Axes:
     """Draw RMS and noise floor, in the unit of the comparison, over the bands of one covariate."""
     ax = axes_or_new(ax, 4.5, 3.0)
     bands = _drawn(made[name])
@@ -71,7 +80,11 @@ def bands_over(made: Comparison, name: str, ax: Axes | None = None) -> Axes:
     over = np.maximum(rmse, floor)
     sure = np.array([b.significant for b in bands])
     _steps(ax, edges, floor, np.where(sure, over, floor), PALETTE[3], 0.3, "excess")
-    ax.stairs(rmse, edges, color=INK, linewidth=1.3, baseline=None, label="RMS")
+    label = "RMS" if after is None else "RMS before"
+    ax.stairs(rmse, edges, color=INK, linewidth=1.3, baseline=None, label=label)
+    if after is not None:
+        later = np.array([after[name][b.label] for b in bands])
+        ax.stairs(later, edges, color=PALETTE[0], linewidth=1.6, baseline=None, label="RMS after")
     middle = edges[:-1] + 0.5
     ax.plot(middle[sure], rmse[sure], "o", color=PALETTE[3], markersize=3.5)
     _marked(ax, made, name, bands)

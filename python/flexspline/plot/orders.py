@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,6 +10,7 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from flexspline.errors import InputError
+from flexspline.logs.log import Log
 from flexspline.orders.stretches import stretches
 from flexspline.orders.transform import fourier_sums
 from flexspline.plot.canvas import GREY, INK, PALETTE, axes_or_new, legend, titled
@@ -17,7 +19,7 @@ from flexspline.report.ripple import ripple_orders
 if TYPE_CHECKING:
     from flexspline.fit.result import Fit
 
-__all__ = ["order_spectra"]
+__all__ = ["order_spectra", "spectrum_over"]
 
 Array = NDArray[np.float64]
 
@@ -38,7 +40,11 @@ def order_spectra(fit: Fit, ax: Axes | None = None) -> Axes:
     InputError
         Where the joint does not turn, or the runs hold no angle.
     """
-    spectra = [_spectrum(fit, what) for what in ("measured", "residual")]
+    logs = [run.log for run in fit.runs]
+    spectra = [
+        spectrum_over(logs, [np.where(run.counts, getattr(run, what), np.nan) for run in fit.runs])
+        for what in ("measured", "residual")
+    ]
     ax = axes_or_new(ax)
     marks = [o.per_output_turn for o in ripple_orders(fit) if np.isfinite(o.per_output_turn)]
     for number, mark in enumerate(marks):
@@ -65,10 +71,20 @@ def order_spectra(fit: Fit, ax: Axes | None = None) -> Axes:
     return ax
 
 
-def _spectrum(fit: Fit, what: str) -> tuple[Array, Array]:
-    """Orders and amplitudes, thinned to the highest of each of a few hundred bins."""
-    values = [np.where(run.counts, getattr(run, what), np.nan) for run in fit.runs]
-    parts = stretches([run.log for run in fit.runs], values, LONGEST)
+def spectrum_over(logs: Sequence[Log], values: Sequence[Array]) -> tuple[Array, Array]:
+    """Return orders and amplitudes, thinned to the highest of each of a few hundred bins.
+
+    Parameters
+    ----------
+    logs : runs with an angle.
+    values : (N,) for each run; NaN where a row does not count.
+
+    Raises
+    ------
+    InputError
+        Where the joint does not turn, or the runs hold no angle.
+    """
+    parts = stretches(logs, values, LONGEST)
     highest = min(max(part.highest for part in parts), HIGHEST)
     order = np.arange(int(highest * STEPS + 1e-9) + 1) / STEPS
     power, rows = np.zeros((2, len(order)))

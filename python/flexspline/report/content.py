@@ -25,7 +25,8 @@ class ParameterLine:
     """One line of the table of parameters, as text.
 
     `heading`: of the lines from here on, "" for none. `concern`: the remark is a reason to worry.
-    `interval`: of 95 %. `naive`: the error as if every sample were news.
+    `interval`: of 95 %. `naive`: the error as if every sample were news. `effect`: whose it is, ""
+    where several share it.
     """
 
     name: str
@@ -36,6 +37,7 @@ class ParameterLine:
     heading: str = ""
     interval: str = ""
     naive: str = ""
+    effect: str = ""
 
 
 @dataclass(frozen=True)
@@ -120,6 +122,7 @@ def _ripple_line(order: RippleOrder, heading: str) -> ParameterLine:
         not order.significant,
         heading,
         naive=_error(order.naive_error),
+        effect=order.effect,
     )
 
 
@@ -130,8 +133,9 @@ def _angle(order: RippleOrder) -> str:
 
 def _line(fit: Fit, parameter: Parameter) -> ParameterLine:
     name = short_names(parameter.name)
+    owner = parameter.name.split(".")[0] if "." in parameter.name else ""
     if not parameter.determined:
-        return ParameterLine(name, *_undetermined(fit, parameter), concern=True)
+        return ParameterLine(name, *_undetermined(fit, parameter), concern=True, effect=owner)
     value = plus_minus(parameter.value, parameter.standard_error)
     remarks = []
     concern = False
@@ -155,6 +159,7 @@ def _line(fit: Fit, parameter: Parameter) -> ParameterLine:
         concern,
         interval=_interval(parameter),
         naive=_error(parameter.naive_error),
+        effect=owner,
     )
 
 

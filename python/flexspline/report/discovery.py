@@ -9,6 +9,18 @@ from typing import TYPE_CHECKING, Any
 from flexspline import __version__
 from flexspline.errors import listed
 from flexspline.files import atomic_write
+from flexspline.report.content import known_groups, parameter_lines
+from flexspline.report.discovery_content import (
+    best_rivals,
+    discovery_call,
+    effect_lines,
+    headlines,
+    remarks,
+    shrunk_tables,
+    verdict,
+)
+from flexspline.report.facts import log_facts, model_facts
+from flexspline.report.html import templates
 from flexspline.report.numbers import plus_minus, short
 from flexspline.report.verdict import TARGET_WORDS
 
@@ -18,6 +30,12 @@ if TYPE_CHECKING:
 __all__ = ["discovery_html", "discovery_text", "write_discovery_report"]
 
 WIDTH = 100
+MAP = (
+    "RMS of measured less predicted on folds that no fit saw (dark; blue: the extended model) in "
+    "each band against the noise floor there (grey, with two standard errors). What lies between "
+    "is the excess, coloured, and a dot marks an excess that is more than chance. All panels have "
+    "the same scale; what the gap follows comes first."
+)
 
 
 def discovery_text(made: Discovery) -> str:
@@ -31,45 +49,66 @@ def discovery_text(made: Discovery) -> str:
     return "\n\n".join(blocks)
 
 
-def verdict(made: Discovery) -> str:
-    """Return what was found, and by how much the gap shrank, in a sentence or two."""
-    what = TARGET_WORDS[made.target]
-    where = f"on {made.validated_by} that no fit saw"
-    rmse = f"{short(made.base_rmse)} to {short(made.final_rmse)} {made.unit}"
-    if made.found:
-        names = listed(made.names, most=len(made.names))
-        floor = f"noise floor {short(made.noise_floor)} {made.unit}"
-        return f"The model of the {what} lacks {names}: RMSE {rmse} {where}, {floor}."
-    if made.unexplained:
-        return (
-            f"No effect that is known explains what the model of the {what} lacks: RMSE "
-            f"{short(made.base_rmse)} {made.unit} {where}."
+def discovery_html(made: Discovery) -> str:
+    """Return a discovery as a fragment of HTML without scripts, for notebooks."""
+    return templates().get_template("discovery_fragment.html").render(_common(made))
+
+
+def write_discovery_report(made: Discovery, path: str | os.PathLike[str]) -> None:
+    """Write a self-contained report, whole or not at all.
+
+    Raises
+    ------
+    InputError
+        Where the file cannot be written.
+    """
+    from flexspline.plot.comparison import plot_comparison
+    from flexspline.plot.discovery import panels
+    from flexspline.report.figures import ReportFigure, drawn, inline_svg
+
+    where = made.disagreement
+    chart = plot_comparison(where.before, where.after if made.found else None)
+    page = (
+        templates()
+        .get_template("discovery.html")
+        .render(
+            _common(made),
+            title=str(made.model.facts.get("joint", f"What the {TARGET_WORDS[made.target]} lacks")),
+            places=where.before.sentences,
+            map=ReportFigure(inline_svg(chart, "map of the disagreement"), MAP),
+            figures=[drawn(panel) for panel in panels(made)],
+            tables=shrunk_tables(made),
+            lines=parameter_lines(made.fit),
+            groups=known_groups(made.fit),
+            logs=log_facts(made.fit),
+            facts=model_facts(made.fit),
+            call=discovery_call(made),
         )
-    return (
-        f"Nothing is missing in the model of the {what} that these runs show: RMSE "
-        f"{short(made.base_rmse)} {made.unit} {where}, which is noise."
     )
+    atomic_write(path, page)
 
 
-def remarks(made: Discovery) -> list[str]:
-    """Return what else has to be said: what is unexplained, what to record, what was not tried."""
-    said = []
-    if made.unexplained:
-        share = 100.0 * made.unexplained.share_of_variance
-        on = listed(made.unexplained.depends_on)
-        said.append(
-            f"Unexplained: {share:.0f} % of the gap above the noise floor (mean square) depends on "
-            f"{on}, in a way that no effect of the catalogue has."
-        )
-    if made.doubted:
-        said.append(
-            f"{listed(made.doubted)} would explain a part of it, but only stands in for this."
-        )
-    if made.next_experiment:
-        said.append(f"Next: {made.next_experiment}")
-    if made.not_tried:
-        said.append(f"Not tried, for lack of channels or facts: {listed(made.not_tried, most=40)}.")
-    return said
+def _common(made: Discovery) -> dict[str, Any]:
+    """What the fragment shows, and the report too."""
+    return {
+        "made": made,
+        "verdict": verdict(made),
+        "remarks": remarks(made),
+        "headlines": headlines(made),
+        "found": [
+            {
+                "one": one,
+                "confidence": f"{100.0 * one.confidence:.0f} %",
+                "before": short(one.rmse_before),
+                "after": short(one.rmse_after),
+                "lines": effect_lines(made, one),
+                "rivals": best_rivals(one),
+            }
+            for one in made.found
+        ],
+        "grave": bool(made.data_faults or made.unexplained),
+        "version": __version__,
+    }
 
 
 def _one(made: Discovery, number: int, one: Found) -> str:
@@ -91,50 +130,3 @@ def _wrapped(sentence: str, first: str = "") -> str:
             break_long_words=False, break_on_hyphens=False,
         )
     )  # fmt: skip
-
-
-def discovery_html(made: Discovery) -> str:
-    """Return a discovery as a fragment of HTML without scripts, for notebooks."""
-    return _rendered(made, "discovery_fragment.html")
-
-
-def write_discovery_report(made: Discovery, path: str | os.PathLike[str]) -> None:
-    """Write a self-contained report, whole or not at all.
-
-    Raises
-    ------
-    InputError
-        Where the file cannot be written.
-    """
-    atomic_write(path, _rendered(made, "discovery.html"))
-
-
-def _rendered(made: Discovery, template: str) -> str:
-    from flexspline.report.html import templates
-
-    found: list[dict[str, Any]] = [
-        {
-            "one": one,
-            "confidence": f"{100.0 * one.confidence:.0f} %",
-            "before": short(one.rmse_before),
-            "after": short(one.rmse_after),
-            "parameters": [
-                (p.name, plus_minus(p.value, p.standard_error), p.unit)
-                for p in made.parameters(one.effect)
-            ],
-        }
-        for one in made.found
-    ]
-    return (
-        templates()
-        .get_template(template)
-        .render(
-            made=made,
-            found=found,
-            verdict=verdict(made),
-            remarks=remarks(made),
-            rmse=[short(v) for v in (made.base_rmse, made.final_rmse, made.noise_floor)],
-            title=str(made.model.facts.get("joint", f"What the {TARGET_WORDS[made.target]} lacks")),
-            version=__version__,
-        )
-    )

@@ -1,0 +1,196 @@
+"""Figures of a discovery: a held-out run, where the gap shrank, and orders before and after."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+from flexspline.errors import InputError
+from flexspline.plot.canvas import (
+    GREY,
+    INK,
+    PALETTE,
+    Panel,
+    PlainFigure,
+    axes_or_new,
+    legend,
+    panelled,
+    plain,
+    titled,
+)
+from flexspline.plot.orders import spectrum_over
+from flexspline.plot.thin import outline
+
+if TYPE_CHECKING:
+    from flexspline.discovery.result import Discovery
+    from flexspline.discovery.shrunk import Slice
+
+__all__ = ["held_out_run", "left_over", "orders_before_after", "panels", "plot_discovery", "shrunk"]
+
+Array = NDArray[np.float64]
+
+STRETCH = 10.0  # s of a run that can be looked at in one go
+MOST_RUNS = 6
+BEFORE, AFTER = PALETTE[3], PALETTE[0]
+
+LOOK_FOR = {
+    "run": "The ten seconds in which the named effects change most, predicted by fits that never "
+    "saw them. The extended model should lie on what was measured where the base does not.",
+    "left": "The same stretch: measured less predicted. What is left should be noise about zero.",
+    "shrunk": "RMS on folds that no fit saw, before (open) and after (full), in parts of the runs "
+    "and in bands of the residual; the dashed line is the noise floor of all rows.",
+    "orders": "Amplitude of the residual over orders of the output, on folds that no fit saw. "
+    "Lines that the extended model no longer has are explained.",
+}
+
+
+def plot_discovery(made: Discovery) -> PlainFigure:
+    """Return a figure with a panel for each view that the runs allow."""
+    return panelled(panels(made), 3.7)
+
+
+def panels(made: Discovery) -> list[Panel]:
+    """Return the views that the runs allow."""
+    found = [
+        Panel(partial(held_out_run, made), LOOK_FOR["run"]),
+        Panel(partial(left_over, made), LOOK_FOR["left"]),
+        Panel(partial(shrunk, made), LOOK_FOR["shrunk"]),
+    ]
+    if _turns(made):
+        found.append(Panel(partial(orders_before_after, made), LOOK_FOR["orders"]))
+    return found
+
+
+def held_out_run(made: Discovery, ax: Axes | None = None) -> Axes:
+    """Draw measured, base and extended model over the most telling seconds of a held-out run."""
+    ax = axes_or_new(ax)
+    number, some = _telling(made)
+    run = made.runs[number]
+    time = run.log["time"] - run.log["time"][0]
+    lines = [("measured", run.measured, GREY, 1.6)]
+    lines += [("base model", run.base, BEFORE, 1.0)]
+    if made.found:
+        lines += [("extended model", run.final, AFTER, 1.0)]
+    for label, values, colour, width in lines:
+        at = outline(values[some]) + some.start
+        ax.plot(time[at], values[at], color=colour, linewidth=width, label=label)
+    ax.set(
+        xlabel="time since the start of the run [s]",
+        ylabel=f"{made.target.replace('_', ' ')} [{made.unit}]",
+    )
+    titled(ax, f"Predicted without having seen it: {plain(run.log.name)}")
+    legend(ax)
+    return ax
+
+
+def left_over(made: Discovery, ax: Axes | None = None) -> Axes:
+    """Draw what base and extended model leave of the same seconds."""
+    ax = axes_or_new(ax)
+    number, some = _telling(made)
+    run = made.runs[number]
+    time = run.log["time"] - run.log["time"][0]
+    lines = [("base model", run.base, BEFORE)]
+    if made.found:
+        lines += [("extended model", run.final, AFTER)]
+    for label, values, colour in lines:
+        left = run.measured - values
+        at = outline(left[some]) + some.start
+        ax.plot(time[at], left[at], color=colour, linewidth=0.8, label=label)
+    ax.axhline(0.0, color=INK, linewidth=0.8)
+    ax.set(
+        xlabel="time since the start of the run [s]",
+        ylabel=f"measured − predicted [{made.unit}]",
+    )
+    titled(ax, "What is left of it")
+    legend(ax)
+    return ax
+
+
+def shrunk(made: Discovery, ax: Axes | None = None) -> Axes:
+    """Draw the RMS before and after in each part of the runs and each band of the residual."""
+    shown = _shown(made.slices)
+    ax = axes_or_new(ax, 6.0, 0.8 + 0.2 * len(shown))
+    at = -np.arange(len(shown), dtype=np.float64)
+    base, final = (np.array([getattr(s, key) for s in shown]) for key in ("base", "final"))
+    ax.axvline(made.noise_floor, color=INK, linewidth=0.8, linestyle="--", label="noise floor")
+    ax.hlines(at, final, base, color=GREY, linewidth=1.2)
+    ax.plot(base, at, "o", color=BEFORE, markerfacecolor="none", markersize=5, label="before")
+    if made.found:
+        ax.plot(final, at, "o", color=AFTER, markersize=4.5, label="after")
+    ax.set_yticks(at, [_label(s) for s in shown])
+    ax.tick_params(axis="y", labelsize=7.5, length=0)
+    ax.set(xlabel=f"RMS on folds that no fit saw [{made.unit}]", xlim=(0.0, None))
+    ax.set_ylim(at[-1] - 0.7, 0.7)
+    titled(ax, "By how much the gap shrank, and where" if made.found else "How large the gap is")
+    legend(ax, beside=True)
+    return ax
+
+
+def orders_before_after(made: Discovery, ax: Axes | None = None) -> Axes:
+    """Draw the amplitude of both residuals over orders per output turn.
+
+    Raises
+    ------
+    InputError
+        Where the joint does not turn, or the runs hold no angle.
+    """
+    logs = [run.log for run in made.runs]
+    left = {"base model": [run.measured - run.base for run in made.runs]}
+    if made.found:
+        left["extended model"] = [run.measured - run.final for run in made.runs]
+    spectra = {label: spectrum_over(logs, values) for label, values in left.items()}
+    ax = axes_or_new(ax)
+    for (label, spectrum), colour in zip(spectra.items(), (BEFORE, AFTER), strict=False):
+        ax.plot(*spectrum, color=colour, linewidth=1.0, label=label)
+    order = spectra["base model"][0]
+    ax.set(
+        xscale="log",
+        yscale="log",
+        xlabel="order [periods per output turn]",
+        ylabel=f"amplitude [{made.unit}]",
+        xlim=(order[0], order[-1]),
+    )
+    titled(ax, "Orders of the residual, before and after")
+    legend(ax)
+    return ax
+
+
+def _turns(made: Discovery) -> bool:
+    try:
+        orders_before_after(made)
+    except InputError:
+        return False
+    return True
+
+
+def _telling(made: Discovery) -> tuple[int, slice]:
+    """The run and the rows in which the squares of the residual shrank most; held-out."""
+    best, found = -np.inf, (0, slice(0, len(made.runs[0].log)))
+    for number, run in enumerate(made.runs):
+        gain = np.nan_to_num((run.measured - run.base) ** 2)
+        gain -= np.nan_to_num((run.measured - run.final) ** 2) if made.found else 0.0
+        time = run.log["time"]
+        last = np.searchsorted(time, time + STRETCH)
+        total = np.concatenate([[0.0], np.cumsum(gain)])
+        inside = total[last] - total[:-1]
+        first = int(np.argmax(inside))
+        if inside[first] > best:
+            best, found = float(inside[first]), (number, slice(first, int(last[first])))
+    return found
+
+
+def _shown(every: tuple[Slice, ...]) -> list[Slice]:
+    """All parts; of many runs the worst."""
+    many = [s for s in every if s.group == "run"]
+    worst = sorted(many, key=lambda s: -s.base)[:MOST_RUNS]
+    return [s for s in every if s.group != "run" or len(many) <= MOST_RUNS or s in worst]
+
+
+def _label(part: Slice) -> str:
+    if part.group in ("all", "direction", "reversals", "order"):
+        return plain(part.label)
+    return f"{part.group} {plain(part.label)}"

@@ -1,0 +1,137 @@
+"""What there is to say of a discovery in tables, for text and HTML alike."""
+
+from __future__ import annotations
+
+from itertools import groupby
+from typing import TYPE_CHECKING
+
+from flexspline.errors import listed
+from flexspline.report.content import ParameterLine, parameter_lines
+from flexspline.report.numbers import decimals_for, short
+from flexspline.report.verdict import TARGET_WORDS
+
+if TYPE_CHECKING:
+    from flexspline.discovery.result import Discovery, Found
+    from flexspline.discovery.shrunk import Slice
+
+__all__ = ["best_rivals", "discovery_call", "effect_lines", "headlines", "remarks", "shrunk_tables",
+           "verdict"]  # fmt: skip
+
+MOST_RIVALS = 3
+
+_TITLES = {
+    "all": "all",
+    "run": "by run",
+    "reversals": "at reversals and away from them",
+    "direction": "by direction",
+    "speed": "by speed",
+    "temperature": "cold to hot",
+    "load": "unloaded to loaded",
+    "frequency": "by frequency, slow to fast",
+    "order": "by order per output turn, while the joint turns",
+}
+
+
+def verdict(made: Discovery) -> str:
+    """Return what was found, and by how much the gap shrank, in a sentence or two."""
+    what = TARGET_WORDS[made.target]
+    where = f"on {made.validated_by} that no fit saw"
+    rmse = f"{short(made.base_rmse)} to {short(made.final_rmse)} {made.unit}"
+    if made.found:
+        names = listed(made.names, most=len(made.names))
+        floor = f"noise floor {short(made.noise_floor)} {made.unit}"
+        return f"The model of the {what} lacks {names}: RMSE {rmse} {where}, {floor}."
+    if made.unexplained:
+        return (
+            f"No effect that is known explains what the model of the {what} lacks: RMSE "
+            f"{short(made.base_rmse)} {made.unit} {where}."
+        )
+    return (
+        f"Nothing is missing in the model of the {what} that these runs show: RMSE "
+        f"{short(made.base_rmse)} {made.unit} {where}, which is noise."
+    )
+
+
+def remarks(made: Discovery) -> list[str]:
+    """Return what else has to be said: what is unexplained, what to record, what was not tried."""
+    said = []
+    if made.unexplained:
+        share = 100.0 * made.unexplained.share_of_variance
+        on = listed(made.unexplained.depends_on)
+        said.append(
+            f"Unexplained: {share:.0f} % of the gap above the noise floor (mean square) depends on "
+            f"{on}, in a way that no effect of the catalogue has."
+        )
+    if made.doubted:
+        said.append(
+            f"{listed(made.doubted)} would explain a part of it, but only stands in for this."
+        )
+    if made.next_experiment:
+        said.append(f"Next: {made.next_experiment}")
+    if made.not_tried:
+        said.append(f"Not tried, for lack of channels or facts: {listed(made.not_tried, most=40)}.")
+    return said
+
+
+def headlines(made: Discovery) -> list[tuple[str, str]]:
+    """Return the numbers that say how the gap shrank: what, and its value with the unit."""
+    unit = made.unit
+    rows = [("base model, RMSE held out", f"{short(made.base_rmse)} {unit}")]
+    if made.found:
+        rows.append(("extended model, RMSE held out", f"{short(made.final_rmse)} {unit}"))
+    rows.append(("noise floor, which no model can beat", f"{short(made.noise_floor)} {unit}"))
+    if made.found and made.gap_closed == made.gap_closed:
+        closed = f"{100.0 * min(made.gap_closed, 1.0):.0f} % of its mean square"
+        rows.append(("gap above the floor that is closed", closed))
+    return rows
+
+
+def effect_lines(made: Discovery, one: Found) -> list[ParameterLine]:
+    """Return a line for each parameter of one named effect, ripple as amplitude and phase."""
+    return [line for line in parameter_lines(made.fit) if line.effect == one.effect]
+
+
+def best_rivals(one: Found) -> list[tuple[str, str, str]]:
+    """Return the best other candidates: name, share of what the named effect explains, verdict."""
+    return [
+        (
+            rival.name,
+            f"{100.0 * min(rival.gain / max(rival.own, 1e-300), 1.0):.0f} %",
+            "not told apart" if rival.alias else f"worse: {one.effect} keeps t = {rival.left:.1f}",
+        )
+        for rival in one.rivals[:MOST_RIVALS]
+    ]
+
+
+def shrunk_tables(made: Discovery) -> list[tuple[str, list[tuple[str, str, str, str, str]]]]:
+    """Return the held-out errors by group: title, then label, rows, before, after and change."""
+    decimals = decimals_for(made.final_rmse)
+    return [
+        (_TITLES[group], [_row(part, decimals) for part in members])
+        for group, members in groupby(made.slices, lambda part: part.group)
+    ]
+
+
+def discovery_call(made: Discovery) -> str:
+    """Return the call that makes the discovery again from the same logs."""
+    lines = [repr(list(made.base_effects)), "logs", f"target={made.target!r}"]
+    part = made.model.part(made.target)
+    if part.known_load is not None:
+        lines.append(f"known_load={part.known_load!r}")
+    if made.fit.lowpass is not None:
+        lines.append(f"lowpass={made.fit.lowpass!r}")
+    fixed = {p.name: p.value for p in made.fit.parameters if p.state == "fixed"}
+    if fixed:
+        lines.append(f"fixed={fixed!r}")
+    return "found = flexspline.discover(\n" + "".join(f"    {x},\n" for x in lines) + ")"
+
+
+def _row(part: Slice, decimals: int) -> tuple[str, str, str, str, str]:
+    change = 100.0 * (part.final / part.base - 1.0) if part.base > 0.0 else 0.0
+    return (
+        part.label,
+        str(part.rows),
+        f"{part.base:.{decimals}f}",
+        f"{part.final:.{decimals}f}",
+        f"{change + 0.0:+.0f} %" if round(change) else "0 %",
+    )

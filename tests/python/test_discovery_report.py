@@ -1,0 +1,153 @@
+"""What a discovery says of how the gap shrank is arithmetic on residuals that no fit saw."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hidden_logs import LOAD, friction_of, log_of, noise, rich_run
+
+import flexspline
+from flexspline.discovery.bands import frequency_bands, order_bands
+from flexspline.discovery.result import Discovery
+from flexspline.discovery.shrunk import HeldRun, slices
+from flexspline.logs.log import Log
+
+BASE = ["offset", "coulomb_friction", "viscous_friction", "inertia"]
+ROWS = 2000
+
+
+@cache
+def found() -> Discovery:
+    """Runs that hide a crosstalk of the motor; each has a name of its own."""
+    runs = []
+    for seed in range(1, 5):
+        c = rich_run(seed, ROWS)
+        torque = c[LOAD] + friction_of(c) + noise(seed, ROWS) + 0.05 * c["motor_torque"]
+        runs.append(log_of(c, sensor_torque=torque).with_facts({"name": f"run {seed}"}))
+    return flexspline.discover(BASE, runs, target="sensor_torque", known_load=LOAD)
+
+
+def turning(values: np.ndarray, rate: float = 100.0) -> Log:
+    time = np.arange(len(values)) / rate
+    return Log.from_arrays(
+        time=time,
+        output_position=2.0 * time,
+        output_velocity=np.full(len(time), 2.0),
+        facts={"gear_ratio": 100.0, "output_spline": "circular"},
+    )
+
+
+@pytest.mark.parametrize(("hertz", "band"), [(0.3, 0), (4.0, 1), (21.0, 2)])
+def test_a_wave_is_in_the_band_of_its_frequency(hertz: float, band: int) -> None:
+    time = np.arange(4000) / 100.0
+    wave = np.sin(2 * np.pi * hertz * time)
+    sizes = [size for _, (size,) in frequency_bands([turning(wave)], [[wave]])]
+    assert int(np.argmax(sizes)) == band
+    assert sizes[band] == pytest.approx(np.sqrt(0.5), rel=0.01)
+
+
+@pytest.mark.parametrize(("order", "band"), [(3.0, 0), (30.0, 1), (101.0, 2)])
+def test_a_ripple_is_in_the_band_of_its_order(order: float, band: int) -> None:
+    time = np.arange(4000) / 100.0
+    wave = np.sin(order * 2.0 * time)
+    sizes = [size for _, (size,) in order_bands([turning(wave)], [[wave]])]
+    assert int(np.argmax(sizes)) == band
+    assert sizes[band] == pytest.approx(np.sqrt(0.5), rel=0.02)
+
+
+def test_squares_of_the_bands_add_up_to_those_of_the_rows_that_count() -> None:
+    residual = np.random.default_rng(5).normal(0.1, 1.0, 3000)
+    residual[900:1000] = np.nan
+    sizes = [size for _, (size,) in frequency_bands([turning(residual)], [[residual]])]
+    assert sum(np.square(sizes)) == pytest.approx(float(np.nanmean(residual**2)), rel=1e-12)
+
+
+def test_a_gap_at_reversals_alone_is_told_from_one_elsewhere() -> None:
+    time = np.arange(4000) / 100.0
+    velocity = np.sin(time)
+    log = Log.from_arrays(time=time, output_position=1.0 - np.cos(time), output_velocity=velocity)
+    zero = np.zeros(len(time))
+    near = np.min(np.abs(time[:, None] - np.pi * np.arange(14)), axis=1) < 0.03
+    run = HeldRun(log, zero, np.where(near, 1.0, 0.0), zero, None)
+    by = {s.label: s for s in slices([run]) if s.group == "reversals"}
+    assert by["within ±0.1 s of a reversal"].base > 0.3
+    assert by["elsewhere"].base < 0.1 * by["within ±0.1 s of a reversal"].base
+    assert all(part.final == 0.0 for part in by.values())
+
+
+def test_rmse_of_all_rows_is_that_of_the_verdict_and_runs_add_up_to_it() -> None:
+    made = found()
+    table = made.before_after()
+    assert table.loc[("all", "all rows"), "base"] == pytest.approx(made.base_rmse, rel=1e-12)
+    assert table.loc[("all", "all rows"), "final"] == pytest.approx(made.final_rmse, rel=1e-12)
+    runs = table.loc["run"]
+    together = np.sqrt((runs["final"] ** 2 * runs["rows"]).sum() / runs["rows"].sum())
+    assert together == pytest.approx(made.final_rmse, rel=1e-12)
+    groups = {"all", "run", "reversals", "direction", "speed", "temperature", "load", "frequency",
+              "order"}  # fmt: skip
+    assert set(table.index.get_level_values("group")) == groups
+
+
+def test_the_gap_of_a_slow_leak_closes_below_a_hertz_and_not_above_ten() -> None:
+    bands = found().before_after().loc["frequency"]
+    slow, fast = bands.iloc[0], bands.iloc[-1]
+    assert slow["final"] < 0.3 * slow["base"]
+    assert fast["final"] == pytest.approx(fast["base"], rel=0.02)
+
+
+def test_residuals_are_of_fits_that_never_saw_the_run() -> None:
+    made = found()
+    others = [run.log for run in made.runs[1:]]
+    names = [e.name for e in made.model.part("sensor_torque").effects]
+    own = flexspline.fit(names, others, "sensor_torque", known_load=LOAD, checks=False)
+    predicted = own.model.predict(made.runs[0].log).predicted
+    apart = np.nanstd(predicted - made.runs[0].final)
+    assert apart < 0.1 * made.final_rmse  # of other weights and shapes, not of another fit
+
+
+def test_the_noise_floor_on_the_map_is_never_above_what_the_extended_model_reaches() -> None:
+    where = found().disagreement
+    for name, bands in where.before.by.items():
+        for band in bands:
+            assert band.noise_floor <= where.after[name][band.label] * (1.0 + 1e-12)
+    assert "noise floor of 0.013 Nm" in where.before.sentences[0]
+
+
+def test_the_json_holds_bands_and_all_parameters_with_errors() -> None:
+    made = found()
+    content = json.loads(made.to_json())
+    assert len(content["before_after"]) == len(made.slices)
+    assert {p["name"] for p in content["parameters"]} == {p.name for p in made.fit.parameters}
+    (leak,) = content["found"][0]["parameters"]
+    assert abs(leak["value"] - 0.05) < 4.0 * leak["standard_error"]
+
+
+def test_the_report_stands_alone_and_shows_map_evidence_errors_and_provenance(
+    tmp_path: Path,
+) -> None:
+    made = found()
+    made.report(tmp_path / "report.html")
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    (leak,) = made.parameters("motor_crosstalk")
+    assert page.count("<svg") == 5  # the map and four views
+    assert "http" not in page.replace("http://www.w3.org", "") and "<script" not in page
+    for said in ("within ±0.1 s of a reversal", "below 1 Hz", "above order 50.5", "run 3",
+                 "0.0500 ± 0.00", "flexspline.discover(", made.found[0].evidence[:40]):  # fmt: skip
+        assert said in page, said
+    assert leak.unit in page
+
+
+def test_a_notebook_shows_the_same_numbers_as_the_report() -> None:
+    fragment = found()._repr_html_()
+    assert "motor_crosstalk" in fragment and "0.0500 ± 0.00" in fragment
+    assert "<html" not in fragment
+
+
+def test_the_figure_has_a_panel_for_each_view() -> None:
+    figure = found().plot()
+    titles = [ax.get_title(loc="left") for cell in figure.subfigs for ax in cell.axes]
+    assert len(titles) == 4 and "Orders of the residual, before and after" in titles
