@@ -70,3 +70,40 @@ def test_effects_and_a_model_together_are_refused(
     paths = saved(tmp_path)
     assert called("discover", *paths, *options(tmp_path / "x"), "--model", "model.json") == 2
     assert "either --effects" in capsys.readouterr().err
+
+
+WRONG = {
+    "offset,": (["--effects", "offset,"], "a name is missing"),
+    "no effect": (["--effects", "frictoin"], "frictoin"),
+    "orders": (["--effects", "offset", "--orders", "output_ripple=a"], "EFFECT=1,2,4"),
+    "fix": (["--effects", "offset", "--fix", "offset"], "NAME=VALUE"),
+    "fix of nothing": (["--effects", "offset", "--fix", "inertia=1"], "inertia"),
+    "no model": (["--model", "nowhere.json"], "nowhere.json"),
+    "orders of no ripple": (["--effects", "offset", "--orders", "inertia=1"], "inertia"),
+    "orders of none": (["--effects", "offset", "--orders", "output_ripple=1"], "output_ripple"),
+    "no channel": (["--effects", "offset", "--known-load", "no_channel"], "no_channel"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_a_wrong_call_is_one_sentence_and_leaves_nothing(
+    case: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    given, says = WRONG[case]
+    out = tmp_path / "found"
+    code = called("discover", saved(tmp_path)[0], "--target", "sensor_torque", *given,
+                  "--out", str(out))  # fmt: skip
+    said = capsys.readouterr().err
+    assert code == 2 and says in said and said.count("\n") == 1, said
+    assert not out.exists()
+
+
+def test_a_parameter_that_is_fixed_on_the_command_line_is_fixed_in_the_model(
+    tmp_path: Path,
+) -> None:
+    out = tmp_path / "found"
+    held = ["--fix", "inertia=0.0195", "--fix", "direction_width=0.05"]
+    assert called("discover", *saved(tmp_path), *options(out), *held) == 0
+    record = Model.load(out / "model.json").part("sensor_torque").record
+    fixed = {p["name"]: p["value"] for p in record["parameters"] if p["state"] == "fixed"}
+    assert fixed == {"inertia.inertia": 0.0195, "direction_width": 0.05}

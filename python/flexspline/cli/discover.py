@@ -7,11 +7,17 @@ from typing import Any
 
 import click
 
-from flexspline import effects as catalogue
-from flexspline.cli.fit import _effects as effects_of
-from flexspline.cli.fit import _orders as orders_of
 from flexspline.cli.help import Taught, effects_by_target, repairs
-from flexspline.cli.options import lowpass, named, reading, target
+from flexspline.cli.options import (
+    fixed,
+    known_load,
+    lowpass,
+    named_effects,
+    orders,
+    reading,
+    target,
+    threads,
+)
 from flexspline.cli.runs import Reading, on_terminal
 from flexspline.errors import InputError
 from flexspline.files import atomic_write, whole_folder
@@ -25,20 +31,11 @@ __all__ = ["discover"]
 @click.option("--effects", "names", metavar="A,B,C", help="Effects that are known; or none.")
 @click.option("--model", "model_path", metavar="MODEL.json", help="Or a model to start from.")
 @click.option("--out", required=True, metavar="DIR", help="Folder for what is found.")
-@click.option(
-    "--known-load", metavar="CHANNEL", help="Channel with the load, e.g. reference_torque."
-)
+@known_load
 @lowpass
-@click.option(
-    "--orders",
-    multiple=True,
-    metavar="EFFECT=1,2,4",
-    callback=named("EFFECT=1,2,4", orders_of),
-    help="Orders of a ripple effect; otherwise they are found. Can be repeated.",
-)
-@click.option(
-    "--threads", type=click.IntRange(1, 1024), default=1, show_default=True, help="To compute with."
-)
+@orders
+@fixed
+@threads
 @reading()
 def discover(
     runs: tuple[str, ...],
@@ -72,9 +69,7 @@ def discover(
     if names is not None and target is None:
         raise InputError("--target is needed beside --effects; say what is explained")
     model = None if model_path is None else Model.load(model_path)
-    effects = [] if names is None else effects_of(names)
-    for name in effects:
-        catalogue.effect(name)
+    effects = [] if names is None else named_effects(names)
     with whole_folder(out, last="discovery.json") as draft:
         logs = reading.logs(runs, {} if model is None else model.facts)
         made = look(
@@ -84,6 +79,7 @@ def discover(
             known_load=options["known_load"],
             lowpass=options["lowpass"],
             orders=options["orders"],
+            fixed=options["fix"],
             threads=options["threads"],
             progress=on_terminal(),
         )

@@ -7,19 +7,23 @@ from typing import Any
 
 import click
 
-from flexspline import effects as catalogue
 from flexspline import fit as fit_effects
 from flexspline.cli.help import Taught, effects_by_target, repairs
-from flexspline.cli.options import lowpass, named, reading, target
+from flexspline.cli.options import (
+    fixed,
+    known_load,
+    lowpass,
+    named,
+    named_effects,
+    orders,
+    reading,
+    target,
+    threads,
+)
 from flexspline.cli.runs import Reading, on_terminal
-from flexspline.errors import InputError
 from flexspline.files import whole_folder
 
 __all__ = ["fit"]
-
-
-def _orders(text: str) -> tuple[int, ...]:
-    return tuple(int(order) for order in text.split(","))
 
 
 def _bound(text: str) -> tuple[float | None, float | None]:
@@ -32,13 +36,6 @@ def _prior(text: str) -> tuple[float, float]:
     return value, error
 
 
-def _effects(text: str) -> list[str]:
-    names = [] if text.strip() == "none" else [name.strip() for name in text.split(",")]
-    if "" in names:
-        raise InputError(f"--effects '{text}': a name is missing; write A,B,C or none")
-    return names
-
-
 @click.command(cls=Taught, sections=(effects_by_target, repairs))
 @click.argument("runs", nargs=-1, required=True, metavar="RUN.csv...")
 @target(required=True)
@@ -47,24 +44,10 @@ def _effects(text: str) -> list[str]:
 )
 @click.option("--out", required=True, metavar="DIR", help="Folder for model.json and report.html.")
 @click.option("--into", metavar="MODEL.json", help="Add this part to a model of the same joint.")
-@click.option(
-    "--known-load", metavar="CHANNEL", help="Channel with the load, e.g. reference_torque."
-)
+@known_load
 @lowpass
-@click.option(
-    "--orders",
-    multiple=True,
-    metavar="EFFECT=1,2,4",
-    callback=named("EFFECT=1,2,4", _orders),
-    help="Orders of a ripple effect; otherwise they are found. Can be repeated.",
-)
-@click.option(
-    "--fix",
-    multiple=True,
-    metavar="NAME=VALUE",
-    callback=named("NAME=VALUE", float),
-    help="A parameter that is known and not fitted, such as inertia=0.019.",
-)
+@orders
+@fixed
 @click.option(
     "--bound",
     multiple=True,
@@ -81,9 +64,7 @@ def _effects(text: str) -> list[str]:
 )
 @click.option("--robust", is_flag=True, help="Weigh down outliers and pushes (Huber).")
 @click.option("--offset-per-run", is_flag=True, help="One offset for each run.")
-@click.option(
-    "--threads", type=click.IntRange(1, 1024), default=1, show_default=True, help="To compute with."
-)
+@threads
 @reading()
 def fit(
     runs: tuple[str, ...],
@@ -114,9 +95,7 @@ def fit(
     """
     from flexspline.model import Model
 
-    effects = _effects(names)
-    for name in effects:
-        catalogue.effect(name)
+    effects = named_effects(names)
     model = None if into is None else Model.load(into)
     with whole_folder(out, last="model.json") as draft:
         logs = reading.logs(runs, {} if model is None else model.facts)

@@ -9,9 +9,24 @@ from typing import Any, TypeVar
 import click
 
 from flexspline.cli.runs import Reading
-from flexspline.effects import TARGETS
+from flexspline.effects import TARGETS, effect
+from flexspline.errors import InputError
 
-__all__ = ["controller", "lowpass", "model", "named", "out_file", "positive", "reading", "target"]
+__all__ = [
+    "controller",
+    "fixed",
+    "known_load",
+    "lowpass",
+    "model",
+    "named",
+    "named_effects",
+    "orders",
+    "out_file",
+    "positive",
+    "reading",
+    "target",
+    "threads",
+]
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -45,6 +60,56 @@ def named(example: str, parse: Callable[[str], Any]) -> Callable[..., dict[str, 
         return found
 
     return read
+
+
+def named_effects(text: str) -> list[str]:
+    """Read the names of effects, A,B,C or none.
+
+    Raises
+    ------
+    InputError
+        Where a name is missing or unknown.
+    """
+    names = [] if text.strip() == "none" else [name.strip() for name in text.split(",")]
+    if "" in names:
+        raise InputError(f"--effects '{text}': a name is missing; write A,B,C or none")
+    return [effect(name).name for name in names]
+
+
+def known_load(command: Command) -> Command:
+    """--known-load CHANNEL"""
+    says = "Channel with the load, e.g. reference_torque."
+    return click.option("--known-load", metavar="CHANNEL", help=says)(command)
+
+
+def orders(command: Command) -> Command:
+    """--orders EFFECT=1,2,4"""
+    return click.option(
+        "--orders",
+        multiple=True,
+        metavar="EFFECT=1,2,4",
+        callback=named("EFFECT=1,2,4", lambda text: tuple(int(each) for each in text.split(","))),
+        help="Orders of a ripple effect; otherwise they are found. Can be repeated.",
+    )(command)
+
+
+def fixed(command: Command) -> Command:
+    """--fix NAME=VALUE"""
+    return click.option(
+        "--fix",
+        multiple=True,
+        metavar="NAME=VALUE",
+        callback=named("NAME=VALUE", float),
+        help="A parameter that is known and not fitted, such as inertia=0.019.",
+    )(command)
+
+
+def threads(command: Command) -> Command:
+    """--threads COUNT"""
+    count = click.IntRange(1, 1024)
+    return click.option(
+        "--threads", type=count, default=1, show_default=True, help="To compute with."
+    )(command)
 
 
 def target(required: bool) -> Callable[[Command], Command]:
