@@ -16,6 +16,7 @@ from flexspline.discovery.scores import equivalent_t, price
 from flexspline.discovery.search import owned_gain
 from flexspline.discovery.shrunk import HeldRun
 from flexspline.discovery.table import by_runs
+from flexspline.discovery.whitening import Whitening
 from flexspline.discovery.where import contribution, where
 from flexspline.discovery.working import Working
 from flexspline.effects import UNITS, Effect
@@ -32,9 +33,10 @@ SEEN = 0.05  # of the first gap: less is neither a second name nor unexplained
 def assembled(made: Analysis, faults: tuple[DataFault, ...], fit: Fit) -> Discovery:
     """Put everything together that a user sees."""
     problem = made.study.problem
-    left = [held_out(problem, work, made.whitening) for work in _nested(made)]
+    plain = Whitening(np.ones(1), 1.0, problem.decimation)  # as `fit` does, for what users see
+    left = [held_out(problem, work, plain) for work in _nested(made)]
     steps = [one.rmse for one in left]
-    unexplained, floor = _unexplained(made, steps)
+    unexplained, floor = _unexplained(made, plain, steps)
     found = [
         _found(made, effect, steps[number], steps[number + 1])
         for number, effect in enumerate(made.final.named)
@@ -88,12 +90,14 @@ def _nested(made: Analysis) -> list[Working]:
     return [*models, made.final] if made.final.named else models
 
 
-def _unexplained(made: Analysis, steps: list[float]) -> tuple[Unexplained | None, float]:
+def _unexplained(
+    made: Analysis, plain: Whitening, steps: list[float]
+) -> tuple[Unexplained | None, float]:
     """What is left above the noise floor, if it matters; and the floor."""
     groups = made.leftover.groups
     if not groups:
         return None, steps[-1]
-    floor = min(held_out(made.study.problem, made.final, made.whitening, groups).rmse, *steps)
+    floor = min(held_out(made.study.problem, made.final, plain, groups).rmse, *steps)
     gap = steps[0] ** 2 - floor**2
     share = (steps[-1] ** 2 - floor**2) / gap if gap > 0.0 else 0.0
     if share < SEEN:
