@@ -37,14 +37,16 @@ class Rival:
     """Another candidate in the place of a named effect.
 
     `gain`: what it explains there, and `own` what the named effect explains, in χ². `left`: |t|
-    that the named effect keeps beside it. `behind`: how much worse it is on left-out folds, in
-    standard errors of the difference from fold to fold.
+    that the named effect keeps beside it, and `adds` what it keeps beside the named effect.
+    `behind`: how much worse it is on left-out folds, in standard errors of the difference from
+    fold to fold.
     """
 
     effect: Effect
     gain: float
     own: float
     left: float
+    adds: float
     behind: float
 
     @property
@@ -56,7 +58,18 @@ class Rival:
         """Whether these runs do not tell it from the named effect."""
         if self.left < LEFT and self.gain >= EXPLAINS * self.own:
             return True
-        return self.gain >= NEARLY * self.own and self.behind < FOLDS_DIFFER
+        same = self.left**2 < EXPLAINS * self.own
+        return same and self.gain >= NEARLY * self.own and self.behind < FOLDS_DIFFER
+
+    @property
+    def inside(self) -> bool:
+        """Whether the named effect is another form of it: it adds nothing, and lacks little.
+
+        Where the load is a function of the angle, friction that follows the angle holds every form
+        of friction that follows the load. That it fits better, with more numbers, is a matter of
+        form.
+        """
+        return self.adds < LEFT and self.gain >= NEARLY * self.own
 
 
 def rivals_of(searcher: Searcher, work: Working, effect: Effect) -> list[Rival]:
@@ -66,6 +79,7 @@ def rivals_of(searcher: Searcher, work: Working, effect: Effect) -> list[Rival]:
     mine = dictionary.model[np.array(dictionary.owners) == effect.name]
     own = owned_gain(dictionary, effect.name)
     raw = np.diag(dictionary.table.total)
+    beside_it = dictionary.table.without(dictionary.model)
     made = []
     for offer in offers(dictionary, rest, len(dictionary.candidates)):
         beside: Columns = np.concatenate([rest, offer.columns])
@@ -77,15 +91,17 @@ def rivals_of(searcher: Searcher, work: Working, effect: Effect) -> list[Rival]:
         if rank < MOST and kept < REFITTED and gain >= EXPLAINS * own:
             kept, gain = _refitted(searcher, work, effect, offer, kept)
         left = float(np.sqrt(max(kept - len(effect.terms), 0.0)))
+        more = gain_of(beside_it, offer.columns, raw)[0] - len(offer.columns)
+        adds = float(np.sqrt(max(more, 0.0)))
         behind = _behind(dictionary.table, rest, mine, offer.columns)
-        found.append(Rival(offer.effect, gain, own, left, behind))
+        found.append(Rival(offer.effect, gain, own, left, adds, behind))
     return sorted(found, key=lambda rival: -rival.gain)
 
 
 def simplest(searcher: Searcher, work: Working) -> Working:
     """Replace each name by the alias with fewest coefficients: of equals the plainest is said."""
     for effect in work.named:
-        equals = [r for r in rivals_of(searcher, work, effect) if r.alias]
+        equals = [r for r in rivals_of(searcher, work, effect) if r.alias or r.inside]
         plain = min(equals, key=lambda r: freedom(r.effect), default=None)
         if plain is None or freedom(plain.effect) >= freedom(effect):
             continue

@@ -59,11 +59,12 @@ def discover(
 
     Notes
     -----
-    How names are chosen: `discovery/search.py`; what evidence is: `discovery/scores.py`.
+    Rows at rest say nothing of a drive (`discovery/rest.py`) and are left out. How names are chosen: `discovery/search.py`; what evidence is: `discovery/scores.py`.
     """
     from flexspline.discovery.analysis import analysed
     from flexspline.discovery.assemble import assembled
     from flexspline.discovery.faults import data_faults
+    from flexspline.discovery.rest import moving
     from flexspline.discovery.study import study_of
     from flexspline.fit.fitting import fit
     from flexspline.logs.log import Log
@@ -73,6 +74,7 @@ def discover(
         raise InputError("there is no log to look at; give at least one")
     start = _start(model_or_effects, target, known_load, fixed or {})
     faults = data_faults(runs, start.effects, start.target, start.known_load)
+    runs = [moving(log, start.target) for log in runs]
 
     def fitted(effects: Sequence[Effect]) -> Fit:
         return fit(

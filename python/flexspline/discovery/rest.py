@@ -1,0 +1,42 @@
+"""Rows where the joint rests: there the friction of a drive is whatever the load asks for.
+
+Friction that sticks is undetermined within its level, so what a model leaves of the motor torque
+at rest names nothing, however large it is. A joint rests where its angle stays for half a second
+within a hundredth of the way that it covers at speed in that time; a reversal is no rest. With it go
+the quarter of a second before, in which a stop may come from a brake, and that after.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation, maximum_filter1d, minimum_filter1d
+
+from flexspline.logs.log import Log
+
+__all__ = ["moving", "resting"]
+
+SECONDS = 0.5
+SHARE, FAST = 0.01, 0.99  # of the way that this share of the rows does not exceed
+DRIVES = ("motor_torque", "motor_current")
+
+
+def resting(log: Log) -> NDArray[np.bool_]:
+    """Return where the joint of a log rests, (N,); nowhere if the log has no joint angle."""
+    if "output_position" not in log or log.rate * log.duration < 2.0:
+        return np.zeros(len(log), dtype=bool)
+    angle = log["output_position"]
+    width = max(3, round(SECONDS * log.rate)) | 1
+    way = maximum_filter1d(angle, width) - minimum_filter1d(angle, width)
+    middle = way <= SHARE * np.quantile(way, FAST)
+    return np.asarray(binary_dilation(middle, np.ones(2 * width + 1, dtype=bool)))
+
+
+def moving(log: Log, target: str) -> Log:
+    """Return the rows of a drive's log in which the joint moves, and all rows of other logs."""
+    if target not in DRIVES:
+        return log
+    still = resting(log)
+    if not still.any() or still.all():
+        return log
+    return log.rows(~still, note=f"{int(still.sum())} rows at rest left out")
