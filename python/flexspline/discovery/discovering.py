@@ -59,7 +59,8 @@ def discover(
 
     Notes
     -----
-    Rows at rest say nothing of a drive (`discovery/rest.py`) and are left out. How names are chosen: `discovery/search.py`; what evidence is: `discovery/scores.py`.
+    Rows at rest say nothing of a drive and are left out (`discovery/rest.py`). How names are
+    chosen: `discovery/search.py`; what evidence is: `discovery/scores.py`.
     """
     from flexspline.discovery.analysis import analysed
     from flexspline.discovery.assemble import assembled

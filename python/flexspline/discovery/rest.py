@@ -2,8 +2,8 @@
 
 Friction that sticks is undetermined within its level, so what a model leaves of the motor torque
 at rest names nothing, however large it is. A joint rests where its angle stays for half a second
-within a hundredth of the way that it covers at speed in that time; a reversal is no rest. With it go
-the quarter of a second before, in which a stop may come from a brake, and that after.
+within a hundredth of the way that it covers at speed in that time; a reversal is no rest. With it
+go a quarter of a second before, in which a stop may come from a brake, and a quarter after.
 """
 
 from __future__ import annotations

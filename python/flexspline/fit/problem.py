@@ -23,7 +23,7 @@ from flexspline.fit.requirements import (
     require_load,
 )
 from flexspline.fit.sums import Sums
-from flexspline.logs.derive import lowpass
+from flexspline.logs.derive import LowPass, lowpass
 from flexspline.logs.local_fit import require_bandwidth
 from flexspline.logs.log import Log
 from flexspline.logs.segments import runs
@@ -46,6 +46,7 @@ class Run:
     `channels`: name -> (N,) in SI units, "known_load" among them. `target`: (N,), y.
     `unbroken`: row ranges [first, last) without a gap. `stretches`: the rows of these that count;
     the beginning may be left out, where an effect still depends on what came before the run.
+    `low_pass`: of the target, for the rows; None without one.
     """
 
     log: Log
@@ -53,6 +54,7 @@ class Run:
     target: Array
     unbroken: tuple[tuple[int, int], ...]
     stretches: tuple[tuple[int, int], ...]
+    low_pass: LowPass | None = None
 
     def __len__(self) -> int:
         return len(self.target)
@@ -195,9 +197,7 @@ class Problem:
 
     def smooth(self, run: Run, values: Array) -> Array:
         """Values (N,) or (N, K) of a whole run, low-passed as the target is."""
-        if self.lowpass is None:
-            return values
-        return lowpass(values, run.log["time"], self.lowpass).values
+        return values if run.low_pass is None else run.low_pass(values)
 
     def predict(self, effects: Sequence[Effect], coefficients: Array) -> list[Array]:
         """Rows times coefficients, an array (N,) for each run."""
@@ -276,4 +276,5 @@ def _run(
                 f"log '{log.name}': a low pass of {cutoff:g} Hz leaves no row that it sees from "
                 "both sides; give a longer log or a higher cutoff"
             )
-    return Run(log, channels, y, tuple(stretches), tuple(stretches))
+    filtered = None if cutoff is None else LowPass(log["time"], cutoff)
+    return Run(log, channels, y, tuple(stretches), tuple(stretches), filtered)

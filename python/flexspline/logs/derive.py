@@ -23,6 +23,7 @@ from flexspline.logs.log import Log
 from flexspline.logs.segments import median_step, runs
 
 __all__ = [
+    "LowPass",
     "Smoothed",
     "decimate",
     "default_bandwidth",
@@ -150,6 +151,25 @@ def lowpass(
     return Smoothed(
         _by_run(fit, time, values, ranges), _inside(time, ranges, fit.half_length), fit.half_length
     )
+
+
+class LowPass:
+    """`lowpass` of one time axis, for columns that come again and again: weights are made once."""
+
+    def __init__(self, time: Array, cutoff: float) -> None:
+        self._time, self._fit = time, LocalFit(cutoff)
+        self._runs = [(int(a), int(b)) for a, b in runs(time)]
+        self._weights = [self._fit.weights(time[a:b]) for a, b in self._runs]
+
+    def __call__(self, values: Array) -> Array:
+        """Filter values (N,) or (N, M) that are finite."""
+        out = np.empty(values.shape)
+        for (a, b), weights in zip(self._runs, self._weights, strict=True):
+            if weights is None:
+                out[a:b] = self._fit.apply(self._time[a:b], values[a:b])
+            else:
+                out[a:b] = weights @ values[a:b]
+        return out
 
 
 def lowpass_log(log: Log, cutoff: float, channels: tuple[str, ...] | None = None) -> Log:

@@ -17,12 +17,14 @@ Source: Savitzky and Golay 1964 with Gaussian weights (Fan and Gijbels 1996, loc
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.signal import oaconvolve
+from scipy.sparse import csr_array, vstack
 
 from flexspline.errors import InputError
 
@@ -46,6 +48,9 @@ CHUNK = 1 << 15
 
 TOGETHER = 16
 """Columns with even steps that are filtered at once."""
+
+MOST_WEIGHTS = 4_000_000
+"""Numbers that are kept for a run with uneven steps, 48 MB."""
 
 WIDE = 40.0
 """Half lengths of more median steps than this go through a cubic spline to an even grid: its
@@ -148,16 +153,37 @@ class LocalFit:
             grid = np.linspace(time[0], time[-1], width + 1)
             smooth = self._even(CubicSpline(time, columns)(grid), grid[1] - grid[0])
             return np.asarray(CubicSpline(grid, smooth)(time))
+        out = np.empty_like(columns)
+        for rows, weights in self._pieces(time):
+            out[rows] = weights @ columns
+        return out
+
+    def weights(self, time: NDArray[np.float64]) -> csr_array | None:
+        """Weights (N, N) of every row for every row, for one unbroken run filtered again and again.
+
+        None where the run is better filtered anew: steps are even, or the window or run is long.
+        """
+        steps = np.diff(time)
+        step = float(np.median(steps)) if steps.size else 1.0
+        mean = (time[-1] - time[0]) / max(len(time) - 1, 1)
+        even = np.max(np.abs(steps - mean), initial=0.0) <= EVEN * mean
+        window = 2.0 * self.half_length / step
+        if even or window > 2.0 * WIDE or len(time) * window > MOST_WEIGHTS:
+            return None
+        pieces = list(self._pieces(time))
+        order = np.argsort(np.concatenate([rows for rows, _ in pieces]))
+        return csr_array(vstack([weights for _, weights in pieces], format="csr")[order])
+
+    def _pieces(self, time: NDArray[np.float64]) -> Iterator[tuple[NDArray[np.intp], csr_array]]:
+        """Rows with polynomials of one degree, and their weights (rows, N) for all."""
         first = np.searchsorted(time, time - self.half_length, side="left")
         last = np.searchsorted(time, time + self.half_length, side="right")
         degree = self._degrees(time, last - first)
-        out = np.empty_like(columns)
         for d in np.unique(degree):
             rows = np.flatnonzero(degree == d)
             for a in range(0, len(rows), CHUNK):
                 some = rows[a : a + CHUNK]
-                out[some] = self._fit_rows(time, columns, some, (first[some], last[some]), int(d))
-        return out
+                yield some, self._fit_rows(time, some, (first[some], last[some]), int(d))
 
     def _degrees(self, time: NDArray[np.float64], count: NDArray[np.intp]) -> NDArray[np.intp]:
         """Degree of each row's polynomial: lower where the window is cut, and with few rows."""
@@ -170,12 +196,11 @@ class LocalFit:
     def _fit_rows(
         self,
         time: NDArray[np.float64],
-        columns: NDArray[np.float64],
         rows: NDArray[np.intp],
         window: tuple[NDArray[np.intp], NDArray[np.intp]],
         degree: int,
-    ) -> NDArray[np.float64]:
-        """Fit around some rows, one offset of the window at a time for all of them."""
+    ) -> csr_array:
+        """Weights of a fit around some rows, one offset of the window at a time for all of them."""
         first, last = self._widened(rows, window, degree, len(time))
         sigma = np.maximum(WIDTH / self.bandwidth, (time[last - 1] - time[first]) / (2 * REACH))
         spans = range(int(np.max(last - first)))
@@ -187,12 +212,13 @@ class LocalFit:
                 weight = weight * x
         scale = (WIDTH / self.bandwidth / sigma) ** self.derivative
         coefficients = (self._solve(moments, degree) * scale[:, None]).T
-        out = np.zeros((len(rows), columns.shape[1]))
+        values, columns = np.empty((2, len(rows), len(spans)))
         for k in spans:
-            x, weight, row = _neighbour(time, rows, first + k, last, sigma)
-            weight = weight * np.polynomial.polynomial.polyval(x, coefficients, tensor=False)
-            out += weight[:, None] * columns[row]
-        return out
+            x, weight, columns[:, k] = _neighbour(time, rows, first + k, last, sigma)
+            values[:, k] = weight * np.polynomial.polynomial.polyval(x, coefficients, tensor=False)
+        ends = len(spans) * np.arange(len(rows) + 1)
+        inside = (values.ravel(), columns.ravel().astype(np.intp), ends)
+        return csr_array(inside, shape=(len(rows), len(time)))
 
     def _widened(
         self,
