@@ -47,14 +47,30 @@ class Candidate:
 
 
 def possible(
-    base: Sequence[Effect], logs: Sequence[Log], target: str, known_load: str | None
+    base: Sequence[Effect],
+    logs: Sequence[Log],
+    target: str,
+    known_load: str | None,
+    exclude: Iterable[str] = (),
 ) -> tuple[list[Effect], dict[str, str]]:
-    """Return the effects that these logs could show beside `base`, and why the others cannot."""
+    """Return the effects that these logs could show beside `base`, and why the others cannot.
+
+    `exclude`: names that the caller knows not to be there.
+
+    Raises
+    ------
+    InputError
+        For a name in `exclude` that is no effect, or one of the base.
+    """
     names = {e.name for e in base}
+    absent = _absent(exclude, names)
     taken = names | set(PAIRED) | {n for own in names for n in PAIRED.get(own, ())}
     found, reasons = [], {}
     for info in CATALOGUE.values():
         if info.name in taken or TARGETS[target] not in info.targets:
+            continue
+        if info.name in absent:
+            reasons[info.name] = "excluded by the caller"
             continue
         effect = Effect(info.name)
         effect = effect.without_load() if known_load is None else effect
@@ -74,6 +90,15 @@ def possible(
             reasons[effect.name] = str(error)
             found.remove(effect)
     return found, reasons
+
+
+def _absent(exclude: Iterable[str], base: set[str]) -> set[str]:
+    absent = {exclude} if isinstance(exclude, str) else set(exclude)
+    for name in sorted(absent):
+        Effect(name)  # refuses what is no effect
+        if name in base:
+            raise InputError(f"'{name}' is excluded and in the model; leave it out of one of them")
+    return absent
 
 
 def candidates_for(

@@ -29,6 +29,7 @@ def discover(
     lowpass: float | None = None,
     orders: Mapping[str, Sequence[int]] | None = None,
     fixed: Mapping[str, float] | None = None,
+    exclude: Iterable[str] = (),
     progress: bool = False,
     threads: int = 1,
 ) -> Discovery:
@@ -45,6 +46,7 @@ def discover(
     lowpass : Hz; zero phase, on the target and on every row alike.
     orders : {"output_ripple": [1, 2]} of the base; found where they are not given.
     fixed : parameters that are not fitted, as for `fit`.
+    exclude : names of effects that are known not to be there; none of them is a candidate.
     progress : show what is being tried on standard error.
     threads : for the sums over the logs.
 
@@ -55,7 +57,7 @@ def discover(
     Raises
     ------
     InputError
-        As `fit`, for the base.
+        As `fit`, for the base; for a name in `exclude` that is no effect, or one of the base.
 
     Notes
     -----
@@ -106,6 +108,7 @@ def discover(
             start.target,
             known_load=start.known_load,
             lowpass_hz=lowpass,
+            exclude=exclude,
             threads=threads,
         )
         made = analysed(study, effects, start.fixed, say)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -74,17 +74,18 @@ def study_of(
     known_load: str | None,
     lowpass_hz: float | None,
     threads: int,
+    exclude: Iterable[str] = (),
 ) -> Study:
     """Make logs ready for the base and every effect that they could show beside it.
 
     Raises
     ------
     InputError
-        As `fit`, for the base alone.
+        As `fit`, for the base alone; for a name in `exclude` that is no effect or is in the base.
     """
     problem_of(logs, base, target, known_load=known_load, lowpass_hz=lowpass_hz, threads=threads)
     logs = [_with_motion(log) for log in logs]
-    effects, reasons = possible(base, logs, target, known_load)
+    effects, reasons = possible(base, logs, target, known_load, exclude)
     kept = [e for e in effects if _finite(e, logs, reasons)]
     problem = problem_of(
         logs,

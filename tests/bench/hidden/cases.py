@@ -1,0 +1,139 @@
+"""Which cases there are: a frozen list, and an even subset of it for a quick look."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import count
+
+import numpy as np
+
+from hidden.combined import ALONE, EXCLUDED, PAIRS, TRIPLES
+from hidden.noise import NOISES
+from hidden.rig import JOINTS
+from hidden.unknown import UNKNOWN
+
+__all__ = ["SIZES", "Case", "cases", "quick"]
+
+SIZES = (50.0, 16.0, 5.0)
+MISMATCHED = (50.0, 100.0, 150.0)
+NOTHING = 100  # logs of each target
+RESTLESS = 20  # more of them, with rests and a noisy velocity
+
+RICH = ("swings", "moves")
+LEVELS = (0.01, 0.02, 0.005)
+
+
+@dataclass(frozen=True)
+class Case:
+    """One set of runs: what is hidden, how large as t, and where.
+
+    `kind`: nothing, restless (nothing, but a noisy velocity at rests), single, pair, triple,
+    unknown, removed or mismatch. `unknown`: a cause that no effect has. `excluded`: effects that
+    are taken from the candidates; what is hidden is then one of them. `level`: of the noise, Nm,
+    or 0.1 rad of a torsion.
+    """
+
+    number: int
+    kind: str
+    target: str
+    hidden: tuple[str, ...]
+    unknown: str
+    excluded: tuple[str, ...]
+    size: float
+    seed: int
+    joint: str
+    excitation: str
+    noise: str
+    level: float
+
+    @property
+    def label(self) -> str:
+        """What is hidden, in words."""
+        return "+".join(self.hidden) or self.unknown or "nothing"
+
+    @property
+    def key(self) -> str:
+        """One line that no other case has."""
+        return f"{self.number} {self.kind} {self.target} {self.label} t={self.size:g}"
+
+    @property
+    def nameable(self) -> tuple[str, ...]:
+        """What is hidden and among the candidates."""
+        return () if self.excluded else self.hidden
+
+
+@dataclass
+class _Maker:
+    """Deals out settings by the number of the case, and poor motion in turn."""
+
+    numbers: Iterator[int] = field(default_factory=count)
+    dealt: dict[tuple[str, str], int] = field(default_factory=dict)
+
+    def __call__(
+        self,
+        kind: str,
+        target: str,
+        hidden: tuple[str, ...],
+        size: float,
+        *,
+        unknown: str = "",
+        excluded: tuple[str, ...] = (),
+        poor_every: int = 0,
+    ) -> Case:
+        k = self.dealt[kind, target] = self.dealt.get((kind, target), -1) + 1
+        poor = poor_every and k % poor_every == poor_every - 1
+        number = next(self.numbers)
+        dealt = np.random.default_rng([20261121, number])
+        motion = "tied" if poor else "moves" if kind == "restless" else str(dealt.choice(RICH))
+        return Case(
+            number=number,
+            kind=kind,
+            target=target,
+            hidden=hidden,
+            unknown=unknown,
+            excluded=excluded,
+            size=size,
+            seed=1000 + number,
+            joint=str(dealt.choice(sorted(JOINTS))),
+            excitation=motion,
+            noise=str(dealt.choice(sorted(NOISES))),
+            level=float(dealt.choice(LEVELS)),
+        )
+
+
+def cases() -> list[Case]:
+    """Return every case, in an order that mixes sizes and targets."""
+    made, case = list[Case](), _Maker()
+    for target in ALONE:
+        for size in SIZES:
+            for seed in range(2):
+                made += [case("single", target, (name,), size, poor_every=5 - seed)
+                         for name in ALONE[target]]  # fmt: skip
+            made += [case("pair", target, names, size, poor_every=7) for names in PAIRS[target]]
+            made += [case("triple", target, names, size) for names in TRIPLES[target]]
+            made += [case("unknown", target, (), size, unknown=name) for name in UNKNOWN[target]]
+            made += [case("removed", target, (name,), size, excluded=(name, *more))
+                     for name, more in EXCLUDED[target].items()]  # fmt: skip
+        made += [case("mismatch", target, (name,), MISMATCHED[k % 3])
+                 for k, name in enumerate(n for n in ALONE[target] if n != "offset")]  # fmt: skip
+        made += [case("nothing", target, (), 0.0, poor_every=5) for _ in range(NOTHING)]
+    for target in ("sensor_torque", "motor_torque"):
+        made += [case("restless", target, (), 0.0) for _ in range(RESTLESS)]
+    return sorted(made, key=lambda c: (c.number * 7919) % 10007)
+
+
+def quick(every: Sequence[Case]) -> list[Case]:
+    """Return about seventy cases: of each kind, target and size a few."""
+    share = {"nothing": 5, "single": 2, "pair": 1, "triple": 1, "unknown": 1, "removed": 0,
+             "mismatch": 1, "restless": 1}  # fmt: skip
+    strata: dict[tuple[str, str, float], list[Case]] = {}
+    for case in sorted(every, key=lambda c: c.number):
+        size = 0.0 if case.kind == "mismatch" else case.size
+        strata.setdefault((case.kind, case.target, size), []).append(case)
+    chosen = []
+    for number, ((kind, _, size), own) in enumerate(strata.items()):
+        wanted = share[kind] + (kind == "removed" and size == SIZES[0])
+        dealt = np.random.default_rng([20261121, number])
+        chosen += [own[k] for k in dealt.choice(len(own), min(wanted, len(own)), replace=False)]
+    return chosen

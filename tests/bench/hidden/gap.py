@@ -1,0 +1,51 @@
+"""How much of the gap is closed on runs that nobody fitted, against what the true forms close.
+
+Squares without noise: E = Σ (truth − prediction)². The base and the base with the true terms are
+fitted by generalised least squares in the true noise; what `discover` made predicts by itself.
+
+    closed = (E_base − E_found) / (E_base − E_true)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from flexspline.logs.log import Log
+from flexspline.model import Model
+from hidden.made import Made
+from hidden.rig import Array
+from hidden.size import base_rows
+
+__all__ = ["closed"]
+
+
+def closed(made: Made, model: Model) -> float | None:
+    """Share of what the true forms close on the runs held out; None where they close nothing."""
+    first = len(made.logs)
+    truth = np.concatenate(made.clean[first:])
+    known = [base_rows_of(made, k) for k in range(len(made.scenes))]
+    true = [np.column_stack([rows, *(term[k] for term in made.terms.values())])
+            for k, rows in enumerate(known)]  # fmt: skip
+    found = np.concatenate([model.predict(log).predicted for log in made.held_out])
+    base, best = (_squares(made, columns, truth) for columns in (known, true))
+    if base <= best:
+        return None
+    return float((base - np.sum((truth - found) ** 2)) / (base - best))
+
+
+def base_rows_of(made: Made, number: int) -> Array:
+    """Rows and bend of the base in a run, (N, B)."""
+    logs: Sequence[Log] = (*made.logs, *made.held_out)
+    columns = [base_rows(e, made.scenes[number], logs[number]) for e in made.base]
+    return np.column_stack([np.empty((len(logs[number]), 0)), *columns])
+
+
+def _squares(made: Made, columns: list[Array], truth: Array) -> float:
+    """Squares on the held-out runs of a fit to the others, noise in both."""
+    first = len(made.logs)
+    rows = made.sizing.whitened(columns[:first])
+    target = made.sizing.whitened([y[:, None] for y in made.measured[:first]])[:, 0]
+    beta = np.linalg.lstsq(rows, target, rcond=1e-9)[0]
+    return float(np.sum((truth - np.concatenate(columns[first:]) @ beta) ** 2))

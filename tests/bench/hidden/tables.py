@@ -1,0 +1,101 @@
+"""What came out, as text and as plain values."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from hidden.confusion import confusion
+from hidden.shares import GAP_BAR, Share, brier, gaps, reliability, shares
+from hidden.trial import Outcome
+
+__all__ = ["summary", "text"]
+
+
+def text(outcomes: Sequence[Outcome]) -> str:
+    """Return all tables."""
+    parts = [_shares(shares(outcomes)), _by_target(outcomes), _gaps(outcomes),
+             _reliability(outcomes), _confused(outcomes), _seconds(outcomes)]  # fmt: skip
+    return "\n\n".join(parts)
+
+
+def _line(one: Share) -> str:
+    said = f"{one.what:52s} {one.hits:4d} of {one.of:4d}"
+    if not one.of:
+        return said
+    said += f"  {100 * one.value:5.1f} % ({100 * one.low:.0f} to {100 * one.high:.0f})"
+    if one.bar is None:
+        return said
+    return f"{said}  bar {100 * one.bar:.0f} %: {'pass' if one.passes else 'FAIL'}"
+
+
+def _shares(every: Sequence[Share]) -> str:
+    return "\n".join(["Shares with Wilson's 95 % intervals", *map(_line, every)])
+
+
+def _by_target(outcomes: Sequence[Outcome]) -> str:
+    lines = ["By target: right sets of names, all sizes; nothing; unknown (t = 50 and 16)"]
+    for target in dict.fromkeys(o.case.target for o in outcomes):
+        own = [s for s in shares([o for o in outcomes if o.case.target == target])
+               if s.bar is not None]  # fmt: skip
+        lines += [_line(Share(f"{target}: {s.what}"[:52], s.hits, s.of, s.low, s.high, s.bar))
+                  for s in own]  # fmt: skip
+    return "\n".join(lines)
+
+
+def _gaps(outcomes: Sequence[Outcome]) -> str:
+    lines = ["Share closed of what the true forms close, on runs that nobody fitted"]
+    for size, count, mean, median, reached in gaps(outcomes):
+        verdict = "pass" if mean >= GAP_BAR else "FAIL"
+        lines.append(f"{size:7s} {count:4d} cases: mean {mean:.3f} (bar {GAP_BAR}: {verdict}), "
+                     f"median {median:.3f}, {100 * reached:.0f} % of cases reach it")  # fmt: skip
+    return "\n".join(lines)
+
+
+def _reliability(outcomes: Sequence[Outcome]) -> str:
+    lines = [f"Reliability of the confidence (Brier {brier(outcomes):.3f})"]
+    for one in reliability(outcomes):
+        inside = one.right.low <= one.mean <= one.right.high
+        lines.append(f"said {one.mean:.2f}: right {one.right.hits:3d} of {one.right.of:3d}, "
+                     f"{one.right.value:.2f} ({one.right.low:.2f} to {one.right.high:.2f})"
+                     f"{'' if inside else '  outside'}")  # fmt: skip
+    return "\n".join(lines)
+
+
+def _confused(outcomes: Sequence[Outcome]) -> str:
+    """The confusion matrix without its diagonal; whole in the figure and in JSON."""
+    table, lines = confusion(outcomes), ["Confused (the whole matrix is in the figure)"]
+    for row, counts in table.iterrows():
+        total = int(counts.sum())
+        others = counts.drop(index=row, errors="ignore")
+        said = ", ".join(f"{name} {n}" for name, n in others[others > 0].items())
+        lines.append(f"{row:33s} {int(counts.get(row, 0)):4d} of {total:4d} as itself"
+                     f"{'; ' + said if said else ''}")  # fmt: skip
+    return "\n".join(lines)
+
+
+def _seconds(outcomes: Sequence[Outcome]) -> str:
+    times = [o.seconds for o in outcomes]
+    faults = sum(bool(o.faults) for o in outcomes)
+    return (f"Seconds of a case: median {np.median(times):.1f}, worst {np.max(times):.1f}; "
+            f"cases with a data fault, of which there is none: {faults}")  # fmt: skip
+
+
+def summary(outcomes: Sequence[Outcome]) -> dict[str, Any]:
+    """Return all numbers as plain values."""
+    table = confusion(outcomes)
+    return {
+        "cases": len(outcomes),
+        "shares": [{**asdict(s), "value": s.value, "passes": s.passes} for s in shares(outcomes)],
+        "gap_closed": [dict(zip(("size", "cases", "mean", "median", "share_of_cases_above_bar"),
+                                row, strict=True)) for row in gaps(outcomes)],
+        "reliability": [asdict(one) for one in reliability(outcomes)],
+        "brier": brier(outcomes),
+        "confusion": {"hidden": list(table.index), "named": list(table.columns),
+                      "counts": table.to_numpy().tolist()},
+        "seconds": {"median": float(np.median([o.seconds for o in outcomes])),
+                    "worst": max(o.seconds for o in outcomes)},
+    }  # fmt: skip

@@ -1,0 +1,151 @@
+"""One case through `discover`, and whether the names are right."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import maximum_bipartite_matching
+
+import flexspline
+from flexspline.discovery.result import Discovery
+from flexspline.effects import Effect
+from hidden.cases import Case
+from hidden.gap import closed
+from hidden.made import Made, made_of
+from hidden.rig import LOAD
+from hidden.rivals import forms_of
+
+__all__ = ["ALIAS", "Outcome", "judged", "stands_for", "tried"]
+
+ALIAS = 3.0  # t that the noise-free term keeps beside a declared alias, for it to be a real one
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """A case and what came of it.
+
+    `t_base`: of each hidden term beside the base alone; `closest`: its nearest rival. `means`:
+    the hidden effect that each name stands for, "" for a wrong one. `right`: see `judged`.
+    `unexplained`: share of the gap, or None. `closed`: share of what the true forms close.
+    """
+
+    case: Case
+    t_base: dict[str, float]
+    closest: dict[str, str]
+    names: tuple[str, ...]
+    aliases: tuple[tuple[str, ...], ...]
+    confidences: tuple[float, ...]
+    regressors: tuple[tuple[float, ...], ...]
+    means: tuple[str, ...]
+    unexplained: float | None
+    faults: tuple[str, ...]
+    right: bool
+    closed: float | None
+    seconds: float
+
+    def to_json(self) -> dict[str, Any]:
+        """Return plain values."""
+        return {"key": self.case.key, **asdict(self)}
+
+    @classmethod
+    def from_json(cls, plain: dict[str, Any]) -> Outcome:
+        """Return the outcome that `to_json` wrote."""
+        own = {name: value for name, value in plain.items() if name != "key"}
+        lists = {"names", "aliases", "confidences", "regressors", "means", "faults"}
+        values = {name: _tuples(v) if name in lists else v for name, v in own.items()}
+        values["case"] = Case(**{name: _tuples(v) for name, v in own["case"].items()})
+        return cls(**values)
+
+
+def _tuples(value: Any) -> Any:
+    return tuple(map(_tuples, value)) if isinstance(value, list) else value
+
+
+def tried(case: Case) -> Outcome:
+    """Run one case through `discover`."""
+    made = made_of(case)
+    begun = time.perf_counter()
+    found = flexspline.discover(
+        made.base, made.logs, target=case.target, known_load=LOAD, exclude=case.excluded
+    )
+    seconds = time.perf_counter() - begun
+    return outcome_of(case, made, found, seconds)
+
+
+def outcome_of(case: Case, made: Made, found: Discovery, seconds: float) -> Outcome:
+    """Judge what was found."""
+    fitted = {e.name: e for e in found.model.part(case.target).effects}
+    means = stands_for(
+        case,
+        made,
+        [fitted[n] for n in found.names],
+        [o.indistinguishable_from for o in found.found],
+    )
+    left = found.unexplained.share_of_variance if found.unexplained else None
+    return Outcome(
+        case=case,
+        t_base=made.t_base,
+        closest=made.closest,
+        names=found.names,
+        aliases=tuple(one.indistinguishable_from for one in found.found),
+        confidences=tuple(one.confidence for one in found.found),
+        regressors=tuple(getattr(one, "regressors", ()) for one in found.found),
+        means=means,
+        unexplained=left,
+        faults=tuple(fault.name for fault in found.data_faults),
+        right=judged(case, means, left is not None),
+        closed=closed(made, found.model) if case.nameable else None,
+        seconds=seconds,
+    )
+
+
+def judged(case: Case, means: tuple[str, ...], unexplained: bool) -> bool:
+    """Whether a case is right.
+
+    Nothing hidden: nothing named. Hidden effects: each named once, and no other. A mismatch of
+    form: the same, and nothing "unexplained". A cause without a name: nothing named, and said to
+    be unexplained.
+    """
+    if case.kind == "nothing":
+        return not means
+    if not case.nameable:
+        return not means and unexplained
+    named = "" not in means and set(means) == set(case.nameable)
+    return named and not (case.kind == "mismatch" and unexplained)
+
+
+def stands_for(
+    case: Case, made: Made, named: list[Effect], aliases: list[tuple[str, ...]]
+) -> tuple[str, ...]:
+    """Return the hidden effect that each name stands for, "" for none.
+
+    A name is right where it is hidden, or where it declares what is hidden as an alias and that
+    is real: beside base, other terms and the named effect (as fitted, and in every frozen form)
+    the hidden term keeps t < ALIAS. Each hidden effect is found once.
+    """
+    hidden = case.nameable
+    exact = {e.name for e in named} & set(hidden)
+    fits = np.zeros((len(named), len(hidden)))
+    for k, effect in enumerate(named):
+        for j, name in enumerate(hidden):
+            if effect.name == name:
+                fits[k, j] = 1.0
+            elif not {effect.name, name} & exact and name in aliases[k]:
+                fits[k, j] = left_beside(case, made, name, effect) < ALIAS
+    if not fits.size:
+        return ("",) * len(named)
+    match = maximum_bipartite_matching(csr_array(fits), perm_type="column")
+    return tuple(hidden[j] if j >= 0 else "" for j in match)
+
+
+def left_beside(case: Case, made: Made, name: str, effect: Effect) -> float:
+    """t that a hidden term keeps beside base, the other terms and another effect."""
+    sizing = made.sizing
+    others = [sizing.own(term)[:, None] for n, term in made.terms.items() if n != name]
+    own = sizing.own(made.terms[name])
+    forms = [effect, *forms_of(effect.name, sizing.scenes[0].joint)]
+    return min(sizing.left(own, *others, sizing.beside(form)) for form in forms)
