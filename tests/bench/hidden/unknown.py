@@ -30,7 +30,7 @@ OF_LOAD: Mapping[str, Form] = {
     "load beyond an angle": lambda s: s.load * np.tanh((s.q - 0.8) / 0.05),
     "waves in temperature": lambda s: np.sin(1.3 * s.temperature),
     "waves in temperature times angle": lambda s: np.sin(0.8 * s.temperature) * np.sin(s.q),
-    "temperature times angle": lambda s: (s.temperature - 26.0) * np.cos(4.0 * s.q + 1.0),
+    "temperature times speed": lambda s: (s.temperature - 29.0) * _bump(np.abs(s.v), 0.35, 0.15),
     "even in speed": lambda s: _bump(np.abs(s.v), 0.35, 0.12),
     "power": lambda s: s.load * s.v,
     "squared acceleration": lambda s: s.a**2,
