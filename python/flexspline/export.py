@@ -1,4 +1,4 @@
-"""Export of a model: as JSON, or as a C++ header that compiles with the core's headers alone."""
+"""Export of a model: as JSON, as a C++ header for the core, or as parameters for a program."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
+from flexspline.block import block_bytes
 from flexspline.errors import InputError, did_you_mean
 from flexspline.files import atomic_write
 from flexspline.header import header_text
@@ -14,7 +15,7 @@ from flexspline.model import PART_OF, Model
 
 __all__ = ["FORMATS", "export", "namespace_of"]
 
-FORMATS = ("header", "json")
+FORMATS = ("header", "binary", "json")
 
 WORDS_OF_CPP = """
 alignas alignof and and_eq asm auto bitand bitor bool break case catch char char8_t char16_t
@@ -32,6 +33,7 @@ def export(
     path: str | os.PathLike[str],
     format: str = "header",
     target: str | None = None,
+    scalar: str = "float",
 ) -> Path:
     """Write a model for use outside Python, whole or not at all.
 
@@ -39,10 +41,12 @@ def export(
     ----------
     model : what `fit` or `Model.load` gives.
     path : file to write; its stem is the header's namespace.
-    format : "header", constants for a C++20 program in float or double, or "json", the same
-        file as `Model.save` writes.
+    format : "header", constants for a C++20 program in float or double; "binary", the parameters
+        alone, which replace those of a program compiled with such a header (flexspline/block.hpp);
+        or "json", the same file as `Model.save` writes.
     target : which part, such as "sensor_torque"; None picks the only one for a header, and
         keeps all in JSON.
+    scalar : "float" or "double", the numbers of a binary block.
 
     Returns
     -------
@@ -51,7 +55,7 @@ def export(
     Raises
     ------
     InputError
-        For an unknown format or target, a number that the core cannot hold, or a path that
+        For an unknown format, scalar or target, a number that the core cannot hold, or a path that
         cannot be written.
     """
     if format not in FORMATS:
@@ -59,6 +63,8 @@ def export(
         raise InputError(f"there is no export format '{format}'{near}; give {' or '.join(FORMATS)}")
     if format == "header":
         atomic_write(path, header_text(model, namespace_of(path), target))
+    elif format == "binary":
+        atomic_write(path, block_bytes(model, scalar, target))
     elif target is None:
         model.save(path)
     else:

@@ -49,13 +49,19 @@ def compilers() -> list[str]:
 
 
 def compiled(
-    model: Model, folder: Path, compiler: str, target: str | None = None, name: str = "stream"
+    model: Model,
+    folder: Path,
+    compiler: str,
+    target: str | None = None,
+    name: str = "stream",
+    defines: tuple[str, ...] = (),
 ) -> Path:
     """Export a model and compile `stream.cpp`, or another program of this folder, with it."""
     export(model, folder / "joint.hpp", target=target)
     program = folder / name
     source = Path(__file__).with_name(f"{name}.cpp")
-    command = [compiler, *STRICT.split(), f"-I{include()}", f"-I{folder}", str(source)]
+    folders = (f"-I{include()}", f"-I{folder}")
+    command = [compiler, *STRICT.split(), *defines, *folders, str(source)]
     done = subprocess.run([*command, "-o", str(program)], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr[:4000]
     return program

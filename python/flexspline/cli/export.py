@@ -9,7 +9,7 @@ from flexspline.cli.runs import refuse_overwriting
 
 __all__ = ["FORMATS", "export"]
 
-FORMATS = ("header", "json")  # those of flexspline.export, which takes long to import
+FORMATS = ("header", "binary", "json")  # those of flexspline.export, which takes long to import
 
 
 @click.command()
@@ -19,15 +19,24 @@ FORMATS = ("header", "json")  # those of flexspline.export, which takes long to 
     "form",
     type=click.Choice(FORMATS),
     required=True,
-    help="header: constants that a C++ program compiles with the core's headers.",
+    help="header: constants that a C++ program compiles with the core's headers; binary: "
+    "parameters that replace those of such a program while it runs.",
+)
+@click.option(
+    "--scalar",
+    type=click.Choice(("float", "double")),
+    default="float",
+    show_default=True,
+    help="Numbers of a binary block, as the program was compiled.",
 )
 @out_file("FILE")
 @target(required=False)
-def export(model_path: str, form: str, out: str, target: str | None) -> None:
+def export(model_path: str, form: str, scalar: str, out: str, target: str | None) -> None:
     """Export a model for the controller.
 
     The header holds plain constants and compiles with flexspline's headers (C++20, no heap, no
-    exceptions); it predicts the same numbers as flexspline predict.
+    exceptions); it predicts the same numbers as flexspline predict. The binary block is checked by
+    its length, version, CRC-32 and structure before a program takes it, whole or not at all.
 
     \b
     Example:
@@ -37,5 +46,5 @@ def export(model_path: str, form: str, out: str, target: str | None) -> None:
     from flexspline.model import Model
 
     refuse_overwriting(out, [model_path])
-    export_model(Model.load(model_path), out, format=form, target=target)
+    export_model(Model.load(model_path), out, format=form, target=target, scalar=scalar)
     click.echo(f"wrote {out}")

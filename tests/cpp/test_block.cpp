@@ -1,0 +1,173 @@
+// A block replaces all parameters or none.
+#include <doctest/doctest.h>
+
+#include <string_view>
+#include <thread>
+#include <vector>
+
+#include "flexspline/effects/output_ripple.hpp"
+#include "flexspline/effects/stribeck_friction.hpp"
+#include "flexspline/swap.hpp"
+
+using namespace flexspline;
+
+namespace {
+
+template <typename S>
+using Ripple = OutputRipple<S, 2>;
+template <typename S>
+using Friction = flexspline::Model<S, StribeckFriction<S>, Ripple<S>>;
+template <typename S>
+using Whole =
+    Joint<S, Friction<S>, flexspline::Model<S>, flexspline::Model<S>, flexspline::Model<S>>;
+
+template <typename S>
+Friction<S> friction(S level) {
+  Friction<S> made{Gear<S>::from_ratio(101, OutputSpline::circular, false), {}};
+  auto& [stribeck, ripple] = made.parts;
+  stribeck.effect.stribeck_velocity = level;
+  stribeck.coefficients = {level};
+  ripple.effect.harmonics = {{{2, Pair::output_on_housing}, {4200, Pair::output_on_housing}}};
+  ripple.coefficients = {level, level, level, level};
+  return made;
+}
+
+/// Every stage, each with numbers that differ from the defaults.
+template <typename S>
+Whole<S> whole(S level) {
+  using Chain = flexspline::Chain<S>;
+  Whole<S> made{};
+  made.sensing.thermistor = Thermistor<S>{level, level, level, level, level};
+  made.sensing.compensation = typename Chain::Compensation::Config{level, {level}, level, level};
+  made.sensing.sensor = true;
+  made.sensing.calibration = Calibration<S>{level, level};
+  made.estimating.observer = typename Chain::Observer::Config{level};
+  made.estimating.compliance = Compliance<S>{level, level};
+  made.estimating.hysteresis = LoadHysteresis<S>{level};
+  made.estimating.compliant_observer = typename Chain::Observer::Config{level};
+  made.estimating.kalman = typename Chain::Kalman::Config{{level, level}, level, level, level};
+  made.estimating.collision = typename Chain::Detector::Config{};
+  made.estimating.collision->negative[0] = level;
+  made.sensor = friction<S>(level);
+  made.inertia = level;
+  return made;
+}
+
+template <typename T>
+std::vector<std::uint8_t> saved(const T& joint) {
+  std::vector<std::uint8_t> bytes(block_size(joint));
+  std::size_t size = 0;
+  REQUIRE(save(joint, bytes, size) == BlockStatus::ok);
+  REQUIRE(size == bytes.size());
+  return bytes;
+}
+
+/// Puts a fitting CRC behind changed bytes.
+void sign(std::vector<std::uint8_t>& bytes) {
+  Crc32 crc;
+  crc.add(Bytes(bytes).first(bytes.size() - 4));
+  block::write(std::span(bytes), bytes.size() - 4, crc.value());
+}
+
+}  // namespace
+
+TEST_CASE("the CRC is that of zlib") {
+  Crc32 crc;
+  for (const char letter : std::string_view("123456789")) crc.add(std::uint8_t(letter));
+  CHECK(crc.value() == 0xCBF43926u);
+}
+
+TEST_CASE_TEMPLATE("what is saved is loaded, number by number", S, float, double) {
+  const auto bytes = saved(whole(S(0.7L)));
+  Whole<S> joint = whole(S(0.2L));
+  REQUIRE(saved(joint) != bytes);
+  CHECK(load(bytes, joint) == BlockStatus::ok);
+  CHECK(saved(joint) == bytes);
+  CHECK(joint.estimating.kalman->motion.alpha == S(0.7L));
+  CHECK(std::get<1>(joint.sensor.parts).effect.harmonics[1].order == 4200);
+}
+
+TEST_CASE("a block that any single bit differs from is refused, and changes nothing") {
+  auto bytes = saved(whole(0.7F));
+  Whole<float> joint = whole(0.2F);
+  const auto before = saved(joint);
+  for (std::size_t bit = 0; bit < 8 * bytes.size(); ++bit) {
+    const auto mask = static_cast<std::uint8_t>(1U << (bit % 8));
+    bytes[bit / 8] ^= mask;
+    CHECK(load(bytes, joint) != BlockStatus::ok);
+    bytes[bit / 8] ^= mask;
+  }
+  CHECK(saved(joint) == before);
+}
+
+TEST_CASE("a block that ends too early is truncated; what lies behind it does not matter") {
+  auto bytes = saved(whole(0.7));
+  Whole<double> joint = whole(0.2);
+  for (std::size_t size = 0; size < bytes.size(); ++size) {
+    CHECK(load(Bytes(bytes).first(size), joint) == BlockStatus::truncated);
+  }
+  bytes.resize(bytes.size() + 100, 0xFF);
+  CHECK(load(bytes, joint) == BlockStatus::ok);
+}
+
+TEST_CASE("each reason to refuse a block has its status") {
+  Whole<float> joint = whole(0.2F);
+  const auto good = saved(whole(0.7F));
+  const auto refused = [&](auto change) {
+    auto bytes = good;
+    change(bytes);
+    sign(bytes);
+    return load(bytes, joint);
+  };
+  CHECK(refused([](auto& bytes) { bytes[0] = 'X'; }) == BlockStatus::not_a_block);
+  CHECK(refused([](auto& bytes) { bytes[4] = 0; }) == BlockStatus::older);
+  CHECK(refused([](auto& bytes) { bytes[4] = 2; }) == BlockStatus::newer);
+  CHECK(refused([](auto& bytes) { bytes[8] ^= 1; }) == BlockStatus::other_structure);
+  CHECK(refused([](auto& bytes) { block::write(std::span(bytes), 16, 0x7FC00000U); }) ==
+        BlockStatus::out_of_range);
+  CHECK(refused([](auto& bytes) { block::write(std::span(bytes), 16, 0x7F800000U); }) ==
+        BlockStatus::out_of_range);
+  CHECK(load(saved(whole(0.7)), joint) == BlockStatus::other_scalar);
+  CHECK(load(saved(friction(0.7F)), joint) == BlockStatus::other_structure);
+  auto other_rule = whole(0.7F);
+  other_rule.estimating.observer->discretisation = Discretisation::euler;
+  CHECK(load(saved(other_rule), joint) == BlockStatus::other_structure);
+  std::size_t size = 0;
+  std::array<std::uint8_t, 20> little{};
+  CHECK(save(joint, little, size) == BlockStatus::no_room);
+  CHECK(saved(joint) == saved(whole(0.2F)));
+}
+
+TEST_CASE("new parameters wait until the loop has taken the last ones") {
+  Swap<Friction<float>> swap{friction(0.2F)};
+  const auto level = [&] { return std::get<0>(swap.take().parts).coefficients[0]; };
+  CHECK(swap.load(saved(friction(0.7F))) == BlockStatus::ok);
+  CHECK(swap.load(saved(friction(0.9F))) == BlockStatus::busy);
+  CHECK(level() == 0.7F);
+  CHECK(swap.load(Bytes{}) == BlockStatus::truncated);
+  CHECK(level() == 0.7F);
+  CHECK(swap.load(saved(friction(0.9F))) == BlockStatus::ok);
+  CHECK(level() == 0.9F);
+}
+
+TEST_CASE("a loop never sees parameters of two blocks at once") {
+  Swap<Friction<double>> swap{friction(0.25)};
+  const std::array blocks{saved(friction(0.25)), saved(friction(0.75))};
+  std::atomic<bool> done{false};
+  std::thread loader([&] {
+    for (int k = 0; k < 500;) {
+      k += swap.load(blocks[std::size_t(k % 2)]) == BlockStatus::ok;
+      std::this_thread::yield();
+    }
+    done = true;
+  });
+  int mixed = 0;
+  while (!done) {
+    const auto& [stribeck, ripple] = swap.take().parts;
+    mixed += stribeck.coefficients[0] != ripple.coefficients[3];
+    mixed += stribeck.coefficients[0] != stribeck.effect.stribeck_velocity;
+    std::this_thread::yield();
+  }
+  loader.join();
+  CHECK(mixed == 0);
+}

@@ -1,0 +1,112 @@
+"""A block of parameters from Python is what a compiled program holds, and replaces it."""
+
+from __future__ import annotations
+
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+
+import chain_rig
+import device
+import numpy as np
+import pytest
+from chain_rig import BY_GEAR, BY_MOTOR, CALIBRATION, COLLISION, KALMAN, MERGE
+
+from flexspline import Collision, Compliance, InputError, Observer, effect
+from flexspline.block import block_bytes
+from flexspline.effects import CATALOGUE
+from flexspline.export import export
+from flexspline.model import Model, Part
+
+FRESH = b""
+FLEX = "wave_generator_on_flexspline"
+
+
+def every_effect(target: str, letter: str) -> Model:
+    """A part with all effects of a target, each with coefficients of its own."""
+    effects = tuple(
+        effect(info.name, orders=[2, 320]) if info.pairs else effect(info.name)
+        for info in CATALOGUE.values()
+        if letter in info.targets
+    )
+    count = sum(len(e.terms) for e in effects)
+    part = Part(target, effects, np.linspace(0.01, 0.3, count), "reference_torque")
+    name = {"S": "sensor", "M": "drive", "D": "torsion"}[letter]
+    return Model({name: part}, chain_rig.FACTS)
+
+
+CHAINS = {
+    "everything": (chain_rig.whole_joint(), "joint::joint"),
+    "kalman": (chain_rig.joint(BY_MOTOR, Compliance(0.2), KALMAN, COLLISION), "joint::joint"),
+    "behind the gear": (
+        chain_rig.joint(
+            BY_MOTOR,
+            Compliance(),
+            BY_GEAR,
+            replace(MERGE, at_rest="compliant_observer"),
+            Collision("compliant_observer", (), (2.0,), (2.0,)),
+        ),
+        "joint::joint",
+    ),
+    "by euler": (
+        chain_rig.joint(CALIBRATION, Observer(100.0, discretisation="euler")),
+        "joint::joint",
+    ),
+    "all effects of a sensor": (every_effect("sensor_torque", "S"), "joint::model"),
+    "all effects of a drive": (every_effect("motor_torque", "M"), "joint::model"),
+    "all effects of a torsion": (every_effect("torsion", "D"), "joint::model"),
+}
+
+
+def program(model: Model, made: str, folder: Path) -> Path:
+    compiler = device.compilers()[0]
+    return device.compiled(model, folder, compiler, name="block", defines=("-O0", f"-DMADE={made}"))
+
+
+def answer(binary: Path, scalar: str, given: bytes) -> bytes:
+    done = subprocess.run([str(binary), scalar], input=given, capture_output=True, check=True)
+    return done.stdout
+
+
+@pytest.mark.parametrize("case", CHAINS)
+def test_a_block_holds_the_bytes_of_the_compiled_header(tmp_path: Path, case: str) -> None:
+    model, made = CHAINS[case]
+    binary = program(model, made, tmp_path)
+    for scalar in ("float", "double"):
+        assert block_bytes(model, scalar) == answer(binary, scalar, FRESH)
+
+
+def test_a_block_of_other_numbers_replaces_all_of_them(tmp_path: Path) -> None:
+    model, made = CHAINS["everything"]
+    drive = replace(chain_rig.DRIVE, coefficients=1.5 * chain_rig.DRIVE.coefficients)
+    other = replace(model, parts={**model.parts, "drive": drive})
+    binary = program(model, made, tmp_path)
+    for scalar in ("float", "double"):
+        export(other, tmp_path / "joint.bin", format="binary", scalar=scalar)
+        given = (tmp_path / "joint.bin").read_bytes()
+        assert given != answer(binary, scalar, FRESH)
+        assert answer(binary, scalar, given) == bytes([0]) + given
+
+
+def test_a_program_refuses_what_is_not_made_for_it_and_keeps_its_own(tmp_path: Path) -> None:
+    model, made = CHAINS["everything"]
+    binary = program(model, made, tmp_path)
+    own = answer(binary, "float", FRESH)
+    corrupt = bytearray(own)
+    corrupt[40] ^= 4
+    refused = {
+        1: own[:-1],
+        2: b"{" + own[1:],
+        5: bytes(corrupt),
+        6: block_bytes(model, "double"),
+        7: block_bytes(CHAINS["kalman"][0]),
+    }
+    for status, given in refused.items():
+        assert answer(binary, "float", given) == bytes([status]) + own
+
+
+def test_a_number_that_a_float_cannot_hold_is_refused_by_name(tmp_path: Path) -> None:
+    large = Part("sensor_torque", (effect("offset"),), np.array([1e39]))
+    with pytest.raises(InputError, match=r"coefficients = 1e\+39 does not fit into a float"):
+        export(Model({"sensor": large}, {}), tmp_path / "joint.bin", format="binary")
+    assert not list(tmp_path.iterdir())
