@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.discovery.aliases import simplest
+from flexspline.discovery.ceiling import Ceiling
 from flexspline.discovery.dictionary import effect_rows
 from flexspline.discovery.nameless import columns_of, nameless_of
 from flexspline.discovery.noise import first_whitening, restricted_whitening
@@ -24,8 +25,8 @@ __all__ = ["Analysis", "analysed"]
 
 Array = NDArray[np.float64]
 
-SURROGATE = 0.5  # of its gain that a name keeps beside functions without a name, to be no stand-in
-LARGE = 1.0  # times a name's gain that these functions gain beside it, to cast doubt on it
+SURROGATE = 0.6  # of its gain that a name keeps beside functions without a name, to be no stand-in
+LARGE = 0.12  # times a name's gain that these functions gain beside it, to cast doubt on it
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,17 +65,19 @@ def analysed(
     first = first_whitening(study.problem, _everything(study, base))
     lax, _, _ = Searcher(study, first, Limits(lax=True), say).run(base)
     study.scan(lax)
-    whitening = restricted_whitening(study.problem, lax)
+    beside = leftover_of(Ceiling(study.problem, first), lax).groups
+    whitening = restricted_whitening(study.problem, lax, beside)
     searcher = Searcher(study, whitening, Limits(), say)
     base, _ = searcher.fitted(base)
     final, _, steps = searcher.run(base)
     say("what is left")
-    leftover, doubted = leftover_of(study.problem, final, whitening), []
+    ceiling = Ceiling(study.problem, whitening)
+    leftover, doubted = leftover_of(ceiling, final), []
     while (stand_in := _stand_in(searcher, final, leftover)) is not None:
         doubted.append(stand_in)
         kept = [e for e in final.effects if e.name != stand_in]
         final = searcher.pruned(searcher.fitted(final.having(kept))[0])
-        leftover = leftover_of(study.problem, final, whitening)
+        leftover = leftover_of(ceiling, final)
     final = searcher.pruned(simplest(searcher, final))
     return Analysis(study, base, final, searcher, tuple(steps), leftover, tuple(doubted))
 

@@ -1,13 +1,14 @@
 """Functions without a name: what any smooth dependence on a channel, or on two, would explain.
 
-A cause that is not in the catalogue still depends on something measured. Hat functions of each
-channel (and their products for two) stand for every smooth function of it: what they explain on
-left-out folds beyond the named effects is "unexplained", and the channels are those it depends on.
+A cause that is not in the catalogue still depends on something measured. Functions of each channel,
+and of every two, stand for it: a few powers, which need little evidence, and hats (their products
+for two), which follow every smooth function. What they explain on left-out folds beyond the named
+effects is "unexplained", and the channels are those it depends on.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -17,13 +18,18 @@ from numpy.typing import NDArray
 from flexspline.fit.problem import Problem, Run
 from flexspline.orders.parts import effective_ratio
 
-__all__ = ["Nameless", "nameless_of"]
+__all__ = ["Nameless", "channel_told", "columns_of", "nameless_of", "values_of"]
 
 Array = NDArray[np.float64]
-Basis = Callable[[Run], Array]
+Values = Mapping[str, Array]
+Basis = Callable[[Values], Array]
 
 TURN = 2.0 * np.pi
-FINE, COARSE = 15, 5
+FINE, COARSE = 20, 5
+ORDERS, PAIRED_ORDERS = 16, 4
+POWERS = ((1,), (2,), (3,))
+CROSSED = ((1, 1), (2, 1), (1, 2))
+DIRECTION_WIDTH = 0.03  # of the largest speed
 HIDDEN = {
     "sensor_torque": ("sensor_torque", "sensor_voltage"),
     "motor_torque": ("motor_torque", "motor_current", "duty"),
@@ -32,30 +38,57 @@ HIDDEN = {
 }
 """Channels that hold the target itself."""
 NEVER = ("enabled", "thermistor_voltage", "commanded_position", "motor_velocity", "motor_position")
-ROUND = "motor_angle"
+ROUND, DIRECTION, RATE = "motor_angle", "direction", "load_rate"
+TOLD = {ROUND: "motor_position", DIRECTION: "output_velocity"}
 
 
 @dataclass(frozen=True)
 class Nameless:
-    """Functions of some channels: `columns` makes them, (N, C), of a run."""
+    """Functions of some channels: `columns` makes them, (N, C), from the values of these."""
 
     channels: tuple[str, ...]
     columns: Basis
     count: int
 
 
+def channel_told(name: str, known_load: str | None) -> str:
+    """Return the channel of a log behind one that is made of it."""
+    return known_load or "" if name == RATE else TOLD.get(name, name)
+
+
+def values_of(problem: Problem, number: int) -> dict[str, Array]:
+    """Return what functions of a run may depend on, (N,) each, by name."""
+    run, found = problem.runs[number], _channels(problem)
+    made = {name: run.log[name] for name in found}
+    if "time" in made:
+        made["time"] = made["time"] - made["time"][0]
+    if problem.known_load in found:
+        made[RATE] = np.gradient(made[problem.known_load], run.log["time"])
+    if "output_velocity" in found:
+        fastest = max(float(np.abs(r.log["output_velocity"]).max()) for r in problem.runs)
+        made[DIRECTION] = np.tanh(made["output_velocity"] / max(DIRECTION_WIDTH * fastest, 1e-300))
+    if effective_ratio(run.log.facts) is not None and "output_position" in found:
+        made[ROUND] = _motor_angle(run)
+    return made
+
+
 def nameless_of(problem: Problem, *, pairs: bool = True) -> list[Nameless]:
     """Return functions of every channel that all runs have, and of every two."""
-    channels = _channels(problem)
-    fine = {name: _basis(problem, name, FINE) for name in channels}
-    coarse = {name: _basis(problem, name, COARSE) for name in channels if name != ROUND}
-    single = [Nameless((name,), made[0], made[1]) for name, made in fine.items()]
+    every = [values_of(problem, number) for number in range(len(problem.runs))]
+    sample = {name: np.concatenate([v[name][::7] for v in every]) for name in every[0]}
+    made = [Nameless((name,), *_fine(sample, name)) for name in sample if name != DIRECTION]
     if not pairs:
-        return single
-    return single + [
+        return made
+    straight = [name for name in sample if name not in (ROUND, DIRECTION)]
+    made += [_powers(sample, (name,), POWERS) for name in straight]
+    scaled = [name for name in sample if name not in (ROUND, "time")]
+    made += [_powers(sample, both, CROSSED) for both in combinations(scaled, 2)]
+    if ROUND in sample:
+        made += [_waves(sample, name) for name in scaled]
+    coarse = {name: _hats_of(sample, name, COARSE) for name in straight if name != "time"}
+    return made + [
         Nameless((a, b), _product(coarse[a][0], coarse[b][0]), coarse[a][1] * coarse[b][1])
         for a, b in combinations(coarse, 2)
-        if "time" not in (a, b)
     ]
 
 
@@ -63,7 +96,7 @@ def _channels(problem: Problem) -> list[str]:
     hidden = {*HIDDEN[problem.target], *NEVER}
     logs = [run.log for run in problem.runs]
     load = problem.known_load
-    found = [
+    return [
         name
         for name in logs[0].channels
         if name not in hidden
@@ -71,24 +104,59 @@ def _channels(problem: Problem) -> list[str]:
         and all(name in log and np.isfinite(log[name]).all() for log in logs)
         and any(np.ptp(log[name]) > 0.0 for log in logs)
     ]
-    turns = effective_ratio(logs[0].facts) is not None and "output_position" in found
-    return [*found, ROUND] if turns else found
 
 
-def _basis(problem: Problem, name: str, count: int) -> tuple[Basis, int]:
-    """Hats of one channel: periodic over a turn of an angle that turns, else between quantiles."""
+def _fine(sample: Values, name: str) -> tuple[Basis, int]:
+    """All functions of one channel: periodic over a turn of an angle that turns, else hats."""
     if name == ROUND:
-        return _turning(_motor_angle, count + 1), count + 1
-    every = np.concatenate([_values(run, name)[::7] for run in problem.runs])
-    if name == "output_position" and np.ptp(every) > TURN:
-        return _turning(lambda run: run.log[name], count + 1), count + 1
-    knots = _knots(every, count, name.endswith("velocity"))
-    return (lambda run: _hats(_values(run, name), knots)), len(knots)
+        return _turning(name, ORDERS), 2 * ORDERS
+    if name == "output_position" and np.ptp(sample[name]) > TURN:
+        return _turning(name, FINE // 2), 2 * (FINE // 2)
+    return _hats_of(sample, name, FINE)
 
 
-def _values(run: Run, name: str) -> Array:
-    values = run.log[name]
-    return np.asarray(values - values[0] if name == "time" else values)
+def _hats_of(sample: Values, name: str, count: int) -> tuple[Basis, int]:
+    knots = _knots(sample[name], count, name in ("output_velocity", RATE))
+    return (lambda values: _hats(values[name], knots)), len(knots)
+
+
+def _powers(
+    sample: Values, names: tuple[str, ...], exponents: Sequence[tuple[int, ...]]
+) -> Nameless:
+    """Products of powers of channels, each counted from its middle in its own spread."""
+    scales = [_scale(sample[name], name) for name in names]
+
+    def columns(values: Values) -> Array:
+        parts = [
+            (values[name] - middle) / spread
+            for name, (middle, spread) in zip(names, scales, strict=True)
+        ]
+        made = [
+            np.prod([part**power for part, power in zip(parts, powers, strict=True)], axis=0)
+            for powers in exponents
+        ]
+        return np.column_stack(made)
+
+    return Nameless(names, columns, len(exponents))
+
+
+def _waves(sample: Values, name: str) -> Nameless:
+    """Low orders of the motor's angle that grow with a channel."""
+    middle, spread = _scale(sample[name], name)
+    turning = _turning(ROUND, PAIRED_ORDERS)
+
+    def columns(values: Values) -> Array:
+        return np.asarray(turning(values) * ((values[name] - middle) / spread)[:, None])
+
+    return Nameless((ROUND, name), columns, 2 * PAIRED_ORDERS)
+
+
+def _scale(values: Array, name: str) -> tuple[float, float]:
+    """Middle and spread; what has a sign counts from zero."""
+    signed = name in ("output_velocity", "output_acceleration", RATE, DIRECTION)
+    low, high = np.quantile(values, (0.01, 0.99))
+    middle = 0.0 if signed else 0.5 * float(low + high)
+    return middle, max(float(np.abs(values - middle).max()), 1e-300)
 
 
 def _motor_angle(run: Run) -> Array:
@@ -101,7 +169,7 @@ def _motor_angle(run: Run) -> Array:
 def _knots(values: Array, count: int, both_ways: bool) -> Array:
     """Between the quantiles of the values; of a velocity, the same on both sides of zero."""
     if both_ways:
-        speeds = np.quantile(np.abs(values), np.linspace(0.15, 0.995, count // 2 + 1))
+        speeds = np.quantile(np.abs(values), np.linspace(0.15, 0.995, count // 2))
         knots = np.concatenate([-speeds[::-1], [0.0], speeds])
     else:
         knots = np.quantile(values, np.linspace(0.005, 0.995, count))
@@ -114,20 +182,20 @@ def _hats(values: Array, knots: Array) -> Array:
     return np.column_stack([np.interp(values, knots, row) for row in np.eye(len(knots))])
 
 
-def _turning(angle: Callable[[Run], Array], count: int) -> Basis:
-    """Cosines and sines of an angle, (N, count)."""
-    orders = np.arange(1, count // 2 + 1)
+def _turning(name: str, orders: int) -> Basis:
+    """Cosines and sines of an angle, (N, 2 orders)."""
+    numbers = np.arange(1, orders + 1)
 
-    def columns(run: Run) -> Array:
-        phase = angle(run)[:, None] * orders
+    def columns(values: Values) -> Array:
+        phase = values[name][:, None] * numbers
         return np.column_stack([np.cos(phase), np.sin(phase)])
 
     return columns
 
 
 def _product(first: Basis, second: Basis) -> Basis:
-    def columns(run: Run) -> Array:
-        a, b = first(run), second(run)
+    def columns(values: Values) -> Array:
+        a, b = first(values), second(values)
         return np.asarray((a[:, :, None] * b[:, None, :]).reshape(len(a), -1))
 
     return columns
@@ -136,5 +204,6 @@ def _product(first: Basis, second: Basis) -> Basis:
 def columns_of(groups: Sequence[Nameless], problem: Problem, number: int) -> Array:
     """Columns of all groups of a run, filtered as the target is, (N, C)."""
     run = problem.runs[number]
-    made = [group.columns(run) for group in groups] or [np.empty((len(run), 0))]
+    values = values_of(problem, number) if groups else {}
+    made = [group.columns(values) for group in groups] or [np.empty((len(run), 0))]
     return problem.smooth(run, np.column_stack(made))

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz
-from scipy.signal import lfilter
 
 from flexspline.fit.problem import Run
 
@@ -22,6 +21,7 @@ __all__ = ["Whitening", "rough_whitening"]
 Array = NDArray[np.float64]
 
 LARGEST_ORDER = 16
+CACHED = 8  # columns that are filtered at once
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,12 +43,25 @@ class Whitening:
 
     def __call__(self, columns: Array, run: Run) -> tuple[Array, NDArray[np.intp]]:
         """Filter columns (N, C) of a run; return what is left and the rows it belongs to."""
-        made, at = [np.empty((0, columns.shape[1]))], [np.empty(0, dtype=np.intp)]
-        for rows in self.taken(run):
-            filtered = lfilter(self.denominator, [1.0], columns[rows], axis=0)
-            made.append(filtered[self.order :])
-            at.append(rows[self.order :])
-        return np.concatenate(made), np.concatenate(at)
+        pieces = self.taken(run)
+        at = [np.empty(0, dtype=np.intp), *(rows[self.order :] for rows in pieces)]
+        made = np.empty((sum(map(len, at)), columns.shape[1]), order="F")
+        last = 0
+        for rows in pieces:
+            first, last = last, last + len(rows) - self.order
+            taken = slice(rows[0], rows[-1] + 1, self.decimation)
+            self.filter(columns[taken], made[first:last])
+        return made, np.concatenate(at)
+
+    def filter(self, columns: Array, out: Array) -> None:
+        """Filter columns (N, C) of consecutive rows into `out`, (N − order, C)."""
+        count = len(out)
+        for first in range(0, columns.shape[1], CACHED):
+            part = np.asfortranarray(columns[:, first : first + CACHED])
+            sums = part[self.order :].copy(order="F")
+            for lag, weight in enumerate(self.denominator[1:], start=1):
+                sums += weight * part[self.order - lag : self.order - lag + count]
+            out[:, first : first + CACHED] = sums
 
 
 def rough_whitening(residuals: Sequence[Array], runs: Sequence[Run], decimation: int) -> Whitening:
