@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexspline.discovery.physics import impossible
+from flexspline.discovery.predictive import foretold_gain
 from flexspline.discovery.scores import Offer, gain_of, offers
 from flexspline.discovery.search import Searcher, freedom, owned_gain
 from flexspline.discovery.table import Columns, Table
@@ -93,7 +94,7 @@ def rivals_of(searcher: Searcher, work: Working, effect: Effect) -> list[Rival]:
         left = float(np.sqrt(max(kept - len(effect.terms), 0.0)))
         more = gain_of(beside_it, offer.columns, raw)[0] - len(offer.columns)
         adds = float(np.sqrt(max(more, 0.0)))
-        behind = _behind(dictionary.table, rest, mine, offer.columns)
+        behind = _behind(dictionary.table, rest, (mine, own), (offer.columns, offer.gain))
         found.append(Rival(offer.effect, gain, own, left, adds, behind))
     return sorted(found, key=lambda rival: -rival.gain)
 
@@ -112,10 +113,11 @@ def simplest(searcher: Searcher, work: Working) -> Working:
     return work
 
 
-def _behind(table: Table, rest: Columns, mine: Columns, rival: Columns) -> float:
-    """Standard errors by which a rival is worse on left-out folds."""
-    more = table.held_out(np.concatenate([rest, rival]))
-    more = more - table.held_out(np.concatenate([rest, mine]))
+def _behind(
+    table: Table, rest: Columns, named: tuple[Columns, float], other: tuple[Columns, float]
+) -> float:
+    """Standard errors by which a rival is worse on left-out folds; columns and gain of both."""
+    more = foretold_gain(table, rest, *named) - foretold_gain(table, rest, *other)
     spread = float(np.std(more, ddof=1) * np.sqrt(len(more)))
     return float(more.sum() / max(spread, 1e-300))
 

@@ -10,15 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.discovery.nameless import Nameless, columns_of
-from flexspline.discovery.table import by_runs, solved, tabulated
+from flexspline.discovery.predictive import prior_of
+from flexspline.discovery.scores import gain_of
+from flexspline.discovery.table import by_runs, left_by, solved, tabulated
 from flexspline.discovery.whitening import Whitening
 from flexspline.discovery.working import Working
 from flexspline.fit.problem import Problem
 from flexspline.fit.validation import run_edges
 
-DRAWN = 0.01
-"""Of the squares of a function without a name, added to them: beyond the other folds it would
-run wild."""
+BESIDE = "functions without a name"
 
 __all__ = ["HeldOut", "held_out"]
 
@@ -48,6 +48,9 @@ def held_out(
 ) -> HeldOut:
     """Leave out one fold after the other and fit the coefficients to the rest; shapes stay.
 
+    What was named is drawn towards nothing as far as the evidence for it is weak: where a fold
+    goes beyond the others, free coefficients run wild.
+
     `beside`: functions without a name that are fitted too. Columns that no other fold sees
     contribute nothing.
     """
@@ -57,8 +60,7 @@ def held_out(
         columns.append((np.column_stack([rows, columns_of(beside, problem, number)]), target))
     table = tabulated(problem, columns, whitening)
     every, total = np.arange(len(table.total) - 1), table.total
-    count = sum(group.count for group in beside)
-    drawn = np.diag(total) * np.append(every >= len(every) - count, False) * DRAWN
+    drawn = np.diag(total) * _drawn(work, total, len(every))
     fold, made = 0, []
     for number, (rows, target) in enumerate(columns):
         left = np.full(len(target), np.nan)
@@ -69,6 +71,19 @@ def held_out(
             fold += 1
         made.append(np.where(counts, left, np.nan))
     return HeldOut(tuple(made))
+
+
+def _drawn(work: Working, total: Array, count: int) -> Array:
+    """Prior of each column as a share of its squares, (count + 1,): none for the base's."""
+    owners = [work.owners()[k] for k in range(len(work.free))]
+    named = {e.name for e in work.named}
+    labels = np.array(owners + [BESIDE] * (count - len(owners)))
+    share = np.zeros(count + 1)
+    for label in (name for name in dict.fromkeys(labels.tolist()) if name in {*named, BESIDE}):
+        mine, rest = np.flatnonzero(labels == label), np.flatnonzero(labels != label)
+        gain, _ = gain_of(left_by(total, rest), mine, np.diag(total))
+        share[mine] = prior_of(mine, gain)
+    return share
 
 
 def _counts(problem: Problem, number: int) -> NDArray[np.bool_]:

@@ -23,6 +23,7 @@ from flexspline.discovery.dictionary import Dictionary
 from flexspline.discovery.grids import SHARED
 from flexspline.discovery.heldout import held_out
 from flexspline.discovery.physics import impossible
+from flexspline.discovery.predictive import foretold_gain
 from flexspline.discovery.refit import refitted
 from flexspline.discovery.scores import Offer, gain_of, offers, price
 from flexspline.discovery.study import Study
@@ -150,9 +151,8 @@ class Searcher:
             self.refused[offer.effect.name] = "no more than what the form of a named effect misses"
             return False
         linear = dictionary.model[: dictionary.linear]
-        before = dictionary.table.held_out(linear)
-        after = dictionary.table.held_out(np.concatenate([linear, offer.columns]))
-        if float((before - after).sum()) < HELD_OUT * offer.net:
+        foretold = foretold_gain(dictionary.table, linear, offer.columns, offer.gain)
+        if float(foretold.sum()) < HELD_OUT * offer.net:
             self.refused[offer.effect.name] = "does not hold on left-out runs"
             return False
         return True

@@ -22,7 +22,7 @@ from flexspline.discovery.whitening import Whitening
 from flexspline.fit.problem import Problem
 from flexspline.fit.validation import RUNS_NEEDED, run_edges
 
-__all__ = ["Table", "by_runs", "fold_blocks", "tabulated"]
+__all__ = ["Table", "by_runs", "fold_blocks", "left_by", "solved", "tabulated"]
 
 Array = NDArray[np.float64]
 Columns = NDArray[np.intp]

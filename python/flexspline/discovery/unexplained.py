@@ -10,14 +10,13 @@ from scipy.stats import chi2
 
 from flexspline.discovery.ceiling import Ceiling, Overlap
 from flexspline.discovery.nameless import Nameless, channel_told
+from flexspline.discovery.predictive import foretold_gain
 from flexspline.discovery.scores import ALPHA, gain_of
-from flexspline.discovery.table import Table
 from flexspline.discovery.working import Working
 
 __all__ = ["Leftover", "leftover_of"]
 
 MOST = 4
-FIRM = 1e-10  # of a column's squares: what keeps dependent columns of the model apart
 HELD_OUT = 0.25  # of a function's gain that it must keep on left-out folds
 CARRIES = 0.15  # of the whole gain that hangs on a channel, for the channel to be named
 
@@ -64,32 +63,11 @@ def _best(overlap: Overlap) -> int | None:
         if net <= 0.0:
             return None
         table = overlap.table(k)
-        own = len(table.total) - 1 - overlap.ceiling.groups[k].count
-        if held_out_gain(table, own, gain) > HELD_OUT * gain:
+        every = np.arange(len(table.total) - 1)
+        own = len(every) - overlap.ceiling.groups[k].count
+        if foretold_gain(table, every[:own], every[own:], gain).sum() > HELD_OUT * gain:
             return k
     return None
-
-
-def held_out_gain(table: Table, own: int, gain: float) -> float:
-    """Fall of the squares on left-out folds by the functions behind the first `own` columns.
-
-    Where a fold goes beyond the others, free functions run wild, so these are drawn towards
-    nothing: in columns of length one their coefficients have the mean square gain / count.
-    """
-    total = table.total
-    count = len(total) - 1 - own
-    ridge = np.append(np.full(own, FIRM), np.full(count, count / max(gain, 1.0)))
-    scale = np.sqrt(np.maximum(np.diag(total)[:-1], 1e-300))
-    fall = 0.0
-    for fold in table.folds:
-        others = total - fold
-        for columns, sign in ((own, 1.0), (own + count, -1.0)):
-            part = slice(0, columns)
-            length = scale[part]
-            products = others[part, part] / np.outer(length, length) + np.diag(ridge[part])
-            beta = np.linalg.solve(products, others[part, -1] / length) / length
-            fall += sign * float(beta @ fold[part, part] @ beta - 2.0 * beta @ fold[part, -1])
-    return fall
 
 
 def _summary(overlap: Overlap, work: Working) -> Leftover:
