@@ -16,6 +16,7 @@ using Array = py::array_t<double, py::array::c_style | py::array::forcecast>;
 
 void bind_catalogue(py::module_& module);
 void bind_design(py::module_& module);
+void bind_screening(py::module_& module);
 void bind_solve(py::module_& module);
 void bind_estimators(py::module_& module);
 void bind_chain(py::module_& module);

@@ -6,6 +6,7 @@ PYBIND11_MODULE(_core, module) {
   module.doc() = "The C++ core of flexspline: effects, sums, solves and estimators.";
   bind_catalogue(module);
   bind_design(module);
+  bind_screening(module);
   bind_solve(module);
   bind_estimators(module);
   bind_chain(module);

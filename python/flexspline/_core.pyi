@@ -6,6 +6,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+_Shares = Sequence[tuple[int, float]]
+_Run = tuple[
+    int,
+    dict[str, NDArray[np.float64]],
+    NDArray[np.float64],
+    NDArray[np.float64] | None,
+    int,
+    Sequence[tuple[int, int, NDArray[np.float64]]],
+    Sequence[int],
+]
+
 max_harmonics: int
 simulation_columns: list[str]
 simulation_elements: int
@@ -105,6 +116,40 @@ class SimulatedJoint:
     @property
     def eventless(self) -> bool:
         """True where nothing can stick, slip or touch."""
+
+class Remembered:
+    """What effects remembered at rows of the runs of one problem."""
+
+    def __init__(self) -> None: ...
+
+class Screen:
+    """Columns of runs, made a piece at a time and mixed from rows of a design."""
+
+    def __init__(
+        self, design: Design, load: ArrayLike, given: int, remembered: Remembered
+    ) -> None: ...
+    def left_over(
+        self, runs: Sequence[_Run], held: Sequence[_Shares], threads: int
+    ) -> list[NDArray[np.float64]]:
+        """Target less what is held in each fold, (N,) for each run; NaN where no row counts."""
+
+    def products(
+        self,
+        runs: Sequence[_Run],
+        columns: Sequence[_Shares],
+        held: _Shares,
+        whitening: Sequence[float] | NDArray[np.float64],
+        every: int,
+        threads: int,
+    ) -> NDArray[np.float64]:
+        """Sums of products of filtered [columns, target], (folds, columns + 1, columns + 1)."""
+
+    def rows(self, run: _Run, columns: Sequence[_Shares], held: _Shares) -> NDArray[np.float64]:
+        """[columns, target] of the stretches of one run, (rows, columns + 1), not whitened."""
+
+    @property
+    def parts(self) -> int:
+        """How many parts columns may be mixed from."""
 
 class Solution:
     """Least squares from a Gram matrix."""

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.discovery.aliases import simplest
 from flexspline.discovery.ceiling import Ceiling
-from flexspline.discovery.dictionary import effect_rows
-from flexspline.discovery.nameless import columns_of, nameless_of
+from flexspline.discovery.nameless import nameless_of
 from flexspline.discovery.noise import first_whitening, restricted_whitening
 from flexspline.discovery.refit import started
 from flexspline.discovery.search import Limits, Searcher, Step, owned_gain
+from flexspline.discovery.sheet import Sheet
 from flexspline.discovery.study import Study
+from flexspline.discovery.thinning import rows_of, thinned
 from flexspline.discovery.unexplained import Leftover, leftover_of
 from flexspline.discovery.whitening import Whitening
 from flexspline.discovery.working import Working, working
@@ -27,16 +28,19 @@ Array = NDArray[np.float64]
 
 SURROGATE = 0.6  # of its gain that a name keeps beside functions without a name, to be no stand-in
 LARGE = 0.12  # times a name's gain that these functions gain beside it, to cast doubt on it
+CEILING = (30_000, 2_000)  # rows for functions without a name, and of one stretch
 
 
 @dataclass(frozen=True, eq=False)
 class Analysis:
     """Base and final model, the search that led there, and what is left.
 
+    `part`: the study of the rows that were searched first, all of them where they are few.
     `doubted`: names that only stood in for a cause without a name, and were taken back.
     """
 
     study: Study
+    part: Study
     base: Working
     final: Working
     searcher: Searcher
@@ -55,7 +59,11 @@ def analysed(
     fixed: Mapping[str, float],
     say: Callable[[str], object],
 ) -> Analysis:
-    """Look for what is missing beside `effects`; `say` is told what is being done."""
+    """Look for what is missing beside `effects`; `say` is told what is being done.
+
+    Of long logs a part is searched first (`thinning.py`), then all rows from there.
+    """
+    whole, study = study, study.thinned()
     say("base model")
     plain = Whitening(np.ones(1), 1.0, study.problem.decimation)
     base, _ = started(study.problem, working(effects, len(effects), fixed), plain)
@@ -65,34 +73,37 @@ def analysed(
     first = first_whitening(study.problem, _everything(study, base))
     lax, _, _ = Searcher(study, first, Limits(lax=True), say).run(base)
     study.scan(lax)
-    beside = leftover_of(Ceiling(study.problem, first), lax).groups
+    looked_at = thinned(whole.problem, *CEILING)
+    beside = leftover_of(Ceiling(looked_at, first), lax).groups
     whitening = restricted_whitening(study.problem, lax, beside)
     searcher = Searcher(study, whitening, Limits(), say)
     base, _ = searcher.fitted(base)
     final, _, steps = searcher.run(base)
+    if study is not whole:
+        say("all rows")
+        whole.orders = study.orders
+        searcher = replace(searcher, study=whole)
+        base, _ = searcher.fitted(base)
+        final, _, more = searcher.run(final)
+        steps += more
     say("what is left")
-    ceiling = Ceiling(study.problem, whitening)
-    leftover, doubted = leftover_of(ceiling, final), []
+    share = rows_of(whole.problem) / rows_of(looked_at)
+    ceiling = Ceiling(looked_at, whitening)
+    leftover, doubted = leftover_of(ceiling, final).times(share), []
     while (stand_in := _stand_in(searcher, final, leftover)) is not None:
         doubted.append(stand_in)
         kept = [e for e in final.effects if e.name != stand_in]
         final = searcher.pruned(searcher.fitted(final.having(kept))[0])
-        leftover = leftover_of(ceiling, final)
+        leftover = leftover_of(ceiling, final).times(share)
     final = searcher.pruned(simplest(searcher, final))
-    return Analysis(study, base, final, searcher, tuple(steps), leftover, tuple(doubted))
+    return Analysis(whole, study, base, final, searcher, tuple(steps), leftover, tuple(doubted))
 
 
-def _everything(study: Study, work: Working) -> list[tuple[Array, Array]]:
-    """Columns (N, C) of the model, all candidates and functions of each channel; and targets."""
+def _everything(study: Study, work: Working) -> Sheet:
+    """Columns of the model, all candidates and functions of each channel."""
     wanted = [e for c in study.candidates(work.effects) for e in c.effects]
     nameless = nameless_of(study.problem, pairs=False)
-    made = []
-    for number in range(len(study.problem.runs)):
-        rows, target = work.rows(study.problem, number)
-        beside = effect_rows(study.problem, work, list(dict.fromkeys(wanted)), number, study.kept)
-        free = columns_of(nameless, study.problem, number)
-        made.append((np.column_stack([rows, beside, free]), target))
-    return made
+    return work.sheet(beside=list(dict.fromkeys(wanted)), functions=nameless)
 
 
 def _stand_in(searcher: Searcher, work: Working, leftover: Leftover) -> str | None:

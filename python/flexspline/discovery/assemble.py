@@ -16,8 +16,8 @@ from flexspline.discovery.scores import equivalent_t, price
 from flexspline.discovery.search import owned_gain
 from flexspline.discovery.shrunk import HeldRun
 from flexspline.discovery.table import by_runs
-from flexspline.discovery.whitening import Whitening
 from flexspline.discovery.where import contribution, where
+from flexspline.discovery.whitening import Whitening
 from flexspline.discovery.working import Working
 from flexspline.effects import UNITS, Effect
 from flexspline.errors import listed
@@ -97,7 +97,11 @@ def _unexplained(
     groups = made.leftover.groups
     if not groups:
         return None, steps[-1]
-    floor = min(held_out(made.study.problem, made.final, plain, groups).rmse, *steps)
+    problem = made.part.problem
+    floor = held_out(problem, made.final, plain, groups).rmse
+    if made.part is not made.study:
+        floor *= steps[-1] / held_out(problem, made.final, plain).rmse
+    floor = min(floor, *steps)
     gap = steps[0] ** 2 - floor**2
     share = (steps[-1] ** 2 - floor**2) / gap if gap > 0.0 else 0.0
     if share < SEEN:
@@ -117,14 +121,14 @@ def _found(made: Analysis, effect: Effect, before: float, after: float) -> Found
     cost = price(len(effect.terms), 1.0, len(dictionary.candidates))
     regressors = features(gain, cost, best, survives, made.leftover.gain, len(aliases))
     own = next(e for e in work.effects if e.name == effect.name)
-    parts = contribution(made.study.problem, work, effect.name)
+    parts = contribution(made.part.problem, work, effect.name)
     return Found(
         effect=effect.name,
         rmse_before=before,
         rmse_after=after,
         confidence=confidence(regressors),
         indistinguishable_from=aliases,
-        where=where(made.study.problem, own, parts),
+        where=where(made.part.problem, own, parts),
         evidence=_evidence(made, effect, t, gain, rivals, aliases, (before, after)),
         t=t,
         rivals=tuple(rivals[:5]),

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from flexspline.discovery.nameless import Nameless, nameless_of, values_of
 from flexspline.discovery.scores import gain_of
-from flexspline.discovery.table import SINGULAR, Table, fold_blocks
+from flexspline.discovery.stretches import fold_blocks
+from flexspline.discovery.table import SINGULAR, Table
 from flexspline.discovery.whitening import Whitening
 from flexspline.discovery.working import Working
 from flexspline.fit.problem import Problem
@@ -59,10 +60,10 @@ class Ceiling:
 
     def beside(self, work: Working) -> Overlap:
         """Return the functions beside the columns and shapes of a model."""
-        runs, made = self.problem.runs, []
-        for number, run in enumerate(runs):
-            rows, target = work.rows(self.problem, number)
-            white, at = self.whitening(np.column_stack([target, rows]), run)
+        sheet, made = work.sheet(), []
+        for number in range(len(self.problem.runs)):
+            white, at = sheet.white(self.problem, self.whitening, number)
+            white = np.roll(white, 1, axis=1)  # the target first
             made.append(white[np.searchsorted(at, self.rows[number])])
         return Overlap(self, [made[number][first:last] for number, first, last in self.folds])
 

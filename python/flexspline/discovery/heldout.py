@@ -4,25 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.discovery.nameless import Nameless, columns_of
+from flexspline.discovery.nameless import Nameless
 from flexspline.discovery.predictive import prior_of
 from flexspline.discovery.scores import gain_of
-from flexspline.discovery.table import by_runs, left_by, solved, tabulated
+from flexspline.discovery.table import left_by, solved, tabulated
 from flexspline.discovery.whitening import Whitening
 from flexspline.discovery.working import Working
 from flexspline.fit.problem import Problem
-from flexspline.fit.validation import run_edges
-
-BESIDE = "functions without a name"
 
 __all__ = ["HeldOut", "held_out"]
 
 Array = NDArray[np.float64]
+
+BESIDE = "functions without a name"
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,23 +52,12 @@ def held_out(
     `beside`: functions without a name that are fitted too. Columns that no other fold sees
     contribute nothing.
     """
-    columns = []
-    for number in range(len(problem.runs)):
-        rows, target = work.rows(problem, number, bends=False)
-        columns.append((np.column_stack([rows, columns_of(beside, problem, number)]), target))
-    table = tabulated(problem, columns, whitening)
+    sheet = work.sheet(bends=False, functions=beside)
+    table = tabulated(problem, sheet, whitening)
     every, total = np.arange(len(table.total) - 1), table.total
-    drawn = np.diag(total) * _drawn(work, total, len(every))
-    fold, made = 0, []
-    for number, (rows, target) in enumerate(columns):
-        left = np.full(len(target), np.nan)
-        counts = _counts(problem, number)
-        for first, last in pairwise(run_edges(problem, number, by_runs(problem))):
-            beta = solved(total - table.folds[fold] + np.diag(drawn), every)
-            left[first:last] = target[first:last] - rows[first:last] @ beta
-            fold += 1
-        made.append(np.where(counts, left, np.nan))
-    return HeldOut(tuple(made))
+    drawn = np.diag(np.diag(total) * _drawn(work, total, len(every)))
+    betas = [solved(total - fold + drawn, every) for fold in table.folds]
+    return HeldOut(tuple(sheet.left_over(problem, betas)))
 
 
 def _drawn(work: Working, total: Array, count: int) -> Array:
@@ -84,11 +71,3 @@ def _drawn(work: Working, total: Array, count: int) -> Array:
         gain, _ = gain_of(left_by(total, rest), mine, np.diag(total))
         share[mine] = prior_of(mine, gain)
     return share
-
-
-def _counts(problem: Problem, number: int) -> NDArray[np.bool_]:
-    run = problem.runs[number]
-    mask = np.zeros(len(run), dtype=bool)
-    for first, last in run.stretches:
-        mask[first:last] = True
-    return mask

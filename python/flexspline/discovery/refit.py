@@ -74,8 +74,7 @@ def coefficients_of(
     work, squares = solved_at(problem, work, whitening)
     if not len(work.searched) or not np.any(work.coefficients):
         return work, squares, np.zeros(len(work.searched))
-    bent = [work.rows(problem, number) for number in range(len(problem.runs))]
-    full = tabulated(problem, bent, whitening).total
+    full = tabulated(problem, work.sheet(), whitening).total
     both = solved(full, np.arange(len(full) - 1))
     return work, squares, both[len(work.free) :]
 
@@ -85,9 +84,7 @@ def solved_at(problem: Problem, work: Working, whitening: Whitening) -> tuple[Wo
     moves = any("load" in e.reads for e in work.effects)
     moves = moves and any(e.info.carries_load for e in work.effects)
     for _ in range(LOAD_ROUNDS if moves else 1):
-        runs = range(len(problem.runs))
-        columns = [work.rows(problem, number, bends=False) for number in runs]
-        total = tabulated(problem, columns, whitening).total
+        total = tabulated(problem, work.sheet(bends=False), whitening).total
         linear = np.arange(len(work.free))
         beta = solved(total, linear)
         values = work.coefficients.copy()

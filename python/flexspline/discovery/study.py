@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.discovery.candidates import Candidate, candidates_for, possible
-from flexspline.discovery.dictionary import Dictionary, Kept, dictionary_of
+from flexspline.discovery.dictionary import Dictionary, dictionary_of
 from flexspline.discovery.pools import order_pools, scanned
+from flexspline.discovery.thinning import thinned
 from flexspline.discovery.whitening import Whitening
 from flexspline.discovery.working import Working
 from flexspline.effects import UNITS, Effect
@@ -33,11 +34,15 @@ class Study:
     possible: list[Effect]
     not_tried: dict[str, str]
     orders: tuple[FoundOrder, ...] = field(default=())
-    kept: Kept = field(default_factory=dict, repr=False)
 
     @property
     def target(self) -> str:
         return self.problem.target
+
+    def thinned(self) -> Study:
+        """The same for a part of long logs; itself for others."""
+        part = thinned(self.problem)
+        return self if part is self.problem else replace(self, problem=part)
 
     def candidates(self, model: Sequence[Effect]) -> list[Candidate]:
         """Return what may be missing beside a model."""
@@ -52,7 +57,7 @@ class Study:
         """Return the table of a model and all candidates beside it, or beside it without one."""
         rest = [e for e in work.effects if e.name != without]
         candidates = [c for c in self.candidates(rest) if c.name != without]
-        return dictionary_of(self.problem, work, candidates, whitening, self.kept)
+        return dictionary_of(self.problem, work, candidates, whitening)
 
     def scan(self, work: Working) -> None:
         """Look for orders in what a model leaves."""

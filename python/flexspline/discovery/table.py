@@ -12,17 +12,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexspline import _core
+from flexspline.discovery.sheet import Sheet
+from flexspline.discovery.stretches import by_runs, edges_of, fold_blocks
 from flexspline.discovery.whitening import Whitening
 from flexspline.fit.problem import Problem
-from flexspline.fit.validation import RUNS_NEEDED, run_edges
 
-__all__ = ["Table", "by_runs", "fold_blocks", "left_by", "solved", "tabulated"]
+__all__ = ["Table", "by_runs", "left_by", "solved", "tabulated"]
 
 Array = NDArray[np.float64]
 Columns = NDArray[np.intp]
@@ -79,27 +79,29 @@ def _inverse(products: Array, model: Columns) -> tuple[Array, Array]:
     return (vectors[:, seen] / values[seen]) @ vectors[:, seen].T, scale
 
 
-def by_runs(problem: Problem) -> bool:
-    """Whether whole runs are left out, else blocks of them."""
-    return len(problem.runs) >= RUNS_NEEDED
-
-
-def fold_blocks(problem: Problem, number: int, rows: NDArray[np.intp]) -> list[tuple[int, int]]:
-    """Ranges of the filtered rows of a run that lie in each of its folds."""
-    edges = np.searchsorted(rows, run_edges(problem, number, by_runs(problem)))
-    return [(int(first), int(last)) for first, last in pairwise(edges.tolist())]
-
-
 def tabulated(
-    problem: Problem, columns: Sequence[tuple[Array, Array]], whitening: Whitening
+    problem: Problem, columns: Sheet | Sequence[tuple[Array, Array]], whitening: Whitening
 ) -> Table:
-    """Add up the products of columns (N, C) and target (N,), given for each run."""
-    products, counts = [], []
+    """Add up the products of columns and target: of a sheet, or of (N, C) and (N,) of each run."""
+    if isinstance(columns, Sheet) and columns.even(problem):
+        folds = columns.products(problem, whitening)
+        return Table(folds / whitening.variance, _rows_of_folds(problem, whitening))
+    if isinstance(columns, Sheet):
+        columns = [columns.rows(problem, number) for number in range(len(problem.runs))]
+    products = []
     for number, (rows, target) in enumerate(columns):
         made, at = whitening(np.column_stack([rows, target]), problem.runs[number])
         blocks = fold_blocks(problem, number, at)
         plain = np.asfortranarray(made[:, :-1])
         high, _ = _core.accumulate_rows(plain, made[:, -1], blocks, None, False, problem.threads)
         products.append(high / whitening.variance)
-        counts += [last - first for first, last in blocks]
-    return Table(np.concatenate(products), np.array(counts, dtype=np.int64))
+    return Table(np.concatenate(products), _rows_of_folds(problem, whitening))
+
+
+def _rows_of_folds(problem: Problem, whitening: Whitening) -> NDArray[np.int64]:
+    made = []
+    for number, run in enumerate(problem.runs):
+        edges = edges_of(problem, number)
+        counts = [whitening.counted(first, last, edges) for first, last in run.stretches]
+        made.append(np.sum(counts, axis=0, dtype=np.int64))
+    return np.concatenate(made)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -32,6 +32,11 @@ class Leftover:
     gain: float
     carried: dict[str, float]
     survives: dict[str, float]
+
+    def times(self, share: float) -> Leftover:
+        """What so many times the rows would show."""
+        carried = {name: share * gain for name, gain in self.carried.items()}
+        return replace(self, gain=share * self.gain, carried=carried)
 
     @property
     def channels(self) -> list[str]:

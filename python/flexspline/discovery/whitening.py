@@ -36,10 +36,21 @@ class Whitening:
     def order(self) -> int:
         return len(self.denominator) - 1
 
+    def long_enough(self, rows: int) -> bool:
+        """Whether a stretch of so many rows leaves more than what starts the filter."""
+        return -(-rows // self.decimation) > 2 * self.order + 2
+
+    def counted(self, first: int, last: int, edges: Sequence[int]) -> NDArray[np.int64]:
+        """Filtered rows of a stretch [first, last) in each fold between `edges`, (F,)."""
+        start = first + self.order * self.decimation
+        before = [max(0, -(-(min(e, last) - start) // self.decimation)) for e in edges]
+        rows = np.diff(before) if self.long_enough(last - first) else np.zeros(len(edges) - 1)
+        return np.asarray(rows, dtype=np.int64)
+
     def taken(self, run: Run) -> list[NDArray[np.intp]]:
         """Rows of each stretch that are filtered; those that only start the filter included."""
         pieces = [np.arange(first, last, self.decimation) for first, last in run.stretches]
-        return [rows for rows in pieces if len(rows) > 2 * self.order + 2]
+        return [rows for rows in pieces if len(rows) and self.long_enough(rows[-1] + 1 - rows[0])]
 
     def __call__(self, columns: Array, run: Run) -> tuple[Array, NDArray[np.intp]]:
         """Filter columns (N, C) of a run; return what is left and the rows it belongs to."""

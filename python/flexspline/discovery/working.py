@@ -16,6 +16,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from flexspline.discovery.nameless import Nameless
+from flexspline.discovery.sheet import Shares, Sheet
 from flexspline.effects import Effect
 from flexspline.fit.names import ShapeParameter, coefficient_names, resolve, shapes_of
 from flexspline.fit.problem import Problem
@@ -80,39 +82,65 @@ class Working:
         kept = np.where(made.held, made.coefficients, values)
         return replace(made, coefficients=kept)
 
-    def rows(self, problem: Problem, number: int, *, bends: bool = True) -> tuple[Array, Array]:
-        """Columns of free coefficients and searched shapes of a run, (N, F + S); and its target.
+    def sheet(
+        self,
+        *,
+        bends: bool = True,
+        beside: Sequence[Effect] = (),
+        functions: Sequence[Nameless] = (),
+    ) -> Sheet:
+        """Columns of free coefficients and searched shapes, (F + S), and of what is beside them.
 
-        The target, (N,), is what the held coefficients leave. Without `bends` the columns are
-        (N, F).
+        `beside`: effects whose load is the model's own inertia and gravity. `functions`: without
+        a name. The target is what the held coefficients leave. Without `bends` there are no
+        columns of shapes.
         """
-        run = problem.runs[number]
-        design = np.asarray(
-            problem.design(self.effects).rows(run.channels, len(run), self.coefficients)
+        own = sum(len(effect.terms) for effect in self.effects)
+        parts, shapes = list(self.effects), []
+        for number in range(len(self.searched) if bends else 0):
+            moved, shares = self._bend(number, sum(len(e.terms) for e in parts))
+            parts += moved
+            shapes.append(shares)
+        first = sum(len(effect.terms) for effect in parts)
+        count = sum(len(effect.terms) for effect in beside)
+        padding = np.zeros(first + count - own)
+        return Sheet(
+            (*parts, *beside),
+            np.concatenate([self.coefficients, padding]),
+            (
+                *([(int(k), 1.0)] for k in self.free),
+                *shapes,
+                *([(first + k, 1.0)] for k in range(count)),
+            ),
+            np.concatenate([np.where(self.held, self.coefficients, 0.0), padding]),
+            tuple(functions),
         )
-        count = len(self.searched) if bends else 0
-        bent = [self._bend(problem, number, k) for k in range(count)]
-        columns = problem.smooth(run, np.column_stack([design, *bent]))
-        held = columns[:, : len(self.held)][:, self.held] @ self.coefficients[self.held]
-        kept = np.concatenate([~self.held, np.ones(count, dtype=bool)])
-        return columns[:, kept], run.target - held
+
+    def rows(self, problem: Problem, number: int, *, bends: bool = True) -> tuple[Array, Array]:
+        """Columns (N, F + S) of a whole run, see `sheet`; and the target, (N,)."""
+        return self.sheet(bends=bends).rows(problem, number)
 
     def predict(self, problem: Problem, number: int) -> Array:
         """Rows times coefficients of a run, (N,)."""
         return problem.predict_run(self.effects, self.coefficients, number)
 
-    def _bend(self, problem: Problem, number: int, shape: int) -> Array:
-        run, ends = problem.runs[number], []
-        info = self.searched[shape].info
-        limits = np.log([info.lower, info.upper])
+    def _bend(self, shape: int, first: int) -> tuple[list[Effect], Shares]:
+        """Effects with a shape to either side, from part `first` on, and the slope between."""
+        searched = self.searched[shape]
         middle = float(self.logarithms[shape])
+        limits = np.log([searched.info.lower, searched.info.upper])
         both = np.clip([middle - STEP, middle + STEP], *limits)
-        for end in both:
-            moved = self.logarithms
-            moved[shape] = end
-            design = problem.design(self.at(moved).effects)
-            ends.append(np.asarray(design.predict(run.channels, len(run), self.coefficients)))
-        return np.asarray((ends[1] - ends[0]) / (both[1] - both[0]))
+        ends = np.cumsum([0, *(len(e.terms) for e in self.effects)])
+        moved: list[Effect] = []
+        shares: Shares = []
+        for end, sign in zip(both, (-1.0, 1.0), strict=True):
+            value = float(np.clip(np.exp(end), searched.info.lower, searched.info.upper))
+            for at in searched.effects:
+                moved.append(self.effects[at].with_shapes(**{searched.info.name: value}))
+                weights = sign * self.coefficients[ends[at] : ends[at + 1]] / (both[1] - both[0])
+                shares += [(first + k, float(w)) for k, w in enumerate(weights)]
+                first += len(weights)
+        return moved, shares
 
 
 def working(effects: Sequence[Effect], base: int, fixed: Mapping[str, float]) -> Working:

@@ -90,6 +90,9 @@ class Problem:
     block_rows: int
     offset_per_run: bool = False
     kept: dict[Any, Array] = field(default_factory=dict, compare=False, repr=False)
+    remembered: _core.Remembered = field(
+        default_factory=_core.Remembered, compare=False, repr=False
+    )
 
     def place(self, effects: Sequence[Effect]) -> list[NDArray[np.intp]]:
         """Number of the parameter behind each column of the core, an array (P,) for each run.

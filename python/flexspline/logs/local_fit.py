@@ -85,22 +85,35 @@ class LocalFit:
         if len(time) <= self.derivative:
             return np.full(values.shape, np.nan)
         columns = values.reshape(len(time), -1)
-        step = (time[-1] - time[0]) / (len(time) - 1) if len(time) > 1 else 1.0
-        even = np.max(np.abs(np.diff(time) - step), initial=0.0) <= EVEN * step
-        reach = int(self.half_length / step)
-        if even and 2 * reach < len(time) and reach >= DEGREE[self.derivative] // 2:
-            return self._even(columns, step).reshape(values.shape)
+        if self.kernel_of(time) is not None:
+            return self._even(columns, _step(time)).reshape(values.shape)
         return self._uneven(time, columns).reshape(values.shape)
 
-    def _even(self, columns: NDArray[np.float64], step: float) -> NDArray[np.float64]:
-        """One FIR kernel inside, one-sided fits at both ends."""
+    def kernel_of(self, time: NDArray[np.float64]) -> NDArray[np.float64] | None:
+        """Weights (2h + 1,) of the rows around each row inside an even run; None for others."""
+        step = _step(time)
+        even = np.max(np.abs(np.diff(time) - step), initial=0.0) <= EVEN * step
+        reach = int(self.half_length / step)
+        if not even or 2 * reach >= len(time) or reach < DEGREE[self.derivative] // 2:
+            return None
+        return self._kernel(self._bells(step))
+
+    def _bells(self, step: float) -> NDArray[np.float64]:
+        """Gaussian of the offsets within the half length, times their powers, in σ: (2h + 1, P)."""
         reach = int(self.half_length / step)
         offsets = np.arange(-reach, reach + 1) * (step * self.bandwidth / WIDTH)
         powers = offsets[:, None] ** np.arange(2 * max(DEGREE.values()) + 1)
-        bells = np.exp(-0.5 * offsets**2)[:, None] * powers
+        return np.asarray(np.exp(-0.5 * offsets**2)[:, None] * powers)
+
+    def _kernel(self, bells: NDArray[np.float64]) -> NDArray[np.float64]:
         degree = DEGREE[self.derivative]
         moments = np.sum(bells, axis=0)
-        kernel = bells[:, : degree + 1] @ self._solve(moments[None], degree)[0]
+        return np.asarray(bells[:, : degree + 1] @ self._solve(moments[None], degree)[0])
+
+    def _even(self, columns: NDArray[np.float64], step: float) -> NDArray[np.float64]:
+        """One FIR kernel inside, one-sided fits at both ends."""
+        bells = self._bells(step)
+        kernel, reach = self._kernel(bells), len(bells) // 2
         out = np.empty_like(columns)
         for first in range(0, columns.shape[1], TOGETHER):
             some = slice(first, first + TOGETHER)
@@ -232,6 +245,11 @@ class LocalFit:
         poor = last - first <= degree
         start = np.clip(rows - (degree + 1) // 2, 0, max(count - degree - 1, 0))
         return np.where(poor, start, first), np.where(poor, start + degree + 1, last)
+
+
+def _step(time: NDArray[np.float64]) -> float:
+    """Mean step of a run, s."""
+    return float((time[-1] - time[0]) / (len(time) - 1)) if len(time) > 1 else 1.0
 
 
 def _neighbour(

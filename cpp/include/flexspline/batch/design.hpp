@@ -18,11 +18,9 @@ class Design {
       : effects_(std::move(effects)), gear_(gear) {
     for (const AnyEffect& effect : effects_) {
       columns_ += terms_of(effect);
-      const bool motor_side = reads_any(effect, Channel::motor_position);
-      const bool angle = motor_side || reads_any(effect, Channel::output_position);
-      if (angle) ++angle_readers_;
-      if (angle && angles_ == SampleBlock::Angles::none) angles_ = SampleBlock::Angles::output;
-      if (motor_side) angles_ = SampleBlock::Angles::both_sides;
+      const SampleBlock::Angles angles = angles_of(effect);
+      if (angles != SampleBlock::Angles::none) ++angle_readers_;
+      angles_ = std::max(angles_, angles);
       load_ |= reads_any(effect, Channel::load);
       remembers_ |= remembers(effect);
     }
@@ -32,6 +30,10 @@ class Design {
   const std::vector<AnyEffect>& effects() const noexcept { return effects_; }
   const Gear<double>& gear() const noexcept { return gear_; }
   bool remembers() const noexcept { return remembers_; }
+  static bool remembers(const AnyEffect& any) {
+    return std::visit([](const auto& e) { return Remembers<std::remove_cvref_t<decltype(e)>>; },
+                      any);
+  }
 
   /// The memory at the beginning of a run.
   Memory fresh() const {
@@ -68,20 +70,32 @@ class Design {
   /// it the rows between can be evaluated in any order, and in parallel, to the same bits.
   std::vector<Memory> remember(const Channels& channels, std::span<const std::size_t> rows,
                                std::span<const double> coefficients) const {
-    std::vector<Memory> found(rows.size());
-    if (!remembers_) return found;
+    std::vector<Memory> found(rows.size(), fresh());
+    for (std::size_t k = 0; k < effects_.size(); ++k) {
+      if (!remembers(effects_[k])) continue;
+      const auto states = remember(channels, rows, coefficients, k);
+      for (std::size_t at = 0; at < rows.size(); ++at) found[at][k] = states[at];
+    }
+    return found;
+  }
+
+  /// The memory of effect number `which`, which has one, before each of these rows.
+  std::vector<AnyState> remember(const Channels& channels, std::span<const std::size_t> rows,
+                                 std::span<const double> coefficients, std::size_t which) const {
     std::vector<std::size_t> order(rows.size());
     std::iota(order.begin(), order.end(), std::size_t{0});
     std::sort(order.begin(), order.end(),
               [rows](std::size_t a, std::size_t b) { return rows[a] < rows[b]; });
+    std::vector<AnyState> found(rows.size());
     Memory memory = fresh();
     std::size_t row = 0;
     for (const std::size_t k : order) {
-      for (; row < rows[k]; row += std::min(SampleBlock::capacity, rows[k] - row)) {
+      while (row < rows[k]) {
         const std::size_t count = std::min(SampleBlock::capacity, rows[k] - row);
-        pass(channels, row, count, coefficients, memory, [](std::size_t, bool) {});
+        pass(channels, row, count, coefficients, memory, which, [](std::size_t, bool) {});
+        row += count;
       }
-      found[k] = memory;
+      found[k] = memory[which];
     }
     return found;
   }
@@ -91,8 +105,11 @@ class Design {
   void settled(const Channels& channels, std::size_t first, std::size_t count,
                std::span<const double> coefficients, Memory& memory, bool* out) const {
     std::fill_n(out, count, true);
-    pass(channels, first, count, coefficients, memory,
-         [out](std::size_t i, bool done) { out[i] = out[i] && done; });
+    for (std::size_t k = 0; k < memory.size(); ++k) {
+      if (!remembers(effects_[k])) continue;
+      pass(channels, first, count, coefficients, memory, k,
+           [out](std::size_t i, bool done) { out[i] = out[i] && done; });
+    }
   }
 
   /// The same without the columns of ones and of one ripple effect, and instead cosine and sine
@@ -137,13 +154,14 @@ class Design {
   }
 
  private:
-  static bool remembers(const AnyEffect& any) {
-    return std::visit([](const auto& e) { return Remembers<std::remove_cvref_t<decltype(e)>>; },
-                      any);
-  }
   static bool reads_any(const AnyEffect& any, Channel channel) {
     return std::visit(
         [&](const auto& e) { return reads<std::remove_cvref_t<decltype(e)>>(channel); }, any);
+  }
+  static SampleBlock::Angles angles_of(const AnyEffect& any) {
+    if (reads_any(any, Channel::motor_position)) return SampleBlock::Angles::both_sides;
+    if (reads_any(any, Channel::output_position)) return SampleBlock::Angles::output;
+    return SampleBlock::Angles::none;
   }
   static bool carries_load(const AnyEffect& any) {
     return std::visit([](const auto& e) { return CarriesLoad<std::remove_cvref_t<decltype(e)>>; },
@@ -211,26 +229,27 @@ class Design {
     }
   }
 
-  /// Takes the effects with memory over rows without writing columns: use(i, settled) for each of
-  /// them and each row.
+  /// Takes effect number `which`, if it has memory, over rows without writing columns:
+  /// use(i, settled) for each row.
   template <typename Use>
   void pass(const Channels& channels, std::size_t first, std::size_t count,
-            std::span<const double> coefficients, Memory& memory, Use use) const {
+            std::span<const double> coefficients, Memory& memory, std::size_t which,
+            Use use) const {
     SampleBlock block;
     SampleBlock::Column<double> load;
-    std::vector<double> scratch(load_ && !coefficients.empty() ? columns_ * count : 0);
-    read(channels, first, count, coefficients, scratch.data(), count, angles_, block, load);
-    for (std::size_t k = 0; k < memory.size(); ++k) {
-      std::visit(
-          [&]<typename Effect>(const Effect& effect) {
-            if constexpr (Remembers<Effect>) {
-              auto& state = std::get<place_of<Effect>>(memory[k]);
-              walk(effect, block, state,
-                   [&](std::size_t i, const auto&) { use(i, effect.settled(state)); });
-            }
-          },
-          effects_[k]);
-    }
+    const bool carried = !coefficients.empty() && reads_any(effects_[which], Channel::load);
+    std::vector<double> scratch(carried ? columns_ * count : 0);
+    read(channels, first, count, carried ? coefficients : std::span<const double>{}, scratch.data(),
+         count, carried ? angles_ : angles_of(effects_[which]), block, load);
+    std::visit(
+        [&]<typename Effect>(const Effect& effect) {
+          if constexpr (Remembers<Effect>) {
+            auto& state = std::get<place_of<Effect>>(memory[which]);
+            walk(effect, block, state,
+                 [&](std::size_t i, const auto&) { use(i, effect.settled(state)); });
+          }
+        },
+        effects_[which]);
   }
 
   /// Adds the chosen effects' torques to `total`, an effect at a time.

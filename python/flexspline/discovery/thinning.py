@@ -1,0 +1,48 @@
+"""A part of long logs that stands for the whole in the first search.
+
+Where an effect is plain in a tenth of an hour, it need not be looked for in all of it: a first
+search goes over short stretches spread evenly over the logs. What it found is where the search on
+all rows begins; that refits everything, may take names back, and adds what only all rows show. So
+every gain and price that is reported is one of all rows. Effects with memory are followed through
+the rows between.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from flexspline.fit.problem import Problem, Run
+
+__all__ = ["ENOUGH", "rows_of", "thinned"]
+
+ENOUGH = 300_000  # rows that a first search looks at
+STRETCH = 1 << 13  # rows of one stretch, that of filters' histories are a small share
+
+
+def rows_of(problem: Problem) -> int:
+    """How many rows count."""
+    return sum(run.counted for run in problem.runs)
+
+
+def thinned(problem: Problem, enough: int = ENOUGH, stretch: int = STRETCH) -> Problem:
+    """Return the problem with about `enough` of its rows, in pieces of about `stretch`.
+
+    Itself where it has less than twice as many.
+    """
+    share = rows_of(problem) // enough
+    if share < 2:
+        return problem
+    runs = tuple(replace(run, stretches=_parts(run, share, stretch)) for run in problem.runs)
+    return replace(problem, runs=runs)
+
+
+def _parts(run: Run, share: int, stretch: int) -> tuple[tuple[int, int], ...]:
+    """One part of so many of each stretch, from its middle."""
+    parts = []
+    for first, last in run.stretches:
+        count = max(1, round((last - first) / (share * stretch)))
+        step = (last - first) / count
+        length = round(step / share)
+        begins = [first + round((k + 0.5) * step) - length // 2 for k in range(count)]
+        parts += [(begin, begin + length) for begin in begins]
+    return tuple(parts)
