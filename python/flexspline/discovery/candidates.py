@@ -118,6 +118,7 @@ def candidates_for(
     for effect in effects:
         if effect.name in names or not _loaded([*model, effect], problem.known_load):
             continue
+        effect = effect.with_orders(pools.get(effect.name, ())) if effect.ripple else effect
         variants = shaped(effect, tuple(model), problem)
         if not effect.ripple:
             made.append(Candidate(effect.name, tuple(variants)))

@@ -1,7 +1,8 @@
 """Where a shape may lie in these runs: a few values to screen, spread over what the data show.
 
 A Stribeck speed lies among the speeds of the runs, the width of a loop among its turns, a time
-constant between two samples and half a run. Where nothing tells, the bounds of the catalogue do.
+constant between two samples and half a run, a resonance among the orders times the speeds. Where
+nothing tells, the bounds of the catalogue do.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ SHARED = ("direction_width", "mesh_shape")
 
 POINTS = {0: 1, 1: 6, 2: 4}
 SHARE = (0.004, 1.2)  # of the largest value of a channel
+SEEN = (0.3, 3.0)  # of an order's largest frequency: a resonance beyond bends nothing that is seen
 UNIT_CHANNELS = {
     "rad/s": ("output_velocity",),
     "Nm": ("known_load",),
@@ -60,13 +62,24 @@ def _range(effect: Effect, shape: ShapeInfo, problem: Problem) -> tuple[float, f
     wanted = UNIT_CHANNELS.get(shape.unit, ())
     reads = ("known_load" if name == "load" else name for name in effect.reads)
     for name in (name for name in reads if name in wanted):
-        sizes = [_size(run.channels[name]) for run in problem.runs if name in run.channels]
+        found = [run.channels[name] for run in problem.runs if name in run.channels]
+        sizes = [_size(values, shape.unit) for values in found]
         if sizes and max(sizes) > 0.0:
+            if effect.ripple:
+                return _resonance(effect, max(sizes))
             return SHARE[0] * max(sizes), SHARE[1] * max(sizes)
     return shape.lower, shape.upper
 
 
-def _size(values: Array) -> float:
-    """Half the way from the lowest to the highest, without the outermost per cent."""
+def _resonance(effect: Effect, speed: float) -> tuple[float, float]:
+    """Where a resonance bends one of the orders at one of the speeds, in order × rad/s."""
+    orders = [order for order, _ in effect.harmonics] or [1]
+    return SEEN[0] * min(orders) * speed, SEEN[1] * max(orders) * speed
+
+
+def _size(values: Array, unit: str) -> float:
+    """The largest without the outermost per cent; of angles half the way from end to end."""
+    if unit != "rad":
+        return float(np.quantile(np.abs(values), 0.995))
     low, high = np.quantile(values, (0.005, 0.995))
     return float(max(high - low, 0.0)) / 2.0

@@ -18,11 +18,11 @@ from flexspline.logs.log import Log
 from flexspline.orders import FoundOrder, find_orders
 from flexspline.orders.parts import Candidate, Pair, owner, pairs
 
-__all__ = ["order_pools", "scanned"]
+__all__ = ["joined", "order_pools", "scanned"]
 
 LOW = (1, 2, 3, 4)
 FACTS = ("pole_pairs", "slots")
-MOST = 10
+MOST = 10  # orders of a scan that are tried
 
 
 def scanned(logs: Sequence[Log], residuals: Sequence[Any], unit: str) -> tuple[FoundOrder, ...]:
@@ -31,6 +31,12 @@ def scanned(logs: Sequence[Log], residuals: Sequence[Any], unit: str) -> tuple[F
         return find_orders(logs, residuals, unit=unit).found
     except InputError:
         return ()
+
+
+def joined(before: tuple[FoundOrder, ...], after: tuple[FoundOrder, ...]) -> tuple[FoundOrder, ...]:
+    """Return the orders of two scans, each once, the strongest of each scan first."""
+    known = {(line.order, line.pair) for line in before}
+    return before[:MOST] + tuple(f for f in after if (f.order, f.pair) not in known)
 
 
 def order_pools(
@@ -50,7 +56,7 @@ def order_pools(
     for order, pair in [*_low(facts), *_of_facts(facts)]:
         name = "kinematic_error" if target == "torsion" else _owner(order, pair, facts)
         _add(own, name, (order, CORE_PAIRS[pair.name]), taken)
-    for line in found[:MOST]:
+    for line in found[: 2 * MOST]:
         if isinstance(line.order, int) and line.pair:
             name = "kinematic_error" if target == "torsion" else line.effect
             name = "output_ripple" if name == "gravity" else name
@@ -58,7 +64,7 @@ def order_pools(
     leading = [h for e in model if e.name in LEADERS for h in e.harmonics]
     seen = [(f.order, CORE_PAIRS[f.pair]) for f in found[:3]
             if f.effect in LEADERS and isinstance(f.order, int) and f.pair]  # fmt: skip
-    own[FOLLOWER] = list(dict.fromkeys([*leading, *seen]))[:3]
+    own[FOLLOWER] = list(dict.fromkeys([*leading, *seen]))
     return {name: _allowed(name, own[name]) for name in names if own.get(name)}
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from flexspline.discovery.candidates import Candidate, candidates_for, possible
 from flexspline.discovery.dictionary import Dictionary, dictionary_of
-from flexspline.discovery.pools import order_pools, scanned
+from flexspline.discovery.pools import joined, order_pools, scanned
 from flexspline.discovery.thinning import thinned
 from flexspline.discovery.whitening import Whitening
 from flexspline.discovery.working import Working
@@ -60,7 +60,7 @@ class Study:
         return dictionary_of(self.problem, work, candidates, whitening)
 
     def scan(self, work: Working) -> None:
-        """Look for orders in what a model leaves."""
+        """Look for orders in what a model leaves; those of earlier scans stay."""
         logs = [run.log for run in self.problem.runs]
         residuals = []
         for number, run in enumerate(self.problem.runs):
@@ -68,7 +68,7 @@ class Study:
             for first, last in run.stretches:
                 left[first:last] = (run.target - work.predict(self.problem, number))[first:last]
             residuals.append(left)
-        self.orders = scanned(logs, residuals, UNITS[self.target])
+        self.orders = joined(self.orders, scanned(logs, residuals, UNITS[self.target]))
 
 
 def study_of(
