@@ -23,7 +23,7 @@ from flexspline.fit.names import Constraints
 from flexspline.fit.problem import Problem
 from flexspline.fit.sums import Solution, Sums, solve
 
-__all__ = ["LinearFit", "fit_linear"]
+__all__ = ["LinearFit", "Unsettled", "fit_linear"]
 
 Array = NDArray[np.float64]
 
@@ -32,6 +32,10 @@ STANDS = 1e-9
 DEPENDENT = 1e-11
 ENOUGH_CONDITION = 1e3
 BOUND_ROUNDS = 10
+
+
+class Unsettled(InputError):
+    """The load that a model makes by itself does not settle."""
 
 
 @dataclass(frozen=True)
@@ -118,7 +122,7 @@ def fit_linear(
                 at_bound,
             )
         load = coefficients
-    raise InputError(
+    raise Unsettled(
         f"the load of the model does not settle after {ROUNDS} rounds; give a known load, or fix "
         "inertia or gravity"
     )

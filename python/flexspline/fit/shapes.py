@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from flexspline.effects import Effect
-from flexspline.fit.linear import LinearFit
+from flexspline.fit.linear import LinearFit, Unsettled
 from flexspline.fit.names import ShapeParameter
 
 __all__ = ["ShapeFit", "fit_shapes"]
@@ -51,7 +51,10 @@ class ShapeFit:
 
 @dataclass
 class _Search:
-    """The outer function; the coefficients of the best solve so far are the next one's start."""
+    """The outer function; the coefficients of the best solve so far are the next one's start.
+
+    Shapes at which the model's load does not settle are no minimum.
+    """
 
     shapes: Sequence[ShapeParameter]
     effects: tuple[Effect, ...]
@@ -64,7 +67,11 @@ class _Search:
     def __call__(self, logarithms: Array) -> float:
         key = tuple(np.round(logarithms, 12).tolist())
         if key not in self.seen:
-            made = self.at(logarithms)
+            try:
+                made = self.at(logarithms)
+            except Unsettled:
+                self.seen[key] = np.inf
+                return np.inf
             self.seen[key] = made.squares
             if self.best is None or made.squares < self.best.squares:
                 self.best = made
