@@ -23,7 +23,7 @@ from flexspline.fit.names import Constraints
 from flexspline.fit.problem import Problem
 from flexspline.fit.sums import Solution, Sums, solve
 
-__all__ = ["LinearFit", "Unsettled", "fit_linear"]
+__all__ = ["LinearFit", "UnsettledError", "fit_linear"]
 
 Array = NDArray[np.float64]
 
@@ -34,7 +34,7 @@ ENOUGH_CONDITION = 1e3
 BOUND_ROUNDS = 10
 
 
-class Unsettled(InputError):
+class UnsettledError(InputError):
     """The load that a model makes by itself does not settle."""
 
 
@@ -122,7 +122,7 @@ def fit_linear(
                 at_bound,
             )
         load = coefficients
-    raise Unsettled(
+    raise UnsettledError(
         f"the load of the model does not settle after {ROUNDS} rounds; give a known load, or fix "
         "inertia or gravity"
     )

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from flexspline.effects import Effect
-from flexspline.fit.linear import LinearFit, Unsettled
+from flexspline.fit.linear import LinearFit, UnsettledError
 from flexspline.fit.names import ShapeParameter
 
 __all__ = ["ShapeFit", "fit_shapes"]
@@ -69,7 +69,7 @@ class _Search:
         if key not in self.seen:
             try:
                 made = self.at(logarithms)
-            except Unsettled:
+            except UnsettledError:
                 self.seen[key] = np.inf
                 return np.inf
             self.seen[key] = made.squares
