@@ -33,6 +33,9 @@ if TYPE_CHECKING:
         TemperatureCompensation,
         Thermistor,
     )
+    from flexspline.experiment.experimenting import next_experiment
+    from flexspline.experiment.limits import Limits
+    from flexspline.experiment.plan import Plan
     from flexspline.fit.result import Fit
     from flexspline.fit.streaming import accumulate
     from flexspline.forward.result import ForwardRun
@@ -57,11 +60,13 @@ __all__ = [
     "FlexsplineWarning",
     "ForwardRun",
     "InputError",
+    "Limits",
     "Log",
     "Merge",
     "Model",
     "Observer",
     "Part",
+    "Plan",
     "PositionServo",
     "Prediction",
     "TemperatureCompensation",
@@ -76,6 +81,7 @@ __all__ = [
     "estimate",
     "fit",
     "get_include",
+    "next_experiment",
     "read_log",
     "simulate",
 ]
@@ -90,11 +96,13 @@ _HOME = {
     "Estimate": "estimation",
     "Fit": "fit.result",
     "ForwardRun": "forward.result",
+    "Limits": "experiment.limits",
     "Log": "logs.log",
     "Merge": "estimators",
     "Model": "model",
     "Observer": "estimators",
     "Part": "model",
+    "Plan": "experiment.plan",
     "PositionServo": "forward.servo",
     "Prediction": "model",
     "TemperatureCompensation": "estimators",
@@ -105,6 +113,7 @@ _HOME = {
     "discover": "discovery.discovering",
     "estimate": "estimation",
     "convert": "logs.convert",
+    "next_experiment": "experiment.experimenting",
     "read_log": "logs.read",
     "simulate": "forward.simulating",
 }

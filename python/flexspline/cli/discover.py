@@ -12,6 +12,7 @@ from flexspline.cli.options import (
     fixed,
     known_load,
     lowpass,
+    named,
     named_effects,
     orders,
     reading,
@@ -20,9 +21,16 @@ from flexspline.cli.options import (
 )
 from flexspline.cli.runs import Reading, on_terminal
 from flexspline.errors import InputError
+from flexspline.experiment.limits import parsed_limits
 from flexspline.files import atomic_write, whole_folder
 
 __all__ = ["discover"]
+
+NEXT = "next_experiment.csv"
+
+
+def _numbers(text: str) -> tuple[float, ...]:
+    return tuple(float(number) for number in text.split(","))
 
 
 @click.command(cls=Taught, sections=(effects_by_target, repairs))
@@ -35,6 +43,15 @@ __all__ = ["discover"]
 @lowpass
 @orders
 @fixed
+@click.option(
+    "--limit",
+    "limits",
+    multiple=True,
+    metavar="NAME=VALUE",
+    callback=named("NAME=VALUE or NAME=LOWEST,HIGHEST", _numbers),
+    help="Of a run to record next: velocity, acceleration [rad/s, rad/s²], duration [s]; "
+    "LOWEST,HIGHEST of position [rad], load [Nm], temperature [°C]. Can be repeated.",
+)
 @threads
 @reading()
 def discover(
@@ -53,7 +70,9 @@ def discover(
     channels is a candidate; one is named where it gains on runs that the fit never saw, by more
     than chance and by more than any other. What no effect explains is said to be unexplained.
 
-    DIR receives model.json (the extended model), discovery.json and report.html.
+    DIR receives model.json (the extended model), discovery.json and report.html; where these runs
+    cannot separate two causes also next_experiment.csv, the trajectory of the run that would.
+    --limit says what that run may do: by default what these runs did.
 
     \b
     Examples:
@@ -80,11 +99,17 @@ def discover(
             lowpass=options["lowpass"],
             orders=options["orders"],
             fixed=options["fix"],
+            limits=parsed_limits(options["limits"]),
             threads=options["threads"],
             progress=on_terminal(),
         )
         made.report(draft / "report.html")
         made.model.save(draft / "model.json")
+        if made.plan is not None:
+            made.plan.save(draft / NEXT)
         atomic_write(draft / "discovery.json", made.to_json())
         verdict = str(made)
-    click.echo(f"{verdict}\n\nwrote model.json, discovery.json and report.html to {Path(out)}")
+    if made.plan is None:  # of an earlier discovery
+        (Path(out) / NEXT).unlink(missing_ok=True)
+    files = f"model.json, discovery.json{f', {NEXT}' if made.plan else ''} and report.html"
+    click.echo(f"{verdict}\n\nwrote {files} to {Path(out)}")

@@ -10,7 +10,6 @@ from flexspline.discovery.analysis import Analysis
 from flexspline.discovery.confidence import confidence, features
 from flexspline.discovery.faults import DataFault
 from flexspline.discovery.heldout import HeldOut, held_out
-from flexspline.discovery.next_run import next_run
 from flexspline.discovery.result import Discovery, Found, Unexplained
 from flexspline.discovery.scores import equivalent_t, price
 from flexspline.discovery.search import owned_gain
@@ -21,17 +20,22 @@ from flexspline.discovery.whitening import Whitening
 from flexspline.discovery.working import Working
 from flexspline.effects import UNITS, Effect
 from flexspline.errors import listed
+from flexspline.experiment.limits import Limits
+from flexspline.experiment.planning import planned
 from flexspline.fit.result import Fit
 
 __all__ = ["assembled"]
 
 Array = NDArray[np.float64]
 
+BESIDE = 5  # rivals that are kept with a name, and all its aliases
 SEEN = 0.05  # of the first gap: less is neither a second name nor unexplained
 
 
-def assembled(made: Analysis, faults: tuple[DataFault, ...], fit: Fit) -> Discovery:
-    """Put everything together that a user sees."""
+def assembled(
+    made: Analysis, faults: tuple[DataFault, ...], fit: Fit, limits: Limits | None = None
+) -> Discovery:
+    """Put everything together that a user sees; `limits`: of the run to record next."""
     problem = made.study.problem
     plain = Whitening(np.ones(1), 1.0, problem.decimation)  # as `fit` does, for what users see
     left = [held_out(problem, work, plain) for work in _nested(made)]
@@ -41,11 +45,8 @@ def assembled(made: Analysis, faults: tuple[DataFault, ...], fit: Fit) -> Discov
         _found(made, effect, steps[number], steps[number + 1])
         for number, effect in enumerate(made.final.named)
     ]
-    pairs = [
-        (effect, Effect(name))
-        for effect, one in zip(made.final.named, found, strict=True)
-        for name in one.indistinguishable_from
-    ]
+    pairs = [(one.effect, rival.effect) for one in found for rival in one.rivals if rival.alias]
+    plan = planned(problem, made.final, made.whitening, pairs, fit, limits)
     return Discovery(
         target=problem.target,
         unit=UNITS[problem.target],
@@ -57,12 +58,13 @@ def assembled(made: Analysis, faults: tuple[DataFault, ...], fit: Fit) -> Discov
         validated_by="runs" if by_runs(problem) else "blocks",
         data_faults=faults,
         unexplained=unexplained,
-        next_experiment=next_run(pairs),
+        next_experiment=plan.sentence if plan else None,
         fit=fit,
         runs=_runs(made, left[0], left[-1]),
         not_tried=made.study.not_tried,
         refused=_refused(made),
         doubted=made.doubted,
+        plan=plan,
     )
 
 
@@ -131,7 +133,7 @@ def _found(made: Analysis, effect: Effect, before: float, after: float) -> Found
         where=where(made.part.problem, own, parts),
         evidence=_evidence(made, effect, t, gain, rivals, aliases, (before, after)),
         t=t,
-        rivals=tuple(rivals[:5]),
+        rivals=tuple(r for k, r in enumerate(rivals) if k < BESIDE or r.alias),
         regressors=regressors,
     )
 

@@ -13,6 +13,7 @@ from flexspline.errors import InputError
 
 if TYPE_CHECKING:  # what is heavy is imported where it is used
     from flexspline.discovery.result import Discovery
+    from flexspline.experiment.limits import Limits
     from flexspline.fit.result import Fit
     from flexspline.logs.log import Log
     from flexspline.model import Model
@@ -30,6 +31,7 @@ def discover(
     orders: Mapping[str, Sequence[int]] | None = None,
     fixed: Mapping[str, float] | None = None,
     exclude: Iterable[str] = (),
+    limits: Limits | None = None,
     progress: bool = False,
     threads: int = 1,
 ) -> Discovery:
@@ -47,6 +49,7 @@ def discover(
     orders : {"output_ripple": [1, 2]} of the base; found where they are not given.
     fixed : parameters that are not fitted, as for `fit`.
     exclude : names of effects that are known not to be there; none of them is a candidate.
+    limits : what a run to record next may do; what is left open is what these runs did.
     progress : show what is being tried on standard error.
     threads : for the sums over the logs.
 
@@ -113,7 +116,7 @@ def discover(
         )
         made = analysed(study, effects, start.fixed, say)
         say("errors and validation")
-        return assembled(made, faults, fitted(made.final.effects))
+        return assembled(made, faults, fitted(made.final.effects), limits)
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from flexspline.discovery.aliases import Rival
     from flexspline.discovery.disagreement import Disagreement
+    from flexspline.experiment.plan import Plan
 
 __all__ = ["Discovery", "Found", "Unexplained"]
 
@@ -81,6 +82,7 @@ class Discovery:
     data_faults : looked for first.
     unexplained : None where the residual is down at the floor.
     next_experiment : a sentence where the runs cannot separate causes, else None.
+    plan : what it says, with its trajectory and a figure.
     fit : of the extended model.
     runs : measured and predicted values of base and extended model, on folds no fit saw.
     not_tried : why effects were no candidates, by name. `refused`: why candidates that gained
@@ -103,6 +105,7 @@ class Discovery:
     not_tried: Mapping[str, str]
     refused: Mapping[str, str]
     doubted: tuple[str, ...]
+    plan: Plan | None = None
 
     @property
     def model(self) -> Model:

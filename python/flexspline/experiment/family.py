@@ -1,0 +1,203 @@
+"""The runs that labs record, each kind a map from numbers in [0, 1] to a path within limits.
+
+    strokes       to and fro at three constant speeds
+    sines         a sum of three sines
+    small cycles  slow reversals over a small angle, a smaller one in between, at several places
+    holds         rests at several places, each reached from both sides
+    rest          at one place
+
+Every path returns to where it began, so that it can be repeated at another load or temperature.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexspline.experiment.limits import Bounds
+from flexspline.experiment.motion import Path, Pulse, Pulses, Sines, moved, rested
+from flexspline.experiment.words import joined, over, short
+
+__all__ = ["Drawn", "Kind", "kinds_for"]
+
+Array = NDArray[np.float64]
+
+SPEEDS = 3
+SINES = 3
+EDGE = 0.15  # of the duration that the window of sines rises at either end
+ATTEMPTS = 8
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A path, and what it is in words."""
+
+    path: Path
+    words: str
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A family of paths: `draw` takes (D,) numbers in [0, 1] and limits.
+
+    `for_memory`: only worth it for effects that remember; for others it would hang on the form of
+    friction at reversals.
+    """
+
+    name: str
+    draw: Callable[[Array, Bounds], Drawn]
+    starts: Array
+    """Points (K, D) to begin a search from."""
+    for_memory: bool = False
+
+
+def _between(low: float, high: float, share: float) -> float:
+    """The geometric way from one number to another."""
+    return float(low * (high / low) ** share)
+
+
+def strokes(u: Array, bounds: Bounds) -> Drawn:
+    """Five numbers: width and place of the angles, fastest and slowest speed, place of the slow."""
+    span = bounds.span * _between(0.15, 1.0, u[0])
+    low = bounds.position[0] + u[1] * (bounds.span - span)
+    fast = bounds.velocity * _between(0.15, 1.0, u[2])
+    speeds = np.geomspace(fast * _between(0.02, 1.0, u[3]), fast, SPEEDS)
+    share = bounds.duration / SPEEDS
+    for _ in range(ATTEMPTS):
+        pulses, reached = _strokes(low, span, speeds, u[4], share, bounds)
+        path = Pulses(low, pulses)
+        if path.seconds <= bounds.duration:
+            break
+        share *= 0.98 * bounds.duration / path.seconds
+    else:  # too short a run for its limits: slower and smaller
+        return strokes(np.array([*u[:2], 0.7 * u[2], u[3], u[4]]), bounds)
+    where = over(low, low + span)
+    return Drawn(path, f"strokes {where} at {joined(short(v) for v in reached)} rad/s")
+
+
+def _strokes(
+    low: float, span: float, speeds: Array, place: float, share: float, bounds: Bounds
+) -> tuple[list[Pulse], list[float]]:
+    pulses: list[Pulse] = []
+    at, reached = low, []
+    for speed in speeds:
+        speed = min(float(speed), 0.125 * bounds.acceleration * share)
+        ramp = 2.0 * speed / bounds.acceleration
+        width = min(span, speed * (0.5 * share - ramp))
+        first = low + place * (span - width)
+        there, back = (moved(d, speed, bounds.acceleration) for d in (width, -width))
+        trips = max(1, int(share / (sum(p[0] for p in (*there, *back)) + 1e-12)))
+        pulses += moved(first - at, 0.5 * bounds.velocity, bounds.acceleration)
+        pulses += (there + back) * trips
+        at = first
+        reached.append(min(speed, float(np.sqrt(0.5 * width * bounds.acceleration))))
+    return pulses + moved(low - at, 0.5 * bounds.velocity, bounds.acceleration), reached
+
+
+def sines(u: Array, bounds: Bounds) -> Drawn:
+    """Nine numbers: size, place, lowest frequency, two ratios, two weights, two phases."""
+    slowest = 2.0 / bounds.duration
+    fastest = max(bounds.acceleration / bounds.velocity / (2.0 * np.pi), 2.0 * slowest)
+    first = _between(slowest, fastest, u[2])
+    hertz = first * np.cumprod([1.0, 1.1 + 2.0 * u[3], 1.1 + 2.0 * u[4]])
+    weights = np.array([1.0, 1.5 * u[5], 1.5 * u[6]])
+    phases = 2.0 * np.pi * np.array([0.0, u[7], u[8]])
+    edge = EDGE * bounds.duration
+    rates = 2.0 * np.pi * hertz
+    plain = Sines(0.0, weights / rates, rates, phases, bounds.duration, edge)
+    time = np.linspace(0.0, bounds.duration, max(400, int(40.0 * hertz[-1] * bounds.duration)))
+    q, v, a = plain(time).T
+    most = [bounds.span / np.ptp(q), bounds.velocity / np.abs(v).max(),
+            bounds.acceleration / np.abs(a).max()]  # fmt: skip
+    scale = 0.99 * min(most) * (0.2 + 0.8 * u[0])
+    low, high = scale * q.min(), scale * q.max()
+    centre = bounds.position[0] - low + u[1] * (bounds.span - (high - low))
+    path = Sines(float(centre), scale * plain.amplitudes, rates, phases, bounds.duration, edge)
+    where, speed = over(centre + low, centre + high), short(scale * np.abs(v).max())
+    tones = joined(short(f) for f in hertz)
+    return Drawn(path, f"a sum of sines of {tones} Hz {where}, up to {speed} rad/s")
+
+
+def small_cycles(u: Array, bounds: Bounds) -> Drawn:
+    """Four numbers: angle, speed, how many places, how far these reach."""
+    width = bounds.span * _between(1e-3, 0.3, u[0])
+    speed = bounds.velocity * _between(0.01, 1.0, u[1])
+    count = 1 + int(3.999 * u[2])
+    reach = (bounds.span - width) * u[3]
+    low = bounds.position[0] + 0.5 * (bounds.span - width - reach)
+    places = low + reach * np.linspace(0.0, 1.0, count) if count > 1 else np.array([low])
+    cycle: list[Pulse] = []
+    for part in (width, -width, width / 3.0, -width / 3.0):
+        cycle += moved(part, speed, bounds.acceleration)
+    between: list[list[Pulse]] = [
+        moved(d, bounds.velocity, bounds.acceleration) for d in np.diff(places, append=places[0])
+    ]
+    left = bounds.duration - sum(p[0] for move in between for p in move)
+    trips = int(left / count / sum(p[0] for p in cycle))
+    if trips < 1:  # too slow for the run
+        faster = np.array([u[0], min(u[1] + 0.1, 1.0), 0.8 * u[2], 0.8 * u[3]])
+        return small_cycles(faster if u[1] < 1.0 else np.append(0.8 * u[0], faster[1:]), bounds)
+    pulses = [pulse for move in between for pulse in [*(cycle * trips), *move]]
+    reached = min(speed, float(np.sqrt(0.5 * width * bounds.acceleration)))
+    where = f"at {short(places[0] + 0.5 * width)} rad" if count == 1 else (
+        f"at {count} places {over(places[0], places[-1] + width)}")  # fmt: skip
+    return Drawn(
+        Pulses(float(places[0]), pulses),
+        f"slow reversals over {short(width)} rad at {short(reached)} rad/s {where}",
+    )
+
+
+def holds(u: Array, bounds: Bounds) -> Drawn:
+    """Three numbers: how many places, speed between them, how far they reach."""
+    count = 2 + int(4.999 * u[0])
+    speed = bounds.velocity * _between(0.1, 1.0, u[1])
+    reach = bounds.span * max(0.2 + 0.8 * u[2], 0.0)
+    low = bounds.position[0] + 0.5 * (bounds.span - reach)
+    places = low + reach * np.linspace(0.0, 1.0, count)
+    order = np.concatenate([places[1:], places[-2::-1]])
+    moves = [moved(d, speed, bounds.acceleration) for d in np.diff(order, prepend=places[0])]
+    left = bounds.duration - sum(p[0] for move in moves for p in move)
+    if left < 0.2 * bounds.duration:
+        return holds(np.array([0.7 * u[0], min(u[1] + 0.2, 1.0), 0.7 * u[2] - 0.05]), bounds)
+    pauses = rested(left / len(moves))
+    pulses = [pulse for move in moves for pulse in [*move, *pauses]]
+    words = f"rests at {count} places {over(low, low + reach)}, each reached from both sides"
+    return Drawn(Pulses(float(low), pulses), words)
+
+
+def rests(u: Array, bounds: Bounds) -> Drawn:
+    """One number: where."""
+    at = bounds.position[0] + u[0] * bounds.span
+    return Drawn(Pulses(float(at), rested(bounds.duration)), f"rest at {short(at)} rad")
+
+
+def _spread(count: int, dimensions: int, *fixed: tuple[float, ...]) -> Array:
+    """Points that lie evenly in the cube (Halton's sequence), behind some that are chosen."""
+    from scipy.stats import qmc
+
+    even = qmc.Halton(dimensions, scramble=False).random(count + 1)[1:]
+    return np.concatenate([np.array(fixed).reshape(-1, dimensions), even])
+
+
+def kinds_for(bounds: Bounds, remembers: bool) -> list[Kind]:
+    """Kinds of runs that limits allow; with `remembers`, those for effects with memory too."""
+    if not bounds.span > 0.0:
+        return [kind for kind in _kinds() if kind.name == "rest"]
+    return [kind for kind in _kinds() if remembers or not kind.for_memory]
+
+
+@cache
+def _kinds() -> tuple[Kind, ...]:
+    return (
+        Kind("strokes", strokes, _spread(9, 5, (1, 0.5, 1, 0.5, 0.5), (1, 0.5, 1, 0.2, 0.5),
+                                         (1, 0.5, 1, 0.8, 0.5))),
+        Kind("sines", sines, _spread(12, 9, (1, 0.5, 0.2, 0.3, 0.5, 0.5, 0.4, 0.3, 0.6),
+                                     (1, 0.5, 1, 0.3, 0.5, 0.5, 0.4, 0.3, 0.6))),
+        Kind("small cycles", small_cycles, _spread(6, 4), for_memory=True),
+        Kind("rest", rests, np.array([[0.0], [0.5], [1.0]])),
+        Kind("holds", holds, _spread(2, 3, (0.5, 1, 1), (1, 1, 1))),
+    )  # fmt: skip

@@ -1,0 +1,182 @@
+"""What runs tell of a question: information, that is the square of the t that is expected.
+
+A question has a signal, a sum of columns, and columns beside which it has to stand. With G the
+products of all whitened columns over σ², summed over runs, and s the signal's weights,
+
+    t² = s' G s − (G s)_b' G_bb⁻¹ (G s)_b            b: the model and a rival, in any of its forms
+
+A named effect against a rival has its fitted coefficients as weights: t is that of its noise-free
+term after model and rival are taken out. A parameter has the weight one on its own column: t is
+the inverse of the standard error that is expected. G of recorded and of planned runs add up.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexspline.discovery.dictionary import effect_rows
+from flexspline.discovery.table import Columns, left_by
+from flexspline.discovery.whitening import Whitening
+from flexspline.discovery.working import Working
+from flexspline.effects import CATALOGUE, Effect
+from flexspline.experiment.trust import Trust
+from flexspline.fit.names import coefficient_names
+from flexspline.fit.problem import Problem, Run
+
+__all__ = ["Layout", "Question", "Rivalry", "layout_of", "products", "recorded"]
+
+Array = NDArray[np.float64]
+
+PIECE = 50_000  # rows
+MOST_PIECES = 6
+
+
+@dataclass(frozen=True, eq=False)
+class Rivalry:
+    """A named effect of a model, and a rival: in some shapes, and fitted in its place."""
+
+    named: str
+    rival: str
+    variants: tuple[Effect, ...]
+    fitted: Working | None
+
+
+@dataclass(frozen=True, eq=False)
+class Question:
+    """A signal (C,) over all columns, and the columns (of each form) that it has to stand beside.
+
+    `names`: of the effect and its rival, or of the parameter alone. `value`: of the parameter.
+    """
+
+    names: tuple[str, ...]
+    signal: Array
+    beside: tuple[Columns, ...]
+    value: float
+    unit: str
+
+    @property
+    def parameter(self) -> bool:
+        return len(self.names) == 1
+
+    def information(self, total: Array) -> float:
+        """t² that these products (C, C) promise, in the rival's worst form."""
+        across = total @ self.signal
+        full = np.block([[total, across[:, None]], [across[None, :], self.signal @ across]])
+        left = [float(left_by(full, columns)[-1, -1]) for columns in self.beside]
+        return max(min(left), 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """All columns that the questions need: of the model, of rivals' variants, of fitted rivals."""
+
+    work: Working
+    rivalries: tuple[Rivalry, ...]
+    questions: tuple[Question, ...]
+
+    @property
+    def variants(self) -> list[Effect]:
+        return list(dict.fromkeys(v for r in self.rivalries for v in r.variants))
+
+    @property
+    def effects(self) -> list[Effect]:
+        """Everything that reads channels."""
+        fitted = [e for r in self.rivalries if r.fitted for e in r.fitted.effects]
+        return list(dict.fromkeys([*self.work.effects, *self.variants, *fitted]))
+
+    @property
+    def remembers(self) -> bool:
+        """Whether a question is about an effect whose row depends on the rows before."""
+        asked = {name.split(".")[0] for question in self.questions for name in question.names}
+        return any(CATALOGUE[name].remembers for name in asked)
+
+    def columns(self, problem: Problem, number: int) -> Array:
+        """Columns (N, C) of a run."""
+        parts = [self.work.rows(problem, number)[0]]
+        parts.append(effect_rows(problem, self.work, self.variants, number))
+        for rivalry in self.rivalries:
+            if rivalry.fitted is not None:
+                rows, _ = rivalry.fitted.rows(problem, number)
+                parts.append(rows[:, _owned(rivalry.fitted, rivalry.rival)])
+        return np.column_stack(parts)
+
+
+def layout_of(
+    work: Working, rivalries: Sequence[Rivalry], parameters: Sequence[tuple[str, str]]
+) -> Layout:
+    """Lay out the columns of a model, of rivals of its effects, and of parameters (name, unit)."""
+    bare = Layout(work, tuple(rivalries), ())
+    owners, at = work.owners(), len(work.owners())
+    places: dict[Effect, Columns] = {}
+    for effect in bare.variants:
+        places[effect] = np.arange(at, at + len(effect.terms))
+        at += len(effect.terms)
+    forms = {}
+    for k, rivalry in enumerate(rivalries):
+        forms[k] = [places[v] for v in rivalry.variants]
+        if rivalry.fitted is not None:
+            count = len(_owned(rivalry.fitted, rivalry.rival))
+            forms[k].append(np.arange(at, at + count))
+            at += count
+    questions = []
+    for k, rivalry in enumerate(rivalries):
+        rest = np.array([j for j, owner in enumerate(owners) if owner != rivalry.named], dtype=int)
+        beside = tuple(np.concatenate([rest, form]) for form in forms[k])
+        signal = np.zeros(at)
+        for j, number in enumerate(work.free):
+            signal[j] = work.coefficients[number] if owners[j] == rivalry.named else 0.0
+        questions.append(Question((rivalry.named, rivalry.rival), signal, beside, np.nan, ""))
+    names = [coefficient_names(work.effects)[number] for number in work.free]
+    for name, unit in parameters:
+        if name in names:
+            own, signal = names.index(name), np.zeros(at)
+            signal[own] = 1.0
+            rest = np.array([j for j in range(len(owners)) if j != own], dtype=int)
+            value = float(work.coefficients[work.free[own]])
+            questions.append(Question((name,), signal, (rest,), value, unit))
+    return replace(bare, questions=tuple(questions))
+
+
+def products(layout: Layout, problem: Problem, whitening: Whitening, trust: Trust) -> Array:
+    """Return the products (C, C) of all columns over σ², summed over the runs of a problem."""
+    total: Array | float = 0.0
+    for number, run in enumerate(problem.runs):
+        made, rows = whitening(layout.columns(problem, number), run)
+        made *= trust.weights(run.log, rows)[:, None]
+        total = total + made.T @ made / whitening.variance
+    return np.asarray(total)
+
+
+def recorded(layout: Layout, problem: Problem, whitening: Whitening, trust: Trust) -> Array:
+    """Return the products (C, C) of the recorded runs; pieces stand for the whole of long ones."""
+    total: Array | float = 0.0
+    for run in problem.runs:
+        starts = np.arange(0, len(run), PIECE)
+        kept = starts if len(starts) <= MOST_PIECES else starts[:-1][:: len(starts) // MOST_PIECES]
+        pieces = tuple(_piece(run, int(first)) for first in kept)
+        share = len(run) / sum(len(piece) for piece in pieces)
+        own = products(layout, replace(problem, runs=pieces, kept={}), whitening, trust)
+        total = total + share * own
+    return np.asarray(total)
+
+
+def _piece(run: Run, first: int) -> Run:
+    """Rows of a run, whose memory starts anew."""
+    last = min(first + PIECE, len(run))
+    if last - first == len(run):
+        return run
+    channels = {name: values[first:last].copy() for name, values in run.channels.items()}
+    if "period" in channels:
+        channels["period"][0] = 0.0
+    kept = [(max(a, first) - first, min(b, last) - first) for a, b in run.stretches]
+    kept = [(a, b) for a, b in kept if a < b]
+    log = run.log.rows(slice(first, last), note="")
+    return Run(log, channels, run.target[first:last], tuple(kept), tuple(kept))
+
+
+def _owned(work: Working, name: str) -> list[int]:
+    return [k for k, owner in enumerate(work.owners()) if owner == name]

@@ -1,0 +1,48 @@
+"""The recorded noise as a run of another rate sees it.
+
+An autoregressive noise has the spectrum σ² / |A(e^{iω})|². What of it lies below half of a coarser
+rate has the autocovariance
+
+    r_k = (1 / π) ∫_0^{π/m} σ² / |A(e^{iω})|² cos(ω m k) dω
+
+at every m-th row, and is autoregressive again (Yule and Walker), so that a slow excitation tells
+as much at the coarser rate as at the one that was recorded.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.linalg import solve_toeplitz
+from scipy.signal import freqz
+
+from flexspline.discovery.whitening import Whitening
+
+__all__ = ["at_coarser_rate"]
+
+FAST = 100.0  # Hz, what a planned run is looked at with
+SLOW = 50.0
+POINTS = 1 << 14
+
+
+def at_coarser_rate(whitening: Whitening, rate: float, keep: bool) -> tuple[Whitening, float]:
+    """Return the noise and the rate [Hz] that a planned run is judged with.
+
+    Parameters
+    ----------
+    rate : Hz, of the recorded runs.
+    keep : stay at that rate, for ripple that a coarser one would not follow.
+    """
+    news = rate / whitening.decimation
+    if keep or news < 2.0 * FAST:
+        rows = whitening.decimation if keep else max(1, int(np.ceil(min(SLOW, rate) / news)))
+        return Whitening(whitening.denominator, whitening.variance, rows), news * rows
+    every = int(news / FAST)
+    order = max(whitening.order, 1)
+    frequency = np.linspace(0.0, np.pi / every, POINTS)
+    _, response = freqz([1.0], whitening.denominator, worN=frequency)
+    power = whitening.variance * np.abs(response) ** 2
+    waves = np.cos(np.outer(np.arange(order + 1) * every, frequency))
+    lags = np.trapezoid(power * waves, frequency, axis=1) / np.pi
+    phi = solve_toeplitz(lags[:order] * np.where(np.arange(order), 1.0, 1.0 + 1e-9), lags[1:])
+    variance = max(float(lags[0] - phi @ lags[1:]), 1e-12 * float(lags[0]))
+    return Whitening(np.append(1.0, -phi), variance, 1), news / every

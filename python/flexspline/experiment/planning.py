@@ -1,0 +1,182 @@
+"""From what is confounded to the run that settles it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import fields
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexspline.effects import Effect
+from flexspline.experiment.limits import Bounds, Limits, bounds_of
+from flexspline.experiment.plan import Outlook, Plan
+from flexspline.experiment.words import short
+
+if TYPE_CHECKING:  # what is heavy is imported where it is used
+    from flexspline.discovery.whitening import Whitening
+    from flexspline.discovery.working import Working
+    from flexspline.experiment.information import Layout, Question, Rivalry
+    from flexspline.experiment.search import Bench, Scored
+    from flexspline.fit.problem import Problem
+    from flexspline.fit.result import Fit
+    from flexspline.logs.log import Log
+
+__all__ = ["planned"]
+
+RATE = 100.0  # Hz, of the trajectory file
+MOST_QUESTIONS = 6
+TRIED_WIDER = 3
+WIDER = 1.3  # times t by doubling a limit, for the limit to be named
+
+
+def planned(
+    problem: Problem,
+    work: Working,
+    whitening: Whitening,
+    pairs: Sequence[tuple[str, Effect]],
+    fit: Fit | None,
+    limits: Limits | None = None,
+) -> Plan | None:
+    """Return the run that settles these pairs, and what a fit left undetermined.
+
+    Parameters
+    ----------
+    problem, work, whitening : recorded runs, model and noise of a discovery.
+    pairs : name of an effect of the model, and the rival, with orders where it has any.
+    fit : whose undetermined parameters are asked for; None for no parameter.
+
+    Returns
+    -------
+    Plan, or None where nothing is confounded.
+    """
+    from flexspline.experiment.information import layout_of
+
+    rivalries = [_rivalry(problem, work, whitening, a, b) for a, b in pairs[:MOST_QUESTIONS]]
+    parameters = _undetermined(fit, pairs)[: MOST_QUESTIONS - len(rivalries)]
+    layout = layout_of(work, rivalries, parameters)
+    if not layout.questions:
+        return None
+    reads = sorted({name for e in layout.effects for name in e.reads})
+    bounds = bounds_of(problem, limits or Limits(), reads)
+    bench = _bench(problem, layout, whitening, reads)
+    return _plan(bench, bounds)
+
+
+def _plan(bench: Bench, bounds: Bounds) -> Plan:
+    from flexspline.experiment.recording import commanded
+    from flexspline.experiment.says import plan_sentence
+    from flexspline.experiment.search import best_of_family, refined
+
+    ranked = best_of_family(bench, bounds)
+    best = refined(bench, bounds, ranked[0])
+    outlooks = _outlooks(bench, bounds, best, ranked)
+    log = _trajectory(commanded(best.excitation, bounds, RATE), bench.problem)
+    waits = bool(np.any(np.diff(log["time"]) > 60.0))
+    words = best.excitation.words(bounds)
+    kinds: dict[str, float] = {}
+    for one in sorted([best, *ranked], key=lambda one: -one.t[0]):
+        kinds.setdefault(one.excitation.name, one.t[0])
+    sentence = plan_sentence(bounds.duration, words, outlooks, waits)
+    return Plan(sentence, log.with_facts({"run": words}), tuple(outlooks), kinds, bounds)
+
+
+def _trajectory(columns: dict[str, np.ndarray], problem: Problem) -> Log:
+    from flexspline.logs.log import Log
+
+    named = {"reference_torque" if k == "load" else k: v for k, v in columns.items()}
+    known = problem.runs[0].log.facts
+    kept = ("joint", "gear_ratio", "output_spline", "pole_pairs", "slots", "torque_constant")
+    facts = {"name": "next_experiment", **{k: known[k] for k in kept if k in known}}
+    return Log(named, facts, ("planned",))
+
+
+def _outlooks(
+    bench: Bench, bounds: Bounds, best: Scored, ranked: Sequence[Scored]
+) -> list[Outlook]:
+    made = []
+    for k, question in enumerate(bench.layout.questions):
+        now, expected = _shown(question, bench.now[k]), _shown(question, best.t[k])
+        one = Outlook(question.names, now, expected, question.unit, None)
+        if not one.settled:
+            doubled = _doubled(bench, bounds, k, best.t[k], [best, *ranked])
+            if doubled is not None:
+                name, value, t = doubled
+                shown = (name, value, _shown(question, t))
+                one = Outlook(question.names, now, expected, question.unit, shown)
+        made.append(one)
+    return made
+
+
+def _shown(question: Question, t: float) -> float:
+    """t of a pair, the standard error of a parameter."""
+    if not question.parameter:
+        return t
+    return 1.0 / t if t > 0.0 else float("inf")
+
+
+def _doubled(
+    bench: Bench, bounds: Bounds, number: int, reached: float, ranked: Sequence[Scored]
+) -> tuple[str, str, float] | None:
+    """The limit whose doubling raises a t most: its name, twice its value, t."""
+    units = {"position": "rad", "velocity": "rad/s", "acceleration": "rad/s²", "load": "Nm",
+             "temperature": "°C", "duration": "s"}  # fmt: skip
+    kinds: dict[str, Scored] = {}
+    for one in sorted(ranked, key=lambda one: -one.t[number]):
+        kinds.setdefault(one.excitation.name, one)
+    best: tuple[str, str, float] | None = None
+    for field in fields(Limits):
+        if getattr(bounds, field.name) is None:
+            continue
+        wider = bounds.doubled(field.name)
+        trials = list(kinds.values())[:TRIED_WIDER]
+        t = max(bench.scored(one.excitation, wider).t[number] for one in trials)
+        if t > max(WIDER * reached, best[2] if best else 0.0, 1e-3):
+            value = getattr(wider, field.name)
+            words = " to ".join(short(v) for v in np.ravel(value))
+            best = (field.name, f"{words} {units[field.name]}", t)
+    return best
+
+
+def _bench(problem: Problem, layout: Layout, whitening: Whitening, reads: Sequence[str]) -> Bench:
+    from flexspline.experiment.information import recorded
+    from flexspline.experiment.motor import motor_of
+    from flexspline.experiment.noise import at_coarser_rate
+    from flexspline.experiment.search import Bench
+    from flexspline.experiment.trust import trust_of
+
+    logs = [run.log for run in problem.runs]
+    motor = motor_of(logs, problem.known_load) if "motor_torque" in reads else None
+    rate = float(np.median([log.rate for log in logs]))
+    coarse, slower = at_coarser_rate(whitening, rate, keep="motor_position" in reads)
+    trust = trust_of(problem, layout.work, whitening)
+    before = recorded(layout, problem, whitening, trust)
+    return Bench(problem, layout, coarse, trust, slower, motor, before)
+
+
+def _rivalry(
+    problem: Problem, work: Working, whitening: Whitening, named: str, rival: Effect
+) -> Rivalry:
+    from flexspline.discovery.grids import SHARED, shaped
+    from flexspline.discovery.refit import refitted
+    from flexspline.experiment.information import Rivalry
+
+    others = [e for e in work.effects if e.name != named]
+    variants = tuple(shaped(rival, tuple(others), problem))
+    fitted = None
+    if any(shape.name not in SHARED for shape in rival.fitted_shapes):
+        fitted = refitted(problem, work.having([*others, rival]), whitening)[0]
+    return Rivalry(named, rival.name, variants, fitted)
+
+
+def _undetermined(fit: Fit | None, pairs: Sequence[tuple[str, Effect]]) -> list[tuple[str, str]]:
+    """Parameters that a fit cannot tell apart, with their unit, but those of the pairs' effects."""
+    if fit is None:
+        return []
+    asked = {name for pair in pairs for name in (pair[0], pair[1].name)}
+    confounded = [name for group in fit.confounded for name in group.names]
+    return [
+        (p.name, p.unit)
+        for p in fit.parameters
+        if p.name in confounded and p.name.split(".")[0] not in asked
+    ]

@@ -1,0 +1,81 @@
+"""The plan in a sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from flexspline.experiment.plan import ENOUGH, Outlook
+from flexspline.experiment.words import joined, short
+
+__all__ = ["plan_sentence"]
+
+OFTEN = 20  # repetitions that are worth saying
+
+
+def plan_sentence(seconds: float, words: str, outlooks: Sequence[Outlook], waits: bool) -> str:
+    """Return what to record, what it settles, and what it does not."""
+    settled = [o for o in outlooks if o.settled]
+    open_ = [o for o in outlooks if not o.settled]
+    run = f"{short(seconds)} s of {words}"
+    said = []
+    if settled:
+        told = joined(_settled(o) for o in settled)
+        said.append(f"Record {run}: with it {told}.")
+        if waits:
+            said.append("Wait at rest in between, until the next temperature is there.")
+    said += [_open(o, None if settled else run) for o in open_]
+    return " ".join(said)
+
+
+def _settled(one: Outlook) -> str:
+    if one.parameter:
+        return f"{one.names[0]} would be known to ± {short(one.expected)} {one.unit} ({_now(one)})"
+    return (
+        f"{one.names[0]} and {one.names[1]} would stand apart at t = {_t(one.expected)} "
+        f"({_now(one)})"
+    )
+
+
+def _now(one: Outlook) -> str:
+    if not one.parameter:
+        return f"now {_t(one.now)}"
+    return f"now ± {short(one.now)}" if one.now < float("inf") else "now nothing is known of it"
+
+
+def _open(one: Outlook, run: str | None) -> str:
+    best = f"the best, {run}, reaches" if run else "this one reaches"
+    if one.parameter:
+        reached = f"± {short(one.expected)} {one.unit} ({_now(one)})"
+        said = f"No run within these limits determines {one.names[0]}: {best} {reached}"
+        return f"{said}{_doubled(one, '± ')}."
+    who = f"{one.names[0]} and {one.names[1]}"
+    reached = f"t = {_t(one.expected)} ({_now(one)})"
+    said = f"No run within these limits tells {who} apart: {best} {reached}"
+    return f"{said}{_often(one)}{_doubled(one, 't = ')}.{_mounting(one)}"
+
+
+def _often(one: Outlook) -> str:
+    gained = one.expected**2 - one.now**2
+    times = int((ENOUGH**2 - one.now**2) / max(gained, 1e-9)) + 1
+    return f", recorded {times} times t = {ENOUGH:g}" if 1 < times <= OFTEN else ""
+
+
+def _doubled(one: Outlook, sign: str) -> str:
+    if one.doubled is None:
+        return "; nor would twice as wide limits help"
+    name, value, reached = one.doubled
+    return f"; the {name} binds: up to {value}, {sign}{short(reached)} could be reached"
+
+
+def _mounting(one: Outlook) -> str:
+    if "gravity" not in one.names:
+        return ""
+    (other,) = (name for name in one.names if name != "gravity")
+    return (
+        " Turn the joint's axis upright and record this run there: gravity then disappears, "
+        f"{other} stays."
+    )
+
+
+def _t(value: float) -> str:
+    return f"{value:.0f}" if value >= 9.95 else f"{value:.1f}"

@@ -1,0 +1,117 @@
+"""The best run of the family: scored one by one, the best refined.
+
+A run is worth Σ ln(1 + t²) over all questions, with t as it would be with the recorded runs and
+this one: to settle one question that was open is worth more than to settle another twice.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+
+from flexspline.discovery.whitening import Whitening
+from flexspline.experiment.family import kinds_for
+from flexspline.experiment.information import Layout, products
+from flexspline.experiment.limits import Bounds
+from flexspline.experiment.motor import Motor
+from flexspline.experiment.recording import Excitation, as_problem, commanded
+from flexspline.experiment.setting import settings
+from flexspline.experiment.trust import Trust
+from flexspline.fit.problem import Problem
+
+__all__ = ["Bench", "Scored", "best_of_family", "refined"]
+
+Array = NDArray[np.float64]
+
+IN_ALL_SETTINGS = 3  # motions that are tried at every load and temperature
+EVALUATIONS = 60
+
+
+@dataclass(frozen=True, eq=False)
+class Bench:
+    """Everything that a planned run is judged by. `before`: products (C, C) of recorded runs."""
+
+    problem: Problem
+    layout: Layout
+    whitening: Whitening
+    trust: Trust
+    rate: float
+    motor: Motor | None
+    before: Array
+
+    def expected(self, columns: dict[str, Array]) -> tuple[float, ...]:
+        """t of each question with the recorded runs and this one."""
+        problem = as_problem(columns, self.problem, self.layout.effects, self.motor)
+        total = self.before + products(self.layout, problem, self.whitening, self.trust)
+        return self._t(total)
+
+    @property
+    def now(self) -> tuple[float, ...]:
+        """t of each question with the recorded runs alone."""
+        return self._t(self.before)
+
+    def _t(self, total: Array) -> tuple[float, ...]:
+        return tuple(float(np.sqrt(q.information(total))) for q in self.layout.questions)
+
+    def scored(self, excitation: Excitation, bounds: Bounds) -> Scored:
+        t = self.expected(commanded(excitation, bounds, self.rate))
+        values = [abs(q.value) if q.parameter else 1.0 for q in self.layout.questions]
+        worth = sum(np.log1p((v * x) ** 2) for v, x in zip(values, t, strict=True))
+        return Scored(excitation, t, float(worth))
+
+
+@dataclass(frozen=True, eq=False)
+class Scored:
+    """A run, t of each question with it, and what it is worth."""
+
+    excitation: Excitation
+    t: tuple[float, ...]
+    worth: float
+
+
+def best_of_family(bench: Bench, bounds: Bounds) -> list[Scored]:
+    """Return runs of all kinds, the best first."""
+    every = settings(bounds)
+    made = [
+        bench.scored(Excitation(kind, numbers, every[0]), bounds)
+        for kind in kinds_for(bounds, bench.layout.remembers)
+        for numbers in kind.starts
+    ]
+    for one in _ranked(made)[:IN_ALL_SETTINGS]:
+        made += [
+            bench.scored(replace(one.excitation, setting=other), bounds) for other in every[1:]
+        ]
+    return _ranked(made)
+
+
+def refined(bench: Bench, bounds: Bounds, start: Scored) -> Scored:
+    """Improve a run's numbers within the limits."""
+    best = [start]
+
+    def loss(numbers: Array) -> float:
+        trial = replace(start.excitation, numbers=np.clip(numbers, 0.0, 1.0))
+        made = bench.scored(trial, bounds)
+        if made.worth > best[0].worth:
+            best[0] = made
+        return -made.worth
+
+    numbers = start.excitation.numbers
+    corner = np.where(numbers > 0.5, numbers - 0.2, numbers + 0.2)
+    simplex = np.vstack([numbers, *(np.where(row, corner, numbers)
+                                    for row in np.eye(len(numbers), dtype=bool))])  # fmt: skip
+    minimize(
+        loss,
+        numbers,
+        method="Nelder-Mead",
+        bounds=[(0.0, 1.0)] * len(numbers),
+        options={"maxfev": EVALUATIONS, "initial_simplex": simplex},
+    )
+    return best[0]
+
+
+def _ranked(made: Sequence[Scored]) -> list[Scored]:
+    return sorted(made, key=lambda one: -one.worth)
