@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.experiment.limits import Bounds
-from flexspline.experiment.motion import Path, Pulse, Pulses, Sines, moved, rested
+from flexspline.experiment.motion import Path, Pulse, Pulses, Sines, moved, reach, rested
 from flexspline.experiment.words import joined, over, short
 
 __all__ = ["Drawn", "Kind", "kinds_for"]
@@ -44,6 +44,8 @@ class Drawn:
 class Kind:
     """A family of paths: `draw` takes (D,) numbers in [0, 1] and limits.
 
+    `starts`: points (K, D) to begin a search from. `steps`: how much there is to set up, 0 for a
+    rest.
     `for_memory`: only worth it for effects that remember; for others it would hang on the form of
     friction at reversals.
     """
@@ -51,8 +53,14 @@ class Kind:
     name: str
     draw: Callable[[Array, Bounds], Drawn]
     starts: Array
-    """Points (K, D) to begin a search from."""
+    steps: int
     for_memory: bool = False
+
+
+def _reach(bounds: Bounds, share: float) -> float:
+    """How far a move gets in a share of the run, within the limits [rad]."""
+    far = reach(share * bounds.duration, bounds.velocity, bounds.acceleration)
+    return min(far, bounds.span)
 
 
 def _between(low: float, high: float, share: float) -> float:
@@ -62,21 +70,21 @@ def _between(low: float, high: float, share: float) -> float:
 
 def strokes(u: Array, bounds: Bounds) -> Drawn:
     """Five numbers: width and place of the angles, fastest and slowest speed, place of the slow."""
-    span = bounds.span * _between(0.15, 1.0, u[0])
-    low = bounds.position[0] + u[1] * (bounds.span - span)
     fast = bounds.velocity * _between(0.15, 1.0, u[2])
     speeds = np.geomspace(fast * _between(0.02, 1.0, u[3]), fast, SPEEDS)
-    share = bounds.duration / SPEEDS
-    for _ in range(ATTEMPTS):
-        pulses, reached = _strokes(low, span, speeds, u[4], share, bounds)
-        path = Pulses(low, pulses)
-        if path.seconds <= bounds.duration:
-            break
-        share *= 0.98 * bounds.duration / path.seconds
-    else:  # too short a run for its limits: slower and smaller
-        return strokes(np.array([*u[:2], 0.7 * u[2], u[3], u[4]]), bounds)
-    where = over(low, low + span)
-    return Drawn(path, f"strokes {where} at {joined(short(v) for v in reached)} rad/s")
+    span = bounds.span * _between(0.15, 1.0, u[0])
+    for width in (span, min(span, _reach(bounds, 0.1))):
+        low = bounds.position[0] + u[1] * (bounds.span - width)
+        share = bounds.duration / SPEEDS
+        for _ in range(ATTEMPTS):
+            pulses, reached = _strokes(low, width, speeds, u[4], share, bounds)
+            path = Pulses(low, pulses)
+            if path.seconds <= bounds.duration:
+                where = over(low, low + width)
+                words = f"strokes {where} at {joined(short(v) for v in reached)} rad/s"
+                return Drawn(path, words)
+            share *= 0.98 * bounds.duration / path.seconds
+    return rests(u[1:2], bounds)
 
 
 def _strokes(
@@ -91,11 +99,11 @@ def _strokes(
         first = low + place * (span - width)
         there, back = (moved(d, speed, bounds.acceleration) for d in (width, -width))
         trips = max(1, int(share / (sum(p[0] for p in (*there, *back)) + 1e-12)))
-        pulses += moved(first - at, 0.5 * bounds.velocity, bounds.acceleration)
+        pulses += moved(first - at, bounds.velocity, bounds.acceleration)
         pulses += (there + back) * trips
         at = first
         reached.append(min(speed, float(np.sqrt(0.5 * width * bounds.acceleration))))
-    return pulses + moved(low - at, 0.5 * bounds.velocity, bounds.acceleration), reached
+    return pulses + moved(low - at, bounds.velocity, bounds.acceleration), reached
 
 
 def sines(u: Array, bounds: Bounds) -> Drawn:
@@ -114,7 +122,8 @@ def sines(u: Array, bounds: Bounds) -> Drawn:
     most = [bounds.span / np.ptp(q), bounds.velocity / np.abs(v).max(),
             bounds.acceleration / np.abs(a).max()]  # fmt: skip
     scale = 0.99 * min(most) * (0.2 + 0.8 * u[0])
-    low, high = scale * q.min(), scale * q.max()
+    beyond = 0.005 * scale * np.ptp(q)  # between two of the times looked at
+    low, high = scale * q.min() - beyond, scale * q.max() + beyond
     centre = bounds.position[0] - low + u[1] * (bounds.span - (high - low))
     path = Sines(float(centre), scale * plain.amplitudes, rates, phases, bounds.duration, edge)
     where, speed = over(centre + low, centre + high), short(scale * np.abs(v).max())
@@ -124,12 +133,12 @@ def sines(u: Array, bounds: Bounds) -> Drawn:
 
 def small_cycles(u: Array, bounds: Bounds) -> Drawn:
     """Four numbers: angle, speed, how many places, how far these reach."""
-    width = bounds.span * _between(1e-3, 0.3, u[0])
+    width = min(bounds.span * _between(1e-3, 0.3, u[0]), _reach(bounds, 0.05))
     speed = bounds.velocity * _between(0.01, 1.0, u[1])
     count = 1 + int(3.999 * u[2])
-    reach = (bounds.span - width) * u[3]
-    low = bounds.position[0] + 0.5 * (bounds.span - width - reach)
-    places = low + reach * np.linspace(0.0, 1.0, count) if count > 1 else np.array([low])
+    far = (bounds.span - width) * u[3]
+    low = bounds.position[0] + 0.5 * (bounds.span - width - far)
+    places = low + far * np.linspace(0.0, 1.0, count) if count > 1 else np.array([low])
     cycle: list[Pulse] = []
     for part in (width, -width, width / 3.0, -width / 3.0):
         cycle += moved(part, speed, bounds.acceleration)
@@ -139,8 +148,7 @@ def small_cycles(u: Array, bounds: Bounds) -> Drawn:
     left = bounds.duration - sum(p[0] for move in between for p in move)
     trips = int(left / count / sum(p[0] for p in cycle))
     if trips < 1:  # too slow for the run
-        faster = np.array([u[0], min(u[1] + 0.1, 1.0), 0.8 * u[2], 0.8 * u[3]])
-        return small_cycles(faster if u[1] < 1.0 else np.append(0.8 * u[0], faster[1:]), bounds)
+        return small_cycles(np.array([u[0], min(u[1] + 0.1, 1.0), 0.8 * u[2], 0.8 * u[3]]), bounds)
     pulses = [pulse for move in between for pulse in [*(cycle * trips), *move]]
     reached = min(speed, float(np.sqrt(0.5 * width * bounds.acceleration)))
     where = f"at {short(places[0] + 0.5 * width)} rad" if count == 1 else (
@@ -155,17 +163,18 @@ def holds(u: Array, bounds: Bounds) -> Drawn:
     """Three numbers: how many places, speed between them, how far they reach."""
     count = 2 + int(4.999 * u[0])
     speed = bounds.velocity * _between(0.1, 1.0, u[1])
-    reach = bounds.span * max(0.2 + 0.8 * u[2], 0.0)
-    low = bounds.position[0] + 0.5 * (bounds.span - reach)
-    places = low + reach * np.linspace(0.0, 1.0, count)
+    far = bounds.span * (0.2 + 0.8 * u[2])
+    far = min(far, _reach(bounds, 0.2)) if count == 2 else far
+    low = bounds.position[0] + 0.5 * (bounds.span - far)
+    places = low + far * np.linspace(0.0, 1.0, count)
     order = np.concatenate([places[1:], places[-2::-1]])
     moves = [moved(d, speed, bounds.acceleration) for d in np.diff(order, prepend=places[0])]
     left = bounds.duration - sum(p[0] for move in moves for p in move)
     if left < 0.2 * bounds.duration:
-        return holds(np.array([0.7 * u[0], min(u[1] + 0.2, 1.0), 0.7 * u[2] - 0.05]), bounds)
+        return holds(np.array([0.7 * u[0], min(u[1] + 0.2, 1.0), 0.7 * u[2]]), bounds)
     pauses = rested(left / len(moves))
     pulses = [pulse for move in moves for pulse in [*move, *pauses]]
-    words = f"rests at {count} places {over(low, low + reach)}, each reached from both sides"
+    words = f"rests at {count} places {over(low, low + far)}, each reached from both sides"
     return Drawn(Pulses(float(low), pulses), words)
 
 
@@ -192,12 +201,12 @@ def kinds_for(bounds: Bounds, remembers: bool) -> list[Kind]:
 
 @cache
 def _kinds() -> tuple[Kind, ...]:
+    ready = _spread(9, 5, (1, 0.5, 1, 0.5, 0.5), (1, 0.5, 1, 0.2, 0.5), (1, 0.5, 1, 0.8, 0.5))
+    tones = (0.3, 0.5, 0.5, 0.4, 0.3, 0.6)
     return (
-        Kind("strokes", strokes, _spread(9, 5, (1, 0.5, 1, 0.5, 0.5), (1, 0.5, 1, 0.2, 0.5),
-                                         (1, 0.5, 1, 0.8, 0.5))),
-        Kind("sines", sines, _spread(12, 9, (1, 0.5, 0.2, 0.3, 0.5, 0.5, 0.4, 0.3, 0.6),
-                                     (1, 0.5, 1, 0.3, 0.5, 0.5, 0.4, 0.3, 0.6))),
-        Kind("small cycles", small_cycles, _spread(6, 4), for_memory=True),
-        Kind("rest", rests, np.array([[0.0], [0.5], [1.0]])),
-        Kind("holds", holds, _spread(2, 3, (0.5, 1, 1), (1, 1, 1))),
-    )  # fmt: skip
+        Kind("rest", rests, np.array([[0.0], [0.5], [1.0]]), 0),
+        Kind("strokes", strokes, ready, 1),
+        Kind("sines", sines, _spread(12, 9, (1, 0.5, 0.2, *tones), (1, 0.5, 1, *tones)), 2),
+        Kind("holds", holds, _spread(2, 3, (0.5, 1, 1), (1, 1, 1)), 2),
+        Kind("small cycles", small_cycles, _spread(6, 4), 2, for_memory=True),
+    )

@@ -49,11 +49,13 @@ class Rivalry:
 class Question:
     """A signal (C,) over all columns, and the columns (of each form) that it has to stand beside.
 
-    `names`: of the effect and its rival, or of the parameter alone. `value`: of the parameter.
+    `names`: of the effect and its rival, or of the parameter alone. `model`: columns of the model
+    without the effect. `value`: of the parameter.
     """
 
     names: tuple[str, ...]
     signal: Array
+    model: Columns
     beside: tuple[Columns, ...]
     value: float
     unit: str
@@ -64,10 +66,17 @@ class Question:
 
     def information(self, total: Array) -> float:
         """t² that these products (C, C) promise, in the rival's worst form."""
+        return max(min(self._left(total, columns) for columns in self.beside), 0.0)
+
+    def taken(self, total: Array) -> float:
+        """Share of what the signal explains beside the model that a rival would explain too."""
+        alone = max(self._left(total, self.model), 1e-300)
+        return 1.0 - self.information(total) / alone
+
+    def _left(self, total: Array, columns: Columns) -> float:
         across = total @ self.signal
         full = np.block([[total, across[:, None]], [across[None, :], self.signal @ across]])
-        left = [float(left_by(full, columns)[-1, -1]) for columns in self.beside]
-        return max(min(left), 0.0)
+        return float(left_by(full, columns)[-1, -1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,7 +138,7 @@ def layout_of(
         signal = np.zeros(at)
         for j, number in enumerate(work.free):
             signal[j] = work.coefficients[number] if owners[j] == rivalry.named else 0.0
-        questions.append(Question((rivalry.named, rivalry.rival), signal, beside, np.nan, ""))
+        questions.append(Question((rivalry.named, rivalry.rival), signal, rest, beside, np.nan, ""))
     names = [coefficient_names(work.effects)[number] for number in work.free]
     for name, unit in parameters:
         if name in names:
@@ -137,7 +146,7 @@ def layout_of(
             signal[own] = 1.0
             rest = np.array([j for j in range(len(owners)) if j != own], dtype=int)
             value = float(work.coefficients[work.free[own]])
-            questions.append(Question((name,), signal, (rest,), value, unit))
+            questions.append(Question((name,), signal, rest, (rest,), value, unit))
     return replace(bare, questions=tuple(questions))
 
 

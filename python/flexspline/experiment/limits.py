@@ -7,13 +7,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.errors import InputError, did_you_mean, listed
-from flexspline.fit.problem import Problem
+
+if TYPE_CHECKING:
+    from flexspline.fit.problem import Problem
 
 __all__ = ["Bounds", "Limits", "bounds_of", "parsed_limits"]
 

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Path", "Pulses", "Sines", "moved", "rested", "smoothstep"]
+__all__ = ["Path", "Pulses", "Sines", "moved", "reach", "rested", "smoothstep"]
 
 Array = NDArray[np.float64]
 Path = Callable[[Array], Array]
@@ -34,6 +34,12 @@ def moved(distance: float, speed: float, acceleration: float) -> list[Pulse]:
     speed = min(speed, float(np.sqrt(0.5 * far * acceleration)))
     ramp, size = 2.0 * speed / acceleration, float(np.copysign(acceleration, distance))
     return [(ramp, size), (far / speed - ramp, 0.0), (ramp, -size)]
+
+
+def reach(seconds: float, speed: float, acceleration: float) -> float:
+    """How far a move from rest to rest gets in a time [rad]."""
+    speed = min(speed, 0.25 * acceleration * seconds)
+    return float(speed * (seconds - 2.0 * speed / acceleration))
 
 
 def rested(seconds: float) -> list[Pulse]:

@@ -70,15 +70,18 @@ def _plan(bench: Bench, bounds: Bounds) -> Plan:
 
     ranked = best_of_family(bench, bounds)
     best = refined(bench, bounds, ranked[0])
-    outlooks = _outlooks(bench, bounds, best, ranked)
+    gained = bench.gained(commanded(best.excitation, bounds, bench.rate))
+    times = bench.repetitions(gained)
+    reached = bench.t(bench.before + times * gained)
+    outlooks = _outlooks(bench, bounds, reached, [best, *ranked])
     log = _trajectory(commanded(best.excitation, bounds, RATE), bench.problem)
-    waits = bool(np.any(np.diff(log["time"]) > 60.0))
     words = best.excitation.words(bounds)
     kinds: dict[str, float] = {}
     for one in sorted([best, *ranked], key=lambda one: -one.t[0]):
         kinds.setdefault(one.excitation.name, one.t[0])
-    sentence = plan_sentence(bounds.duration, words, outlooks, waits)
-    return Plan(sentence, log.with_facts({"run": words}), tuple(outlooks), kinds, bounds)
+    sentence = plan_sentence(bounds.duration, words, outlooks, times)
+    log = log.with_facts({"run": words, "repetitions": times})
+    return Plan(sentence, log, tuple(outlooks), kinds, bounds)
 
 
 def _trajectory(columns: dict[str, np.ndarray], problem: Problem) -> Log:
@@ -92,14 +95,14 @@ def _trajectory(columns: dict[str, np.ndarray], problem: Problem) -> Log:
 
 
 def _outlooks(
-    bench: Bench, bounds: Bounds, best: Scored, ranked: Sequence[Scored]
+    bench: Bench, bounds: Bounds, reached: Sequence[float], ranked: Sequence[Scored]
 ) -> list[Outlook]:
     made = []
     for k, question in enumerate(bench.layout.questions):
-        now, expected = _shown(question, bench.now[k]), _shown(question, best.t[k])
+        now, expected = _shown(question, bench.now[k]), _shown(question, reached[k])
         one = Outlook(question.names, now, expected, question.unit, None)
         if not one.settled:
-            doubled = _doubled(bench, bounds, k, best.t[k], [best, *ranked])
+            doubled = _doubled(bench, bounds, k, reached[k], ranked)
             if doubled is not None:
                 name, value, t = doubled
                 shown = (name, value, _shown(question, t))

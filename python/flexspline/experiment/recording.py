@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 REST = 1.0  # s at least, in which a load changes
 STEEPEST = 1.875  # of a smooth step of one second and one unit
 RESTS = 0.25  # of the run that changes of the load may take
-WAIT = 1800.0  # s in the file, for another temperature
+WAIT = 1800.0  # s in the file between runs at different temperatures
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,16 +84,28 @@ def commanded(made: Excitation, bounds: Bounds, rate: float) -> dict[str, Array]
 def as_problem(
     columns: dict[str, Array], problem: Problem, effects: Sequence[Effect], motor: Motor | None
 ) -> Problem:
-    """Return a planned run as the core would read its recording; the target is not known: zero."""
+    """Return a planned run as the core would read its recording; the target is not known: zero.
+
+    What waits for a temperature lies in runs of their own.
+    """
     columns = dict(columns)
     load = columns.pop("load", None)
     if load is not None and problem.known_load is not None:
         columns[problem.known_load] = load
-    facts = dict(problem.runs[0].log.facts)
     if problem.gear["motor_encoder"]:
         ratio = float(problem.gear["effective_ratio"])
         columns["motor_position"] = ratio * columns["output_position"]
-    log = Log(columns, facts)
+    cuts = np.flatnonzero(np.diff(columns["time"]) > 0.5 * WAIT) + 1
+    pieces = zip(*(np.split(values, cuts) for values in columns.values()), strict=True)
+    parts = [dict(zip(columns, piece, strict=True)) for piece in pieces]
+    made = tuple(_run(part, problem, effects, motor) for part in parts)
+    return replace(problem, runs=made, kept={})
+
+
+def _run(
+    columns: dict[str, Array], problem: Problem, effects: Sequence[Effect], motor: Motor | None
+) -> Run:
+    log = Log(columns, dict(problem.runs[0].log.facts))
     if motor is not None:
         log = log.with_columns({"motor_torque": motor.torque(log)}, note="as the drive needs")
     channels = core_channels(log, effects, problem.known_load)
@@ -101,8 +113,7 @@ def as_problem(
     target = np.zeros(len(log))
     if problem.lowpass is not None:
         stretches = kept_rows(stretches, lowpass(target, log["time"], problem.lowpass).valid)
-    run = Run(log, channels, target, tuple(stretches), tuple(stretches))
-    return replace(problem, runs=(run,), kept={})
+    return Run(log, channels, target, tuple(stretches), tuple(stretches))
 
 
 def _seconds(setting: Setting, bounds: Bounds) -> float:

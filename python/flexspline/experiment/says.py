@@ -9,20 +9,20 @@ from flexspline.experiment.words import joined, short
 
 __all__ = ["plan_sentence"]
 
+ALIKE = 0.05  # t below which there is nothing to build on
 OFTEN = 20  # repetitions that are worth saying
 
 
-def plan_sentence(seconds: float, words: str, outlooks: Sequence[Outlook], waits: bool) -> str:
+def plan_sentence(seconds: float, words: str, outlooks: Sequence[Outlook], times: int) -> str:
     """Return what to record, what it settles, and what it does not."""
     settled = [o for o in outlooks if o.settled]
     open_ = [o for o in outlooks if not o.settled]
     run = f"{short(seconds)} s of {words}"
+    run = f"{times} times {run}" if times > 1 else run
     said = []
     if settled:
         told = joined(_settled(o) for o in settled)
         said.append(f"Record {run}: with it {told}.")
-        if waits:
-            said.append("Wait at rest in between, until the next temperature is there.")
     said += [_open(o, None if settled else run) for o in open_]
     return " ".join(said)
 
@@ -49,6 +49,9 @@ def _open(one: Outlook, run: str | None) -> str:
         said = f"No run within these limits determines {one.names[0]}: {best} {reached}"
         return f"{said}{_doubled(one, '± ')}."
     who = f"{one.names[0]} and {one.names[1]}"
+    if one.doubled is None and one.expected < ALIKE:
+        said = f"No motion within these limits or twice as wide ones tells {who} apart (t = 0)"
+        return f"{said}: all that can be commanded acts on both alike.{_mounting(one)}"
     reached = f"t = {_t(one.expected)} ({_now(one)})"
     said = f"No run within these limits tells {who} apart: {best} {reached}"
     return f"{said}{_often(one)}{_doubled(one, 't = ')}.{_mounting(one)}"

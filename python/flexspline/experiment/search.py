@@ -1,7 +1,8 @@
 """The best run of the family: scored one by one, the best refined.
 
 A run is worth Σ ln(1 + t²) over all questions, with t as it would be with the recorded runs and
-this one: to settle one question that was open is worth more than to settle another twice.
+this one: to settle one question that was open is worth more than to settle another twice. Of two
+that tell the same the plainer one is taken.
 """
 
 from __future__ import annotations
@@ -15,9 +16,10 @@ from scipy.optimize import minimize
 
 from flexspline.discovery.whitening import Whitening
 from flexspline.experiment.family import kinds_for
-from flexspline.experiment.information import Layout, products
+from flexspline.experiment.information import Layout, Question, products
 from flexspline.experiment.limits import Bounds
 from flexspline.experiment.motor import Motor
+from flexspline.experiment.plan import ENOUGH
 from flexspline.experiment.recording import Excitation, as_problem, commanded
 from flexspline.experiment.setting import settings
 from flexspline.experiment.trust import Trust
@@ -29,6 +31,9 @@ Array = NDArray[np.float64]
 
 IN_ALL_SETTINGS = 3  # motions that are tried at every load and temperature
 EVALUATIONS = 60
+MOST_TIMES = 5
+PLAIN = 0.03  # of ln t², that a step more in what has to be set up has to bring
+TAKEN = 0.8  # of a named effect's gain: a rival with NEARLY as much (`aliases`) is none by far
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,25 +48,39 @@ class Bench:
     motor: Motor | None
     before: Array
 
-    def expected(self, columns: dict[str, Array]) -> tuple[float, ...]:
-        """t of each question with the recorded runs and this one."""
+    def gained(self, columns: dict[str, Array]) -> Array:
+        """Products (C, C) of a planned run."""
         problem = as_problem(columns, self.problem, self.layout.effects, self.motor)
-        total = self.before + products(self.layout, problem, self.whitening, self.trust)
-        return self._t(total)
+        return products(self.layout, problem, self.whitening, self.trust)
 
     @property
     def now(self) -> tuple[float, ...]:
         """t of each question with the recorded runs alone."""
-        return self._t(self.before)
+        return self.t(self.before)
 
-    def _t(self, total: Array) -> tuple[float, ...]:
+    def t(self, total: Array) -> tuple[float, ...]:
+        """t of each question that these products promise."""
         return tuple(float(np.sqrt(q.information(total))) for q in self.layout.questions)
 
     def scored(self, excitation: Excitation, bounds: Bounds) -> Scored:
-        t = self.expected(commanded(excitation, bounds, self.rate))
+        """Judge one planned run."""
+        t = self.t(self.before + self.gained(commanded(excitation, bounds, self.rate)))
         values = [abs(q.value) if q.parameter else 1.0 for q in self.layout.questions]
         worth = sum(np.log1p((v * x) ** 2) for v, x in zip(values, t, strict=True))
-        return Scored(excitation, t, float(worth))
+        plain = PLAIN * (excitation.kind.steps + len(excitation.setting.parts))
+        return Scored(excitation, t, float(worth) - plain)
+
+    def repetitions(self, gained: Array) -> int:
+        """How often a run has to be recorded until no rival explains nearly as much (`aliases`)."""
+        for times in range(1, MOST_TIMES + 1):
+            total = self.before + times * gained
+            if all(q.parameter or q.taken(total) < TAKEN for q in self._within_reach(total)):
+                return times
+        return 1
+
+    def _within_reach(self, total: Array) -> list[Question]:
+        pairs = zip(self.layout.questions, self.t(total), strict=True)
+        return [question for question, t in pairs if t >= ENOUGH]
 
 
 @dataclass(frozen=True, eq=False)

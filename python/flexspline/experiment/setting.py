@@ -1,8 +1,8 @@
 """Load and temperature of a run: levels at which its motion is repeated, or slow changes under it.
 
 A part of a run has a load that stands or goes to and fro as a cosine, and a temperature that
-stands or rises exponentially. Between parts the joint rests while the load changes, or waits until
-the temperature is there: a gap in the log's time.
+stands or rises exponentially. Between parts the joint rests while the load changes. Parts at
+different temperatures are runs of their own, with a gap between them in the file's time.
 """
 
 from __future__ import annotations
@@ -117,4 +117,5 @@ def _temperature_words(temperatures: Sequence[Range]) -> str:
         return f"while the joint warms up from {short(cold)} to {short(warm)} °C"
     if len(temperatures) == 1:
         return f"at {short(cold)} °C"
-    return joined(f"once at {short(t[0])} °C" for t in temperatures)
+    each = joined(f"once at {short(t[0])} °C" for t in temperatures)
+    return f"{each}, each a run of its own"

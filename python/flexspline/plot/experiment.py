@@ -75,7 +75,7 @@ def expected_separation(made: Plan, ax: Axes | None = None) -> Axes:
     ax.barh(names, shown, color=colours, height=0.6)
     for place, value in enumerate(values):
         ax.annotate(f" {value:.2g}", (shown[place], place), va="center", fontsize=8, color=INK)
-    titled(ax, " or ".join(first.names).replace("_", " "))
+    titled(ax, " or\n".join(first.names).replace("_", " "))
     legend(ax)
     return ax
 
