@@ -5,21 +5,24 @@ Forms differ from the catalogue's in part. A rig records any commanded motion, l
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from fit_logs import autoregressive
+from fit_logs import autoregressive, rows_of
 from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
 
+from flexspline.effects import Effect, effect
 from flexspline.logs.log import Log
+from flexspline.logs.segments import runs
 
 RATE = 100.0
 RATIO = 101.0
 FACTS = {"gear_ratio": 100.0, "output_spline": "circular"}
 LOAD = "reference_torque"
 WIDTH = 0.05
-SIZE = 0.02  # Nm, innovations of the noise
+SIZE, MEMORY = 0.02, 0.6  # Nm, innovations of the noise, and what it keeps from row to row
 
 Array = NDArray[np.float64]
 Channels = dict[str, Array]
@@ -64,15 +67,79 @@ class Rig:
                   "output_acceleration": a}  # fmt: skip
         return self.record({**motion, **self.tied({**motion, "number": np.array(number)})}, number)
 
+    def follow(self, trajectory: Log, seed: int) -> list[Log]:
+        """Record a planned trajectory, as often as it asks for; behind a gap a run of its own."""
+        every = []
+        for _ in range(int(trajectory.facts["repetitions"])):
+            for first, last in runs(trajectory["time"]):
+                piece = {name: v[first:last] for name, v in trajectory.columns.items()}
+                piece["time"] = piece["time"] - piece["time"][0]
+                every.append(self.record(piece, seed + len(every)))
+        return every
+
+    def separation(self, logs: Sequence[Log]) -> float:
+        """|t| that the true torque keeps beside base and rival: plain least squares, whitened."""
+        rows, torque = [], []
+        for log in logs:
+            rows.append(_white(rows_of([_shaped(n) for n in (*self.base, self.rival)], log, LOAD)))
+            torque.append(_white(self.cause(dict(log.columns))))
+        matrix, y = np.concatenate(rows), np.concatenate(torque)
+        matrix = matrix / np.linalg.norm(matrix, axis=0)
+        left = y - matrix @ np.linalg.lstsq(matrix, y, rcond=1e-9)[0]
+        return float(np.linalg.norm(left)) / SIZE
+
     def record(self, commanded: Channels, seed: int) -> Log:
         """What the rig reads when it is told this motion, load and temperature."""
         c = dict(commanded)
         c.setdefault(LOAD, np.zeros(len(c["time"])))
         drive = c[LOAD] + 0.8 * c["output_acceleration"] + friction(c)
         c["motor_torque"] = drive / RATIO
-        noise = autoregressive(np.random.default_rng([seed, 73]), len(c["time"]), 0.6, SIZE)
+        noise = autoregressive(np.random.default_rng([seed, 73]), len(c["time"]), MEMORY, SIZE)
         c["sensor_torque"] = c[LOAD] + friction(c) + self.cause(c) + noise
         return Log.from_arrays(facts={**FACTS, "name": f"run {seed}"}, **c)
+
+
+def _white(values: Array) -> Array:
+    return np.asarray(values[1:] - MEMORY * values[:-1])
+
+
+def _shaped(name: str) -> Effect:
+    made = effect(name)
+    return made.with_shapes(direction_width=WIDTH) if "direction_width" in made.shapes else made
+
+
+def random_excitation(
+    seed: int,
+    seconds: float,
+    span: tuple[float, float],
+    load: tuple[float, float],
+    velocity: float,
+    acceleration: float,
+) -> Channels:
+    """Smooth noise in angle and load that fills the same limits, as long as a plan."""
+    draw, time = np.random.default_rng([seed, 79]), np.arange(round(seconds * RATE)) / RATE
+
+    def wandering(hertz: float) -> Array:
+        return gaussian_filter1d(draw.normal(size=len(time)), RATE / (2 * np.pi * hertz))
+
+    turns = max(draw.uniform(0.3, 1.0) * acceleration / velocity / (2 * np.pi), 2.0 / seconds)
+    q = wandering(turns)
+    v = np.gradient(q, time)
+    a = np.gradient(v, time)
+    most = min(
+        (span[1] - span[0]) / np.ptp(q), velocity / np.abs(v).max(), acceleration / np.abs(a).max()
+    )
+    q, v, a = most * q, most * v, most * a
+    q += span[0] - q.min() + draw.uniform() * (span[1] - span[0] - np.ptp(q))
+    weight = wandering(0.1)
+    weight = load[0] + (load[1] - load[0]) * (weight - weight.min()) / np.ptp(weight)
+    return {
+        "time": time,
+        "output_position": q,
+        "output_velocity": v,
+        "output_acceleration": a,
+        LOAD: weight,
+    }
 
 
 def _by_angle(c: Channels) -> Channels:

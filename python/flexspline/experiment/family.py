@@ -19,7 +19,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.experiment.limits import Bounds
-from flexspline.experiment.motion import Path, Pulse, Pulses, Sines, moved, reach, rested
+from flexspline.experiment.motion import (
+    Path,
+    Pulse,
+    Pulses,
+    Sines,
+    moved,
+    ramp_to,
+    reach,
+    reached,
+    rested,
+)
 from flexspline.experiment.words import joined, over, short
 
 __all__ = ["Drawn", "Kind", "kinds_for"]
@@ -30,6 +40,7 @@ SPEEDS = 3
 SINES = 3
 EDGE = 0.15  # of the duration that the window of sines rises at either end
 ATTEMPTS = 8
+LOOKED_AT = 300  # times in a path
 
 
 @dataclass(frozen=True)
@@ -77,11 +88,12 @@ def strokes(u: Array, bounds: Bounds) -> Drawn:
         low = bounds.position[0] + u[1] * (bounds.span - width)
         share = bounds.duration / SPEEDS
         for _ in range(ATTEMPTS):
-            pulses, reached = _strokes(low, width, speeds, u[4], share, bounds)
+            pulses, fastest = _strokes(low, width, speeds, u[4], share, bounds)
             path = Pulses(low, pulses)
             if path.seconds <= bounds.duration:
-                where = over(low, low + width)
-                words = f"strokes {where} at {joined(short(v) for v in reached)} rad/s"
+                angles = path(np.linspace(0.0, path.seconds, LOOKED_AT))[:, 0]
+                where = over(angles.min(), angles.max())
+                words = f"strokes {where} at {joined(short(v) for v in fastest)} rad/s"
                 return Drawn(path, words)
             share *= 0.98 * bounds.duration / path.seconds
     return rests(u[1:2], bounds)
@@ -91,19 +103,19 @@ def _strokes(
     low: float, span: float, speeds: Array, place: float, share: float, bounds: Bounds
 ) -> tuple[list[Pulse], list[float]]:
     pulses: list[Pulse] = []
-    at, reached = low, []
+    at, speeds_of = low, []
     for speed in speeds:
         speed = min(float(speed), 0.125 * bounds.acceleration * share)
-        ramp = 2.0 * speed / bounds.acceleration
-        width = min(span, speed * (0.5 * share - ramp))
+        ramp = ramp_to(speed, bounds.acceleration)
+        width = min(span, max(speed * (0.5 * share - ramp), 0.0))
         first = low + place * (span - width)
         there, back = (moved(d, speed, bounds.acceleration) for d in (width, -width))
         trips = max(1, int(share / (sum(p[0] for p in (*there, *back)) + 1e-12)))
         pulses += moved(first - at, bounds.velocity, bounds.acceleration)
         pulses += (there + back) * trips
         at = first
-        reached.append(min(speed, float(np.sqrt(0.5 * width * bounds.acceleration))))
-    return pulses + moved(low - at, bounds.velocity, bounds.acceleration), reached
+        speeds_of.append(reached(width, speed, bounds.acceleration)[0])
+    return pulses + moved(low - at, bounds.velocity, bounds.acceleration), speeds_of
 
 
 def sines(u: Array, bounds: Bounds) -> Drawn:
@@ -150,12 +162,12 @@ def small_cycles(u: Array, bounds: Bounds) -> Drawn:
     if trips < 1:  # too slow for the run
         return small_cycles(np.array([u[0], min(u[1] + 0.1, 1.0), 0.8 * u[2], 0.8 * u[3]]), bounds)
     pulses = [pulse for move in between for pulse in [*(cycle * trips), *move]]
-    reached = min(speed, float(np.sqrt(0.5 * width * bounds.acceleration)))
+    fastest = reached(width, speed, bounds.acceleration)[0]
     where = f"at {short(places[0] + 0.5 * width)} rad" if count == 1 else (
         f"at {count} places {over(places[0], places[-1] + width)}")  # fmt: skip
     return Drawn(
         Pulses(float(places[0]), pulses),
-        f"slow reversals over {short(width)} rad at {short(reached)} rad/s {where}",
+        f"slow reversals over {short(width)} rad at {short(fastest)} rad/s {where}",
     )
 
 

@@ -17,9 +17,21 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Path", "Pulses", "Sines", "moved", "reach", "rested", "smoothstep"]
+__all__ = [
+    "Path",
+    "Pulses",
+    "Sines",
+    "moved",
+    "ramp_to",
+    "reach",
+    "reached",
+    "rested",
+    "smoothstep",
+]
 
 Array = NDArray[np.float64]
+SHORTEST_RAMP = 0.1  # s
+
 Path = Callable[[Array], Array]
 """From times (N,) [s] to angle, velocity and acceleration, (N, 3)."""
 Pulse = tuple[float, float]
@@ -31,15 +43,27 @@ def moved(distance: float, speed: float, acceleration: float) -> list[Pulse]:
     far = abs(distance)
     if not far > 0.0:
         return []
+    speed, ramp = reached(far, speed, acceleration)
+    size = float(np.copysign(2.0 * speed / ramp, distance))
+    return [(ramp, size), (max(far / speed - ramp, 0.0), 0.0), (ramp, -size)]
+
+
+def reached(far: float, speed: float, acceleration: float) -> tuple[float, float]:
+    """Highest speed [rad/s] of a move from rest to rest, and the time [s] to get there."""
     speed = min(speed, float(np.sqrt(0.5 * far * acceleration)))
-    ramp, size = 2.0 * speed / acceleration, float(np.copysign(acceleration, distance))
-    return [(ramp, size), (far / speed - ramp, 0.0), (ramp, -size)]
+    ramp = ramp_to(speed, acceleration)
+    return min(speed, far / ramp), ramp
+
+
+def ramp_to(speed: float, acceleration: float) -> float:
+    """Time [s] to get to a speed: never a jolt."""
+    return max(2.0 * speed / acceleration, SHORTEST_RAMP)
 
 
 def reach(seconds: float, speed: float, acceleration: float) -> float:
     """How far a move from rest to rest gets in a time [rad]."""
     speed = min(speed, 0.25 * acceleration * seconds)
-    return float(speed * (seconds - 2.0 * speed / acceleration))
+    return max(speed * (seconds - ramp_to(speed, acceleration)), 0.0)
 
 
 def rested(seconds: float) -> list[Pulse]:

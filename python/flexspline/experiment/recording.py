@@ -52,9 +52,9 @@ class Excitation:
 
 def commanded(made: Excitation, bounds: Bounds, rate: float) -> dict[str, Array]:
     """Return time, motion, and load and temperature where they are set, arrays (N,)."""
-    seconds = _seconds(made.setting, bounds)
+    count = max(int(_seconds(made.setting, bounds) * rate), 2)
+    seconds = count / rate
     drawn = made.kind.draw(made.numbers, bounds.lasting(seconds))
-    count = max(int(seconds * rate), 2)
     local = np.arange(count) / rate
     path = drawn.path(local)
     pieces, time, now = list[Array](), list[Array](), 0.0

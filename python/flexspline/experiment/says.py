@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from flexspline.experiment.plan import ENOUGH, Outlook
 from flexspline.experiment.words import joined, short
+from flexspline.report.numbers import short_names
 
 __all__ = ["plan_sentence"]
 
@@ -24,7 +25,7 @@ def plan_sentence(seconds: float, words: str, outlooks: Sequence[Outlook], times
         told = joined(_settled(o) for o in settled)
         said.append(f"Record {run}: with it {told}.")
     said += [_open(o, None if settled else run) for o in open_]
-    return " ".join(said)
+    return short_names(" ".join(said))
 
 
 def _settled(one: Outlook) -> str:

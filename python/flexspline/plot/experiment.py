@@ -74,7 +74,7 @@ def expected_separation(made: Plan, ax: Axes | None = None) -> Axes:
     colours = [GREY, *([PALETTE[5]] * (len(shown) - 2)), PALETTE[0]]
     ax.barh(names, shown, color=colours, height=0.6)
     for place, value in enumerate(values):
-        ax.annotate(f" {value:.2g}", (shown[place], place), va="center", fontsize=8, color=INK)
+        ax.annotate(f" {value:.3g}", (shown[place], place), va="center", fontsize=8, color=INK)
     titled(ax, " or\n".join(first.names).replace("_", " "))
     legend(ax)
     return ax
