@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from forward_runs import Given, drive, driven, run_of
@@ -155,7 +157,7 @@ def by_events(time: Array, torque: Array, start: float) -> tuple[Array, int]:
 
     q, v, way, events = start, 0.0, 0, 0
     angles = [q]
-    for first, last in zip(time[:-1], time[1:], strict=True):
+    for first, last in pairwise(time):
         now = first
         while now < last - 1e-13:
             if way == 0:

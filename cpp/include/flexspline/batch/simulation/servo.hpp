@@ -56,8 +56,9 @@ inline double servo_step(const Servo& servo, const Joint& joint, const Command& 
                          const Motion& m, Servo::State& state) noexcept {
   const std::size_t side = servo.reads_output ? output : motor;
   const double scale = servo.reads_output ? joint.ratio : 1;
-  double angle = m.position[side];
-  double speed = joint.rigid && side == motor ? joint.ratio * m.velocity[output] : m.velocity[side];
+  const bool follows = joint.rigid && side == motor;  // a rigid gear's motor has no state
+  double angle = follows ? rigid_motor_angle(joint, m.position[output]) : m.position[side];
+  double speed = follows ? joint.ratio * m.velocity[output] : m.velocity[side];
   if (servo.encoder_step > 0) {
     angle = rounded_down(angle, servo.encoder_step);
     speed = state.started ? (angle - state.last) / servo.period : 0;
