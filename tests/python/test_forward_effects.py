@@ -158,7 +158,7 @@ TRUE = {"inertia": 0.9 + 100.0**2 * 4e-5, "coulomb": 2.5, "viscous": 6.0, "gravi
 def rig_run(seed: int) -> Log:
     """A rigid joint with an own integrator and own friction, under a servo."""
     joint = Joint(
-        Gear(100.0),
+        Gear(100.0, "flex"),
         Motor(inertia=4e-5),
         Output(inertia=0.9, link_inertia=0.5, gravity=TRUE["gravity"],
                friction=Friction.both_ways(TRUE["coulomb"], viscous=TRUE["viscous"])),

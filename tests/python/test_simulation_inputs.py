@@ -43,6 +43,12 @@ def test_a_servo_with_integral_ends_on_its_command() -> None:
     assert np.max(np.abs(run["motor_torque"])) <= 2.0
 
 
+def test_a_servo_reads_the_motor_of_a_rigid_gear() -> None:
+    rigid = replace(JOINT, gear=Gear(100), output=Output(inertia=0.5, gravity=5.0))
+    run = rigid.simulate(TIME, servo=SERVO, position_command=np.full(len(TIME), 0.3))
+    assert run["output_position"][-1] == pytest.approx(0.3, abs=1e-3)
+
+
 def test_a_servo_holds_its_torque_from_tick_to_tick_and_comes_late_by_its_delay() -> None:
     command = np.where(TIME >= 1.0, 0.1, 0.0)
     slow = replace(SERVO, rate=100.0, velocity_gain=0.004, integral_gain=0.0)

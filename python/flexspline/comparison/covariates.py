@@ -100,7 +100,7 @@ def _conditions(compared: Compared, rows: Rows, least: int) -> Iterator[Covariat
     if all(run.load is not None for run in compared.runs):
         load = rows.column(compared, lambda run, k: np.asarray(run.load))
         own = compared.load_source.startswith("the model")
-        unit = compared.unit if own else "Nm"
+        unit = compared.load_unit if own else "Nm"
         edges = even_edges(load, least, EVEN_BINS)
         yield _split("load", "load", unit, load, edges, rows.direction)
     for name in ("temperature", "motor_temperature"):

@@ -57,8 +57,8 @@ class Compared:
     """All runs: `what` is compared (a target, or a channel of a simulation) in `unit`.
 
     `simulated`: by forward simulation. `lowpass`: Hz, or None. `load_source`: where the load of
-    the runs is from, in words. `floor`: noise of what is measured, where that is known; None
-    where it is to be estimated.
+    the runs is from, in words; `load_unit` where that is the model. `floor`: noise of what is
+    measured, where that is known; None where it is to be estimated.
     """
 
     runs: tuple[ComparedRun, ...]
@@ -67,6 +67,7 @@ class Compared:
     simulated: bool
     lowpass: float | None
     load_source: str
+    load_unit: str = "Nm"
     floor: float | None = None
 
 
@@ -83,7 +84,7 @@ def predicted(
     part = model.part(target)
     source = load_source_of(part, logs)
     runs = tuple(_predicted_run(model, part, log, lowpass, source) for log in logs)
-    return Compared(runs, part.target, part.unit, False, lowpass, source)
+    return Compared(runs, part.target, part.unit, False, lowpass, source, part.unit)
 
 
 def _predicted_run(

@@ -51,7 +51,7 @@ def simulated(
             ComparedRun(log, made.measured, made.simulated, nothing, load, velocity_noise(log))
         )
     floor = _resolution(runs) if channel == "output_position" else None
-    return Compared(tuple(runs), channel, unit, True, None, source, floor)
+    return Compared(tuple(runs), channel, unit, True, None, source, part.unit, floor)
 
 
 def _resolution(runs: Sequence[ComparedRun]) -> float:

@@ -54,7 +54,11 @@ class PositionServo:
     def __post_init__(self) -> None:
         for field in fields(self):
             value = getattr(self, field.name)
-            if field.name == "supply" or (field.name == "position_gain" and isinstance(value, str)):
+            if field.name == "supply":
+                if not isinstance(value, bool):
+                    raise InputError(f"servo: supply is {value!r}; give true or false")
+                continue
+            if field.name == "position_gain" and isinstance(value, str):
                 continue
             if not isinstance(value, (int, float)) or not math.isfinite(value):
                 raise InputError(f"servo: {field.name} is {value!r}; give a finite number")
