@@ -174,7 +174,10 @@ def test_behind_a_gap_it_begins_anew_and_says_so() -> None:
     keep = (TIME < 4.0) | (TIME > 5.0)
     made = flexspline.simulate(MODEL, log.rows(keep, note="cut"))
     assert made.rmse < 1e-3
-    assert "behind each of 1 gaps" in str(made)
+    assert "begins anew from the measured state 1 times" in str(made)
+    pieces = flexspline.simulate(MODEL, log, horizon=2.0)
+    assert "5 times" in str(pieces)
+    assert np.array_equal(pieces.simulated[::400], pieces.measured[::400])
     several = flexspline.simulate(MODEL, [log, log])
     assert [run.rmse for run in several] == [flexspline.simulate(MODEL, log).rmse] * 2
 

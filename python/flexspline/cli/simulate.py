@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 
 from flexspline.cli.help import Taught, repairs
-from flexspline.cli.options import controller, model, out_file, reading, target
+from flexspline.cli.options import controller, model, out_file, positive, reading, target
 from flexspline.cli.runs import Reading, refuse_overwriting
 
 __all__ = ["simulate"]
@@ -23,6 +23,12 @@ __all__ = ["simulate"]
     metavar="N",
     help="Integration steps from row to row; without it as many as are needed.",
 )
+@click.option(
+    "--horizon",
+    type=positive,
+    metavar="S",
+    help="Seconds after which a drive begins anew from the measured state; without it never.",
+)
 @reading()
 def simulate(
     run: str,
@@ -31,6 +37,7 @@ def simulate(
     out: str,
     target: str | None,
     steps: int | None,
+    horizon: float | None,
     reading: Reading,
 ) -> None:
     """Drive a model forward through a run, without looking at its measured motion.
@@ -58,6 +65,8 @@ def simulate(
     joint = Model.load(model_path)
     joint.part(target)
     (log,) = reading.logs([run], joint.facts)
-    made = simulate_run(joint, log, target=target, controller=controller, steps_per_sample=steps)
+    made = simulate_run(
+        joint, log, target=target, controller=controller, steps_per_sample=steps, horizon=horizon
+    )
     made.save(out)
     click.echo(f"{made}\nwrote {out}")

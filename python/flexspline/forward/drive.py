@@ -30,7 +30,7 @@ CHANNELS = ("position", "velocity", "acceleration", "motor", "stuck")
 
 @dataclass(frozen=True, eq=False)
 class DriveInputs:
-    """Inputs and initial state of one run. A gap in its time begins anew from the measured state.
+    """Inputs and initial state of one run; behind a gap it begins anew from the measured state.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ class DriveInputs:
     columns : what the core reads, (N,) each: motor, known_load, temperature, command, enabled,
         supply.
     servo : the law, or None where the motor's torque is measured.
-    stretches : row ranges without a gap, (K, 2), half-open.
+    stretches : row ranges that are driven in one go, (K, 2), half-open.
     start : initial angle [rad] and velocity [rad/s] of each stretch, (K, 2).
     motor_offset : rad, θ − Ñ q.
     gear : as `_core.Design` takes it.
@@ -116,8 +116,12 @@ def drive_inputs(
     target: str | None = None,
     controller: PositionServo | None = None,
     hold: bool = False,
+    horizon: float | None = None,
 ) -> DriveInputs:
     """Return what drives the model's drive part through a run.
+
+    `hold`: the measured torque holds from row to row. `horizon`: s after which the motion begins
+    anew from the measured state; None: only behind gaps.
 
     Raises
     ------
@@ -130,7 +134,7 @@ def drive_inputs(
     log = _with_facts(model, with_motor_torque(log))
     servo = controller.for_log(log) if controller is not None else None
     columns = _columns(part, log, servo)
-    stretches = _stretches(log)
+    stretches = _stretches(log, horizon)
     for name, data in columns.items():
         _require_finite(log, _NAMED.get(name, name), data)
     return DriveInputs(
@@ -235,12 +239,22 @@ def _drive_factor(part: Part, log: Log) -> float:
     return log.effective_ratio
 
 
-def _stretches(log: Log) -> NDArray[np.intp]:
+def _stretches(log: Log, horizon: float | None) -> NDArray[np.intp]:
     found = runs(log["time"])
+    if horizon is not None:
+        found = np.concatenate([_pieces(log["time"], *stretch, horizon) for stretch in found])
     long = found[found[:, 1] - found[:, 0] >= 2]
     if not len(long):
         raise InputError(f"log '{log.name}': has no two rows without a gap; give a longer run")
-    return long
+    return np.asarray(long)
+
+
+def _pieces(time: Array, first: int, last: int, horizon: float) -> NDArray[np.intp]:
+    """Cut rows [first, last) every `horizon` seconds, (K, 2)."""
+    number = np.floor((time[first:last] - time[first]) / horizon)
+    cuts = first + 1 + np.flatnonzero(np.diff(number))
+    edges = np.concatenate(([first], cuts, [last]))
+    return np.stack((edges[:-1], edges[1:]), axis=1)
 
 
 def _start(log: Log, stretches: NDArray[np.intp]) -> Array:

@@ -22,13 +22,14 @@ def simulated_rmse(
     *,
     target: str | None = None,
     controller: PositionServo | None = None,
+    horizon: float | None = None,
 ) -> dict[str, Any] | None:
     """Return {"channel", "value"}: the RMSE over all rows of all runs; None where one cannot be.
 
     `value` is in the channel's unit (rad of output_position; Nm of sensor_torque).
     """
     try:
-        made = simulate(model, list(logs), target=target, controller=controller)
+        made = simulate(model, list(logs), target=target, controller=controller, horizon=horizon)
     except InputError:
         return None
     rest = np.concatenate([run.residual for run in made]) if made else np.zeros(0)
@@ -45,6 +46,7 @@ def simulated_gap(
     *,
     target: str | None = None,
     controller: PositionServo | None = None,
+    horizon: float | None = None,
 ) -> dict[str, Any] | None:
     """Return {"channel", "base", "final"} of `discovery.json`; None where one cannot be driven.
 
@@ -52,9 +54,10 @@ def simulated_gap(
     ----------
     base, final : fitted without these logs.
     logs : runs that neither has seen.
+    horizon : s, as in `simulate`.
     """
-    first = simulated_rmse(base, logs, target=target, controller=controller)
-    last = simulated_rmse(final, logs, target=target, controller=controller)
+    first = simulated_rmse(base, logs, target=target, controller=controller, horizon=horizon)
+    last = simulated_rmse(final, logs, target=target, controller=controller, horizon=horizon)
     if first is None or last is None:
         return None
     return {"channel": last["channel"], "base": first["value"], "final": last["value"]}
