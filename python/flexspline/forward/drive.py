@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -11,10 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline import _core
-from flexspline.comparison.velocity import velocity_noise
 from flexspline.errors import InputError, listed
 from flexspline.forward.servo import PositionServo
-from flexspline.logs.derive import differentiate
+from flexspline.forward.start import motor_offset, require_finite, start_of
 from flexspline.logs.log import Log
 from flexspline.logs.read import with_motor_torque
 from flexspline.logs.segments import runs
@@ -136,15 +134,15 @@ def drive_inputs(
     columns = _columns(part, log, servo)
     stretches = _stretches(log, horizon)
     for name, data in columns.items():
-        _require_finite(log, _NAMED.get(name, name), data)
+        require_finite(log, _NAMED.get(name, name), data)
     return DriveInputs(
         log.name,
         np.ascontiguousarray(log["time"]),
         columns,
         servo,
         stretches,
-        _start(log, stretches),
-        _motor_offset(part, log),
+        start_of(log, stretches),
+        motor_offset(part, log),
         gear_of(log.facts, False),
         _drive_factor(part, log),
         float(part.target == "motor_torque" and part.known_load is not None),
@@ -255,58 +253,3 @@ def _pieces(time: Array, first: int, last: int, horizon: float) -> NDArray[np.in
     cuts = first + 1 + np.flatnonzero(np.diff(number))
     edges = np.concatenate(([first], cuts, [last]))
     return np.stack((edges[:-1], edges[1:]), axis=1)
-
-
-def _start(log: Log, stretches: NDArray[np.intp]) -> Array:
-    """Angle and velocity at the start of each stretch; a velocity within its noise is none."""
-    if "output_position" not in log:
-        raise InputError(
-            f"log '{log.name}': the initial state is the first output_position, which the log "
-            f"lacks; it has {listed(log.channels)}; map a column to it"
-        )
-    first = stretches[:, 0]
-    position = log["output_position"][first]
-    _require_finite(log, "output_position", position, first)
-    velocity, noise = _velocity(log, stretches)
-    velocity[np.abs(velocity) < 3.0 * noise] = 0.0
-    return np.stack((position, velocity), axis=1)
-
-
-def _velocity(log: Log, stretches: NDArray[np.intp]) -> tuple[Array, float]:
-    first = stretches[:, 0]
-    if "output_velocity" in log:
-        velocity = log["output_velocity"][first]
-        _require_finite(log, "output_velocity", velocity, first)
-        return velocity.copy(), velocity_noise(log)
-    if not np.isfinite(log["output_position"]).all() or len(log) < 3:
-        return np.zeros(len(first)), 0.0
-    made = differentiate(log)
-    return np.asarray(made["output_velocity"])[first].copy(), velocity_noise(made)
-
-
-def _motor_offset(part: Part, log: Log) -> float:
-    """The encoders' zeros differ, and a model's ripple counts from that of the motor's."""
-    fitted = part.record.get("channels")
-    reads = any("motor_position" in effect.reads for effect in part.effects)
-    measured = "motor_position" in (log.channels if fitted is None else fitted)
-    if not (reads and measured):
-        return 0.0
-    if "motor_position" not in log or log.effective_ratio is None:
-        raise InputError(
-            f"log '{log.name}': the model's ripple was fitted with the channel motor_position, "
-            "whose first row says where it starts; map a column to it and give gear_ratio"
-        )
-    offset = log["motor_position"][0] - log.effective_ratio * log["output_position"][0]
-    _require_finite(log, "motor_position", np.array([offset]))
-    return math.remainder(float(offset), 2.0 * math.pi)
-
-
-def _require_finite(log: Log, name: str, data: Array, rows: NDArray[np.intp] | None = None) -> None:
-    bad = np.flatnonzero(~np.isfinite(data))
-    if not len(bad):
-        return
-    row = int(bad[0] if rows is None else rows[bad[0]])
-    raise InputError(
-        f"log '{log.name}': row {row} has no value of {name} "
-        f"({len(bad)} such rows), so nothing can be driven through it; interpolate or cut the run"
-    )
