@@ -240,7 +240,7 @@ def _drive_factor(part: Part, log: Log) -> float:
 def _stretches(log: Log, horizon: float | None) -> NDArray[np.intp]:
     found = runs(log["time"])
     if horizon is not None:
-        found = np.concatenate([_pieces(log["time"], *stretch, horizon) for stretch in found])
+        found = np.concatenate([_pieces(log["time"], a, b, horizon) for a, b in found.tolist()])
     long = found[found[:, 1] - found[:, 0] >= 2]
     if not len(long):
         raise InputError(f"log '{log.name}': has no two rows without a gap; give a longer run")
