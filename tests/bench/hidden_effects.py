@@ -22,7 +22,7 @@ from hidden.cases import Case, cases, quick
 from hidden.forms import FORMS
 from hidden.running import outcomes_of
 from hidden.tables import summary, text
-from hidden.trial import Outcome
+from hidden.trial import Outcome, tried
 from tqdm import tqdm
 
 
@@ -30,7 +30,8 @@ def main() -> None:
     given = _arguments()
     chosen = _chosen(given)
     given.out.mkdir(parents=True, exist_ok=True)
-    outcomes = outcomes_of(chosen, given.out / "cases.jsonl", given.jobs, _tell)
+    lines = given.out / "cases.jsonl"
+    outcomes = outcomes_of(chosen, lines, given.jobs, tried, Outcome.from_json, _tell)
     if not outcomes:
         raise SystemExit("no case fits --target and --only")
     from hidden.figure import drawn
@@ -61,6 +62,8 @@ def _chosen(given: argparse.Namespace) -> list[Case]:
 
 def _tell(one: Outcome) -> None:
     """Say what is wrong with a case, above the progress bar."""
+    if one.right:
+        return
     shown = ", ".join(
         f"{name} {confidence:.2f}{list(aliases) or ''}"
         for name, aliases, confidence in zip(one.names, one.aliases, one.confidences, strict=True)

@@ -18,7 +18,8 @@ __all__ = ["SIZES", "Case", "cases", "quick"]
 SIZES = (50.0, 16.0, 5.0)
 MISMATCHED = (50.0, 100.0, 150.0)
 NOTHING = 100  # logs of each target
-RESTLESS = 20  # more of them, with rests and a noisy velocity
+RESTLESS = (0.3, 3.0)  # of the noise, that a noisy velocity makes of friction where the joint rests
+RESTLESS_LOGS = 20  # of each, for each target with friction
 
 RICH = ("swings", "moves")
 LEVELS = (0.01, 0.02, 0.005)
@@ -31,7 +32,8 @@ class Case:
     `kind`: nothing, restless (nothing, but a noisy velocity at rests), single, pair, triple,
     unknown, removed or mismatch. `unknown`: a cause that no effect has. `excluded`: effects that
     are taken from the candidates; what is hidden is then one of them. `level`: of the noise, Nm,
-    or 0.1 rad of a torsion.
+    or 0.1 rad of a torsion. `restless`: of that level, what the noise of the measured velocity
+    makes of Coulomb friction at rest; everywhere else the channels are exact.
     """
 
     number: int
@@ -46,6 +48,7 @@ class Case:
     excitation: str
     noise: str
     level: float
+    restless: float = 0.0
 
     @property
     def label(self) -> str:
@@ -80,12 +83,13 @@ class _Maker:
         unknown: str = "",
         excluded: tuple[str, ...] = (),
         poor_every: int = 0,
+        restless: float = 0.0,
     ) -> Case:
         k = self.dealt[kind, target] = self.dealt.get((kind, target), -1) + 1
         poor = poor_every and k % poor_every == poor_every - 1
         number = next(self.numbers)
         dealt = np.random.default_rng([20261121, number])
-        motion = "tied" if poor else "moves" if kind == "restless" else str(dealt.choice(RICH))
+        motion = "tied" if poor else "moves" if restless else str(dealt.choice(RICH))
         return Case(
             number=number,
             kind=kind,
@@ -99,6 +103,7 @@ class _Maker:
             excitation=motion,
             noise=str(dealt.choice(sorted(NOISES))),
             level=float(dealt.choice(LEVELS)),
+            restless=restless,
         )
 
 
@@ -119,7 +124,8 @@ def cases() -> list[Case]:
                  for k, name in enumerate(n for n in ALONE[target] if n != "offset")]  # fmt: skip
         made += [case("nothing", target, (), 0.0, poor_every=5) for _ in range(NOTHING)]
     for target in ("sensor_torque", "motor_torque"):
-        made += [case("restless", target, (), 0.0) for _ in range(RESTLESS)]
+        made += [case("restless", target, (), 0.0, restless=share)
+                 for share in RESTLESS for _ in range(RESTLESS_LOGS)]  # fmt: skip
     return sorted(made, key=lambda c: (c.number * 7919) % 10007)
 
 

@@ -20,7 +20,6 @@ __all__ = ["HELD_OUT", "Made", "base_of", "made_of"]
 HELD_OUT = 3  # runs that nobody fits
 OFF = 0.09  # of a term: what its form misses, in the cases of a mismatch
 IN_TORSION = 0.1  # rad of noise at the motor for one Nm
-LITTLE, MUCH = 0.3, 3.0  # of the noise: what a noisy velocity makes of friction at rest
 FRICTION = ("offset", "coulomb_friction", "viscous_friction", "inertia")
 BASES = {"sensor_torque": FRICTION, "motor_torque": FRICTION,
          "torsion": ("offset", "mesh_compliance")}  # fmt: skip
@@ -59,7 +58,7 @@ def base_of(case: Case) -> tuple[Effect, ...]:
 def made_of(case: Case) -> Made:
     """Make the runs of a case."""
     joint, runs = JOINTS[case.joint], EXCITATIONS[case.excitation]
-    restless = case.level * _restless(case)
+    restless = case.level * case.restless
     scenes = [scene(joint, case.excitation, case.seed, k, restless) for k in range(runs + HELD_OUT)]
     base, level = base_of(case), case.level * (IN_TORSION if case.target == "torsion" else 1.0)
     known = [_known(case, s) for s in scenes]
@@ -98,12 +97,6 @@ def _noise(case: Case, level: float, number: int, rows: int) -> Array:
 def _forms(case: Case) -> dict[str, Form]:
     forms = {name: FORMS[case.target][name] for name in case.hidden}
     return {**forms, case.unknown: UNKNOWN[case.target][case.unknown]} if case.unknown else forms
-
-
-def _restless(case: Case) -> float:
-    if case.excitation != "moves":
-        return 0.0
-    return MUCH if case.kind == "restless" else LITTLE
 
 
 def _known(case: Case, s: Scene) -> Array:

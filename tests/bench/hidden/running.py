@@ -7,51 +7,74 @@ import json
 import multiprocessing
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import Any, Protocol, TypeVar
 
 from tqdm import tqdm
 
 import flexspline
 from hidden.cases import Case
-from hidden.trial import Outcome, tried
 
 __all__ = ["outcomes_of"]
 
 
+class Line(Protocol):
+    """What becomes of a case."""
+
+    @property
+    def case(self) -> Case: ...
+
+    def to_json(self) -> dict[str, Any]:
+        """Return plain values, the key of the case among them."""
+        ...
+
+
+Made = TypeVar("Made", bound=Line)
+
+
 def outcomes_of(
-    cases: Sequence[Case], path: Path, jobs: int, tell: Callable[[Outcome], None]
-) -> list[Outcome]:
+    cases: Sequence[Case],
+    path: Path,
+    jobs: int,
+    work: Callable[[Case], Made],
+    read: Callable[[dict[str, Any]], Made],
+    tell: Callable[[Made], None],
+) -> list[Made]:
     """Return the outcomes of all cases, those that `path` holds already as they are there.
+
+    Parameters
+    ----------
+    work : makes an outcome of a case, in one of `jobs` processes.
+    read : makes it of its line.
+    tell : what to do with each new one.
 
     Raises
     ------
     SystemExit
         Where the file comes from other code: its numbers would be mixed with those of this one.
     """
-    done = {o.case.key: o for o in _read(path)}
-    wanted = {case.key for case in cases}
+    done = {line["key"]: read(line) for line in _lines(path)}
     left = [case for case in cases if case.key not in done]
-    shown = [o for key, o in done.items() if key in wanted]
+    shown = [done[case.key] for case in cases if case.key in done]
     bar = tqdm(total=len(cases), initial=len(shown), desc="cases", smoothing=0.05)
     with path.open("a") as file, bar:
-        for outcome in _worked(left, jobs):
+        for outcome in _worked(left, jobs, work):
             file.write(json.dumps(outcome.to_json()) + "\n")
             file.flush()
             shown.append(outcome)
             bar.update()
-            if not outcome.right:
-                tell(outcome)
+            tell(outcome)
     return sorted(shown, key=lambda o: o.case.number)
 
 
-def _worked(cases: Sequence[Case], jobs: int) -> Iterator[Outcome]:
+def _worked(cases: Sequence[Case], jobs: int, work: Callable[[Case], Made]) -> Iterator[Made]:
     if jobs == 1:
-        yield from map(tried, cases)
+        yield from map(work, cases)
         return
     with multiprocessing.get_context("spawn").Pool(jobs) as pool:
-        yield from pool.imap_unordered(tried, cases)
+        yield from pool.imap_unordered(work, cases)
 
 
-def _read(path: Path) -> list[Outcome]:
+def _lines(path: Path) -> list[dict[str, Any]]:
     """Return what a run left, whose last line may be cut; begin the file where there is none."""
     code = _code()
     if not path.exists():
@@ -62,15 +85,14 @@ def _read(path: Path) -> list[Outcome]:
         raise SystemExit(f"{path} was made by other code; give another --out or delete it")
     kept = [line for line in lines if line.endswith("}")]
     path.write_text("\n".join(kept) + "\n")
-    return [Outcome.from_json(json.loads(line)) for line in kept[1:]]
+    return [json.loads(line) for line in kept[1:]]
 
 
 def _code() -> str:
     """A hash of the package and of this benchmark."""
-    folders = (Path(flexspline.__file__).parent, Path(__file__).parent)
-    files = [
-        p for folder in folders for p in sorted(folder.rglob("*")) if p.suffix in (".py", ".so")
-    ]
+    here = Path(__file__).parent
+    files = [p for folder in (Path(flexspline.__file__).parent, here)
+             for p in sorted(folder.rglob("*")) if p.suffix in (".py", ".so")]  # fmt: skip
     digest = hashlib.sha256()
     for file in files:
         digest.update(file.read_bytes())

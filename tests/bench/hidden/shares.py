@@ -63,8 +63,10 @@ def shares(outcomes: Sequence[Outcome]) -> list[Share]:
     made.append(share("nothing hidden, nothing named", (o.right for o in nothing), NOTHING_BAR))
     made.append(share("  of these, nothing called unexplained",
                       (o.unexplained is None for o in nothing)))  # fmt: skip
-    made.append(share("  noisy velocity at rests, nothing named",
-                      (o.right for o in kinds["restless"])))  # fmt: skip
+    for level in sorted({o.case.restless for o in kinds["restless"]}):
+        own = [o for o in kinds["restless"] if o.case.restless == level]
+        made.append(share(f"  and a noisy velocity, {level:g} of the noise at rest",
+                          (o.right for o in own), NOTHING_BAR))  # fmt: skip
     made += _unknowns(kinds["unknown"], kinds["removed"])
     made.append(share("form 9 % off, t = 50 … 150: one name, all explained",
                       (o.right for o in kinds["mismatch"]), BARS[50.0]))  # fmt: skip

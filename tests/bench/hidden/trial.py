@@ -19,7 +19,17 @@ from hidden.made import Made, made_of
 from hidden.rig import LOAD
 from hidden.rivals import forms_of
 
-__all__ = ["ALIAS", "Outcome", "judged", "stands_for", "tried"]
+__all__ = [
+    "ALIAS",
+    "Outcome",
+    "judged",
+    "left_beside",
+    "outcome_of",
+    "plain_case",
+    "stands_for",
+    "timed",
+    "tried",
+]
 
 ALIAS = 3.0  # t that the noise-free term keeps beside a declared alias, for it to be a real one
 
@@ -57,8 +67,13 @@ class Outcome:
         own = {name: value for name, value in plain.items() if name != "key"}
         lists = {"names", "aliases", "confidences", "regressors", "means", "faults"}
         values = {name: _tuples(v) if name in lists else v for name, v in own.items()}
-        values["case"] = Case(**{name: _tuples(v) for name, v in own["case"].items()})
+        values["case"] = plain_case(own["case"])
         return cls(**values)
+
+
+def plain_case(plain: dict[str, Any]) -> Case:
+    """Return the case of plain values."""
+    return Case(**{name: _tuples(value) for name, value in plain.items()})
 
 
 def _tuples(value: Any) -> Any:
@@ -68,12 +83,16 @@ def _tuples(value: Any) -> Any:
 def tried(case: Case) -> Outcome:
     """Run one case through `discover`."""
     made = made_of(case)
+    return outcome_of(case, made, *timed(case, made))
+
+
+def timed(case: Case, made: Made) -> tuple[Discovery, float]:
+    """Return what is found, and the seconds it took."""
     begun = time.perf_counter()
     found = flexspline.discover(
         made.base, made.logs, target=case.target, known_load=LOAD, exclude=case.excluded
     )
-    seconds = time.perf_counter() - begun
-    return outcome_of(case, made, found, seconds)
+    return found, time.perf_counter() - begun
 
 
 def outcome_of(case: Case, made: Made, found: Discovery, seconds: float) -> Outcome:
