@@ -3,10 +3,11 @@
     pip install "flexspline[bench]"
     python tests/bench/name_rivals.py --out DIR [--quick] [--jobs 2] [--target T] [--only KIND…]
 
-LassoCV and orthogonal matching pursuit (scikit-learn), stepwise BIC, and PySINDy's STLSQ, SSR and
-FROLS, their size chosen by validation over runs, beside `discover` in the same run. A method
-names the effects whose columns it selects. They are favoured: what discover has to declare as an
-alias counts for them undeclared, and "unexplained", which none of them can say, is not asked for.
+LassoCV (also by the rule of one standard error) and orthogonal matching pursuit of scikit-learn,
+stepwise BIC, and PySINDy's STLSQ, SSR and FROLS, their size chosen by validation over runs,
+beside `discover` in the same run. A method names the effects whose columns it selects. They are
+favoured: what discover has to declare as an alias counts for them undeclared, and "unexplained",
+which none of them can say, is not asked for.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
@@ -17,10 +17,12 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "bench"))
 from hidden.cases import Case, cases, quick
 from hidden.combined import EXCLUDED, PAIRS, TRIPLES
 from hidden.confusion import confusion
+from hidden.dictionary import reduced
 from hidden.forms import FORMS
 from hidden.made import Made, made_of
 from hidden.noise import NOISES
 from hidden.rig import LOAD
+from hidden.running import outcomes_of
 from hidden.shapes import bouc_wen
 from hidden.shares import share, shares
 from hidden.trial import ALIAS, Outcome, judged, left_beside, stands_for
@@ -215,3 +217,70 @@ def test_a_form_that_is_off_leaves_nine_per_cent_beside_the_catalogues() -> None
     exact = one.sizing.beside(effect(name, direction_width=one.scenes[0].joint.width))
     share_left = one.sizing.left(own, exact) / one.sizing.left(own)
     assert share_left == pytest.approx(0.09, rel=0.01)
+
+
+@dataclass(frozen=True)
+class Seen:
+    """A line of a run."""
+
+    case: Case
+
+    def to_json(self) -> dict[str, object]:
+        return {"key": self.case.key, "number": self.case.number}
+
+
+def test_a_run_that_was_stopped_goes_on_and_refuses_lines_of_other_code(tmp_path: Path) -> None:
+    every, lines, worked = cases()[:4], tmp_path / "cases.jsonl", list[int]()
+
+    def work(case: Case) -> Seen:
+        if len(worked) == 2:
+            raise KeyboardInterrupt
+        worked.append(case.number)
+        return Seen(case)
+
+    def read(line: dict[str, object]) -> Seen:
+        return Seen(next(c for c in every if c.number == line["number"]))
+
+    with pytest.raises(KeyboardInterrupt):
+        outcomes_of(every, lines, 1, work, read, print)
+    done = tuple(worked)
+    lines.write_text(lines.read_text() + '{"key": "cut')
+    worked.clear()
+    made = outcomes_of(every[:3], lines, 1, work, read, print)
+    assert len(worked) == 1 and not {*worked} & {*done}
+    assert [s.case.number for s in made] == sorted(c.number for c in every[:3])
+    lines.write_text(lines.read_text().replace('"code": "', '"code": "x'))
+    with pytest.raises(SystemExit, match="made by other code"):
+        outcomes_of(every, lines, 1, work, read, print)
+
+
+def test_the_reduced_columns_leave_the_squares_of_every_fit_as_they_are() -> None:
+    draw = np.random.default_rng(8)
+    runs = [draw.normal(size=(900, 9)) for _ in range(4)]
+    for run in runs:
+        run[:, 5] = run[:, 3] + run[:, 4]  # exactly dependent
+    base, y = [r[:, :2] for r in runs], [r[:, 8] + r[:, 2] + r[:, 0] for r in runs]
+    columns = reduced(base, [r[:, 2:8] for r in runs], y, list("abcdef"))
+    assert len(columns.owners) == 5 and len({*columns.owners} & {*"bcd"}) == 2
+    known, target = np.concatenate(base), np.concatenate(y)
+    names = [*columns.owners]
+    raw = np.concatenate(runs)[:, [2 + "abcdef".index(n) for n in names]]
+    whole = np.linalg.lstsq(np.column_stack([known, raw]), target, rcond=None)[1][0]
+    small = np.linalg.lstsq(columns.X, columns.y, rcond=None)
+    left = np.sum((columns.y - columns.X @ small[0]) ** 2)
+    assert left == pytest.approx(whole, rel=1e-9)
+
+
+def test_methods_of_others_choose_the_two_columns_that_make_the_target() -> None:
+    pytest.importorskip("pysindy", reason="comes with flexspline[bench]")
+    from hidden.selectors import METHODS
+
+    draw = np.random.default_rng(4)
+    runs = [draw.normal(size=(600, 6)) for _ in range(4)]
+    y = [2.0 * r[:, 1] - r[:, 4] + 0.1 * draw.normal(size=600) for r in runs]
+    base = [np.ones((600, 1))] * 4
+    columns = reduced(base, runs, y, list("abcdef"))
+    for method, chosen in METHODS.items():
+        assert {"b", "e"} <= {*columns.of(chosen(columns))}, method
+    for method in ("LassoCV, 1 SE", "stepwise BIC"):
+        assert {*columns.of(METHODS[method](columns))} == {"b", "e"}

@@ -20,7 +20,7 @@ from flexspline.discovery.working import working
 from hidden.made import Made
 from hidden.rig import LOAD, Array
 
-__all__ = ["Columns", "columns_of"]
+__all__ = ["Columns", "columns_of", "reduced"]
 
 DEPENDENT = 1e-6  # of a column, that the others leave of it
 
@@ -56,10 +56,11 @@ def columns_of(made: Made, target: str, excluded: tuple[str, ...]) -> Columns:
         base.append(rows)
         beside.append(effect_rows(study.problem, work, wanted, number))
         y.append(left)
-    return _reduced(base, beside, y, owners)
+    return reduced(base, beside, y, owners)
 
 
-def _reduced(base: list[Array], beside: list[Array], y: list[Array], owners: list[str]) -> Columns:
+def reduced(base: list[Array], beside: list[Array], y: list[Array], owners: list[str]) -> Columns:
+    """Return the columns `beside` the base, (N, C) of each run, whose owners are given, (C,)."""
     known = np.concatenate(base)
     every = np.column_stack([np.concatenate(beside), np.concatenate(y)])
     left = every - known @ np.linalg.lstsq(known, every, rcond=1e-9)[0]

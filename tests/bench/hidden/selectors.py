@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 from pysindy.optimizers import FROLS, SSR, STLSQ
-from sklearn.linear_model import LassoCV, OrthogonalMatchingPursuitCV
+from sklearn.linear_model import Lasso, LassoCV, OrthogonalMatchingPursuitCV
 from sklearn.model_selection import LeaveOneGroupOut
 
 from hidden.dictionary import Columns
@@ -28,14 +28,29 @@ Supports = list[Array]
 
 
 def _lasso(c: Columns) -> Array:
+    return np.asarray(_lasso_path(c).coef_ != 0.0)
+
+
+def _plain_lasso(c: Columns) -> Array:
+    """Take the largest penalty whose squares are within one standard error of the least."""
+    path = _lasso_path(c)
+    mean = path.mse_path_.mean(axis=1)
+    best = int(np.argmin(mean))
+    error = path.mse_path_[best].std(ddof=1) / np.sqrt(path.mse_path_.shape[1])
+    alpha = path.alphas_[mean <= mean[best] + error].max()
+    fitted = Lasso(alpha=alpha, fit_intercept=False, max_iter=5000).fit(c.X, c.y)
+    return np.asarray(fitted.coef_ != 0.0)
+
+
+def _lasso_path(c: Columns) -> LassoCV:
     folds = list(LeaveOneGroupOut().split(c.X, c.y, c.runs))
-    made = LassoCV(fit_intercept=False, cv=folds, eps=1e-4, alphas=60, max_iter=5000)
-    return np.asarray(made.fit(c.X, c.y).coef_ != 0.0)
+    return LassoCV(fit_intercept=False, cv=folds, eps=1e-3, alphas=40, max_iter=3000).fit(c.X, c.y)
 
 
 def _pursuit(c: Columns) -> Array:
     folds = list(LeaveOneGroupOut().split(c.X, c.y, c.runs))
-    made = OrthogonalMatchingPursuitCV(fit_intercept=False, cv=folds, max_iter=MOST)
+    most = min(MOST, c.X.shape[1])
+    made = OrthogonalMatchingPursuitCV(fit_intercept=False, cv=folds, max_iter=most)
     return np.asarray(made.fit(c.X, c.y).coef_ != 0.0)
 
 
@@ -121,6 +136,7 @@ METHODS: Mapping[str, Callable[[Columns], Array]] = {
     name: _quiet(method)
     for name, method in {
         "LassoCV": _lasso,
+        "LassoCV, 1 SE": _plain_lasso,
         "OMP (CV)": _pursuit,
         "stepwise BIC": _stepwise,
         "STLSQ": _validated(_thresholded),
