@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import qr
 
 from flexspline.discovery.dictionary import effect_rows
@@ -32,10 +33,10 @@ class Columns:
     X: Array
     y: Array
     owners: tuple[str, ...]
-    runs: Array
+    runs: NDArray[np.intp]
     rows: int
 
-    def of(self, chosen: Array) -> tuple[str, ...]:
+    def of(self, chosen: NDArray[np.bool_]) -> tuple[str, ...]:
         """Names of the effects of the columns that are chosen, (C,) of bool."""
         return tuple(dict.fromkeys(o for o, kept in zip(self.owners, chosen, strict=True) if kept))
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import matplotlib
@@ -48,7 +48,7 @@ def _matrix(axes: Axes, table: pd.DataFrame) -> None:
     axes.set_title("Names given, by what is hidden (counts; shade: share of the row)")
 
 
-def _words(names: Sequence[str]) -> list[str]:
+def _words(names: Iterable[str]) -> list[str]:
     return [str(name).replace("_", " ") for name in names]
 
 

@@ -10,6 +10,7 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 from pysindy.optimizers import FROLS, SSR, STLSQ
 from sklearn.linear_model import Lasso, LassoCV, OrthogonalMatchingPursuitCV
 from sklearn.model_selection import LeaveOneGroupOut
@@ -23,15 +24,16 @@ MOST = 24  # columns that a method may choose
 THRESHOLDS = np.geomspace(3e-3, 1.0, 14)  # of the target's deviation
 RIDGE = 1e-8
 
-Supports = list[Array]
+Mask = NDArray[np.bool_]
+Supports = list[Mask]
 """Choices of columns, (C,) of bool each, the i-th of them the method's i-th try."""
 
 
-def _lasso(c: Columns) -> Array:
+def _lasso(c: Columns) -> Mask:
     return np.asarray(_lasso_path(c).coef_ != 0.0)
 
 
-def _plain_lasso(c: Columns) -> Array:
+def _plain_lasso(c: Columns) -> Mask:
     """Take the largest penalty whose squares are within one standard error of the least."""
     path = _lasso_path(c)
     mean = path.mse_path_.mean(axis=1)
@@ -47,14 +49,14 @@ def _lasso_path(c: Columns) -> LassoCV:
     return LassoCV(fit_intercept=False, cv=folds, eps=1e-3, alphas=40, max_iter=3000).fit(c.X, c.y)
 
 
-def _pursuit(c: Columns) -> Array:
+def _pursuit(c: Columns) -> Mask:
     folds = list(LeaveOneGroupOut().split(c.X, c.y, c.runs))
     most = min(MOST, c.X.shape[1])
     made = OrthogonalMatchingPursuitCV(fit_intercept=False, cv=folds, max_iter=most)
     return np.asarray(made.fit(c.X, c.y).coef_ != 0.0)
 
 
-def _stepwise(c: Columns) -> Array:
+def _stepwise(c: Columns) -> Mask:
     """Add the column that lowers BIC = n ln(SSE / n) + k ln n most, as long as one does."""
     chosen = np.zeros(c.X.shape[1], dtype=bool)
     left, beside, squares = c.y.copy(), c.X.copy(), float(c.y @ c.y)
@@ -100,22 +102,22 @@ def _by_size(supports: Supports, columns: int) -> Supports:
     return made
 
 
-def _validated(supports: Callable[[Array, Array], Supports]) -> Callable[[Columns], Array]:
+def _validated(supports: Callable[[Array, Array], Supports]) -> Callable[[Columns], Mask]:
     """Choose among the tries of a method by the squares on runs left out."""
 
-    def chosen(c: Columns) -> Array:
+    def chosen(c: Columns) -> Mask:
         errors = np.sum([_errors(c, own, supports) for own in _folds(c)], axis=0)
         return supports(c.X, c.y)[int(np.argmin(errors))]
 
     return chosen
 
 
-def _folds(c: Columns) -> Iterator[Array]:
+def _folds(c: Columns) -> Iterator[Mask]:
     for run in np.unique(c.runs):
         yield c.runs == run
 
 
-def _errors(c: Columns, out: Array, supports: Callable[[Array, Array], Supports]) -> list[float]:
+def _errors(c: Columns, out: Mask, supports: Callable[[Array, Array], Supports]) -> list[float]:
     made = []
     for kept in supports(c.X[~out], c.y[~out]):
         beta = np.linalg.lstsq(c.X[~out][:, kept], c.y[~out], rcond=None)[0]
@@ -123,8 +125,8 @@ def _errors(c: Columns, out: Array, supports: Callable[[Array, Array], Supports]
     return made
 
 
-def _quiet(method: Callable[[Columns], Array]) -> Callable[[Columns], Array]:
-    def chosen(c: Columns) -> Array:
+def _quiet(method: Callable[[Columns], Mask]) -> Callable[[Columns], Mask]:
+    def chosen(c: Columns) -> Mask:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of columns that nothing is gained by
             return method(c)
@@ -132,7 +134,7 @@ def _quiet(method: Callable[[Columns], Array]) -> Callable[[Columns], Array]:
     return chosen
 
 
-METHODS: Mapping[str, Callable[[Columns], Array]] = {
+METHODS: Mapping[str, Callable[[Columns], Mask]] = {
     name: _quiet(method)
     for name, method in {
         "LassoCV": _lasso,
