@@ -17,7 +17,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "bench"))
 from hidden.cases import Case, cases, quick
 from hidden.combined import EXCLUDED, PAIRS, TRIPLES
 from hidden.confusion import confusion
-from hidden.dictionary import reduced
+from hidden.dictionary import columns_of, reduced
 from hidden.forms import FORMS
 from hidden.made import Made, made_of
 from hidden.noise import NOISES
@@ -284,3 +284,10 @@ def test_methods_of_others_choose_the_two_columns_that_make_the_target() -> None
         assert {"b", "e"} <= {*columns.of(chosen(columns))}, method
     for method in ("LassoCV, 1 SE", "stepwise BIC"):
         assert {*columns.of(METHODS[method](columns))} == {"b", "e"}
+
+
+def test_the_dictionary_of_the_others_has_the_candidates_of_discover() -> None:
+    columns = columns_of(made(CASE), CASE.target, ("gravity",))
+    missing = set(FORMS[CASE.target]) - {*columns.owners} - {e.name for e in made(CASE).base}
+    assert missing <= {"gravity", "speed_dependent_ripple"}  # the latter needs a ripple to follow
+    assert not {"gravity", "offset"} & {*columns.owners}

@@ -67,4 +67,4 @@ def _curve(axes: Axes, outcomes: Sequence[Outcome]) -> None:
     axes.set(xlim=(0, 1.02), ylim=(0, 1.02), xlabel="confidence said", ylabel="share right",
              title=f"Reliability (Brier {brier(outcomes):.3f})")  # fmt: skip
     axes.set_aspect("equal")
-    axes.legend(loc="upper left")
+    axes.legend(loc="lower right")

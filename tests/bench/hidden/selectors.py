@@ -20,7 +20,7 @@ from hidden.rig import Array
 
 __all__ = ["METHODS"]
 
-MOST = 24  # columns that a method may choose
+MOST = 16  # columns that a method may choose
 THRESHOLDS = np.geomspace(3e-3, 1.0, 14)  # of the target's deviation
 RIDGE = 1e-8
 
