@@ -18,7 +18,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.discovery.dictionary import effect_rows
 from flexspline.discovery.table import Columns, left_by
 from flexspline.discovery.whitening import Whitening
 from flexspline.discovery.working import Working
@@ -105,8 +104,7 @@ class Layout:
 
     def columns(self, problem: Problem, number: int) -> Array:
         """Columns (N, C) of a run."""
-        parts = [self.work.rows(problem, number)[0]]
-        parts.append(effect_rows(problem, self.work, self.variants, number))
+        parts = [self.work.sheet(beside=self.variants).rows(problem, number)[0]]
         for rivalry in self.rivalries:
             if rivalry.fitted is not None:
                 rows, _ = rivalry.fitted.rows(problem, number)

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import qr
 
-from flexspline.discovery.dictionary import effect_rows
 from flexspline.discovery.refit import started
 from flexspline.discovery.study import study_of
 from flexspline.discovery.whitening import Whitening
@@ -53,9 +52,10 @@ def columns_of(made: Made, target: str, excluded: tuple[str, ...]) -> Columns:
     owners = [e.name for e in wanted for _ in e.terms]
     base, beside, y = [], [], []
     for number in range(len(made.logs)):
-        rows, left = work.rows(study.problem, number)
-        base.append(rows)
-        beside.append(effect_rows(study.problem, work, wanted, number))
+        rows, left = work.sheet(beside=wanted).rows(study.problem, number)
+        count = len(work.owners())
+        base.append(rows[:, :count])
+        beside.append(rows[:, count:])
         y.append(left)
     return reduced(base, beside, y, owners)
 
