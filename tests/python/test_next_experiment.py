@@ -271,6 +271,8 @@ def test_ur10e_joint_2_goes_to_and_fro_where_its_load_changes_sign() -> None:
         model, ("load_dependent_friction", "position_dependent_friction"), log, lowpass=5.0
     )
     assert made is not None and made.now < 4.0 and made.expected > 1.5 * made.now
+    # By motion alone the rival stays near, and the sentence does not hide it.
+    assert made.outlooks[0].taken > 0.84 and "a payload" in made.sentence
     # The arm stands upright at −π/2: there |load| has its kink, which no low harmonic has.
     q = made.log["output_position"]
     assert q.min() < -np.pi / 2 < q.max()

@@ -13,9 +13,10 @@ from flexspline.logs.log import Log
 if TYPE_CHECKING:
     from flexspline.plot.canvas import PlainFigure
 
-__all__ = ["ENOUGH", "Outlook", "Plan"]
+__all__ = ["ENOUGH", "TAKEN", "Outlook", "Plan"]
 
 ENOUGH = 3.0  # |t| above which two causes are no aliases
+TAKEN = 0.84  # of a named effect's gain: below NEARLY (`discovery/aliases.py`)
 TIGHTER = 3.0  # times the standard error falls at least, for a parameter that was undetermined
 
 
@@ -28,6 +29,9 @@ class Outlook:
     names : a named effect and its rival, or a parameter alone.
     now, expected : |t| that the named effect keeps beside model and rival, with the recorded
         runs and with the planned one as well. Of a parameter: its standard error, in `unit`.
+    taken : share of what the named effect explains that the rival would explain too, then; 0 for a
+        parameter. `discover` still calls a rival that explains nearly all of it an alias, unless
+        left-out runs tell the two apart.
     doubled : the limit whose doubling would help most, what it would be, and |t| (or the standard
         error) then; None where the limits suffice.
     """
@@ -36,6 +40,7 @@ class Outlook:
     now: float
     expected: float
     unit: str
+    taken: float
     doubled: tuple[str, str, float] | None
 
     @property

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -72,14 +72,14 @@ def _plan(bench: Bench, bounds: Bounds) -> Plan:
     best = refined(bench, bounds, ranked[0])
     gained = bench.gained(commanded(best.excitation, bounds, bench.rate))
     times = bench.repetitions(gained)
-    reached = bench.t(bench.before + times * gained)
-    outlooks = _outlooks(bench, bounds, reached, [best, *ranked])
+    outlooks = _outlooks(bench, bounds, bench.before + times * gained, [best, *ranked])
     log = _trajectory(commanded(best.excitation, bounds, RATE), bench.problem)
     words = best.excitation.words(bounds)
     kinds: dict[str, float] = {}
     for one in sorted([best, *ranked], key=lambda one: -one.t[0]):
         kinds.setdefault(one.excitation.name, one.t[0])
-    sentence = plan_sentence(bounds.duration, words, outlooks, times)
+    own_load = bench.problem.known_load is None
+    sentence = plan_sentence(bounds.duration, words, outlooks, times, own_load)
     log = log.with_facts({"run": words, "repetitions": times})
     return Plan(sentence, log, tuple(outlooks), kinds, bounds)
 
@@ -95,18 +95,20 @@ def _trajectory(columns: dict[str, np.ndarray], problem: Problem) -> Log:
 
 
 def _outlooks(
-    bench: Bench, bounds: Bounds, reached: Sequence[float], ranked: Sequence[Scored]
+    bench: Bench, bounds: Bounds, total: np.ndarray, ranked: Sequence[Scored]
 ) -> list[Outlook]:
+    """What each question stands at with all products (C, C), and what limit binds it."""
     made = []
-    for k, question in enumerate(bench.layout.questions):
-        now, expected = _shown(question, bench.now[k]), _shown(question, reached[k])
-        one = Outlook(question.names, now, expected, question.unit, None)
-        if not one.settled:
-            doubled = _doubled(bench, bounds, k, reached[k], ranked)
-            if doubled is not None:
-                name, value, t = doubled
-                shown = (name, value, _shown(question, t))
-                one = Outlook(question.names, now, expected, question.unit, shown)
+    for k, (question, before, t) in enumerate(
+        zip(bench.layout.questions, bench.now, bench.t(total), strict=True)
+    ):
+        now, expected = _shown(question, before), _shown(question, t)
+        taken = 0.0 if question.parameter else question.taken(total)
+        one = Outlook(question.names, now, expected, question.unit, taken, None)
+        doubled = None if one.settled else _doubled(bench, bounds, k, t, ranked)
+        if doubled is not None:
+            name, value, wider = doubled
+            one = replace(one, doubled=(name, value, _shown(question, wider)))
         made.append(one)
     return made
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from flexspline.experiment.plan import ENOUGH, Outlook
+from flexspline.effects import CATALOGUE
+from flexspline.experiment.plan import ENOUGH, TAKEN, Outlook
 from flexspline.experiment.words import joined, short
 from flexspline.report.numbers import short_names
 
@@ -14,8 +15,13 @@ ALIKE = 0.05  # t below which there is nothing to build on
 OFTEN = 20  # repetitions that are worth saying
 
 
-def plan_sentence(seconds: float, words: str, outlooks: Sequence[Outlook], times: int) -> str:
-    """Return what to record, what it settles, and what it does not."""
+def plan_sentence(
+    seconds: float, words: str, outlooks: Sequence[Outlook], times: int, own_load: bool
+) -> str:
+    """Return what to record, what it settles, and what it does not.
+
+    `own_load`: whether the load is what inertia and gravity of the joint make.
+    """
     settled = [o for o in outlooks if o.settled]
     open_ = [o for o in outlooks if not o.settled]
     run = f"{short(seconds)} s of {words}"
@@ -24,6 +30,7 @@ def plan_sentence(seconds: float, words: str, outlooks: Sequence[Outlook], times
     if settled:
         told = joined(_settled(o) for o in settled)
         said.append(f"Record {run}: with it {told}.")
+    said += [_near(o, own_load) for o in settled if o.taken >= TAKEN]
     said += [_open(o, None if settled else run) for o in open_]
     return short_names(" ".join(said))
 
@@ -35,6 +42,14 @@ def _settled(one: Outlook) -> str:
         f"{one.names[0]} and {one.names[1]} would stand apart at t = {_t(one.expected)} "
         f"({_now(one)})"
     )
+
+
+def _near(one: Outlook, own_load: bool) -> str:
+    named, rival = one.names
+    said = f"Even then {rival} would explain {100.0 * one.taken:.0f} % of what {named} explains"
+    if own_load and any("load" in CATALOGUE[name].reads for name in one.names):
+        return f"{said}: a payload of known torque (reference_torque) would tell more."
+    return f"{said}: wider limits would tell more."
 
 
 def _now(one: Outlook) -> str:

@@ -19,7 +19,7 @@ from flexspline.experiment.family import kinds_for
 from flexspline.experiment.information import Layout, Question, products
 from flexspline.experiment.limits import Bounds
 from flexspline.experiment.motor import Motor
-from flexspline.experiment.plan import ENOUGH
+from flexspline.experiment.plan import ENOUGH, TAKEN
 from flexspline.experiment.recording import Excitation, as_problem, commanded
 from flexspline.experiment.setting import settings
 from flexspline.experiment.trust import Trust
@@ -33,8 +33,7 @@ IN_ALL_SETTINGS = 3  # motions that are tried at every load and temperature
 EVALUATIONS = 60
 MOST_TIMES = 5
 PLAIN = 0.03  # of ln t², that a step more in what has to be set up has to bring
-TAKEN = 0.84  # of a named effect's gain: below NEARLY (`aliases`), a rival is no alias
-FOLDS = 3  # where that cannot be: so often, for its errors to exceed what they vary between folds
+OFTEN = 3  # where a rival still explains nearly as much then
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +76,7 @@ class Bench:
             total = self.before + times * gained
             if all(q.parameter or q.taken(total) < TAKEN for q in self._within_reach(total)):
                 return times
-        return FOLDS
+        return OFTEN
 
     def _within_reach(self, total: Array) -> list[Question]:
         pairs = zip(self.layout.questions, self.t(total), strict=True)
