@@ -117,35 +117,41 @@ def layout_of(
 ) -> Layout:
     """Lay out the columns of a model, of rivals of its effects, and of parameters (name, unit)."""
     bare = Layout(work, tuple(rivalries), ())
-    owners, at = work.owners(), len(work.owners())
+    at = len(work.owners())
     places: dict[Effect, Columns] = {}
     for effect in bare.variants:
         places[effect] = np.arange(at, at + len(effect.terms))
         at += len(effect.terms)
-    forms = {}
-    for k, rivalry in enumerate(rivalries):
-        forms[k] = [places[v] for v in rivalry.variants]
+    forms = []
+    for rivalry in rivalries:
+        forms.append([places[variant] for variant in rivalry.variants])
         if rivalry.fitted is not None:
             count = len(_owned(rivalry.fitted, rivalry.rival))
-            forms[k].append(np.arange(at, at + count))
+            forms[-1].append(np.arange(at, at + count))
             at += count
-    questions = []
-    for k, rivalry in enumerate(rivalries):
-        rest = np.array([j for j, owner in enumerate(owners) if owner != rivalry.named], dtype=int)
-        beside = tuple(np.concatenate([rest, form]) for form in forms[k])
-        signal = np.zeros(at)
-        for j, number in enumerate(work.free):
-            signal[j] = work.coefficients[number] if owners[j] == rivalry.named else 0.0
-        questions.append(Question((rivalry.named, rivalry.rival), signal, rest, beside, np.nan, ""))
+    pairs = [_of_pair(work, r, own, at) for r, own in zip(rivalries, forms, strict=True)]
     names = [coefficient_names(work.effects)[number] for number in work.free]
-    for name, unit in parameters:
-        if name in names:
-            own, signal = names.index(name), np.zeros(at)
-            signal[own] = 1.0
-            rest = np.array([j for j in range(len(owners)) if j != own], dtype=int)
-            value = float(work.coefficients[work.free[own]])
-            questions.append(Question((name,), signal, rest, (rest,), value, unit))
-    return replace(bare, questions=tuple(questions))
+    known = [_of_parameter(work, names.index(n), n, u, at) for n, u in parameters if n in names]
+    return replace(bare, questions=(*pairs, *known))
+
+
+def _of_pair(work: Working, rivalry: Rivalry, forms: Sequence[Columns], count: int) -> Question:
+    """The fitted term of a named effect beside the model and each form of its rival."""
+    owners = np.array(work.owners())
+    model = np.flatnonzero(owners != rivalry.named)
+    signal = np.zeros(count)
+    own = np.flatnonzero(owners[: len(work.free)] == rivalry.named)
+    signal[own] = work.coefficients[work.free[own]]
+    beside = tuple(np.concatenate([model, form]) for form in forms)
+    return Question((rivalry.named, rivalry.rival), signal, model, beside, np.nan, "")
+
+
+def _of_parameter(work: Working, own: int, name: str, unit: str, count: int) -> Question:
+    """One column beside all others of the model."""
+    signal = np.zeros(count)
+    signal[own] = 1.0
+    rest = np.delete(np.arange(len(work.owners())), own)
+    return Question((name,), signal, rest, (rest,), float(work.coefficients[work.free[own]]), unit)
 
 
 def products(layout: Layout, problem: Problem, whitening: Whitening, trust: Trust) -> Array:

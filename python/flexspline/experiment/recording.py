@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -53,32 +53,36 @@ class Excitation:
 def commanded(made: Excitation, bounds: Bounds, rate: float) -> dict[str, Array]:
     """Return time, motion, and load and temperature where they are set, arrays (N,)."""
     count = max(int(_seconds(made.setting, bounds) * rate), 2)
-    seconds = count / rate
-    drawn = made.kind.draw(made.numbers, bounds.lasting(seconds))
-    local = np.arange(count) / rate
-    path = drawn.path(local)
-    pieces, time, now = list[Array](), list[Array](), 0.0
-    parts, last = made.setting.parts, drawn.path(np.array([0.0]))
-    for number, part in enumerate(parts):
-        rest = _change(parts[number - 1], part, bounds, rate) if number else None
-        if rest is not None and len(rest):
-            pieces.append(_beside(np.repeat(last, len(rest), axis=0), rest, part, 0.0))
-            time.append(now + np.arange(len(rest)) / rate)
-            now = float(time[-1][-1]) + 1.0 / rate
-        if number and part.temperature != parts[number - 1].temperature:
-            now += WAIT
-        share = local / seconds
-        pieces.append(_beside(path, part.loads(share) if part.load else None, part, share))
-        time.append(now + local)
-        now = float(time[-1][-1]) + 1.0 / rate
-    end = np.array([1.0])
-    pieces.append(_beside(last, parts[-1].loads(end) if parts[-1].load else None, parts[-1], end))
-    time.append(np.array([now]))
+    drawn = made.kind.draw(made.numbers, bounds.lasting(count / rate))
+    path = drawn.path(np.arange(count + 1) / rate)
+    pieces = list(_pieces(made.setting.parts, path, bounds, rate))
+    rows = np.concatenate([piece for piece, _ in pieces])
+    waits = np.repeat(np.cumsum([wait for _, wait in pieces]), [len(p) for p, _ in pieces])
     names = ["output_position", "output_velocity", "output_acceleration"]
-    names += ["load"] if parts[0].load else []
-    names += ["temperature"] if parts[0].temperature else []
-    columns = dict(zip(names, np.concatenate(pieces).T, strict=True))
-    return {"time": np.concatenate(time), **columns}
+    names += ["load"] if made.setting.parts[0].load else []
+    names += ["temperature"] if made.setting.parts[0].temperature else []
+    time = np.arange(len(rows)) / rate + waits
+    return {"time": time, **dict(zip(names, rows.T, strict=True))}
+
+
+def _pieces(
+    parts: Sequence[Part], path: Array, bounds: Bounds, rate: float
+) -> Iterator[tuple[Array, float]]:
+    """Rows of each part and of rests before it, with the wait [s] before them.
+
+    `path`: (n + 1, 3), from rest to rest; its last row is the first of what follows.
+    """
+    share = np.linspace(0.0, 1.0, len(path))
+    for number, part in enumerate(parts):
+        before = parts[number - 1] if number else part
+        rest = _change(before, part, bounds, rate)
+        if len(rest):
+            still = np.repeat(path[:1], len(rest), axis=0)
+            yield _beside(still, rest, part, np.zeros(len(rest))), 0.0
+        last = len(path) if number == len(parts) - 1 else len(path) - 1
+        load = part.loads(share[:last]) if part.load else None
+        wait = WAIT if part.temperature != before.temperature else 0.0
+        yield _beside(path[:last], load, part, share[:last]), wait
 
 
 def as_problem(
@@ -132,20 +136,20 @@ def _rest(before: Part, after: Part, bounds: Bounds) -> float:
     return float(min(max(STEEPEST * change / max(bounds.load_rate, 1e-12), REST), longest))
 
 
-def _change(before: Part, after: Part, bounds: Bounds, rate: float) -> Array | None:
+def _change(before: Part, after: Part, bounds: Bounds, rate: float) -> Array:
+    """Load (N,) at rest between two parts; none where it stays."""
     count = int(_rest(before, after, bounds) * rate)
     if not count:
-        return None
+        return np.empty(0)
     first, last = before.loads(np.ones(1))[0], after.loads(np.zeros(1))[0]
     return np.asarray(first + (last - first) * smoothstep(np.arange(count) / count)[:, 0])
 
 
-def _beside(path: Array, load: Array | None, part: Part, share: Array | float) -> Array:
+def _beside(path: Array, load: Array | None, part: Part, share: Array) -> Array:
     """Columns of motion, load and temperature."""
     columns = [path]
     if load is not None:
         columns.append(load[:, None])
     if part.temperature is not None:
-        heat = part.temperatures(np.broadcast_to(np.asarray(share, dtype=float), len(path)))
-        columns.append(heat[:, None])
+        columns.append(part.temperatures(share)[:, None])
     return np.column_stack(columns)
