@@ -85,7 +85,7 @@ def rough_whitening(residuals: Sequence[Array], runs: Sequence[Run], decimation:
     for residual, run in zip(residuals, runs, strict=True):
         for at in plain.taken(run):
             part = residual[at]
-            lags += [float(part[k:] @ part[: len(part) - k]) for k in range(len(lags))]
+            lags += [float(part[k:] @ part[: max(len(part) - k, 0)]) for k in range(len(lags))]
             rows += len(part)
     lags = lags / max(rows, 1)
     lags[0] = max(lags[0] * (1.0 + 1e-9), np.finfo(float).tiny)
