@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from flexspline.discovery.aliases import Rival, rivals_of
 from flexspline.discovery.analysis import Analysis
 from flexspline.discovery.confidence import confidence, features
+from flexspline.discovery.driven import driven_apart
 from flexspline.discovery.faults import DataFault
 from flexspline.discovery.heldout import HeldOut, held_out
 from flexspline.discovery.result import Discovery, Found, Unexplained
@@ -61,6 +62,7 @@ def assembled(
         next_experiment=plan.sentence if plan else None,
         fit=fit,
         runs=_runs(made, left[0], left[-1]),
+        motion=driven_apart(made, left[0], left[-1], fit.model.facts),
         not_tried=made.study.not_tried,
         refused=_refused(made),
         doubted=made.doubted,

@@ -50,7 +50,14 @@ def discovery_json(made: Discovery) -> str:
             for part in made.slices
         ],
         "parameters": [_parameter(p) for p in made.fit.parameters],
-        "simulated_rmse": None,
+        "simulated_rmse": None
+        if made.motion is None
+        else {
+            "channel": made.motion.channel,
+            "base": made.motion.base_rmse,
+            "final": made.motion.final_rmse,
+            "unit": made.motion.unit,
+        },
         "data_faults": [
             {
                 "name": fault.name,

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,12 +12,13 @@ from numpy.typing import NDArray
 from flexspline.discovery.nameless import Nameless
 from flexspline.discovery.predictive import prior_of
 from flexspline.discovery.scores import gain_of
-from flexspline.discovery.table import left_by, solved, tabulated
+from flexspline.discovery.table import by_runs, left_by, solved, tabulated
 from flexspline.discovery.whitening import Whitening
 from flexspline.discovery.working import Working
 from flexspline.fit.problem import Problem
+from flexspline.fit.validation import run_edges
 
-__all__ = ["HeldOut", "held_out"]
+__all__ = ["Fold", "HeldOut", "held_out"]
 
 Array = NDArray[np.float64]
 
@@ -24,10 +26,21 @@ BESIDE = "functions without a name"
 
 
 @dataclass(frozen=True, eq=False)
+class Fold:
+    """Rows [first, last) of a run, and the coefficients (P,) of the fit that never saw them."""
+
+    run: int
+    first: int
+    last: int
+    coefficients: Array
+
+
+@dataclass(frozen=True, eq=False)
 class HeldOut:
-    """Residuals (N,) of each run, NaN where a row does not count."""
+    """Residuals (N,) of each run, NaN where a row does not count; and the folds behind them."""
 
     residuals: tuple[Array, ...]
+    folds: tuple[Fold, ...]
 
     @property
     def joined(self) -> Array:
@@ -57,7 +70,18 @@ def held_out(
     every, total = np.arange(len(table.total) - 1), table.total
     drawn = np.diag(np.diag(total) * _drawn(work, total, len(every)))
     betas = [solved(total - fold + drawn, every) for fold in table.folds]
-    return HeldOut(tuple(sheet.left_over(problem, betas)))
+    residuals = tuple(sheet.left_over(problem, betas))
+    return HeldOut(residuals, tuple(_folds(problem, work, betas)))
+
+
+def _folds(problem: Problem, work: Working, betas: Sequence[Array]) -> Iterator[Fold]:
+    """Each fold with all coefficients of the model that never saw it."""
+    count, solutions = len(work.free), iter(betas)
+    for number in range(len(problem.runs)):
+        for first, last in pairwise(run_edges(problem, number, by_runs(problem))):
+            values = work.coefficients.copy()
+            values[work.free] = next(solutions)[:count]
+            yield Fold(number, int(first), int(last), values)
 
 
 def _drawn(work: Working, total: Array, count: int) -> Array:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
+from flexspline.discovery.driven import Motion
 from flexspline.discovery.faults import DataFault
 from flexspline.discovery.shrunk import HeldRun, Slice, slices
 from flexspline.fit.result import Fit, Parameter
@@ -85,6 +86,7 @@ class Discovery:
     plan : what it says, with its trajectory and a figure.
     fit : of the extended model.
     runs : measured and predicted values of base and extended model, on folds no fit saw.
+    motion : both driven forward through these folds; None where the model cannot be simulated.
     not_tried : why effects were no candidates, by name. `refused`: why candidates that gained
         were not taken. `doubted`: names that only stood in for an unexplained cause.
     """
@@ -102,6 +104,7 @@ class Discovery:
     next_experiment: str | None
     fit: Fit
     runs: tuple[HeldRun, ...]
+    motion: Motion | None
     not_tried: Mapping[str, str]
     refused: Mapping[str, str]
     doubted: tuple[str, ...]

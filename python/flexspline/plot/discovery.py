@@ -26,10 +26,19 @@ from flexspline.plot.orders import spectrum_over
 from flexspline.plot.thin import outline
 
 if TYPE_CHECKING:
+    from flexspline.discovery.driven import DrivenRun
     from flexspline.discovery.result import Discovery
     from flexspline.discovery.shrunk import Slice
 
-__all__ = ["held_out_run", "left_over", "orders_before_after", "panels", "plot_discovery", "shrunk"]
+__all__ = [
+    "driven_forward",
+    "held_out_run",
+    "left_over",
+    "orders_before_after",
+    "panels",
+    "plot_discovery",
+    "shrunk",
+]
 
 Array = NDArray[np.float64]
 
@@ -43,6 +52,9 @@ LOOK_FOR = {
     "left": "The same stretch: measured less predicted. What is left should be noise about zero.",
     "shrunk": "RMS on folds that no fit saw, before (open) and after (full), in parts of the runs "
     "and in bands of the residual; the dashed line is the noise floor of all rows.",
+    "driven": "The run on which the forward simulation gained most: both models start from the "
+    "measured state and see nothing but the inputs, by fits that never saw the run. What friction "
+    "is wrong about adds up here.",
     "orders": "Amplitude of the residual over orders of the output, on folds that no fit saw. "
     "Lines that the extended model no longer has are explained.",
 }
@@ -60,6 +72,8 @@ def panels(made: Discovery) -> list[Panel]:
         Panel(partial(left_over, made), LOOK_FOR["left"]),
         Panel(partial(shrunk, made), LOOK_FOR["shrunk"]),
     ]
+    if made.motion is not None:
+        found.append(Panel(partial(driven_forward, made), LOOK_FOR["driven"]))
     if _turns(made):
         found.append(Panel(partial(orders_before_after, made), LOOK_FOR["orders"]))
     return found
@@ -106,6 +120,38 @@ def left_over(made: Discovery, ax: Axes | None = None) -> Axes:
         ylabel=f"measured − predicted [{made.unit}]",
     )
     titled(ax, "What is left of it")
+    legend(ax)
+    return ax
+
+
+def driven_forward(made: Discovery, ax: Axes | None = None) -> Axes:
+    """Draw measured less simulated motion of the run on which it shrank most, in its unit.
+
+    Only for a discovery whose model can be driven forward.
+    """
+    assert made.motion is not None
+    ax = axes_or_new(ax)
+
+    def gain(run: DrivenRun) -> float:
+        before, after = (np.nansum((run.measured - m) ** 2) for m in (run.base, run.final))
+        return float(before - after if made.found else before)
+
+    run = max(made.motion.runs, key=gain)
+    time = run.log["time"] - run.log["time"][0]
+    lines = [("base model", run.base, BEFORE)]
+    if made.found:
+        lines += [("extended model", run.final, AFTER)]
+    for label, values, colour in lines:
+        left = run.measured - values
+        at = outline(left)
+        ax.plot(time[at], left[at], color=colour, linewidth=1.0, label=label)
+    ax.axhline(0.0, color=INK, linewidth=0.8)
+    words = made.motion.channel.replace("_", " ")
+    ax.set(
+        xlabel="time since the start [s]",
+        ylabel=f"{words}, measured − simulated [{made.motion.unit}]",
+    )
+    titled(ax, f"Driven forward from its inputs: {plain(run.log.name)}")
     legend(ax)
     return ax
 

@@ -11,6 +11,7 @@ from flexspline.report.numbers import decimals_for, short
 from flexspline.report.verdict import TARGET_WORDS
 
 if TYPE_CHECKING:
+    from flexspline.discovery.driven import Motion
     from flexspline.discovery.result import Discovery, Found
     from flexspline.discovery.shrunk import Slice
 
@@ -66,6 +67,11 @@ def remarks(made: Discovery) -> list[str]:
         said.append(
             f"{listed(made.doubted)} would explain a part of it, but only stands in for this."
         )
+    if made.motion is not None and made.found:
+        said.append(
+            f"Driven forward through {made.validated_by} that no fit saw, the model "
+            f"misses the {_channel(made.motion)} by {_motion(made)} RMS."
+        )
     if made.next_experiment:
         said.append(f"Next: {made.next_experiment}")
     if made.not_tried:
@@ -83,6 +89,8 @@ def headlines(made: Discovery) -> list[tuple[str, str]]:
     if made.found and made.gap_closed == made.gap_closed:
         closed = f"{100.0 * min(made.gap_closed, 1.0):.0f} % of its mean square"
         rows.append(("gap above the floor that is closed", closed))
+    if made.motion is not None:
+        rows.append((f"{_channel(made.motion)} of a forward simulation, RMSE", _motion(made)))
     return rows
 
 
@@ -124,6 +132,17 @@ def discovery_call(made: Discovery) -> str:
     if fixed:
         lines.append(f"fixed={fixed!r}")
     return "found = flexspline.discover(\n" + "".join(f"    {x},\n" for x in lines) + ")"
+
+
+def _channel(motion: Motion) -> str:
+    return motion.channel.replace("_", " ")
+
+
+def _motion(made: Discovery) -> str:
+    """The error of a forward simulation, before and after where something was found."""
+    assert made.motion is not None
+    base, final = short(made.motion.base_rmse), short(made.motion.final_rmse)
+    return f"{base} to {final} {made.motion.unit}" if made.found else f"{base} {made.motion.unit}"
 
 
 def _row(part: Slice, decimals: int) -> tuple[str, str, str, str, str]:
