@@ -77,11 +77,31 @@ def test_the_gap_shrinks_on_swings_that_no_fit_saw_and_in_the_ripple_band() -> N
     assert ripple["final"] < 0.7 * ripple["base"]
 
 
-def test_a_model_that_has_both_lacks_nothing() -> None:
-    known = [*ARM, "coulomb_friction", "wave_generator_ripple", SLOW]
-    orders = {"wave_generator_ripple": (1, 2, 4)}
-    again = flexspline.discover(known, swings(), target="sensor_torque", orders=orders)
-    assert again.names == () and again.unexplained is None
+@cache
+def complete(extra: float) -> Discovery:
+    """Base of all that is named above; `extra`: of a torque that no effect of the catalogue is."""
+    logs = []
+    for log in swings():
+        more = extra * log["output_velocity"] ** 2 * np.sin(3.0 * log["output_position"])
+        sensed = log["sensor_torque"] + more
+        logs.append(log.with_columns({"sensor_torque": sensed}, note="something else"))
+    known, orders = [*ARM, *HIDDEN, SLOW], {"wave_generator_ripple": (1, 2, 4)}
+    return flexspline.discover(known, logs, target="sensor_torque", orders=orders)
+
+
+def test_a_model_that_has_both_lacks_nothing_with_a_name() -> None:
+    made = complete(0.0)
+    assert made.names == ()
+    left = made.final_rmse**2 - made.noise_floor**2
+    assert left < 0.1 * (found().base_rmse ** 2 - found().final_rmse ** 2)
+
+
+def test_a_cause_outside_the_catalogue_is_unexplained_and_gets_no_name() -> None:
+    made = complete(0.03)
+    assert made.names == ()
+    assert made.unexplained is not None and made.unexplained.share_of_variance > 0.9
+    assert set(made.unexplained.depends_on) == {"output_position", "output_velocity"}
+    assert made.final_rmse > 1.5 * complete(0.0).final_rmse
 
 
 def test_hysteresis_of_the_sensor_is_named_under_load_and_unload() -> None:
