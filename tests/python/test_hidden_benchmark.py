@@ -164,6 +164,8 @@ def test_one_hidden_effect_is_found_once() -> None:
 
 def test_wrong_answers_are_called_wrong() -> None:
     nothing = replace(CASE, kind="nothing", hidden=())
+    restless = replace(nothing, kind="restless", restless=0.3)
+    assert judged(restless, (), False) and not judged(restless, ("",), False)
     unknown = replace(CASE, kind="unknown", hidden=(), unknown="power")
     removed = replace(CASE, kind="removed", excluded=CASE.hidden)
     off = replace(CASE, kind="mismatch")

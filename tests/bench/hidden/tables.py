@@ -23,7 +23,7 @@ def text(outcomes: Sequence[Outcome]) -> str:
 
 
 def _line(one: Share) -> str:
-    said = f"{one.what:52s} {one.hits:4d} of {one.of:4d}"
+    said = f"{one.what:66s} {one.hits:4d} of {one.of:4d}"
     if not one.of:
         return said
     said += f"  {100 * one.value:5.1f} % ({100 * one.low:.0f} to {100 * one.high:.0f})"
@@ -41,7 +41,7 @@ def _by_target(outcomes: Sequence[Outcome]) -> str:
     for target in dict.fromkeys(o.case.target for o in outcomes):
         own = [s for s in shares([o for o in outcomes if o.case.target == target])
                if s.bar is not None]  # fmt: skip
-        lines += [_line(Share(f"{target}: {s.what}"[:52], s.hits, s.of, s.low, s.high, s.bar))
+        lines += [_line(Share(f"{target}: {s.what.strip()}", s.hits, s.of, s.low, s.high, s.bar))
                   for s in own]  # fmt: skip
     return "\n".join(lines)
 

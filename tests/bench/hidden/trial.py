@@ -129,7 +129,7 @@ def judged(case: Case, means: tuple[str, ...], unexplained: bool) -> bool:
     form: the same, and nothing "unexplained". A cause without a name: nothing named, and said to
     be unexplained.
     """
-    if case.kind == "nothing":
+    if not case.hidden and not case.unknown:
         return not means
     if not case.nameable:
         return not means and unexplained
