@@ -219,6 +219,7 @@ def test_a_form_that_is_off_leaves_nine_per_cent_beside_the_catalogues() -> None
     exact = one.sizing.beside(effect(name, direction_width=one.scenes[0].joint.width))
     share_left = one.sizing.left(own, exact) / one.sizing.left(own)
     assert share_left == pytest.approx(0.09, rel=0.01)
+    assert one.t_base[name] == pytest.approx(100.0)
 
 
 @dataclass(frozen=True)

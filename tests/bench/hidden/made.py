@@ -68,7 +68,7 @@ def made_of(case: Case) -> Made:
     raw = {name: [form(s) for s in scenes] for name, form in _forms(case).items()}
     if case.kind == "mismatch":
         raw = {name: sizing.off_by(OFF, name, term, logs) for name, term in raw.items()}
-    sizes = sized(sizing, raw, case.size)
+    sizes = sized(sizing, raw, case.size, rivals_out=case.kind != "mismatch")
     terms = {name: [sizes[name].factor * x for x in term] for name, term in raw.items()}
     clean = [y + sum(term[k] for term in terms.values()) for k, y in enumerate(known)]
     measured = [y + _noise(case, level, k, len(y)) for k, y in enumerate(clean)]

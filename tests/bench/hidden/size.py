@@ -109,14 +109,19 @@ class Sizing:
         return [e + factor * a for e, a in zip(exact, away, strict=True)]
 
 
-def sized(sizing: Sizing, terms: dict[str, Term], size: float) -> dict[str, Size]:
-    """Return the factor of each term that gives it the size, beside the others."""
+def sized(
+    sizing: Sizing, terms: dict[str, Term], size: float, *, rivals_out: bool = True
+) -> dict[str, Size]:
+    """Return the factor of each term that gives it the size, beside the others.
+
+    `rivals_out`: whether rivals are taken out too; else the size is that beside the base.
+    """
     whitened = {name: sizing.own(term) for name, term in terms.items()}
     made = {}
     for name, own in whitened.items():
         others = [x[:, None] for n, x in whitened.items() if n != name]
         known = np.column_stack([sizing.known, *others])
-        left = {form: c for form, c in sizing.rivals.items()
+        left = {form: c for form, c in (sizing.rivals.items() if rivals_out else ())
                 if form.name not in (name, *SAME_THING.get(name, ()))}  # fmt: skip
         base = float(np.linalg.norm(_left(known, own[:, None])))
         beside = _beside_each(known, own, left)
