@@ -63,6 +63,29 @@ def _prior(text: str) -> tuple[float, float]:
     help="A value known beforehand, with its standard error.",
 )
 @click.option("--robust", is_flag=True, help="Weigh down outliers and pushes (Huber).")
+@click.option(
+    "--by",
+    type=click.Choice(("regression", "simulation")),
+    default="regression",
+    show_default=True,
+    help="Fit the torque, or from there on the motion that it makes when simulated.",
+)
+@click.option(
+    "--controller", metavar="SERVO.json", help="By simulation: the servo's law that drives it."
+)
+@click.option(
+    "--free-controller",
+    metavar="A,B",
+    default="",
+    help="Fields of the law to fit too: torque, back_emf.",
+)
+@click.option(
+    "--starts",
+    type=click.IntRange(1),
+    default=8,
+    show_default=True,
+    help="By simulation: descents, the first from the regression.",
+)
 @click.option("--offset-per-run", is_flag=True, help="One offset for each run.")
 @threads
 @reading()
@@ -80,7 +103,8 @@ def fit(
     Reads the runs, checks them, fits the effects by least squares, and judges the fit on rows
     that it never saw. Prints the verdict: each term with its error and unit, what the runs
     cannot tell apart, and where the error is largest. DIR receives model.json (the joint, all
-    that predict and export need) and report.html (open it in a browser).
+    that predict and export need) and report.html (open it in a browser). A fit by simulation goes
+    on from there until the simulated motion is the measured one, and leaves the law as servo.json.
 
     A run is a CSV file with one line of channel names (time, output_position, output_velocity,
     sensor_torque, ...) in SI units; lines "# gear_ratio: 100" above it give facts, which the
@@ -92,6 +116,9 @@ def fit(
           --effects offset,coulomb_friction,viscous_friction --out joint
       flexspline fit run1.csv --target motor_current --lowpass 5 \\
           --effects offset,coulomb_friction,gravity --repair drop_start=1 --out drive
+      flexspline fit run*.csv --target motor_torque --by simulation --gear-ratio 1 \\
+          --controller servo.json --free-controller back_emf \\
+          --effects inertia,gravity,coulomb_friction,load_dependent_friction --out servo
     """
     from flexspline.model import Model
 
@@ -114,7 +141,13 @@ def fit(
             into=model,
             threads=options["threads"],
             progress=on_terminal(),
+            by=options["by"],
+            controller=options["controller"],
+            free_controller=[name for name in options["free_controller"].split(",") if name],
+            starts=options["starts"],
         )
+        if made.simulation is not None and made.simulation.controller is not None:
+            made.simulation.controller.save(draft / "servo.json")
         made.report(draft / "report.html")
         made.model.save(draft / "model.json")
         verdict = str(made)

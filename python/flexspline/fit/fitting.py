@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 from tqdm import tqdm
 
@@ -15,8 +17,10 @@ if TYPE_CHECKING:  # what is heavy is imported where it is used: `flexspline --h
     from flexspline.fit.names import Bounds
     from flexspline.fit.problem import Problem
     from flexspline.fit.result import Fit
+    from flexspline.forward.servo import PositionServo
     from flexspline.logs.log import Log
     from flexspline.model import Model
+    from flexspline.output_error.settings import Settings
 
 __all__ = ["fit"]
 
@@ -43,8 +47,14 @@ def fit(
     checks: bool = True,
     threads: int = 1,
     progress: bool = False,
+    by: str = "regression",
+    controller: PositionServo | str | os.PathLike[str] | None = None,
+    free_controller: Sequence[str] = (),
+    starts: int = 8,
+    folds: int = 4,
+    seed: int = 0,
 ) -> Fit:
-    """Fit effects to logs by least squares.
+    """Fit effects to logs by least squares, of the torque or of the motion that it makes.
 
     Parameters
     ----------
@@ -67,6 +77,19 @@ def fit(
     checks : look at the logs first; what makes a fit meaningless is refused, faults are warned of.
     threads : for the sums over the logs.
     progress : show what is being done on standard error.
+    by : "regression" of the target on the measured motion; or "simulation": from there on to the
+        parameters whose forward simulation, from the first row to the end, misses the measured
+        output_position least (a drive with the effect inertia; what is said of it is in
+        `Fit.simulation`).
+
+    Those of by="simulation" alone:
+
+    controller : the servo's law that drives the simulation, or the path of its `servo.json`; None:
+        the measured motor torque does. Without a torque channel, `duty` gives the regression's.
+    free_controller : fields of the law that are fitted too, of "torque" and "back_emf".
+    starts : descents, the first from the regression, the others around it by `seed`.
+    folds : every `folds`-th run is left out in turn (of fewer runs, as many blocks of each); what
+        the fits without find is within the intervals.
 
     Returns
     -------
@@ -75,13 +98,14 @@ def fit(
     Raises
     ------
     InputError
-        For unknown names, missing channels, values that are not finite, or too few rows.
+        For unknown names, missing channels, values that are not finite, or too few rows; by
+        simulation also without inertia or motion.
 
     Notes
     -----
     Least squares: turlapati_intrinsic_dynamics (3)–(6), (15), (16). The design matrix of (16)
     has no inverse as printed; what it leaves undetermined is found and named (see
-    `Fit.confounded`).
+    `Fit.confounded`). By simulation: Ljung 1999, System identification, output-error models.
     """
     from flexspline.fit.assemble import assembled
     from flexspline.fit.estimate import Given, estimate
@@ -100,6 +124,14 @@ def fit(
                 f"logs holds a {type(run).__name__}; give logs, as read_log makes them"
             )
     chosen = _chosen(effects, orders or {})
+    if by != "regression" or controller is not None or free_controller:
+        _require_simulation(by, priors, offset_per_run)
+        regression = partial(
+            fit, chosen, target=target, known_load=known_load, lowpass=lowpass, fixed=fixed,
+            bounds=bounds, robust=robust, checks=checks, threads=threads,
+        )  # fmt: skip
+        settings = _settings(controller, free_controller, starts, folds, seed, threads, progress)
+        return _by_simulation(chosen, runs, target, settings, regression, bounds or {}, into)
     if known_load is None:
         chosen = [e.without_load() for e in chosen]
     warnings = _checked(runs, chosen, target, known_load) if checks else []
@@ -124,6 +156,34 @@ def fit(
         posed, made = _settled(posed, made, given, bar.update)
         bar.set_description("errors and validation")
         return assembled(posed, made, into, [*warnings, *said], found)
+
+
+def _require_simulation(by: str, priors: object, offset_per_run: bool) -> None:
+    if by not in ("regression", "simulation"):
+        raise InputError(f"by is {by!r}; give 'regression' or 'simulation'")
+    if by == "regression":
+        raise InputError("a controller drives a simulation; give by='simulation' or leave it out")
+    if priors:
+        raise InputError("by='simulation' takes no priors; fix or bound the parameter instead")
+    if offset_per_run:
+        raise InputError("by='simulation' takes one offset for all runs; leave offset_per_run out")
+
+
+def _settings(
+    controller: PositionServo | str | os.PathLike[str] | None, free: Sequence[str], *rest: Any
+) -> Settings:
+    from flexspline.forward.servo import PositionServo
+    from flexspline.output_error.settings import Settings
+
+    if isinstance(controller, (str, os.PathLike)):
+        controller = PositionServo.load(controller)
+    return Settings(controller, (free,) if isinstance(free, str) else tuple(free), *rest)
+
+
+def _by_simulation(*given: Any) -> Fit:
+    from flexspline.output_error.fitting import fit_by_simulation
+
+    return fit_by_simulation(*given)
 
 
 def _chosen(

@@ -20,6 +20,8 @@ from flexspline.model import Model, Part, Prediction
 if TYPE_CHECKING:
     import pandas
 
+    from flexspline.output_error.result import SimulationFit
+
 __all__ = ["Fit", "FittedRun", "Parameter"]
 
 Array = NDArray[np.float64]
@@ -31,8 +33,8 @@ class Parameter:
 
     Parameters
     ----------
-    name : "effect.term", "effect.shape" or "direction_width".
-    kind : "coefficient" or "shape".
+    name : "effect.term", "effect.shape", "direction_width" or "controller.field".
+    kind : "coefficient", "shape" or, of a fit by simulation, "controller".
     value, standard_error : in `unit`; the error is NaN where there is none (fixed, at a bound).
     naive_error : as if the noise were white, for comparison.
     interval : ends of the 95 % confidence interval.
@@ -90,12 +92,15 @@ class Fit:
     confounded : groups that the data cannot tell apart, with what is known of them.
     runs : targets and residuals.
     scores : overall (first), by run, direction, speed, temperature, near reversals.
-    validated_by : "runs" or "blocks", what the cross-validation left out, and `folds` of them.
+    validated_by : "runs", "blocks" or "folds of runs": what the cross-validation left out, and
+        `folds` of them.
     uncertainty : covariance and noise model behind the errors.
     warnings : sentences about the logs and the fit.
     exact : whether the sums had to be double-double.
     condition : of the design, columns scaled to length one.
     orders : the analysis that found the orders of ripple effects, or None.
+    simulation : of a fit by simulation: how far the motion is missed, and how it was searched.
+        The parameters, errors and `folds` are then those of the motion, `noise` the regression's.
     """
 
     model: Model
@@ -113,6 +118,7 @@ class Fit:
     exact: bool
     condition: float
     orders: Any
+    simulation: SimulationFit | None = None
 
     @property
     def part(self) -> Part:

@@ -130,6 +130,10 @@ class PositionServo:
             )
         return replace(self, position_gain=float(value))
 
+    def with_fields(self, values: Mapping[str, float]) -> PositionServo:
+        """Return the servo with some of its numbers replaced."""
+        return replace(self, **dict[str, Any](values))
+
     def for_core(self) -> dict[str, float]:
         """Return what the core's servo takes."""
         names = ("velocity_gain", "integral_gain", "limit", "torque", "back_emf", "encoder_step")

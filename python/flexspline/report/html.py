@@ -11,12 +11,12 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from flexspline import __version__
 from flexspline.files import atomic_write
-from flexspline.report.content import known_groups, naive_remark, parameter_lines
+from flexspline.report.content import known_groups, parameter_lines
 from flexspline.report.facts import log_facts, model_facts, python_call
 from flexspline.report.numbers import short
 from flexspline.report.shares import shares
 from flexspline.report.tables import grouped_scores, score_rows
-from flexspline.report.verdict import TARGET_WORDS, validation_sentence, verdict
+from flexspline.report.verdict import TARGET_WORDS, trust, validation_sentence, verdict
 
 if TYPE_CHECKING:
     from flexspline.fit.result import Fit
@@ -68,8 +68,11 @@ def _common(fit: Fit) -> dict[str, Any]:
         "verdict": verdict(fit),
         "lines": parameter_lines(fit),
         "groups": known_groups(fit),
-        "trust": [fit.uncertainty.statement, naive_remark(fit), validation_sentence(fit)],
-        "reliable": fit.uncertainty.reliable,
+        "trust": trust(fit)[:-1],
+        "held": validation_sentence(fit),
+        "motion": None if fit.simulation is None else fit.simulation.table(),
+        "starts": None if fit.simulation is None else fit.simulation.ends,
+        "reliable": fit.simulation is not None or fit.uncertainty.reliable,
         "warnings": [w for w in fit.warnings if w != fit.uncertainty.statement],
         "what": TARGET_WORDS[fit.target],
         "unit": fit.unit,

@@ -6,9 +6,9 @@ import textwrap
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from flexspline.report.content import ParameterLine, known_groups, naive_remark, parameter_lines
+from flexspline.report.content import ParameterLine, known_groups, parameter_lines
 from flexspline.report.tables import score_rows
-from flexspline.report.verdict import TARGET_WORDS, validation_sentence, verdict
+from flexspline.report.verdict import TARGET_WORDS, trust, verdict
 
 if TYPE_CHECKING:
     from flexspline.fit.result import Fit
@@ -27,6 +27,7 @@ def fit_text(fit: Fit) -> str:
         _parameters(parameter_lines(fit)),
         _known(fit),
         _trust(fit),
+        _motion(fit),
         _scores(fit),
         _warnings(fit),
     ]
@@ -76,23 +77,33 @@ def _known(fit: Fit) -> list[str]:
 
 
 def _trust(fit: Fit) -> list[str]:
-    said = [fit.uncertainty.statement, naive_remark(fit), validation_sentence(fit)]
-    return [line for sentence in said if sentence for line in _wrapped(sentence)]
+    return [line for sentence in trust(fit) for line in _wrapped(sentence)]
+
+
+def _motion(fit: Fit) -> list[str]:
+    if fit.simulation is None:
+        return []
+    return [
+        "Simulated − measured position, mrad RMS:",
+        *_aligned(fit.simulation.table()),
+        *_wrapped(fit.simulation.ends),
+    ]
 
 
 def _scores(fit: Fit) -> list[str]:
     rows = score_rows(fit.scores, fit.unit)
+    return [f"Residual of {TARGET_WORDS[fit.target]}, measured − predicted:", *_aligned(rows)]
+
+
+def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
+    """A table as lines, its first column to the left."""
     wide = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
-    title = f"Residual of {TARGET_WORDS[fit.target]}, measured − predicted:"
     return [
-        title,
-        *(
-            "  ".join(
-                f"{cell:<{w}}" if k == 0 else f"{cell:>{w}}"
-                for k, (cell, w) in enumerate(zip(row, wide, strict=True))
-            ).rstrip()
-            for row in rows
-        ),
+        "  ".join(
+            f"{cell:<{w}}" if k == 0 else f"{cell:>{w}}"
+            for k, (cell, w) in enumerate(zip(row, wide, strict=True))
+        ).rstrip()
+        for row in rows
     ]
 
 

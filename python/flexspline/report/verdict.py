@@ -14,7 +14,7 @@ from flexspline.report.ripple import ripple_orders
 if TYPE_CHECKING:
     from flexspline.fit.result import Fit
 
-__all__ = ["TARGET_WORDS", "Verdict", "spread", "validation_sentence", "verdict"]
+__all__ = ["TARGET_WORDS", "Verdict", "spread", "trust", "validation_sentence", "verdict"]
 
 TARGET_WORDS = {
     "sensor_torque": "sensor torque",
@@ -59,9 +59,22 @@ def spread(fit: Fit) -> float:
 
 def validation_sentence(fit: Fit) -> str:
     """Return how the rows never seen were chosen."""
+    if fit.validated_by == "folds of runs":
+        return f"Held out: each of {fit.folds} folds of runs in turn, fitted to the others."
     if fit.validated_by == "runs":
         return f"Held out: each of {fit.folds} runs in turn, fitted to the others."
     return f"Held out: each of {fit.folds} contiguous blocks in turn, fitted to the others."
+
+
+def trust(fit: Fit) -> list[str]:
+    """Return why the errors can be believed, and what was held out."""
+    from flexspline.report.content import naive_remark
+
+    if fit.simulation is None:
+        said = [fit.uncertainty.statement, naive_remark(fit), validation_sentence(fit)]
+    else:
+        said = [*fit.simulation.sentences, naive_remark(fit), validation_sentence(fit)]
+    return [sentence for sentence in said if sentence]
 
 
 def _grade(share: float) -> str:
@@ -87,7 +100,7 @@ def _grave(fit: Fit, share: float) -> list[str]:
     found = []
     if not share >= 0.05:
         found.append("it predicts no better than a constant")
-    if not fit.uncertainty.reliable:
+    if fit.simulation is None and not fit.uncertainty.reliable:
         found.append("the runs are too short for the errors to hold")
     hidden = [short_names(name) for group in fit.confounded for name in group.names]
     if hidden:

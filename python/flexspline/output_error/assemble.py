@@ -1,0 +1,251 @@
+"""From the ends of the search to a `Fit`: the regression's, with the parameters of the motion."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexspline.fit.problem import problem_of
+from flexspline.fit.result import Fit, FittedRun, Parameter
+from flexspline.fit.scores import scores_of
+from flexspline.fit.uncertainty import Uncertainty
+from flexspline.model import Model
+from flexspline.output_error.regression import with_servo_torque
+from flexspline.output_error.result import RunGap, SimulationFit, StartEnd
+from flexspline.output_error.search import best_of
+from flexspline.plain import plain_json
+
+if TYPE_CHECKING:
+    from flexspline.forward.servo import PositionServo
+    from flexspline.logs.log import Log
+    from flexspline.output_error.cost import Cost
+    from flexspline.output_error.errors import Errors
+    from flexspline.output_error.folds import Folds
+    from flexspline.output_error.search import Descent
+    from flexspline.output_error.space import Searched
+
+__all__ = ["assembled"]
+
+Array = NDArray[np.float64]
+
+AT_END = 1e-4  # of a coordinate: as near to a bound it is said to be there
+ELSEWHERE = 1.1  # of the best RMSE: a start that ends below, outside an interval, is warned of
+
+
+def assembled(
+    regression: Fit,
+    cost: Cost,
+    found: Sequence[Descent],
+    folds: Folds,
+    without: Sequence[Descent],
+    errors: Errors,
+    law: PositionServo | None,
+    logs: Sequence[Log],
+    into: Model | None,
+) -> Fit:
+    """Return the regression's fit with model, parameters, errors and scores of the motion.
+
+    Parameters
+    ----------
+    found : descents from all starts. without : those without each fold.
+    law : of the servo as it was given. logs : as they were given.
+    into : model that receives the part, or None.
+    """
+    best = best_of(found)
+    fitted, moved = cost.space.at(best.point)
+    servo = None if law is None else law.with_fields(moved)
+    parameters = _parameters(regression, cost, best.point, errors)
+    uncertainty = _uncertainty(regression, cost, best.point, errors)
+    record = _record(cost, found, folds, without, servo)
+    runs = _runs(regression, cost, logs, servo, best, folds, without)
+    problem = problem_of(
+        [run.log for run in runs], fitted.effects, fitted.target, known_load=fitted.known_load,
+        lowpass_hz=regression.lowpass, threads=cost.threads,
+    )  # fmt: skip
+    residuals = [run.residual for run in runs]
+    scores = scores_of(problem, residuals, [run.held_out for run in runs])
+    kept = {
+        **regression.part.record,
+        "parameters": [asdict(p) for p in parameters],
+        "covariance": {
+            "names": [one.name for one in cost.space.searched],
+            "matrix": uncertainty.covariance.tolist(),
+        },
+        "confounded": [],
+        "scores": [asdict(s) for s in scores],
+        "validated": {"by": folds.by, "folds": len(folds)},
+        "simulation": record.to_json(),
+    }
+    part = replace(fitted, record=plain_json(kept))
+    model = (into or Model({})).with_part(part, dict(regression.model.facts))
+    return replace(
+        regression,
+        model=model,
+        parameters=parameters,
+        confounded=(),
+        runs=runs,
+        scores=scores,
+        validated_by=folds.by,
+        folds=len(folds),
+        uncertainty=uncertainty,
+        covariance=uncertainty.covariance,
+        warnings=(*regression.warnings, *_warnings(parameters, record)),
+        simulation=record,
+    )
+
+
+def _parameters(regression: Fit, cost: Cost, point: Array, errors: Errors) -> tuple[Parameter, ...]:
+    searched = cost.space.searched
+    made = {
+        one.name: _parameter(one, k, float(point[k]), cost, errors)
+        for k, one in enumerate(searched)
+    }
+    kept = [made.pop(p.name) if p.name in made else _left_alone(p) for p in regression.parameters]
+    return (*kept, *made.values())
+
+
+def _left_alone(p: Parameter) -> Parameter:
+    """What the simulation does not search: fixed, or the width of a direction."""
+    if p.state == "fixed":
+        return p
+    return replace(p, standard_error=float("nan"), interval=(p.value, p.value), state="fixed",
+                   determined=True)  # fmt: skip
+
+
+def _parameter(one: Searched, k: int, at: float, cost: Cost, errors: Errors) -> Parameter:
+    low, high = (ends[k] for ends in cost.space.bounds)
+    determined = bool(errors.determined[k])
+    state = "fitted" if determined else "not determined"
+    if at - low < AT_END:
+        state = "at lower bound"
+    elif high - at < AT_END:
+        state = "at upper bound"
+    half, slope = float(errors.half_widths[k]), one.slope(at)
+    ends = (one.value(at - half), one.value(at + half)) if determined else (np.nan, np.nan)
+    ratio = errors.naive[k] / errors.standard[k]
+    return Parameter(
+        one.name,
+        one.kind,
+        one.value(at),
+        float(slope * errors.standard[k]),
+        float(slope * errors.naive[k]),
+        (float(ends[0]), float(ends[1])),
+        one.unit,
+        state,
+        determined,
+        None,
+        float(errors.rows * ratio**2),
+    )
+
+
+def _uncertainty(regression: Fit, cost: Cost, point: Array, errors: Errors) -> Uncertainty:
+    slopes = cost.space.slopes(point)
+
+    def covariance(deviations: Array) -> Array:
+        own = np.nan_to_num(slopes * deviations)
+        return np.asarray(np.outer(own, own) * errors.correlation)
+
+    return replace(
+        regression.uncertainty,
+        basis=np.eye(len(point)),
+        core=covariance(errors.standard),
+        naive_core=covariance(errors.naive),
+        degrees_of_freedom=np.full(len(point), float(errors.degrees)),
+    )
+
+
+def _record(
+    cost: Cost,
+    found: Sequence[Descent],
+    folds: Folds,
+    without: Sequence[Descent],
+    servo: PositionServo | None,
+) -> SimulationFit:
+    space, best = cost.space, best_of(found)
+
+    def plain(point: Array) -> tuple[float, ...]:
+        return tuple(space.values(point).tolist())
+
+    return SimulationFit(
+        runs=_gaps(cost, best, folds, without),
+        starts=tuple(StartEnd(d.first_rmse, d.rmse, d.evaluations, plain(d.point)) for d in found),
+        names=tuple(one.name for one in space.searched),
+        regressed=plain(space.start),
+        fitted=plain(best.point),
+        folds=np.array([space.values(fold.point) for fold in without]),
+        folds_by=folds.by,
+        controller=servo,
+        steps_per_sample=cost.steps,
+    )
+
+
+def _gaps(
+    cost: Cost, best: Descent, folds: Folds, without: Sequence[Descent]
+) -> tuple[RunGap, ...]:
+    here, before = cost.by_run(best.point), cost.by_run(cost.space.start)
+    held = [np.full(len(rows), np.nan) for rows in here]
+    for fold, out in zip(without, folds.left_out, strict=True):
+        for rows, made, mask in zip(held, cost.by_run(fold.point), out, strict=True):
+            rows[mask] = made[mask]
+    found = []
+    for k, run in enumerate(cost.runs):
+        count = cost.counts[k]
+        rms = [float(np.sqrt(np.mean(rest[k][count] ** 2))) for rest in (here, held, before)]
+        found.append(RunGap(run.name, int(count.sum()), *rms))
+    return tuple(found)
+
+
+def _runs(
+    regression: Fit,
+    cost: Cost,
+    logs: Sequence[Log],
+    servo: PositionServo | None,
+    best: Descent,
+    folds: Folds,
+    without: Sequence[Descent],
+) -> tuple[FittedRun, ...]:
+    """Targets and residuals of the torque, by the parameters of the motion."""
+    runs = []
+    for k, (old, log) in enumerate(zip(regression.runs, logs, strict=True)):
+        target = regression.target
+        again = old.log if servo is None else with_servo_torque(log, servo, target)
+        made = _predicted(regression, cost, best.point, again)
+        held_out = np.full(len(again), np.nan)
+        for fold, out in zip(without, folds.left_out, strict=True):
+            rows = out[k] & old.counts
+            if rows.any():
+                other = _predicted(regression, cost, fold.point, again)
+                held_out[rows] = (other.measured - other.predicted)[rows]
+        runs.append(FittedRun(_derived(old.log, again), made.measured, made.predicted, held_out,
+                              old.counts))  # fmt: skip
+    return tuple(runs)
+
+
+def _derived(old: Log, again: Log) -> Log:
+    """The log with the channels that the regression derived, and the torque of the fitted law."""
+    news = [name for name in again.channels if name in ("motor_torque", "motor_current")]
+    changed = {name: again[name] for name in news if not np.array_equal(again[name], old[name])}
+    return old.with_columns(changed, note="torque by the fitted law") if changed else old
+
+
+def _predicted(regression: Fit, cost: Cost, point: Array, log: Log) -> Any:
+    part, _ = cost.space.at(point)
+    kept = {key: regression.part.record[key] for key in ("channels", "lowpass")}
+    model = Model({}).with_part(replace(part, record=kept), dict(regression.model.facts))
+    return model.predict(log, part.target)
+
+
+def _warnings(parameters: Sequence[Parameter], record: SimulationFit) -> list[str]:
+    said = [f"{p.name} ended on its {p.state[3:]}" for p in parameters if p.state[:3] == "at "]
+    by_name = {p.name: p for p in parameters}
+    best = min(start.rmse for start in record.starts)
+    others = [s for s in record.starts if s.rmse <= ELSEWHERE * best]
+    for k, name in enumerate(record.names):
+        low, high = by_name[name].interval
+        if any(not low <= start.values[k] <= high for start in others) and np.isfinite(low):
+            said.append(f"{name}: starts that end nearly as low leave its interval; see the starts")
+    return said

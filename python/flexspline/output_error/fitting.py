@@ -1,0 +1,144 @@
+"""From a regression to the parameters whose simulation misses the measured motion least."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from tqdm import tqdm
+
+from flexspline.effects import Effect
+from flexspline.errors import InputError, listed
+from flexspline.forward.drive import DriveInputs, drive_inputs
+from flexspline.output_error.cost import Cost
+from flexspline.output_error.errors import errors_of
+from flexspline.output_error.folds import folds_of, refitted
+from flexspline.output_error.regression import with_servo_torque
+from flexspline.output_error.search import best_of, descend, drawn_starts
+from flexspline.output_error.settings import Settings
+from flexspline.output_error.space import space_of
+from flexspline.part import PART_OF
+
+if TYPE_CHECKING:
+    from flexspline.fit.names import Bounds
+    from flexspline.fit.result import Fit
+    from flexspline.logs.log import Log
+    from flexspline.model import Model
+
+__all__ = ["fit_by_simulation"]
+
+STILL = 1e-6  # rad: an output that moves less does not move
+ENOUGH = 1e-3  # of the regression's miss: what half the steps may change
+MOST_STEPS = 16
+EVALUATIONS = 25  # of each descent
+
+
+def fit_by_simulation(
+    effects: Sequence[Effect],
+    logs: Sequence[Log],
+    target: str,
+    settings: Settings,
+    regress: Callable[[Sequence[Log]], Fit],
+    bounds: Mapping[str, Bounds],
+    into: Model | None,
+) -> Fit:
+    """Fit effects so that the simulated motion is the measured one.
+
+    Parameters
+    ----------
+    regress : the ordinary fit of runs, where the search starts.
+    bounds, into : as in `fit`.
+
+    Raises
+    ------
+    InputError
+        For a target that is not the drive, without inertia or motion, and where a scale of all
+        torques is free.
+    """
+    from flexspline.output_error.assemble import assembled
+
+    _require_drive(effects, target)
+    _require_motion(logs)
+    law = settings.controller
+    driven = [log if law is None else with_servo_torque(log, law, target) for log in logs]
+    with tqdm(desc="regression", unit=" simulations", disable=not settings.progress,
+              leave=False, delay=1.0) as bar:  # fmt: skip
+        regression = regress(driven)
+        _require_scale(regression, settings.free)
+        space = space_of(regression.part, law, regression.parameters, bounds, settings.free)
+        runs = [
+            drive_inputs(regression.model, log, target=target, controller=law) for log in driven
+        ]
+        counts = [_counts(run) for run in runs]
+        cost = Cost(space, runs, counts, 1, settings.threads, lambda: bar.update())
+        cost = replace(cost, steps=_steps(cost))
+        found = []
+        for number, start in enumerate(drawn_starts(cost, settings.starts, settings.seed)):
+            bar.set_description(f"start {number + 1} of {settings.starts}")
+            found.append(descend(cost, start, EVALUATIONS))
+        best = best_of(found)
+        bar.set_description("without each fold")
+        folds = folds_of(counts, settings.folds)
+        without = refitted(cost, best, folds, EVALUATIONS)
+        errors = errors_of(cost, best.point, [fold.point for fold in without])
+        return assembled(regression, cost, found, folds, without, errors, law, logs, into)
+
+
+def _require_drive(effects: Sequence[Effect], target: str) -> None:
+    if PART_OF.get(target, "drive") != "drive":
+        raise InputError(
+            f"by='simulation' fits a drive's motion, but the target is {target}; give the target "
+            "motor_torque or motor_current, or leave by out"
+        )
+    names = [effect.name for effect in effects]
+    if "inertia" not in names:
+        raise InputError(
+            "by='simulation' needs the effect inertia, without which nothing can be driven "
+            f"forward; the effects are {listed(names) or 'none'}; add it"
+        )
+
+
+def _require_motion(logs: Sequence[Log]) -> None:
+    for log in logs:
+        if "output_position" not in log:
+            raise InputError(
+                f"log '{log.name}': by='simulation' compares the channel output_position, which is "
+                f"not among {listed(log.channels)}; map a column to it"
+            )
+    if all(np.ptp(log["output_position"]) < STILL for log in logs):
+        raise InputError(
+            "no log moves, so no simulated motion can be compared; record runs that move"
+        )
+
+
+def _require_scale(regression: Fit, free: Sequence[str]) -> None:
+    """Torques are known by what is fixed in Nm, or by the motor's constant: one of the two."""
+    held = [p for p in regression.parameters if p.kind == "coefficient" and p.state == "fixed"]
+    if "torque" in free and not any(p.value for p in held):
+        raise InputError(
+            "the controller's torque scales all coefficients alike, so it can only be fitted where "
+            "one of them is known; fix one, such as gravity.sine, or leave torque out"
+        )
+
+
+def _counts(run: DriveInputs) -> Any:
+    """Rows that are driven through and measured."""
+    driven = np.zeros(len(run.time), dtype=bool)
+    for first, last in run.stretches:
+        driven[first:last] = True
+    return driven & np.isfinite(run.measured)
+
+
+def _steps(cost: Cost) -> int:
+    """Fewest steps from row to row of which twice as many change little beside the miss."""
+    point = cost.space.start
+    steps, coarse = 1, cost.residuals(point)
+    enough = ENOUGH * float(np.sqrt(np.mean(coarse**2)))
+    while steps < MOST_STEPS:
+        fine = replace(cost, steps=2 * steps).residuals(point)
+        if float(np.sqrt(np.mean((fine - coarse) ** 2))) <= enough:
+            return steps
+        steps, coarse = 2 * steps, fine
+    return steps
