@@ -38,7 +38,8 @@ def assembled(
 ) -> Discovery:
     """Put everything together that a user sees; `limits`: of the run to record next."""
     problem = made.study.problem
-    plain = Whitening(np.ones(1), 1.0, problem.decimation)  # as `fit` does, for what users see
+    left_over = held_out(problem, made.final, made.whitening).rmse
+    plain = Whitening(np.ones(1), left_over**2, problem.decimation)  # as `fit` does, for users
     left = [held_out(problem, work, plain) for work in _nested(made)]
     steps = [one.rmse for one in left]
     unexplained, floor = _unexplained(made, plain, steps)
