@@ -21,12 +21,16 @@ from flexspline.discovery.unexplained import Leftover, leftover_of
 from flexspline.discovery.whitening import Whitening
 from flexspline.discovery.working import Working, working
 from flexspline.effects import Effect
+from flexspline.fit.memory import settled
+from flexspline.fit.problem import Problem
 
 __all__ = ["Analysis", "analysed"]
 
 Array = NDArray[np.float64]
 
 SURROGATE = 0.6  # of its gain that a name keeps beside functions without a name, to be no stand-in
+MOST_KEPT = 0.5  # of the rows that are kept at least where those are left out whose past is unknown
+OVERWHELMING = 3.0  # times a name's gain that is left: the name may be a small part of it
 LARGE = 0.12  # times a name's gain that these functions gain beside it, to cast doubt on it
 CEILING = (30_000, 2_000)  # rows for functions without a name, and of one stretch
 
@@ -72,6 +76,7 @@ def analysed(
     say("noise")
     first = first_whitening(study.problem, _everything(study, base))
     lax, _, _ = Searcher(study, first, Limits(lax=True), say).run(base)
+    study.problem = _known(study.problem, lax.effects)
     study.scan(lax)
     looked_at = thinned(whole.problem, *CEILING)
     beside = leftover_of(Ceiling(looked_at, first), lax).groups
@@ -99,6 +104,13 @@ def analysed(
     return Analysis(whole, study, base, final, searcher, tuple(steps), leftover, tuple(doubted))
 
 
+def _known(problem: Problem, effects: Sequence[Effect]) -> Problem:
+    """Leave out the rows at which effects still depend on what came before a run, if few are."""
+    left = settled(problem, effects)
+    counts = [sum(run.counted for run in p.runs) for p in (left, problem)]
+    return left if counts[0] >= MOST_KEPT * counts[1] else problem
+
+
 def _everything(study: Study, work: Working) -> Sheet:
     """Columns of the model, all candidates and functions of each channel."""
     wanted = [e for c in study.candidates(work.effects) for e in c.effects]
@@ -111,8 +123,8 @@ def _stand_in(searcher: Searcher, work: Working, leftover: Leftover) -> str | No
     if not leftover.groups or not work.named:
         return None
     dictionary = searcher.study.dictionary(work, searcher.whitening)
-    shares = {e.name: leftover.gain / max(owned_gain(dictionary, e.name), 1e-300)
+    shares = {e.name: leftover.net / max(owned_gain(dictionary, e.name), 1e-300)
               for e in work.named}  # fmt: skip
-    doubted = [n for n, share in shares.items() if share > LARGE
-               and leftover.survives[n] < SURROGATE]  # fmt: skip
+    doubted = [n for n, share in shares.items() if share > OVERWHELMING
+               or (share > LARGE and leftover.survives[n] < SURROGATE)]  # fmt: skip
     return max(doubted, key=lambda name: shares[name], default=None)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from flexspline.discovery.nameless import Nameless
 from flexspline.discovery.predictive import prior_of
 from flexspline.discovery.scores import gain_of
-from flexspline.discovery.table import by_runs, left_by, solved, tabulated
+from flexspline.discovery.table import by_runs, inverse_of, left_by, solved, tabulated
 from flexspline.discovery.whitening import Whitening
 from flexspline.discovery.working import Working
 from flexspline.fit.problem import Problem
@@ -37,10 +37,15 @@ class Fold:
 
 @dataclass(frozen=True, eq=False)
 class HeldOut:
-    """Residuals (N,) of each run, NaN where a row does not count; and the folds behind them."""
+    """Residuals (N,) of each run, NaN where a row does not count; and the folds behind them.
+
+    `spread`: mean square by which the coefficients' uncertainty moves the prediction; large where
+    a fold goes where no other went.
+    """
 
     residuals: tuple[Array, ...]
     folds: tuple[Fold, ...]
+    spread: float
 
     @property
     def joined(self) -> Array:
@@ -52,6 +57,11 @@ class HeldOut:
     def rmse(self) -> float:
         """In the unit of the target."""
         return float(np.sqrt(np.mean(self.joined**2)))
+
+    def worse_than(self, other: HeldOut, factor: float) -> bool:
+        """Whether the error exceeds another's by a factor, beyond what is not known."""
+        unknown = max(self.spread - other.spread, 0.0)
+        return self.rmse**2 - unknown > (factor * other.rmse) ** 2
 
 
 def held_out(
@@ -69,9 +79,14 @@ def held_out(
     table = tabulated(problem, sheet, whitening)
     every, total = np.arange(len(table.total) - 1), table.total
     drawn = np.diag(np.diag(total) * _drawn(work, total, len(every)))
-    betas = [solved(total - fold + drawn, every) for fold in table.folds]
+    others = [total - fold + drawn for fold in table.folds]
+    betas = [solved(products, every) for products in others]
     residuals = tuple(sheet.left_over(problem, betas))
-    return HeldOut(residuals, tuple(_folds(problem, work, betas)))
+    plain = tabulated(problem, sheet, Whitening(np.ones(1), 1.0, problem.decimation))
+    moved = [np.sum(inverse_of(products) * own[:-1, :-1])
+             for products, own in zip(others, plain.folds, strict=True)]  # fmt: skip
+    spread = float(np.sum(moved) / np.sum(plain.rows))
+    return HeldOut(residuals, tuple(_folds(problem, work, betas)), spread)
 
 
 def _folds(problem: Problem, work: Working, betas: Sequence[Array]) -> Iterator[Fold]:

@@ -14,7 +14,7 @@ other candidate may do clearly better in its place.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -34,7 +34,8 @@ from flexspline.effects import Effect
 __all__ = ["Limits", "Searcher", "Step", "freedom", "owned_gain"]
 
 MOST_NAMES = 8
-LEFTOVER = 0.03  # of the largest gain of a name: below, it may be what its form misses
+LEFTOVER = 0.007  # of the gain of a name: below, it may be what its form misses
+REMEMBERED = 0.03  # the same of an effect with memory, whose loops have more ways to differ
 HELD_OUT = 0.5  # of its gain above its price that an effect must have on left-out folds
 REFITTED = 4  # offers whose shapes are refitted before one is chosen
 NEAR = 0.8  # of the best offer's gain, to be among these
@@ -94,8 +95,10 @@ class Searcher:
         """Refit a model on the rows that its memory allows."""
         return refitted(self.study.problem, work, self.whitening)
 
-    def _rmse(self, work: Working) -> float:
-        return held_out(self.study.problem, work, self.whitening).rmse
+    def _worse(self, work: Working, other: Working) -> bool:
+        """Whether a model's error on left-out runs exceeds another's."""
+        made, before = (held_out(self.study.problem, w, self.whitening) for w in (work, other))
+        return made.worse_than(before, WORSE)
 
     def pruned(self, work: Working) -> Working:
         """Drop names that do not pay their price beside the others, on left-out folds too."""
@@ -106,7 +109,7 @@ class Searcher:
                    for e in work.named}  # fmt: skip
             worst = min(net, key=lambda name: net[name])
             rest, _ = self.fitted(work.having([e for e in work.effects if e.name != worst]))
-            if net[worst] > 0.0 and self._rmse(work) <= WORSE * self._rmse(rest):
+            if net[worst] > 0.0 and not self._worse(work, rest):
                 break
             work = rest
         return work
@@ -119,39 +122,42 @@ class Searcher:
         made = offers(dictionary, dictionary.model, rivals)
         ranked = sorted(made, key=_rank, reverse=True)
         worthy = [o for o in ranked if self._worthy(o, dictionary, work)]
-        if not worthy:
-            return None
-        near = [o for o in worthy if o.gain >= NEAR * worthy[0].gain][:REFITTED]
-        trials = []
-        for offer in near:
-            made_, left = self.fitted(work.having([*work.effects, offer.effect]))
-            reason = impossible(made_, offer.effect.name, self.study.target)
-            if reason and not self.limits.lax:
-                self.refused[offer.effect.name] = reason
-                continue
-            if not self.limits.lax and self._rmse(made_) > WORSE * self._rmse(work):
-                self.refused[offer.effect.name] = "raises the error on left-out runs"
-                continue
-            gain = squares - left
-            trials.append((_ranked(gain, offer), made_, left, offer, gain))
-        if not trials:
-            return None
-        _, chosen, left, offer, gain = max(trials, key=lambda trial: trial[0])
+        while worthy:
+            near = [o for o in worthy if o.gain >= NEAR * worthy[0].gain][:REFITTED]
+            trials = [t for o in near if (t := self._tried(o, work, squares)) is not None]
+            if trials:
+                chosen, left, offer, gain = max(trials, key=lambda t: _ranked(t[3], t[2]))
+                return chosen, left, Step(offer.effect, gain, offer.price, tuple(ranked[:6]))
+            worthy = [o for o in worthy if o not in near]
+        return None
+
+    def _tried(
+        self, offer: Offer, work: Working, squares: float
+    ) -> tuple[Working, float, Offer, float] | None:
+        """The model with an offer, its shapes refitted; None where it cannot be taken."""
+        made, left = self.fitted(work.having([*work.effects, offer.effect]))
+        gain = squares - left
         if gain < offer.price:
             return None
-        return chosen, left, Step(offer.effect, gain, offer.price, tuple(ranked[:6]))
+        if self.limits.lax:
+            return made, left, offer, gain
+        reason = impossible(made, offer.effect.name, self.study.target)
+        if not reason and self._worse(made, work):
+            reason = "raises the error on left-out runs"
+        if reason:
+            self.refused[offer.effect.name] = reason
+            return None
+        return made, left, offer, gain
 
     def _worthy(self, offer: Offer, dictionary: Dictionary, work: Working) -> bool:
         if offer.net <= 0.0:
             return False
         if self.limits.lax:
             return True
-        own = [owned_gain(dictionary, e.name) for e in work.named]
-        if offer.gain < LEFTOVER * max(own, default=0.0):
+        if offer.gain < _missed(dictionary, work.named):
             self.refused[offer.effect.name] = "no more than what the form of a named effect misses"
             return False
-        linear = dictionary.model[: dictionary.linear]
-        foretold = foretold_gain(dictionary.table, linear, offer.columns, offer.gain)
+        foretold = foretold_gain(dictionary.table, dictionary.model, offer.columns, offer.gain)
         if float(foretold.sum()) < HELD_OUT * offer.net:
             self.refused[offer.effect.name] = "does not hold on left-out runs"
             return False
@@ -167,12 +173,12 @@ class Searcher:
             rest = dictionary.without([effect.name])
             own = owned_gain(dictionary, effect.name)
             floor = price(len(effect.terms), 1.0, rivals)
-            largest = max(owned_gain(dictionary, e.name) for e in work.named)
+            missed = _missed(dictionary, [e for e in work.named if e.name != effect.name])
             others = [e for e in work.effects if e.name != effect.name]
             best = max(
                 offers(dictionary, rest, rivals), key=lambda o: _ranked(o.gain, o), default=None
             )
-            if own < max(floor, LEFTOVER * largest):
+            if own < max(floor, missed):
                 work, squares = self.fitted(work.having(others))
                 continue
             if best is None or best.gain - best.price <= own - floor:
@@ -191,6 +197,13 @@ def owned_gain(dictionary: Dictionary, name: str) -> float:
     own = dictionary.model[np.array(dictionary.owners) == name]
     left = dictionary.table.without(rest)
     return gain_of(left, own, np.diag(dictionary.table.total))[0]
+
+
+def _missed(dictionary: Dictionary, named: Sequence[Effect]) -> float:
+    """What the forms of named effects may miss of what they explain, in χ²."""
+    shares = {e.name: REMEMBERED if e.info.remembers else LEFTOVER for e in named}
+    gains = [share * owned_gain(dictionary, name) for name, share in shares.items()]
+    return max(gains, default=0.0)
 
 
 def _rank(offer: Offer) -> float:

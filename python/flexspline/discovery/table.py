@@ -22,7 +22,7 @@ from flexspline.discovery.stretches import by_runs, edges_of, fold_blocks
 from flexspline.discovery.whitening import Whitening
 from flexspline.fit.problem import Problem
 
-__all__ = ["Table", "by_runs", "left_by", "solved", "tabulated"]
+__all__ = ["Table", "by_runs", "inverse_of", "left_by", "solved", "tabulated"]
 
 Array = NDArray[np.float64]
 Columns = NDArray[np.intp]
@@ -61,6 +61,12 @@ def solved(products: Array, model: Columns) -> Array:
     """Coefficients of least squares, (m,), of least norm where columns depend on each other."""
     inverse, scale = _inverse(products, model)
     return np.asarray(inverse @ (products[model, -1] / scale) / scale)
+
+
+def inverse_of(products: Array) -> Array:
+    """Covariance (C, C) of the coefficients of all columns of products [columns, y] over σ²."""
+    inverse, scale = _inverse(products, np.arange(len(products) - 1))
+    return np.asarray(inverse / np.outer(scale, scale))
 
 
 def left_by(products: Array, model: Columns) -> Array:

@@ -25,11 +25,15 @@ CARRIES = 0.15  # of the whole gain that hangs on a channel, for the channel to 
 class Leftover:
     """Functions that explain the residual; `gain` in χ², by channel in `carried`.
 
-    `survives`: gain of each named effect beside these functions, over its gain without them.
+    `net`: of each when it was taken, less what the best of so many reaches by chance.
+
+    `survives`: gain of each named effect beside these functions and all others of one of their
+    channels, over its gain without them.
     """
 
     groups: tuple[Nameless, ...]
     gain: float
+    net: float
     carried: dict[str, float]
     survives: dict[str, float]
 
@@ -49,15 +53,18 @@ class Leftover:
 def leftover_of(ceiling: Ceiling, work: Working) -> Leftover:
     """Find the functions without a name that still gain beside a model."""
     overlap = ceiling.beside(work)
+    above = 0.0
     while len(overlap.chosen) < MOST:
         best = _best(overlap)
         if best is None:
             break
-        overlap.take(best)
-    return _summary(overlap, work)
+        above += best[1]
+        overlap.take(best[0])
+    return _summary(overlap, work, above)
 
 
-def _best(overlap: Overlap) -> int | None:
+def _best(overlap: Overlap) -> tuple[int, float] | None:
+    """The next functions, with their gain above its price."""
     gains = overlap.gains()
     scored = [
         (gain - chi2.isf(ALPHA / len(gains), max(seen, 1)), gain, k)
@@ -71,11 +78,11 @@ def _best(overlap: Overlap) -> int | None:
         every = np.arange(len(table.total) - 1)
         own = len(every) - overlap.ceiling.groups[k].count
         if foretold_gain(table, every[:own], every[own:], gain).sum() > HELD_OUT * gain:
-            return k
+            return k, net
     return None
 
 
-def _summary(overlap: Overlap, work: Working) -> Leftover:
+def _summary(overlap: Overlap, work: Working, net: float) -> Leftover:
     table, ceiling = overlap.table(), overlap.ceiling
     known_load = ceiling.problem.known_load
     groups = [ceiling.groups[k] for k in overlap.chosen]
@@ -91,11 +98,27 @@ def _summary(overlap: Overlap, work: Working) -> Leftover:
         kept = np.concatenate([np.empty(0, dtype=np.intp), *rest])
         without = gain_of(table.without(own), kept, raw)[0] if len(rest) else 0.0
         carried[name] = gain - without
-    survives = {}
-    owners = np.array(work.owners())
+    return Leftover(tuple(groups), gain, net, carried, _survival(overlap, work, set(carried)))
+
+
+def _survival(overlap: Overlap, work: Working, carriers: set[str]) -> dict[str, float]:
+    """Gain of each named effect beside the functions taken and all of a channel that carries them.
+
+    Gain, over its gain without them. What a cause without a name shows of one channel alone may be
+    taken for an effect of that channel.
+    """
+    ceiling, own = overlap.ceiling, np.arange(overlap.own - 1)
+    load = ceiling.problem.known_load
+    for k, group in enumerate(ceiling.groups):
+        one = len(group.channels) == 1 and channel_told(group.channels[0], load) in carriers
+        if one and k not in overlap.chosen:
+            overlap.take(k)
+    table = overlap.table()
+    raw, everything = np.diag(table.total), np.arange(len(own), len(table.total) - 1)
+    survives, owners = {}, np.array(work.owners())
     for effect in work.named:
         mine, others = own[owners == effect.name], own[owners != effect.name]
         alone = gain_of(table.without(others), mine, raw)[0]
         beside = gain_of(table.without(np.concatenate([others, everything])), mine, raw)[0]
         survives[effect.name] = beside / max(alone, 1e-300)
-    return Leftover(tuple(groups), gain, carried, survives)
+    return survives
