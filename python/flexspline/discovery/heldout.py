@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from flexspline.discovery.nameless import Nameless
 from flexspline.discovery.predictive import prior_of
 from flexspline.discovery.scores import gain_of
-from flexspline.discovery.table import by_runs, inverse_of, left_by, solved, tabulated
+from flexspline.discovery.stretches import edges_of
+from flexspline.discovery.table import inverse_of, left_by, solved, tabulated
 from flexspline.discovery.whitening import Whitening
 from flexspline.discovery.working import Working
 from flexspline.fit.problem import Problem
-from flexspline.fit.validation import run_edges
 
 __all__ = ["Fold", "HeldOut", "held_out"]
 
@@ -93,7 +93,7 @@ def _folds(problem: Problem, work: Working, betas: Sequence[Array]) -> Iterator[
     """Each fold with all coefficients of the model that never saw it."""
     count, solutions = len(work.free), iter(betas)
     for number in range(len(problem.runs)):
-        for first, last in pairwise(run_edges(problem, number, by_runs(problem))):
+        for first, last in pairwise(edges_of(problem, number)):
             values = work.coefficients.copy()
             values[work.free] = next(solutions)[:count]
             yield Fold(number, int(first), int(last), values)

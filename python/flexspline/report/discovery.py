@@ -36,6 +36,10 @@ MAP = (
     "is the excess, coloured, and a dot marks an excess that is more than chance. All panels have "
     "the same scale; what the gap follows comes first."
 )
+PLAN = (
+    "What to command over time, as next_experiment.csv holds it, and how far apart the rivals are "
+    "expected to stand after this run, beside now and the best run of each simple kind."
+)
 
 
 def discovery_text(made: Discovery) -> str:
@@ -77,6 +81,9 @@ def write_discovery_report(made: Discovery, path: str | os.PathLike[str]) -> Non
             places=where.before.sentences,
             map=ReportFigure(inline_svg(chart, "map of the disagreement"), MAP),
             figures=[drawn(panel) for panel in panels(made)],
+            plan=None
+            if made.plan is None
+            else ReportFigure(inline_svg(made.plan.plot(), "run to record next"), PLAN),
             tables=shrunk_tables(made),
             lines=parameter_lines(made.fit),
             groups=known_groups(made.fit),
