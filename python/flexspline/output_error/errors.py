@@ -1,22 +1,25 @@
 """How far off parameters fitted to a simulation can be.
 
 What a model lacks is the same in every row of a run, so residuals of one run are no news of each
-other. Two estimates of the covariance count runs (or blocks of few runs) as the news there is:
+other. Two jackknives count runs (or blocks of few runs) as the news there is: one over m clusters
+by a Gauss-Newton step each, one over K folds that are fitted again,
 
-    sandwich over clusters c:   A⁻¹ (m/(m − 1) Σ_c g_c g_cᵀ) A⁻¹,   A = JᵀJ,  g_c = J_cᵀ e_c
-    jackknife over K folds:     s_k² = (K − 1)/K Σ_fold (z_fold − z)²
+    s² = (m − 1)/m Σ_c d_c²,     d_c = (JᵀJ − J_cᵀJ_c)⁻¹ J_cᵀ e_c
+    s² = (K − 1)/K Σ_fold (z_fold − z)²
 
-Each parameter has the larger of its two errors, correlations are those of A⁻¹, and an interval is
-z ± t s with Student's t of K − 1 degrees of freedom: it holds what every fold finds, because
-t √((K − 1)/K) > 1. All in the coordinates of the search (logarithms of what is positive), ends
-carried over to the parameter.
-Sources: White 1982 and Liang & Zeger 1986 (sandwich); Efron & Stein 1981 (jackknife).
+The first does not see other valleys, the second may get stuck in front of a small hill.
+Each parameter has the larger of its two errors, correlations are those of (JᵀJ)⁻¹, and an
+interval is z ± t s with Student's t of K − 1 degrees of freedom: it holds what every fold finds,
+because t √((K − 1)/K) > 1. All in the coordinates of the search (logarithms of what is positive);
+the ends are carried over to the parameter.
+Sources: Efron & Stein 1981; for clusters Bell & McCaffrey 2002 (CR3), Cameron & Miller 2015.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,15 +41,15 @@ MEMBER = 0.1  # share of such a direction from which a parameter is not determin
 class Errors:
     """Of P searched coordinates: standard errors (P,), correlations (P, P), which are determined.
 
-    `sandwich`, `jackknife`, `naive`: (P,) each, the two that `standard` is the larger of, and that
-    of white noise. `degrees`: of freedom. `rows`: that counted.
+    `clusters`, `folds`, `naive`: (P,) each, the two that `standard` is the larger of, and that of
+    white noise. `degrees`: of freedom. `rows`: that counted.
     """
 
     standard: Array
     correlation: Array
     determined: NDArray[np.bool_]
-    sandwich: Array
-    jackknife: Array
+    clusters: Array
+    folds: Array
     naive: Array
     degrees: int
     rows: int
@@ -60,30 +63,41 @@ class Errors:
 def errors_of(cost: Cost, point: Array, folds: Sequence[Array]) -> Errors:
     """Return the errors at the best point; `folds`: where each refit without a fold ended."""
     jacobian, rest = cost.jacobian(point), cost.residuals(point)
-    scale = np.linalg.norm(jacobian, axis=0)
-    seen = scale > NEXT_TO_NOTHING * max(float(scale.max()), 1e-300)
-    scaled = jacobian / np.where(seen, scale, 1.0)
+    norms = np.linalg.norm(jacobian, axis=0)
+    seen = norms > NEXT_TO_NOTHING * max(float(norms.max()), 1e-300)
+    units = np.where(seen, norms, np.inf)
+    scaled = jacobian / units
+    inverse, blind = _inverse(scaled)
+    variances = np.diag(inverse)
+    free = max(len(rest) - len(point), 1)
+    clusters = _clustered(scaled, rest, _labels(cost)) / units
+    moved = np.asarray(folds) - point
+    refitted = np.sqrt((len(folds) - 1) / len(folds) * (moved**2).sum(axis=0))
+    larger = np.maximum(clusters, refitted)
+    loose = larger > np.where([one.logarithmic for one in cost.space.searched], LOOSE, np.inf)
+    known = seen & ~blind & ~loose
+    root = np.sqrt(np.where(variances > 0.0, variances, 1.0))
+    return Errors(
+        standard=np.where(known, larger, np.nan),
+        correlation=inverse / np.outer(root, root),
+        determined=known,
+        clusters=clusters,
+        folds=refitted,
+        naive=np.sqrt(variances * float(rest @ rest) / free) / units,
+        degrees=len(folds) - 1,
+        rows=len(rest),
+    )
+
+
+def _inverse(scaled: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """(JᵀJ)⁻¹ without directions that the runs do not see, and which parameters these move."""
     values, vectors = np.linalg.eigh(scaled.T @ scaled)
     null = values < NEXT_TO_NOTHING * values[-1]
-    blind = (np.abs(vectors[:, null]) > MEMBER).any(axis=1) | ~seen
-    inverse = (vectors[:, ~null] / values[~null]) @ vectors[:, ~null].T
-    units = np.where(seen, scale, np.inf)
-    free = max(len(rest) - len(point), 1)
-    naive = np.sqrt(np.diag(inverse) * float(rest @ rest) / free) / units
-    scores = _scores(scaled, rest, _clusters(cost))
-    middle = inverse @ (scores.T @ scores) @ inverse * len(scores) / (len(scores) - 1)
-    sandwich = np.sqrt(np.diag(middle)) / units
-    moved = np.asarray(folds) - point
-    jackknife = np.sqrt((len(folds) - 1) / len(folds) * (moved**2).sum(axis=0))
-    root = np.sqrt(np.where(np.diag(inverse) > 0.0, np.diag(inverse), 1.0))
-    larger = np.maximum(sandwich, jackknife)
-    blind |= larger > np.where([one.logarithmic for one in cost.space.searched], LOOSE, np.inf)
-    standard = np.where(blind, np.nan, larger)
-    return Errors(standard, inverse / np.outer(root, root), ~blind, sandwich, jackknife, naive,
-                  len(folds) - 1, len(rest))  # fmt: skip
+    blind = (np.abs(vectors[:, null]) > MEMBER).any(axis=1)
+    return (vectors[:, ~null] / values[~null]) @ vectors[:, ~null].T, blind
 
 
-def _clusters(cost: Cost) -> NDArray[np.intp]:
+def _labels(cost: Cost) -> NDArray[np.intp]:
     """Number of the cluster of each row that counts: its run, or blocks of runs if they are few."""
     each = -(-LEAST_CLUSTERS // len(cost.runs)) if len(cost.runs) < LEAST_CLUSTERS else 1
     labels = [
@@ -93,8 +107,14 @@ def _clusters(cost: Cost) -> NDArray[np.intp]:
     return np.concatenate(labels)
 
 
-def _scores(jacobian: Array, rest: Array, clusters: NDArray[np.intp]) -> Array:
-    """g_c of each cluster, (m, P)."""
-    each = jacobian * rest[:, None]
-    starts = np.flatnonzero(np.diff(clusters, prepend=-1))
-    return np.add.reduceat(each, starts, axis=0)
+def _clustered(jacobian: Array, rest: Array, labels: NDArray[np.intp]) -> Array:
+    """Errors (P,) by leaving out each cluster, one Gauss-Newton step from the best point."""
+    whole = jacobian.T @ jacobian
+    edges = np.flatnonzero(np.diff(labels, prepend=-1, append=-1))
+    squares = np.zeros(len(whole))
+    for first, last in pairwise(edges.tolist()):
+        own, missed = jacobian[first:last], rest[first:last]
+        step = np.linalg.lstsq(whole - own.T @ own, own.T @ missed, rcond=NEXT_TO_NOTHING)[0]
+        squares += step**2
+    count = len(edges) - 1
+    return np.asarray(np.sqrt((count - 1) / count * squares))

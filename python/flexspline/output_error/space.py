@@ -33,6 +33,7 @@ NATURAL = {
 """Below zero, each of these would give energy or be no mass; a load's friction that exceeds its
 load locks the joint."""
 FREE_OF_A_LAW = ("torque", "back_emf")
+WIDEST = 1e3  # how far from its start a logarithm may take a number, as a factor
 SMALL = 0.05  # of the error of a regression that went the wrong way: where a positive number starts
 ERRORS_WIDE = 5.0  # scale of a number of either sign, in standard errors of the regression
 
@@ -177,7 +178,7 @@ def _error(p: Parameter) -> float:
 
 
 def _positive(name: str, kind: str, unit: str, start: float, low: float, high: float) -> Searched:
-    low = max(low, 1e-6 * start, 1e-12)
+    low, high = max(low, start / WIDEST), min(high, start * WIDEST)
     return Searched(name, kind, unit, float(np.clip(start, low, high)), True, 1.0, low, high)
 
 

@@ -1,0 +1,164 @@
+"""Fits to the motion: known parameters come back, intervals hold the folds, starts agree."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+from cli_calls import call
+from output_error_logs import EFFECTS, KNOWN, STEP, TRUE, law, runs
+
+import flexspline
+from flexspline.errors import InputError
+from flexspline.fit.result import Fit
+from flexspline.logs.convert import write_log
+from flexspline.model import Model
+
+FREE = ("torque", "back_emf")
+
+
+@cache
+def wrong_start() -> Fit:
+    """From a law whose torque is 1.5 times and whose back-EMF is half of the true one."""
+    return flexspline.fit(
+        EFFECTS, runs(), "motor_torque", fixed=KNOWN, by="simulation", starts=2,
+        controller=law(torque=0.375, back_emf=0.03), free_controller=FREE,
+    )  # fmt: skip
+
+
+@cache
+def open_loop() -> Fit:
+    """Driven by the measured torque of two runs, the law's true torque among their channels."""
+    from flexspline.output_error.regression import with_servo_torque
+
+    given = [with_servo_torque(log, law(), "motor_torque") for log in runs()[:2]]
+    return flexspline.fit(
+        EFFECTS, given, "motor_torque", fixed={"gravity.cosine": 0.0}, by="simulation", starts=2
+    )
+
+
+@pytest.mark.parametrize("name", TRUE)
+def test_a_known_joint_comes_back_within_its_intervals_from_a_wrong_law(name):
+    low, high = wrong_start()[name].interval
+    assert low <= TRUE[name] <= high
+
+
+def test_the_regression_with_the_wrong_law_was_far_off():
+    found = wrong_start().simulation
+    assert found.regressed[found.names.index("controller.torque")] == pytest.approx(0.375)
+    assert found.regression > 20.0 * found.rmse
+
+
+def test_what_is_left_is_a_step_or_two_of_the_encoder():
+    # noise and rounding leave 1.1 mrad; the servo's law counts from a first angle that has them too
+    found = wrong_start().simulation
+    assert found.rmse < found.held_out < 2.5 * STEP
+
+
+@pytest.mark.parametrize("made", [wrong_start, open_loop])
+def test_intervals_hold_what_every_fold_found(made):
+    fit = made()
+    for name, values in zip(fit.simulation.names, fit.simulation.folds.T, strict=True):
+        low, high = fit[name].interval
+        assert low <= values.min() and values.max() <= high, name
+
+
+def test_all_starts_end_at_the_same_joint():
+    found = wrong_start().simulation
+    assert found.best_starts == len(found.starts) == 2
+    assert "2 starts ended between" in str(wrong_start())
+
+
+def test_the_saved_model_and_law_move_as_the_fit_says(tmp_path):
+    fit = wrong_start()
+    fit.model.save(tmp_path / "model.json")
+    fit.simulation.controller.save(tmp_path / "servo.json")
+    model = Model.load(tmp_path / "model.json")
+    for log, run in zip(runs(), fit.simulation.runs, strict=True):
+        again = flexspline.simulate(model, log, controller=tmp_path / "servo.json")
+        assert again.rmse == pytest.approx(run.rmse, rel=0.02)
+    assert len(model.part().record["simulation"]["starts"]) == 2
+
+
+def test_measured_torque_drives_where_there_is_no_law():
+    fit = open_loop()
+    assert fit.simulation.controller is None and fit.simulation.folds_by == "blocks"
+    for name in ("inertia.inertia", "coulomb_friction.level", "load_dependent_friction.factor"):
+        low, high = fit[name].interval
+        assert low <= TRUE[name] <= high, name
+
+
+def test_the_same_seed_gives_the_same_fit_on_any_number_of_threads():
+    def fit(threads):
+        return flexspline.fit(
+            EFFECTS[:3], runs()[:2], "motor_torque", fixed=KNOWN, by="simulation", starts=2,
+            folds=2, controller=law(), threads=threads,
+        )  # fmt: skip
+
+    assert fit(1).simulation.starts == fit(2).simulation.starts
+
+
+def test_the_report_tells_of_every_start_and_run(tmp_path):
+    wrong_start().report(tmp_path / "report.html")
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "Starts ended at" in page and "run 5" in page and "mean of runs" in page
+
+
+def test_the_command_leaves_model_law_and_report(tmp_path):
+    paths = [tmp_path / f"{k}.csv" for k in range(2)]
+    for log, path in zip(runs(), paths, strict=False):
+        write_log(log, path)
+    law().save(tmp_path / "servo.json")
+    made = call(
+        "fit", *paths, "--target", "motor_torque", "--effects", ",".join(EFFECTS[:3]),
+        "--by", "simulation", "--controller", tmp_path / "servo.json", "--free-controller",
+        "back_emf", "--starts", 1, "--out", tmp_path / "out",
+    )  # fmt: skip
+    assert made.exit_code == 0, made.output
+    assert {p.name for p in (tmp_path / "out").iterdir()} == {
+        "model.json", "servo.json", "report.html"
+    }  # fmt: skip
+    assert "simulated position is off by" in " ".join(made.output.split())
+
+
+WRONG = {
+    "needs the effect inertia": {"effects": EFFECTS[1:]},
+    "the target is sensor_torque": {"target": "sensor_torque"},
+    "give 'regression' or 'simulation'": {"by": "motion"},
+    "give by='simulation'": {"by": "regression"},
+    "takes no priors": {"priors": {"inertia": (0.03, 0.01)}},
+    "leave offset_per_run out": {"offset_per_run": True},
+    "scales all coefficients alike": {"fixed": {"gravity.cosine": 0.0}},
+    "'limit' cannot be fitted": {"free_controller": ["limit"]},
+    "give a guess above zero": {"controller": law(back_emf=0.0)},
+    "give the controller": {"controller": None},
+    "starts is 0": {"starts": 0},
+    "folds is 1": {"folds": 1},
+    "no parameter 'inertai'": {"bounds": {"inertai": (0.0, 1.0)}},
+}
+
+
+@pytest.mark.parametrize("sentence", WRONG)
+def test_a_wrong_call_is_told_what_to_do(sentence):
+    given = {
+        "effects": EFFECTS, "logs": runs()[:2], "target": "motor_torque", "fixed": KNOWN,
+        "by": "simulation", "controller": law(), "free_controller": FREE, **WRONG[sentence],
+    }  # fmt: skip
+    with pytest.raises(InputError, match=sentence):
+        flexspline.fit(**given)
+
+
+def test_runs_that_do_not_move_are_refused():
+    still = runs()[0].with_columns({"output_position": np.zeros(len(runs()[0]))}, note="held")
+    with pytest.raises(InputError, match="no log moves"):
+        flexspline.fit(
+            EFFECTS, still, "motor_torque", fixed=KNOWN, by="simulation", controller=law()
+        )
+
+
+def test_a_log_without_torque_and_duty_is_refused():
+    kept = {name: runs()[0][name] for name in runs()[0].channels if name != "duty"}
+    log = flexspline.Log.from_arrays(**kept, facts=dict(runs()[0].facts))
+    with pytest.raises(InputError, match="motor_torque or duty"):
+        flexspline.fit(EFFECTS, log, "motor_torque", by="simulation", controller=law())
