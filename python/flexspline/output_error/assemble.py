@@ -99,21 +99,14 @@ def assembled(
 
 
 def _parameters(regression: Fit, cost: Cost, point: Array, errors: Errors) -> tuple[Parameter, ...]:
+    """Those of the motion; what it does not see (fixed ones, a width) as the regression left it."""
     searched = cost.space.searched
     made = {
         one.name: _parameter(one, k, float(point[k]), cost, errors)
         for k, one in enumerate(searched)
     }
-    kept = [made.pop(p.name) if p.name in made else _left_alone(p) for p in regression.parameters]
+    kept = [made.pop(p.name, p) for p in regression.parameters]
     return (*kept, *made.values())
-
-
-def _left_alone(p: Parameter) -> Parameter:
-    """What the simulation does not search: fixed, or the width of a direction."""
-    if p.state == "fixed":
-        return p
-    return replace(p, standard_error=float("nan"), interval=(p.value, p.value), state="fixed",
-                   determined=True)  # fmt: skip
 
 
 def _parameter(one: Searched, k: int, at: float, cost: Cost, errors: Errors) -> Parameter:

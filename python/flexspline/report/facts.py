@@ -11,6 +11,7 @@ from flexspline.report.numbers import short
 
 if TYPE_CHECKING:
     from flexspline.fit.result import Fit
+    from flexspline.output_error.result import SimulationFit
 
 __all__ = ["LogFacts", "log_facts", "model_facts", "python_call"]
 
@@ -87,7 +88,17 @@ def python_call(fit: Fit) -> str:
     own_offset = f"offset.{fit.runs[0].log.name}"
     if own_offset != "offset.offset" and own_offset in [p.name for p in fit.parameters]:
         lines.append("offset_per_run=True")
+    if fit.simulation is not None:
+        lines += _simulated_call(fit.simulation)
     return "fit = flexspline.fit(\n" + "".join(f"    {line},\n" for line in lines) + ")"
+
+
+def _simulated_call(found: SimulationFit) -> list[str]:
+    lines = ["by='simulation'", f"starts={len(found.starts)}", f"folds={len(found.folds)}"]
+    free = [name.removeprefix("controller.") for name in found.names if "controller." in name]
+    if found.controller is not None:
+        lines.append(f"controller={found.controller!r}")
+    return [*lines, f"free_controller={free!r}"] if free else lines
 
 
 def _orders(effect: Effect) -> list[int | tuple[int, str]]:
