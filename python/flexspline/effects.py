@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from types import MappingProxyType
 from typing import Any
 
@@ -146,7 +147,7 @@ class Effect:
         """Whether the effect has orders."""
         return bool(self.info.pairs)
 
-    @property
+    @cached_property
     def reads(self) -> tuple[str, ...]:
         """Channels that the effect reads: of several that may drive it, the one in use."""
         unused = {channel for channel, _ in self._unused_paths}
@@ -163,7 +164,7 @@ class Effect:
         paths = self.info.paths
         return tuple(p for k, p in enumerate(paths) if k != round(self.shapes["path"]))
 
-    @property
+    @cached_property
     def terms(self) -> tuple[TermInfo, ...]:
         """The coefficients, in the order of the row."""
         if not self.ripple:

@@ -14,7 +14,7 @@ from flexspline.discovery.working import Working
 from flexspline.effects import Effect
 from flexspline.fit.problem import Problem
 
-__all__ = ["Dictionary", "dictionary_of"]
+__all__ = ["Columned", "Dictionary", "columned"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,24 +38,50 @@ class Dictionary:
         return self.model[keep]
 
 
-def dictionary_of(
-    problem: Problem,
-    work: Working,
-    candidates: Sequence[Candidate],
-    whitening: Whitening,
-) -> Dictionary:
-    """Add up the products of the model's and all candidates' columns."""
-    wanted = list(dict.fromkeys(e for c in candidates for e in c.effects))
+@dataclass(frozen=True, eq=False)
+class Columned:
+    """The table of a model beside every effect that is looked at while it stands.
+
+    One pass over the logs serves all questions about a model: what may join it, and what would
+    take the place of each of its names.
+    """
+
+    work: Working
+    whitening: Whitening
+    table: Table
+    at: dict[Effect, Columns]
+
+    def has(self, candidates: Sequence[Candidate]) -> bool:
+        """Whether every column of these candidates is there."""
+        return all(effect in self.at for c in candidates for effect in c.effects)
+
+    def dictionary(self, candidates: Sequence[Candidate]) -> Dictionary:
+        """Return the part of the table that these candidates need."""
+        wanted = list(dict.fromkeys(e for c in candidates for e in c.effects))
+        own = np.arange(len(self.work.owners()))
+        columns = np.concatenate([own, *(self.at[effect] for effect in wanted)])
+        at, first = {}, len(own)
+        for effect in wanted:
+            at[effect] = np.arange(first, first + len(effect.terms))
+            first += len(effect.terms)
+        return Dictionary(
+            self.table.of(columns),
+            own,
+            len(self.work.free),
+            tuple(self.work.owners()),
+            tuple(candidates),
+            at,
+        )
+
+
+def columned(
+    problem: Problem, work: Working, wanted: Sequence[Effect], whitening: Whitening
+) -> Columned:
+    """Add up the products of the columns of a model and of effects beside it."""
+    wanted = list(dict.fromkeys(wanted))
     at, first = {}, len(work.owners())
     for effect in wanted:
-        last = first + len(effect.terms)
-        at[effect] = np.arange(first, last)
-        first = last
-    return Dictionary(
-        tabulated(problem, work.sheet(beside=wanted), whitening),
-        np.arange(len(work.owners())),
-        len(work.free),
-        tuple(work.owners()),
-        tuple(candidates),
-        at,
-    )
+        at[effect] = np.arange(first, first + len(effect.terms))
+        first += len(effect.terms)
+    table = tabulated(problem, work.sheet(beside=wanted), whitening)
+    return Columned(work, whitening, table, at)

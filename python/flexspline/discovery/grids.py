@@ -8,6 +8,7 @@ nothing tells, the bounds of the catalogue do.
 from __future__ import annotations
 
 from itertools import product
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,7 +48,11 @@ def shaped(effect: Effect, model: tuple[Effect, ...], problem: Problem) -> list[
 
 
 def _grid(effect: Effect, shape: ShapeInfo, problem: Problem, count: int) -> list[float]:
-    low, high = _range(effect, shape, problem)
+    kept: dict[Any, Any] = problem.kept  # a long log is read once for a range
+    key = ("range", effect.name, effect.reads, effect.harmonics, shape.name)
+    if key not in kept:
+        kept[key] = _range(effect, shape, problem)
+    low, high = kept[key]
     low, high = max(low, shape.lower), min(high, shape.upper)
     if not low < high:
         return [float(np.clip(shape.default, shape.lower, shape.upper))]

@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 from flexspline import _core
 from flexspline.discovery.nameless import Nameless, values_of
 from flexspline.discovery.stretches import (
-    CHUNK,
     Stretch,
     edges_of,
     kernels_of,
@@ -83,38 +82,22 @@ class Sheet:
         edges = [edges_of(problem, number) for number in range(len(problem.runs))]
         firsts = np.cumsum([0, *(len(e) - 1 for e in edges)])
         left = [np.full(len(run), np.nan) for run in problem.runs]
-        if not self.even(problem):
-            for number, run in enumerate(problem.runs):
+        if self.given or not self.even(problem):
+            for number, out in enumerate(left):
                 those = np.array(betas[firsts[number] : firsts[number + 1]])
-                self._leave(problem, number, those, left[number], run.stretches)
+                self._leave(problem, number, those, out)
             return left
-        screen = self._screen(problem)
-        held = [_shares(self._parts_of(beta)) for beta in betas]
+        numbers, held = range(len(left)), [_shares(self._parts_of(beta)) for beta in betas]
         plain = Whitening(np.ones(1), 1.0, 1)
-        for numbers, posed in self._posed(problem, plain):
-            own = [h for k in numbers for h in held[firsts[k] : firsts[k + 1]]]
-            for number, made in zip(
-                numbers, screen.left_over(posed, own, problem.threads), strict=True
-            ):
-                there = np.isfinite(made)
-                left[number][there] = made[there]
-        return left
+        posed = [_run(problem, k, stretches_of(problem, k, plain)) for k in numbers]
+        return self._screen(problem).left_over(posed, held, problem.threads)
 
-    def _leave(
-        self,
-        problem: Problem,
-        number: int,
-        betas: Array,
-        out: Array,
-        stretches: Sequence[tuple[int, int]],
-    ) -> None:
-        """The same for one run with columns that are all there."""
-        columns, target = self.rows(problem, number)
+    def _leave(self, problem: Problem, number: int, betas: Array, out: Array) -> None:
+        """The same for one run, with the columns of a stretch all there."""
         edges = edges_of(problem, number)
-        for first, last in stretches:
+        for (first, last), made in self.stretches(problem, number, cut=True):
             fold = np.searchsorted(edges[1:-1], np.arange(first, last), side="right")
-            fitted = np.einsum("nc,nc->n", columns[first:last], betas[fold])
-            out[first:last] = target[first:last] - fitted
+            out[first:last] = made[:, -1] - np.einsum("nc,nc->n", made[:, :-1], betas[fold])
 
     def pieces(self, problem: Problem) -> Iterator[tuple[bool, Array]]:
         """[Columns, target] of all rows that count, (n, C + 1), a few at a time.
@@ -122,27 +105,30 @@ class Sheet:
         Whether a piece begins a stretch comes first.
         """
         for number in range(len(problem.runs)):
-            for _, made in self.stretches(problem, number):
-                for first in range(0, len(made), CHUNK):
-                    yield first == 0, made[first : first + CHUNK]
+            begins = {first for first, _ in problem.runs[number].stretches}
+            for (first, _), made in self.stretches(problem, number, cut=True):
+                yield first in begins, made
 
-    def stretches(self, problem: Problem, number: int) -> Iterator[tuple[tuple[int, int], Array]]:
-        """Each stretch [first, last) of a run, and [columns, target] of its rows, (n, C + 1)."""
+    def stretches(
+        self, problem: Problem, number: int, *, cut: bool = False
+    ) -> Iterator[tuple[tuple[int, int], Array]]:
+        """Each stretch [first, last) of a run, and [columns, target] of its rows, (n, C + 1).
+
+        `cut`: in pieces of at most `CHUNK` rows.
+        """
         run = problem.runs[number]
         if not self.even(problem):
             whole = np.column_stack(self.rows(problem, number))
             yield from (((first, last), whole[first:last]) for first, last in run.stretches)
             return
-        screen, held, plain = (
-            self._screen(problem),
-            _shares(self.held),
-            Whitening(np.ones(1), 1.0, 1),
-        )
+        screen, held = self._screen(problem), _shares(self.held)
+        plain = Whitening(np.ones(1), 1.0, 1)
         values = values_of(problem, number) if self.given else {}
         columns = [*self.columns, *([(p, 1.0)] for p in self._given_parts)]
         for stretch in stretches_of(problem, number, plain):
-            posed = _run(problem, number, [stretch], *self._made(values, stretch))
-            yield stretch[:2], np.asarray(screen.rows(posed, columns, held))
+            for piece in pieces_of(stretch, plain) if cut else [stretch]:
+                posed = _run(problem, number, [piece], *self._made(values, piece))
+                yield piece[:2], np.asarray(screen.rows(posed, columns, held))
 
     def white(
         self, problem: Problem, whitening: Whitening, number: int

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.discovery.candidates import Candidate, candidates_for, possible
-from flexspline.discovery.dictionary import Dictionary, dictionary_of
+from flexspline.discovery.dictionary import Columned, Dictionary, columned
 from flexspline.discovery.pools import joined, order_pools, scanned
 from flexspline.discovery.thinning import thinned
 from flexspline.discovery.whitening import Whitening
@@ -34,6 +34,7 @@ class Study:
     possible: list[Effect]
     not_tried: dict[str, str]
     orders: tuple[FoundOrder, ...] = field(default=())
+    last: Columned | None = field(default=None, repr=False, compare=False)
 
     @property
     def target(self) -> str:
@@ -42,7 +43,7 @@ class Study:
     def thinned(self) -> Study:
         """The same for a part of long logs; itself for others."""
         part = thinned(self.problem)
-        return self if part is self.problem else replace(self, problem=part)
+        return self if part is self.problem else replace(self, problem=part, last=None)
 
     def candidates(self, model: Sequence[Effect]) -> list[Candidate]:
         """Return what may be missing beside a model."""
@@ -55,9 +56,23 @@ class Study:
         self, work: Working, whitening: Whitening, *, without: str | None = None
     ) -> Dictionary:
         """Return the table of a model and all candidates beside it, or beside it without one."""
+        candidates = self._beside(work, without)
+        last = self.last
+        if (
+            last is None
+            or last.work is not work
+            or last.whitening is not whitening
+            or not last.has(candidates)
+        ):
+            every = [None, without, *(effect.name for effect in work.named)]
+            wanted = [e for name in every for c in self._beside(work, name) for e in c.effects]
+            last = self.last = columned(self.problem, work, wanted, whitening)
+        return last.dictionary(candidates)
+
+    def _beside(self, work: Working, without: str | None) -> list[Candidate]:
+        """What may stand beside a model, or beside it in the place of one of its effects."""
         rest = [e for e in work.effects if e.name != without]
-        candidates = [c for c in self.candidates(rest) if c.name != without]
-        return dictionary_of(self.problem, work, candidates, whitening)
+        return [c for c in self.candidates(rest) if c.name != without]
 
     def scan(self, work: Working) -> None:
         """Look for orders in what a model leaves; those of earlier scans stay."""

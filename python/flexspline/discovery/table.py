@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,10 +38,15 @@ class Table:
     folds: Array
     rows: NDArray[np.int64]
 
-    @property
+    @cached_property
     def total(self) -> Array:
         """(C + 1, C + 1), over all folds."""
         return np.asarray(self.folds.sum(axis=0))
+
+    def of(self, columns: Columns) -> Table:
+        """Return the table of some columns, in this order, with y behind them."""
+        chosen = np.append(columns, self.folds.shape[1] - 1)
+        return Table(self.folds[:, chosen[:, None], chosen], self.rows)
 
     def without(self, model: Columns) -> Array:
         """Products of what the model's columns leave of all others, (C + 1, C + 1)."""

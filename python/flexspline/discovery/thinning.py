@@ -15,8 +15,8 @@ from flexspline.fit.problem import Problem, Run
 
 __all__ = ["ENOUGH", "rows_of", "thinned"]
 
-ENOUGH = 300_000  # rows that a first search looks at
-STRETCH = 1 << 13  # rows of one stretch, that of filters' histories are a small share
+ENOUGH = 120_000  # rows that a first search looks at
+STRETCH = 1 << 12  # rows of one stretch, that of filters' histories are a small share
 
 
 def rows_of(problem: Problem) -> int:
