@@ -182,6 +182,27 @@ def test_parts_of_a_run_remember_what_lies_between_them() -> None:
     assert_same(found.folds, plain_products(problem, remembering(made), whitening))
 
 
+def test_rows_asked_for_later_are_remembered_from_those_before() -> None:
+    made = study([log(1, 8000)])
+    whitening = Whitening(COLOURED, 1.0, 1)
+    for parts in (((4000, 4500),), ((500, 900), (4000, 4500), (6000, 6300)), ((4400, 4800),)):
+        runs = tuple(replace(run, stretches=parts) for run in made.problem.runs)
+        problem = replace(made.problem, runs=runs)
+        found = tabulated(problem, remembering(made), whitening)
+        assert_same(found.folds, plain_products(problem, remembering(made), whitening))
+
+
+def test_filtered_columns_are_those_of_plain_rows() -> None:
+    made = study([log(1, 3001, gap=1777), log(2, 2500)])
+    whitening, sheet = Whitening(COLOURED, 1.0, 1), remembering(made)
+    for number, run in enumerate(made.problem.runs):
+        found, at = sheet.white(made.problem, whitening, number)
+        columns, target = sheet.rows(made.problem, number)
+        expected, rows = whitening(np.column_stack([columns, target]), run)
+        assert np.array_equal(at, rows)
+        assert found == pytest.approx(expected, rel=0, abs=1e-11)
+
+
 def test_what_is_left_on_a_fold_is_target_less_columns_times_its_coefficients() -> None:
     made = study([log(1, 3001, gap=1777), log(2, 2500)])
     sheet = remembering(made)

@@ -25,6 +25,8 @@ __all__ = ["Study", "study_of"]
 
 Array = NDArray[np.float64]
 
+FIRST = (120_000, 1 << 12)  # rows that a first search looks at, and of one stretch of them
+
 
 @dataclass
 class Study:
@@ -42,7 +44,7 @@ class Study:
 
     def thinned(self) -> Study:
         """The same for a part of long logs; itself for others."""
-        part = thinned(self.problem)
+        part = thinned(self.problem, *FIRST)
         return self if part is self.problem else replace(self, problem=part, last=None)
 
     def candidates(self, model: Sequence[Effect]) -> list[Candidate]:

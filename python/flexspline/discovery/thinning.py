@@ -13,10 +13,7 @@ from dataclasses import replace
 
 from flexspline.fit.problem import Problem, Run
 
-__all__ = ["ENOUGH", "rows_of", "thinned"]
-
-ENOUGH = 120_000  # rows that a first search looks at
-STRETCH = 1 << 12  # rows of one stretch, that of filters' histories are a small share
+__all__ = ["rows_of", "thinned"]
 
 
 def rows_of(problem: Problem) -> int:
@@ -24,7 +21,7 @@ def rows_of(problem: Problem) -> int:
     return sum(run.counted for run in problem.runs)
 
 
-def thinned(problem: Problem, enough: int = ENOUGH, stretch: int = STRETCH) -> Problem:
+def thinned(problem: Problem, enough: int, stretch: int) -> Problem:
     """Return the problem with about `enough` of its rows, in pieces of about `stretch`.
 
     Itself where it has less than twice as many.

@@ -1,0 +1,55 @@
+"""A long log is searched in part first, and answered for by all its rows."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from fit_logs import WIDTH
+from hidden_logs import LOAD, friction_of, log_of, noise, rich_run
+
+import flexspline
+from flexspline.discovery import study
+from flexspline.discovery.thinning import rows_of, thinned
+
+BASE = ("offset", "coulomb_friction", "viscous_friction", "inertia")
+
+
+def long_log() -> flexspline.Log:
+    c = rich_run(3, 30_000)
+    hidden = 0.008 * np.abs(c[LOAD]) * np.tanh(c["output_velocity"] / WIDTH)
+    torque = friction_of(c) + hidden + c[LOAD] + noise(3, 30_000, 0.02)
+    return log_of(c, sensor_torque=torque)
+
+
+def test_parts_of_a_long_log_lie_evenly_over_all_of_it() -> None:
+    made = study.study_of(
+        [flexspline.effect(name) for name in BASE],
+        [long_log()],
+        "sensor_torque",
+        known_load=LOAD,
+        lowpass_hz=None,
+        threads=1,
+    )
+    part = thinned(made.problem, 3000, 300)
+    (run,) = part.runs
+    assert rows_of(part) == pytest.approx(3000, rel=0.02)
+    assert len(run.stretches) == 10
+    assert np.ptp(np.diff([first for first, _ in run.stretches])) <= 1
+    assert thinned(part, 3000, 300) is part
+
+
+def test_evidence_of_a_log_searched_in_part_is_that_of_all_rows(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def found() -> flexspline.Discovery:
+        return flexspline.discover(BASE, long_log(), target="sensor_torque", known_load=LOAD)
+
+    whole = found()
+    monkeypatch.setattr(study, "FIRST", (3000, 300))
+    in_part = found()
+    names = [one.effect for one in whole.found]
+    assert "load_dependent_friction" in names
+    assert [one.effect for one in in_part.found] == names
+    for one, other in zip(whole.found, in_part.found, strict=True):
+        assert other.t == pytest.approx(one.t, rel=0.2)  # a tenth of the rows has a third of it
+    assert in_part.final_rmse == pytest.approx(whole.final_rmse, rel=0.01)
