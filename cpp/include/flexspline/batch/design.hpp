@@ -73,22 +73,25 @@ class Design {
     std::vector<Memory> found(rows.size(), fresh());
     for (std::size_t k = 0; k < effects_.size(); ++k) {
       if (!remembers(effects_[k])) continue;
-      const auto states = remember(channels, rows, coefficients, k);
+      const auto states = remember(channels, rows, coefficients, k, {0, fresh()[k]});
       for (std::size_t at = 0; at < rows.size(); ++at) found[at][k] = states[at];
     }
     return found;
   }
 
-  /// The memory of effect number `which`, which has one, before each of these rows.
+  /// The memory of effect number `which`, which has one, before each of these rows; `known` is
+  /// that before an earlier one.
   std::vector<AnyState> remember(const Channels& channels, std::span<const std::size_t> rows,
-                                 std::span<const double> coefficients, std::size_t which) const {
+                                 std::span<const double> coefficients, std::size_t which,
+                                 const std::pair<std::size_t, AnyState>& known) const {
     std::vector<std::size_t> order(rows.size());
     std::iota(order.begin(), order.end(), std::size_t{0});
     std::sort(order.begin(), order.end(),
               [rows](std::size_t a, std::size_t b) { return rows[a] < rows[b]; });
     std::vector<AnyState> found(rows.size());
     Memory memory = fresh();
-    std::size_t row = 0;
+    memory[which] = known.second;
+    std::size_t row = known.first;
     for (const std::size_t k : order) {
       while (row < rows[k]) {
         const std::size_t count = std::min(SampleBlock::capacity, rows[k] - row);

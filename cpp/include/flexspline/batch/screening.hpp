@@ -100,6 +100,22 @@ inline Remembered::Key key_of(const Sheet& sheet, std::size_t run, const AnyEffe
   return key;
 }
 
+/// Adds what an effect remembers at rows that are not known yet, from the last known one before.
+inline void recall(const Sheet& sheet, const ScreenedRun& run, std::span<const std::size_t> rows,
+                   std::size_t effect, std::map<std::size_t, AnyState>& known) {
+  std::vector<std::size_t> missing;
+  for (const std::size_t row : rows) {
+    if (row > 0 && !known.contains(row)) missing.push_back(row);
+  }
+  if (missing.empty()) return;
+  const auto behind = known.lower_bound(*std::min_element(missing.begin(), missing.end()));
+  const std::pair<std::size_t, AnyState> from =
+      behind == known.begin() ? std::pair{std::size_t{0}, sheet.design.fresh()[effect]}
+                              : std::pair{std::prev(behind)->first, std::prev(behind)->second};
+  const auto states = sheet.design.remember(run.run.channels, missing, sheet.load, effect, from);
+  for (std::size_t k = 0; k < missing.size(); ++k) known.insert_or_assign(missing[k], states[k]);
+}
+
 /// The memory before each piece of a run; effects go in parallel, and what is known is not walked
 /// through again.
 inline std::vector<Memory> memories_of(const Sheet& sheet, const ScreenedRun& run,
@@ -116,13 +132,7 @@ inline std::vector<Memory> memories_of(const Sheet& sheet, const ScreenedRun& ru
   const std::vector those(wanted.begin(), wanted.end());
   parallel_blocks(those.size(), threads, [&](std::size_t e) {
     const auto& [known, same] = those[e];
-    const auto missing = [states = known](std::size_t row) {
-      return row > 0 && !states->contains(row);
-    };
-    if (std::any_of(rows.begin(), rows.end(), missing)) {
-      const auto states = sheet.design.remember(run.run.channels, rows, sheet.load, same.front());
-      for (std::size_t p = 0; p < rows.size(); ++p) known->insert_or_assign(rows[p], states[p]);
-    }
+    recall(sheet, run, rows, same.front(), *known);
     for (std::size_t p = 0; p < rows.size(); ++p) {
       for (const std::size_t k : same) {
         if (rows[p] > 0) found[p][k] = known->at(rows[p]);
