@@ -44,7 +44,9 @@ class Cost:
     tick: Callable[[], object] = lambda: None
 
     def residuals(self, point: Array) -> Array:
-        """(N,) over the rows that count of all runs."""
+        """(N,) over the rows that count of all runs; far off at a point that is no number."""
+        if not np.isfinite(point).all():
+            return np.full(sum(int(count.sum()) for count in self.counts), FAR)
         return self._together([point])[0]
 
     def rmse(self, point: Array) -> float:
