@@ -57,20 +57,22 @@ class Cost:
         """The same for several points."""
         return [float(np.sqrt(np.mean(rest**2))) for rest in self._together(points)]
 
-    def jacobian(self, point: Array) -> Array:
-        """(N, P): central differences, one-sided where a bound is near."""
+    def jacobian(self, point: Array, *, central: bool = False) -> Array:
+        """(N, P), by differences to one side, or to both (twice the cost, and more exact)."""
         low, high = self.space.bounds
-        ends = []
+        pairs = []
         for k in range(len(point)):
-            for side in (-STEP, STEP):
-                moved = point.copy()
-                moved[k] = np.clip(point[k] + side, low[k], high[k])
-                ends.append(moved)
-        made = self._together(ends)
+            side = STEP if point[k] + STEP <= high[k] else -STEP
+            first, last = point.copy(), point.copy()
+            first[k] = np.clip(point[k] - side, low[k], high[k]) if central else point[k]
+            last[k] = np.clip(point[k] + side, low[k], high[k])
+            pairs.append((first, last))
+        ends = [end for pair in pairs for end in pair] if central else [p[1] for p in pairs]
+        made = self._together(ends if central else [point, *ends])
         columns = []
-        for k in range(len(point)):
-            width = ends[2 * k + 1][k] - ends[2 * k][k]
-            columns.append((made[2 * k + 1] - made[2 * k]) / width)
+        for k, (first, last) in enumerate(pairs):
+            before, after = (made[2 * k], made[2 * k + 1]) if central else (made[0], made[k + 1])
+            columns.append((after - before) / (last[k] - first[k]))
         return np.stack(columns, axis=1)
 
     def by_run(self, point: Array) -> list[Array]:

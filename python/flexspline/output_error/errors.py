@@ -62,7 +62,7 @@ class Errors:
 
 def errors_of(cost: Cost, point: Array, folds: Sequence[Array]) -> Errors:
     """Return the errors at the best point; `folds`: where each refit without a fold ended."""
-    jacobian, rest = cost.jacobian(point), cost.residuals(point)
+    jacobian, rest = cost.jacobian(point, central=True), cost.residuals(point)
     norms = np.linalg.norm(jacobian, axis=0)
     seen = norms > NEXT_TO_NOTHING * max(float(norms.max()), 1e-300)
     units = np.where(seen, norms, np.inf)
