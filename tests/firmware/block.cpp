@@ -2,12 +2,13 @@
 //
 //   block float|double < nothing > its own block
 //   block float|double < a block > status of loading it (one byte), then its block after that
+#include "flexspline/block.hpp"
+
 #include <cstdio>
 #include <cstring>
 #include <vector>
 
 #include "joint.hpp"
-#include "flexspline/block.hpp"
 
 #ifndef MADE
 #define MADE joint::joint
