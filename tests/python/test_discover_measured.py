@@ -1,0 +1,114 @@
+"""What the measured logs lack is named as those who know them would name it.
+
+Every log as it was recorded, but for repairs that its own faults ask for. What does not come out is
+not asserted here; it stands in the report of the notebook.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+from measured import KINOVA_SPEEDS, iiwa, kinova, two_encoder, ur10e
+
+import flexspline
+from flexspline.discovery.faults import data_faults
+from flexspline.discovery.rest import moving, resting
+from flexspline.discovery.result import Discovery
+from flexspline.logs.checks.gear import measured_gear
+from flexspline.logs.log import Log
+from flexspline.logs.repairs import repaired
+
+MOVES = ["offset", "coulomb_friction", "viscous_friction", "inertia", "gravity"]
+SMOOTH = ["coulomb_friction", "viscous_friction", "stribeck_friction"]
+MENDED = ["flip_sign=sensor_torque", "velocity_from_position=output_velocity"]
+NM_PER_A = 7.6
+
+pytestmark = pytest.mark.usefixtures("data_folder")
+
+
+@cache
+def arm(joint: int) -> Discovery:
+    return flexspline.discover(MOVES, ur10e(joint), target="motor_current", lowpass=5.0)
+
+
+@cache
+def current() -> Discovery:
+    runs = [repaired(kinova(speed), "drop_start=1.0") for speed in KINOVA_SPEEDS[2:]]
+    return flexspline.discover(SMOOTH, runs, target="motor_current")
+
+
+@pytest.mark.parametrize("joint", [1, 2, 4])
+def test_rest_is_found_at_the_end_of_a_run_and_never_in_a_reversal(joint: int) -> None:
+    log = ur10e(joint)
+    still = resting(log)
+    speed = np.abs(log["output_velocity"])
+    assert still[-100:].all()
+    assert 0.02 < still.mean() < 0.12
+    assert speed[~still].max() == speed.max()
+    part = moving(log, "sensor_torque")
+    assert part is log
+
+
+def test_friction_that_grows_with_its_own_load_is_named_first_in_joint_2() -> None:
+    found = arm(2).found[0]
+    assert found.effect == "load_dependent_friction"
+    assert "position_dependent_friction" in found.indistinguishable_from
+    assert found.rmse_after < 0.45 * found.rmse_before
+    said = str(arm(2).next_experiment)
+    assert "load_dependent_friction" in said and "position_dependent_friction" in said
+
+
+def test_joint_4_lacks_no_friction_of_velocity_or_load() -> None:
+    wrong = {"load_dependent_friction", "nonlinear_viscous_friction", "stribeck_friction"}
+    assert not wrong & set(arm(4).names)
+    for one in arm(4).found:
+        assert one.rmse_after < one.rmse_before
+
+
+def test_the_current_of_the_kinova_lacks_cogging_that_changes_with_speed() -> None:
+    made = current()
+    assert set(made.names) == {"cogging", "speed_dependent_ripple"}
+    (cogging,) = [e for e in made.fit.part.effects if e.name == "cogging"]
+    # 7 pole pairs: 7, 14, 28, 42; 1200 and 2400 per output turn are 12 and 24 of the motor
+    assert {7, 12, 14, 24, 28, 42} <= {order for order, _ in cogging.harmonics}
+    assert made.validated_by == "runs"
+    assert NM_PER_A * made.final_rmse <= 0.125
+
+
+@pytest.mark.parametrize(("joint", "speed"), [(1, "p3"), (2, "p1"), (5, "p1"), (7, "p5")])
+def test_a_late_velocity_of_the_iiwa_is_a_fault_before_any_friction(joint: int, speed: str) -> None:
+    log = repaired(iiwa(joint, speed), "flip_sign=sensor_torque")
+    (late,) = [f for f in data_faults([log], [], "sensor_torque", None)
+               if f.name == "velocity_delay"]  # fmt: skip
+    assert late.channel == "output_velocity"
+    assert 0.031 <= late.size <= 0.076
+
+
+def test_friction_of_iiwa_joint_1_builds_up_over_an_angle_at_every_speed() -> None:
+    """Four speeds tell an angle from a delay; each is predicted by the other three."""
+    runs = [repaired(iiwa(1, speed), MENDED) for speed in ("p15", "p3", "p45", "1")]
+    runs = [log.rows(slice(200, 200 + int(30 * log.rate))) for log in runs]
+    base = ["offset", "coulomb_friction", "viscous_friction"]
+    made = flexspline.discover(base, runs, target="sensor_torque", lowpass=10.0)
+    assert made.names[0] == "presliding_friction"
+    assert made.found[0].rmse_after < 0.3 * made.base_rmse
+
+
+@cache
+def encoders() -> Log:
+    return two_encoder(1).with_facts({"gear_ratio": 7.3})
+
+
+def test_two_encoders_show_their_delay_before_their_hysteresis() -> None:
+    (late,) = data_faults([encoders()], [], "torsion", None)
+    assert late.name == "encoder_delay"
+    assert 0.4e-3 < late.size < 0.7e-3
+    gear = measured_gear(encoders())
+    assert gear is not None
+    aligned = repaired(encoders(), f"shift=output_position:{gear.delay}")
+    aligned = aligned.with_facts({"gear_ratio": gear.ratio})
+    made = flexspline.discover(["offset"], aligned, target="torsion")
+    assert made.names == ("torsional_hysteresis", "kinematic_error")
+    assert made.final_rmse < 0.3 * made.base_rmse
