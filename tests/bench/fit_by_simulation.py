@@ -14,6 +14,7 @@ import argparse
 import os
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -24,6 +25,7 @@ from xl330_servo import CHOSEN, FORMS, HELD_OUT, TWELVE, fitted, runs
 
 import flexspline
 from flexspline.fit.result import Fit
+from flexspline.output_error.result import StartEnd
 
 
 def main() -> None:
@@ -87,6 +89,24 @@ def held_out(fit: Fit) -> None:
         print(f"  {name}  {value:6.1f} mrad RMS")
     print(f"  mean      {np.mean(each):6.1f}")
     print(f"  all rows  {1e3 * np.sqrt(squares.mean()):6.1f}")
+    print("\neach start: RMS on the twelve, then on the four, mrad")
+    for start in fit.simulation.starts:
+        print(f"  {1e3 * start.rmse:6.1f}  {1e3 * of_start(fit, start):6.1f}")
+
+
+def of_start(fit: Fit, start: StartEnd) -> float:
+    """Return the RMS [rad] on the four logs of the parameters that one start ended at."""
+    assert fit.simulation is not None and fit.simulation.controller is not None
+    values = dict(zip(fit.simulation.names, start.values, strict=True))
+    names = [p.name for p in fit.parameters if p.kind == "coefficient"]
+    there = [values.get(n, v) for n, v in zip(names, fit.part.coefficients, strict=True)]
+    part = replace(fit.part, coefficients=np.array(there))
+    law = fit.simulation.controller.with_fields(
+        {n.removeprefix("controller."): v for n, v in values.items() if "controller." in n}
+    )
+    model = fit.model.with_part(part, {})
+    made = flexspline.simulate(model, runs(HELD_OUT), target="motor_torque", controller=law)
+    return float(np.sqrt(np.mean(np.concatenate([run.residual for run in made]) ** 2)))
 
 
 if __name__ == "__main__":

@@ -70,6 +70,19 @@ def test_all_starts_end_at_the_same_joint():
     assert "2 starts ended between" in str(wrong_start())
 
 
+def test_an_arm_that_goes_over_the_top_is_found_from_pieces_of_its_runs():
+    # from the regression the search ends 0.24 rad off: a turn more or less of the arm
+    fit = flexspline.fit(
+        EFFECTS, runs(6, 9), "motor_torque", fixed=KNOWN, by="simulation", starts=2,
+        controller=law(torque=0.3, back_emf=0.04), free_controller=FREE,
+    )  # fmt: skip
+    from_regression, from_pieces = (start.rmse for start in fit.simulation.starts)
+    assert from_regression > 0.1 and from_pieces < 3.0 * STEP
+    for name, value in TRUE.items():
+        low, high = fit[name].interval
+        assert low <= value <= high, name
+
+
 def test_the_saved_model_and_law_move_as_the_fit_says(tmp_path):
     fit = wrong_start()
     fit.model.save(tmp_path / "model.json")

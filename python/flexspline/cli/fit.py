@@ -84,7 +84,7 @@ def _prior(text: str) -> tuple[float, float]:
     type=click.IntRange(1),
     default=8,
     show_default=True,
-    help="By simulation: descents, the first from the regression.",
+    help="By simulation: descents, from the regression, from pieces of the runs, and around.",
 )
 @click.option("--offset-per-run", is_flag=True, help="One offset for each run.")
 @threads

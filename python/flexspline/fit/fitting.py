@@ -87,7 +87,8 @@ def fit(
     controller : the servo's law that drives the simulation, or the path of its `servo.json`; None:
         the measured motor torque does. Without a torque channel, `duty` gives the regression's.
     free_controller : fields of the law that are fitted too, of "torque" and "back_emf".
-    starts : descents, the first from the regression, the others around it by `seed`.
+    starts : descents: from the regression, from where short pieces of the runs are missed least,
+        and the others around the regression by `seed`.
     folds : every `folds`-th run is left out in turn (of fewer runs, as many blocks of each); what
         the fits without find is within the intervals.
 

@@ -12,9 +12,11 @@ from tqdm import tqdm
 from flexspline.effects import Effect
 from flexspline.errors import InputError, listed
 from flexspline.forward.drive import DriveInputs, drive_inputs
+from flexspline.logs.derive import differentiate
 from flexspline.output_error.cost import Cost
 from flexspline.output_error.errors import errors_of
 from flexspline.output_error.folds import folds_of, refitted
+from flexspline.output_error.pieces import by_pieces
 from flexspline.output_error.regression import with_servo_torque
 from flexspline.output_error.search import best_of, descend, drawn_starts
 from flexspline.output_error.settings import Settings
@@ -75,7 +77,7 @@ def fit_by_simulation(
         cost = Cost(space, runs, counts, 1, settings.threads, lambda: bar.update())
         cost = replace(cost, steps=_steps(cost))
         found = []
-        for number, start in enumerate(drawn_starts(cost, settings.starts, settings.seed)):
+        for number, start in enumerate(_starts(cost, regression, settings)):
             bar.set_description(f"start {number + 1} of {settings.starts}")
             found.append(descend(cost, start, EVALUATIONS))
         best = best_of(found)
@@ -84,6 +86,21 @@ def fit_by_simulation(
         without = refitted(cost, best, folds, EVALUATIONS)
         errors = errors_of(cost, best.point, [fold.point for fold in without])
         return assembled(regression, cost, found, folds, without, errors, law, logs, into)
+
+
+def _starts(cost: Cost, regression: Fit, settings: Settings) -> list[Any]:
+    """The regression, where pieces of the runs are missed least, and points drawn around it."""
+    drawn = drawn_starts(cost, settings.starts, settings.seed)
+    if settings.starts == 1:
+        return drawn
+    velocities = [_velocity(run.log) for run in regression.runs]
+    shooting = descend(by_pieces(cost, velocities), cost.space.start, EVALUATIONS)
+    return [drawn[0], shooting.point, *drawn[1:-1]]
+
+
+def _velocity(log: Log) -> Any:
+    made = log if "output_velocity" in log else differentiate(log)
+    return made["output_velocity"]
 
 
 def _require_drive(effects: Sequence[Effect], target: str) -> None:

@@ -47,7 +47,7 @@ class SimulationFit:
     Parameters
     ----------
     runs : gap of each run.
-    starts : all of them, the regression first.
+    starts : all of them: from the regression, from short pieces of the runs, then drawn ones.
     names : of the parameters that were searched.
     regressed, fitted : their values, (P,).
     folds : (K, P): values without each fold; `folds_by` says what a fold is.
