@@ -28,6 +28,8 @@ from flexspline.discovery.confidence import FEATURES
 Array = NDArray[np.float64]
 
 PRIOR = 0.05  # of each coefficient's square, in units of one name's log-likelihood
+SIGNS = ((None, None), (0.0, None), (0.0, None), (0.0, None), (None, 0.0), (None, 0.0))
+"""More evidence, lead and survival never make a name less likely, nor aliases more."""
 BINS = (0.0, 0.5, 0.8, 0.9, 0.95, 1.0)
 
 
@@ -50,7 +52,7 @@ def _outcomes(path: Path) -> list[dict[str, Any]]:
 
 
 def fitted(rows: Array, right: Array) -> Array:
-    """Coefficients (K,) of the logistic model, the constant without a prior."""
+    """Coefficients (K,) of the logistic model, with signs that make sense; none of the constant."""
     prior = np.full(rows.shape[1], PRIOR)
     prior[0] = 0.0
 
@@ -58,7 +60,7 @@ def fitted(rows: Array, right: Array) -> Array:
         score = rows @ b
         return float(np.sum(np.logaddexp(0.0, score) - right * score) + prior @ b**2)
 
-    return np.asarray(minimize(loss, np.zeros(rows.shape[1]), method="BFGS").x)
+    return np.asarray(minimize(loss, np.zeros(rows.shape[1]), bounds=SIGNS).x)
 
 
 def left_out(rows: Array, right: Array, folds: int = 5) -> Array:

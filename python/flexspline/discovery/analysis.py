@@ -29,7 +29,9 @@ __all__ = ["Analysis", "analysed"]
 Array = NDArray[np.float64]
 
 SURROGATE = 0.6  # of its gain that a name keeps beside functions without a name, to be no stand-in
-MOST_KEPT = 0.5  # of the rows that are kept at least where those are left out whose past is unknown
+MOST_KEPT = (
+    0.5  # of each run's rows that are kept at least, where those of unknown past are left out
+)
 OVERWHELMING = 3.0  # times a name's gain that is left: the name may be a small part of it
 LARGE = 0.12  # times a name's gain that these functions gain beside it, to cast doubt on it
 CEILING = (30_000, 2_000)  # rows for functions without a name, and of one stretch
@@ -95,7 +97,8 @@ def analysed(
     share = rows_of(whole.problem) / rows_of(looked_at)
     ceiling = Ceiling(looked_at, whitening)
     leftover, doubted = leftover_of(ceiling, final).times(share), []
-    while (stand_in := _stand_in(searcher, final, leftover)) is not None:
+    at_first = leftover.net
+    while (stand_in := _stand_in(searcher, final, leftover, at_first)) is not None:
         doubted.append(stand_in)
         kept = [e for e in final.effects if e.name != stand_in]
         final = searcher.pruned(searcher.fitted(final.having(kept))[0])
@@ -105,10 +108,10 @@ def analysed(
 
 
 def _known(problem: Problem, effects: Sequence[Effect]) -> Problem:
-    """Leave out the rows at which effects still depend on what came before a run, if few are."""
+    """Leave out the rows at which effects still depend on what came before, if each run has few."""
     left = settled(problem, effects)
-    counts = [sum(run.counted for run in p.runs) for p in (left, problem)]
-    return left if counts[0] >= MOST_KEPT * counts[1] else problem
+    both = zip(left.runs, problem.runs, strict=True)
+    return left if all(a.counted >= MOST_KEPT * b.counted for a, b in both) else problem
 
 
 def _everything(study: Study, work: Working) -> Sheet:
@@ -118,13 +121,18 @@ def _everything(study: Study, work: Working) -> Sheet:
     return work.sheet(beside=list(dict.fromkeys(wanted)), functions=nameless)
 
 
-def _stand_in(searcher: Searcher, work: Working, leftover: Leftover) -> str | None:
-    """The named effect that most clearly stands in for something else, if one does."""
+def _stand_in(searcher: Searcher, work: Working, leftover: Leftover, at_first: float) -> str | None:
+    """The named effect that most clearly stands in for something else, if one does.
+
+    `at_first`: what was left before any name was taken back, in χ²; a name that was is part of
+    what is left now, and no reason to take back those that explain something else.
+    """
     if not leftover.groups or not work.named:
         return None
     dictionary = searcher.study.dictionary(work, searcher.whitening)
     shares = {e.name: leftover.net / max(owned_gain(dictionary, e.name), 1e-300)
               for e in work.named}  # fmt: skip
-    doubted = [n for n, share in shares.items() if share > OVERWHELMING
+    small = OVERWHELMING * leftover.net / max(at_first, 1e-300)
+    doubted = [n for n, share in shares.items() if share > small
                or (share > LARGE and leftover.survives[n] < SURROGATE)]  # fmt: skip
     return max(doubted, key=lambda name: shares[name], default=None)

@@ -1,0 +1,111 @@
+"""Rules of the search: what is no noise, no name, and no reason to refuse one."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+from hidden_logs import LOAD, friction_of, log_of, noise, rich_run
+
+import flexspline
+from flexspline.discovery.confidence import FEATURES, confidence, features
+from flexspline.discovery.predictive import foretold_gain
+from flexspline.discovery.result import Discovery
+from flexspline.discovery.table import Table
+from flexspline.logs.log import Log
+
+BASE = ["offset", "coulomb_friction", "viscous_friction", "inertia"]
+RUNS, ROWS = 4, 1500
+Array = np.ndarray
+
+
+def table_of(columns: list[Array], values: list[Array]) -> Table:
+    """Products of columns (N, C) and values (N,) of each fold, in noise of size one."""
+    both = [np.column_stack([x, y]) for x, y in zip(columns, values, strict=True)]
+    return Table(np.array([b.T @ b for b in both]), np.array([len(b) for b in both]))
+
+
+def folds_apart(signal: float) -> tuple[Table, Array, Array, float]:
+    """Four folds on four parts of an axis; waves of three lengths beside a constant and a line."""
+    generator, columns, values = np.random.default_rng(5), [], []
+    for start in (0.0, 0.5, 1.0, 1.5):
+        x = start + generator.uniform(0.0, 0.5, 400)
+        waves = [wave(k * x) for k in (1, 2, 3) for wave in (np.cos, np.sin)]
+        columns.append(np.column_stack([np.ones(400), x, *waves]))
+        values.append(signal * np.cos(3 * x + 0.4) + generator.normal(size=400))
+    table = table_of(columns, values)
+    model, beside = np.arange(2), np.arange(2, 8)
+    return table, model, beside, explained(table)
+
+
+def explained(table: Table) -> float:
+    """Squares that the waves explain beside constant and line."""
+    left = [table.total[-1, -1] - table.total[:-1, -1][:n] @ np.linalg.lstsq(
+        table.total[:n, :n], table.total[:n, -1], rcond=1e-12)[0] for n in (2, 8)]  # fmt: skip
+    return float(left[0] - left[1])
+
+
+def test_a_fold_that_goes_beyond_the_others_does_not_condemn_a_right_effect() -> None:
+    table, model, beside, gain = folds_apart(2.0)
+    plain = table.held_out(model) - table.held_out(np.append(model, beside))
+    assert plain.sum() < 0.0  # the error on left-out folds would refuse it
+    assert foretold_gain(table, model, beside, gain).sum() > 0.5 * gain
+
+
+def test_waves_that_are_not_there_are_not_foretold() -> None:
+    table, model, beside, gain = folds_apart(0.0)
+    assert gain < 25.0
+    assert foretold_gain(table, model, beside, gain).sum() < 0.5 * 25.0
+
+
+def step_in_temperature(c: dict[str, Array]) -> Array:
+    """Slow: between two settings of a heater, say; no effect of the catalogue."""
+    return 0.06 * np.tanh((c["temperature"] - 31.0) / 0.5)
+
+
+def loaded(c: dict[str, Array]) -> Array:
+    return 0.006 * np.tanh(c["output_velocity"] / 0.02) * np.abs(c[LOAD])
+
+
+@cache
+def found(hidden: str) -> Discovery:
+    term = {"step": step_in_temperature, "loaded": loaded}[hidden]
+    logs: list[Log] = []
+    for seed in range(1, RUNS + 1):
+        c = rich_run(seed, ROWS)
+        c["temperature"] += 3.0 * seed  # else all warm up alike, and time tells as much
+        torque = c[LOAD] + friction_of(c) + noise(seed, ROWS) + term(c)
+        logs.append(log_of(c, sensor_torque=torque))
+    exclude = ["load_dependent_friction"] if hidden == "loaded" else []
+    return flexspline.discover(BASE, logs, target="sensor_torque", known_load=LOAD, exclude=exclude)
+
+
+def test_a_slow_cause_without_a_name_is_not_taken_for_noise() -> None:
+    made = found("step")
+    assert made.names == ()
+    assert made.unexplained is not None and made.unexplained.depends_on[0] == "temperature"
+
+
+def test_an_effect_that_is_no_candidate_gets_no_other_name() -> None:
+    made = found("loaded")
+    assert made.names == ()
+    assert made.unexplained is not None
+    assert {LOAD, "output_velocity"} <= set(made.unexplained.depends_on)
+
+
+@pytest.mark.parametrize(
+    ("better", "worse"),
+    [
+        ((200.0, 12.0, 50.0, 1.0, 0.0, 0), (30.0, 12.0, 20.0, 1.0, 0.0, 0)),
+        ((200.0, 12.0, 50.0, 1.0, 0.0, 0), (200.0, 12.0, 50.0, 0.2, 0.0, 0)),
+        ((200.0, 12.0, 50.0, 1.0, 0.0, 0), (200.0, 12.0, 50.0, 1.0, 30.0, 0)),
+        ((200.0, 12.0, 50.0, 1.0, 0.0, 0), (200.0, 12.0, 50.0, 1.0, 0.0, 2)),
+    ],
+)
+def test_weaker_evidence_is_never_stated_with_more_confidence(
+    better: tuple[float, float, float, float, float, int],
+    worse: tuple[float, float, float, float, float, int],
+) -> None:
+    assert len(features(*better)) == len(FEATURES)
+    assert confidence(features(*better)) > confidence(features(*worse))
