@@ -35,6 +35,7 @@ __all__ = ["Limits", "Searcher", "Step", "freedom", "owned_gain"]
 
 MOST_NAMES = 8
 LEFTOVER = 0.007  # of the gain of a name: below, it may be what its form misses
+SAME = 0.05  # the same for a candidate that reads nothing else: it may bend what the name shows
 REMEMBERED = 0.03  # the same of an effect with memory, whose loops have more ways to differ
 HELD_OUT = 0.5  # of its gain above its price that an effect must have on left-out folds
 REFITTED = 4  # offers whose shapes are refitted before one is chosen
@@ -154,7 +155,7 @@ class Searcher:
             return False
         if self.limits.lax:
             return True
-        if offer.gain < _missed(dictionary, work.named):
+        if offer.gain < _missed(dictionary, work.named, offer.effect):
             self.refused[offer.effect.name] = "no more than what the form of a named effect misses"
             return False
         foretold = foretold_gain(dictionary.table, dictionary.model, offer.columns, offer.gain)
@@ -173,7 +174,7 @@ class Searcher:
             rest = dictionary.without([effect.name])
             own = owned_gain(dictionary, effect.name)
             floor = price(len(effect.terms), 1.0, rivals)
-            missed = _missed(dictionary, [e for e in work.named if e.name != effect.name])
+            missed = _missed(dictionary, [e for e in work.named if e.name != effect.name], effect)
             others = [e for e in work.effects if e.name != effect.name]
             best = max(
                 offers(dictionary, rest, rivals), key=lambda o: _ranked(o.gain, o), default=None
@@ -199,10 +200,13 @@ def owned_gain(dictionary: Dictionary, name: str) -> float:
     return gain_of(left, own, np.diag(dictionary.table.total))[0]
 
 
-def _missed(dictionary: Dictionary, named: Sequence[Effect]) -> float:
-    """What the forms of named effects may miss of what they explain, in χ²."""
-    shares = {e.name: REMEMBERED if e.info.remembers else LEFTOVER for e in named}
-    gains = [share * owned_gain(dictionary, name) for name, share in shares.items()]
+def _missed(dictionary: Dictionary, named: Sequence[Effect], other: Effect) -> float:
+    """What the forms of named effects may miss, and another effect may seem to explain, in χ²."""
+    gains = []
+    for effect in named:
+        share = REMEMBERED if effect.info.remembers else LEFTOVER
+        share = SAME if set(other.reads) <= set(effect.reads) else share
+        gains.append(share * owned_gain(dictionary, effect.name))
     return max(gains, default=0.0)
 
 
