@@ -10,9 +10,11 @@ from numpy.typing import NDArray
 
 from flexspline.discovery.aliases import simplest
 from flexspline.discovery.ceiling import Ceiling
+from flexspline.discovery.heldout import held_out, plain_rows
 from flexspline.discovery.nameless import nameless_of
 from flexspline.discovery.noise import first_whitening, restricted_whitening
 from flexspline.discovery.refit import started
+from flexspline.discovery.scores import gain_of
 from flexspline.discovery.search import Limits, Searcher, Step, owned_gain
 from flexspline.discovery.sheet import Sheet
 from flexspline.discovery.study import Study
@@ -29,11 +31,10 @@ __all__ = ["Analysis", "analysed"]
 Array = NDArray[np.float64]
 
 SURROGATE = 0.6  # of its gain that a name keeps beside functions without a name, to be no stand-in
-MOST_KEPT = (
-    0.5  # of each run's rows that are kept at least, where those of unknown past are left out
-)
+MOST_KEPT = 0.5  # of each run's rows that stay at least, where those of unknown past are left out
 OVERWHELMING = 3.0  # times a name's gain that is left: the name may be a small part of it
 LARGE = 0.12  # times a name's gain that these functions gain beside it, to cast doubt on it
+CLOSED = 0.8  # of the gap's mean square on left-out folds, for names that are not doubted
 CEILING = (30_000, 2_000)  # rows for functions without a name, and of one stretch
 
 
@@ -97,13 +98,16 @@ def analysed(
     share = rows_of(whole.problem) / rows_of(looked_at)
     ceiling = Ceiling(looked_at, whitening)
     leftover, doubted = leftover_of(ceiling, final).times(share), []
-    at_first = leftover.net
-    while (stand_in := _stand_in(searcher, final, leftover, at_first)) is not None:
+    at_first, closed = leftover.net, _closes(looked_at, base, final, leftover)
+    while not closed:
+        stand_in = _stand_in(searcher, final, leftover, at_first)
+        if stand_in is None:
+            break
         doubted.append(stand_in)
         kept = [e for e in final.effects if e.name != stand_in]
         final = searcher.pruned(searcher.fitted(final.having(kept))[0])
         leftover = leftover_of(ceiling, final).times(share)
-    final = searcher.pruned(simplest(searcher, final))
+    final = _ordered(searcher, searcher.pruned(simplest(searcher, final)))
     return Analysis(whole, study, base, final, searcher, tuple(steps), leftover, tuple(doubted))
 
 
@@ -119,6 +123,35 @@ def _everything(study: Study, work: Working) -> Sheet:
     wanted = [e for c in study.candidates(work.effects) for e in c.effects]
     nameless = nameless_of(study.problem, pairs=False)
     return work.sheet(beside=list(dict.fromkeys(wanted)), functions=nameless)
+
+
+def _ordered(searcher: Searcher, work: Working) -> Working:
+    """Put the name that gains most beside those before it first: a search may lose this order."""
+    dictionary = searcher.study.dictionary(work, searcher.whitening)
+    owners, raw = np.array(dictionary.owners), np.diag(dictionary.table.total)
+    rest = {e.name: e for e in work.named}
+    before, chosen = dictionary.without(list(rest)), list(work.effects[: work.base])
+    while rest:
+        left = dictionary.table.without(before)
+        gains = {n: gain_of(left, dictionary.model[owners == n], raw)[0] for n in rest}
+        best = max(gains, key=lambda name: gains[name])
+        before = np.concatenate([before, dictionary.model[owners == best]])
+        chosen.append(rest.pop(best))
+    return searcher.fitted(work.having(chosen))[0]
+
+
+def _closes(problem: Problem, base: Working, final: Working, leftover: Leftover) -> bool:
+    """Whether the names close nearly all of the gap that functions without a name could close.
+
+    In logs of many rows what a form misses is sure as well, and free functions of a name's own
+    channels hold the name: they do not make it a stand-in where little is left to explain.
+    """
+    if not leftover.groups or not final.named:
+        return False
+    plain = plain_rows(problem, final)
+    before, after = (held_out(problem, work, plain).rmse for work in (base, final))
+    floor = min(held_out(problem, final, plain, leftover.groups).rmse, after)
+    return before**2 - after**2 >= CLOSED * (before**2 - floor**2)
 
 
 def _stand_in(searcher: Searcher, work: Working, leftover: Leftover, at_first: float) -> str | None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,8 +10,7 @@ from flexspline.discovery.analysis import Analysis
 from flexspline.discovery.confidence import confidence, features
 from flexspline.discovery.driven import driven_apart
 from flexspline.discovery.faults import DataFault
-from flexspline.discovery.heldout import HeldOut, held_out
-from flexspline.discovery.refit import solved_at
+from flexspline.discovery.heldout import HeldOut, held_out, plain_rows
 from flexspline.discovery.result import Discovery, Found, Unexplained
 from flexspline.discovery.scores import equivalent_t, price
 from flexspline.discovery.search import owned_gain
@@ -33,7 +30,6 @@ __all__ = ["assembled"]
 Array = NDArray[np.float64]
 
 BESIDE = 5  # rivals that are kept with a name, and all its aliases
-EXACT = 1e-12  # of the target's squares: what a fit leaves that leaves nothing
 SEEN = 0.05  # of the first gap: less is neither a second name nor unexplained
 
 
@@ -42,7 +38,7 @@ def assembled(
 ) -> Discovery:
     """Put everything together that a user sees; `limits`: of the run to record next."""
     problem = made.study.problem
-    plain = _plain(made)
+    plain = plain_rows(problem, made.final)
     left = [held_out(problem, work, plain) for work in _nested(made)]
     steps = [one.rmse for one in left]
     unexplained, floor = _unexplained(made, plain, steps)
@@ -72,16 +68,6 @@ def assembled(
         doubted=made.doubted,
         plan=plan,
     )
-
-
-def _plain(made: Analysis) -> Whitening:
-    """Rows as `fit` takes them, for what users see; σ² is what the final model leaves."""
-    problem = made.study.problem
-    rows = Whitening(np.ones(1), 1.0, problem.decimation)
-    _, squares = solved_at(problem, made.final, rows)
-    count = sum(len(at) for run in problem.runs for at in rows.taken(run))
-    whole = sum(float(run.target @ run.target) for run in problem.runs)
-    return replace(rows, variance=max(squares, EXACT * whole, EXACT**2) / max(count, 1))
 
 
 def _runs(made: Analysis, before: HeldOut, after: HeldOut) -> tuple[HeldRun, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from flexspline.discovery.nameless import Nameless
 from flexspline.discovery.predictive import prior_of
+from flexspline.discovery.refit import solved_at
 from flexspline.discovery.scores import gain_of
 from flexspline.discovery.stretches import edges_of
 from flexspline.discovery.table import inverse_of, left_by, solved, tabulated
@@ -18,11 +19,12 @@ from flexspline.discovery.whitening import Whitening
 from flexspline.discovery.working import Working
 from flexspline.fit.problem import Problem
 
-__all__ = ["Fold", "HeldOut", "held_out"]
+__all__ = ["Fold", "HeldOut", "held_out", "plain_rows"]
 
 Array = NDArray[np.float64]
 
 BESIDE = "functions without a name"
+EXACT = 1e-12  # of the target's squares: what a fit leaves that leaves nothing
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,6 +89,15 @@ def held_out(
              for products, own in zip(others, plain.folds, strict=True)]  # fmt: skip
     spread = float(np.sum(moved) / np.sum(plain.rows))
     return HeldOut(residuals, tuple(_folds(problem, work, betas)), spread)
+
+
+def plain_rows(problem: Problem, work: Working) -> Whitening:
+    """Rows as `fit` takes them, for what users see; σ² is what this model leaves."""
+    rows = Whitening(np.ones(1), 1.0, problem.decimation)
+    _, squares = solved_at(problem, work, rows)
+    count = sum(len(at) for run in problem.runs for at in rows.taken(run))
+    whole = sum(float(run.target @ run.target) for run in problem.runs)
+    return replace(rows, variance=max(squares, EXACT * whole, EXACT**2) / max(count, 1))
 
 
 def _folds(problem: Problem, work: Working, betas: Sequence[Array]) -> Iterator[Fold]:

@@ -184,7 +184,8 @@ class Searcher:
                 continue
             if best is None or best.gain - best.price <= own - floor:
                 continue
-            trial, left = self.fitted(work.having([*others, best.effect]))
+            swapped = [best.effect if e.name == effect.name else e for e in work.effects]
+            trial, left = self.fitted(work.having(swapped))
             margin = COLUMN_SHARE * own * max(freedom(best.effect) - freedom(effect), 0)
             better = left + best.price + margin < squares + floor
             if better and not impossible(trial, best.effect.name, self.study.target):
