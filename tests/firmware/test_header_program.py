@@ -9,16 +9,16 @@ from pathlib import Path
 import device
 import numpy as np
 import pytest
+from every_effect import LOAD, all_of, exported, motion, rich
 
 import flexspline
-from flexspline.effects import CATALOGUE, TARGETS, Effect, effect, unit_in
+from flexspline.effects import Effect, effect, unit_in
 from flexspline.export import export
 from flexspline.logs.log import Log
 from flexspline.model import PART_OF, Model, Part
 
 FLEX = "wave_generator_on_flexspline"
 CIRCULAR = "wave_generator_on_circular_spline"
-LOAD = "reference_torque"
 
 FITTED = (
     effect("offset"),
@@ -41,29 +41,6 @@ OTHERS = (
     effect("load_dependent_friction", direction_width=0.02),
     effect("wave_generator_ripple", orders=[(1, CIRCULAR), (2, CIRCULAR), (3, FLEX)]),
 )
-
-
-def motion(seed: int, rows: int = 6000) -> Log:
-    """A run with all channels; several turns in both directions."""
-    rng = np.random.default_rng(seed)
-    time = np.arange(rows) * 1e-3
-    rates, sizes = rng.uniform(0.2, 1.2, 4), rng.uniform(0.5, 1.5, 4)
-    sines = [size * np.sin(rate * time + rate) for size, rate in zip(sizes, rates, strict=True)]
-    cosines = [
-        size * rate * np.cos(rate * time + rate) for size, rate in zip(sizes, rates, strict=True)
-    ]
-    curvature = [-(rate**2) * sine for rate, sine in zip(rates, sines, strict=True)]
-    position = 4.0 * sum(sines) - 20.0
-    return Log.from_arrays(
-        time=time,
-        output_position=position,
-        output_velocity=4.0 * sum(cosines),
-        output_acceleration=4.0 * sum(curvature),
-        motor_position=101.0 * position + 0.01 * np.sin(position),
-        temperature=30.0 + 8.0 * np.sin(0.5 * time + seed),
-        reference_torque=20.0 * np.sin(1.7 * time) + rng.normal(size=rows),
-        facts={"name": f"run{seed}"},
-    )
 
 
 def without_encoder(log: Log) -> Log:
@@ -177,43 +154,6 @@ def test_a_model_with_memory_is_the_same_in_python_and_on_the_device(
         program = device.compiled(sensor, tmp_path, compiler)
         assert_same_as_predict(sensor, log, program)
         assert float_error(program, log, far=0) <= 2e-6
-
-
-def all_of(target: str) -> tuple[Effect, ...]:
-    """Every effect of the catalogue that acts on a target; ripple with orders of all its pairs."""
-    found = []
-    for name, info in CATALOGUE.items():
-        if TARGETS[target] in info.targets:
-            orders = [(order, pair) for pair in info.pairs for order in (1, 2, 5)]
-            found.append(effect(name, orders=orders))
-    return tuple(found)
-
-
-def rich(seed: int) -> Log:
-    """A run with every channel that an effect reads, and a gap."""
-    log = motion(seed)
-    torque = 0.4 * np.sin(0.9 * log["time"])
-    log = log.with_columns({"motor_torque": torque}, note="simulated")
-    kept = np.ones(len(log), dtype=bool)
-    kept[2000:2100] = False
-    return log.rows(kept, note="a gap")
-
-
-def exported(effects: tuple[Effect, ...], target: str) -> Model:
-    """A model with coefficients of which each makes its row as large as one."""
-    log = rich(5)
-    facts = {"gear_ratio": 100.0, "output_spline": "circular"}
-    terms = sum(len(e.terms) for e in effects)
-    record = {"channels": ["motor_position"]}
-    plain = Part(target, effects, np.ones(terms), LOAD, record)
-    sizes = Model({PART_OF[target]: plain}, facts).components(log)
-    values = [
-        1.0 / float(np.abs(sizes[e.name]).max()) / (2 + k)
-        for e in effects
-        for k in range(len(e.terms))
-    ]
-    part = Part(target, effects, np.array(values), LOAD, record)
-    return Model({PART_OF[target]: part}, facts)
 
 
 @pytest.mark.parametrize("target", ["sensor_torque", "motor_current", "torsion"])
