@@ -1,0 +1,42 @@
+/// What certify's program reads and writes, row by row, in memory's own byte order (little-endian).
+///
+/// The same layout is `ROW` and `RESULT` in python/flexspline/certification/rows.py.
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "flexspline/angle.hpp"
+
+namespace certify {
+
+/// One period's readings; NaN is missing.
+template <typename S>
+struct Row {
+  S period, time, output_velocity, output_acceleration, motor_torque, sensor_voltage, sensor_torque,
+      thermistor_voltage, temperature, known_load;
+  std::array<flexspline::math::Bits<S>, 2> fractions;  ///< of a turn: q, θ
+  std::array<std::int32_t, 2> turns;                   ///< q, θ
+  std::uint32_t marks;                                 ///< bits of Mark
+  std::uint32_t spare;
+};
+
+enum Mark : std::uint32_t { fresh = 1, has_output_position = 2, has_motor_position = 4 };
+
+/// Outputs after one step. A part's model has the first value alone.
+template <typename S>
+struct Result {
+  std::array<S, 8> values;
+  std::uint8_t contact, flags, missed, status;
+  std::uint32_t ticks;  ///< of the board's clock in the step, its reading taken off; 0 on a host
+};
+
+/// Behind the last result.
+struct Footer {
+  std::uint32_t stack_bytes;  ///< that the steps used, painted; 0 on a host
+};
+
+static_assert(sizeof(Row<float>) == 64 && sizeof(Row<double>) == 112);
+static_assert(sizeof(Result<float>) == 40 && sizeof(Result<double>) == 72);
+
+}  // namespace certify
