@@ -19,6 +19,7 @@ from flexspline.fit.fitting import fit
 if TYPE_CHECKING:
     from flexspline.calibration.calibrating import calibrate
     from flexspline.calibration.result import CalibrationResult
+    from flexspline.certification import Certificate, certify
     from flexspline.comparison.comparing import compare
     from flexspline.comparison.result import Comparison
     from flexspline.discovery.discovering import discover
@@ -50,6 +51,7 @@ __all__ = [
     "CATALOGUE",
     "Calibration",
     "CalibrationResult",
+    "Certificate",
     "Collision",
     "Comparison",
     "Compliance",
@@ -74,6 +76,7 @@ __all__ = [
     "__version__",
     "accumulate",
     "calibrate",
+    "certify",
     "compare",
     "convert",
     "discover",
@@ -89,6 +92,7 @@ __all__ = [
 _HOME = {
     "Calibration": "estimators",
     "CalibrationResult": "calibration.result",
+    "Certificate": "certification",
     "Collision": "estimators",
     "Comparison": "comparison.result",
     "Compliance": "estimators",
@@ -109,6 +113,7 @@ _HOME = {
     "Thermistor": "estimators",
     "accumulate": "fit.streaming",
     "calibrate": "calibration.calibrating",
+    "certify": "certification",
     "compare": "comparison.comparing",
     "discover": "discovery.discovering",
     "estimate": "estimation",

@@ -8,6 +8,7 @@ import click
 
 from flexspline import __version__
 from flexspline.cli.calibrate import command as calibrate
+from flexspline.cli.certify import certify
 from flexspline.cli.compare import compare
 from flexspline.cli.contract import Commands
 from flexspline.cli.convert import convert
@@ -49,6 +50,7 @@ def commands() -> None:
       discover which effect is missing        flexspline discover
       estimate the torque from outside        flexspline estimate
       export   constants for the robot        flexspline export
+      certify  the robot computes the same    flexspline certify
 
     \b
     See it work, no data needed:
@@ -68,8 +70,8 @@ def commands() -> None:
 
 
 COMMANDS = (
-    fit, calibrate, predict, simulate, compare, discover, estimate, export, convert, demo,
-    reproduce,
+    fit, calibrate, predict, simulate, compare, discover, estimate, export, certify, convert,
+    demo, reproduce,
 )  # fmt: skip
 
 for command in COMMANDS:

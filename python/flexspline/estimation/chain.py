@@ -21,7 +21,7 @@ from flexspline.logs.read import with_motor_torque
 from flexspline.logs.segments import median_step, runs
 from flexspline.model import Model
 
-__all__ = ["estimate"]
+__all__ = ["estimate", "with_derivatives"]
 
 Array = NDArray[np.float64]
 Bits = NDArray[np.uint8]
@@ -87,7 +87,7 @@ def estimate(model: Model, log: Log, *, bandwidth: float | None = None) -> Estim
     ranges = _increasing(log)
     _require_stable(plan, log)
     said: dict[str, None] = {}  # sentences, each once, in order
-    log = _with_derivatives(plan, with_motor_torque(log), bandwidth, said)
+    log = with_derivatives(plan, with_motor_torque(log), bandwidth, said)
     sensed = _sensed(plan, log, ranges, said)
     log = log.with_columns(
         {"temperature": last_good(sensed["temperature"], ranges)}, note="as the chain knows it"
@@ -124,7 +124,7 @@ def _require_stable(plan: Plan, log: Log) -> None:
             )
 
 
-def _with_derivatives(plan: Plan, log: Log, bandwidth: float | None, said: dict[str, None]) -> Log:
+def with_derivatives(plan: Plan, log: Log, bandwidth: float | None, said: dict[str, None]) -> Log:
     """Add a velocity and an acceleration that a stage reads and the log lacks."""
     wanted = _reads(plan)
     missing = [name for name in DERIVED if name in wanted and name not in log]

@@ -1,0 +1,141 @@
+"""A certificate says what an emulated Cortex-M computes with an exported model, bit by bit."""
+
+from __future__ import annotations
+
+import importlib.resources
+import json
+import shutil
+from pathlib import Path
+
+import chain_rig
+import device
+import jsonschema
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from every_effect import all_of, exported, rich
+
+import flexspline
+from flexspline import Certificate, InputError
+from flexspline.certification import certifying, tools
+from flexspline.cli import commands
+from flexspline.logs.convert import write_log
+from flexspline.logs.log import Log
+
+CORTEX = ("cortex-m4f", "cortex-m7")
+NEEDED = ("arm-none-eabi-g++", "qemu-system-arm")
+
+if any(shutil.which(tool) is None for tool in NEEDED):
+    device.lacking("arm-none-eabi-g++ or qemu-system-arm is missing; see .ci/run for the packages")
+
+
+def raw_channels(rows: int) -> Log:
+    """The rig's log without its sensor torque, with readings missing and a gap."""
+    log = chain_rig.without(chain_rig.raw_log(rows), "sensor_torque")
+    rng = np.random.default_rng(4)
+    holed = {}
+    for name in ("sensor_voltage", "thermistor_voltage", "motor_position", "motor_torque"):
+        holed[name] = log[name].copy()
+        holed[name][rng.choice(rows, rows // 100, replace=False)] = np.nan
+    log = log.with_columns(holed, note="readings missing")
+    return log.rows(np.r_[0 : rows // 2, rows // 2 + 50 : rows], note="a gap")
+
+
+def valid(made: Certificate) -> dict:
+    """The certificate as JSON, after its schema accepted it."""
+    folder = importlib.resources.files("flexspline") / "schemas"
+    schema = json.loads((folder / "certificate.schema.json").read_text(encoding="utf-8"))
+    content = json.loads(json.dumps(made.to_json()))
+    jsonschema.validate(content, schema)
+    return content
+
+
+@pytest.mark.parametrize("target", CORTEX)
+def test_the_whole_chain_has_the_bits_of_the_host(target: str) -> None:
+    log = raw_channels(20_000)
+    made = flexspline.certify(chain_rig.whole_joint(), log, target)
+    said = valid(made)
+    assert made.bit_identical and said["bit_identical"]
+    assert said["samples"] == len(log) and said["refused"] == 0
+    assert said["largest_difference"]["ulp"] == 0 and said["largest_difference"]["value"] == 0.0
+    assert len(made.outputs) == 7
+    for output in made.outputs:
+        assert 0.9 * len(log) < output.samples <= len(log), output.name
+        assert 0.0 < output.quantisation < 1e-3, output.name
+    cost = made.cost
+    assert 0 < cost.instructions_per_step <= cost.most_instructions < cost.cycles_per_step * 2
+    assert 0 < cost.stack_bytes < 4096 and 0 < cost.ram_bytes < cost.flash_bytes < 2**15
+    assert set(cost.calls) <= {"memcpy", "memset"}
+    assert "with the host's bits in all" in str(made) and "instructions per step" in str(made)
+    assert made._repr_html_().count("<td>Nm</td>") == 6
+
+
+@pytest.mark.parametrize("target", ["sensor_torque", "motor_current", "torsion"])
+def test_all_effects_of_a_target_have_the_bits_of_the_host(target: str) -> None:
+    model, log = exported(all_of(target), target), rich(5, 3000)
+    for cortex in CORTEX:
+        made = flexspline.certify(model, log, cortex)
+        assert made.bit_identical, f"{cortex}: {made}"
+        (output,) = made.outputs
+        assert (output.name, output.samples) == (target, len(log))
+        assert 0.0 < output.quantisation < 1e-3
+
+
+def small() -> tuple[flexspline.Model, Log]:
+    """A calibrated sensor alone, and a short log of it."""
+    return chain_rig.joint(chain_rig.CALIBRATION), raw_channels(500)
+
+
+def test_instructions_are_counted_alike_in_each_run() -> None:
+    made = [flexspline.certify(*small(), "cortex-m4f").cost for _ in range(2)]
+    assert made[0] == made[1]
+
+
+def test_a_program_that_fuses_operations_is_reported_as_another() -> None:
+    model, log = small()
+    made = flexspline.certify(model, log, "cortex-m4f", options=("-O2", "-ffp-contract=fast"))
+    said = valid(made)
+    assert not made.bit_identical and not said["bit_identical"]
+    worst = said["largest_difference"]
+    assert worst["ulp"] >= 1 and 0.0 < worst["value"] < 1e-3 and worst["unit"] == "Nm"
+    assert "NOT compute" in str(made) and "-ffp-contract=off" in str(made)
+
+
+def test_the_command_writes_what_the_call_says(tmp_path: Path) -> None:
+    model, log = small()
+    model.save(tmp_path / "model.json")
+    write_log(log, tmp_path / "run.csv")
+    out = tmp_path / "cert.json"
+    words = ["certify", "--model", tmp_path / "model.json", tmp_path / "run.csv"]
+    words += ["--device", "host", "--out", out]
+    result = CliRunner().invoke(commands, [str(word) for word in words])
+    assert result.exit_code == 0, result.stderr
+    said = json.loads(out.read_text(encoding="utf-8"))
+    assert (said["device"], said["bit_identical"], said["samples"]) == ("host", True, len(log))
+    assert said["stack_bytes"] is None and said["flash_bytes"] > 0
+    assert result.stdout.startswith("host computes the estimators with the host's bits in all")
+
+
+@pytest.mark.parametrize("tool", NEEDED)
+def test_a_missing_tool_is_one_sentence_that_names_the_package(
+    monkeypatch: pytest.MonkeyPatch, tool: str
+) -> None:
+    there = shutil.which
+    monkeypatch.setattr(tools.shutil, "which", lambda name: None if name == tool else there(name))
+    with pytest.raises(InputError) as caught:
+        flexspline.certify(*small(), "cortex-m7")
+    sentence = str(caught.value)
+    assert sentence.startswith(f"{tool} is not on this machine; install Debian's ")
+    assert tools.PACKAGES[tool] in sentence and "\n" not in sentence
+
+
+def test_what_cannot_be_certified_is_refused_with_a_remedy() -> None:
+    model, log = small()
+    with pytest.raises(InputError, match=r"no device 'cortex-m4' \(did you mean 'cortex-m4f'\?\)"):
+        flexspline.certify(model, log, "cortex-m4")
+    with pytest.raises(InputError, match=r"compiling joint_unit.cpp for host: .*other compiler"):
+        flexspline.certify(model, log, "host", options=("-fno-such-option",))
+    blind = chain_rig.without(log, "sensor_voltage")
+    with pytest.raises(InputError, match="no row has all that the model reads"):
+        flexspline.certify(model, blind, "host")
+    assert not list(Path(certifying.tempfile.gettempdir()).glob("flexspline-certify-*"))
