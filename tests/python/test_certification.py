@@ -1,0 +1,101 @@
+"""What a certificate compares: rows as a device reads them, and distances between floats."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from flexspline.certification.differences import Output, differences, same_bits
+from flexspline.certification.rows import CHANNELS, RESULT, ROW, rows_of
+from flexspline.logs.log import Log
+
+OUTPUTS = {"torque": Output(0, "Nm", 4)}
+
+
+def results(scalar: str, values: list[float]) -> np.ndarray:
+    """Results whose first value is this, good in each sample."""
+    made = np.zeros(len(values), dtype=RESULT[scalar])
+    made["values"][:, 0] = values
+    return made
+
+
+@pytest.mark.parametrize(
+    ("device", "host", "ulp"),
+    [
+        (1.0, 1.0, 0),
+        (np.nextafter(np.float32(1.0), np.float32(2.0)), 1.0, 1),
+        (-1.0, np.nextafter(np.float32(-1.0), np.float32(0.0)), 1),
+        (0.0, -0.0, 1),
+        (2.0**-149, -(2.0**-149), 3),
+        (1.0, 2.0, 2**23),
+        (np.nan, np.nan, 0),
+    ],
+)
+def test_a_difference_counts_the_floats_between(device: float, host: float, ulp: int) -> None:
+    made, single = results("float", [0.5, device]), results("float", [0.5, host])
+    (found,) = differences(OUTPUTS, made, single, results("double", [0.5, host]))
+    assert found.largest_ulp == ulp and found.different == (ulp > 0)
+    assert same_bits(made, single) == (ulp == 0)
+    assert found.largest == (0.0 if np.isnan(host) else abs(float(device) - float(host)))
+
+
+def test_bits_of_nan_are_the_processors_own() -> None:
+    made, single = results("float", [1.0]), results("float", [1.0])
+    made["values"][:, 5] = np.array([0x7FC00000], dtype=np.uint32).view(np.float32)
+    single["values"][:, 5] = np.array([0xFFC00000], dtype=np.uint32).view(np.float32)
+    assert same_bits(made, single)
+
+
+@pytest.mark.parametrize("name", ["contact", "flags", "missed", "status"])
+def test_a_flag_that_differs_is_another_result(name: str) -> None:
+    made, single = results("float", [1.0, 2.0]), results("float", [1.0, 2.0])
+    single[name][1] = 1
+    assert not same_bits(made, single)
+
+
+def test_what_float_costs_is_taken_where_both_runs_have_the_value() -> None:
+    made, double = results("float", [1.0, 2.0, 3.0]), results("double", [1.5, 2.25, 9.0])
+    made["missed"][0] = 4
+    double["missed"][2] = 4
+    (found,) = differences(OUTPUTS, made, made, double)
+    assert (found.samples, found.quantisation, found.quantisation_rms) == (2, 0.25, 0.25)
+    made["missed"] = 4
+    assert differences(OUTPUTS, made, made, double) == ()
+
+
+def log_of(**columns: np.ndarray) -> Log:
+    time = np.array([10.0, 10.001, 10.002, 10.5, 10.501])
+    return Log.from_arrays(facts={"name": "run"}, time=time, **columns)
+
+
+@pytest.mark.parametrize(("scalar", "bits"), [("float", 32), ("double", 64)])
+def test_angles_become_turns_and_a_fraction_below_them(scalar: str, bits: int) -> None:
+    angles = np.array([0.0, -1e-9, 1000.25, -1000.25, 6.2])
+    rows = rows_of(log_of(output_position=angles), scalar)
+    fractions = rows["fractions"][:, 0].astype(np.float64) / 2.0**bits
+    back = (rows["turns"][:, 0] + fractions) * 2.0 * np.pi
+    assert (fractions < 1.0).all() and rows["turns"][1, 0] == -1
+    step = 2.0 * np.pi * 2.0**-32 if scalar == "float" else 0.0
+    assert np.abs(back - angles).max() <= step + 4e-13
+    assert (rows["marks"] & 6 == 2).all()
+
+
+def test_a_missing_channel_is_nan_and_a_missing_angle_has_no_mark() -> None:
+    angles = np.array([1.0, np.nan, np.inf, 2.0, 1e11])
+    rows = rows_of(log_of(motor_position=angles, temperature=np.full(5, 30.1)), "float")
+    assert (rows["marks"] & 4 != 0).tolist() == [True, False, False, True, False]
+    assert np.isnan(rows["sensor_voltage"]).all() and (rows["known_load"] == 0.0).all()
+    assert (rows["temperature"] == np.float32(30.1)).all()
+
+
+def test_memory_starts_anew_at_the_first_row_and_behind_a_gap() -> None:
+    rows = rows_of(log_of(), "double")
+    assert (rows["marks"] & 1).tolist() == [1, 0, 0, 1, 0]
+    assert np.abs(rows["period"] - 1e-3).max() < 1e-12
+    assert rows["time"][0] == 0.0 and abs(rows["time"][3] - 0.5) < 1e-12
+
+
+def test_rows_and_results_have_the_sizes_that_the_device_expects() -> None:
+    assert [ROW[s].itemsize for s in ("float", "double")] == [64, 112]
+    assert [RESULT[s].itemsize for s in ("float", "double")] == [40, 72]
+    assert ROW["float"].names[: len(CHANNELS)] == CHANNELS
