@@ -39,8 +39,9 @@ flexspline::Reading<float> reading(const Inputs& from) noexcept {
 constinit Joint::State state{};
 constinit Joint::Chain::Output out{};
 
-/// One period; whether the arm should stop.
-bool control(std::uint32_t tick) noexcept {
+/// One period; whether the arm should stop. Flattened: the constants of joint.hpp fold into the
+/// code.
+[[gnu::flatten]] bool control(std::uint32_t tick) noexcept {
   const flexspline::Status status =
       joint::joint<float>.step(state, reading(read_inputs(tick)), out);
   if (status != flexspline::Status::ok) return false;  // nothing has changed: wait for the next

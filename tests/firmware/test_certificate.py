@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.resources
 import json
 import shutil
+import subprocess
 from pathlib import Path
 
 import chain_rig
@@ -18,7 +19,10 @@ from every_effect import all_of, exported, rich
 import flexspline
 from flexspline import Certificate, InputError
 from flexspline.certification import certifying, tools
+from flexspline.certification.building import firmware_folder
+from flexspline.certification.devices import DEVICES
 from flexspline.cli import commands
+from flexspline.export import export
 from flexspline.logs.convert import write_log
 from flexspline.logs.log import Log
 
@@ -127,6 +131,25 @@ def test_a_missing_tool_is_one_sentence_that_names_the_package(
     sentence = str(caught.value)
     assert sentence.startswith(f"{tool} is not on this machine; install Debian's ")
     assert tools.PACKAGES[tool] in sentence and "\n" not in sentence
+
+
+@pytest.mark.parametrize("target", ["host", *CORTEX])
+def test_the_example_compiles_by_its_makefile_and_runs(tmp_path: Path, target: str) -> None:
+    export(chain_rig.whole_joint(), tmp_path / "joint.hpp")
+    make = shutil.which("make")
+    if make is None:
+        device.lacking("make is missing; install Debian's make")
+        return
+    given = [f"TARGET={target}", "JOINT=joint.hpp", f"INCLUDE={device.include()}"]
+    call = [make, "-f", str(firmware_folder() / "Makefile"), "example", *given]
+    subprocess.run(call, cwd=tmp_path, check=True)
+    run = ["./example"]
+    if target != "host":
+        board = DEVICES[target].machine
+        run = ["qemu-system-arm", "-machine", str(board), "-display", "none", "-monitor", "none"]
+        run += ["-semihosting-config", "enable=on,target=native", "-serial", "none"]
+        run += ["-kernel", f"example-{target}.elf"]
+    assert subprocess.run(run, cwd=tmp_path, timeout=60).returncode == 0
 
 
 def test_what_cannot_be_certified_is_refused_with_a_remedy() -> None:

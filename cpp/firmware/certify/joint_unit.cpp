@@ -43,6 +43,8 @@ void unit::give(certify::Result<Scalar>& result) noexcept {
   result.missed = static_cast<std::uint8_t>(out.missed);
 }
 
-extern "C" flexspline::Status flexspline_step() noexcept {
+// Flattened, so that the constants of joint.hpp fold into the code: stages that are not there, and
+// choices that are made, cost nothing.
+extern "C" [[gnu::flatten]] flexspline::Status flexspline_step() noexcept {
   return joint::joint<unit::Scalar>.step(state, in, out);
 }

@@ -39,6 +39,6 @@ void unit::give(certify::Result<Scalar>& result) noexcept {
   result.values[0] = predicted;
 }
 
-extern "C" flexspline::Status flexspline_step() noexcept {
+extern "C" [[gnu::flatten]] flexspline::Status flexspline_step() noexcept {
   return predict(joint::model<unit::Scalar>, state);
 }
