@@ -18,6 +18,7 @@ STRICT = (
     "-fno-asynchronous-unwind-tables -ffunction-sections -fdata-sections "
     "-Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wdouble-promotion -Werror"
 )
+BARE = ("-nostdlib", "-lc", "-lgcc")  # no start-up code, no C++ library
 
 
 @dataclass(frozen=True)
@@ -77,9 +78,11 @@ def build(
         does = f"compiling {Path(file).name} for {device.name}"
         call([*command, "-c", sources / file, "-o", objects[-1]], folder, does=does)
     program = folder / stem
+    libraries: tuple[str, ...] = ()
     if device.machine is not None:
-        command += ["-nostartfiles", "-T", sources / "cortex_m/mps2.ld"]
-    call([*command, *objects, "-o", program], folder, does=f"linking for {device.name}")
+        command += ["-T", sources / "cortex_m/mps2.ld"]
+        libraries = BARE
+    call([*command, *objects, "-o", program, *libraries], folder, does=f"linking for {device.name}")
     return Built(program, objects[0])
 
 
@@ -96,9 +99,9 @@ def sizes_of(device: Device, built: Built, folder: Path) -> Sizes:
 def alone(device: Device, built: Built, folder: Path) -> Path:
     """Return a program of one step and what it calls, without start-up code."""
     program = folder / "step-alone"
-    linker = ["-nostartfiles", "-Wl,--gc-sections", "-Wl,-e,flexspline_step"]
+    linker = ["-Wl,--gc-sections", "-Wl,-e,flexspline_step"]
     command = [_compiler(device), *device.options, *linker]
-    call([*command, built.unit, "-o", program], folder, does=f"linking for {device.name}")
+    call([*command, built.unit, "-o", program, *BARE], folder, does=f"linking for {device.name}")
     return program
 
 

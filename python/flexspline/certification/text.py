@@ -81,8 +81,11 @@ def _rows(made: Certificate) -> list[tuple[str, ...]]:
 
 
 def _sentences(made: Certificate) -> list[str]:
-    cost = made.cost
-    said = []
+    cost, costly = made.cost, made.quantisation
+    said = [
+        f"float instead of double, readings rounded too, costs {costly.name} at most "
+        f"{short(costly.quantisation, 3)} {costly.unit}, {short(costly.quantisation_rms, 3)} RMS"
+    ]
     if cost.instructions_per_step is not None:
         most = "" if cost.most_instructions is None else f", at most {cost.most_instructions}"
         count = f"{cost.instructions_per_step:.0f}"

@@ -13,7 +13,7 @@ from flexspline.errors import InputError
 
 __all__ = ["call", "found", "host_compiler", "version_of"]
 
-ARM = "gcc-arm-none-eabi, libnewlib-arm-none-eabi and libstdc++-arm-none-eabi-newlib"
+ARM = "gcc-arm-none-eabi, libnewlib-arm-none-eabi and libstdc++-arm-none-eabi-dev"
 PACKAGES = {
     "arm-none-eabi-g++": ARM,
     "arm-none-eabi-size": "binutils-arm-none-eabi",
@@ -83,7 +83,7 @@ def _reason(said: str, code: int) -> str:
     if header:
         return (
             f"the compiler lacks the standard header {header[1]}; install Debian's "
-            "libstdc++-arm-none-eabi-newlib (or the C++ library of your own compiler)"
+            "libstdc++-arm-none-eabi-dev (or the C++ library of your own compiler)"
         )
     lines = [line for line in said.splitlines() if "error" in line.lower()] or said.splitlines()
     first = lines[0].strip() if lines else "it says nothing"
