@@ -70,7 +70,11 @@ def test_the_commands_of_the_table_run_in_their_order(
         "predict",
         "calibrate",
         "estimate",
+        "compare",
+        "discover",
         "export",
+        "export",
+        "certify",
     ]
     for command in TABLE:
         run(shlex.split(command)[1:])
