@@ -62,11 +62,17 @@ std::vector<std::uint8_t> saved(const T& joint) {
   return bytes;
 }
 
+void put(std::vector<std::uint8_t>& bytes, std::size_t at, std::uint32_t value) {
+  REQUIRE(at + 4 <= bytes.size());
+  block::write(std::span(bytes), at, value);
+}
+
 /// Puts a fitting CRC behind changed bytes.
 void sign(std::vector<std::uint8_t>& bytes) {
+  REQUIRE(bytes.size() >= block::head + block::tail);
   Crc32 crc;
   crc.add(Bytes(bytes).first(bytes.size() - 4));
-  block::write(std::span(bytes), bytes.size() - 4, crc.value());
+  put(bytes, bytes.size() - 4, crc.value());
 }
 
 }  // namespace
@@ -119,13 +125,15 @@ TEST_CASE("each reason to refuse a block has its status") {
     sign(bytes);
     return load(bytes, joint);
   };
-  CHECK(refused([](auto& bytes) { bytes[0] = 'X'; }) == BlockStatus::not_a_block);
-  CHECK(refused([](auto& bytes) { bytes[4] = 0; }) == BlockStatus::older);
-  CHECK(refused([](auto& bytes) { bytes[4] = 2; }) == BlockStatus::newer);
-  CHECK(refused([](auto& bytes) { bytes[8] ^= 1; }) == BlockStatus::other_structure);
-  CHECK(refused([](auto& bytes) { block::write(std::span(bytes), 16, 0x7FC00000U); }) ==
+  CHECK(refused([](std::vector<std::uint8_t>& bytes) { bytes[0] = 'X'; }) ==
+        BlockStatus::not_a_block);
+  CHECK(refused([](std::vector<std::uint8_t>& bytes) { bytes[4] = 0; }) == BlockStatus::older);
+  CHECK(refused([](std::vector<std::uint8_t>& bytes) { bytes[4] = 2; }) == BlockStatus::newer);
+  CHECK(refused([](std::vector<std::uint8_t>& bytes) { bytes[8] ^= 1; }) ==
+        BlockStatus::other_structure);
+  CHECK(refused([](std::vector<std::uint8_t>& bytes) { put(bytes, 16, 0x7FC00000U); }) ==
         BlockStatus::out_of_range);
-  CHECK(refused([](auto& bytes) { block::write(std::span(bytes), 16, 0x7F800000U); }) ==
+  CHECK(refused([](std::vector<std::uint8_t>& bytes) { put(bytes, 16, 0x7F800000U); }) ==
         BlockStatus::out_of_range);
   CHECK(load(saved(whole(0.7)), joint) == BlockStatus::other_scalar);
   CHECK(load(saved(friction(0.7F)), joint) == BlockStatus::other_structure);

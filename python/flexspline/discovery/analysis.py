@@ -15,7 +15,7 @@ from flexspline.discovery.nameless import nameless_of
 from flexspline.discovery.noise import first_whitening, restricted_whitening
 from flexspline.discovery.refit import started
 from flexspline.discovery.scores import gain_of
-from flexspline.discovery.search import Limits, Searcher, Step, owned_gain
+from flexspline.discovery.search import Limits, Searcher, Step, owned_gain, ranked
 from flexspline.discovery.sheet import Sheet
 from flexspline.discovery.study import Study
 from flexspline.discovery.thinning import rows_of, thinned
@@ -133,8 +133,8 @@ def _ordered(searcher: Searcher, work: Working) -> Working:
     before, chosen = dictionary.without(list(rest)), list(work.effects[: work.base])
     while rest:
         left = dictionary.table.without(before)
-        gains = {n: gain_of(left, dictionary.model[owners == n], raw)[0] for n in rest}
-        best = max(gains, key=lambda name: gains[name])
+        gains = {name: gain_of(left, dictionary.model[owners == name], raw)[0] for name in rest}
+        best = max(gains, key=lambda name: ranked(gains[name], rest[name]))
         before = np.concatenate([before, dictionary.model[owners == best]])
         chosen.append(rest.pop(best))
     return searcher.fitted(work.having(chosen))[0]

@@ -31,7 +31,7 @@ from flexspline.discovery.whitening import Whitening
 from flexspline.discovery.working import Working
 from flexspline.effects import Effect
 
-__all__ = ["Limits", "Searcher", "Step", "freedom", "owned_gain"]
+__all__ = ["Limits", "Searcher", "Step", "freedom", "owned_gain", "ranked"]
 
 MOST_NAMES = 8
 LEFTOVER = 0.007  # of the gain of a name: below, it may be what its form misses
@@ -215,9 +215,13 @@ def _rank(offer: Offer) -> float:
     return _ranked(offer.gain, offer)
 
 
+def ranked(gain: float, effect: Effect) -> float:
+    """Gain, less a share of it for every column and shape beyond the first."""
+    return gain * (1.0 - COLUMN_SHARE * (freedom(effect) - 1))
+
+
 def _ranked(gain: float, offer: Offer) -> float:
-    """Net gain, less a share of it for every column and shape beyond the first."""
-    return gain * (1.0 - COLUMN_SHARE * (freedom(offer.effect) - 1)) - offer.price
+    return ranked(gain, offer.effect) - offer.price
 
 
 def freedom(effect: Effect) -> int:
