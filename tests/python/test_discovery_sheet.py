@@ -7,6 +7,7 @@ import sys
 from collections.abc import Mapping
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -238,6 +239,7 @@ def test_functions_without_a_name_are_made_in_pieces(
     assert left[0][rows] == pytest.approx((target - columns.sum(axis=1))[rows], rel=0, abs=1e-10)
 
 
+HERE = Path(__file__).parent
 MEMORY = """
 import resource
 from test_discovery_sheet import everything, log, study
@@ -257,7 +259,7 @@ print(sheet.width, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)
 def test_memory_of_a_table_does_not_grow_with_rows_times_columns() -> None:
     rows = 200_000
     code = [sys.executable, "-c", MEMORY.format(rows=rows)]
-    done = subprocess.run(code, check=True, capture_output=True, text=True, cwd=sys.path[0])
+    done = subprocess.run(code, check=True, capture_output=True, text=True, cwd=HERE)
     width, grown = (int(word) for word in done.stdout.split())
     assert width > 60
     assert grown * 1024 < 0.2 * rows * width * 8
