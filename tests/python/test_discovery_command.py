@@ -107,3 +107,20 @@ def test_a_parameter_that_is_fixed_on_the_command_line_is_fixed_in_the_model(
     record = Model.load(out / "model.json").part("sensor_torque").record
     fixed = {p["name"]: p["value"] for p in record["parameters"] if p["state"] == "fixed"}
     assert fixed == {"inertia.inertia": 0.0195, "direction_width": 0.05}
+
+
+def test_an_excluded_effect_is_not_named(tmp_path: Path) -> None:
+    out = tmp_path / "found"
+    excluded = ["--exclude", "motor_crosstalk, gravity"]
+    assert called("discover", *saved(tmp_path), *options(out), *excluded) == 0
+    content = json.loads((out / "discovery.json").read_text(encoding="utf-8"))
+    assert "motor_crosstalk" not in [one["effect"] for one in content["found"]]
+
+
+def test_an_excluded_name_that_is_no_effect_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "found"
+    assert called("discover", *saved(tmp_path), *options(out), "--exclude", "gravitiy") == 2
+    assert "there is no effect 'gravitiy'" in capsys.readouterr().err
+    assert not out.exists()

@@ -38,6 +38,7 @@ def _numbers(text: str) -> tuple[float, ...]:
 @target(required=False)
 @click.option("--effects", "names", metavar="A,B,C", help="Effects that are known; or none.")
 @click.option("--model", "model_path", metavar="MODEL.json", help="Or a model to start from.")
+@click.option("--exclude", metavar="A,B,C", help="Effects that are known not to be there.")
 @click.option("--out", required=True, metavar="DIR", help="Folder for what is found.")
 @known_load
 @lowpass
@@ -99,6 +100,7 @@ def discover(
             lowpass=options["lowpass"],
             orders=options["orders"],
             fixed=options["fix"],
+            exclude=[n.strip() for n in (options["exclude"] or "").split(",") if n.strip()],
             limits=parsed_limits(options["limits"]),
             threads=options["threads"],
             progress=on_terminal(),
