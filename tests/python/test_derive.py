@@ -14,10 +14,9 @@ from flexspline.logs.derive import (
     differentiate,
     lowpass,
     lowpass_log,
-    quantum,
     resample,
-    white_noise,
 )
+from flexspline.logs.grain import quantum, white_noise
 from flexspline.logs.local_fit import LocalFit
 
 Array = NDArray[np.float64]

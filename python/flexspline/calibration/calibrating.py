@@ -140,7 +140,7 @@ def calibrate(
 def require_temperatures(runs: Sequence[CalibrationRun], degree: int) -> None:
     """Refuse a polynomial with more coefficients than the runs hold temperatures."""
     from flexspline.calibration.thermal import count_temperatures
-    from flexspline.logs.derive import white_noise
+    from flexspline.logs.grain import white_noise
 
     if degree == 0:
         return

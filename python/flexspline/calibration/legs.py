@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.logs.derive import white_noise
+from flexspline.logs.grain import white_noise
 from flexspline.logs.segments import true_ranges
 from flexspline.rigs import play
 

@@ -20,7 +20,7 @@ from flexspline.fit.requirements import IMAGINABLE
 from flexspline.logs.channels import CHANNELS
 from flexspline.logs.checks import check
 from flexspline.logs.checks.findings import Finding
-from flexspline.logs.derive import quantum, white_noise
+from flexspline.logs.grain import quantum, white_noise
 from flexspline.logs.log import Log
 from flexspline.logs.segments import runs as unbroken
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from flexspline import _core
 from flexspline.calibration.runs import CalibrationRun
 from flexspline.fit.sums import Solution, solve
-from flexspline.logs.derive import white_noise
+from flexspline.logs.grain import white_noise
 from flexspline.rigs import play
 
 __all__ = ["beside_structure", "quiet", "structure_columns"]

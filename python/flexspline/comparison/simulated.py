@@ -16,7 +16,7 @@ from flexspline.comparison.velocity import velocity_noise, with_motion
 from flexspline.errors import InputError
 from flexspline.forward.servo import PositionServo
 from flexspline.forward.simulating import simulate
-from flexspline.logs.derive import quantum, white_noise
+from flexspline.logs.grain import quantum, white_noise
 from flexspline.logs.log import Log
 from flexspline.model import Model
 

@@ -9,13 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.logs.derive import (
-    VELOCITY_NOISE,
-    default_bandwidth,
-    differentiate,
-    quantum,
-    white_noise,
-)
+from flexspline.logs.derive import VELOCITY_NOISE, default_bandwidth, differentiate
+from flexspline.logs.grain import quantum, white_noise
 from flexspline.logs.log import Log
 from flexspline.logs.segments import median_step
 

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.logs.checks.values import unwrapped
-from flexspline.logs.derive import default_bandwidth, quantum, white_noise
+from flexspline.logs.derive import default_bandwidth
+from flexspline.logs.grain import quantum, white_noise
 from flexspline.logs.local_fit import LocalFit
 from flexspline.logs.log import Log
 from flexspline.logs.segments import median_step, runs

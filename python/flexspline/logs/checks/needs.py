@@ -11,7 +11,7 @@ import numpy as np
 
 from flexspline.errors import listed
 from flexspline.logs.checks.motion import Motion
-from flexspline.logs.derive import white_noise
+from flexspline.logs.grain import white_noise
 from flexspline.logs.log import Log
 
 Lack = tuple[float, str, str, str]

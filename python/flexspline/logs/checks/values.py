@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from flexspline.logs.channels import CHANNELS
 from flexspline.logs.checks.findings import Finding
-from flexspline.logs.derive import quantum, white_noise
+from flexspline.logs.grain import quantum, white_noise
 from flexspline.logs.log import Log
 from flexspline.logs.segments import true_ranges
 

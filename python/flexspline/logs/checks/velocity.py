@@ -14,7 +14,7 @@ import numpy as np
 from flexspline.logs.checks.delay import find_delay
 from flexspline.logs.checks.findings import Finding
 from flexspline.logs.checks.motion import Array, Motion, motion_of
-from flexspline.logs.derive import quantum
+from flexspline.logs.grain import quantum
 from flexspline.logs.log import Log
 from flexspline.logs.segments import median_step
 
