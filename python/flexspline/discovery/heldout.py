@@ -84,8 +84,11 @@ def held_out(
     others = [total - fold + drawn for fold in table.folds]
     betas = [solved(products, every) for products in others]
     residuals = tuple(sheet.left_over(problem, betas))
-    plain = tabulated(problem, sheet, Whitening(np.ones(1), 1.0, problem.decimation))
-    moved = [np.sum(inverse_of(products) * own[:-1, :-1])
+    plain, size = table, whitening.variance
+    if whitening.order:  # the rows as they are, which only the filter hides
+        size = 1.0
+        plain = tabulated(problem, sheet, Whitening(np.ones(1), size, problem.decimation))
+    moved = [size * np.sum(inverse_of(products) * own[:-1, :-1])
              for products, own in zip(others, plain.folds, strict=True)]  # fmt: skip
     spread = float(np.sum(moved) / np.sum(plain.rows))
     return HeldOut(residuals, tuple(_folds(problem, work, betas)), spread)
