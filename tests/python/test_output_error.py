@@ -14,6 +14,7 @@ from flexspline.errors import InputError
 from flexspline.fit.result import Fit
 from flexspline.logs.convert import write_log
 from flexspline.model import Model
+from flexspline.plot import simulated_motion
 
 FREE = ("torque", "back_emf")
 
@@ -129,6 +130,18 @@ def test_the_command_leaves_model_law_and_report(tmp_path):
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert "Starts ended at" in page and "run 1" in page and "by=&#39;simulation&#39;" in page
     assert "simulated position is off by" in " ".join(made.output.split())
+
+
+def test_its_figure_shows_measured_and_simulated_motion_of_the_worst_run_and_of_any_other():
+    fit = wrong_start()
+    worst = int(np.argmax([run.held_out for run in fit.simulation.runs]))
+    for name, number in (("worst", worst), (fit.simulation.runs[0].name, 0)):
+        measured, simulated = simulated_motion(fit, name).lines
+        made = flexspline.simulate(fit.model, runs()[number], controller=fit.simulation.controller)
+        assert np.isin(simulated.get_ydata(), made.simulated).all()
+        assert np.isin(measured.get_ydata(), runs()[number]["output_position"]).all()
+    with pytest.raises(InputError, match="no run 'none' in this fit; it has"):
+        simulated_motion(fit, "none")
 
 
 WRONG = {

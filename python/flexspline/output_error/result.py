@@ -93,14 +93,20 @@ class SimulationFit:
         return f"Starts ended at {ends} mrad, the regression's first."
 
     @property
+    def verdict(self) -> str:
+        """How far the simulated motion is off on rows never seen, and what the fit gained."""
+        law = "under the servo's law" if self.controller else "by the measured motor"
+        return (
+            f"Driven {law}, the simulated position is off by {_angle(self.held_out)} RMS on "
+            f"{self.folds_by} that a fit did not count, by {_angle(self.rmse)} on those it did; "
+            f"with the regression's parameters by {_angle(self.regression)}."
+        )
+
+    @property
     def sentences(self) -> list[str]:
         """How far the starts agree, and where the intervals come from."""
         ends = np.array([start.rmse for start in self.starts])
-        law = "under the servo's law" if self.controller else "driven by the measured motor"
         return [
-            f"Fitted to the motion itself, {law}: the simulated position is off by "
-            f"{_angle(self.rmse)} RMS ({_angle(self.held_out)} on {self.folds_by} that a fit did "
-            f"not count), by {_angle(self.regression)} with the regression's parameters.",
             f"{len(ends)} starts ended between {_angle(ends.min())} and {_angle(ends.max())}, "
             f"{self.best_starts} of them within 2 % of the best.",
             f"Intervals hold what each of {len(self.folds)} fits without one of the "

@@ -3,6 +3,7 @@
 from flexspline.plot.components import components
 from flexspline.plot.drift import drift_curve
 from flexspline.plot.fit import plot_fit
+from flexspline.plot.motion import simulated_motion
 from flexspline.plot.orders import order_spectra
 from flexspline.plot.residuals import measured_against_predicted, residual_over
 
@@ -13,4 +14,5 @@ __all__ = [
     "order_spectra",
     "plot_fit",
     "residual_over",
+    "simulated_motion",
 ]

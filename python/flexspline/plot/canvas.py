@@ -11,6 +11,7 @@ import matplotlib
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter, ScalarFormatter
 
 from flexspline.logs.channels import CHANNELS
 
@@ -25,6 +26,7 @@ __all__ = [
     "channel_label",
     "colours_of_runs",
     "legend",
+    "orders_axis",
     "panelled",
     "plain",
     "titled",
@@ -35,6 +37,7 @@ PALETTE = ("#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#56B4E9")
 INK = "#26282b"
 GREY = "#8a8f98"
 MOST_COLOURED_RUNS = 10
+NARROW = 300.0  # ratio of an axis' ends up to which three numbers a decade have room
 
 _CHANNEL_WORDS = {
     "output_position": "output angle [rad]",
@@ -118,6 +121,16 @@ def legend(ax: Axes, columns: int = 1, *, beside: bool = False) -> None:
         ncols=columns,
         bbox_to_anchor=(1.0, 1.0) if beside else None,
     )
+
+
+def orders_axis(ax: Axes) -> None:
+    """Make the horizontal axis of what is drawn logarithmic, marked with plain numbers."""
+    ax.set_xscale("log")
+    low, high = ax.get_xlim()
+    few = high < NARROW * low
+    ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if few else (1.0,)))
+    ax.xaxis.set_major_formatter(ScalarFormatter())
+    ax.xaxis.set_minor_formatter(NullFormatter())
 
 
 def plain(name: str) -> str:

@@ -11,7 +11,16 @@ from numpy.typing import NDArray
 
 from flexspline.comparison.bands import Band
 from flexspline.orders.parts import pairs
-from flexspline.plot.canvas import GREY, INK, PALETTE, PlainFigure, axes_or_new, legend, titled
+from flexspline.plot.canvas import (
+    GREY,
+    INK,
+    PALETTE,
+    PlainFigure,
+    axes_or_new,
+    legend,
+    orders_axis,
+    titled,
+)
 from flexspline.report.comparison_content import ranked
 
 if TYPE_CHECKING:
@@ -25,6 +34,7 @@ ORDERS = "position_order"
 ACROSS = 3
 MOST_TICKS = 7
 MOST_NAMES = 6
+LONGEST_NAME = 12
 ORDERS_OF_A_PAIR = 13.0
 _BINS = 600
 
@@ -126,7 +136,7 @@ def residual_orders(made: Comparison, pair: str = "output_housing", ax: Axes | N
     words = table[pair].words
     ax.set(xlabel=f"order per turn of {words}", ylabel=f"amplitude [{made.unit}]", ylim=(0, None))
     if pair == "output_housing":
-        ax.set_xscale("log")
+        orders_axis(ax)
     title = "orders of what turns" if pair == "output_housing" else words
     titled(ax, _title(made, ORDERS, title) if pair == "output_housing" else title)
     return ax
@@ -168,7 +178,7 @@ def _marked(ax: Axes, made: Comparison, name: str, bands: list[Band]) -> None:
     kinds = all(band.lower is None and band.upper is None for band in bands)
     if kinds:
         every = -(-len(bands) // MOST_NAMES)
-        shown = [b.label if len(b.label) <= 12 else b.label[:11] + "…" for b in bands]
+        shown = _short([b.label for b in bands])
         at = np.arange(0, len(bands), every)
         ax.set_xticks(at + 0.5, [shown[k].replace("$", r"\$") for k in at])
         ax.set_xlabel(made.words[name])
@@ -178,6 +188,15 @@ def _marked(ax: Axes, made: Comparison, name: str, bands: list[Band]) -> None:
     marks = [k for k in range(0, len(ends), every) if ends[k] is not None]
     ax.set_xticks(marks, [f"{ends[k]:.3g}" for k in marks])
     ax.set_xlabel(f"{made.words[name]} [{made.units[name]}]")
+
+
+def _short(labels: list[str]) -> list[str]:
+    """Labels that fit side by side: of long ones the end, where that tells them apart."""
+    cut = LONGEST_NAME - 1
+    ends = ["…" + label[-cut:] if len(label) > LONGEST_NAME else label for label in labels]
+    if len(set(ends)) == len(labels):
+        return ends
+    return [label if len(label) <= LONGEST_NAME else label[:cut] + "…" for label in labels]
 
 
 def _title(made: Comparison, name: str, words: str) -> str:

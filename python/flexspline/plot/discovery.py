@@ -18,6 +18,7 @@ from flexspline.plot.canvas import (
     PlainFigure,
     axes_or_new,
     legend,
+    orders_axis,
     panelled,
     plain,
     titled,
@@ -193,8 +194,8 @@ def orders_before_after(made: Discovery, ax: Axes | None = None) -> Axes:
     for (label, spectrum), colour in zip(spectra.items(), (BEFORE, AFTER), strict=False):
         ax.plot(*spectrum, color=colour, linewidth=1.0, label=label)
     order = spectra["base model"][0]
+    orders_axis(ax)
     ax.set(
-        xscale="log",
         yscale="log",
         xlabel="order [periods per output turn]",
         ylabel=f"amplitude [{made.unit}]",

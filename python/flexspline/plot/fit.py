@@ -11,6 +11,7 @@ from flexspline.errors import InputError
 from flexspline.plot.canvas import Panel, panelled
 from flexspline.plot.components import components
 from flexspline.plot.drift import drift_curve
+from flexspline.plot.motion import simulated_motion
 from flexspline.plot.orders import order_spectra
 from flexspline.plot.residuals import has_channel, measured_against_predicted, residual_over
 
@@ -20,6 +21,9 @@ if TYPE_CHECKING:
 __all__ = ["panels", "plot_fit"]
 
 LOOK_FOR = {
+    "worst": "The run whose simulated motion is off most. Both lines start together; where they "
+    "part is where the model errs first, what follows is also the error carried on.",
+    "median": "A run in the middle: this is what to expect of the next one.",
     "predicted": "All points should lie along the diagonal. A cloud that bends or lies beside it "
     "is an effect the model lacks; a run apart from the others is a run unlike them.",
     "time": "The residual should be equally wide everywhere and centred on zero. A slow drift is "
@@ -48,6 +52,7 @@ def plot_fit(fit: Fit) -> Figure:
 def panels(fit: Fit) -> list[Panel]:
     """Return the views that the channels of the runs allow."""
     found = [
+        *_motion(fit),
         Panel(partial(measured_against_predicted, fit), LOOK_FOR["predicted"]),
         Panel(partial(residual_over, fit, "time"), LOOK_FOR["time"]),
     ]
@@ -65,6 +70,14 @@ def panels(fit: Fit) -> list[Panel]:
     if _turns(fit):
         found.append(Panel(partial(order_spectra, fit), LOOK_FOR["orders"]))
     return found
+
+
+def _motion(fit: Fit) -> list[Panel]:
+    """Of a fit by simulation the run that it misses most, and one in the middle."""
+    if fit.simulation is None:
+        return []
+    shown = ("worst", "median") if len(fit.runs) > 1 else ("worst",)
+    return [Panel(partial(simulated_motion, fit, run), LOOK_FOR[run]) for run in shown]
 
 
 def _turns(fit: Fit) -> bool:

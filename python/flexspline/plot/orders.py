@@ -13,7 +13,7 @@ from flexspline.errors import InputError
 from flexspline.logs.log import Log
 from flexspline.orders.stretches import stretches
 from flexspline.orders.transform import fourier_sums
-from flexspline.plot.canvas import GREY, INK, PALETTE, axes_or_new, legend, titled
+from flexspline.plot.canvas import GREY, INK, PALETTE, axes_or_new, legend, orders_axis, titled
 from flexspline.report.ripple import ripple_orders
 
 if TYPE_CHECKING:
@@ -59,8 +59,8 @@ def order_spectra(fit: Fit, ax: Axes | None = None) -> Axes:
     before, after = spectra
     ax.plot(*before, color=GREY, linewidth=1.1, label="target")
     ax.plot(*after, color=PALETTE[3], linewidth=1.1, label="residual")
+    orders_axis(ax)
     ax.set(
-        xscale="log",
         yscale="log",
         xlabel="order [periods per output turn]",
         ylabel=f"amplitude [{fit.unit}]",

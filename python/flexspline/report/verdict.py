@@ -44,6 +44,8 @@ def verdict(fit: Fit) -> Verdict:
         f"{short(fit.cv_rmse)} {fit.unit} RMSE is left of a spread of "
         f"{short(around)} {fit.unit} ({_percent(share)} of the variance explained)."
     )
+    if fit.simulation is not None:
+        good = f"{fit.simulation.verdict} {good}"
     faults = [*_grave(fit, share), *_doubts(fit)]
     if not faults:
         return Verdict(good, "Nothing wrong was found with the fit itself.", False)
