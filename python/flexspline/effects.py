@@ -228,6 +228,11 @@ class Effect:
 
 def effect(name: str, *, orders: Iterable[int | Harmonic] = (), **shapes: float) -> Effect:
     """Return an effect of the catalogue: ``effect("stribeck_friction", stribeck_velocity=0.2)``."""
+    if not isinstance(name, str):
+        raise InputError(
+            f"an effect is given by its name, not as {type(name).__name__}; give the effects "
+            "first, then the runs"
+        )
     made, given = Effect(name, shapes), list(orders)
     return made.with_orders(given) if given else made
 

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from fit_logs import autoregressive
 
 import flexspline
 from flexspline.logs import Log
+from flexspline.orders import find_orders
+from flexspline.rigs import sensor_rig
 
 SMOOTH = ["offset", "coulomb_friction", "viscous_friction"]
 WIDTH = {"direction_width": 0.02}
@@ -42,6 +45,17 @@ def test_orders_left_open_are_found_with_their_amplitudes() -> None:
     assert abs(cosine.value - 0.05 * np.cos(0.4)) < 4 * cosine.standard_error
     assert abs(sine.value + 0.05 * np.sin(0.4)) < 4 * sine.standard_error
     assert fit.orders is not None and len(fit.orders) >= 2
+
+
+@pytest.mark.parametrize("first", [0, 118, 310])
+def test_a_strong_order_over_part_of_a_turn_is_found_and_not_its_side_lobes(first: int) -> None:
+    # stretches of a third to half a turn, at many speeds, over waves that they see a part of
+    logs = sensor_rig(4, rate=200.0).logs
+    effects = [*SMOOTH, "inertia", "stribeck_friction", "temperature_drift"]
+    fit = flexspline.fit(effects, logs, "sensor_torque", checks=False)
+    rest = [np.where(np.arange(len(r.measured)) < first, np.nan, r.residual) for r in fit.runs]
+    found = find_orders(logs, rest, unit="Nm")
+    assert [(f.order, f.pair) for f in found] == [(2, "wave_generator_flexspline")]
 
 
 def test_without_ripple_an_open_effect_is_left_out_and_the_fit_says_so() -> None:

@@ -37,6 +37,7 @@ BASE = ["offset", "coulomb_friction", "viscous_friction"]
 
 WRONG = {
     "unknown effect": (["viscous_fricton"], log_of, {}, ["viscous_fricton", "viscous_friction"]),
+    "runs where effects belong": ([log_of()], log_of, {}, ["not as Log", "effects first"]),
     "unknown target": (BASE, log_of, {"target": "torque"}, ["torque", "sensor_torque"]),
     "target not in the log": (
         BASE,

@@ -2,9 +2,11 @@
 
 Each round looks at what is left of the values: the power over the local floor is summed over
 the stretches as it is (a ripple whose phase changes with speed) and with phases (one that does
-not). The most surprising peaks become lines, all lines are fitted together with the smooth
-part, and the rest is scanned again until nothing stands out: a strong order's leakage over
-part of a turn, gone with it, is not named.
+not). Of the surprising peaks those with the most power become lines, all lines are fitted
+together with the smooth part, and the rest is scanned again until nothing stands out: a strong
+order's leakage over part of a turn, gone with it, is not named. Surprise says whether something
+is there; it cannot say where, because it compares with what lies beside, which a side lobe too
+has far above it.
 """
 
 from __future__ import annotations
@@ -43,13 +45,18 @@ class Line:
 
 @dataclass(frozen=True)
 class Round:
-    """What one scan saw, over `order`: the two statistics, their shapes and the sharpest span."""
+    """What one scan saw, over `order`: the two statistics, their shapes and the sharpest span.
+
+    `power`, `steady`: over the block floors alone, summed as it is and with phases.
+    """
 
     order: NDArray[np.float64]
     summed: NDArray[np.float64]
     seen: NDArray[np.float64]
     coherent: NDArray[np.float64]
     turns: NDArray[np.float64]
+    power: NDArray[np.float64]
+    steady: NDArray[np.float64]
     floors: list[Floor | None]
 
 
@@ -62,8 +69,9 @@ def scan(
 ) -> Round:
     """Return the statistics of one round over orders k = 0, 1/turns, … `highest`."""
     order = np.arange(int(np.floor(highest * turns + 1e-9)) + 1) / turns
-    summed, seen, span = np.zeros((3, len(order)))
+    summed, seen, span, total = np.zeros((4, len(order)))
     phasor, spread, support = np.zeros(len(order), complex), *np.zeros((2, len(order)))
+    over_floor, weight = np.zeros(len(order), complex), np.zeros(len(order))
     floors: list[Floor | None] = []
     for part, values in zip(parts, rest, strict=True):
         where = slice(*np.searchsorted(order, [part.lowest, min(part.highest, highest)]))
@@ -77,6 +85,9 @@ def scan(
         if floor is None:
             continue
         level, known = floor.level(k), floor.support(k)
+        total[where] += power / level
+        over_floor[where] += sums / level
+        weight[where] += len(values) / level
         beside = neighbours(power, turns / part.turns)
         known = np.where(beside > level, np.minimum(known, NEIGHBOURS), known)
         level = np.maximum(level, beside)
@@ -87,7 +98,8 @@ def scan(
         support[where] += known
         span[where] = np.maximum(span[where], part.turns)
     coherent = surprise(np.abs(phasor) ** 2 / np.maximum(spread, 1e-300), np.maximum(support, 1.0))
-    return Round(order, summed, seen, coherent, span, floors)
+    steady = np.abs(over_floor) ** 2 / np.maximum(weight, 1e-300)
+    return Round(order, summed, seen, coherent, span, total, steady, floors)
 
 
 def find_lines(
@@ -180,21 +192,38 @@ def _harmonics(
 
 
 def _peaks(seen: Round, false_alarm: float) -> list[tuple[float, Line]]:
-    """Return significant peaks with their strength over what noise gives, the strongest first."""
+    """Return significant peaks with their power over the floor, the strongest first."""
     step = seen.order[1] - seen.order[0]
     cells = 2 * step * float(np.sum(seen.turns))  # two statistics
     found: list[tuple[float, Line]] = []
-    for x, shape in ((seen.summed, seen.seen), (seen.coherent, np.minimum(seen.seen, 1.0))):
+    for x, shape, power in (
+        (seen.summed, seen.seen, seen.power),
+        (seen.coherent, np.minimum(seen.seen, 1.0), seen.steady),
+    ):
         middle = x[1:-1]
         top = (middle >= x[:-2]) & (middle > x[2:]) & (middle > shape[1:-1] + 4)
         at = 1 + np.flatnonzero(top)
         chance = chance_in_scan(x[at], shape[at], cells)
         for i, p in zip(at[chance < false_alarm], chance[chance < false_alarm], strict=True):
-            bend = x[i - 1] - 2 * x[i] + x[i + 1]
-            shift = 0.5 * (x[i - 1] - x[i + 1]) / bend if bend < 0 else 0.0
-            order = float(seen.order[i] + step * shift)
-            found.append((float(x[i] - shape[i]), Line(order, float(p), float(1 / seen.turns[i]))))
+            k = _summit(power, int(i), round(0.5 / (seen.turns[i] * step)))
+            order = float(seen.order[k] + step * _beside(power, k))
+            found.append((float(power[k]), Line(order, float(p), float(1 / seen.turns[i]))))
     return sorted(found, key=lambda peak: -peak[0])
+
+
+def _summit(power: NDArray[np.float64], at: int, reach: int) -> int:
+    """Return where the power is highest within `reach` entries of `at`."""
+    first = max(at - reach, 0)
+    return first + int(np.argmax(power[first : at + reach + 1]))
+
+
+def _beside(power: NDArray[np.float64], at: int) -> float:
+    """Return by how many entries a parabola's top lies beside `at`."""
+    if not 0 < at < len(power) - 1:
+        return 0.0
+    before, here, after = power[at - 1 : at + 2]
+    bend = before - 2 * here + after
+    return float(0.5 * (before - after) / bend) if bend < 0 else 0.0
 
 
 def _is_new(line: Line, known: Sequence[Line], distance: float) -> bool:
