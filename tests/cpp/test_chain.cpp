@@ -219,6 +219,38 @@ TEST_CASE_TEMPLATE("a bad period changes nothing at all", S, float, double) {
   CHECK(same<S>(device.out, straight.out));
 }
 
+TEST_CASE_TEMPLATE("periods that no joint has do not add up until nothing runs any more", S, float,
+                   double) {
+  auto config = whole<S>();
+  config.kalman = typename Chain<S>::Kalman::Config{};
+  Device<S> device{config};
+  device.run(0, 20);
+  auto in = sample<S>(20);
+  in.voltage = not_a_number<S>;
+  in.period = std::numeric_limits<S>::max();
+  CHECK(Chain<S>::step(config, device.state, in, device.out) == Status::bad_period);
+  in.period = Chain<S>::longest_period;
+  for (int k = 0; k < 1000; ++k) {
+    CHECK(Chain<S>::step(config, device.state, in, device.out) == Status::ok);
+  }
+  device.run(21, 23);
+  CHECK(device.out.missed == Stage::none);
+}
+
+TEST_CASE_TEMPLATE("a temperature that no instrument measures is no temperature", S, float,
+                   double) {
+  auto config = whole<S>();
+  config.thermistor = std::nullopt;
+  Device<S> device{config};
+  for (const S absurd : {S(-300), S(1e19), S(20000)}) {
+    auto in = sample<S>(0);
+    in.temperature = absurd;
+    CHECK(Chain<S>::step(config, device.state, in, device.out) == Status::ok);
+    CHECK(has(device.out.missed, Stage::compensation));
+    CHECK(device.out.temperature == S(0));
+  }
+}
+
 TEST_CASE_TEMPLATE("any finite channels give finite outputs or a missed stage", S, float, double) {
   std::mt19937_64 random(7);
   Device<S> device;

@@ -105,7 +105,7 @@ struct Joint {
 
   constexpr Sample<S> sample(const Reading<S>& in, State& state) const noexcept {
     const bool warm = sensing.thermistor ? !has(state.sensed.missed, Stage::thermistor)
-                                         : math::is_finite(in.temperature);
+                                         : Chain::is_temperature(in.temperature);
     if (warm) state.temperature = state.sensed.temperature;
     Sample<S> at;
     at.output_position = in.output_position.value_or(Angle<S>{});

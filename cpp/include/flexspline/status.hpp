@@ -9,7 +9,7 @@ namespace flexspline {
 enum class [[nodiscard]] Status : std::uint8_t {
   ok = 0,
   not_finite = 1,    ///< NaN or infinity in a channel that the step reads, or in its result
-  bad_period = 2,    ///< time since the last sample is zero, negative or not finite
+  bad_period = 2,    ///< time since the last sample is zero, negative, absurd or not finite
   out_of_range = 3,  ///< a channel or a setting outside of what the formula is made for
 };
 

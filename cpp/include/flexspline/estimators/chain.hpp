@@ -16,7 +16,8 @@
 /// finite, out of range, or missing because a stage before it missed, keeps its last good outputs
 /// and sets its bit in `missed`; its next period is longer. The one exception: temperatures come
 /// seldom, so the sensor goes on with the drift of the last one, once there was one. A bad period
-/// changes nothing at all.
+/// changes nothing at all; one above an hour is bad: no step that was ever due took that long, and
+/// sums of such periods would overflow.
 ///
 /// Source: zhang_disturbance_elimination (6)–(11), (21), (22); full_range_torque_estimation
 /// (7), (8), (14)–(20); the compliant gear inside the observer is its own next step.
@@ -76,6 +77,13 @@ struct Chain {
   using Detector = CollisionDetector<S, Bands>;
 
   static constexpr S missing = std::numeric_limits<S>::quiet_NaN();
+  static constexpr S longest_period = S(3600);  ///< s
+
+  /// Whether a temperature, °C, is one: what no instrument measures counts as not read, because a
+  /// lag takes long to forget it. NaN is none.
+  static constexpr bool is_temperature(S value) noexcept {
+    return value >= S(-273.15L) && value <= S(10000);
+  }
 
   /// A stage without a value does not run.
   struct Config {
@@ -141,7 +149,7 @@ struct Chain {
 
   static constexpr Status step(const Config& config, State& state, const Input& in,
                                Output& out) noexcept {
-    if (!math::is_finite(in.period) || !(in.period > S(0))) return Status::bad_period;
+    if (!(in.period > S(0)) || !(in.period <= longest_period)) return Status::bad_period;
     out.flags = Flag::none;
     out.missed = Stage::none;
     const bool warm = read_temperature(config, in, out);
@@ -169,13 +177,13 @@ struct Chain {
 
   static constexpr bool read_temperature(const Config& config, const Input& in,
                                          Output& out) noexcept {
-    if (config.thermistor) {
-      const Status read = config.thermistor->temperature(in.thermistor_voltage, out.temperature);
-      return ran(read == Status::ok, Stage::thermistor, out);
-    }
-    if (!math::is_finite(in.temperature)) return false;
-    out.temperature = in.temperature;
-    return true;
+    S temperature = in.temperature;
+    const bool read =
+        !config.thermistor ||
+        config.thermistor->temperature(in.thermistor_voltage, temperature) == Status::ok;
+    const bool good = read && is_temperature(temperature);
+    if (good) out.temperature = temperature;
+    return config.thermistor ? ran(good, Stage::thermistor, out) : good;
   }
 
   /// Whether the drift is known, from this sample or an earlier one.
