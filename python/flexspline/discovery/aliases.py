@@ -90,7 +90,9 @@ def rivals_of(searcher: Searcher, work: Working, effect: Effect) -> list[Rival]:
     for rank, (kept, offer) in enumerate(sorted(made, key=lambda pair: pair[0])):
         gain = offer.gain
         if rank < MOST and kept < REFITTED and gain >= EXPLAINS * own:
-            kept, gain = _refitted(searcher, work, effect, offer, kept)
+            kept, gain, trial = _refitted(searcher, work, effect, offer, kept)
+            if impossible(trial, offer.effect.name, searcher.study.problem):
+                continue
         left = float(np.sqrt(max(kept - len(effect.terms), 0.0)))
         more = gain_of(beside_it, offer.columns, raw)[0] - len(offer.columns)
         adds = float(np.sqrt(max(more, 0.0)))
@@ -102,14 +104,15 @@ def rivals_of(searcher: Searcher, work: Working, effect: Effect) -> list[Rival]:
 def simplest(searcher: Searcher, work: Working) -> Working:
     """Replace each name by the alias with fewest coefficients: of equals the plainest is said."""
     for effect in work.named:
-        equals = [r for r in rivals_of(searcher, work, effect) if r.alias or r.inside]
-        plain = min(equals, key=lambda r: freedom(r.effect), default=None)
-        if plain is None or freedom(plain.effect) >= freedom(effect):
-            continue
-        effects = [plain.effect if e.name == effect.name else e for e in work.effects]
-        trial, _ = searcher.fitted(work.having(effects))
-        if not impossible(trial, plain.effect.name, searcher.study.target):
-            work = trial
+        equals = [r.effect for r in rivals_of(searcher, work, effect) if r.alias or r.inside]
+        for plain in sorted(equals, key=freedom):
+            if freedom(plain) >= freedom(effect):
+                break
+            effects = [plain if e.name == effect.name else e for e in work.effects]
+            trial, _ = searcher.fitted(work.having(effects))
+            if not impossible(trial, plain.name, searcher.study.problem):
+                work = trial
+                break
     return work
 
 
@@ -124,10 +127,10 @@ def _behind(
 
 def _refitted(
     searcher: Searcher, work: Working, effect: Effect, offer: Offer, kept: float
-) -> tuple[float, float]:
-    """Gain of the effect beside a rival with fitted shapes, and the rival's in its place."""
+) -> tuple[float, float, Working]:
+    """Gain of the effect beside a rival with fitted shapes; the rival's in its place, and there."""
     others = [e for e in work.effects if e.name != effect.name]
     trial, squares = searcher.fitted(work.having([*others, offer.effect]))
     _, both = searcher.fitted(trial.having([*trial.effects, effect]))
     without = searcher.fitted(work.having(others))[1]
-    return min(kept, max(squares - both, 0.0)), max(without - squares, 0.0)
+    return min(kept, max(squares - both, 0.0)), max(without - squares, 0.0), trial

@@ -13,7 +13,9 @@ from flexspline.errors import InputError
 
 if TYPE_CHECKING:  # what is heavy is imported where it is used
     from flexspline.discovery.result import Discovery
+    from flexspline.discovery.working import Working
     from flexspline.experiment.limits import Limits
+    from flexspline.fit.names import Bounds
     from flexspline.fit.result import Fit
     from flexspline.logs.log import Log
     from flexspline.model import Model
@@ -69,7 +71,7 @@ def discover(
     """
     from flexspline.discovery.analysis import analysed
     from flexspline.discovery.assemble import assembled
-    from flexspline.discovery.faults import data_faults
+    from flexspline.discovery.faults import data_faults, with_measured_ratio
     from flexspline.discovery.rest import moving
     from flexspline.discovery.study import study_of
     from flexspline.fit.fitting import fit
@@ -80,9 +82,10 @@ def discover(
         raise InputError("there is no log to look at; give at least one")
     start = _start(model_or_effects, target, known_load, fixed or {})
     faults = data_faults(runs, start.effects, start.target, start.known_load)
+    runs, faults = with_measured_ratio(runs, faults, start.target)
     runs = [moving(log, start.target) for log in runs]
 
-    def fitted(effects: Sequence[Effect]) -> Fit:
+    def fitted(effects: Sequence[Effect], bounds: Mapping[str, Bounds] | None = None) -> Fit:
         return fit(
             effects,
             runs,
@@ -91,6 +94,7 @@ def discover(
             lowpass=lowpass,
             orders=orders,
             fixed=start.fixed,
+            bounds=bounds,
             into=start.model,
             checks=False,
             threads=threads,
@@ -116,7 +120,8 @@ def discover(
         )
         made = analysed(study, effects, start.fixed, say)
         say("errors and validation")
-        return assembled(made, faults, fitted(made.final.effects), limits)
+        final = fitted(made.final.effects, _bounds(made.final, start))
+        return assembled(made, faults, final, limits)
 
 
 @dataclass(frozen=True)
@@ -149,6 +154,14 @@ def _start(
     if known_load is None:
         effects = [e.without_load() for e in effects]
     return _Start(tuple(effects), target, known_load, fixed, None)
+
+
+def _bounds(final: Working, start: _Start) -> dict[str, Bounds]:
+    """What physics allows of the parameters, but for those that the user fixed."""
+    from flexspline.discovery.physics import spring_bounds
+
+    allowed = spring_bounds(final, start.target)
+    return {name: limits for name, limits in allowed.items() if name not in start.fixed}
 
 
 def _fixed_in(record: Mapping[str, Any]) -> dict[str, float]:

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from flexspline.effects import Effect
 from flexspline.fit.fitting import NO_TORSION
 from flexspline.logs.checks import check
 from flexspline.logs.log import Log
 
-__all__ = ["DataFault", "data_faults"]
+__all__ = ["DataFault", "data_faults", "with_measured_ratio"]
+
+RATIO = "gear_ratio"
+NO_TWIST = tuple(name for name in NO_TORSION if name != RATIO)
 
 
 @dataclass(frozen=True)
@@ -34,7 +39,8 @@ def data_faults(
     Raises
     ------
     InputError
-        Where a fault makes every fit meaningless.
+        Where a fault makes every fit meaningless. A ratio that the encoders contradict does not:
+        they show the right one, see `with_measured_ratio`.
     """
     elsewhere = known_load not in (None, "reference_torque")
     asked = [e.name for e in base if not (elsewhere and "load" in e.reads)]
@@ -43,10 +49,29 @@ def data_faults(
         findings = check(log, effects=asked, target=target)
         findings.raise_errors()
         if target == "torsion":
-            findings.raise_named(NO_TORSION)
+            findings.raise_named(NO_TWIST)
         found += [
             DataFault(log.name, f.name, f.channel, f.size, f.unit, f.rows,
                       f"{log.name}: {f.sentence} {f.remedy}".rstrip())
             for f in findings.faults
         ]  # fmt: skip
     return tuple(found)
+
+
+def with_measured_ratio(
+    logs: Sequence[Log], faults: Sequence[DataFault], target: str
+) -> tuple[list[Log], tuple[DataFault, ...]]:
+    """Return the runs with the ratio that their encoders show, where a torsion would be nothing.
+
+    With a wrong ratio q Ñ − θ grows with every turn, and all that could be found is the ratio. The
+    fault's sentence then says which one is used instead.
+    """
+    shown = [fault.size for fault in faults if fault.name == RATIO]
+    if target != "torsion" or not shown:
+        return list(logs), tuple(faults)
+    ratio = float(np.median(shown))
+    circular = logs[0].facts.get("output_spline") == "circular"
+    said = f"What follows is with {ratio:.5g} turns of the motor side per turn of the output."
+    mended = [log.with_facts({"gear_ratio": ratio - circular}, note=said) for log in logs]
+    told = [replace(f, sentence=f"{f.sentence} {said}") if f.name == RATIO else f for f in faults]
+    return mended, tuple(told)

@@ -27,6 +27,7 @@ Array = NDArray[np.float64]
 ALPHA = 0.01  # that logs which hide nothing get a name
 UNSEEN = 1e-7  # of a column's squares that the model leaves: nothing is seen of it
 LARGE = 600.0  # χ² above which its tail is taken from the asymptotic series
+PARTED = 0.01  # of an order's squares that no other holds: below, large ones cancel each other
 SHAPE_PRICE = 2.0  # χ² that a shape takes for itself when it is fitted
 
 
@@ -101,7 +102,10 @@ def _orders(
         trials = []
         for atom in (a for a in atoms if a not in chosen):
             both = np.concatenate([columns, dictionary.at[atom]])
-            trials.append((gain_of(left, both, raw)[0], atom, both))
+            if not chosen or _parted(left, both, raw):
+                trials.append((gain_of(left, both, raw)[0], atom, both))
+        if not trials:
+            break
         reached, atom, both = max(trials, key=lambda trial: trial[0])
         if chosen and reached - gain < each:
             break
@@ -109,6 +113,13 @@ def _orders(
         columns, gain, cost = both, reached, cost + each
     harmonics = [h for atom in chosen for h in atom.harmonics]
     return Offer(variant.with_orders(harmonics), columns, gain, cost)
+
+
+def _parted(left: Array, columns: Columns, raw: Array) -> bool:
+    """Whether every mix of these columns keeps a share of its squares beside the model."""
+    scale = np.sqrt(np.maximum(raw[columns], 1e-300))
+    products = left[np.ix_(columns, columns)] / np.outer(scale, scale)
+    return float(np.linalg.eigvalsh(products)[0]) >= PARTED
 
 
 def gain_of(left: Array, columns: Columns, raw: Array) -> tuple[float, int]:

@@ -22,7 +22,7 @@ import numpy as np
 from flexspline.discovery.dictionary import Dictionary
 from flexspline.discovery.grids import SHARED
 from flexspline.discovery.heldout import held_out
-from flexspline.discovery.physics import impossible
+from flexspline.discovery.physics import driving_spring, impossible
 from flexspline.discovery.predictive import foretold_gain
 from flexspline.discovery.refit import refitted
 from flexspline.discovery.scores import Offer, gain_of, offers, price
@@ -42,6 +42,7 @@ REFITTED = 4  # offers whose shapes are refitted before one is chosen
 NEAR = 0.8  # of the best offer's gain, to be among these
 WORSE = 1.005  # times the error on left-out runs, which an effect may not exceed; what is small
 # in slow noise lowers it by less than the noise varies
+LEFT_OF_FORM = "no more than what the form of a named effect misses"
 COLUMN_SHARE = 0.01  # of the gain that each further column or shape has to explain
 
 
@@ -93,8 +94,12 @@ class Searcher:
         return work, squares, steps
 
     def fitted(self, work: Working) -> tuple[Working, float]:
-        """Refit a model on the rows that its memory allows."""
-        return refitted(self.study.problem, work, self.whitening)
+        """Refit a model on the rows that its memory allows, all its springs of one sign."""
+        problem, target = self.study.problem, self.study.target
+        work, squares = refitted(problem, work, self.whitening)
+        while spring := driving_spring(work, target):
+            work, squares = refitted(problem, work.holding(spring, 0.0), self.whitening)
+        return work, squares
 
     def _worse(self, work: Working, other: Working) -> bool:
         """Whether a model's error on left-out runs exceeds another's."""
@@ -120,12 +125,13 @@ class Searcher:
     ) -> tuple[Working, float, Step] | None:
         dictionary = self.study.dictionary(work, self.whitening)
         rivals = len(dictionary.candidates)
-        made = offers(dictionary, dictionary.model, rivals)
-        ranked = sorted(made, key=_rank, reverse=True)
-        worthy = [o for o in ranked if self._worthy(o, dictionary, work)]
+        ranked = sorted(offers(dictionary, dictionary.model, rivals), key=_rank, reverse=True)
+        missed = {o.effect.name: _missed(dictionary, work.named, o.effect) for o in ranked}
+        worthy = [o for o in ranked if self._worthy(o, dictionary, missed[o.effect.name])]
         while worthy:
             near = [o for o in worthy if o.gain >= NEAR * worthy[0].gain][:REFITTED]
-            trials = [t for o in near if (t := self._tried(o, work, squares)) is not None]
+            made = [self._tried(o, work, squares, missed[o.effect.name]) for o in near]
+            trials = [trial for trial in made if trial is not None]
             if trials:
                 chosen, left, offer, gain = max(trials, key=lambda t: _ranked(t[3], t[2]))
                 return chosen, left, Step(offer.effect, gain, offer.price, tuple(ranked[:6]))
@@ -133,7 +139,7 @@ class Searcher:
         return None
 
     def _tried(
-        self, offer: Offer, work: Working, squares: float
+        self, offer: Offer, work: Working, squares: float, missed: float
     ) -> tuple[Working, float, Offer, float] | None:
         """The model with an offer, its shapes refitted; None where it cannot be taken."""
         made, left = self.fitted(work.having([*work.effects, offer.effect]))
@@ -142,7 +148,9 @@ class Searcher:
             return None
         if self.limits.lax:
             return made, left, offer, gain
-        reason = impossible(made, offer.effect.name, self.study.target)
+        reason = impossible(made, offer.effect.name, self.study.problem)
+        if not reason and gain < missed:
+            reason = LEFT_OF_FORM
         if not reason and self._worse(made, work):
             reason = "raises the error on left-out runs"
         if reason:
@@ -150,13 +158,13 @@ class Searcher:
             return None
         return made, left, offer, gain
 
-    def _worthy(self, offer: Offer, dictionary: Dictionary, work: Working) -> bool:
+    def _worthy(self, offer: Offer, dictionary: Dictionary, missed: float) -> bool:
         if offer.net <= 0.0:
             return False
         if self.limits.lax:
             return True
-        if offer.gain < _missed(dictionary, work.named, offer.effect):
-            self.refused[offer.effect.name] = "no more than what the form of a named effect misses"
+        if offer.gain < missed:
+            self.refused[offer.effect.name] = LEFT_OF_FORM
             return False
         foretold = foretold_gain(dictionary.table, dictionary.model, offer.columns, offer.gain)
         if float(foretold.sum()) < HELD_OUT * offer.net:
@@ -188,7 +196,7 @@ class Searcher:
             trial, left = self.fitted(work.having(swapped))
             margin = COLUMN_SHARE * own * max(freedom(best.effect) - freedom(effect), 0)
             better = left + best.price + margin < squares + floor
-            if better and not impossible(trial, best.effect.name, self.study.target):
+            if better and not impossible(trial, best.effect.name, self.study.problem):
                 work, squares = trial, left
         return work, squares
 

@@ -77,10 +77,16 @@ class Working:
     def having(self, effects: Sequence[Effect]) -> Working:
         """Return a model of other effects that keeps the coefficients of those in both."""
         old = dict(zip(coefficient_names(self.effects), self.coefficients, strict=True))
-        made = working(effects, self.base, self.fixed)
+        lost = {e.name for e in self.named} - {e.name for e in effects}
+        fixed = {n: v for n, v in self.fixed.items() if n.split(".")[0] not in lost}
+        made = working(effects, self.base, fixed)
         values = [old.get(n, v) for n, v in zip(_names(effects), made.coefficients, strict=True)]
         kept = np.where(made.held, made.coefficients, values)
         return replace(made, coefficients=kept)
+
+    def holding(self, name: str, value: float) -> Working:
+        """Return the model with one coefficient more that is not fitted."""
+        return replace(self, fixed={**self.fixed, name: value}).having(self.effects)
 
     def sheet(
         self,
