@@ -252,17 +252,19 @@ def require_effects(effects: Sequence[Effect], target: str) -> None:
             raise InputError(f"effect '{effect.name}' is named twice; name it once")
 
 
-def unit_in(unit: str, target: str) -> str:
+def unit_in(unit: str, target: str, known_load: str | None) -> str:
     """Return a term's unit for a target: 'Nm·s/rad' for a torque is 'A·s/rad' for a current.
 
-    A factor of a torque, '1', is 'A/Nm' for a current. Effects of the torsion alone have their
-    units in rad, 'rad/Nm', which stand as they are.
+    `known_load`: channel of the load, if there is one. A factor of the load, '1', is 'A/Nm' for a
+    current where the load is known in Nm. The load that a model makes itself, of its inertia and
+    gravity, is in A as the target is: then the factor is a number. Effects of the torsion alone
+    have their units in rad, 'rad/Nm', which stand as they are.
     """
     own = UNITS[target]
     if own == "Nm" or unit.startswith("rad"):
         return unit
     if unit == "1":
-        return f"{own}/Nm"
+        return f"{own}/Nm" if known_load else unit
     return unit.replace("kg·m²", "Nm·s²/rad").replace("Nm", own)
 
 

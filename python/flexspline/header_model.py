@@ -64,7 +64,7 @@ def _parts(part: Part, effects: list[Effect]) -> Iterator[str]:
         yield "            {{"
         for term, value in zip(effect.terms, part.coefficients[first:], strict=False):
             name = f"{effect.name}.{term.name}"
-            said = _value(term, float(value), errors.get(name, {}), part.target)
+            said = _value(term, float(value), errors.get(name, {}), part)
             yield f"                {literal(value, name)},  // {said}"
         yield "            }}},"
         first += len(effect.terms)
@@ -91,13 +91,14 @@ def _fields(effect: Effect) -> str:
     )
 
 
-def _value(term: TermInfo, value: float, known: Mapping[str, Any], target: str) -> str:
+def _value(term: TermInfo, value: float, known: Mapping[str, Any], part: Part) -> str:
     """A coefficient in words: "level 0.302 ± 0.002 Nm"."""
     error = known.get("standard_error")
     state = known.get("state", "fitted")
     note = "" if state == "fitted" else f" ({state})"
     shown = plus_minus(value, math.nan if error is None else error)
-    return one_line(f"{term.name} {shown} {unit_in(term.unit, target)}{note}")
+    unit = unit_in(term.unit, part.target, part.known_load)
+    return one_line(f"{term.name} {shown} {unit}{note}")
 
 
 def literal(value: float, name: str) -> str:

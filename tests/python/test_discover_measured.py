@@ -56,6 +56,8 @@ def test_friction_that_grows_with_its_own_load_is_named_first_in_joint_2() -> No
     assert found.effect == "load_dependent_friction"
     assert "position_dependent_friction" in found.indistinguishable_from
     assert found.rmse_after < 0.45 * found.rmse_before
+    (factor,) = [p for p in arm(2).fit.parameters if p.name == "load_dependent_friction.factor"]
+    assert factor.unit == "1"  # of a load that the model makes itself, in A
     said = str(arm(2).next_experiment)
     assert "load_dependent_friction" in said and "position_dependent_friction" in said
 

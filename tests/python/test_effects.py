@@ -44,7 +44,7 @@ def test_the_torsion_effects_are_for_the_torsion_and_its_units():
     for name in names:
         info = CATALOGUE[name]
         assert info.targets == "D"
-        assert all(unit_in(t.unit, "torsion") == t.unit for t in info.terms)
+        assert all(unit_in(t.unit, "torsion", "reference_torque") == t.unit for t in info.terms)
         assert all(t.unit.startswith("rad") for t in info.terms)
     shared = ("offset", "temperature_drift", "time_drift")
     assert all("D" in CATALOGUE[name].targets for name in shared)
@@ -195,17 +195,28 @@ def test_a_shape_can_be_replaced_and_the_effect_stays_as_it_was():
         made.shapes["stribeck_velocity"] = 0.4  # type: ignore[index]
 
 
-def test_units_follow_the_target():
-    assert unit_in("Nm·s/rad", "sensor_torque") == "Nm·s/rad"
-    assert unit_in("Nm·s/rad", "motor_current") == "A·s/rad"
-    assert unit_in("kg·m²", "motor_current") == "A·s²/rad"
-    assert unit_in("Nm", "torsion") == "rad"
-    assert unit_in("Nm/K", "torsion") == "rad/K"
-    assert unit_in("rad/Nm", "torsion") == "rad/Nm"
-    assert unit_in("1", "motor_current") == "A/Nm" and unit_in("1", "sensor_torque") == "1"
+@pytest.mark.parametrize(
+    ("unit", "target", "known_load", "shown"),
+    [
+        ("Nm·s/rad", "sensor_torque", None, "Nm·s/rad"),
+        ("Nm·s/rad", "motor_current", None, "A·s/rad"),
+        ("kg·m²", "motor_current", None, "A·s²/rad"),
+        ("Nm", "torsion", "reference_torque", "rad"),
+        ("Nm/K", "torsion", "reference_torque", "rad/K"),
+        ("rad/Nm", "torsion", "reference_torque", "rad/Nm"),
+        ("1", "sensor_torque", "reference_torque", "1"),
+        ("1", "motor_current", "reference_torque", "A/Nm"),
+        ("1", "motor_current", None, "1"),
+    ],
+)
+def test_units_follow_the_target_and_the_load(unit, target, known_load, shown):
+    assert unit_in(unit, target, known_load) == shown
+
+
+def test_units_of_a_torque_are_those_of_the_catalogue():
     for info in CATALOGUE.values():
         for term in info.terms:
-            assert unit_in(term.unit, "motor_torque") == term.unit
+            assert unit_in(term.unit, "motor_torque", None) == term.unit
     assert set(UNITS.values()) == {"Nm", "A", "rad"}
 
 

@@ -119,7 +119,8 @@ def _confounded(problem: Problem, made: Estimate, uncertainty: Uncertainty) -> l
 
 def _units(problem: Problem, made: Estimate) -> list[str]:
     """Unit of each coefficient, in the order of `names`."""
-    units = [unit_in(t.unit, problem.target) for e in made.linear.effects for t in e.terms]
+    load, terms = problem.known_load, [t for e in made.linear.effects for t in e.terms]
+    units = [unit_in(term.unit, problem.target, load) for term in terms]
     place = problem.place(made.linear.effects)
     ordered = [""] * len(made.names)
     for run in place:

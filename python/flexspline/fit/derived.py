@@ -147,9 +147,9 @@ def derived_of(fit: Fit) -> tuple[Derived, ...]:
                 error = _error(fit, prefix, formula, values)
                 if error > ROUGH * abs(value):
                     continue
-                unit = (
-                    formula.unit if fit.target == "torsion" else unit_in(formula.unit, fit.target)
-                )
+                unit = formula.unit
+                if fit.target != "torsion":
+                    unit = unit_in(unit, fit.target, fit.part.known_load)
                 found.append(Derived(formula.name, value, error, unit))
     return tuple(found)
 
