@@ -35,7 +35,9 @@ Joint<S, N> joint() {
   Joint<S, N> model;
   std::apply([](auto&... part) { (part.coefficients.fill(S(0.1)), ...); }, model.parts);
   auto& ripple = std::get<Part<S, OutputRipple<S, N>>>(model.parts).effect;
-  for (std::size_t k = 0; k < N; ++k) ripple.harmonics[k].order = static_cast<std::uint32_t>(k + 1);
+  std::array<Harmonic, N> harmonics;
+  for (std::size_t k = 0; k < N; ++k) harmonics[k].order = static_cast<std::uint32_t>(k + 1);
+  ripple.assign(harmonics);
   return model;
 }
 

@@ -27,9 +27,11 @@ void for_each_effect(Use&& use) {
           if constexpr (HarmonicEffect<std::remove_cvref_t<decltype(e)>>) {
             constexpr std::array<std::uint32_t, room> orders{1, 2, 3, 4,  5,   6,
                                                              7, 8, 9, 10, 320, 4200};
+            std::array<Harmonic, room> harmonics;
             for (std::size_t k = 0; k < room; ++k) {
-              e.harmonics[k] = {orders[k], e.pairs[k / 3 % e.pairs.size()]};
+              harmonics[k] = {orders[k], e.pairs[k / 3 % e.pairs.size()]};
             }
+            e.assign(harmonics);
           }
           use(std::as_const(e));
         };

@@ -27,7 +27,7 @@ Friction<S> friction(S level) {
   auto& [stribeck, ripple] = made.parts;
   stribeck.effect.stribeck_velocity = level;
   stribeck.coefficients = {level};
-  ripple.effect.harmonics = {{{2, Pair::output_on_housing}, {4200, Pair::output_on_housing}}};
+  ripple.effect = {{{{{2, Pair::output_on_housing}, {4200, Pair::output_on_housing}}}}};
   ripple.coefficients = {level, level, level, level};
   return made;
 }
@@ -90,7 +90,7 @@ TEST_CASE_TEMPLATE("what is saved is loaded, number by number", S, float, double
   CHECK(load(bytes, joint) == BlockStatus::ok);
   CHECK(saved(joint) == bytes);
   CHECK(joint.estimating.kalman->motion.alpha == S(0.7L));
-  CHECK(std::get<1>(joint.sensor.parts).effect.harmonics[1].order == 4200);
+  CHECK(std::get<1>(joint.sensor.parts).effect.harmonics()[1].order == 4200);
 }
 
 TEST_CASE("a block that any single bit differs from is refused, and changes nothing") {

@@ -71,7 +71,7 @@ void check_equal(Model<double, Effects...> model, unsigned seed) {
   const auto take = [&]<typename Effect>(Part<double, Effect>& part) {
     batch::AnyEffect any = batch::effect_by_name(part.effect.name);
     if constexpr (HarmonicEffect<Effect>) {
-      batch::set_harmonics(any, part.effect.harmonics);
+      batch::set_harmonics(any, part.effect.harmonics());
     }
     if constexpr (requires { part.effect.direction_width; }) {
       part.effect.direction_width = 0.02;
@@ -126,7 +126,7 @@ void check_equal(Model<double, Effects...> model, unsigned seed) {
 template <typename Effect>
 Effect with_orders(std::vector<Harmonic> harmonics) {
   Effect effect;
-  std::copy(harmonics.begin(), harmonics.end(), effect.harmonics.begin());
+  effect.assign(harmonics);
   return effect;
 }
 

@@ -10,8 +10,7 @@ namespace {
 
 template <typename S>
 SpeedDependentRipple<S, 2> resonant() {
-  SpeedDependentRipple<S, 2> effect;
-  effect.harmonics = {{{1, Pair::motor_on_stator}, {4, Pair::motor_on_stator}}};
+  SpeedDependentRipple<S, 2> effect{{{{{1, Pair::motor_on_stator}, {4, Pair::motor_on_stator}}}}};
   effect.resonance_velocity = S(2);
   effect.damping_ratio = S(0.1);
   return effect;
@@ -27,8 +26,9 @@ TEST_CASE_TEMPLATE("bent ripple is what an oscillator adds to what drives it, in
     auto at = usual_sample<S>(random);
     const auto row = effect.row(at);
     for (std::size_t k = 0; k < 2; ++k) {
-      const auto p = (math::Bits<S>(effect.harmonics[k].order) * at.motor_position.phase).phasor();
-      const double rho = effect.harmonics[k].order * double(at.output_velocity) / 2.0;
+      const auto p =
+          (math::Bits<S>(effect.harmonics()[k].order) * at.motor_position.phase).phasor();
+      const double rho = effect.harmonics()[k].order * double(at.output_velocity) / 2.0;
       const std::complex<double> response =
           1.0 / std::complex<double>(1 - rho * rho, 0.2 * rho) - 1.0;
       const std::complex<double> wave = response * std::complex<double>(p.cosine, p.sine);

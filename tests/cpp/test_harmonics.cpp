@@ -1,5 +1,6 @@
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <vector>
 
@@ -14,8 +15,9 @@ constexpr std::size_t most = 20;
 template <typename S>
 OutputRipple<S, most> ripple(const std::vector<std::uint32_t>& orders) {
   OutputRipple<S, most> effect;
-  for (std::size_t k = 0; k < orders.size(); ++k) effect.harmonics[k].order = orders[k];
-  effect.count = orders.size();
+  std::vector<Harmonic> harmonics;
+  for (const std::uint32_t order : orders) harmonics.push_back({order, Pair::output_on_housing});
+  effect.assign(harmonics);
   return effect;
 }
 
@@ -26,9 +28,9 @@ Sample<S> at_phase(math::Bits<S> fraction) {
   return at;
 }
 
-/// Largest error of a row over random angles, against long double.
+/// Largest error of a row over random angles against long double, over that of its steps.
 template <typename S>
-long double worst_error(const std::vector<std::uint32_t>& orders) {
+long double worst_error_per_step(const std::vector<std::uint32_t>& orders) {
   constexpr long double turn = 2 * 3.141592653589793238462643383279502884L;
   const auto effect = ripple<S>(orders);
   std::mt19937_64 random(30);
@@ -40,11 +42,22 @@ long double worst_error(const std::vector<std::uint32_t>& orders) {
       const auto wrapped = static_cast<math::Bits<S>>(orders[k] * fraction);
       const long double angle =
           turn * std::ldexp(static_cast<long double>(wrapped), -8 * int(sizeof(S)));
-      worst = std::max(worst, std::abs(static_cast<long double>(row[2 * k]) - std::cos(angle)));
-      worst = std::max(worst, std::abs(static_cast<long double>(row[2 * k + 1]) - std::sin(angle)));
+      const long double steps = effect.ways()[k].steps;
+      const auto error = [&](S found, long double exact) {
+        return std::abs(static_cast<long double>(found) - exact) / steps;
+      };
+      worst = std::max(
+          {worst, error(row[2 * k], std::cos(angle)), error(row[2 * k + 1], std::sin(angle))});
     }
   }
   return worst;
+}
+
+/// Steps of each order.
+std::vector<int> steps(const std::vector<std::uint32_t>& orders) {
+  std::vector<int> found;
+  for (const Way& way : ripple<float>(orders).ways()) found.push_back(way.steps);
+  return found;
 }
 
 std::vector<std::uint32_t> first(std::uint32_t count) {
@@ -55,32 +68,56 @@ std::vector<std::uint32_t> first(std::uint32_t count) {
 
 }  // namespace
 
-TEST_CASE_TEMPLATE("twenty harmonics by rotation in groups of eight stay accurate", S, float,
-                   double) {
-  // Seven rotations at most; each adds what cosine and sine of one angle lack, and its rounding.
-  CHECK(worst_error<S>(first(20)) <= (sizeof(S) == 4 ? 1.2e-6L : 5e-15L));
+TEST_CASE_TEMPLATE("the error of a harmonic grows with its steps alone", S, float, double) {
+  const long double most_a_step = sizeof(S) == 4 ? 1.4e-7L : 5.4e-16L;
+  CHECK(worst_error_per_step<S>(first(20)) <= most_a_step);
+  CHECK(worst_error_per_step<S>({2, 4, 6, 8, 10, 12, 14, 16, 18, 20}) <= most_a_step);
+  CHECK(worst_error_per_step<S>({320, 640, 960, 1200, 1280, 4200}) <= most_a_step);
 }
 
-TEST_CASE_TEMPLATE("sparse orders are each as good as one phasor", S, float, double) {
-  CHECK(worst_error<S>({2, 4, 8, 101, 320, 1200, 4200}) <= (sizeof(S) == 4 ? 1.21e-7L : 4.5e-16L));
+TEST_CASE_TEMPLATE("an order by itself is as good as one phasor, however high", S, float, double) {
+  const std::vector<std::uint32_t> alone{3, 5, 7, 101, 320, 1200, 4200, 1000000};
+  CHECK(steps(alone) == std::vector<int>(alone.size(), 1));
+  CHECK(worst_error_per_step<S>(alone) <= (sizeof(S) == 4 ? 1.21e-7L : 4.5e-16L));
 }
 
-TEST_CASE_TEMPLATE("a group starts anew after eight harmonics", S, float, double) {
-  const auto effect = ripple<S>(first(20));
-  for (std::size_t k = 0; k < 20; ++k) CHECK(effect.continues(k) == (k % 8 != 0));
-  const auto at = at_phase<S>(static_cast<math::Bits<S>>(0x9e3779b97f4a7c15ULL));
-  const auto row = effect.row(at);
-  for (const std::size_t k : {0U, 8U, 16U}) {
-    const auto p = (math::Bits<S>(k + 1) * at.output_position.phase).phasor();
-    CHECK(same_bits(row[2 * k], p.cosine));
-    CHECK(same_bits(row[2 * k + 1], p.sine));
+TEST_CASE("orders are added up from those before, in sixteen steps at most") {
+  CHECK(steps(first(20)) ==
+        std::vector<int>{1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 1, 2, 3, 4});
+  CHECK(steps({2, 4, 6, 8, 10}) == std::vector<int>{1, 2, 3, 4, 5});
+  CHECK(steps({1, 2, 3, 4, 6, 8, 101, 202, 303, 320}) ==
+        std::vector<int>{1, 2, 3, 4, 6, 8, 1, 2, 3, 1});
+  CHECK(steps({4, 2, 1}) == std::vector<int>{1, 1, 1});
+  CHECK(steps({2147483648U, 4294967295U, 1}) == std::vector<int>{1, 1, 1});
+}
+
+TEST_CASE_TEMPLATE("every way leads to its order, whatever the list", S, float, double) {
+  std::mt19937_64 random(31);
+  for (int list = 0; list < 300; ++list) {
+    std::vector<std::uint32_t> orders(most);
+    for (auto& order : orders) order = 1 + static_cast<std::uint32_t>(random() % 40);
+    const auto effect = ripple<S>(orders);
+    const auto at = at_phase<S>(static_cast<math::Bits<S>>(random()));
+    const auto row = effect.row(at);
+    for (std::size_t k = 0; k < most; ++k) {
+      const Way way = effect.ways()[k];
+      const auto p = (math::Bits<S>(orders[k]) * at.output_position.phase).phasor();
+      const S bound = S(3) * S(way.steps) * std::numeric_limits<S>::epsilon();
+      CHECK(math::absolute(row[2 * k] - p.cosine) <= bound);
+      CHECK(math::absolute(row[2 * k + 1] - p.sine) <= bound);
+      if (way.steps == 1) {
+        CHECK(same_bits(row[2 * k], p.cosine));
+        continue;
+      }
+      REQUIRE((way.from <= way.by && way.by < k));
+      CHECK(orders[way.from] + orders[way.by] == orders[k]);
+    }
   }
 }
 
 TEST_CASE_TEMPLATE("harmonics beyond the count are zero and change no other", S, float, double) {
   const auto all = ripple<S>(first(20));
-  auto some = all;
-  some.count = 5;
+  const auto some = ripple<S>(first(5));
   const auto at = at_phase<S>(static_cast<math::Bits<S>>(0x9e3779b97f4a7c15ULL));
   const auto row = all.row(at);
   const auto short_row = some.row(at);
@@ -90,14 +127,13 @@ TEST_CASE_TEMPLATE("harmonics beyond the count are zero and change no other", S,
 }
 
 TEST_CASE_TEMPLATE("each pair turns its own harmonics", S, float, double) {
-  WaveGeneratorRipple<S, 4> effect;
-  effect.harmonics = {{{1, Pair::wave_generator_on_circular_spline},
-                       {2, Pair::wave_generator_on_circular_spline},
-                       {2, Pair::wave_generator_on_flexspline},
-                       {3, Pair::wave_generator_on_flexspline}}};
-  CHECK(effect.continues(1));
-  CHECK_FALSE(effect.continues(2));
-  CHECK(effect.continues(3));
+  const WaveGeneratorRipple<S, 4> effect{{{{{1, Pair::wave_generator_on_circular_spline},
+                                            {2, Pair::wave_generator_on_circular_spline},
+                                            {2, Pair::wave_generator_on_flexspline},
+                                            {3, Pair::wave_generator_on_flexspline}}}}};
+  CHECK(effect.ways()[1].steps == 2);
+  CHECK(effect.ways()[2].steps == 1);
+  CHECK(effect.ways()[3].steps == 1);
   Sample<S> at;
   at.wave_generator_on_circular_spline = Angle<S>::from_turns(S(0.25)).phase;
   at.wave_generator_on_flexspline = Angle<S>::from_turns(S(0.5)).phase;

@@ -25,8 +25,8 @@ constexpr Loaded<S> loaded_model() {
   std::get<1>(model.parts).coefficients = {S(0.25)};
   std::get<2>(model.parts).coefficients = {S(2)};
   std::get<3>(model.parts).coefficients = {S(4), S(8)};
-  std::get<4>(model.parts).effect.harmonics = {
-      {{1, Pair::wave_generator_on_flexspline}, {2, Pair::wave_generator_on_circular_spline}}};
+  std::get<4>(model.parts).effect = {
+      {{{{1, Pair::wave_generator_on_flexspline}, {2, Pair::wave_generator_on_circular_spline}}}}};
   std::get<4>(model.parts).coefficients = {S(1), S(2), S(3), S(4)};
   std::get<5>(model.parts).coefficients = {S(0.125), S(0)};
   return model;

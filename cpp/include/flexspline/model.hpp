@@ -10,7 +10,7 @@
 namespace flexspline {
 
 template <typename Effect>
-concept HarmonicEffect = requires(const Effect& effect) { effect.harmonics; };
+concept HarmonicEffect = requires(const Effect& effect) { effect.harmonics(); };
 
 /// Harmonics whose amplitude and phase speed changes: their rows are more than cosines and sines.
 template <typename Effect>

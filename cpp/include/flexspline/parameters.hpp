@@ -10,8 +10,10 @@
 /// stages run, by which rule. All else may be replaced while it runs.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <limits>
+#include <span>
 #include <string_view>
 #include <tuple>
 
@@ -49,12 +51,23 @@ constexpr void all(V& visitor, std::string_view name, T& values, Range<S> range)
   visitor.numbers(name, values.data(), values.size(), range);
 }
 
+/// Orders are handed over together: how each is reached depends on those before it.
+template <typename V, typename Effect>
+constexpr void visit_harmonics(V& visitor, Effect& effect) noexcept {
+  const auto known = effect.harmonics();
+  std::array<Harmonic, Effect::most> taken{};
+  std::copy(known.begin(), known.end(), taken.begin());
+  const std::span harmonics = std::span(taken).first(known.size());
+  for (Harmonic& harmonic : harmonics) visitor.harmonic(harmonic);
+  if constexpr (!std::is_const_v<Effect>) effect.assign(harmonics);
+}
+
 template <typename S, typename V, typename Part>
 constexpr void visit_effect(V& visitor, Part& part) noexcept {
   using Effect = std::remove_cvref_t<decltype(part.effect)>;
   visitor.structure(Effect::name);
   if constexpr (HarmonicEffect<Effect>) {
-    for (auto& h : part.effect.harmonics) visitor.harmonic(h);
+    visit_harmonics(visitor, part.effect);
   }
   if constexpr (requires { Effect::shapes(); }) {
     for (const auto& shape : Effect::shapes()) {

@@ -4,6 +4,7 @@
 #include <array>
 #include <cstddef>
 #include <string_view>
+#include <utility>
 
 #include "flexspline/sample.hpp"
 
@@ -13,11 +14,23 @@ namespace flexspline {
 template <typename S, std::size_t N>
 using Row = std::array<S, N>;
 
+/// use(0), use(1), … use(N − 1); up to 32 of them written out, so that what is constant folds.
+template <std::size_t N, typename Use>
+constexpr void for_each_place(const Use& use) noexcept {
+  if constexpr (N <= 32) {
+    [&use]<std::size_t... I>(std::index_sequence<I...>) {
+      (use(I), ...);
+    }(std::make_index_sequence<N>{});
+  } else {
+    for (std::size_t k = 0; k < N; ++k) use(k);
+  }
+}
+
 /// row · coefficients, term by term from the left.
 template <typename S, std::size_t N>
 constexpr S weighted(const Row<S, N>& row, const std::array<S, N>& coefficients) noexcept {
   S sum = S(0);
-  for (std::size_t k = 0; k < N; ++k) sum += row[k] * coefficients[k];
+  for_each_place<N>([&](std::size_t k) { sum += row[k] * coefficients[k]; });
   return sum;
 }
 

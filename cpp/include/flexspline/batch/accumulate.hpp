@@ -53,11 +53,12 @@ inline std::optional<Structure> structure_of(const Design& design) {
         [](const auto& effect) {
           using Effect = std::remove_cvref_t<decltype(effect)>;
           if constexpr (HarmonicEffect<Effect> && !BentHarmonicEffect<Effect>) {
-            for (std::size_t k = 0; k < effect.count; ++k) {
-              if (effect.harmonics[k].order != k + 1) return false;
-              if (effect.harmonics[k].pair != effect.harmonics[0].pair) return false;
+            const auto harmonics = effect.harmonics();
+            for (std::size_t k = 0; k < harmonics.size(); ++k) {
+              if (harmonics[k].order != k + 1) return false;
+              if (harmonics[k].pair != harmonics[0].pair) return false;
             }
-            return effect.count >= 4;
+            return harmonics.size() >= 4;
           }
           return false;
         },

@@ -95,8 +95,7 @@ inline void set_harmonics(AnyEffect& any, std::span<const Harmonic> harmonics) {
               refuse("has no orders of '" + std::string(name_of(harmonic.pair)) + "'");
             }
           }
-          std::copy(harmonics.begin(), harmonics.end(), effect.harmonics.begin());
-          effect.count = harmonics.size();
+          effect.assign(harmonics);
         } else if (!harmonics.empty()) {
           refuse("has no orders");
         }

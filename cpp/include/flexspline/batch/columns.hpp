@@ -45,7 +45,7 @@ inline std::size_t terms_of(const AnyEffect& any) {
   return std::visit(
       [](const auto& effect) {
         if constexpr (HarmonicEffect<std::remove_cvref_t<decltype(effect)>>) {
-          return 2 * effect.count;
+          return 2 * effect.harmonics().size();
         } else {
           return effect.terms.size();
         }
@@ -106,10 +106,10 @@ inline void phasors(std::uint64_t order, const std::uint64_t* phase, std::size_t
 /// What speed makes of harmonics, in place.
 template <BentHarmonicEffect Effect>
 void bend(const Effect& effect, const SampleBlock& block, double* out, std::size_t stride) {
-  for (std::size_t k = 0; k < effect.count; ++k) {
+  for (std::size_t k = 0; k < effect.harmonics().size(); ++k) {
     double* cosine = out + 2 * k * stride;
     double* sine = cosine + stride;
-    const std::uint32_t order = effect.harmonics[k].order;
+    const std::uint32_t order = effect.harmonics()[k].order;
     run_wide([&effect, cosine, sine, order, v = block.output_velocity, size = block.size] {
       for (std::size_t i = 0; i < size; ++i) {
         const auto p = effect.bent({cosine[i], sine[i]}, order, v[i]);
@@ -123,24 +123,20 @@ void bend(const Effect& effect, const SampleBlock& block, double* out, std::size
 /// The same for harmonics, a harmonic at a time instead of a sample at a time.
 template <HarmonicEffect Effect>
 void columns(const Effect& effect, const SampleBlock& block, double* out, std::size_t stride) {
-  SampleBlock::Column<double> cosine_once;
-  SampleBlock::Column<double> sine_once;
-  for (std::size_t k = 0; k < effect.count; ++k) {
-    const auto [order, pair] = effect.harmonics[k];
+  for (std::size_t k = 0; k < effect.harmonics().size(); ++k) {
+    const auto [order, pair] = effect.harmonics()[k];
+    const Way way = effect.ways()[k];
     double* cosine = out + 2 * k * stride;
     double* sine = cosine + stride;
-    if (!effect.continues(k)) {
+    if (way.steps == 1) {
       phasors(order, block.phases(pair), block.size, cosine, sine);
       continue;
     }
-    if (!effect.continues(k - 1)) {
-      phasors(1, block.phases(pair), block.size, cosine_once.data(), sine_once.data());
-    }
-    const double* last_cosine = cosine - 2 * stride;
-    const double* last_sine = sine - 2 * stride;
-    run_wide([=, c = cosine_once.data(), s = sine_once.data(), size = block.size] {
+    const double* from = out + 2 * way.from * stride;
+    const double* by = out + 2 * way.by * stride;
+    run_wide([=, size = block.size] {
       for (std::size_t i = 0; i < size; ++i) {
-        const auto p = math::rotate<double>({last_cosine[i], last_sine[i]}, {c[i], s[i]});
+        const auto p = math::rotate<double>({from[i], from[stride + i]}, {by[i], by[stride + i]});
         cosine[i] = p.cosine;
         sine[i] = p.sine;
       }

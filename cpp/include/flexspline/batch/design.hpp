@@ -176,7 +176,7 @@ class Design {
     return std::visit(
         [](const auto& effect) {
           if constexpr (HarmonicEffect<std::remove_cvref_t<decltype(effect)>>) {
-            return effect.harmonics[0].pair;
+            return effect.harmonics()[0].pair;
           }
           return Pair{};
         },

@@ -57,12 +57,13 @@ struct SpeedDependentRipple : Harmonics<S, K> {
 
   constexpr Row<S, 2 * K> row(const Sample<S>& at) const noexcept {
     Row<S, 2 * K> result = Harmonics<S, K>::row(at);
-    for (std::size_t k = 0; k < this->count; ++k) {
-      const auto p =
-          bent({result[2 * k], result[2 * k + 1]}, this->harmonics[k].order, at.output_velocity);
+    for_each_place<K>([&](std::size_t k) {
+      if (k >= this->harmonics().size()) return;
+      const math::Phasor<S> plain{result[2 * k], result[2 * k + 1]};
+      const auto p = bent(plain, this->harmonics()[k].order, at.output_velocity);
       result[2 * k] = p.cosine;
       result[2 * k + 1] = p.sine;
-    }
+    });
     return result;
   }
 };

@@ -43,7 +43,7 @@ double torque_of(const Effect& effect, const Sample<double>& at, const double* c
   if constexpr (Remembers<Effect>) {
     add(effect.row(at, *std::get_if<place_of<Effect>>(&memory)), effect.terms.size());
   } else if constexpr (HarmonicEffect<Effect>) {
-    add(row_of(effect, at, none), 2 * effect.count);
+    add(row_of(effect, at, none), 2 * effect.harmonics().size());
   } else {
     add(row_of(effect, at, none), effect.terms.size());
   }
