@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from flexspline.discovery.aliases import simplest
 from flexspline.discovery.ceiling import Ceiling
-from flexspline.discovery.heldout import held_out, plain_rows
+from flexspline.discovery.heldout import held_out
 from flexspline.discovery.nameless import nameless_of
 from flexspline.discovery.noise import first_whitening, restricted_whitening
 from flexspline.discovery.refit import started
@@ -98,7 +98,7 @@ def analysed(
     share = rows_of(whole.problem) / rows_of(looked_at)
     ceiling = Ceiling(looked_at, whitening)
     leftover, doubted = leftover_of(ceiling, final).times(share), []
-    at_first, closed = leftover.net, _closes(looked_at, base, final, leftover)
+    at_first, closed = leftover.net, _closes(looked_at, whitening, base, final, leftover)
     while not closed:
         stand_in = _stand_in(searcher, final, leftover, at_first)
         if stand_in is None:
@@ -140,18 +140,20 @@ def _ordered(searcher: Searcher, work: Working) -> Working:
     return searcher.fitted(work.having(chosen))[0]
 
 
-def _closes(problem: Problem, base: Working, final: Working, leftover: Leftover) -> bool:
+def _closes(
+    problem: Problem, whitening: Whitening, base: Working, final: Working, leftover: Leftover
+) -> bool:
     """Whether the names close nearly all of the gap that functions without a name could close.
 
     In logs of many rows what a form misses is sure as well, and free functions of a name's own
-    channels hold the name: they do not make it a stand-in where little is left to explain.
+    channels hold the name: they do not make it a stand-in where little is left to explain. The gap
+    is that of left-out folds in the noise's own metric: slow noise would hide it.
     """
     if not leftover.groups or not final.named:
         return False
-    plain = plain_rows(problem, final)
-    before, after = (held_out(problem, work, plain).rmse for work in (base, final))
-    floor = min(held_out(problem, final, plain, leftover.groups).rmse, after)
-    return before**2 - after**2 >= CLOSED * (before**2 - floor**2)
+    before, after = (held_out(problem, work, whitening).squares for work in (base, final))
+    floor = min(held_out(problem, final, whitening, leftover.groups).squares, after)
+    return before - after >= CLOSED * (before - floor)
 
 
 def _stand_in(searcher: Searcher, work: Working, leftover: Leftover, at_first: float) -> str | None:

@@ -97,19 +97,25 @@ def _nested(made: Analysis) -> list[Working]:
 def _unexplained(
     made: Analysis, plain: Whitening, steps: list[float]
 ) -> tuple[Unexplained | None, float]:
-    """What is left above the noise floor, if it matters; and the floor."""
+    """What is left above the noise floor, if it matters; and the floor.
+
+    How much matters is told in the noise's own metric, where slow noise does not hide it.
+    """
     groups = made.leftover.groups
     if not groups:
         return None, steps[-1]
     problem = made.part.problem
+    first, last, least = (
+        held_out(problem, work, made.whitening, beside).squares
+        for work, beside in ((made.base, ()), (made.final, ()), (made.final, groups))
+    )
+    share = (last - least) / (first - least) if first > least else 0.0
+    if share < SEEN:
+        return None, steps[-1]
     floor = held_out(problem, made.final, plain, groups).rmse
     if made.part is not made.study:
         floor *= steps[-1] / held_out(problem, made.final, plain).rmse
     floor = min(floor, *steps)
-    gap = steps[0] ** 2 - floor**2
-    share = (steps[-1] ** 2 - floor**2) / gap if gap > 0.0 else 0.0
-    if share < SEEN:
-        return None, steps[-1]
     return Unexplained(float(min(share, 1.0)), tuple(made.leftover.channels)), floor
 
 

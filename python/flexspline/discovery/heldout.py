@@ -42,12 +42,14 @@ class HeldOut:
     """Residuals (N,) of each run, NaN where a row does not count; and the folds behind them.
 
     `spread`: mean square by which the coefficients' uncertainty moves the prediction; large where
-    a fold goes where no other went.
+    a fold goes where no other went. `squares`: what is left over σ² once filtered as the noise is,
+    in χ².
     """
 
     residuals: tuple[Array, ...]
     folds: tuple[Fold, ...]
     spread: float
+    squares: float
 
     @property
     def joined(self) -> Array:
@@ -91,7 +93,14 @@ def held_out(
     moved = [size * np.sum(inverse_of(products) * own[:-1, :-1])
              for products, own in zip(others, plain.folds, strict=True)]  # fmt: skip
     spread = float(np.sum(moved) / np.sum(plain.rows))
-    return HeldOut(residuals, tuple(_folds(problem, work, betas)), spread)
+    squares = sum(_squares(fold, beta) for fold, beta in zip(table.folds, betas, strict=True))
+    return HeldOut(residuals, tuple(_folds(problem, work, betas)), spread, squares)
+
+
+def _squares(products: Array, beta: Array) -> float:
+    """Squares of y less columns @ beta, from products of [columns, y]."""
+    both = np.append(-beta, 1.0)
+    return float(both @ products @ both)
 
 
 def plain_rows(problem: Problem, work: Working) -> Whitening:
