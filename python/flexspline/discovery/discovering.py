@@ -73,6 +73,7 @@ def discover(
     from flexspline.discovery.assemble import assembled
     from flexspline.discovery.faults import data_faults, with_measured_ratio
     from flexspline.discovery.rest import moving
+    from flexspline.discovery.steady import steadied
     from flexspline.discovery.study import study_of
     from flexspline.fit.fitting import fit
     from flexspline.logs.log import Log
@@ -83,6 +84,14 @@ def discover(
     start = _start(model_or_effects, target, known_load, fixed or {})
     faults = data_faults(runs, start.effects, start.target, start.known_load)
     runs, faults = with_measured_ratio(runs, faults, start.target)
+    runs, noisy = steadied(
+        runs,
+        start.effects,
+        start.target,
+        start.known_load,
+        start.fixed,
+        lambda log: moving(log, start.target),
+    )
     runs = [moving(log, start.target) for log in runs]
 
     def fitted(effects: Sequence[Effect], bounds: Mapping[str, Bounds] | None = None) -> Fit:
@@ -121,7 +130,7 @@ def discover(
         made = analysed(study, effects, start.fixed, say)
         say("errors and validation")
         final = fitted(made.final.effects, _bounds(made.final, start))
-        return assembled(made, faults, final, limits)
+        return assembled(made, faults + noisy, final, limits)
 
 
 @dataclass(frozen=True)
