@@ -16,7 +16,6 @@ if TYPE_CHECKING:  # what is heavy is imported where it is used
     from flexspline.discovery.working import Working
     from flexspline.experiment.limits import Limits
     from flexspline.fit.names import Bounds
-    from flexspline.fit.result import Fit
     from flexspline.logs.log import Log
     from flexspline.model import Model
 
@@ -75,7 +74,8 @@ def discover(
     from flexspline.discovery.rest import moving
     from flexspline.discovery.steady import steadied
     from flexspline.discovery.study import study_of
-    from flexspline.fit.fitting import fit
+    from flexspline.fit.fitting import fit, fit_near
+    from flexspline.fit.problem import problem_of
     from flexspline.logs.log import Log
 
     runs = [logs] if isinstance(logs, Log) else list(logs)
@@ -94,21 +94,6 @@ def discover(
     )
     runs = [moving(log, start.target) for log in runs]
 
-    def fitted(effects: Sequence[Effect], bounds: Mapping[str, Bounds] | None = None) -> Fit:
-        return fit(
-            effects,
-            runs,
-            start.target,
-            known_load=start.known_load,
-            lowpass=lowpass,
-            orders=orders,
-            fixed=start.fixed,
-            bounds=bounds,
-            into=start.model,
-            checks=False,
-            threads=threads,
-        )
-
     with tqdm(desc="discovering", disable=not progress, leave=False, delay=1.0) as bar:
 
         def say(what: str) -> None:
@@ -117,7 +102,10 @@ def discover(
 
         effects = start.effects
         if any(e.ripple and not e.harmonics for e in effects):
-            effects = fitted(effects).part.effects
+            effects = fit(
+                effects, runs, start.target, known_load=start.known_load, lowpass=lowpass,
+                orders=orders, fixed=start.fixed, checks=False, threads=threads,
+            ).part.effects  # fmt: skip
         study = study_of(
             effects,
             runs,
@@ -129,8 +117,13 @@ def discover(
         )
         made = analysed(study, effects, start.fixed, say)
         say("errors and validation")
-        final = fitted(made.final.effects, _bounds(made.final, start))
-        return assembled(made, faults + noisy, final, limits)
+        found = made.final.effects
+        posed = problem_of(
+            runs, found, start.target, known_load=start.known_load, lowpass_hz=lowpass,
+            threads=threads,
+        )  # fmt: skip
+        refit = fit_near(posed, found, start.fixed, _bounds(made.final, start), start.model)
+        return assembled(made, faults + noisy, refit, limits)
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from scipy.linalg import block_diag
 
 from flexspline.effects import Effect
 from flexspline.errors import InputError
+from flexspline.fit.bends import Bent, bent
 from flexspline.fit.linear import LinearFit, fit_linear
 from flexspline.fit.names import (
     Bounds,
@@ -80,12 +81,18 @@ class Estimate:
 
 
 def estimate(
-    problem: Problem, effects: Sequence[Effect], given: Given, tick: Callable[[], object]
+    problem: Problem,
+    effects: Sequence[Effect],
+    given: Given,
+    tick: Callable[[], object],
+    *,
+    near: bool = False,
 ) -> Estimate:
     """Fit coefficients and shapes.
 
     With priors the fit is made twice: the first, without them, gives the long-run variance of the
-    noise, which the second weighs the priors by.
+    noise, which the second weighs the priors by. `near`: whether the effects' shapes lie in the
+    right valley, so that the search need not look for others.
 
     Raises
     ------
@@ -113,6 +120,7 @@ def estimate(
         {s.name: _limits(s, shape_bounds[s.name]) for s in shapes if s.name in shape_bounds},
         given.robust,
         tick,
+        near,
     )
     made = _finished(names, shapes, search, 0.0)
     if constraints.informed:
@@ -137,6 +145,7 @@ class _Search:
     limits: dict[str, tuple[float, float]]
     robust: bool
     tick: Callable[[], object]
+    near: bool
 
     def run(self, variance: float, weights: list[Array] | None, exact: bool) -> ShapeFit:
         def solve(effects: tuple[Effect, ...], start: Array | None) -> LinearFit:
@@ -150,7 +159,12 @@ class _Search:
                 exact=exact,
             )
 
-        return fit_shapes(self.effects, self.free, solve, self.limits, self.tick)
+        def bend(found: LinearFit, shapes: Sequence[ShapeParameter]) -> Bent:
+            return bent(self.problem, found, self.constraints, shapes, weights)
+
+        return fit_shapes(
+            self.effects, self.free, solve, self.limits, bend, self.tick, near=self.near
+        )
 
     def run_robust(self, variance: float) -> tuple[ShapeFit, list[Array] | None]:
         """Search again with the weights of the last residuals until the coefficients stand."""
@@ -160,7 +174,8 @@ class _Search:
             residuals = residuals_of(self.problem, linear)
             counted = [counts_of(run) for run in self.problem.runs]
             weights = huber_weights(residuals, counted)
-            found = self.run(variance, weights, linear.exact)
+            near = replace(self, effects=linear.effects, near=True)
+            found = near.run(variance, weights, linear.exact)
             if _stands(found.linear, linear):
                 break
         return found, weights

@@ -22,7 +22,7 @@ if TYPE_CHECKING:  # what is heavy is imported where it is used: `flexspline --h
     from flexspline.model import Model
     from flexspline.output_error.settings import Settings
 
-__all__ = ["fit"]
+__all__ = ["fit", "fit_near"]
 
 ROWS_A_PARAMETER = 3
 SETTLING_ROUNDS = 3
@@ -159,6 +159,35 @@ def fit(
         return assembled(posed, made, into, [*warnings, *said], found)
 
 
+def fit_near(
+    problem: Problem,
+    effects: Sequence[Effect],
+    fixed: Mapping[str, float],
+    bounds: Mapping[str, Bounds],
+    into: Model | None,
+) -> Fit:
+    """Fit effects whose orders and shapes a search has found: both are refined, none looked for.
+
+    Parameters
+    ----------
+    problem : as `problem_of` makes it for these effects.
+    fixed, bounds, into : as for `fit`.
+
+    Raises
+    ------
+    InputError
+        For too few rows.
+    """
+    from flexspline.fit.assemble import assembled
+    from flexspline.fit.estimate import Given, estimate
+
+    _require_rows(problem, effects)
+    given = Given(fixed, bounds, {}, False)
+    made = estimate(problem, effects, given, lambda: None, near=True)
+    problem, made = _settled(problem, made, given, lambda: None, near=True)
+    return assembled(problem, made, into, [], None)
+
+
 def _require_simulation(by: str, priors: object, offset_per_run: bool) -> None:
     if by not in ("regression", "simulation"):
         raise InputError(f"by is {by!r}; give 'regression' or 'simulation'")
@@ -223,7 +252,12 @@ def _checked(
 
 
 def _settled(
-    problem: Problem, made: Estimate, given: Given, tick: Callable[[], object]
+    problem: Problem,
+    made: Estimate,
+    given: Given,
+    tick: Callable[[], object],
+    *,
+    near: bool = False,
 ) -> tuple[Problem, Estimate]:
     """Estimate again until the rows left out for unknown memory are those of the widths found."""
     from flexspline.fit.estimate import estimate
@@ -233,7 +267,7 @@ def _settled(
         again = settled(problem, made.linear.effects)
         if again.runs == problem.runs:
             break
-        problem, made = again, estimate(again, made.linear.effects, given, tick)
+        problem, made = again, estimate(again, made.linear.effects, given, tick, near=near)
     return problem, made
 
 

@@ -23,7 +23,7 @@ from flexspline.fit.names import Constraints
 from flexspline.fit.problem import Problem
 from flexspline.fit.sums import Solution, Sums, solve
 
-__all__ = ["LinearFit", "UnsettledError", "fit_linear"]
+__all__ = ["LinearFit", "UnsettledError", "fit_linear", "load_of"]
 
 Array = NDArray[np.float64]
 
@@ -87,8 +87,7 @@ def fit_linear(
     held = np.nan_to_num(constraints.held)
     free = constraints.free
     moving = _load_moves(effects)
-    load = np.zeros(len(held)) if moving and start is None else start if moving else np.empty(0)
-    assert load is not None
+    load = load_of(effects, np.zeros(len(held)) if start is None else start)
     prior_rows, prior_target = _prior(constraints, free, noise_variance)
     for _ in range(ROUNDS):
         sums = problem.sums(effects, load, held=held, weights=weights, exact=exact)
@@ -126,6 +125,11 @@ def fit_linear(
         f"the load of the model does not settle after {ROUNDS} rounds; give a known load, or fix "
         "inertia or gravity"
     )
+
+
+def load_of(effects: Sequence[Effect], coefficients: Array) -> Array:
+    """Coefficients of which the load in the rows is made: (P,), or (0,) where none makes any."""
+    return coefficients if _load_moves(effects) else np.empty(0)
 
 
 def _load_moves(effects: Sequence[Effect]) -> bool:

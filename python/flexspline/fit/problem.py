@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import reduce
+from functools import lru_cache, reduce
 from itertools import pairwise
 from operator import add
 from typing import Any
@@ -66,11 +66,7 @@ class Run:
 
     def blocks(self, length: int) -> list[tuple[int, int]]:
         """Cut the stretches into blocks of about `length` rows, none shorter than half."""
-        cut: list[tuple[int, int]] = []
-        for first, last in self.stretches:
-            count = max(1, round((last - first) / length))
-            cut += pairwise(np.linspace(first, last, count + 1).astype(int).tolist())
-        return cut
+        return _blocks(self.stretches, length)
 
 
 @dataclass(frozen=True)
@@ -252,6 +248,15 @@ def problem_of(
         tuple(made), target, gear, known_load, lowpass_hz, threads, block, offset_per_run
     )
     return settled(problem, effects)
+
+
+@lru_cache(maxsize=256)  # a search asks for the same ones each time that it solves
+def _blocks(stretches: tuple[tuple[int, int], ...], length: int) -> list[tuple[int, int]]:
+    cut: list[tuple[int, int]] = []
+    for first, last in stretches:
+        count = max(1, round((last - first) / length))
+        cut += pairwise(np.linspace(first, last, count + 1).astype(int).tolist())
+    return cut
 
 
 def _offset_column(effects: Sequence[Effect]) -> int | None:

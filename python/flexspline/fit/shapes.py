@@ -3,10 +3,12 @@
     min over shapes of  min over b of  Σ (y − X(shapes) b)²
 
 The outer function is smooth in the logarithms of the shapes but may have several valleys: a grid
-first, one shape after the other, then a bounded simplex search from the best point and from the
-bottoms of other valleys that the grid has seen: a Stribeck speed of 0.14 rad/s and a viscous
-line that bends at 0.9 rad/s can look alike on a coarse grid.
-Source: Golub and Pereyra 1973, variable projection.
+first, one shape after the other, then Gauss and Newton's steps (`bends.py`) from the best point and
+from the bottoms of other valleys that the grid has seen: a Stribeck speed of 0.14 rad/s and a
+viscous line that bends at 0.9 rad/s can look alike on a coarse grid. The width of a loop leaves
+kinks in the squares, at which steps get stuck: there a bounded simplex search goes on. Who comes
+from a search has the valley already and only descends.
+Sources: Golub and Pereyra 1973, variable projection; Kaufman 1975, its Gauss–Newton step.
 """
 
 from __future__ import annotations
@@ -19,6 +21,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from flexspline.effects import Effect
+from flexspline.fit.bends import Bent
 from flexspline.fit.linear import LinearFit, UnsettledError
 from flexspline.fit.names import ShapeParameter
 
@@ -30,9 +33,15 @@ GRID = 9
 TOLERANCE = 1e-5
 FLAT = 1e-7
 VALLEYS = 3
+FAR, NEAR = (0.5 / (GRID - 1), TOLERANCE), (0.03, 1e-3)
 NEAR_BOUND = 1e-3
+STEPS = 40
+FARTHEST = 0.7  # of a logarithm in one step
+SHORTER = (1.0, 0.4, 0.16, 0.06, 0.02)  # of a step, until it lowers the squares
+STANDS = 1e-11  # of the squares, that a step lowers them at least to be worth another
 
 Solve = Callable[[tuple[Effect, ...], Array | None], LinearFit]
+Bend = Callable[[LinearFit, Sequence[ShapeParameter]], Bent]
 
 
 @dataclass(frozen=True)
@@ -62,23 +71,35 @@ class _Search:
     tick: Callable[[], object]
     best: LinearFit | None = None
     evaluations: int = 0
-    seen: dict[tuple[float, ...], float] = field(default_factory=dict)
+    seen: dict[tuple[float, ...], LinearFit | None] = field(default_factory=dict)
 
     def __call__(self, logarithms: Array) -> float:
+        found = self._found(logarithms)
+        return np.inf if found is None else found.squares
+
+    def at(self, logarithms: Array) -> LinearFit:
+        """Return the fit with these shapes.
+
+        Raises
+        ------
+        UnsettledError
+            Where the load does not settle.
+        """
+        return self._found(logarithms) or self._solved(logarithms)
+
+    def _found(self, logarithms: Array) -> LinearFit | None:
         key = tuple(np.round(logarithms, 12).tolist())
         if key not in self.seen:
             try:
-                made = self.at(logarithms)
+                made = self.seen[key] = self._solved(logarithms)
             except UnsettledError:
-                self.seen[key] = np.inf
-                return np.inf
-            self.seen[key] = made.squares
+                self.seen[key] = None
+                return None
             if self.best is None or made.squares < self.best.squares:
                 self.best = made
         return self.seen[key]
 
-    def at(self, logarithms: Array) -> LinearFit:
-        """Solve with these shapes."""
+    def _solved(self, logarithms: Array) -> LinearFit:
         effects = self.effects
         for shape, logarithm in zip(self.shapes, logarithms, strict=True):
             value = float(np.clip(np.exp(logarithm), shape.info.lower, shape.info.upper))
@@ -93,7 +114,10 @@ def fit_shapes(
     shapes: Sequence[ShapeParameter],
     solve: Solve,
     bounds: Mapping[str, tuple[float, float]],
+    bend: Bend,
     tick: Callable[[], object] = lambda: None,
+    *,
+    near: bool = False,
 ) -> ShapeFit:
     """Find the shapes of least squares within their bounds.
 
@@ -103,16 +127,26 @@ def fit_shapes(
     shapes : those to search; none gives the plain linear fit.
     solve : the linear fit of effects, started from coefficients.
     bounds : by name, narrower than the catalogue's, in the shape's unit.
+    bend : how a fit bends with shapes.
     tick : called after each linear fit, for progress.
+    near : whether the shapes that `effects` have lie in the right valley: no grid is scanned.
     """
     search = _Search(list(shapes), tuple(effects), solve, tick)
     point = np.log([shape.value(effects) for shape in shapes])
     if not len(shapes):
         return ShapeFit(search.at(point), {}, (), 1)
     limits = np.log([bounds.get(s.name, (s.info.lower, s.info.upper)) for s in shapes])
-    starts, flat = _grid(search, np.clip(point, limits[:, 0], limits[:, 1]), limits)
+    point = np.clip(point, limits[:, 0], limits[:, 1])
+    starts, flat = _here(search, point, bend) if near else _grid(search, point, limits)
     active = [i for i in range(len(shapes)) if i not in flat]
-    ends = [_simplex(search, start, limits, active) for start in starts]
+    kinked = any(effects[k].info.remembers for i in active for k in shapes[i].effects)
+    ends = (
+        starts
+        if kinked and not near
+        else [_descent(search, start, limits, active, bend) for start in starts]
+    )
+    if kinked and active:
+        ends = [_simplex(search, end, limits, active, NEAR if near else FAR) for end in ends]
     point = min(ends, key=search)
     return ShapeFit(
         search.at(point),
@@ -120,6 +154,13 @@ def fit_shapes(
         tuple(shapes[i].name for i in flat),
         search.evaluations,
     )
+
+
+def _here(search: _Search, point: Array, bend: Bend) -> tuple[list[Array], list[int]]:
+    """The point alone, and the shapes without an effect there."""
+    squares, found = search(point), search.at(point)
+    bent = bend(found, search.shapes)
+    return [point], np.flatnonzero(np.diag(bent.products) <= FLAT * squares).tolist()
 
 
 def _grid(search: _Search, point: Array, limits: Array) -> tuple[list[Array], list[int]]:
@@ -149,16 +190,18 @@ def _minima(squares: Array) -> list[int]:
     return np.flatnonzero((squares < walled[:-2]) & (squares <= walled[2:])).tolist()
 
 
-def _simplex(search: _Search, point: Array, limits: Array, active: list[int]) -> Array:
-    if not active:
-        return point
+def _simplex(
+    search: _Search, point: Array, limits: Array, active: list[int], how: tuple[float, float]
+) -> Array:
+    """The lowest point around; `how`: first steps as shares of the limits, and how exact."""
+    share, tolerance = how
 
     def along(values: Array) -> float:
         trial = point.copy()
         trial[active] = values
         return search(trial)
 
-    width = (limits[active, 1] - limits[active, 0]) / (GRID - 1) / 2
+    width = share * (limits[active, 1] - limits[active, 0])
     start = point[active]
     steps = np.where(start + width <= limits[active, 1], width, -width)
     simplex = np.vstack([start, *(start + steps * row for row in np.eye(len(active)))])
@@ -167,11 +210,32 @@ def _simplex(search: _Search, point: Array, limits: Array, active: list[int]) ->
         start,
         method="Nelder-Mead",
         bounds=limits[active],
-        options={"initial_simplex": simplex, "xatol": TOLERANCE, "fatol": np.inf, "maxfev": 400},
+        options={"initial_simplex": simplex, "xatol": tolerance, "fatol": np.inf, "maxfev": 400},
     )
     best = point.copy()
     best[active] = found.x
     return best
+
+
+def _descent(
+    search: _Search, point: Array, limits: Array, active: Sequence[int], bend: Bend
+) -> Array:
+    """The bottom of the valley that a point lies in; shapes that are not active stay."""
+    here, those = search(point), list(active)
+    for _ in range(STEPS if those else 0):
+        bent = bend(search.at(point), [search.shapes[i] for i in those])
+        step = np.zeros(len(point))
+        step[those] = np.clip(bent.step(point[those], limits[those]), -FARTHEST, FARTHEST)
+        if np.abs(step).max() < TOLERANCE:
+            break
+        trials = (np.clip(point + share * step, *limits.T) for share in SHORTER)
+        lower = next((trial for trial in trials if search(trial) < here), None)
+        if lower is None:
+            break
+        before, here, point = here, search(lower), lower
+        if before - here <= STANDS * here:
+            break
+    return point
 
 
 def _bound(value: float, limits: Array) -> int:
