@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from flexspline.logs.checks.excitation import excitation
 from flexspline.logs.checks.findings import Finding, Findings, Severity, sorted_findings
 from flexspline.logs.checks.gear import Gear, gear, measured_gear
+from flexspline.logs.checks.motion import motion_of
 from flexspline.logs.checks.rows import dropped_samples, not_finite, repeated_rows, time_order
 from flexspline.logs.checks.start import start_transient
 from flexspline.logs.checks.torque import torque
@@ -50,6 +51,9 @@ def check(log: Log, *, effects: Sequence[str] = (), target: str | None = None) -
     ------
     InputError : an effect or target that does not exist.
     """
-    found = [finding for one in CHECKS for finding in one(log)]
-    found.extend(excitation(log, effects, target))
+    try:
+        found = [finding for one in CHECKS for finding in one(log)]
+        found.extend(excitation(log, effects, target))
+    finally:
+        motion_of.cache_clear()  # it would keep the log
     return sorted_findings(log.name, found)

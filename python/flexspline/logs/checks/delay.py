@@ -2,13 +2,15 @@
 
     y(t) = X(t - D) c        D minimises the sum of squares, c solved for each D
 
-D comes from a scan in coarse steps and a bounded search around the best of them. Its error comes
+D comes from a scan in coarse steps over some of the rows, from its best step downhill over all of
+them, and a bounded search around the lowest. Its error comes
 from sixteen blocks of time: the correction that each block alone asks for, weighted by how much it
 knows, so that noise with a memory does not make it too small.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +21,7 @@ from scipy.optimize import minimize_scalar
 Array = NDArray[np.float64]
 
 MOST_ROWS = 6_000
+SCANNED = 3  # every so many rows of these, for the scan
 BLOCKS = 16
 
 
@@ -59,18 +62,17 @@ def find_delay(
     if power == 0:
         return None
 
-    def solve(delay: float) -> tuple[Array, Array, Array]:
-        design = np.column_stack((curve(at - delay), np.ones(len(rows))))
-        solved = np.linalg.lstsq(design, y, rcond=1e-9)[0]
-        return solved, y - design @ solved, design
+    def solve(delay: float, every: int = 1) -> tuple[Array, Array, Array]:
+        design = np.column_stack((curve(at[::every] - delay), np.ones(len(at[::every]))))
+        solved = np.linalg.lstsq(design, y[::every], rcond=1e-9)[0]
+        return solved, y[::every] - design @ solved, design
 
     def loss(delay: float) -> float:
         return float(np.sum(solve(delay)[1] ** 2)) / power
 
     count = max(1, int(np.ceil(within / step)))
     grid = np.linspace(-within, within, 2 * count + 1)
-    losses = np.array([loss(d) for d in grid])
-    best = float(grid[np.argmin(losses)])
+    best = _lowest(loss, grid, [float(np.sum(solve(d, SCANNED)[1] ** 2)) for d in grid])
     bounds = (max(best - step, -within), min(best + step, within))
     best = float(minimize_scalar(loss, bounds=bounds, method="bounded").x)
     solved, left, design = solve(best)
@@ -79,7 +81,19 @@ def find_delay(
     error = _block_error(left, slope, design)
     coefficients = np.zeros(columns.shape[1])
     coefficients[scale > 0] = solved[:-1] / scale[scale > 0]
-    return Delay(best, error, coefficients, 1 - loss(best), 1 - float(losses[count]))
+    return Delay(best, error, coefficients, 1 - loss(best), 1 - loss(0.0))
+
+
+def _lowest(loss: Callable[[float], float], grid: Array, scanned: Sequence[float]) -> float:
+    """Point of the grid that is lower than both beside it, downhill from the best of a scan."""
+    known: dict[int, float] = {}
+    here, best = int(np.argmin(scanned)), -1
+    while here != best:
+        best = here
+        beside = range(max(best - 1, 0), min(best + 2, len(grid)))
+        known |= {k: loss(float(grid[k])) for k in beside if k not in known}
+        here = min(known, key=lambda k: known[k])
+    return float(grid[best])
 
 
 def _block_error(left: Array, slope: Array, design: Array) -> float:

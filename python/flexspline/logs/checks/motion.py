@@ -7,6 +7,7 @@ angles unwrapped. Of long logs eight stretches are looked at, 400 000 rows in al
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,6 +58,7 @@ class Motion:
         return valid
 
 
+@lru_cache(maxsize=2)  # several checks ask in turn; `check` forgets it behind them
 def motion_of(log: Log, channel: str = "output_position") -> Motion | None:
     """Motion of a position channel; None where it has none worth the name.
 
