@@ -6,7 +6,7 @@ blocks that lie evenly over all runs are looked at: what matters here is far abo
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -43,7 +43,7 @@ class Ceiling:
         self.rows, self.columns = [], []
         self.folds: list[tuple[int, int, int]] = []
         for number in range(len(problem.runs)):
-            columns, rows = _whitened(problem, whitening, self.groups, int(ends[-1]), number)
+            columns, rows = _whitened(problem, whitening, self.groups, self.at, number)
             self.rows.append(rows)
             self.columns.append(columns)
             self.folds += [(number, a, b) for a, b in fold_blocks(problem, number, rows)]
@@ -140,7 +140,11 @@ def _bordered(inside: Array, across: Array, block: Array) -> Array:
 
 
 def _whitened(
-    problem: Problem, whitening: Whitening, groups: Sequence[Nameless], count: int, number: int
+    problem: Problem,
+    whitening: Whitening,
+    groups: Sequence[Nameless],
+    at: Sequence[slice],
+    number: int,
 ) -> tuple[Array, Rows]:
     """Filtered functions of a run, (n, C), and the rows that they belong to."""
     run, every = problem.runs[number], values_of(problem, number)
@@ -153,23 +157,31 @@ def _whitened(
         size = BLOCK if step > 1 else len(rows)
         pieces += [rows[max(k - lead, 0) : k + size] for k in starts]
     pieces = [rows for rows in pieces if len(rows) > 2 * lead + 2]
-    made = np.empty((sum(len(rows) - lead for rows in pieces), count), order="F")
+    made = np.empty((sum(len(rows) - lead for rows in pieces), at[-1].stop), order="F")
     last = 0
     for rows in pieces:
         first, last = last, last + len(rows) - lead
         whole = slice(int(rows[0]), int(rows[-1]) + 1)
         values = {name: value[whole] for name, value in every.items()}
-        columns = np.column_stack([group.columns(values) for group in groups])
-        smooth = _smooth(problem, number, whole, columns)
-        whitening.filter(smooth[:: whitening.decimation], made[first:last])
-    at = [rows[lead:] for rows in pieces] or [np.empty(0, dtype=np.intp)]
-    return made, np.concatenate(at)
+        time = run.log["time"][whole]
+        for part, those in _parts(problem, time, values, groups, at):
+            whitening.filter(part[:: whitening.decimation], made[first:last, those])
+    kept = [rows[lead:] for rows in pieces] or [np.empty(0, dtype=np.intp)]
+    return made, np.concatenate(kept)
 
 
-def _smooth(problem: Problem, number: int, rows: slice, columns: Array) -> Array:
+def _parts(
+    problem: Problem,
+    time: Array,
+    values: Mapping[str, Array],
+    groups: Sequence[Nameless],
+    at: Sequence[slice],
+) -> Iterator[tuple[Array, slice]]:
+    """Functions of some rows and their places: a group's at a time, behind a low pass all."""
+    made = (group.columns(values) for group in groups)
     if problem.lowpass is None:
-        return columns
+        yield from zip(made, at, strict=True)
+        return
     from flexspline.logs.derive import lowpass
 
-    time = problem.runs[number].log["time"][rows]
-    return lowpass(columns, time, problem.lowpass).values
+    yield lowpass(np.column_stack([*made]), time, problem.lowpass).values, slice(None)

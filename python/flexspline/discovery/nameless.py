@@ -179,7 +179,15 @@ def _knots(values: Array, count: int, both_ways: bool) -> Array:
 
 def _hats(values: Array, knots: Array) -> Array:
     """Piecewise linear functions, one at each knot, constant beyond the ends: (N, knots)."""
-    return np.column_stack([np.interp(values, knots, row) for row in np.eye(len(knots))])
+    hats = np.zeros((len(values), len(knots)), order="F")
+    if len(knots) == 1:
+        hats[:] = 1.0
+        return hats
+    at = np.clip(np.searchsorted(knots, values, side="right") - 1, 0, len(knots) - 2)
+    share = np.clip((values - knots[at]) / np.diff(knots)[at], 0.0, 1.0)
+    rows = np.arange(len(values))
+    hats[rows, at], hats[rows, at + 1] = 1.0 - share, share
+    return hats
 
 
 def _turning(name: str, orders: int) -> Basis:
@@ -187,8 +195,8 @@ def _turning(name: str, orders: int) -> Basis:
     numbers = np.arange(1, orders + 1)
 
     def columns(values: Values) -> Array:
-        phase = values[name][:, None] * numbers
-        return np.column_stack([np.cos(phase), np.sin(phase)])
+        phase = numbers[:, None] * values[name]
+        return np.concatenate([np.cos(phase), np.sin(phase)]).T
 
     return columns
 
@@ -196,7 +204,10 @@ def _turning(name: str, orders: int) -> Basis:
 def _product(first: Basis, second: Basis) -> Basis:
     def columns(values: Values) -> Array:
         a, b = first(values), second(values)
-        return np.asarray((a[:, :, None] * b[:, None, :]).reshape(len(a), -1))
+        made = np.empty((len(a), a.shape[1] * b.shape[1]), order="F")
+        for k, column in enumerate(a.T):
+            np.multiply(column[:, None], b, out=made[:, k * b.shape[1] : (k + 1) * b.shape[1]])
+        return made
 
     return columns
 

@@ -21,7 +21,6 @@ __all__ = ["Whitening", "rough_whitening"]
 Array = NDArray[np.float64]
 
 LARGEST_ORDER = 16
-CACHED = 8  # columns that are filtered at once
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,13 +65,8 @@ class Whitening:
 
     def filter(self, columns: Array, out: Array) -> None:
         """Filter columns (N, C) of consecutive rows into `out`, (N − order, C)."""
-        count = len(out)
-        for first in range(0, columns.shape[1], CACHED):
-            part = np.asfortranarray(columns[:, first : first + CACHED])
-            sums = part[self.order :].copy(order="F")
-            for lag, weight in enumerate(self.denominator[1:], start=1):
-                sums += weight * part[self.order - lag : self.order - lag + count]
-            out[:, first : first + CACHED] = sums
+        for column, white in zip(columns.T, out.T, strict=True):
+            white[:] = np.convolve(column, self.denominator, mode="valid")
 
 
 def rough_whitening(residuals: Sequence[Array], runs: Sequence[Run], decimation: int) -> Whitening:
