@@ -3,14 +3,26 @@
 // `joint.hpp` is what `flexspline export --format header` wrote. On a board, `read_inputs` reads
 // your encoder and converters, and the loop is your timer's interrupt; here both are stand-ins, so
 // that the file compiles and runs as it is.
+#include "flexspline/reading_checks.hpp"
 #include "joint.hpp"
 
 namespace {
 
 using Joint = joint::Joint<float>;
+using Checks = flexspline::ReadingChecks<float>;
 
 constexpr float period = 1e-3F;             // s
 constexpr std::uint32_t counts_shift = 12;  // a 20-bit encoder: 2^20 counts are 2^32 fractions
+
+/// What this joint cannot have: put in your own.
+constexpr Checks::Config limits{.least_voltage = -1.6F,
+                                .most_voltage = 1.6F,
+                                .most_motor_torque = 2.0F,
+                                .most_speed = 8.0F,
+                                .most_acceleration = 200.0F,
+                                .way = 0.01F,
+                                .twist = 0.5F,
+                                .gear = joint::joint<float>.torsion.gear};
 
 /// What the drivers of a board deliver.
 struct Inputs {
@@ -36,14 +48,16 @@ flexspline::Reading<float> reading(const Inputs& from) noexcept {
   return in;
 }
 
+constinit Checks::State seen{};
 constinit Joint::State state{};
 constinit Joint::Chain::Output out{};
 
 /// One period; whether the arm should stop. Flattened: the constants of joint.hpp fold into the
 /// code.
 [[gnu::flatten]] bool control(std::uint32_t tick) noexcept {
-  const flexspline::Status status =
-      joint::joint<float>.step(state, reading(read_inputs(tick)), out);
+  flexspline::Reading<float> in = reading(read_inputs(tick));
+  (void)Checks::step(limits, seen, in);  // what cannot be true is missing from here on
+  const flexspline::Status status = joint::joint<float>.step(state, in, out);
   if (status != flexspline::Status::ok) return false;  // nothing has changed: wait for the next
   const bool watched = !has(out.missed, flexspline::Stage::collision);
   return watched && out.contact;

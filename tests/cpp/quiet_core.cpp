@@ -6,6 +6,7 @@
 #include "flexspline/estimators/ripple_oscillator.hpp"
 #include "flexspline/joint.hpp"
 #include "flexspline/model.hpp"
+#include "flexspline/reading_checks.hpp"
 #include "flexspline/sensor/bridge.hpp"
 #include "flexspline/sensor/electronics.hpp"
 
@@ -64,6 +65,8 @@ template struct RippleOscillator<float, 3>;
 template struct RippleOscillator<double, 3>;
 template struct OrderTracker<float, 64>;
 template struct OrderTracker<double, 64>;
+template struct ReadingChecks<float>;
+template struct ReadingChecks<double>;
 template struct Bridge<float, 8>;
 template struct Bridge<double, 8>;
 template struct Conditioning<float>;

@@ -1,19 +1,38 @@
 // A device in a pipe: readings in, estimates out, one at a time, through an exported header.
 //
-//   chain float|double < rows > results
+//   chain float|double [checked] < rows > results
+//
+// Checked: readings that the rig of the tests cannot have are taken out first.
 //
 // A row is eleven doubles: 1 for a fresh start, period, output angle, motor angle (radians, which
 // become an encoder's counts of 2^-32 turns in float), velocity, acceleration, motor torque, sensor
-// voltage, sensor torque, thermistor voltage, temperature; NaN is missing. A result is eleven:
+// voltage, sensor torque, thermistor voltage, temperature; NaN is missing. A result is twelve:
 // temperature, sensor torque, external torques of sensor, observer, compliance and merged, contact,
-// flags, missed stages, status, external torque of the compliant observer.
+// flags, missed stages, status, external torque of the compliant observer, what was taken out.
 #include <array>
 #include <cstdio>
 #include <cstring>
 
+#include "flexspline/reading_checks.hpp"
 #include "joint.hpp"
 
 namespace {
+
+/// Just outside of what tests/python/chain_rig.py has.
+template <typename S>
+typename flexspline::ReadingChecks<S>::Config limits() noexcept {
+  typename flexspline::ReadingChecks<S>::Config made;
+  made.least_voltage = S(-1.6);
+  made.most_voltage = S(1.6);
+  made.most_motor_torque = S(0.5);
+  made.most_speed = S(8);
+  made.most_acceleration = S(50);
+  made.way = S(0.005);
+  made.twist = S(0.2);
+  made.apart = S(1);
+  made.gear = joint::joint<S>.torsion.gear;
+  return made;
+}
 
 template <typename S>
 std::optional<flexspline::Angle<S>> read_angle(double radians) noexcept {
@@ -41,16 +60,25 @@ flexspline::Reading<S> reading(const std::array<double, 11>& row) noexcept {
 }
 
 template <typename S>
-int stream() noexcept {
+int stream(bool checked) noexcept {
   using Joint = joint::Joint<S>;
+  using Checks = flexspline::ReadingChecks<S>;
+  const auto config = limits<S>();
+  typename Checks::State known;
   typename Joint::State state;
   typename Joint::Chain::Output out;
   std::array<double, 11> row{};
   while (std::fread(row.data(), sizeof row, 1, stdin) == 1) {
-    if (row[0] == 1.0) state = {};
-    const flexspline::Status status = joint::joint<S>.step(state, reading<S>(row), out);
+    if (row[0] == 1.0) {
+      state = {};
+      known = {};
+    }
+    flexspline::Reading<S> in = reading<S>(row);
+    auto fault = checked ? Checks::step(config, known, in) : flexspline::Fault::none;
+    const flexspline::Status status = joint::joint<S>.step(state, in, out);
+    if (checked) fault = fault | Checks::torques(config, out);
     const auto wide = [](auto value) { return static_cast<double>(value); };
-    const std::array<double, 11> result{wide(out.temperature),
+    const std::array<double, 12> result{wide(out.temperature),
                                         wide(out.sensor_torque),
                                         wide(out.external_sensor),
                                         wide(out.external_observer),
@@ -60,7 +88,8 @@ int stream() noexcept {
                                         wide(out.flags),
                                         wide(out.missed),
                                         wide(status),
-                                        wide(out.external_compliant_observer)};
+                                        wide(out.external_compliant_observer),
+                                        wide(fault)};
     if (std::fwrite(result.data(), sizeof result, 1, stdout) != 1) return 1;
   }
   return 0;
@@ -69,6 +98,8 @@ int stream() noexcept {
 }  // namespace
 
 int main(int count, char** arguments) {
-  if (count != 2) return 2;
-  return std::strcmp(arguments[1], "float") == 0 ? stream<float>() : stream<double>();
+  if (count < 2) return 2;
+  const bool checked = count == 3 && std::strcmp(arguments[2], "checked") == 0;
+  const bool single = std::strcmp(arguments[1], "float") == 0;
+  return single ? stream<float>(checked) : stream<double>(checked);
 }

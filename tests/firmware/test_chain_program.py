@@ -73,12 +73,12 @@ def rows_of(log: Log, *, single: bool = False) -> Array:
     return rows
 
 
-def stream(program: Path, scalar: str, rows: Array) -> Array:
-    """Stream rows through the program; results (N, 11)."""
+def stream(program: Path, scalar: str, rows: Array, *words: str) -> Array:
+    """Stream rows through the program; results (N, 12)."""
     done = subprocess.run(
-        [str(program), scalar], input=rows.tobytes(), capture_output=True, check=True
+        [str(program), scalar, *words], input=rows.tobytes(), capture_output=True, check=True
     )
-    results = np.frombuffer(done.stdout).reshape(-1, 11)
+    results = np.frombuffer(done.stdout).reshape(-1, 12)
     assert len(results) == len(rows)
     return results
 

@@ -43,7 +43,7 @@ def one_sentence(call: Callable[[], Any]) -> Any:
         return call()
     except InputError as error:
         said = str(error)
-        assert said and "\n" not in said and len(said) < 600, said
+        assert said and "\n" not in said and len(said) < 1000, said
         return None
 
 
