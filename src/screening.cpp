@@ -2,6 +2,7 @@
 
 #include <limits>
 #include <memory>
+#include <optional>
 
 #include "bindings.hpp"
 
@@ -177,8 +178,12 @@ class Screen {
 
 void bind_screening(py::module_& module) {
   py::class_<batch::Remembered, std::shared_ptr<batch::Remembered>>(
-      module, "Remembered", "What effects remembered at rows of the runs of one problem.")
-      .def(py::init<>());
+      module, "Remembered",
+      "What effects remembered at rows of one problem's runs, `lead` rows back at most.")
+      .def(py::init([](std::optional<std::size_t> lead) {
+             return lead ? batch::Remembered(*lead) : batch::Remembered();
+           }),
+           py::arg("lead") = std::nullopt);
   py::class_<Screen>(module, "Screen",
                      "Columns of runs, made a piece at a time and mixed from rows of a design.")
       .def(py::init<const batch::Design&, Array, std::size_t, std::shared_ptr<batch::Remembered>>(),

@@ -118,9 +118,9 @@ class SimulatedJoint:
         """True where nothing can stick, slip or touch."""
 
 class Remembered:
-    """What effects remembered at rows of the runs of one problem."""
+    """What effects remembered at rows of one problem's runs, `lead` rows back at most."""
 
-    def __init__(self) -> None: ...
+    def __init__(self, lead: int | None = ...) -> None: ...
 
 class Screen:
     """Columns of runs, made a piece at a time and mixed from rows of a design."""

@@ -43,6 +43,7 @@ class Analysis:
     """Base and final model, the search that led there, and what is left.
 
     `part`: the study of the rows that were searched first, all of them where they are few.
+    `free`: share of the rows on which functions without a name were looked at.
     `doubted`: names that only stood in for a cause without a name, and were taken back.
     """
 
@@ -54,10 +55,16 @@ class Analysis:
     steps: tuple[Step, ...]
     leftover: Leftover
     doubted: tuple[str, ...]
+    free: float
 
     @property
     def whitening(self) -> Whitening:
         return self.searcher.whitening
+
+    @property
+    def searched(self) -> float:
+        """Share of the rows that were searched first."""
+        return min(rows_of(self.part.problem) / rows_of(self.study.problem), 1.0)
 
 
 def analysed(
@@ -108,12 +115,16 @@ def analysed(
         final = searcher.pruned(searcher.fitted(final.having(kept))[0])
         leftover = leftover_of(ceiling, final).times(share)
     final = _ordered(searcher, searcher.pruned(simplest(searcher, final)))
-    return Analysis(whole, study, base, final, searcher, tuple(steps), leftover, tuple(doubted))
+    return Analysis(
+        whole, study, base, final, searcher, tuple(steps), leftover, tuple(doubted),
+        ceiling.taken * rows_of(looked_at) / rows_of(whole.problem),
+    )  # fmt: skip
 
 
 def _known(problem: Problem, effects: Sequence[Effect]) -> Problem:
     """Leave out the rows at which effects still depend on what came before, if each run has few."""
-    left = settled(problem, effects)
+    runs = tuple(replace(run, unbroken=run.stretches) for run in problem.runs)  # a part stays one
+    left = settled(replace(problem, runs=runs), effects)
     both = zip(left.runs, problem.runs, strict=True)
     return left if all(a.counted >= MOST_KEPT * b.counted for a, b in both) else problem
 
@@ -137,7 +148,8 @@ def _ordered(searcher: Searcher, work: Working) -> Working:
         best = max(gains, key=lambda name: ranked(gains[name], rest[name]))
         before = np.concatenate([before, dictionary.model[owners == best]])
         chosen.append(rest.pop(best))
-    return searcher.fitted(work.having(chosen))[0]
+    same = chosen == list(work.effects)
+    return work if same else searcher.fitted(work.having(chosen))[0]
 
 
 def _closes(

@@ -67,6 +67,7 @@ def assembled(
         refused=_refused(made),
         doubted=made.doubted,
         plan=plan,
+        searched={"names": made.searched, "functions": made.free},
     )
 
 

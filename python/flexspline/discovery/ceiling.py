@@ -53,6 +53,12 @@ class Ceiling:
             for at in self.at
         ]
 
+    @property
+    def taken(self) -> float:
+        """Share of the rows that are looked at."""
+        rows = sum(r.counted for r in self.problem.runs) // self.whitening.decimation
+        return 1.0 / _step(rows)
+
     def part(self, fold: tuple[int, int, int], at: slice) -> Array:
         """Columns of some functions on the rows of a fold."""
         number, first, last = fold
@@ -149,7 +155,7 @@ def _whitened(
     """Filtered functions of a run, (n, C), and the rows that they belong to."""
     run, every = problem.runs[number], values_of(problem, number)
     total = sum(r.counted for r in problem.runs) // whitening.decimation
-    step = max(1, -(-total // MOST_ROWS))
+    step = _step(total)
     lead = whitening.order
     pieces = []
     for rows in whitening.taken(run):
@@ -168,6 +174,11 @@ def _whitened(
             whitening.filter(part[:: whitening.decimation], made[first:last, those])
     kept = [rows[lead:] for rows in pieces] or [np.empty(0, dtype=np.intp)]
     return made, np.concatenate(kept)
+
+
+def _step(rows: int) -> int:
+    """One block of how many is looked at."""
+    return max(1, -(-rows // MOST_ROWS))
 
 
 def _parts(

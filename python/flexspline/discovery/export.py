@@ -77,6 +77,7 @@ def discovery_json(made: Discovery) -> str:
         "not_tried": dict(made.not_tried),
         "refused": dict(made.refused),
         "doubted": list(made.doubted),
+        "searched": dict(made.searched),
     }
     jsonschema.Draft202012Validator(_schema()).validate(content)
     return json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"

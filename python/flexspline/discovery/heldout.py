@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -13,6 +14,7 @@ from flexspline.discovery.nameless import Nameless
 from flexspline.discovery.predictive import prior_of
 from flexspline.discovery.refit import solved_at
 from flexspline.discovery.scores import gain_of
+from flexspline.discovery.sheet import Sheet
 from flexspline.discovery.stretches import edges_of
 from flexspline.discovery.table import inverse_of, left_by, solved, tabulated
 from flexspline.discovery.whitening import Whitening
@@ -39,17 +41,31 @@ class Fold:
 
 @dataclass(frozen=True, eq=False)
 class HeldOut:
-    """Residuals (N,) of each run, NaN where a row does not count; and the folds behind them.
+    """Fits to all folds but one, and what they leave of that one.
 
-    `spread`: mean square by which the coefficients' uncertainty moves the prediction; large where
-    a fold goes where no other went. `squares`: what is left over σ² once filtered as the noise is,
-    in χ².
+    `betas`: coefficients (C,) of the columns of `sheet` without each fold. `mean_square`: what they
+    leave, of the rows that the sums hold. `spread`: mean square by which the coefficients'
+    uncertainty moves the prediction; large where a fold goes where no other went. `squares`: what
+    is left over σ² once filtered as the noise is, in χ².
     """
 
-    residuals: tuple[Array, ...]
-    folds: tuple[Fold, ...]
+    problem: Problem
+    work: Working
+    sheet: Sheet
+    betas: tuple[Array, ...]
+    mean_square: float
     spread: float
     squares: float
+
+    @cached_property
+    def residuals(self) -> tuple[Array, ...]:
+        """(N,) of each run, NaN where a row does not count."""
+        return tuple(self.sheet.left_over(self.problem, self.betas))
+
+    @cached_property
+    def folds(self) -> tuple[Fold, ...]:
+        """The folds, in order, each with the fit that never saw it."""
+        return tuple(_folds(self.problem, self.work, self.betas))
 
     @property
     def joined(self) -> Array:
@@ -65,7 +81,7 @@ class HeldOut:
     def worse_than(self, other: HeldOut, factor: float) -> bool:
         """Whether the error exceeds another's by a factor, beyond what is not known."""
         unknown = max(self.spread - other.spread, 0.0)
-        return self.rmse**2 - unknown > (factor * other.rmse) ** 2
+        return self.mean_square - unknown > factor**2 * other.mean_square
 
 
 def held_out(
@@ -85,20 +101,27 @@ def held_out(
     drawn = np.diag(np.diag(total) * _drawn(work, total, len(every)))
     others = [total - fold + drawn for fold in table.folds]
     betas = [solved(products, every) for products in others]
-    residuals = tuple(sheet.left_over(problem, betas))
     plain, size = table, whitening.variance
     if whitening.order:  # the rows as they are, which only the filter hides
         size = 1.0
         plain = tabulated(problem, sheet, Whitening(np.ones(1), size, problem.decimation))
     moved = [size * np.sum(inverse_of(products) * own[:-1, :-1])
              for products, own in zip(others, plain.folds, strict=True)]  # fmt: skip
-    spread = float(np.sum(moved) / np.sum(plain.rows))
-    squares = sum(_squares(fold, beta) for fold, beta in zip(table.folds, betas, strict=True))
-    return HeldOut(residuals, tuple(_folds(problem, work, betas)), spread, squares)
+    left = [size * _squares(own, beta) for own, beta in zip(plain.folds, betas, strict=True)]
+    rows = int(np.sum(plain.rows))
+    return HeldOut(
+        problem,
+        work,
+        sheet,
+        tuple(betas),
+        mean_square=max(float(np.sum(left)), 0.0) / rows,
+        spread=float(np.sum(moved)) / rows,
+        squares=sum(_squares(fold, beta) for fold, beta in zip(table.folds, betas, strict=True)),
+    )
 
 
 def _squares(products: Array, beta: Array) -> float:
-    """Squares of y less columns @ beta, from products of [columns, y]."""
+    """What is left of the target of products [columns, y] by coefficients."""
     both = np.append(-beta, 1.0)
     return float(both @ products @ both)
 

@@ -21,6 +21,7 @@ FARTHEST = 0.7  # of a shape's logarithm in one step
 STANDS = 1e-2  # of the squares over σ², in χ²
 HALVINGS = 3
 SCANNED = 6  # values of a shape, from bound to bound
+ROUNDING = 1e-13  # of the squares of what a difference is made of
 LOAD_ROUNDS = 3  # solves until the load that inertia and gravity make stands
 
 
@@ -71,23 +72,59 @@ def coefficients_of(
     The model with its coefficients, the squares over σ² that it leaves, and the step (S,) of the
     shapes' logarithms that the tangent suggests.
     """
-    work, squares = solved_at(problem, work, whitening)
-    if not len(work.searched) or not np.any(work.coefficients):
-        return work, squares, np.zeros(len(work.searched))
-    full = tabulated(problem, work.sheet(), whitening).total
+    count = len(work.searched)
+    if not count:
+        return *solved_at(problem, work, whitening), np.zeros(0)
+    if _moves(work):
+        work, _ = solved_at(problem, work, whitening, LOAD_ROUNDS - 1)
+    sheet, slopes = work.opened()
+    total = tabulated(problem, sheet, whitening).total
+    work, squares = _solved(work, total)
+    if not np.any(work.coefficients):
+        return work, squares, np.zeros(count)
+    full = _bent(total, slopes @ work.coefficients)
     both = solved(full, np.arange(len(full) - 1))
     return work, squares, both[len(work.free) :]
 
 
-def solved_at(problem: Problem, work: Working, whitening: Whitening) -> tuple[Working, float]:
+def _bent(total: Array, weights: Array) -> Array:
+    """Products of [columns, M parts of shapes, y] with the parts mixed to columns of shapes.
+
+    A difference of parts that is no more than rounding is none.
+    """
+    parts, shapes = weights.shape
+    linear = len(total) - 1 - parts
+    mix = np.zeros((len(total), linear + shapes + 1))
+    mix[:linear, :linear] = np.eye(linear)
+    mix[linear:-1, linear:-1] = weights
+    mix[-1, -1] = 1.0
+    size = np.abs(mix).T @ np.sqrt(np.maximum(np.diag(total), 0.0))
+    full = mix.T @ total @ mix
+    mix[:, np.diag(full) <= ROUNDING * size**2] = 0.0
+    return np.asarray(mix.T @ total @ mix)
+
+
+def solved_at(
+    problem: Problem, work: Working, whitening: Whitening, rounds: int = LOAD_ROUNDS
+) -> tuple[Working, float]:
     """Return the model with its coefficients at these shapes, and the squares over σ²."""
-    moves = any("load" in e.reads for e in work.effects)
-    moves = moves and any(e.info.carries_load for e in work.effects)
-    for _ in range(LOAD_ROUNDS if moves else 1):
+    squares = 0.0
+    for _ in range(rounds if _moves(work) else 1):
         total = tabulated(problem, work.sheet(bends=False), whitening).total
-        linear = np.arange(len(work.free))
-        beta = solved(total, linear)
-        values = work.coefficients.copy()
-        values[work.free] = beta
-        work = replace(work, coefficients=values)
-    return work, float(total[-1, -1] - total[linear, -1] @ beta)
+        work, squares = _solved(work, total)
+    return work, squares
+
+
+def _solved(work: Working, total: Array) -> tuple[Working, float]:
+    """Solve for the free coefficients, whose columns come first, the target last."""
+    linear = np.arange(len(work.free))
+    beta = solved(total, linear)
+    values = work.coefficients.copy()
+    values[work.free] = beta
+    return replace(work, coefficients=values), float(total[-1, -1] - total[linear, -1] @ beta)
+
+
+def _moves(work: Working) -> bool:
+    """Whether the model makes a load that its rows read."""
+    reads = any("load" in effect.reads for effect in work.effects)
+    return reads and any(effect.info.carries_load for effect in work.effects)

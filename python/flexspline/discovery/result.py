@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -84,6 +84,8 @@ class Discovery:
     unexplained : None where the residual is down at the floor.
     next_experiment : a sentence where the runs cannot separate causes, else None.
     plan : what it says, with its trajectory and a figure.
+    searched : shares of the rows on which "names" were looked for first, before they were tried
+        and fitted on all rows, and on which "functions" without a name were; 1 of short logs.
     fit : of the extended model.
     runs : measured and predicted values of base and extended model, on folds no fit saw.
     motion : both driven forward through these folds; None where the model cannot be simulated.
@@ -109,6 +111,7 @@ class Discovery:
     refused: Mapping[str, str]
     doubted: tuple[str, ...]
     plan: Plan | None = None
+    searched: Mapping[str, float] = field(default_factory=lambda: {"names": 1.0, "functions": 1.0})
 
     @property
     def model(self) -> Model:

@@ -3,17 +3,20 @@
 Where an effect is plain in a tenth of an hour, it need not be looked for in all of it: a first
 search goes over short stretches spread evenly over the logs. What it found is where the search on
 all rows begins; that refits everything, may take names back, and adds what only all rows show. So
-every gain and price that is reported is one of all rows. Effects with memory are followed through
-the rows between.
+every gain and price that is reported is one of all rows. Effects with memory are followed from
+`LEAD` rows before each stretch on: what they remember from before that is a guess.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
 
+from flexspline import _core
 from flexspline.fit.problem import Problem, Run
 
 __all__ = ["rows_of", "thinned"]
+
+LEAD = 1 << 14  # rows
 
 
 def rows_of(problem: Problem) -> int:
@@ -30,7 +33,7 @@ def thinned(problem: Problem, enough: int, stretch: int) -> Problem:
     if share < 2:
         return problem
     runs = tuple(replace(run, stretches=_parts(run, share, stretch)) for run in problem.runs)
-    return replace(problem, runs=runs)
+    return replace(problem, runs=runs, remembered=_core.Remembered(LEAD))
 
 
 def _parts(run: Run, share: int, stretch: int) -> tuple[tuple[int, int], ...]:

@@ -122,6 +122,32 @@ class Working:
             tuple(functions),
         )
 
+    def opened(self) -> tuple[Sheet, Array]:
+        """Columns of free coefficients, and of all that the shapes' columns are mixed from.
+
+        Returns
+        -------
+        The sheet, (F + M) columns; and slopes (M, S, P): times the coefficients (P,), they are the
+        weights of the M columns in those of the S shapes.
+        """
+        first = sum(len(effect.terms) for effect in self.effects)
+        moved, slopes = list[Effect](), list[Array]()
+        for number in range(len(self.searched)):
+            effects, terms, signs = self._sides(number)
+            moved += effects
+            for term, sign in zip(terms, signs, strict=True):
+                slope = np.zeros((len(self.searched), first))
+                slope[number, term] = sign
+                slopes.append(slope)
+        padding = np.zeros(len(slopes))
+        sheet = Sheet(
+            (*self.effects, *moved),
+            np.concatenate([self.coefficients, padding]),
+            tuple([(int(k), 1.0)] for k in (*self.free, *range(first, first + len(slopes)))),
+            np.concatenate([np.where(self.held, self.coefficients, 0.0), padding]),
+        )
+        return sheet, np.array(slopes)
+
     def rows(self, problem: Problem, number: int, *, bends: bool = True) -> tuple[Array, Array]:
         """Columns (N, F + S) of a whole run, see `sheet`; and the target, (N,)."""
         return self.sheet(bends=bends).rows(problem, number)
@@ -132,21 +158,26 @@ class Working:
 
     def _bend(self, shape: int, first: int) -> tuple[list[Effect], Shares]:
         """Effects with a shape to either side, from part `first` on, and the slope between."""
+        moved, terms, signs = self._sides(shape)
+        weights = self.coefficients[terms] * signs
+        return moved, [(first + k, float(weight)) for k, weight in enumerate(weights)]
+
+    def _sides(self, shape: int) -> tuple[list[Effect], list[int], Array]:
+        """Effects with a shape to either side, the term behind each part, and ±1 / (2 step)."""
         searched = self.searched[shape]
         middle = float(self.logarithms[shape])
         limits = np.log([searched.info.lower, searched.info.upper])
         both = np.clip([middle - STEP, middle + STEP], *limits)
         ends = np.cumsum([0, *(len(e.terms) for e in self.effects)])
         moved: list[Effect] = []
-        shares: Shares = []
-        for end, sign in zip(both, (-1.0, 1.0), strict=True):
+        terms: list[int] = []
+        for end in both:
             value = float(np.clip(np.exp(end), searched.info.lower, searched.info.upper))
             for at in searched.effects:
                 moved.append(self.effects[at].with_shapes(**{searched.info.name: value}))
-                weights = sign * self.coefficients[ends[at] : ends[at + 1]] / (both[1] - both[0])
-                shares += [(first + k, float(w)) for k, w in enumerate(weights)]
-                first += len(weights)
-        return moved, shares
+                terms += range(int(ends[at]), int(ends[at + 1]))
+        signs = np.repeat([-1.0, 1.0], len(terms) // 2) / (both[1] - both[0])
+        return moved, terms, signs
 
 
 def working(effects: Sequence[Effect], base: int, fixed: Mapping[str, float]) -> Working:

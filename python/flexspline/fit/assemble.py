@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from flexspline.effects import unit_in
 from flexspline.fit.derived import sign_warnings
-from flexspline.fit.estimate import Estimate, counts_of, noise_of, residuals_of
+from flexspline.fit.estimate import Estimate, counts_of, noise_of, read_of, residuals_of
 from flexspline.fit.identifiability import Confounded, confounded_groups
 from flexspline.fit.loops import loop_warnings
 from flexspline.fit.memory import memory_warnings
@@ -96,7 +96,10 @@ def uncertainty_of(made: Estimate) -> Uncertainty:
         scale = np.sqrt(noise.decimation)
         errors = np.full(len(made.prior_rows), np.sqrt(made.noise_variance) / scale)
         prior = Prior(made.prior_rows / scale, errors)
-    return parameter_uncertainty(made.tangent, made.basis, noise, prior)
+    every = read_of(made)
+    chunks = made.tangent.some(every)
+    rows = sum(run.counted for run in made.tangent.problem.runs) // noise.decimation
+    return parameter_uncertainty(chunks, made.basis, noise, prior, rows if every > 1 else None)
 
 
 def _confounded(problem: Problem, made: Estimate, uncertainty: Uncertainty) -> list[Confounded]:

@@ -131,9 +131,13 @@ def estimate(
 
 def noise_of(made: Estimate) -> NoiseModel:
     """Return the model of the noise around an estimate."""
-    problem = made.tangent.problem
-    every = max(1, sum(run.counted for run in problem.runs) // LONG)
-    return noise_model(made.tangent, made.basis, every=every, decimation=problem.decimation)
+    decimation = made.tangent.problem.decimation
+    return noise_model(made.tangent.some(read_of(made)), made.basis, decimation=decimation)
+
+
+def read_of(made: Estimate) -> int:
+    """One chunk of how many tells of the noise: of long logs some are enough."""
+    return max(1, sum(run.counted for run in made.tangent.problem.runs) // LONG)
 
 
 @dataclass(frozen=True)

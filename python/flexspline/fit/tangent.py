@@ -9,13 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.effects import Effect
 from flexspline.fit.names import ShapeParameter
-from flexspline.fit.noise_model import Chunk
+from flexspline.fit.noise_model import Chunk, Chunks
 from flexspline.fit.problem import Problem
 
 __all__ = ["Tangent"]
@@ -45,17 +46,21 @@ class Tangent:
         for _, _, chunk in self.pieces():
             yield chunk
 
-    def pieces(self) -> Iterator[tuple[int, slice, Chunk]]:
-        """Run number, rows and chunk of each piece, in order."""
+    def some(self, every: int) -> Chunks:
+        """Return what gives one chunk of `every` to a noise model, each a stretch of its own."""
+        return lambda: (chunk for _, _, chunk in self.pieces(every))
+
+    def pieces(self, every: int = 1) -> Iterator[tuple[int, slice, Chunk]]:
+        """Run number, rows and chunk of each piece, in order; or of one of `every`."""
         whole: tuple[int, Array] | None = None
-        for number, first, last in self.problem.pieces():
+        for number, first, last in islice(self.problem.pieces(), 0, None, every):
             if self._whole_runs and (whole is None or whole[0] != number):
                 whole = (number, self._whole_run(number))
             rows = self._rows(number, first, last) if whole is None else whole[1][first:last]
             run = self.problem.runs[number]
             residual = run.target[first:last] - rows[:, -1]
             starts = np.zeros(last - first, dtype=bool)
-            starts[0] = any(first == begin for begin, _ in run.stretches)
+            starts[0] = every > 1 or any(first == begin for begin, _ in run.stretches)
             weights = None if self.weights is None else self.weights[number][first:last]
             yield number, slice(first, last), Chunk(rows[:, :-1], residual, starts, weights)
 

@@ -134,7 +134,11 @@ class Uncertainty:
 
 
 def parameter_uncertainty(
-    chunks: Chunks, basis: Array, noise: NoiseModel, prior: Prior | None = None
+    chunks: Chunks,
+    basis: Array,
+    noise: NoiseModel,
+    prior: Prior | None = None,
+    rows: int | None = None,
 ) -> Uncertainty:
     """Covariance of least-squares coefficients under the noise model, in one pass.
 
@@ -143,17 +147,19 @@ def parameter_uncertainty(
     chunks, basis : as given to `noise_model`; its decimation is used again.
     noise : the fitted model.
     prior : pseudo-rows that were part of the problem, if any.
+    rows : of the whole problem, where the chunks are only an even part of it; else None.
 
     Cost: O(N P (K + p)). Memory: a few times one chunk.
     """
     sums = _Sums(basis, noise)
-    for starts, rows, residual, slope in pieces(chunks, basis, noise.decimation):
+    for starts, columns, residual, slope in pieces(chunks, basis, noise.decimation):
         if starts:
             sums.close()
-        sums.add(rows, residual, slope)
+        sums.add(columns, residual, slope)
     sums.close()
-    bread, meat = sums.bread, noise.innovation_variance * sums.meat
-    naive = sums.squares / max(sums.rows - noise.parameters, 1) * sums.white
+    times = 1.0 if rows is None else rows / sums.rows
+    bread, meat = times * sums.bread, times * noise.innovation_variance * sums.meat
+    naive = times * sums.squares / max(sums.rows - noise.parameters, 1) * sums.white
     if prior is not None:
         known = prior.rows @ basis
         bread = bread + known.T @ known
@@ -162,7 +168,12 @@ def parameter_uncertainty(
     inverse = np.linalg.pinv(bread, rcond=1e-14, hermitian=True)
     freedom = _degrees_of_freedom(sums.slopes, sums.powers, noise)
     return Uncertainty(
-        basis, inverse @ meat @ inverse, inverse @ naive @ inverse, freedom, sums.rows, noise
+        basis,
+        inverse @ meat @ inverse,
+        inverse @ naive @ inverse,
+        freedom,
+        rows or sums.rows,
+        noise,
     )
 
 

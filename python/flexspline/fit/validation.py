@@ -8,8 +8,9 @@ would be follows from sums over the other folds, around the solution of all:
 
 with Z the tangent rows. The last step holds because Σ w Z r of all folds is zero at the solution;
 with priors it is their share, which every fold has. Without shapes the fold's residual is r − Z δ.
-With shapes Z is true near the solution only: the shapes go all, half or none of the way that δ
-says, whichever suits the other folds best, and the coefficients are solved for again there.
+With shapes Z is true near the solution only: where one moves further, the shapes go all, half or
+none of the way that δ says, whichever suits the other folds best, and the coefficients are solved
+for again there.
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ Array = NDArray[np.float64]
 RUNS_NEEDED = 4
 BLOCKS = 8
 WAYS = (0.0, 0.5, 1.0)
+NEAR = 0.01  # of its value that a shape may move along the tangent alone
 FARTHEST = np.log(4.0)  # that a shape may go from the solution of all, as a factor
 
 
@@ -66,8 +68,14 @@ def cross_validate(made: Estimate) -> Validation:
         for first, last in pairwise(run_edges(problem, number, by_runs))
     ]
     moves = _moves(made, folds)
-    find = _refitted if made.free_shapes else _moved
+    find = _moved if _nearly_linear(made, moves) else _refitted
     return Validation(find(made, folds, moves), "runs" if by_runs else "blocks", len(folds))
+
+
+def _nearly_linear(made: Estimate, moves: list[Array]) -> bool:
+    """Whether no fold moves a shape so far that the tangent would be wrong there."""
+    values = np.array([shape.value(made.linear.effects) for shape in made.free_shapes])
+    return all((np.abs(move[len(made.fitted) :]) <= NEAR * values).all() for move in moves)
 
 
 def _moves(made: Estimate, folds: list[_Fold]) -> list[Array]:

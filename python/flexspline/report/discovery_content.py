@@ -74,6 +74,16 @@ def remarks(made: Discovery) -> list[str]:
         )
     if made.next_experiment:
         said.append(f"Next: {made.next_experiment}")
+    names, functions = made.searched["names"], made.searched["functions"]
+    if names < 1.0:
+        said.append(
+            f"Of these long runs {100.0 * names:.2g} % of the rows, spread evenly, were searched "
+            "for names first; what was found there was tried and fitted on all rows."
+        )
+    if functions < 1.0:
+        said.append(
+            f"What no name explains was looked for on {100.0 * functions:.2g} % of the rows."
+        )
     if made.not_tried:
         said.append(f"Not tried, for lack of channels or facts: {listed(made.not_tried, most=40)}.")
     return said

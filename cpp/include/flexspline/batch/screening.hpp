@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <iterator>
+#include <limits>
 #include <map>
 #include <string>
 #include <tuple>
@@ -72,14 +73,22 @@ inline std::vector<Piece> pieces_of(std::span<const ScreenedRun> runs, const Fil
 }
 
 /// What effects remembered at rows of a run: to walk through a long run once is enough.
+///
+/// With a `lead`, memory goes back no further than so many rows: what comes in between two pieces
+/// far apart is skipped, and the first rows after the skip are a guess that fades.
 class Remembered {
  public:
+  explicit Remembered(std::size_t lead = std::numeric_limits<std::size_t>::max()) : lead_(lead) {}
+
+  std::size_t lead() const noexcept { return lead_; }
+
   /// Run, effect with its shapes, and what its load is made of.
   using Key = std::tuple<std::size_t, std::string, std::vector<double>>;
 
   std::map<std::size_t, AnyState>& at(const Key& key) { return known_[key]; }
 
  private:
+  std::size_t lead_;
   std::map<Key, std::map<std::size_t, AnyState>> known_;
 };
 
@@ -100,20 +109,25 @@ inline Remembered::Key key_of(const Sheet& sheet, std::size_t run, const AnyEffe
   return key;
 }
 
-/// Adds what an effect remembers at rows that are not known yet, from the last known one before.
+/// Adds what an effect remembers at rows that are not known yet, from the last known one before or
+/// from a fresh one `lead` rows before.
 inline void recall(const Sheet& sheet, const ScreenedRun& run, std::span<const std::size_t> rows,
-                   std::size_t effect, std::map<std::size_t, AnyState>& known) {
+                   std::size_t effect, std::size_t lead, std::map<std::size_t, AnyState>& known) {
   std::vector<std::size_t> missing;
   for (const std::size_t row : rows) {
     if (row > 0 && !known.contains(row)) missing.push_back(row);
   }
-  if (missing.empty()) return;
-  const auto behind = known.lower_bound(*std::min_element(missing.begin(), missing.end()));
-  const std::pair<std::size_t, AnyState> from =
-      behind == known.begin() ? std::pair{std::size_t{0}, sheet.design.fresh()[effect]}
-                              : std::pair{std::prev(behind)->first, std::prev(behind)->second};
-  const auto states = sheet.design.remember(run.run.channels, missing, sheet.load, effect, from);
-  for (std::size_t k = 0; k < missing.size(); ++k) known.insert_or_assign(missing[k], states[k]);
+  std::sort(missing.begin(), missing.end());
+  for (const std::size_t row : missing) {
+    std::pair<std::size_t, AnyState> from{row - std::min(row, lead), sheet.design.fresh()[effect]};
+    const auto behind = known.lower_bound(row);
+    if (behind != known.begin() && std::prev(behind)->first >= from.first) {
+      from = {std::prev(behind)->first, std::prev(behind)->second};
+    }
+    const std::size_t at[] = {row};
+    const auto states = sheet.design.remember(run.run.channels, at, sheet.load, effect, from);
+    known.insert_or_assign(row, states.front());
+  }
 }
 
 /// The memory before each piece of a run; effects go in parallel, and what is known is not walked
@@ -132,7 +146,7 @@ inline std::vector<Memory> memories_of(const Sheet& sheet, const ScreenedRun& ru
   const std::vector those(wanted.begin(), wanted.end());
   parallel_blocks(those.size(), threads, [&](std::size_t e) {
     const auto& [known, same] = those[e];
-    recall(sheet, run, rows, same.front(), *known);
+    recall(sheet, run, rows, same.front(), remembered.lead(), *known);
     for (std::size_t p = 0; p < rows.size(); ++p) {
       for (const std::size_t k : same) {
         if (rows[p] > 0) found[p][k] = known->at(rows[p]);
