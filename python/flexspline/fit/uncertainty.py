@@ -138,7 +138,7 @@ def parameter_uncertainty(
     basis: Array,
     noise: NoiseModel,
     prior: Prior | None = None,
-    rows: int | None = None,
+    counted: int | None = None,
 ) -> Uncertainty:
     """Covariance of least-squares coefficients under the noise model, in one pass.
 
@@ -147,7 +147,7 @@ def parameter_uncertainty(
     chunks, basis : as given to `noise_model`; its decimation is used again.
     noise : the fitted model.
     prior : pseudo-rows that were part of the problem, if any.
-    rows : of the whole problem, where the chunks are only an even part of it; else None.
+    counted : rows of the whole problem, where the chunks are an even part of it; else None.
 
     Cost: O(N P (K + p)). Memory: a few times one chunk.
     """
@@ -157,7 +157,7 @@ def parameter_uncertainty(
             sums.close()
         sums.add(columns, residual, slope)
     sums.close()
-    times = 1.0 if rows is None else rows / sums.rows
+    times = 1.0 if counted is None else counted / sums.rows
     bread, meat = times * sums.bread, times * noise.innovation_variance * sums.meat
     naive = times * sums.squares / max(sums.rows - noise.parameters, 1) * sums.white
     if prior is not None:
@@ -172,7 +172,7 @@ def parameter_uncertainty(
         inverse @ meat @ inverse,
         inverse @ naive @ inverse,
         freedom,
-        rows or sums.rows,
+        counted or sums.rows,
         noise,
     )
 
