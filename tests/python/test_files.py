@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import ast
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
+import flexspline
 from flexspline.errors import InputError
 from flexspline.files import atomic_write, atomic_writer
 
@@ -39,3 +44,37 @@ def test_a_folder_in_the_way_is_named_and_nothing_is_left(tmp_path: Path) -> Non
     with pytest.raises(InputError, match="cannot be replaced"):
         atomic_write(tmp_path / "run", b"")
     assert [path.name for path in tmp_path.iterdir()] == ["run"]
+
+
+@pytest.mark.skipif(os.name != "posix", reason="SIGKILL and fork are POSIX's")
+def test_a_kill_in_the_middle_of_any_write_leaves_a_whole_file(tmp_path: Path) -> None:
+    script = Path(__file__).with_name("write_until_killed.py")
+    package = str(Path(flexspline.__file__).parents[1])
+    done = subprocess.run(
+        [sys.executable, str(script), str(tmp_path)],
+        capture_output=True,
+        text=True,
+        timeout=300,
+        env={**os.environ, "PYTHONPATH": package},
+    )
+    assert done.returncode == 0, done.stderr
+    said = [line.split() for line in done.stdout.splitlines()]
+    assert len(said) == 7
+    for name, hit, torn in said:
+        assert int(torn) == 0, name
+        assert int(hit) == 8, f"{name}: the kills came while nothing was written"
+
+
+def test_nothing_of_ours_writes_a_file_in_place() -> None:
+    """Every writer goes through `flexspline.files`, but for scratch and drafts of its folders."""
+    package = Path(flexspline.__file__).parent
+    drafts = {"certification/running.py", "demo_device.py", "reproduce/run.py"}
+    found = set()
+    for file in sorted(package.rglob("*.py")):
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            called = node.func if isinstance(node, ast.Call) else None
+            method = called.attr if isinstance(called, ast.Attribute) else ""
+            opens = isinstance(called, ast.Name) and called.id == "open"
+            if opens or method in {"write_text", "write_bytes"}:
+                found.add(file.relative_to(package).as_posix())
+    assert found == drafts
