@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from flexspline.certification.cycles import instruction_cost
 from flexspline.certification.differences import Output, differences, same_bits
 from flexspline.certification.rows import CHANNELS, RESULT, ROW, rows_of
 from flexspline.logs.log import Log
@@ -99,3 +100,29 @@ def test_rows_and_results_have_the_sizes_that_the_device_expects() -> None:
     assert [ROW[s].itemsize for s in ("float", "double")] == [64, 112]
     assert [RESULT[s].itemsize for s in ("float", "double")] == [40, 72]
     assert ROW["float"].names[: len(CHANNELS)] == CHANNELS
+
+
+@pytest.mark.parametrize(
+    ("name", "operands", "cycles"),
+    [
+        ("vmul.f32", "s0, s1, s2", 1),
+        ("vldr", "s15, [r3, #4]", 2),
+        ("vldr", "d7, [pc, #36]", 3),
+        ("vmov", "r3, s15", 2),
+        ("vmov.f32", "s15, s14", 1),
+        ("vmov.f32", "s15, #112", 1),
+        ("vmla.f32", "s0, s1, s2", 3),
+        ("vdiv.f32", "s0, s1, s2", 14),
+        ("vpush", "{d8-d9}", 5),
+        ("vldmia", "r3!, {s0-s3}", 5),
+        ("push", "{r4, r5, lr}", 4),
+        ("ldrd", "r2, r3, [sp]", 3),
+        ("beq.n", "8000", 2.5),
+        ("adds", "r1, r2, #3", 1),
+    ],
+)
+def test_an_instruction_of_the_m4f_costs_what_its_table_says(
+    name: str, operands: str, cycles: float
+) -> None:
+    assert instruction_cost("cortex-m4f", name, operands) == cycles
+    assert instruction_cost("cortex-m7", name, operands) == (14 if cycles == 14 else 1)
