@@ -32,11 +32,11 @@ CROSSED = ((1, 1), (2, 1), (1, 2))
 DIRECTION_WIDTH = 0.03  # of the largest speed
 HIDDEN = {
     "sensor_torque": ("sensor_torque", "sensor_voltage"),
-    "motor_torque": ("motor_torque", "motor_current", "duty"),
-    "motor_current": ("motor_torque", "motor_current", "duty"),
+    "motor_torque": ("motor_torque", "motor_current", "duty", "supply_voltage"),
+    "motor_current": ("motor_torque", "motor_current", "duty", "supply_voltage"),
     "torsion": ("motor_velocity",),
 }
-"""Channels that hold the target itself."""
+"""Channels that hold the target itself; a supply sags under the motor's own current."""
 NEVER = ("enabled", "thermistor_voltage", "commanded_position", "motor_velocity", "motor_position")
 ROUND, DIRECTION, RATE = "motor_angle", "direction", "load_rate"
 TOLD = {ROUND: "motor_position", DIRECTION: "output_velocity"}

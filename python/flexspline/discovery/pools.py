@@ -21,6 +21,7 @@ from flexspline.orders.parts import Candidate, Pair, owner, pairs
 __all__ = ["joined", "order_pools", "scanned"]
 
 LOW = (1, 2, 3, 4)
+GRAVITY = (1, "output_on_housing")
 FACTS = ("pole_pairs", "slots")
 MOST = 10  # orders of a scan that are tried
 
@@ -53,6 +54,7 @@ def order_pools(
     """
     own: dict[str, list[Harmonic]] = {}
     taken = {h for e in model for h in e.harmonics if e.name != FOLLOWER}
+    taken |= {GRAVITY for e in model if e.name == "gravity"}
     for order, pair in [*_low(facts), *_of_facts(facts)]:
         name = "kinematic_error" if target == "torsion" else _owner(order, pair, facts)
         _add(own, name, (order, CORE_PAIRS[pair.name]), taken)
