@@ -112,6 +112,7 @@ sim::Options options_of(const py::dict& from) {
   sim::Options o;
   read(from, "longest_step", o.longest_step);
   read(from, "order", o.order);
+  read(from, "accuracy", o.accuracy);
   read(from, "coarsest", o.coarsest);
   read(from, "servo_period", o.servo.period);
   read(from, "position_gain", o.servo.position_gain);
@@ -229,6 +230,7 @@ py::dict simulate(const sim::Joint& given, const Array& time, const py::dict& in
   all["fault"] = static_cast<int>(outcome.fault);
   all["row"] = outcome.row;
   all["largest_phase"] = outcome.largest_phase;
+  all["longest_leap"] = outcome.longest_leap;
   all["end"] = end_of(joint, course);
   return all;
 }
@@ -243,7 +245,10 @@ void bind_simulation(py::module_& module) {
       .def(py::init(&joint_of), py::arg("fields"))
       .def_property_readonly(
           "eventless", [](const sim::Joint& joint) { return joint.eventless; },
-          "True where nothing can stick, slip or touch.");
+          "True where nothing can stick, slip or touch.")
+      .def_property_readonly(
+          "expandable", [](const sim::Joint& joint) { return sim::expandable(joint); },
+          "True where the motion is a power series between kinks, and energy is lost.");
   module.def("simulate", &simulate, py::arg("joint"), py::arg("time"), py::arg("inputs"),
              py::arg("hold"), py::arg("options"), py::arg("start"), py::arg("channels"),
              "Drives a joint through time: dict of columns, fault, row, largest_phase, end.");

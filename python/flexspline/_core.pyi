@@ -116,6 +116,9 @@ class SimulatedJoint:
     @property
     def eventless(self) -> bool:
         """True where nothing can stick, slip or touch."""
+    @property
+    def expandable(self) -> bool:
+        """True where the motion is a power series between kinks, and energy is lost."""
 
 class Remembered:
     """What effects remembered at rows of one problem's runs, `lead` rows back at most."""

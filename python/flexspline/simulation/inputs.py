@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -27,24 +28,31 @@ def wanted(channels: Sequence[str] | None) -> list[str]:
     return list(channels)
 
 
-def increasing(time: ArrayLike) -> Array:
+def increasing(time: ArrayLike) -> tuple[Array, float]:
+    """Return the times and the longest interval between two of them."""
     times = np.ascontiguousarray(time, dtype=float)
     if times.ndim != 1 or len(times) < 2:
         raise InputError(
             f"simulation: time has shape {times.shape}; give one dimension with two rows or more"
         )
+    with np.errstate(invalid="ignore"):
+        intervals = times[1:] - times[:-1]
+    longest = float(intervals.max())
+    if not (intervals.min() > 0 and math.isfinite(longest)):
+        _refuse(times, intervals)
+    return times, longest
+
+
+def _refuse(times: Array, intervals: Array) -> None:
     finite = np.isfinite(times)
     if not finite.all():
         bad = np.flatnonzero(~finite)
         raise InputError(f"simulation: time is not finite in row {bad[0]}; give every time in s")
-    forward = times[1:] > times[:-1]
-    if not forward.all():
-        back = np.flatnonzero(~forward)
-        raise InputError(
-            f"simulation: time does not increase from row {back[0]} to row {back[0] + 1}; "
-            "give strictly increasing times"
-        )
-    return times
+    back = np.flatnonzero(~(intervals > 0))
+    raise InputError(
+        f"simulation: time does not increase from row {back[0]} to row {back[0] + 1}; "
+        "give strictly increasing times"
+    )
 
 
 def column(name: str, value: ArrayLike, rows: int) -> Array:

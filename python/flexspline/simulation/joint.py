@@ -101,8 +101,9 @@ class Joint:
             fastest eigenfrequency, with gear as stiff as the run turns out to make it.
         accuracy : relative error of that frequency to aim at, 1e-13 … 1e-4, where the steps are
             chosen; None means 2.4e-7, a quarter radian a step of fourth order.
-        order : of the steps, 4 or 6; None takes the one that needs less work where the steps are
-            chosen, else 4. Order 6 is for joints in which nothing sticks, slips or touches.
+        order : of the steps, 4 or 6. None takes the one that needs less work where the steps are
+            chosen, else 4; and power series, without steps of an order, for smooth joints with
+            losses. Order 6 is for joints in which nothing sticks, slips or touches.
         channels : of the trajectory; None keeps all of `trajectory.CHANNELS`.
 
         Returns
@@ -122,8 +123,13 @@ class Joint:
         damping the energy swings about its value and does not drift. Changes between sticking
         and sliding, slipping elements and the obstacle are located within the step; a joint that
         sticks does not creep. Temperatures follow once a row, or once a servo tick.
+
+        A joint with losses in which nothing sticks, slips or touches, without harmonics and
+        without a soft wave generator, goes by power series in time unless `steps_per_sample` or
+        `order` is given: each one to as many terms and as far as `accuracy` lets it, over many
+        rows where the torques are straight lines, to the next kink where they are not.
         """
-        times = increasing(time)
+        times, longest = increasing(time)
         given = {
             "motor_torque": motor_torque,
             "position_command": position_command,
@@ -142,7 +148,8 @@ class Joint:
         begin = self._start(start or Start(), columns)
         options = {**servo_fields(servo), **stop_fields(stop)}
         choice = Choice(steps_per_sample, accuracy, order)
-        steps = Steps(times, columns, inputs == "hold", options, begin, wanted(channels))
+        names = wanted(channels)
+        steps = Steps(times, columns, inputs == "hold", options, begin, names, longest)
         return Trajectory.of(self, times, run(self.core, steps, choice))
 
     def windup(self, transmitted_torque: ArrayLike) -> Array:

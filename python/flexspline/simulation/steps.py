@@ -19,6 +19,7 @@ KICKS = {4: 4, 6: 10}  # evaluations of all torques in a step, by its order
 WRONG = {4: 6.05e-5, 6: 1.51e-7}  # a frequency's relative error, in units of (ω h)^order
 STABLE = {4: 2.98, 6: 3.13}  # ω h at which a method ends (composition.hpp)
 ACCURACY = WRONG[4] * 0.25**4  # 25 steps per period of the fastest mode
+IN_A_LEAP = 0.1  # share of the accuracy: a leap is some radians of the fastest mode
 LOOSER = 33.0  # times the accuracy that is left where a gear grows stiffer under torque
 FASTEST_DECAY = 1.5  # decay times h, by the series of a kick
 MOST_STEPS = 2e9
@@ -30,7 +31,7 @@ Fields = dict[str, Any]
 
 @dataclass(frozen=True)
 class Steps:
-    """A run, but for the length of its steps."""
+    """A run, but for the length of its steps; `longest` is that of its rows, s."""
 
     time: NDArray[np.float64]
     inputs: dict[str, NDArray[np.float64]]
@@ -38,18 +39,27 @@ class Steps:
     options: Fields
     start: Fields
     channels: Sequence[str]
+    longest: float
 
     def once(
         self, joint: _core.SimulatedJoint, step: float, order: int, coarsest: float = math.inf
     ) -> Fields:
         """Run with steps of at most `step` seconds, up to where ω h passes `coarsest`."""
-        how = {"longest_step": step, "order": order, "coarsest": coarsest}
-        options = {**self.options, **how}
-        result = _core.simulate(
-            joint, self.time, self.inputs, self.hold, options, self.start, list(self.channels)
-        )
+        result = self._run(joint, longest_step=step, order=order, coarsest=coarsest)
         result["longest_step"] = step
         return result
+
+    def leaping(self, joint: _core.SimulatedJoint, step: float, accuracy: float) -> Fields:
+        """Run by power series; `step`, of order 4, is for the brake and to judge a leap by."""
+        result = self._run(joint, longest_step=step, accuracy=IN_A_LEAP * accuracy)
+        result["longest_step"] = result["longest_leap"]
+        return result
+
+    def _run(self, joint: _core.SimulatedJoint, **how: float) -> Fields:
+        options = {**self.options, **how}
+        return _core.simulate(
+            joint, self.time, self.inputs, self.hold, options, self.start, list(self.channels)
+        )
 
 
 @dataclass(frozen=True)
@@ -90,7 +100,7 @@ class Choice:
 
 
 def run(joint: _core.SimulatedJoint, steps: Steps, choice: Choice) -> Fields:
-    """Run with the caller's steps, or with those that the eigenfrequencies ask for.
+    """Run with the caller's steps, by power series, or as the eigenfrequencies ask for.
 
     Raises
     ------
@@ -98,11 +108,15 @@ def run(joint: _core.SimulatedJoint, steps: Steps, choice: Choice) -> Fields:
         For steps that cannot be stable, too many of them, or a motion without bound.
     """
     frequency, decay = _core.simulation_rates(joint, 0.0)
-    longest = float((steps.time[1:] - steps.time[:-1]).max())
+    longest = steps.longest
     orders = choice.orders(joint)
     if choice.count is not None:
         step = _given(choice.count, longest, frequency, decay, STABLE[orders[0]])
         result = steps.once(joint, step, orders[0])
+    elif joint.expandable and choice.order is None:
+        step = _step(choice.phase(4), 4, longest, frequency, decay)
+        _require_countable(steps, step)
+        result = steps.leaping(joint, step, choice.accuracy or ACCURACY)
     else:
         found = {k: _step(choice.phase(k), k, longest, frequency, decay) for k in orders}
         order = min(orders, key=lambda k: KICKS[k] * math.ceil(longest / found[k] - 1e-9))
@@ -137,15 +151,10 @@ def _refined(
     joint: _core.SimulatedJoint, steps: Steps, step: float, order: int, aim: float
 ) -> Fields:
     """Repeat with shorter steps while the gear is stiffer under torque than they allow."""
-    span = float(steps.time[-1] - steps.time[0])
     finest = step * FINEST
     coarsest = aim * LOOSER ** (1.0 / order)
     while True:
-        if span / step > MOST_STEPS:
-            raise InputError(
-                f"simulation: {span:g} s would take {span / step:.2g} steps of {step:.2g} s; "
-                "simulate a shorter time or a softer gear"
-            )
+        _require_countable(steps, step)
         result = steps.once(joint, step, order, coarsest)
         phase = result["largest_phase"]
         if result["fault"] == NONE and phase <= coarsest:
@@ -155,6 +164,15 @@ def _refined(
             return result
         grown = math.isfinite(phase) and phase > coarsest
         step = max(finest, step * (max(aim / phase, 1 / 16) if grown else 1 / 4))
+
+
+def _require_countable(steps: Steps, step: float) -> None:
+    span = float(steps.time[-1] - steps.time[0])
+    if span / step > MOST_STEPS:
+        raise InputError(
+            f"simulation: {span:g} s would take {span / step:.2g} steps of {step:.2g} s; "
+            "simulate a shorter time or a softer gear"
+        )
 
 
 def _require_sound(result: Fields, steps: Steps) -> None:

@@ -65,17 +65,17 @@ struct Resistance {
   double third = 0;   ///< d³/dw³
 };
 
-/// Adds the polynomial part of a smooth friction: linear and cubic.
-constexpr void add_smooth(const Friction& friction, const Warmth& warm, double ratio, double v,
-                          Resistance& sum) noexcept {
+/// Friction without a level, of one side of a joint: linear · v + cubic · v³.
+struct SmoothFriction {
+  double linear = 0;
+  double cubic = 0;
+};
+
+/// The same of a side that turns `ratio` times as fast as the coordinate v.
+constexpr SmoothFriction smooth_friction(const Friction& friction, const Warmth& warm,
+                                         double ratio) noexcept {
   const double r2 = ratio * ratio;
-  const double d1 = warm.viscous * friction.viscous * r2;
-  const double d3 = warm.viscous * friction.cubic * (r2 * r2);
-  const double bend = d3 * v * v;
-  sum.value += (d1 + bend) * v;
-  sum.first += d1 + 3 * bend;
-  sum.second += 6 * d3 * v;
-  sum.third += 6 * d3;
+  return {warm.viscous * friction.viscous * r2, warm.viscous * friction.cubic * (r2 * r2)};
 }
 
 /// Adds what depends on velocity, of a side that turns `ratio` times as fast as the coordinate w.

@@ -3,27 +3,17 @@
 /// Between two rows inputs are linear (or hold the first one's value); each stretch without a jump
 /// is cut into equal steps, as few as keep each at or below `longest_step`. Mechanics is of fourth
 /// order in the step, or of sixth where nothing can stick, slip, touch or brake; temperatures
-/// follow once a stretch. What goes wrong is a `Fault` with its row; rows before it are valid.
+/// follow once a stretch. Asked for an accuracy, a smooth joint with losses goes by leaps instead,
+/// over many rows where its torques are straight lines and nothing else changes at rows. What goes
+/// wrong is a `Fault` with its row; rows before it are valid.
 #pragma once
 
-#include "flexspline/batch/simulation/record.hpp"
+#include "flexspline/batch/simulation/leaps.hpp"
 #include "flexspline/batch/simulation/servo.hpp"
-#include "flexspline/batch/simulation/steps.hpp"
+#include "flexspline/batch/simulation/signals.hpp"
 #include "flexspline/batch/simulation/thermal.hpp"
 
 namespace flexspline::batch::simulation {
-
-/// Columns of inputs; null where nothing is given. The time increases strictly.
-struct Signals {
-  const double* time = nullptr;
-  std::size_t size = 0;
-  const double* motor_torque = nullptr;      ///< Nm; the servo's feed-forward where there is one
-  const double* load_torque = nullptr;       ///< Nm
-  const double* room_temperature = nullptr;  ///< °C
-  const double* position_command = nullptr;  ///< rad
-  const double* velocity_command = nullptr;  ///< rad/s
-  bool hold = false;  ///< torques hold their value from row to row instead of changing linearly
-};
 
 enum class Reaction : std::uint8_t { release, brake, hold_position };
 
@@ -39,6 +29,7 @@ struct Options {
   double longest_step = 1e-4;  ///< s
   double coarsest = 1e300;     ///< of ω h of the gear; `unstable` beyond it
   int order = 4;               ///< 4 or 6; the latter of joints without events
+  double accuracy = 0;         ///< of leaps, of a joint that is expandable; 0: steps
   Servo servo;
   Stop stop;
 };
@@ -58,6 +49,7 @@ struct Outcome {
   Fault fault = Fault::none;
   std::size_t row = 0;
   double largest_phase = 0;  ///< ω h
+  double longest_leap = 0;   ///< s
 };
 
 /// 1/s: the fastest eigenfrequency where the spring has dτ/du = `stiffness`, and the
@@ -103,21 +95,6 @@ inline double resting_motor_angle(const Joint& joint, double q, double through) 
         base - sum(joint.kinematic_error, Angle<double>::from_radians(theta).phase, phase).value;
   }
   return theta;
-}
-
-inline double at_or(const double* column, std::size_t row, double otherwise) noexcept {
-  return column != nullptr ? column[row] : otherwise;
-}
-
-/// Inputs from row i on.
-inline Inputs inputs_of(const Signals& s, std::size_t i) noexcept {
-  Inputs in{s.time[i], at_or(s.motor_torque, i, 0), 0, at_or(s.load_torque, i, 0), 0};
-  if (!s.hold && i + 1 < s.size) {
-    const double width = s.time[i + 1] - s.time[i];
-    in.motor_slope = (at_or(s.motor_torque, i + 1, 0) - in.motor_torque) / width;
-    in.load_slope = (at_or(s.load_torque, i + 1, 0) - in.load) / width;
-  }
-  return in;
 }
 
 /// The commands at time t within row i, linear between rows.
@@ -172,30 +149,40 @@ inline std::int64_t steps_of(const Options& options, double length, bool braked)
   return count < 1 ? 1 : count;
 }
 
-/// Steps from t to `end`, which has no jump in it.
+/// What a run remembers besides its course.
+struct Progress {
+  double stiffest = 0;  ///< Nm/rad at the motor side, of the spring
+  Pace pace;
+  Straight straight;
+  Rows rows;
+};
+
+/// Steps or leaps from t to `end`, which has no jump in it.
 inline Fault stretch_out(const Joint& joint, const Inputs& in, const Options& options, double t,
-                         double end, double room, Course& c, double& stiffest) noexcept {
+                         double end, Motion& m, Progress& p) noexcept {
+  if (p.pace.accuracy > 0 && !m.braked) return leaps(joint, in, t, end, p.pace, m, p.rows);
   const double length = end - t;
-  const std::int64_t count = steps_of(options, length, c.motion.braked);
+  const std::int64_t count = steps_of(options, length, m.braked);
   const double h = count == 1 ? length : length / static_cast<double>(count);
-  Motion& m = c.motion;
-  const Work before = m.work;
   const StepsFunction go = steps_for(joint, options.order, m.braked);
-  const Fault fault = go(joint, in, t, h, count, options.coarsest, m, stiffest);
-  if (fault != Fault::none) return fault;
+  return go(joint, in, t, h, count, options.coarsest, m, p.stiffest);
+}
+
+/// Temperatures after `length` seconds in which the work grew from `before`.
+inline void heat_up(const Joint& joint, const Work& before, double room, double length,
+                    Motion& m) noexcept {
   const Work& w = m.work;
   thermal_step(joint,
                {w.copper - before.copper + w.friction[motor] - before.friction[motor],
                 w.friction[output] - before.friction[output] + w.gear - before.gear},
                room, length, m);
-  return Fault::none;
 }
 
-/// From row i to the next.
-inline Fault run_row(const Joint& joint, const Signals& s, const Options& options, std::size_t i,
-                     Course& c, Inputs& in, double& stiffest) noexcept {
+/// From row i to row `last`.
+inline Fault run_rows(const Joint& joint, const Signals& s, const Options& options, std::size_t i,
+                      std::size_t last, Course& c, Inputs& in, Progress& p) noexcept {
   double t = s.time[i];
-  const double end = s.time[i + 1];
+  const double end = s.time[last];
   while (t < end) {
     if (!c.stopped && t >= c.stop_time) stop_now(joint, options, c);
     drive(joint, s, options, i, t, c, in);
@@ -203,12 +190,26 @@ inline Fault run_row(const Joint& joint, const Signals& s, const Options& option
     if (options.servo.period > 0 && c.next_tick > t && c.next_tick < next) next = c.next_tick;
     if (!c.stopped && c.stop_time > t && c.stop_time < next) next = c.stop_time;
     if (end - next < 1e-9 * (end - s.time[i])) next = end;
-    const double room = at_or(s.room_temperature, i, 25);
-    const Fault fault = stretch_out(joint, in, options, t, next, room, c, stiffest);
+    const Work before = c.motion.work;
+    const Fault fault = stretch_out(joint, in, options, t, next, c.motion, p);
     if (fault != Fault::none) return fault;
+    heat_up(joint, before, at_or(s.room_temperature, i, 25), next - t, c.motion);
     t = next;
   }
   return Fault::none;
+}
+
+/// The row up to which a leap may go from row i: the next one where anything happens at rows.
+inline std::size_t last_of(const Joint& joint, const Signals& s, const Options& options,
+                           std::size_t i, const Course& c, Progress& p) noexcept {
+  const Thermal& th = joint.thermal;
+  const Stop& stop = options.stop;
+  const bool warm = th.motor_capacity > 0 || th.body_capacity > 0 ||
+                    s.room_temperature != nullptr || c.motion.temperature[motor] != 25 ||
+                    c.motion.temperature[output] != 25;
+  const bool driven = options.servo.period > 0 || c.stopped || c.stop_time < 1e300;
+  if (p.pace.accuracy == 0 || warm || driven || stop.threshold < 1e300) return i + 1;
+  return p.straight.last(s, i);
 }
 
 /// Watches the torque through the sensor at a row that is written.
@@ -242,33 +243,48 @@ inline void begin(const Joint& joint, const Inputs& in, double t, const Options&
   }
 }
 
+inline Progress progress_of(const Joint& joint, const Signals& s, const Options& options,
+                            const Course& c, const Record& record) noexcept {
+  Progress p{c.motion.spring.stiffness, {}, {}, {s.time, 1, 1, record, record.needs_torques()}};
+  if (options.accuracy > 0 && expandable(joint)) {
+    p.pace.accuracy = options.accuracy;
+    p.pace.order = best_order(options.accuracy);
+    p.pace.shortest = options.longest_step / 256;
+    p.pace.reached = options.longest_step;
+    p.straight = Straight::of(s);
+  }
+  return p;
+}
+
 /// Simulates all rows. `c` holds where it starts, and in the end where it is; `fresh` says that
 /// only positions, velocities and temperatures of it are given.
 inline Outcome simulate(const Joint& joint, const Signals& s, const Options& options, bool fresh,
                         Course& c, const Record& record) noexcept {
   c.motion.spring = spring_at(joint.spring, c.motion.spring.torque);
-  double stiffest = c.motion.spring.stiffness;
-  Inputs in = inputs_of(s, 0);
+  Progress p = progress_of(joint, s, options, c, record);
+  Inputs in = inputs_of(s, 0, 1);
   drive(joint, s, options, 0, s.time[0], c, in);
   if (fresh) begin(joint, in, s.time[0], options, c);
   Outcome outcome;
-  const bool all = record.needs_torques();
-  for (std::size_t i = 0;; ++i) {
-    outcome.row = i;
-    if (i > 0) in = inputs_of(s, i);
+  for (std::size_t i = 0;; i = p.rows.end) {
+    p.rows.end = i + 1 < s.size ? last_of(joint, s, options, i, c, p) : i;
+    p.rows.next = i + 1;
+    if (i > 0) in = inputs_of(s, i, p.rows.end);
     if (!c.stopped && s.time[i] >= c.stop_time) stop_now(joint, options, c);
     drive(joint, s, options, i, s.time[i], c, in);
-    if (all) {
+    if (p.rows.all) {
       write_all(joint, in, s.time[i], c.motion, c.stopped, i, record);
     } else {
       write_motion(joint, c.motion, i, record);
     }
     if (i + 1 == s.size) break;
     watch(joint, in, options, s.time[i], c);
-    outcome.fault = run_row(joint, s, options, i, c, in, stiffest);
+    outcome.fault = run_rows(joint, s, options, i, p.rows.end, c, in, p);
     if (outcome.fault != Fault::none) break;
   }
-  outcome.largest_phase = fastest(joint, stiffest).frequency * options.longest_step;
+  outcome.row = p.rows.next - 1;
+  outcome.largest_phase = fastest(joint, p.stiffest).frequency * options.longest_step;
+  outcome.longest_leap = p.pace.longest;
   return outcome;
 }
 

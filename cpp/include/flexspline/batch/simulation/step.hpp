@@ -78,26 +78,6 @@ inline double carried_load(double mass, double output_inertia, double base, doub
   return math::absolute(both) * inverse;
 }
 
-/// The same where friction is odd in the velocity and has no level, and the body cannot stick.
-inline Slope smooth_slope_of(const Joint& joint, const Torques& at, const Motion& m,
-                             const Damping& b, std::size_t body, bool rigid) noexcept {
-  Resistance r;
-  add_smooth(joint.friction[body], m.warm[body], 1, m.velocity[body], r);
-  if (rigid) add_smooth(joint.friction[motor], m.warm[motor], joint.ratio, m.velocity[body], r);
-  const double inverse = joint.inverse[body];
-  const double coupled =
-      rigid ? 0 : b[body][motor] * m.velocity[motor] + b[body][output] * m.velocity[output];
-  Slope out{inverse * (at.on[body] - (coupled + r.value)),
-            rigid ? 0 : -inverse * b[body][motor],
-            rigid ? 0 : -inverse * b[body][output],
-            -inverse * r.second,
-            -inverse * r.third,
-            r.value,
-            r.first};
-  (body == motor ? out.by_motor : out.by_output) -= inverse * r.first;
-  return out;
-}
-
 /// Of one body; zero where it sticks.
 inline Slope slope_of(const Joint& joint, const Torques& at, const Motion& m, const Damping& b,
                       std::size_t body) noexcept {
@@ -128,15 +108,8 @@ inline Slope slope_of(const Joint& joint, const Torques& at, const Motion& m, co
   return out;
 }
 
-template <Kind kind = Kind::anything>
 inline Slopes slopes(const Joint& joint, const Torques& at, const Motion& m) noexcept {
   const Damping b = damping(joint, at);
-  if constexpr (kind == Kind::smooth_rigid) {
-    return {Slope{}, smooth_slope_of(joint, at, m, b, output, true)};
-  } else if constexpr (kind == Kind::smooth_mesh) {
-    return {smooth_slope_of(joint, at, m, b, motor, false),
-            smooth_slope_of(joint, at, m, b, output, false)};
-  }
   return {joint.rigid ? Slope{} : slope_of(joint, at, m, b, motor),
           slope_of(joint, at, m, b, output)};
 }
@@ -234,7 +207,7 @@ inline void kick(const Joint& joint, const Inputs& in, double t, double k, Motio
     if (joint.accounts) add_input_work(joint, at, before, m.velocity, k, m.work);
     return;
   }
-  const Slopes f = slopes<kind>(joint, at, m);
+  const Slopes f = slopes(joint, at, m);
   std::array<double, 2> after{};
   if (is_rigid<kind>(joint)) {
     after[output] = kicked_alone(f[output], m.velocity[output], k);
