@@ -113,6 +113,7 @@ sim::Options options_of(const py::dict& from) {
   read(from, "longest_step", o.longest_step);
   read(from, "order", o.order);
   read(from, "accuracy", o.accuracy);
+  read(from, "shortest_leap", o.shortest_leap);
   read(from, "coarsest", o.coarsest);
   read(from, "servo_period", o.servo.period);
   read(from, "position_gain", o.servo.position_gain);

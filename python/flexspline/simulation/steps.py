@@ -42,24 +42,24 @@ class Steps:
     longest: float
 
     def once(
-        self, joint: _core.SimulatedJoint, step: float, order: int, coarsest: float = math.inf
+        self,
+        joint: _core.SimulatedJoint,
+        step: float,
+        order: int,
+        coarsest: float = math.inf,
+        leap: Fields | None = None,
     ) -> Fields:
-        """Run with steps of at most `step` seconds, up to where ω h passes `coarsest`."""
-        result = self._run(joint, longest_step=step, order=order, coarsest=coarsest)
-        result["longest_step"] = step
-        return result
+        """Run with steps of at most `step` seconds, up to where ω h passes `coarsest`.
 
-    def leaping(self, joint: _core.SimulatedJoint, step: float, accuracy: float) -> Fields:
-        """Run by power series; `step`, of order 4, is for the brake and to judge a leap by."""
-        result = self._run(joint, longest_step=step, accuracy=IN_A_LEAP * accuracy)
-        result["longest_step"] = result["longest_leap"]
-        return result
-
-    def _run(self, joint: _core.SimulatedJoint, **how: float) -> Fields:
-        options = {**self.options, **how}
-        return _core.simulate(
+        With `leap`, power series of its accuracy take the place of all steps but a brake's.
+        """
+        how = {"longest_step": step, "order": order, "coarsest": coarsest}
+        options = {**self.options, **how, **(leap or {})}
+        result = _core.simulate(
             joint, self.time, self.inputs, self.hold, options, self.start, list(self.channels)
         )
+        result["longest_step"] = result["longest_leap"] if leap else step
+        return result
 
 
 @dataclass(frozen=True)
@@ -115,8 +115,9 @@ def run(joint: _core.SimulatedJoint, steps: Steps, choice: Choice) -> Fields:
         result = steps.once(joint, step, orders[0])
     elif joint.expandable and choice.order is None:
         step = _step(choice.phase(4), 4, longest, frequency, decay)
-        _require_countable(steps, step)
-        result = steps.leaping(joint, step, choice.accuracy or ACCURACY)
+        accuracy = IN_A_LEAP * (choice.accuracy or ACCURACY)
+        leap = {"accuracy": accuracy, "shortest_leap": step * FINEST}
+        result = _refined(joint, steps, step, 4, choice.phase(4), leap)
     else:
         found = {k: _step(choice.phase(k), k, longest, frequency, decay) for k in orders}
         order = min(orders, key=lambda k: KICKS[k] * math.ceil(longest / found[k] - 1e-9))
@@ -148,14 +149,24 @@ def _given(count: int, longest: float, frequency: float, decay: float, stable: f
 
 
 def _refined(
-    joint: _core.SimulatedJoint, steps: Steps, step: float, order: int, aim: float
+    joint: _core.SimulatedJoint,
+    steps: Steps,
+    step: float,
+    order: int,
+    aim: float,
+    leap: Fields | None = None,
 ) -> Fields:
     """Repeat with shorter steps while the gear is stiffer under torque than they allow."""
+    span = float(steps.time[-1] - steps.time[0])
     finest = step * FINEST
     coarsest = aim * LOOSER ** (1.0 / order)
     while True:
-        _require_countable(steps, step)
-        result = steps.once(joint, step, order, coarsest)
+        if span / step > MOST_STEPS:
+            raise InputError(
+                f"simulation: {span:g} s would take {span / step:.2g} steps of {step:.2g} s; "
+                "simulate a shorter time or a softer gear"
+            )
+        result = steps.once(joint, step, order, coarsest, leap)
         phase = result["largest_phase"]
         if result["fault"] == NONE and phase <= coarsest:
             return result
@@ -164,15 +175,6 @@ def _refined(
             return result
         grown = math.isfinite(phase) and phase > coarsest
         step = max(finest, step * (max(aim / phase, 1 / 16) if grown else 1 / 4))
-
-
-def _require_countable(steps: Steps, step: float) -> None:
-    span = float(steps.time[-1] - steps.time[0])
-    if span / step > MOST_STEPS:
-        raise InputError(
-            f"simulation: {span:g} s would take {span / step:.2g} steps of {step:.2g} s; "
-            "simulate a shorter time or a softer gear"
-        )
 
 
 def _require_sound(result: Fields, steps: Steps) -> None:

@@ -52,8 +52,8 @@ inline void first_terms(const Joint& joint, const Inputs& in, double t, const Mo
     e.sine[0] = phasor.sine;
     e.cosine[0] = phasor.cosine;
   }
-  const SmoothFriction at_motor =
-      smooth_friction(joint.friction[motor], m.warm[motor], is_rigid<kind>(joint) ? joint.ratio : 1);
+  const SmoothFriction at_motor = smooth_friction(joint.friction[motor], m.warm[motor],
+                                                  is_rigid<kind>(joint) ? joint.ratio : 1);
   if constexpr (kind == Kind::smooth_rigid) {
     e.smooth[output].linear += at_motor.linear;
     e.smooth[output].cubic += at_motor.cubic;

@@ -13,7 +13,7 @@ namespace flexspline::batch::simulation {
 struct Pace {
   double accuracy = 0;    ///< of the motion in a leap
   std::size_t order = 0;  ///< the largest
-  double shortest = 0;    ///< s; a motion that asks for less has no bound
+  double shortest = 0;    ///< s; `Options::shortest_leap`
   double reached = 0;     ///< s, of the last series that was not cut short
   double longest = 0;     ///< s, of all leaps
   Expansion expansion;
@@ -31,7 +31,7 @@ inline double leap(const Joint& joint, const Inputs& in, double t, double left, 
   const double guess = pace.reached < e.unit ? pace.reached / e.unit : 1;
   const double share = expand<kind>(joint, pace.order, pace.accuracy, guess, e);
   const double gone = share * e.unit;
-  if (!(gone >= (left < pace.shortest ? left : pace.shortest))) return 0;
+  if (!(gone > 0) || gone < (left < pace.shortest ? left : pace.shortest)) return 0;
   if (share < 1 || gone > pace.reached) pace.reached = gone;
   if (gone > pace.longest) pace.longest = gone;
   if (joint.accounts) work_series<kind>(joint, e, pace.work);
@@ -44,9 +44,8 @@ inline double leap(const Joint& joint, const Inputs& in, double t, double left, 
 /// From t to `end`, between which the torques are straight lines.
 template <Kind kind>
 inline Fault leaps_of(const Joint& joint, const Inputs& in, double t, double end, Pace& pace,
-                   Motion& m, Rows& rows) noexcept {
-  const Fault fault =
-      !joint.rigid && has_pole(joint.spring) ? Fault::pole : Fault::not_finite;
+                      Motion& m, Rows& rows) noexcept {
+  const Fault fault = !joint.rigid && has_pole(joint.spring) ? Fault::pole : Fault::not_finite;
   while (t < end) {
     const double gone = leap<kind>(joint, in, t, end - t, pace, m, rows);
     if (!(gone > 0) || !math::is_finite(m.velocity[motor] + m.velocity[output])) return fault;

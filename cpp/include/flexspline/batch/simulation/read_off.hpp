@@ -81,8 +81,8 @@ inline void read_off(const Joint& joint, const Inputs& in, const Expansion& e,
                      Rows& rows) noexcept {
   const double* const first = rows.time + rows.next;
   const double* const last = rows.time + rows.end;
-  const auto end = static_cast<std::size_t>(
-      std::upper_bound(first, last, start + share * e.unit) - rows.time);
+  const auto end =
+      static_cast<std::size_t>(std::upper_bound(first, last, start + share * e.unit) - rows.time);
   if (!rows.all) read_motion<kind>(joint, e, start, m, rows, end);
   for (std::size_t row = rows.next; rows.all && row < end; ++row) {
     Motion at = m;

@@ -30,6 +30,7 @@ struct Options {
   double coarsest = 1e300;     ///< of ω h of the gear; `unstable` beyond it
   int order = 4;               ///< 4 or 6; the latter of joints without events
   double accuracy = 0;         ///< of leaps, of a joint that is expandable; 0: steps
+  double shortest_leap = 0;    ///< s; a motion that asks for less has no bound
   Servo servo;
   Stop stop;
 };
@@ -243,13 +244,14 @@ inline void begin(const Joint& joint, const Inputs& in, double t, const Options&
   }
 }
 
+/// Where it begins: leaps only of a joint that can, as accurate as the options say.
 inline Progress progress_of(const Joint& joint, const Signals& s, const Options& options,
                             const Course& c, const Record& record) noexcept {
   Progress p{c.motion.spring.stiffness, {}, {}, {s.time, 1, 1, record, record.needs_torques()}};
   if (options.accuracy > 0 && expandable(joint)) {
     p.pace.accuracy = options.accuracy;
     p.pace.order = best_order(options.accuracy);
-    p.pace.shortest = options.longest_step / 256;
+    p.pace.shortest = options.shortest_leap;
     p.pace.reached = options.longest_step;
     p.straight = Straight::of(s);
   }
