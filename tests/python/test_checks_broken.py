@@ -285,6 +285,17 @@ CASES = {
 }
 
 
+def test_a_motor_that_its_load_drives_has_no_flipped_sign() -> None:
+    """A load that pulls in the direction of motion: the motor brakes, and its mass stays positive."""
+
+    def pulled(columns: Columns) -> None:
+        direction = np.tanh(columns["output_velocity"] / 0.02)
+        columns["motor_torque"] = columns["motor_torque"] - 0.4 * direction
+
+    found = check(broken(pulled)).named("torque_sign")
+    assert "motor_torque" not in {finding.channel for finding in found}
+
+
 @pytest.mark.parametrize("case", CASES.values(), ids=CASES.keys())
 def test_each_broken_log_is_noticed_with_its_size(case: Case) -> None:
     log = broken(case.change)

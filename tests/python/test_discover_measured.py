@@ -78,6 +78,8 @@ def test_springs_of_presliding_brake_one_and_all(joint: int) -> None:
     values = [p.value for p in springs if p.unit == "A"]
     assert len(values) == 4
     assert min(values) >= 0.0 < max(values)
+    (where,) = [one.where for one in arm(joint).found if one.effect == "presliding_friction"]
+    assert where.endswith("both directions, built up anew after each reversal")
 
 
 def test_joint_4_lacks_no_friction_of_velocity_or_load() -> None:
@@ -94,6 +96,8 @@ def test_the_current_of_the_kinova_lacks_cogging_that_changes_with_speed() -> No
     # 7 pole pairs: 7, 14, 28, 42; 1200 and 2400 per output turn are 12 and 24 of the motor
     assert {7, 12, 14, 24, 28, 42} <= {order for order, _ in cogging.harmonics}
     assert made.validated_by == "runs"
+    where = next(one.where for one in made.found if one.effect == "cogging")
+    assert "of motor on stator (7 is 7 pole pairs × motor; 14 is 2 × 7 pole pairs" in where
     assert NM_PER_A * made.final_rmse <= 0.125
 
 

@@ -10,6 +10,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from flexspline import _core
 from flexspline.effects import CATALOGUE, Effect, Harmonic
 from flexspline.errors import InputError
@@ -46,16 +48,20 @@ def order_pools(
     found: Sequence[FoundOrder],
     model: Sequence[Effect],
     target: str,
+    span: float,
 ) -> dict[str, tuple[Harmonic, ...]]:
     """Return the orders to try for each ripple effect.
 
     An effect that follows others (a resonance of their ripple) has the orders that these have in
-    the model, or the strongest found.
+    the model, or the strongest found. `span`: rad that the output goes from end to end; of a low
+    order half a period has to be seen, or it is an offset and a slope.
     """
     own: dict[str, list[Harmonic]] = {}
     taken = {h for e in model for h in e.harmonics if e.name != FOLLOWER}
     taken |= {GRAVITY for e in model if e.name == "gravity"}
-    for order, pair in [*_low(facts), *_of_facts(facts)]:
+    seen_of = {pair: span * abs(pair.turns) for pair in pairs(facts)}
+    low = [(k, pair) for k, pair in _low(facts) if not k * seen_of[pair] < np.pi]
+    for order, pair in [*low, *_of_facts(facts)]:
         name = "kinematic_error" if target == "torsion" else _owner(order, pair, facts)
         _add(own, name, (order, CORE_PAIRS[pair.name]), taken)
     for line in found[: 2 * MOST]:

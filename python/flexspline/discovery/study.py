@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +43,16 @@ class Study:
     def target(self) -> str:
         return self.problem.target
 
+    @property
+    def _span(self) -> float:
+        """How far the output goes from end to end in a run, rad; without bound where unknown."""
+        kept: dict[Any, Any] = self.problem.kept
+        if "span" not in kept:
+            logs = [run.log for run in self.problem.runs]
+            angles = [log["output_position"] for log in logs if "output_position" in log]
+            kept["span"] = max((float(np.ptp(angle)) for angle in angles), default=np.inf)
+        return float(kept["span"])
+
     def thinned(self) -> Study:
         """The same for a part of long logs; itself for others."""
         part = thinned(self.problem, *FIRST)
@@ -51,7 +62,7 @@ class Study:
         """Return what may be missing beside a model."""
         facts = self.problem.runs[0].log.facts
         names = [e.name for e in self.possible]
-        pools = order_pools(names, facts, self.orders, model, self.target)
+        pools = order_pools(names, facts, self.orders, model, self.target, self._span)
         return candidates_for(model, self.possible, self.problem, pools)
 
     def dictionary(

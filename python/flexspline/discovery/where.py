@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,6 +12,8 @@ from flexspline.discovery.stretches import edges_of
 from flexspline.discovery.working import Working
 from flexspline.effects import Effect
 from flexspline.fit.problem import Problem
+from flexspline.fit.ripple import CORE_PAIRS
+from flexspline.orders.parts import Candidate, Pair, owner, pairs
 
 __all__ = ["contribution", "where"]
 
@@ -18,6 +22,12 @@ Array = NDArray[np.float64]
 HOLDS = 0.8  # of its squares that the place holds
 NARROW = 0.6  # of the rows that the place has at most
 SIDES = 0.15  # of the squares that the smaller direction has at least, to be in both
+REVERSALS = {
+    "coulomb_friction": "a jump at each reversal",
+    "presliding_friction": "built up anew after each reversal",
+    "torsional_hysteresis": "a loop between reversals",
+    "torque_hysteresis": "a loop between reversals of the load",
+}
 COVARIATES = (
     ("output_velocity", "rad/s", "speed", True),
     ("known_load", "Nm", "load", True),
@@ -43,15 +53,43 @@ def where(problem: Problem, effect: Effect, parts: list[Array]) -> str:
     """Return where an effect acts, from what it adds to each run, (N,), NaN where none counts."""
     counted = np.isfinite(np.concatenate(parts))
     values = np.concatenate(parts)[counted]
-    squares = (values - (0.0 if effect.name == "offset" else np.median(values))) ** 2
-    said = next((s for s in (_place(problem, counted, squares, *c) for c in COVARIATES) if s), "")
-    if effect.harmonics:
-        turns = ", ".join(str(order) for order, _ in effect.harmonics)
-        pair = effect.harmonics[0][1].replace("_", " ")
-        ripple = f"order{'s' if len(effect.harmonics) > 1 else ''} {turns} of {pair}"
-        said = f"{ripple}, {said}" if said else ripple
-    sides = _sides(problem, counted, squares)
-    return ", ".join(s for s in (said or "in all parts of the runs", sides) if s)
+    middle = 0.0 if effect.name == "offset" else _middle(problem, counted, values)
+    squares = (values - middle) ** 2
+    places = (_place(problem, counted, squares, *c) for c in COVARIATES)
+    said = next((place for place in places if place), "")
+    ripple = _orders(effect, problem.runs[0].log.facts)
+    said = ", ".join(s for s in (ripple, said) if s) or "in all parts of the runs"
+    sides, reversals = _sides(problem, counted, squares), REVERSALS.get(effect.name, "")
+    return ", ".join(s for s in (said, sides, reversals) if s)
+
+
+def _middle(problem: Problem, counted: Array, values: Array) -> float:
+    """Half way between the directions: friction lies to either side of it, not about its median."""
+    medians = [np.median(values[side]) for side in _directions(problem, counted) if side.any()]
+    return float(np.mean(medians or [np.median(values)]))
+
+
+def _orders(effect: Effect, facts: Mapping[str, object]) -> str:
+    """Orders of a ripple effect by pair of parts, and what turns where a fact tells it."""
+    said = []
+    for pair in dict.fromkeys(pair for _, pair in effect.harmonics):
+        own = [order for order, of in effect.harmonics if of == pair]
+        (known,) = [p for p in pairs(facts) if CORE_PAIRS[p.name] == pair][:1] or [None]
+        words = [_told(order, known, facts) for order in own if known]
+        told = "; ".join(word for word in words if word)
+        said.append(
+            f"order{'s' if len(own) > 1 else ''} {', '.join(map(str, own))} of "
+            + pair.replace("_", " ")
+            + (f" ({told})" if told else "")
+        )
+    return ", ".join(said)
+
+
+def _told(order: int, pair: Pair, facts: Mapping[str, object]) -> str:
+    """What has this order by the pole pairs or slots of the motor, "" where nothing known does."""
+    _, words = owner(Candidate(order, pair, order * pair.turns), facts, alone=False)
+    known = any(fact in words for fact in ("pole pairs", "slots"))
+    return f"{order} is {words}" if known else ""
 
 
 def _place(
@@ -86,10 +124,18 @@ def _place(
 
 
 def _sides(problem: Problem, counted: Array, squares: Array) -> str:
-    if not all("output_velocity" in run.log for run in problem.runs):
+    sides = _directions(problem, counted)
+    if not sides:
         return ""
-    velocity = np.concatenate([run.log["output_velocity"] for run in problem.runs])[counted]
-    forward, backward = squares[velocity > 0].sum(), squares[velocity < 0].sum()
+    forward, backward = (float(squares[side].sum()) for side in sides)
     if min(forward, backward) >= SIDES * max(forward + backward, 1e-300):
         return "both directions"
     return "forward" if forward > backward else "backward"
+
+
+def _directions(problem: Problem, counted: Array) -> list[NDArray[np.bool_]]:
+    """Which of the rows that count move forward and which backward; none without a velocity."""
+    if not all("output_velocity" in run.log for run in problem.runs):
+        return []
+    velocity = np.concatenate([run.log["output_velocity"] for run in problem.runs])[counted]
+    return [velocity > 0.0, velocity < 0.0]

@@ -90,6 +90,8 @@ def _sign(log: Log, channel: str, found: Reaction) -> Iterator[Finding]:
     if found.inertia < -SURE * found.inertia_error:
         level += f", inertia of {found.inertia:.3g} ± {found.inertia_error:.1g} {unit}/(rad/s²)"
     drive = channel in DRIVE
+    if drive and found.inertia > SURE * found.inertia_error:
+        return  # a flipped mass is negative: the load drives this motor
     yield Finding(
         "torque_sign",
         "fault" if drive else "note",

@@ -1,0 +1,102 @@
+"""A known effect of known size, added to logs that others recorded, is found and sized.
+
+The noise, the form of what is left and the channels are the joint's own; nothing of them was made
+here. An effect is added to the target as the catalogue has it, by a model of its own, and is looked
+for beside a model to which the log's own missing effect belongs already.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+import pytest
+from measured import KINOVA_SPEEDS, iiwa, kinova, ur10e
+
+import flexspline
+from flexspline.discovery.rest import moving
+from flexspline.effects import Effect, effect
+from flexspline.logs.log import Log
+from flexspline.logs.repairs import repaired
+from flexspline.model import Model
+from flexspline.part import Part
+
+pytestmark = pytest.mark.usefixtures("data_folder")
+
+ARM = ("offset", "coulomb_friction", "viscous_friction", "inertia", "gravity")
+SURE = 3.0  # standard errors by which a size may be off
+
+
+@dataclass(frozen=True)
+class Case:
+    """Effect and its coefficients, the logs it is added to, and the model it is looked for beside.
+
+    `within`: share of a coefficient by which the log's own dynamics may move it beyond its error.
+    """
+
+    hidden: Effect
+    values: tuple[float, ...]
+    logs: str
+    base: tuple[str, ...]
+    target: str
+    lowpass: float | None = None
+    within: float = 0.1
+
+
+@cache
+def recorded(name: str) -> tuple[Log, ...]:
+    if name == "UR10e joint 4":
+        return (moving(ur10e(4), "motor_current"),)
+    if name == "Kinova":
+        return tuple(repaired(kinova(speed), "drop_start=1.0") for speed in KINOVA_SPEEDS[4::2])
+    mended = ["flip_sign=sensor_torque", "velocity_from_position=output_velocity"]
+    runs = [repaired(iiwa(5, speed), mended) for speed in ("p2", "p4", "p6", "p8")]
+    return tuple(log.rows(slice(200, 200 + int(15 * log.rate))) for log in runs)
+
+
+CASES = {
+    "Stribeck friction in a UR10e": Case(
+        effect("stribeck_friction", stribeck_velocity=0.15), (0.12,), "UR10e joint 4", ARM,
+        "motor_current", 5.0,
+    ),
+    "ripple of the output in a UR10e": Case(
+        effect("output_ripple", orders=[3]), (0.03, -0.04), "UR10e joint 4", ARM,
+        "motor_current", 5.0,
+    ),
+    "cogging of a Kinova's motor": Case(
+        effect("cogging", orders=[(5, "motor_on_stator")]), (0.03, 0.02), "Kinova",
+        ("coulomb_friction", "viscous_friction"), "motor_current",
+    ),
+    "inertia in an iiwa": Case(
+        effect("output_ripple", orders=[3]), (0.25, -0.2), "iiwa",
+        ("offset", "coulomb_friction", "viscous_friction"), "sensor_torque", 10.0,
+    ),
+}  # fmt: skip
+
+
+def with_it(case: Case) -> list[Log]:
+    """The logs with the effect's torque or current added to their target."""
+    part = Part(case.target, (case.hidden,), np.array(case.values))
+    logs = recorded(case.logs)
+    ratio = {k: v for k, v in logs[0].facts.items() if k in ("gear_ratio", "output_spline")}
+    place = "sensor" if case.target == "sensor_torque" else "drive"
+    model = Model({place: part}, ratio)
+    return [
+        log.with_columns(
+            {case.target: log[case.target] + model.predict(log).predicted}, note="injected"
+        )
+        for log in logs
+    ]
+
+
+@pytest.mark.parametrize("name", list(CASES))
+def test_what_is_added_to_a_measured_log_is_found_and_sized(name: str) -> None:
+    case = CASES[name]
+    made = flexspline.discover(case.base, with_it(case), target=case.target, lowpass=case.lowpass)
+    assert case.hidden.name in made.names
+    found = {p.name: p for p in made.fit.parameters}
+    for value, term in zip(case.values, case.hidden.terms, strict=True):
+        one = found[f"{case.hidden.name}.{term.name}"]
+        room = SURE * one.standard_error + case.within * max(map(abs, case.values))
+        assert one.value == pytest.approx(value, abs=room), one.name
