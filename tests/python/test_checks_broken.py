@@ -286,7 +286,7 @@ CASES = {
 
 
 def test_a_motor_that_its_load_drives_has_no_flipped_sign() -> None:
-    """A load that pulls in the direction of motion: the motor brakes, and its mass stays positive."""
+    """A load that pulls in the direction of motion: the motor brakes, and its mass is positive."""
 
     def pulled(columns: Columns) -> None:
         direction = np.tanh(columns["output_velocity"] / 0.02)

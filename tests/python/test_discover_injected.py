@@ -12,11 +12,12 @@ from functools import cache
 
 import numpy as np
 import pytest
-from measured import KINOVA_SPEEDS, iiwa, kinova, ur10e
+from measured import KINOVA_SPEEDS, kinova, two_encoder, ur10e
 
 import flexspline
 from flexspline.discovery.rest import moving
 from flexspline.effects import Effect, effect
+from flexspline.logs.checks.gear import measured_gear
 from flexspline.logs.log import Log
 from flexspline.logs.repairs import repaired
 from flexspline.model import Model
@@ -50,9 +51,11 @@ def recorded(name: str) -> tuple[Log, ...]:
         return (moving(ur10e(4), "motor_current"),)
     if name == "Kinova":
         return tuple(repaired(kinova(speed), "drop_start=1.0") for speed in KINOVA_SPEEDS[4::2])
-    mended = ["flip_sign=sensor_torque", "velocity_from_position=output_velocity"]
-    runs = [repaired(iiwa(5, speed), mended) for speed in ("p2", "p4", "p6", "p8")]
-    return tuple(log.rows(slice(200, 200 + int(15 * log.rate))) for log in runs)
+    log = two_encoder(1)
+    gear = measured_gear(log)
+    assert gear is not None
+    shifted = repaired(log, f"shift=output_position:{gear.delay}")
+    return (shifted.with_facts({"gear_ratio": gear.ratio}),)
 
 
 CASES = {
@@ -68,26 +71,25 @@ CASES = {
         effect("cogging", orders=[(5, "motor_on_stator")]), (0.03, 0.02), "Kinova",
         ("coulomb_friction", "viscous_friction"), "motor_current",
     ),
-    "inertia in an iiwa": Case(
-        effect("output_ripple", orders=[3]), (0.25, -0.2), "iiwa",
-        ("offset", "coulomb_friction", "viscous_friction"), "sensor_torque", 10.0,
+    "angle error of a gear with two encoders": Case(
+        effect("kinematic_error", orders=[(5, "motor_on_stator")]), (0.012, -0.009),
+        "two encoders", ("offset",), "torsion",
     ),
 }  # fmt: skip
 
 
 def with_it(case: Case) -> list[Log]:
-    """The logs with the effect's torque or current added to their target."""
-    part = Part(case.target, (case.hidden,), np.array(case.values))
+    """The logs with the effect's torque, current or torsion added to their target."""
     logs = recorded(case.logs)
-    ratio = {k: v for k, v in logs[0].facts.items() if k in ("gear_ratio", "output_spline")}
-    place = "sensor" if case.target == "sensor_torque" else "drive"
-    model = Model({place: part}, ratio)
-    return [
-        log.with_columns(
-            {case.target: log[case.target] + model.predict(log).predicted}, note="injected"
-        )
-        for log in logs
-    ]
+    part = Part(case.target, (case.hidden,), np.array(case.values))
+    facts = {k: v for k, v in logs[0].facts.items() if k == "gear_ratio"}
+    model = Model({"torsion" if case.target == "torsion" else "drive": part}, facts)
+    made = []
+    for log in logs:
+        added = model.predict(log).predicted
+        channel, sign = ("motor_position", -1.0) if case.target == "torsion" else (case.target, 1.0)
+        made.append(log.with_columns({channel: log[channel] + sign * added}, note="injected"))
+    return made
 
 
 @pytest.mark.parametrize("name", list(CASES))
