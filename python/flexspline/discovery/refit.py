@@ -48,6 +48,8 @@ def refitted(problem: Problem, work: Working, whitening: Whitening) -> tuple[Wor
     """
     work, squares, step = coefficients_of(problem, work, whitening)
     for _ in range(ROUNDS if len(work.searched) else 0):
+        if not step.any():
+            break
         before = squares
         move = np.clip(step, -FARTHEST, FARTHEST)
         for _ in range(HALVINGS):
@@ -70,7 +72,7 @@ def coefficients_of(
     Returns
     -------
     The model with its coefficients, the squares over σ² that it leaves, and the step (S,) of the
-    shapes' logarithms that the tangent suggests.
+    shapes' logarithms that the tangent suggests; 0 where that promises next to nothing.
     """
     count = len(work.searched)
     if not count:
@@ -84,7 +86,8 @@ def coefficients_of(
         return work, squares, np.zeros(count)
     full = _bent(total, slopes @ work.coefficients)
     both = solved(full, np.arange(len(full) - 1))
-    return work, squares, both[len(work.free) :]
+    ahead = squares - float(full[-1, -1] - full[:-1, -1] @ both)
+    return work, squares, both[len(work.free) :] * (ahead >= STANDS)
 
 
 def _bent(total: Array, weights: Array) -> Array:
