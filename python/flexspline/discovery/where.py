@@ -74,8 +74,8 @@ def _orders(effect: Effect, facts: Mapping[str, object]) -> str:
     said = []
     for pair in dict.fromkeys(pair for _, pair in effect.harmonics):
         own = [order for order, of in effect.harmonics if of == pair]
-        (known,) = [p for p in pairs(facts) if CORE_PAIRS[p.name] == pair][:1] or [None]
-        words = [_told(order, known, facts) for order in own if known]
+        known = [p for p in pairs(facts) if CORE_PAIRS[p.name] == pair][:1]
+        words = [_told(order, p, facts) for order in own for p in known]
         told = "; ".join(word for word in words if word)
         said.append(
             f"order{'s' if len(own) > 1 else ''} {', '.join(map(str, own))} of "
