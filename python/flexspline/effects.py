@@ -9,7 +9,7 @@ from types import MappingProxyType
 from typing import Any
 
 from flexspline import _core
-from flexspline.errors import InputError, did_you_mean, listed
+from flexspline.errors import InputError, did_you_mean, listed, shortened
 
 __all__ = [
     "CATALOGUE",
@@ -115,7 +115,7 @@ class Effect:
         if self.name not in CATALOGUE:
             near = did_you_mean(self.name, CATALOGUE)
             others = "`flexspline fit --help` shows all" if near else f"known are {_named()}"
-            raise InputError(f"there is no effect '{self.name}'{near}; {others}")
+            raise InputError(f"there is no effect '{shortened(self.name)}'{near}; {others}")
         known = {shape.name: shape for shape in self.info.shapes}
         values = {shape.name: shape.default for shape in self.info.shapes}
         for name, value in self.shapes.items():

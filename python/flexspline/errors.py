@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
-__all__ = ["FlexsplineWarning", "InputError", "did_you_mean", "listed"]
+__all__ = ["FlexsplineWarning", "InputError", "did_you_mean", "listed", "shortened"]
 
 
 class InputError(ValueError):
@@ -31,3 +31,10 @@ def listed(words: Iterable[object], most: int = 20) -> str:
     names = [str(word) for word in words]
     rest = f" and {len(names) - most} more" if len(names) > most else ""
     return ", ".join(names[:most]) + rest if names else "nothing"
+
+
+def shortened(value: object, most: int = 200) -> str:
+    """Return a value as text for a sentence, the middle of a long one left out."""
+    text = str(value)
+    half = most // 2
+    return text if len(text) <= most else f"{text[:half]} … {text[-half:]}"

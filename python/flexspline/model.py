@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -14,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline import __version__, _core
-from flexspline.errors import InputError, did_you_mean, listed
+from flexspline.errors import InputError, did_you_mean, listed, shortened
 from flexspline.estimators import ESTIMATORS, Estimator
 from flexspline.estimators.needs import require_complete
 from flexspline.files import atomic_write
@@ -218,7 +219,14 @@ class Model:
     def from_json(cls, text: str, label: str = "model") -> Model:
         """Return the model that `to_json` wrote; `label` is what errors call it."""
         try:
-            content = json.loads(text, parse_constant=partial(_no_constant, label))
+            content = json.loads(
+                text,
+                parse_constant=partial(_no_constant, label),
+                parse_int=partial(_number, label, int),
+                parse_float=partial(_number, label, float),
+            )
+        except RecursionError as error:
+            raise InputError(f"{label}: is nested too deep; give a model.json") from error
         except json.JSONDecodeError as error:
             raise InputError(
                 f"{label}: is no JSON (line {error.lineno}, column {error.colno}); "
@@ -228,8 +236,8 @@ class Model:
             raise InputError(f"{label}: is no flexspline model; give a model.json")
         if content.get("version") != VERSION:
             raise InputError(
-                f"{label}: has version {content.get('version')} of the format, this flexspline "
-                f"knows version {VERSION}; update flexspline or export the model again"
+                f"{label}: has version {shortened(content.get('version'))} of the format, this "
+                f"flexspline knows version {VERSION}; update flexspline or export the model again"
             )
         require_schema(content, label)
         parts = {
@@ -293,3 +301,13 @@ def _by_motor_encoder(part: Part, log: Log) -> bool:
 
 def _no_constant(label: str, word: str) -> float:
     raise InputError(f"{label}: holds {word}, which is no JSON number; fit the model again")
+
+
+def _number(label: str, kind: type[int] | type[float], word: str) -> int | float:
+    """The number of a word; one beyond a double's range is refused."""
+    if not math.isfinite(float(word)):
+        raise InputError(
+            f"{label}: holds {shortened(word, 40)}, which is beyond the range of a double; "
+            "fit the model again"
+        )
+    return kind(word)

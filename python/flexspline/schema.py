@@ -9,7 +9,7 @@ from typing import Any
 
 import jsonschema
 
-from flexspline.errors import InputError
+from flexspline.errors import InputError, shortened
 
 __all__ = ["require_schema"]
 
@@ -20,7 +20,8 @@ def require_schema(content: dict[str, Any], label: str) -> None:
     first = jsonschema.exceptions.best_match(errors)
     if first is not None:
         where = "/".join(str(part) for part in first.absolute_path) or "the top"
-        raise InputError(f"{label}: at {where}: {first.message}; mend it or fit the model again")
+        wrong = shortened(first.message)
+        raise InputError(f"{label}: at {where}: {wrong}; mend it or fit the model again")
 
 
 @cache

@@ -11,6 +11,7 @@ from typing import Any
 
 import chain_rig
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -102,6 +103,24 @@ def test_a_model_of_damaged_bytes_is_refused_in_one_sentence(data: st.DataObject
         one_sentence(lambda: Model.load(path))
 
 
+@pytest.mark.parametrize(
+    ("damage", "said"),
+    [
+        (lambda text: text.replace("0.003", "9" * 400, 1), "beyond the range of a double"),
+        (lambda text: text.replace("0.003", "9" * 5000, 1), "beyond the range of a double"),
+        (lambda text: text.replace("0.003", "1e999", 1), "beyond the range of a double"),
+        (lambda text: "[" * 200_000, "nested too deep"),
+        (lambda text: text.replace('"offset"', '"' + "o" * 9000 + '"', 1), "there is no effect"),
+    ],
+)
+def test_what_would_have_been_a_traceback_is_a_sentence(
+    damage: Callable[[str], str], said: str
+) -> None:
+    with pytest.raises(InputError, match=said) as caught:
+        Model.from_json(damage(json.dumps(MODEL)))
+    assert "\n" not in str(caught.value) and len(str(caught.value)) < 1000
+
+
 LOG = chain_rig.raw_log(120)
 CHANNELS = ("time", "output_position", "motor_position", "output_velocity", "sensor_voltage")
 HEAD = ",".join(CHANNELS)
@@ -141,3 +160,10 @@ def test_a_damaged_csv_is_read_and_used_or_refused_in_one_sentence(content: byte
         log = one_sentence(lambda: flexspline.read_log(path))
     if log is not None:
         one_sentence(lambda: flexspline.estimate(chain_rig.joint(chain_rig.CALIBRATION), log))
+
+
+@pytest.mark.parametrize("content", ["[" * 200_000, '{"time": [0, ' + "9" * 5000 + "]}"])
+def test_a_log_in_json_without_end_is_refused_in_one_sentence(tmp_path: Path, content: str) -> None:
+    (tmp_path / "run.json").write_text(content)
+    with pytest.raises(InputError, match="not JSON"):
+        flexspline.read_log(tmp_path / "run.json")

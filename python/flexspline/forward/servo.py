@@ -80,7 +80,7 @@ class PositionServo:
             raise InputError(
                 f"{path}: cannot be read ({error.strerror}); give a servo.json"
             ) from error
-        except ValueError as error:
+        except (ValueError, RecursionError) as error:
             raise InputError(f"{path}: is no JSON; give a servo.json") from error
         return cls.from_fields(content, str(path))
 

@@ -164,7 +164,7 @@ def _numpy(file: Path | io.BytesIO, label: str) -> Any:
 def _from_json(content: bytes, label: str, variable: str | None) -> Table:
     try:
         value = json.loads(content)
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:  # no JSON, no text, endless digits or depth
         raise InputError(f"{label}: not JSON ({error}); export it again") from error
     if not isinstance(value, (dict, list)):
         raise InputError(f"{label}: holds no records; give a list of them, or an object with one")
