@@ -213,3 +213,32 @@ TEST_CASE_TEMPLATE("without a sensor the load is that of the sample before, and 
   state = {};
   CHECK(state.gear_load == S(0));
 }
+
+TEST_CASE_TEMPLATE("a state is saved, restored and reset, and two joints share the code alone", S,
+                   float, double) {
+  const auto joint = blind<S>();
+  using State = typename Blind<S>::State;
+  using Output = typename Blind<S>::Chain::Output;
+  const auto run = [&](State& state, Output& out, int from, int to) {
+    for (int k = from; k < to; ++k) {
+      REQUIRE(joint.step(state, carrying<S>(4.0 * ((k * 37) % 11) - 20.0), out) == Status::ok);
+    }
+  };
+  State whole, first, other;
+  Output expected, out, beside;
+  run(whole, expected, 0, 60);
+  run(first, out, 0, 30);
+  run(other, beside, 7, 50);  // a second joint, in between
+  const State saved = first;
+  run(first, out, 30, 60);
+  CHECK(out.external_observer == expected.external_observer);
+  Output again;
+  State restored = saved;
+  run(restored, again, 30, 60);
+  CHECK(again.external_observer == expected.external_observer);
+  CHECK(again.external_compliance == expected.external_compliance);
+  restored = {};
+  run(restored, again, 0, 60);
+  CHECK(again.external_observer == expected.external_observer);
+  CHECK(beside.external_observer != expected.external_observer);
+}
