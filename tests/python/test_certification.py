@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import chain_rig
 import numpy as np
 import pytest
 
+import flexspline
 from flexspline.certification.cycles import instruction_cost
 from flexspline.certification.differences import Output, differences, same_bits
+from flexspline.certification.on_device import derived_on_device
 from flexspline.certification.rows import CHANNELS, RESULT, ROW, rows_of
 from flexspline.logs.log import Log
 
@@ -126,3 +129,17 @@ def test_an_instruction_of_the_m4f_costs_what_its_table_says(
 ) -> None:
     assert instruction_cost("cortex-m4f", name, operands) == cycles
     assert instruction_cost("cortex-m7", name, operands) == (14 if cycles == 14 else 1)
+
+
+def test_the_certificate_says_what_channels_derived_on_the_device_cost() -> None:
+    log = chain_rig.raw_log(1500)
+    (said,) = derived_on_device(chain_rig.whole_joint(), log)
+    assert "causal, −3 dB at 20 Hz" in said and "\n" not in said
+    own = flexspline.estimate(chain_rig.whole_joint(), log)
+    bare = chain_rig.without(log, "output_velocity", "output_acceleration")
+    derived = flexspline.estimate(chain_rig.whole_joint(), bare)
+    name = "external_torque_merged"
+    apart = (own[name] - derived[name])[log["time"] >= 0.5]
+    rms = float(np.sqrt(np.nanmean(apart**2)))
+    assert rms > 0.01 and f"{name} by {rms:.3g} Nm RMS" in said
+    assert derived_on_device(chain_rig.whole_joint(), bare) == ()

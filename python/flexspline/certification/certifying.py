@@ -21,6 +21,7 @@ from flexspline.certification.differences import (
     differences,
     same_bits,
 )
+from flexspline.certification.on_device import derived_on_device
 from flexspline.certification.result import Certificate, Cost
 from flexspline.certification.rows import rows_of
 from flexspline.certification.running import Run, counted_on_host, run
@@ -73,7 +74,8 @@ def certify(
     ----------
     model : with estimators, whose chain is certified; or a part's model.
     log : all its rows are streamed; memory starts anew behind each gap. A velocity or acceleration
-        that it lacks is derived, causally for estimators, and a note says so.
+        that it lacks is derived, causally for estimators, and a note says so; for one that it has,
+        a note says how far the causal filter would move each external torque of the estimators.
     device : "host", "cortex-m4f" or "cortex-m7".
     target : certifies the model of this part, also where the model has estimators.
     options : of the device's compiler, after those that every build has: such as your firmware's.
@@ -139,6 +141,7 @@ def _subject(model: Model, log: Log, target: str | None) -> _Subject:
     said: dict[str, None] = {}
     if model.estimators and target is None:
         plan = plan_of(model)
+        said |= dict.fromkeys(derived_on_device(model, log))
         log = with_derivatives(plan, measurable(with_motor_torque(log), said), None, said)
         stages = {*plan.sensing, *plan.estimating, *(("sensor",) if plan.has_sensor else ())}
         outputs = {name: made for name, made in CHAIN_OUTPUTS.items() if made.estimator in stages}
