@@ -178,9 +178,8 @@ struct Chain {
   static constexpr bool read_temperature(const Config& config, const Input& in,
                                          Output& out) noexcept {
     S temperature = in.temperature;
-    const bool read =
-        !config.thermistor ||
-        config.thermistor->temperature(in.thermistor_voltage, temperature) == Status::ok;
+    const bool read = !config.thermistor || config.thermistor->temperature(
+                                                in.thermistor_voltage, temperature) == Status::ok;
     const bool good = read && is_temperature(temperature);
     if (good) out.temperature = temperature;
     return config.thermistor ? ran(good, Stage::thermistor, out) : good;
