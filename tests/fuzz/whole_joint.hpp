@@ -99,10 +99,12 @@ void set_up(Model<S, Effects...>& model, S scale) {
   const auto fill = [scale]<typename Effect>(Part<S, Effect>& part) {
     part.coefficients.fill(scale);
     if constexpr (HarmonicEffect<Effect>) {
-      for (std::size_t k = 0; k < part.effect.harmonics.size(); ++k) {
-        part.effect.harmonics[k] = {static_cast<std::uint32_t>(2 * k + 1),
-                                    Effect::pairs[k % Effect::pairs.size()]};
+      std::array<Harmonic, 3> harmonics;
+      for (std::size_t k = 0; k < harmonics.size(); ++k) {
+        harmonics[k] = {static_cast<std::uint32_t>(2 * k + 1),
+                        Effect::pairs[k % Effect::pairs.size()]};
       }
+      part.effect.assign(harmonics);
     }
   };
   std::apply([&](auto&... part) { (fill(part), ...); }, model.parts);
