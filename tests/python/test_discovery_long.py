@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 from fit_logs import WIDTH
@@ -52,4 +54,8 @@ def test_evidence_of_a_log_searched_in_part_is_that_of_all_rows(
     assert [one.effect for one in in_part.found] == names
     for one, other in zip(whole.found, in_part.found, strict=True):
         assert other.t == pytest.approx(one.t, rel=0.2)  # a tenth of the rows has a third of it
+    assert whole.searched["names"] == 1.0 and "searched for names first" not in str(whole)
+    assert in_part.searched["names"] == pytest.approx(0.1, rel=0.05)
+    assert json.loads(in_part.to_json())["searched"] == in_part.searched
+    assert "10 % of the rows" in str(in_part)
     assert in_part.final_rmse == pytest.approx(whole.final_rmse, rel=0.01)

@@ -16,8 +16,10 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 import flexspline
+from flexspline import _core
 from flexspline.discovery import stretches
 from flexspline.discovery.nameless import Nameless
+from flexspline.discovery.refit import mixed
 from flexspline.discovery.sheet import Sheet
 from flexspline.discovery.stretches import edges_of
 from flexspline.discovery.study import Study, study_of
@@ -191,6 +193,36 @@ def test_rows_asked_for_later_are_remembered_from_those_before() -> None:
         problem = replace(made.problem, runs=runs)
         found = tabulated(problem, remembering(made), whitening)
         assert_same(found.folds, plain_products(problem, remembering(made), whitening))
+
+
+def test_memory_with_a_lead_is_that_of_a_run_that_begins_so_much_earlier() -> None:
+    made = study([log(1, 8000)])
+    whitening = Whitening(COLOURED, 1.0, 1)
+
+    def products(logs: list[Log], part: tuple[int, int], remembered: _core.Remembered) -> Array:
+        problem = study(logs).problem
+        runs = (replace(problem.runs[0], stretches=(part,)),)
+        problem = replace(problem, runs=runs, remembered=remembered)
+        return tabulated(problem, remembering(made), whitening).total
+
+    run = log(1, 8000)
+    short = products([run], (4000, 4500), _core.Remembered(700))
+    later = products([run.rows(slice(3300, None))], (700, 1200), _core.Remembered())
+    whole = products([run], (4000, 4500), _core.Remembered())
+    assert short == pytest.approx(later, rel=1e-9, abs=1e-9)
+    assert not np.allclose(short, whole, rtol=1e-9)
+
+
+def test_bends_mixed_from_products_are_those_mixed_from_rows() -> None:
+    made = study([log(1, 3001, gap=1777), log(2, 2500)])
+    work, whitening = model(made), Whitening(COLOURED, 1.0, 1)
+    sheet, slopes = work.opened()
+    opened = tabulated(made.problem, sheet, whitening).total
+    found = mixed(opened, slopes @ work.coefficients)
+    expected = tabulated(made.problem, work.sheet(), whitening).total
+    lengths = np.sqrt(np.diag(expected))
+    apart = (found - expected) / np.outer(lengths, lengths)
+    assert np.abs(apart).max() < 1e-6  # of a bend 1/160 as long as what it is a difference of
 
 
 def test_filtered_columns_are_those_of_plain_rows() -> None:

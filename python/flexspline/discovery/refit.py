@@ -12,7 +12,7 @@ from flexspline.discovery.whitening import Whitening
 from flexspline.discovery.working import Working
 from flexspline.fit.problem import Problem
 
-__all__ = ["coefficients_of", "refitted", "started"]
+__all__ = ["coefficients_of", "mixed", "refitted", "started"]
 
 Array = NDArray[np.float64]
 
@@ -84,13 +84,13 @@ def coefficients_of(
     work, squares = _solved(work, total)
     if not np.any(work.coefficients):
         return work, squares, np.zeros(count)
-    full = _bent(total, slopes @ work.coefficients)
+    full = mixed(total, slopes @ work.coefficients)
     both = solved(full, np.arange(len(full) - 1))
     ahead = squares - float(full[-1, -1] - full[:-1, -1] @ both)
     return work, squares, both[len(work.free) :] * (ahead >= STANDS)
 
 
-def _bent(total: Array, weights: Array) -> Array:
+def mixed(total: Array, weights: Array) -> Array:
     """Products of [columns, M parts of shapes, y] with the parts mixed to columns of shapes.
 
     A difference of parts that is no more than rounding is none.

@@ -1,0 +1,64 @@
+"""A fit from shapes near by ends where the search for shapes does, and a bend is a derivative."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from hidden_logs import LOAD, friction_of, log_of, noise, rich_run
+
+import flexspline
+from flexspline.effects import Effect
+from flexspline.fit.bends import bent
+from flexspline.fit.estimate import Given, estimate
+from flexspline.fit.fitting import fit_near
+from flexspline.fit.names import shapes_of
+from flexspline.fit.problem import Problem, problem_of
+from flexspline.logs.log import Log
+
+TARGET = "sensor_torque"
+NAMES = ("offset", "coulomb_friction", "viscous_friction", "inertia", "stribeck_friction")
+
+
+def logs() -> list[Log]:
+    made = []
+    for seed in (1, 2):
+        c = rich_run(seed, 2000, speed=1.0)
+        v = c["output_velocity"]
+        slow = 0.2 * np.tanh(v / 0.02) * np.exp(-((v / 0.15) ** 2))
+        made.append(log_of(c, sensor_torque=friction_of(c) + c[LOAD] + slow + noise(seed, 2000)))
+    return made
+
+
+def posed(effects: Sequence[Effect], runs: Sequence[Log]) -> Problem:
+    return problem_of(runs, effects, TARGET, known_load=LOAD, lowpass_hz=None, threads=1)
+
+
+def test_a_fit_from_shapes_near_by_is_that_of_the_whole_search() -> None:
+    runs = logs()
+    whole = flexspline.fit(NAMES, runs, TARGET, known_load=LOAD, checks=False)
+    moved = [
+        e.with_shapes(**{s.name: 1.2 * e.shapes[s.name] for s in e.fitted_shapes})
+        for e in whole.part.effects
+    ]
+    near = fit_near(posed(moved, runs), moved, {}, {}, None)
+    for one, other in zip(near.parameters, whole.parameters, strict=True):
+        assert abs(one.value - other.value) < 0.01 * other.standard_error, one.name
+        assert one.standard_error == pytest.approx(other.standard_error, rel=1e-3)
+
+
+def test_the_pull_of_a_shape_is_how_the_squares_fall_along_it() -> None:
+    effects = tuple(flexspline.effect(name) for name in NAMES)
+    problem = posed(effects, logs())
+    held = {"direction_width": 0.03, "stribeck_velocity": 0.2}
+    made = estimate(problem, effects, Given(held, {}, {}, False), lambda: None)
+    shapes = shapes_of(made.linear.effects)
+    found = bent(problem, made.linear, made.constraints, shapes, None)
+    for shape, pull in zip(shapes, found.pull, strict=True):
+        squares = []
+        for step in (-1e-3, 1e-3):
+            name = shape.name.split(".")[-1]
+            moved = Given({**held, name: held[name] * np.exp(step)}, {}, {}, False)
+            squares.append(estimate(problem, effects, moved, lambda: None).linear.squares)
+        assert pull == pytest.approx(-(squares[1] - squares[0]) / 4e-3, rel=1e-3)
