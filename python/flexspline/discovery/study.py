@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from flexspline.discovery.candidates import Candidate, candidates_for, possible
 from flexspline.discovery.dictionary import Columned, Dictionary, columned
 from flexspline.discovery.pools import joined, order_pools, scanned
+from flexspline.discovery.sheet import Sheet
+from flexspline.discovery.stretches import edges_of
 from flexspline.discovery.thinning import thinned
 from flexspline.discovery.whitening import Whitening
 from flexspline.discovery.working import Working
@@ -90,12 +92,9 @@ class Study:
     def scan(self, work: Working) -> None:
         """Look for orders in what a model leaves; those of earlier scans stay."""
         logs = [run.log for run in self.problem.runs]
-        residuals = []
-        for number, run in enumerate(self.problem.runs):
-            left = np.full(len(run), np.nan)
-            for first, last in run.stretches:
-                left[first:last] = (run.target - work.predict(self.problem, number))[first:last]
-            residuals.append(left)
+        sheet = Sheet(work.effects, work.coefficients, (), work.coefficients)
+        folds = sum(len(edges_of(self.problem, number)) - 1 for number in range(len(logs)))
+        residuals = sheet.left_over(self.problem, [np.empty(0)] * folds)
         self.orders = joined(self.orders, scanned(logs, residuals, UNITS[self.target]))
 
 
