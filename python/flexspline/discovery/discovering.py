@@ -94,7 +94,8 @@ def discover(
     )
     runs = [moving(log, start.target) for log in runs]
 
-    with tqdm(desc="discovering", disable=not progress, leave=False, delay=1.0) as bar:
+    style = {"bar_format": "{desc}{elapsed}", "leave": False, "delay": 1.0}
+    with tqdm(desc="discovering", disable=not progress, **style) as bar:
 
         def say(what: str) -> None:
             bar.update()
