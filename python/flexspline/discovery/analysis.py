@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from flexspline.discovery.aliases import simplest
 from flexspline.discovery.ceiling import Ceiling
-from flexspline.discovery.heldout import held_out
+from flexspline.discovery.heldout import held_out, plain_rows
 from flexspline.discovery.nameless import nameless_of
 from flexspline.discovery.noise import first_whitening, restricted_whitening
 from flexspline.discovery.refit import started
@@ -35,6 +35,7 @@ MOST_KEPT = 0.5  # of each run's rows that stay at least, where those of unknown
 OVERWHELMING = 3.0  # times a name's gain that is left: the name may be a small part of it
 LARGE = 0.12  # times a name's gain that these functions gain beside it, to cast doubt on it
 CLOSED = 0.8  # of the gap's mean square on left-out folds, for names that are not doubted
+CLOSED_IN_NOISE = 0.65  # of the same as the noise sees it, for names that close it for the eye
 CEILING = (30_000, 2_000)  # rows for functions without a name, and of one stretch
 
 
@@ -159,13 +160,24 @@ def _closes(
 
     In logs of many rows what a form misses is sure as well, and free functions of a name's own
     channels hold the name: they do not make it a stand-in where little is left to explain. The gap
-    is that of left-out folds in the noise's own metric: slow noise would hide it.
+    is that of left-out folds in the noise's own metric: slow noise would hide it. Names that close
+    it in the target's unit may leave more of what the noise sees, such as the shape of a jump.
     """
     if not leftover.groups or not final.named:
         return False
+    seen = _share_closed(problem, whitening, base, final, leftover)
+    if not CLOSED_IN_NOISE <= seen < CLOSED:
+        return seen >= CLOSED
+    return _share_closed(problem, plain_rows(problem, final), base, final, leftover) >= CLOSED
+
+
+def _share_closed(
+    problem: Problem, whitening: Whitening, base: Working, final: Working, leftover: Leftover
+) -> float:
+    """Share that names close of what they and functions without a name close on left-out folds."""
     before, after = (held_out(problem, work, whitening).squares for work in (base, final))
     floor = min(held_out(problem, final, whitening, leftover.groups).squares, after)
-    return before - after >= CLOSED * (before - floor)
+    return (before - after) / max(before - floor, 1e-300)
 
 
 def _stand_in(searcher: Searcher, work: Working, leftover: Leftover, at_first: float) -> str | None:
