@@ -22,11 +22,11 @@ struct Phase {
   friend constexpr Phase operator*(math::Bits<S> order, Phase a) noexcept {
     return {order * a.fraction};
   }
-  /// Turns in [−1/2, 1/2]: the shortest way from zero.
-  constexpr S shortest() const noexcept {
+  /// Turns in [−1/2, 1/2], the shortest way from zero, times what a turn counts for.
+  constexpr S shortest(S turn = S(1)) const noexcept {
     constexpr S unit =
         sizeof(S) == 4 ? S(1.0L / 4294967296.0L) : S(1.0L / 4294967296.0L / 4294967296.0L);
-    return static_cast<S>(static_cast<std::make_signed_t<math::Bits<S>>>(fraction)) * unit;
+    return static_cast<S>(static_cast<std::make_signed_t<math::Bits<S>>>(fraction)) * (unit * turn);
   }
   constexpr math::Phasor<S> phasor() const noexcept { return math::phasor<S>(fraction); }
 };

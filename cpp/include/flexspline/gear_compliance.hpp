@@ -44,10 +44,14 @@ constexpr S mesh_torsion(S torque, S stiffness, S shape) noexcept {
 template <typename S>
 constexpr FlaggedTorque<S> mesh_torque(S torsion, S stiffness, S shape, S margin) noexcept {
   if (shape == S(0)) return {-stiffness * torsion, Flag::none};
-  const S bent = shape * stiffness * torsion;
   const S limit = (S(1) - margin) * (math::pi<S> / S(2));
-  const Flag held = math::absolute(bent) > limit ? Flag::saturated : Flag::none;
-  return {-math::tan(math::clamp(bent, -limit, limit)) / shape, held};
+  S bent = shape * stiffness * torsion;
+  Flag held = Flag::none;
+  if (math::absolute(bent) > limit) [[unlikely]] {
+    bent = bent < S(0) ? -limit : limit;
+    held = Flag::saturated;
+  }
+  return {math::tan(bent) * (S(-1) / shape), held};
 }
 
 /// Torsion of the wave generator, rad at the motor side, for a motor torque in Nm at the motor
@@ -55,7 +59,7 @@ constexpr FlaggedTorque<S> mesh_torque(S torsion, S stiffness, S shape, S margin
 template <typename S>
 constexpr S wave_generator_torsion(S motor_torque, S stiffness, S shape) noexcept {
   const S size = math::absolute(motor_torque);
-  const S bent = shape == S(0) ? size : -math::expm1(-shape * size) / shape;
+  const S bent = shape == S(0) ? size : -math::decayed(shape * size) / shape;
   return (motor_torque < S(0) ? bent : -bent) / stiffness;
 }
 

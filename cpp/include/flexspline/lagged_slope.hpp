@@ -30,7 +30,7 @@ struct LaggedSlope {
       state = {value, S(0), S(0), S(1), true};
       return;
     }
-    const S share = -math::expm1(math::clamp(-period / time_constant, S(-50), S(0)));
+    const S share = -math::decayed(math::clamp(period / time_constant, S(0), S(50)));
     const S change = share * ((value - state.last) / period - state.slope) - state.lost;
     const S slope = state.slope + change;
     state.lost = (slope - state.slope) - change;

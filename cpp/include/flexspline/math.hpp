@@ -13,6 +13,7 @@
 #pragma once
 
 #include <bit>
+#include <cmath>
 #include <cstdint>
 #include <limits>
 #include <type_traits>
@@ -39,9 +40,12 @@ constexpr S polynomial(S x, S c0, Rest... rest) noexcept {
   return c0 + x * polynomial(x, S(rest)...);
 }
 
+/// One instruction wherever there is one, which no compiler makes of a comparison: −0 has a sign.
 template <typename S>
 constexpr S absolute(S x) noexcept {
-  return x < S(0) ? -x : x;
+  if (!std::is_constant_evaluated()) return std::abs(x);
+  constexpr Bits<S> sign = Bits<S>(1) << (8 * sizeof(S) - 1);
+  return std::bit_cast<S>(std::bit_cast<Bits<S>>(x) & ~sign);
 }
 
 /// x held within [low, high]; NaN stays NaN.
@@ -51,11 +55,31 @@ constexpr S clamp(S x, S low, S high) noexcept {
   return raised > high ? high : raised;
 }
 
+/// x held within [−limit, limit]; NaN stays NaN.
+template <typename S>
+constexpr S clamp(S x, S limit) noexcept {
+  const S edge = x < S(0) ? -limit : limit;
+  return absolute(x) > limit ? edge : x;
+}
+
 /// True for everything but NaN and the infinities, whatever the compiler's options.
 template <typename S>
 constexpr bool is_finite(S x) noexcept {
   constexpr Bits<S> exponent = std::bit_cast<Bits<S>>(std::numeric_limits<S>::infinity());
   return (std::bit_cast<Bits<S>>(x) & exponent) != exponent;
+}
+
+/// True for what a period may be: above zero and neither NaN nor infinite.
+template <typename S>
+constexpr bool is_positive(S x) noexcept {
+  constexpr Bits<S> infinity = std::bit_cast<Bits<S>>(std::numeric_limits<S>::infinity());
+  return std::bit_cast<Bits<S>>(x) - 1 < infinity - 1;
+}
+
+/// x, or NaN where x is infinite: what is computed from it then shows it.
+template <typename S>
+constexpr S finite_or_nan(S x) noexcept {
+  return x - (x - x);
 }
 
 /// ln 2 in two parts: the first times a small whole number is exact.
@@ -71,14 +95,17 @@ struct Exponential {
   S remainder;
 };
 
-/// Splits x = k ln 2 + r and expands e^r − 1; x is clamped to ±87 (float) or ±708 (double).
+/// Where exponentials are clamped, so that their exponent fits.
 template <typename S>
-constexpr Exponential<S> exponential(S x) noexcept {
+inline constexpr S largest_exponent = sizeof(S) == 4 ? S(87) : S(708);
+
+/// Splits x = k ln 2 + r and expands e^r − 1; |x| ≤ largest_exponent. In float the expansion is the
+/// best in 1 + r/2 + r² (c_0 + … + c_3 r³), in double Taylor's.
+template <typename S>
+constexpr Exponential<S> exponential(S held) noexcept {
   constexpr bool narrow = sizeof(S) == 4;
-  constexpr S limit = narrow ? S(87) : S(708);
   constexpr S shift = narrow ? S(12582912) : S(6755399441055744);  // 1.5 · 2^mantissa_bits
 
-  const S held = clamp(x, -limit, limit);
   const S shifted = held * S(1.44269504088896340736L) + shift;
   const S k = shifted - shift;
   const S r = (held - k * ln2_high<S>)-k * ln2_low<S>;
@@ -86,8 +113,8 @@ constexpr Exponential<S> exponential(S x) noexcept {
   const Bits<S> exponent = (std::bit_cast<Bits<S>>(shifted) + bias) << mantissa_bits<S>;
   const S scale = std::bit_cast<S>(exponent);
   if constexpr (narrow) {
-    return {scale, r * polynomial(r, S(1), S(1.0L / 2), S(1.0L / 6), S(1.0L / 24), S(1.0L / 120),
-                                  S(1.0L / 720), S(1.0L / 5040))};
+    return {scale, r * polynomial(r, S(1), S(0.5), S(1.6666548e-1L), S(4.166686e-2L),
+                                  S(8.36621e-3L), S(1.38983e-3L))};
   } else {
     return {scale, r * polynomial(r, S(1), S(1.0L / 2), S(1.0L / 6), S(1.0L / 24), S(1.0L / 120),
                                   S(1.0L / 720), S(1.0L / 5040), S(1.0L / 40320), S(1.0L / 362880),
@@ -99,21 +126,29 @@ constexpr Exponential<S> exponential(S x) noexcept {
 /// e^x; x below −87 or −708 gives the smallest value, above +87 or +708 the largest.
 template <typename S>
 constexpr S exp(S x) noexcept {
-  const Exponential<S> e = exponential(x);
+  const Exponential<S> e = exponential(clamp(x, largest_exponent<S>));
   return e.scale + e.scale * e.remainder;
 }
 
 /// e^x − 1, accurate near zero.
 template <typename S>
 constexpr S expm1(S x) noexcept {
-  const Exponential<S> e = exponential(x);
+  const Exponential<S> e = exponential(clamp(x, largest_exponent<S>));
+  return e.scale * e.remainder + (e.scale - S(1));
+}
+
+/// e^(−x) − 1 for x ≥ 0, accurate near zero: what is left of a decay, less the whole.
+template <typename S>
+constexpr S decayed(S x) noexcept {
+  const S held = x > largest_exponent<S> ? largest_exponent<S> : x;
+  const Exponential<S> e = exponential(-held);
   return e.scale * e.remainder + (e.scale - S(1));
 }
 
 /// Hyperbolic tangent: odd, tanh(±∞) = ±1, accurate near zero.
 template <typename S>
 constexpr S tanh(S x) noexcept {
-  const S e = expm1(S(-2) * absolute(x));
+  const S e = decayed(S(2) * absolute(x));
   const S positive = -e / (S(2) + e);
   return x < S(0) ? -positive : positive;
 }

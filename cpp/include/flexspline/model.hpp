@@ -1,6 +1,7 @@
 /// Effects side by side, with their coefficients: what runs on the joint.
 #pragma once
 
+#include <limits>
 #include <tuple>
 #include <utility>
 
@@ -136,7 +137,7 @@ struct Model {
   constexpr Status predict(Sample<S> at, State& state, S& torque) const noexcept {
     if (!readable(at)) return Status::not_finite;
     if constexpr (uses(Channel::period)) {
-      if (!math::is_finite(at.period) || !(at.period > S(0))) return Status::bad_period;
+      if (!math::is_positive(at.period)) return Status::bad_period;
     }
     prepare(at);
     State next = state;
@@ -145,6 +146,19 @@ struct Model {
     state = next;
     torque = total;
     return Status::ok;
+  }
+
+  /// The torque of a sample whose channels are finite or NaN, NaN where the model cannot say; its
+  /// period is good. Without memory nothing is looked at: what is NaN runs through.
+  constexpr S torque(Sample<S> at, State& state) const noexcept {
+    if constexpr (remembers) {
+      S found = std::numeric_limits<S>::quiet_NaN();
+      (void)predict(at, state, found);
+      return found;
+    } else {
+      prepare(at);
+      return sum(at, state, std::index_sequence_for<Effects...>{});
+    }
   }
 
  private:
@@ -161,7 +175,7 @@ struct Model {
   template <std::size_t... I>
   constexpr S sum([[maybe_unused]] const Sample<S>& at, [[maybe_unused]] State& state,
                   std::index_sequence<I...>) const noexcept {
-    S total = S(0);
+    S total = -S(0);  // −0 + x is x, bit by bit
     ((total += torque_of<I>(at, state)), ...);
     return total;
   }

@@ -4,8 +4,8 @@
 #include <array>
 #include <cstddef>
 #include <string_view>
-#include <utility>
 
+#include "flexspline/each_place.hpp"
 #include "flexspline/sample.hpp"
 
 namespace flexspline {
@@ -14,22 +14,10 @@ namespace flexspline {
 template <typename S, std::size_t N>
 using Row = std::array<S, N>;
 
-/// use(0), use(1), … use(N − 1); up to 32 of them written out, so that what is constant folds.
-template <std::size_t N, typename Use>
-constexpr void for_each_place(const Use& use) noexcept {
-  if constexpr (N <= 32) {
-    [&use]<std::size_t... I>(std::index_sequence<I...>) {
-      (use(I), ...);
-    }(std::make_index_sequence<N>{});
-  } else {
-    for (std::size_t k = 0; k < N; ++k) use(k);
-  }
-}
-
 /// row · coefficients, term by term from the left.
 template <typename S, std::size_t N>
 constexpr S weighted(const Row<S, N>& row, const std::array<S, N>& coefficients) noexcept {
-  S sum = S(0);
+  S sum = -S(0);  // −0 + x is x, bit by bit
   for_each_place<N>([&](std::size_t k) { sum += row[k] * coefficients[k]; });
   return sum;
 }
@@ -99,12 +87,12 @@ using StateOf = typename StateOfEffect<Effect>::type;
 
 /// Which way the joint moves: −1 … 1, through 0 at rest.
 ///
-///   d(v) = tanh(v / v_d)
+///   d(v) = tanh(v / v_d)       by v · (1 / v_d), whose last factor is known beforehand
 ///
 /// The sigmoids of turlapati_intrinsic_dynamics (9) with slope α are (1 ± d)/2, v_d = 2/α.
 template <typename S>
 constexpr S direction(S velocity, S width) noexcept {
-  return math::tanh(velocity / width);
+  return math::tanh(velocity * (S(1) / width));
 }
 
 }  // namespace flexspline

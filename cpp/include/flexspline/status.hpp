@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 
 namespace flexspline {
 
@@ -28,6 +29,17 @@ constexpr Flag operator&(Flag a, Flag b) noexcept {
 }
 /// Whether `flags` has any of the bits of `wanted`.
 constexpr bool has(Flag flags, Flag wanted) noexcept { return (flags & wanted) != Flag::none; }
+
+/// `extrapolated` outside of [low, high].
+template <typename S>
+constexpr Flag extrapolated(S value, S low, S high) noexcept {
+  constexpr S most = std::numeric_limits<S>::max();
+  const bool below = low > -most && value < low;  // no bound costs nothing where it is a constant
+  const bool above = high < most && value > high;
+  if (below || above) [[unlikely]]
+    return Flag::extrapolated;
+  return Flag::none;
+}
 
 /// A torque and what is to be known of it.
 template <typename S>

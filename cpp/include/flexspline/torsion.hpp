@@ -18,8 +18,8 @@ template <typename S>
 constexpr S mesh_torsion_left(const Gear<S>& gear, S effective_ratio, const Angle<S>& q,
                               Phase<S> theta, S rest) noexcept {
   const Phase<S> known = Angle<S>::from_radians(rest).phase;
-  const S turns = (gear.motor_phase(q) - theta - known).shortest();
-  return S(2) * math::pi<S> * turns / effective_ratio;
+  const S radians_a_turn = S(2) * math::pi<S> / effective_ratio;
+  return (gear.motor_phase(q) - theta - known).shortest(radians_a_turn);
 }
 
 }  // namespace flexspline

@@ -145,7 +145,7 @@ class Design {
                std::span<const double> coefficients, Memory& memory, double* torque) const {
     std::vector<double> rows(columns_ * count);
     fill(channels, first, count, coefficients, memory, rows.data(), count);
-    std::fill_n(torque, count, 0.0);
+    std::fill_n(torque, count, -0.0);
     sum(coefficients, rows.data(), count, count, torque, [](const AnyEffect&) { return true; });
   }
 
@@ -264,7 +264,7 @@ class Design {
     for (const AnyEffect& any : effects_) {
       const std::size_t terms = terms_of(any);
       if (chosen(any)) {
-        std::fill_n(torque.begin(), count, 0.0);
+        std::fill_n(torque.begin(), count, -0.0);  // −0 + x is x, bit by bit
         for (std::size_t k = 0; k < terms; ++k) {
           const double* column = rows + k * stride;
           run_wide([column, count, c = coefficient[k], to = torque.data()] {

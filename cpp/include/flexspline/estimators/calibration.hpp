@@ -24,11 +24,15 @@ struct Calibration {
 
   /// `voltage` V; `compensation` and result in Nm, positive outward.
   constexpr Status torque(S voltage, S compensation, FlaggedTorque<S>& out) const noexcept {
-    const S found = sensitivity * voltage + zero + compensation;
-    if (!math::is_finite(found)) return Status::not_finite;
-    const bool inside = voltage >= low && voltage <= high;
-    out = {found, inside ? Flag::none : Flag::extrapolated};
+    const FlaggedTorque<S> found = reading(voltage, compensation);
+    if (!math::is_finite(found.torque)) return Status::not_finite;
+    out = found;
     return Status::ok;
+  }
+
+  /// The same, not finite where the voltage or the compensation is not.
+  constexpr FlaggedTorque<S> reading(S voltage, S compensation) const noexcept {
+    return {sensitivity * voltage + zero + compensation, extrapolated(voltage, low, high)};
   }
 };
 

@@ -15,32 +15,43 @@
 #include <cstddef>
 #include <limits>
 
+#include "flexspline/each_place.hpp"
 #include "flexspline/math.hpp"
 #include "flexspline/status.hpp"
 
 namespace flexspline {
 
+template <typename S>
+struct ContactState {
+  S calm = 0;  ///< s since the torque is within the release thresholds
+  bool contact = false;
+};
+
 template <typename S, std::size_t Bands = 8>
 struct CollisionDetector {
   static_assert(Bands > 0);
 
+  using State = ContactState<S>;
   struct Config {
+    using Estimator = CollisionDetector;
+
     std::array<S, Bands> negative{};  ///< Nm, > 0, a threshold for each band, inward torque
     std::array<S, Bands> positive{};  ///< Nm, > 0, outward torque
     std::array<S, Bands - 1> speed_edges = no_edges();  ///< rad/s, rising; unused ones infinite
     S release = S(1);                                   ///< in (0, 1]
     S hold = 0;                                         ///< s, ≥ 0
   };
-  struct State {
-    S calm = 0;  ///< s since the torque is within the release thresholds
-    bool contact = false;
-  };
-
   /// `residual`: external torque, Nm; `velocity`: rad/s at the output; `period`: s since the last
   /// good sample.
   static constexpr Status step(const Config& config, State& state, S residual, S velocity, S period,
                                bool& contact) noexcept {
-    if (!math::is_finite(period) || !(period > S(0))) return Status::bad_period;
+    if (!math::is_positive(period)) return Status::bad_period;
+    return advance(config, state, residual, velocity, period, contact);
+  }
+
+  /// The same for a period that is known to be good.
+  static constexpr Status advance(const Config& config, State& state, S residual, S velocity,
+                                  S period, bool& contact) noexcept {
     if (!math::is_finite(residual) || !math::is_finite(velocity)) return Status::not_finite;
     const std::size_t b = band(config, velocity);
     const S ratio = state.contact ? config.release : S(1);
@@ -62,7 +73,7 @@ struct CollisionDetector {
   static constexpr std::size_t band(const Config& config, S velocity) noexcept {
     const S speed = math::absolute(velocity);
     std::size_t b = 0;
-    for (const S edge : config.speed_edges) b += speed >= edge ? 1 : 0;
+    for_each_place<Bands - 1>([&](std::size_t k) { b += speed >= config.speed_edges[k] ? 1 : 0; });
     return b;
   }
 };

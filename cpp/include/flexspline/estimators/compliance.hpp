@@ -22,10 +22,15 @@ struct Compliance {
 
   /// `torsion` Δθ_m, rad at the output side.
   constexpr Status torque(S torsion, FlaggedTorque<S>& out) const noexcept {
-    const auto found = mesh_torque(torsion, mesh_stiffness, mesh_shape, margin);
+    const FlaggedTorque<S> found = twisted(torsion);
     if (!math::is_finite(torsion) || !math::is_finite(found.torque)) return Status::not_finite;
     out = found;
     return Status::ok;
+  }
+
+  /// The same, NaN where the torsion is NaN; it is not infinite.
+  constexpr FlaggedTorque<S> twisted(S torsion) const noexcept {
+    return mesh_torque(torsion, mesh_stiffness, mesh_shape, margin);
   }
 };
 

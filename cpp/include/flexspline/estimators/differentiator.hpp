@@ -33,7 +33,7 @@ struct Differentiator {
       state = {position, S(0), S(0), true};
       return Status::ok;
     }
-    const S gain = -math::expm1(S(-2) * math::pi<S> * config.bandwidth * period);
+    const S gain = -math::decayed(S(2) * math::pi<S> * config.bandwidth * period);
     const S moved = S(2) * math::pi<S> * (position - state.last).shortest();
     const S gained = gain * (moved / period - state.velocity);
     const S velocity = state.velocity + gained;

@@ -38,7 +38,13 @@ struct KalmanMerge {
   /// `velocity`: rad/s at the output; torques in Nm; `period`: s since the last good sample.
   static constexpr Status step(const Config& config, State& state, S velocity, S observer,
                                S compliance, S period, S& merged) noexcept {
-    if (!math::is_finite(period) || !(period > S(0))) return Status::bad_period;
+    if (!math::is_positive(period)) return Status::bad_period;
+    return advance(config, state, velocity, observer, compliance, period, merged);
+  }
+
+  /// The same for a period that is known to be good.
+  static constexpr Status advance(const Config& config, State& state, S velocity, S observer,
+                                  S compliance, S period, S& merged) noexcept {
     if (!math::is_finite(velocity)) return Status::not_finite;
     const S moving = config.motion.weight(velocity);
     const S observed = blend(config.observer_rest, config.observer_motion, moving);

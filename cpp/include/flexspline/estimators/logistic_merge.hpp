@@ -27,9 +27,16 @@ struct LogisticMerge {
   /// Torques in Nm; `weight` and `merged` keep their values where the step is refused.
   constexpr Status merge(S velocity, S observer, S compliance, S& weight,
                          S& merged) const noexcept {
+    if (!math::is_finite(velocity)) return Status::not_finite;
+    return advance(velocity, observer, compliance, weight, merged);
+  }
+
+  /// The same for a velocity that is not infinite.
+  constexpr Status advance(S velocity, S observer, S compliance, S& weight,
+                           S& merged) const noexcept {
     const S share = this->weight(velocity);
     const S found = compliance + share * (observer - compliance);
-    if (!math::is_finite(velocity) || !math::is_finite(found)) return Status::not_finite;
+    if (!math::is_finite(found)) return Status::not_finite;
     weight = share;
     merged = found;
     return Status::ok;

@@ -50,26 +50,35 @@ struct MomentumObserver {
   /// sample; `external`: Nm, outward.
   static constexpr Status step(const Config& config, State& state, S momentum, S known_torque,
                                S period, S& external) noexcept {
-    if (!math::is_finite(period) || !(period > S(0))) return Status::bad_period;
-    if (!math::is_finite(momentum + known_torque)) return Status::not_finite;
+    if (!math::is_positive(period)) return Status::bad_period;
+    return advance(config, state, momentum, known_torque, period, external);
+  }
+
+  /// The same for a period that is known to be good.
+  static constexpr Status advance(const Config& config, State& state, S momentum, S known_torque,
+                                  S period, S& external) noexcept {
     const bool exact = config.discretisation == Discretisation::exact;
     const S decay = config.gain * period;
     const bool stable = exact || !state.started || decay < S(2);
     if (!(config.gain > S(0)) || !stable) return Status::out_of_range;
-    State next{momentum, known_torque, state.external, S(0), decay, true};
-    if (exact) {
-      next.decay = decay;
-      next.share = decay == state.decay ? state.share : -math::expm1(-decay);
+    S found = state.external;
+    if (exact && decay != state.decay) [[unlikely]] {
+      state.decay = decay;
+      state.share = -math::decayed(decay);
     }
     if (state.started) {
       const S last = state.known_torque;
       const S driven = exact ? S(0.5) * (last + known_torque) : last;
       const S seen = driven - (momentum - state.momentum) / period;
-      next.external += next.share * (seen - next.external);
+      found += (exact ? state.share : decay) * (seen - found);
     }
-    if (!math::is_finite(next.external)) return Status::not_finite;
-    state = next;
-    external = next.external;
+    const bool shows = exact && state.started;  // in `found`, where an input is not finite
+    if (!shows && !math::is_finite(momentum + known_torque)) return Status::not_finite;
+    if (!math::is_finite(found)) return Status::not_finite;
+    state.momentum = momentum;
+    state.known_torque = known_torque;
+    state.started = true;
+    external = state.external = found;
     return Status::ok;
   }
 };

@@ -19,14 +19,24 @@
 #include <cstddef>
 #include <limits>
 
+#include "flexspline/each_place.hpp"
 #include "flexspline/math.hpp"
 #include "flexspline/status.hpp"
 
 namespace flexspline {
 
+template <typename S>
+struct BodyTemperature {
+  S body = 0;  ///< T_b, °C
+  bool started = false;
+};
+
 template <typename S, std::size_t Degree = 6>
 struct TemperatureCompensation {
+  using State = BodyTemperature<S>;
   struct Config {
+    using Estimator = TemperatureCompensation;
+
     S reference_temperature = S(25);         ///< T_0, °C
     std::array<S, Degree> coefficients{};    ///< c_1 first, Nm/K^k; those not given are 0
     S gradient = 0;                          ///< g, Nm/K
@@ -34,24 +44,27 @@ struct TemperatureCompensation {
     S low = -std::numeric_limits<S>::max();  ///< °C, range of the fit
     S high = std::numeric_limits<S>::max();
   };
-  struct State {
-    S body = 0;  ///< T_b, °C
-    bool started = false;
-  };
-
   /// `temperature` T, °C; `period`: s since the last good sample.
   static constexpr Status step(const Config& config, State& state, S temperature, S period,
                                FlaggedTorque<S>& out) noexcept {
-    if (!math::is_finite(period) || !(period > S(0))) return Status::bad_period;
-    const S last = state.started ? state.body : temperature;
+    if (!math::is_positive(period)) return Status::bad_period;
+    return advance(config, state, temperature, period, out);
+  }
+
+  /// The same for a period that is known to be good.
+  static constexpr Status advance(const Config& config, State& state, S temperature, S period,
+                                  FlaggedTorque<S>& out) noexcept {
+    S body = temperature;
+    S torque = drift(config, body);
     const bool lags = config.thermal_lag > S(0);
-    const S share = lags ? -math::expm1(-period / config.thermal_lag) : S(1);
-    const S body = last + share * (temperature - last);
-    const S torque = drift(config, body) + config.gradient * (temperature - body);
+    if (lags) {
+      const S last = state.started ? state.body : temperature;
+      body = last - math::decayed(period / config.thermal_lag) * (temperature - last);
+      torque = drift(config, body) + config.gradient * (temperature - body);
+    }
     if (!math::is_finite(torque)) return Status::not_finite;  // as is NaN · 0 and ∞ · 0
-    state = {body, true};
-    const bool inside = temperature >= config.low && temperature <= config.high;
-    out = {torque, inside ? Flag::none : Flag::extrapolated};
+    if (lags) state = {body, true};
+    out = {torque, extrapolated(temperature, config.low, config.high)};
     return Status::ok;
   }
 
@@ -59,7 +72,8 @@ struct TemperatureCompensation {
   static constexpr S drift(const Config& config, S body) noexcept {
     const S warmer = body - config.reference_temperature;
     S sum = S(0);
-    for (std::size_t k = Degree; k > 0; --k) sum = (sum + config.coefficients[k - 1]) * warmer;
+    for_each_place<Degree>(
+        [&](std::size_t k) { sum = (sum + config.coefficients[Degree - 1 - k]) * warmer; });
     return sum;
   }
 };
