@@ -17,8 +17,6 @@ from flexspline.effects import Effect
 from flexspline.errors import InputError
 from flexspline.estimation.plan import Plan, plan_of
 from flexspline.estimators import Thermistor
-from flexspline.estimators.collision import MOST_BANDS
-from flexspline.estimators.temperature_compensation import HIGHEST_DEGREE
 from flexspline.header_model import by_motor_encoder
 from flexspline.model import Model, Part
 from flexspline.signals import gear_of
@@ -175,7 +173,7 @@ class _Block:
 
     def _compensation(self, entry: Entry) -> None:
         self._stage("temperature_compensation", entry, ("reference_temperature",))
-        self.numbers("coefficients", _filled(entry["coefficients"], HIGHEST_DEGREE))
+        self.numbers("coefficients", entry["coefficients"])
         for name in ("gradient", "thermal_lag"):
             self.numbers(name, (entry[name],))
         self._range(entry.get("temperature_range"))
@@ -205,12 +203,8 @@ class _Block:
     def _collision(self, entry: Entry) -> None:
         self.structure("collision")
         for name in ("negative", "positive"):
-            self.numbers(name, _filled(entry[name], MOST_BANDS))
-        self.numbers("speed_edges", _filled(entry["speed_edges"], MOST_BANDS - 1, math.inf))
+            self.numbers(name, entry[name])
+        self.numbers("speed_edges", entry["speed_edges"])
         for name in ("release", "hold"):
             self.numbers(name, (entry[name],))
         self.structure(f"watches {entry['input']}")
-
-
-def _filled(values: Sequence[float], count: int, rest: float = 0.0) -> list[float]:
-    return [*values, *[rest] * (count - len(values))]

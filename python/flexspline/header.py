@@ -71,7 +71,6 @@ def header_text(model: Model, namespace: str, target: str | None = None) -> str:
         "#pragma once",
         "",
         "#include <array>",
-        *(["#include <limits>", "#include <optional>"] if plan is not None else []),
         "#include <string_view>",
         "",
         *(f'#include "{name}"' for name in sorted(includes)),

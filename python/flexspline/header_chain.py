@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from flexspline.estimation.plan import Plan
 from flexspline.estimators import ESTIMATORS
 from flexspline.header_model import literal, model_lines
-from flexspline.header_stages import config_lines
+from flexspline.header_stages import stage_lines
 from flexspline.model import Model
 from flexspline.part import Part
 
@@ -85,16 +85,20 @@ def chain_lines(model: Model, plan: Plan) -> Iterator[str]:
         f"{name.capitalize()}Model<S>" if part is not None else "flexspline::Model<S>"
         for name, part in models.items()
     ]
+    for name, entries in (("Sensing", plan.sensing), ("Estimating", plan.estimating)):
+        place = "up to the sensor" if name == "Sensing" else "behind the sensor"
+        yield f"/// The stages {place}; there are no others."
+        yield from stage_lines(name, entries, plan.has_sensor)
+        yield ""
     yield "template <typename S>"
     yield "using Joint ="
+    types += ["Sensing<S>", "Estimating<S>"]
     yield f"    flexspline::Joint<S, {(',' + chr(10) + ' ' * 22).join(types)}>;"
     yield ""
     yield "template <typename S>"
     yield "inline constexpr Joint<S> joint{"
-    yield "    .sensing ="
-    yield from config_lines(plan.sensing, plan.has_sensor)
-    yield "    .estimating ="
-    yield from config_lines(plan.estimating, plan.has_sensor)
+    yield "    .sensing = {},"
+    yield "    .estimating = {},"
     for name, part in models.items():
         yield f"    .{name} = {f'{name}_model<S>' if part is not None else '{}'},"
     yield f"    .effective_ratio = {literal(plan.effective_ratio, 'effective_ratio')},"

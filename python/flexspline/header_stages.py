@@ -3,23 +3,19 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 import textwrap
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 from flexspline.errors import InputError
 from flexspline.estimators import Thermistor
-from flexspline.estimators.collision import MOST_BANDS
 from flexspline.header_model import literal
 
-__all__ = ["config_lines"]
+__all__ = ["stage_lines"]
 
 SMALLEST = float.fromhex("0x1p-126")  # the smallest float with all its digits
-CHAIN = "flexspline::Chain<S>"
-ABSENT = "std::nullopt"
-INDENT = "\n" + " " * 16
-END = "\n" + " " * 12
+INDENT = "\n" + " " * 6
+END = "\n" + " " * 2
 
 UNITS = {
     "supply_voltage": "V",
@@ -50,125 +46,123 @@ UNITS = {
 Entry = Mapping[str, Any]
 
 
-def config_lines(entries: Mapping[str, Entry], has_sensor: bool) -> Iterator[str]:
-    """A `Chain<S>::Config` with these stages; all others do not run."""
-    observer, merge = entries.get("observer", {}), entries.get("merge", {})
-    collision = entries.get("collision", {})
-    kalman = merge.get("method") == "kalman"
-    made = {
-        "thermistor": _thermistor(entries),
-        "compensation": _compensation(entries),
-        "sensor": str(has_sensor).lower(),
-        "calibration": _calibration(entries),
-        "observer": _observer("observer", entries),
-        "observer_input": f"flexspline::ObserverInput::{observer.get('input', 'sensor_torque')}",
-        "compliance": _compliance(entries),
-        "hysteresis": _hysteresis(entries),
-        "compliant_observer": _observer("compliant_observer", entries),
-        "logistic": ABSENT if kalman else _logistic(entries),
-        "kalman": _kalman(entries) if kalman else ABSENT,
-        "at_rest": f"flexspline::AtRest::{merge.get('at_rest', 'compliance')}",
-        "collision": _collision(entries),
-        "watched": f"flexspline::Watched::{collision.get('input', 'observer')}",
-    }
-    yield "        {"
-    for name, value in made.items():
-        yield f"            .{name} = {value},"
-    yield "        },"
+def stage_lines(name: str, entries: Mapping[str, Entry], has_sensor: bool) -> Iterator[str]:
+    """A struct of these stages as its fields; all others are absent and cost nothing."""
+    yield "template <typename S>"
+    yield f"struct {name} : flexspline::NoStages<S> {{"
+    if has_sensor:
+        yield "  static constexpr bool sensor = true;"
+    for key, made in MADE.items():
+        if key in entries:
+            yield from made(entries)
+    yield "};"
 
 
-def _struct(made: str, fields: Sequence[str]) -> str:
-    """A value of a C++ type, a field on a line."""
-    return f"{made}{{{''.join(INDENT + field for field in fields)}{END}}}"
+def _stage(made: str, field: str, numbers: Sequence[str]) -> str:
+    """A field of a C++ type, a number on a line."""
+    return f"  {made} {field}{{{''.join(INDENT + number for number in numbers)}{END}}};"
 
 
-def _thermistor(entries: Mapping[str, Entry]) -> str:
-    if "thermistor" not in entries:
-        return ABSENT
+def _rule(field: str, made: str, value: str) -> str:
+    return f"  static constexpr auto {field} = flexspline::{made}::{value};"
+
+
+def _thermistor(entries: Mapping[str, Entry]) -> Iterator[str]:
     names = tuple(field.name for field in dataclasses.fields(Thermistor))
-    return _struct("flexspline::Thermistor<S>", _numbers("thermistor", entries, names))
+    numbers = _numbers("thermistor", entries, names)
+    yield _stage("flexspline::Thermistor<S>", "thermistor", numbers)
 
 
-def _compensation(entries: Mapping[str, Entry]) -> str:
+def _compensation(entries: Mapping[str, Entry]) -> Iterator[str]:
     key = "temperature_compensation"
-    if key not in entries:
-        return ABSENT
-    fields = [
+    coefficients = entries[key]["coefficients"]
+    numbers = [
         *_numbers(key, entries, ("reference_temperature",)),
-        _array(key, "coefficients", entries[key]["coefficients"]),
+        _array(key, "coefficients", coefficients),
         *_numbers(key, entries, ("gradient", "thermal_lag")),
         *_range(key, entries[key].get("temperature_range"), "deg C"),
     ]
-    return _struct(f"typename {CHAIN}::Compensation::Config", fields)
+    made = f"typename flexspline::TemperatureCompensation<S, {len(coefficients)}>::Config"
+    yield _stage(made, "compensation", numbers)
 
 
-def _calibration(entries: Mapping[str, Entry]) -> str:
+def _calibration(entries: Mapping[str, Entry]) -> Iterator[str]:
     key = "calibration"
-    if key not in entries:
-        return ABSENT
     known = _range(key, entries[key].get("voltage_range"), "V")
-    fields = [*_numbers(key, entries, ("sensitivity", "zero")), *known]
-    return _struct("flexspline::Calibration<S>", fields)
+    numbers = [*_numbers(key, entries, ("sensitivity", "zero")), *known]
+    yield _stage("flexspline::Calibration<S>", "calibration", numbers)
 
 
-def _observer(key: str, entries: Mapping[str, Entry]) -> str:
-    if key not in entries:
-        return ABSENT
+def _any_observer(key: str, entries: Mapping[str, Entry]) -> str:
     rule = f".discretisation = flexspline::Discretisation::{entries[key]['discretisation']},"
-    fields = [*_numbers(key, entries, ("gain",)), rule]
-    return _struct(f"typename {CHAIN}::Observer::Config", fields)
+    numbers = [*_numbers(key, entries, ("gain",)), rule]
+    return _stage("typename flexspline::MomentumObserver<S>::Config", key, numbers)
 
 
-def _compliance(entries: Mapping[str, Entry]) -> str:
-    if "compliance" not in entries:
-        return ABSENT
-    names = ("mesh_stiffness", "mesh_shape", "margin")
-    return _struct("flexspline::Compliance<S>", _numbers("compliance", entries, names))
+def _observer(entries: Mapping[str, Entry]) -> Iterator[str]:
+    yield _any_observer("observer", entries)
+    yield _rule("observer_input", "ObserverInput", entries["observer"]["input"])
 
 
-def _hysteresis(entries: Mapping[str, Entry]) -> str:
-    loop = entries.get("compliance", {}).get("hysteresis")
-    if loop is None:
-        return ABSENT
+def _compliant_observer(entries: Mapping[str, Entry]) -> Iterator[str]:
+    yield _any_observer("compliant_observer", entries)
+
+
+def _compliance(entries: Mapping[str, Entry]) -> Iterator[str]:
     key = "compliance"
-    fields = [*_numbers(key, {key: loop}, ("load_width",)), _array(key, "heights", loop["heights"])]
-    return _struct("flexspline::LoadHysteresis<S>", fields)
+    names = ("mesh_stiffness", "mesh_shape", "margin")
+    yield _stage("flexspline::Compliance<S>", key, _numbers(key, entries, names))
+    loop = entries[key].get("hysteresis")
+    if loop is not None:
+        width = _numbers(key, {key: loop}, ("load_width",))
+        numbers = [*width, _array(key, "heights", loop["heights"])]
+        yield _stage("flexspline::LoadHysteresis<S>", "hysteresis", numbers)
 
 
-def _logistic(entries: Mapping[str, Entry]) -> str:
-    if "merge" not in entries:
-        return ABSENT
-    fields = _numbers("merge", entries, ("alpha", "transition_velocity"))
-    return _struct("flexspline::LogisticMerge<S>", fields)
-
-
-def _kalman(entries: Mapping[str, Entry]) -> str:
+def _merge(entries: Mapping[str, Entry]) -> Iterator[str]:
     entry = entries["merge"]
-    noises = {
-        f"{name}_{state}": value
-        for name in ("observer", "compliance")
-        for state, value in zip(("rest", "motion"), entry[f"{name}_noise"], strict=True)
-    }
-    fields = [
-        f".motion = {_logistic(entries)},",
-        *_numbers("merge", entries, ("walk",)),
-        *(_field("merge", name, value, "Nm") for name, value in noises.items()),
-    ]
-    return _struct(f"typename {CHAIN}::Kalman::Config", fields)
+    numbers = _numbers("merge", entries, ("alpha", "transition_velocity"))
+    if entry.get("method") == "kalman":
+        noises = {
+            f"{name}_{state}": value
+            for name in ("observer", "compliance")
+            for state, value in zip(("rest", "motion"), entry[f"{name}_noise"], strict=True)
+        }
+        numbers = [
+            f".motion = {{{''.join(INDENT + '    ' + number for number in numbers)}{INDENT}}},",
+            *_numbers("merge", entries, ("walk",)),
+            *(_field("merge", name, value, "Nm") for name, value in noises.items()),
+        ]
+        yield _stage("typename flexspline::KalmanMerge<S>::Config", "kalman", numbers)
+    else:
+        yield _stage("flexspline::LogisticMerge<S>", "logistic", numbers)
+    yield _rule("at_rest", "AtRest", entry.get("at_rest", "compliance"))
 
 
-def _collision(entries: Mapping[str, Entry]) -> str:
+def _collision(entries: Mapping[str, Entry]) -> Iterator[str]:
     key = "collision"
-    if key not in entries:
-        return ABSENT
     entry = entries[key]
-    edges = [*entry["speed_edges"], *[math.inf] * (MOST_BANDS - 1 - len(entry["speed_edges"]))]
-    fields = [
+    edges = entry["speed_edges"]
+    numbers = [
         *(_array(key, name, entry[name]) for name in ("negative", "positive")),
-        _array(key, "speed_edges", edges),
+        *([_array(key, "speed_edges", edges)] if edges else []),
         *_numbers(key, entries, ("release", "hold")),
     ]
-    return _struct(f"typename {CHAIN}::Detector::Config", fields)
+    made = f"typename flexspline::CollisionDetector<S, {len(edges) + 1}>::Config"
+    yield _stage(made, key, numbers)
+    yield _rule("watched", "Watched", entry["input"])
+
+
+MADE: Mapping[str, Callable[[Mapping[str, Entry]], Iterator[str]]] = {
+    "thermistor": _thermistor,
+    "temperature_compensation": _compensation,
+    "calibration": _calibration,
+    "observer": _observer,
+    "compliance": _compliance,
+    "compliant_observer": _compliant_observer,
+    "merge": _merge,
+    "collision": _collision,
+}
 
 
 def _numbers(key: str, entries: Mapping[str, Entry], names: Sequence[str]) -> list[str]:
@@ -194,8 +188,6 @@ def _range(key: str, ends: Sequence[float] | None, unit: str) -> list[str]:
 
 def _number(key: str, name: str, value: float) -> str:
     """A literal; a value that a float cannot hold is refused by its name."""
-    if value == math.inf:
-        return "std::numeric_limits<S>::infinity()"
     if value != 0.0 and abs(value) < SMALLEST:
         raise InputError(
             f"the estimator {key} cannot run on a device: {name} = {value:g} vanishes in a "

@@ -119,7 +119,7 @@ constexpr LoadHysteresis<S> loop{S(2), {S(5e-6L), S(5e-6L), S(2.5e-6L), S(1.25e-
 /// The torsion of a gear whose load goes this way, and the largest error of the torque that is
 /// found, Nm.
 template <typename S>
-struct Way {
+struct Track {
   typename MaxwellSlip<S, 4>::State springs;
   typename LoadHysteresis<S>::State state;
   Compliance<S> mesh{S(15548), S(0), S(0.05L)};
@@ -142,7 +142,7 @@ struct Way {
 
 template <typename S>
 double worst_of(int samples) {
-  Way<S> way;
+  Track<S> way;
   for (int i = 0; i <= samples; ++i) {
     const double turn = 40.0 * i / samples;
     way.to(S(8 * std::sin(turn) + 3 * std::sin(2.7 * turn)));
@@ -168,7 +168,7 @@ TEST_CASE_TEMPLATE("a loop on the path of the load is taken off to the square of
 
 TEST_CASE_TEMPLATE("a torque that is held and a torsion that is none leave the springs", S, float,
                    double) {
-  Way<S> straight, broken;
+  Track<S> straight, broken;
   for (int i = 0; i < 300; ++i) {
     const S torque = S(6 * std::sin(0.1 * i));
     straight.to(torque);

@@ -4,12 +4,12 @@
 ///   models       what each part says of this sample
 ///   estimating   observer, compliance, merge, collision
 ///
-/// Both are a `Chain`; the models come between them, for they read the temperature. The load that
-/// an effect reads is the sensor's external torque. The sensor's own part is asked twice where it
-/// reads the load: once with none, then with what that leaves, which leaves an error of the second
-/// order in a gain. In a joint without sensor the load is the compliance's external torque of the
-/// sample before, or of the last that had one, not held at the pole; 0 until there is one, and
-/// where the chain has no compliance.
+/// All stages are those of a `Chain`; the models come between them, for they read the temperature.
+/// The load that an effect reads is the sensor's external torque. The sensor's own part is asked
+/// twice where it reads the load: once with none, then with what that leaves, which leaves an error
+/// of the second order in a gain. In a joint without sensor the load is the compliance's external
+/// torque of the sample before, or of the last that had one, not held at the pole; 0 until there is
+/// one, and where the chain has no compliance.
 ///
 /// A reading that is missing stays NaN (an angle: empty); the stages that need it are in `missed`.
 /// The models go on with the last good temperature. State{} has seen nothing: assign it after a
@@ -43,13 +43,15 @@ struct Reading {
 /// Models: `Sensor` of the sensor's part; `Observed` of the observer's torque, without inertia;
 /// `Torsion` without the mesh and what the chain knows of hysteresis; `Carried` of what the gear
 /// carries beside the load: gravity.
-/// `Model<S>`, without effects, where there is none.
-template <typename S, typename Sensor, typename Observed, typename Torsion, typename Carried>
+/// `Model<S>`, without effects, where there is none. Stages (stages.hpp): `Sensing` up to the
+/// sensor's torque, `Estimating` behind it.
+template <typename S, typename Sensor, typename Observed, typename Torsion, typename Carried,
+          typename Sensing = AnyStages<S>, typename Estimating = AnyStages<S>>
 struct Joint {
   using Chain = flexspline::Chain<S>;
 
-  typename Chain::Config sensing;
-  typename Chain::Config estimating;
+  Sensing sensing;
+  Estimating estimating;
   Sensor sensor;
   Observed observed;
   Torsion torsion;
@@ -61,8 +63,7 @@ struct Joint {
   S high = std::numeric_limits<S>::max();
 
   struct State {
-    typename Chain::State sensing, estimating;
-    typename Chain::Output sensed;
+    typename Chain::State chain;
     S temperature = Chain::missing;  ///< °C, the last good one
     S gear_load = 0;                 ///< Nm, the compliance's last external torque not held
     typename Sensor::State sensor, sensor_without_load;
@@ -74,75 +75,70 @@ struct Joint {
   /// One period. `out` keeps the last good value of a stage that missed.
   constexpr Status step(State& state, const Reading<S>& in,
                         typename Chain::Output& out) const noexcept {
-    const Status sensed = Chain::step(sensing, state.sensing, sensing_input(in), state.sensed);
-    if (sensed != Status::ok) return sensed;
-    Sample<S> at = sample(in, state);
-    const Status estimated =
-        Chain::step(estimating, state.estimating, estimating_input(in, at, state), out);
-    if (estimated != Status::ok) return estimated;
-    if (estimating.compliance && !has(out.missed, Stage::compliance) &&
+    if (!Chain::is_period(in.period)) return Status::bad_period;
+    out.flags = Flag::none;
+    out.missed = Stage::none;
+    typename Chain::Input input = channels(in);
+    const S temperature = Chain::measure(sensing, input, out);
+    if (Chain::is_temperature(temperature)) state.temperature = temperature;
+    Chain::compensate(sensing, state.chain, in.period, temperature, out);
+    const auto read = Chain::sense(sensing, state.chain, input);
+    Sample<S> at = sample(in, state.temperature);
+    const S intrinsic = sensing.sensor ? beside_load(in, at, state, read.torque) : S(0);
+    const S external = Chain::subtract(sensing, read, intrinsic, out);
+    at.known_load = sensing.sensor ? external : state.gear_load;
+    predict(in, at, state, input);
+    const S torque = math::is_finite(external) ? read.torque : Chain::missing;
+    Chain::estimate(estimating, state.chain, input, torque, external, out);
+    if (!sensing.sensor && given(estimating.compliance) && !has(out.missed, Stage::compliance) &&
         !has(out.flags, Flag::saturated)) {
       state.gear_load = out.external_compliance;
     }
-    out.temperature = state.sensed.temperature;
-    if (sensing.sensor) out.sensor_torque = state.sensed.sensor_torque;
-    out.missed = out.missed | state.sensed.missed;
-    out.flags = out.flags | state.sensed.flags;
-    if (at.temperature < low || at.temperature > high) out.flags = out.flags | Flag::extrapolated;
+    out.flags = out.flags | extrapolated(at.temperature, low, high);
     return Status::ok;
   }
 
  private:
-  static constexpr typename Chain::Input sensing_input(const Reading<S>& in) noexcept {
+  /// What the stages read; infinite is missing.
+  constexpr typename Chain::Input channels(const Reading<S>& in) const noexcept {
     typename Chain::Input input;
     input.period = in.period;
     input.voltage = in.sensor_voltage;
     input.thermistor_voltage = in.thermistor_voltage;
     input.temperature = in.temperature;
     input.sensor_torque = in.sensor_torque;
+    input.velocity = math::finite_or_nan(in.output_velocity);
+    input.motor_torque = effective_ratio * in.motor_torque;
+    input.momentum = inertia == S(0) ? S(0) : inertia * input.velocity;
+    input.link_momentum = link_inertia == S(0) ? S(0) : link_inertia * input.velocity;
     return input;
   }
 
-  constexpr Sample<S> sample(const Reading<S>& in, State& state) const noexcept {
-    const bool warm = sensing.thermistor ? !has(state.sensed.missed, Stage::thermistor)
-                                         : Chain::is_temperature(in.temperature);
-    if (warm) state.temperature = state.sensed.temperature;
+  /// What the models read; infinite is missing.
+  static constexpr Sample<S> sample(const Reading<S>& in, S temperature) noexcept {
     Sample<S> at;
     at.output_position = in.output_position.value_or(Angle<S>{});
     at.motor_position = in.motor_position.value_or(Angle<S>{});
-    at.output_velocity = in.output_velocity;
-    at.output_acceleration = in.output_acceleration;
-    at.temperature = state.temperature;
-    at.motor_torque = in.motor_torque;
+    at.output_velocity = math::finite_or_nan(in.output_velocity);
+    at.output_acceleration = math::finite_or_nan(in.output_acceleration);
+    at.temperature = temperature;
+    at.motor_torque = math::finite_or_nan(in.motor_torque);
     at.period = in.period;
-    at.time = in.time;
+    at.time = math::finite_or_nan(in.time);
     return at;
   }
 
-  constexpr typename Chain::Input estimating_input(const Reading<S>& in, Sample<S>& at,
-                                                   State& state) const noexcept {
-    typename Chain::Input input;
-    input.period = in.period;
-    input.velocity = in.output_velocity;
-    input.motor_torque = effective_ratio * in.motor_torque;
-    input.momentum = inertia == S(0) ? S(0) : inertia * in.output_velocity;
-    input.link_momentum = link_inertia == S(0) ? S(0) : link_inertia * in.output_velocity;
-    if (sensing.sensor) {
-      const bool read = !has(state.sensed.missed, Stage::sensor);
-      input.sensor_torque = read ? state.sensed.sensor_torque : Chain::missing;
-      input.sensor_intrinsic = intrinsic(in, at, state, input.sensor_torque);
-      at.known_load = input.sensor_torque - input.sensor_intrinsic;
-    } else {
-      at.known_load = state.gear_load;
-    }
+  /// What the models say of this sample.
+  constexpr void predict(const Reading<S>& in, const Sample<S>& at, State& state,
+                         typename Chain::Input& input) const noexcept {
     input.observer_intrinsic = predicted(observed, in, at, state.observed);
     input.gear_known = predicted(carried, in, at, state.carried);
-    if (estimating.compliance) input.torsion = mesh(in, at, state);
-    return input;
+    if (given(estimating.compliance)) input.torsion = mesh(in, at, state);
   }
 
   /// What the sensor reads beside the load.
-  constexpr S intrinsic(const Reading<S>& in, Sample<S> at, State& state, S torque) const noexcept {
+  constexpr S beside_load(const Reading<S>& in, Sample<S> at, State& state,
+                          S torque) const noexcept {
     if constexpr (Sensor::uses(Channel::load)) {
       at.known_load = torque - predicted(sensor, in, at, state.sensor_without_load);
     }
@@ -166,8 +162,7 @@ struct Joint {
     constexpr bool angle = turns || Model::uses(Channel::output_position);
     if (angle && !in.output_position) return Chain::missing;
     if (turns && model.gear.motor_encoder && !in.motor_position) return Chain::missing;
-    S torque = S(0);
-    return model.predict(at, state, torque) == Status::ok ? torque : Chain::missing;
+    return model.torque(at, state);
   }
 };
 

@@ -184,29 +184,36 @@ constexpr std::string_view name_of(Watched watched) noexcept {
   return "";
 }
 
-template <typename S, typename V, typename Config>
-constexpr void visit_chain(V& visitor, std::string_view name, Config& chain) noexcept {
-  visitor.structure(name);
-  if (chain.thermistor) visit_thermistor<S>(visitor, *chain.thermistor);
-  if (chain.compensation) visit_compensation<S>(visitor, *chain.compensation);
-  if (chain.sensor) visitor.structure("sensor");
-  if (chain.calibration) visit_calibration<S>(visitor, *chain.calibration);
-  if (chain.observer) {
-    visit_observer<S>(visitor, "observer", *chain.observer);
-    visitor.structure(name_of(chain.observer_input));
-  }
-  if (chain.compliance) visit_compliance<S>(visitor, *chain.compliance);
-  if (chain.hysteresis) visit_hysteresis<S>(visitor, *chain.hysteresis);
-  if (chain.compliant_observer) {
-    visit_observer<S>(visitor, "compliant_observer", *chain.compliant_observer);
-  }
-  if (chain.kalman) visit_kalman<S>(visitor, *chain.kalman);
-  if (chain.logistic) visit_logistic<S>(visitor, *chain.logistic);
-  if (chain.kalman || chain.logistic) visitor.structure(name_of(chain.at_rest));
-  if (chain.collision) {
-    visit_detector<S>(visitor, *chain.collision);
-    visitor.structure(name_of(chain.watched));
-  }
+/// A stage that is there, by its own visit.
+template <typename Stage, typename Visit>
+constexpr void where_given(Stage& stage, Visit&& visit) noexcept {
+  if (auto* found = given(stage)) visit(*found);
+}
+template <typename Stage, typename Visit>
+constexpr void where_given(const Absent<Stage>&, Visit&&) noexcept {}
+
+template <typename S, typename V, typename Stages>
+constexpr void visit_chain(V& v, std::string_view name, Stages& chain) noexcept {
+  v.structure(name);
+  where_given(chain.thermistor, [&](auto& made) { visit_thermistor<S>(v, made); });
+  where_given(chain.compensation, [&](auto& made) { visit_compensation<S>(v, made); });
+  if (chain.sensor) v.structure("sensor");
+  where_given(chain.calibration, [&](auto& made) { visit_calibration<S>(v, made); });
+  where_given(chain.observer, [&](auto& made) {
+    visit_observer<S>(v, "observer", made);
+    v.structure(name_of(chain.observer_input));
+  });
+  where_given(chain.compliance, [&](auto& made) { visit_compliance<S>(v, made); });
+  where_given(chain.hysteresis, [&](auto& made) { visit_hysteresis<S>(v, made); });
+  where_given(chain.compliant_observer,
+              [&](auto& made) { visit_observer<S>(v, "compliant_observer", made); });
+  where_given(chain.kalman, [&](auto& made) { visit_kalman<S>(v, made); });
+  where_given(chain.logistic, [&](auto& made) { visit_logistic<S>(v, made); });
+  if (given(chain.kalman) || given(chain.logistic)) v.structure(name_of(chain.at_rest));
+  where_given(chain.collision, [&](auto& made) {
+    visit_detector<S>(v, made);
+    v.structure(name_of(chain.watched));
+  });
 }
 
 template <typename S, typename V, typename T>

@@ -11,13 +11,16 @@
 ///   merge          observer and, at rest, one of the last two → external torque
 ///   collision      one of the external torques → contact
 ///
-/// A stage runs where it is configured, always in this order. What a model predicts is an input:
-/// Model on the joint, a design on a PC; the chain holds no effects. A stage whose input is not
-/// finite, out of range, or missing because a stage before it missed, keeps its last good outputs
-/// and sets its bit in `missed`; its next period is longer. The one exception: temperatures come
-/// seldom, so the sensor goes on with the drift of the last one, once there was one. A bad period
-/// changes nothing at all; one above an hour is bad: no step that was ever due took that long, and
-/// sums of such periods would overflow.
+/// A stage runs where it is given (stages.hpp), always in this order. What a model predicts is an
+/// input: Model on the joint, a design on a PC; the chain holds no effects. A stage whose input is
+/// not finite, out of range, or missing because a stage before it missed, keeps its last good
+/// outputs and sets its bit in `missed`; its next period is longer. The one exception: temperatures
+/// come seldom, so the sensor goes on with the drift of the last one, once there was one. A bad
+/// period changes nothing at all; one above an hour is bad: no step that was ever due took that
+/// long, and sums of such periods would overflow.
+///
+/// Between stages NaN says that there is no value: it runs through all that is computed from it, so
+/// each stage looks at its result alone, once.
 ///
 /// Source: zhang_disturbance_elimination (6)–(11), (21), (22); full_range_torque_estimation
 /// (7), (8), (14)–(20); the compliant gear inside the observer is its own next step.
@@ -26,82 +29,34 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
-#include <optional>
 
-#include "flexspline/estimators/calibration.hpp"
-#include "flexspline/estimators/collision_detector.hpp"
-#include "flexspline/estimators/compliance.hpp"
-#include "flexspline/estimators/kalman_merge.hpp"
-#include "flexspline/estimators/load_hysteresis.hpp"
-#include "flexspline/estimators/momentum_observer.hpp"
-#include "flexspline/estimators/temperature_compensation.hpp"
-#include "flexspline/estimators/thermistor.hpp"
+#include "flexspline/estimators/stages.hpp"
 
 namespace flexspline {
 
-/// A stage of the chain, as a bit.
-enum class Stage : std::uint8_t {
-  none = 0,
-  thermistor = 1,
-  compensation = 2,
-  sensor = 4,
-  observer = 8,
-  compliance = 16,
-  merge = 32,
-  collision = 64,
-  compliant_observer = 128,
-};
-
-constexpr Stage operator|(Stage a, Stage b) noexcept {
-  return static_cast<Stage>(static_cast<std::uint8_t>(a) | static_cast<std::uint8_t>(b));
-}
-/// Whether `stages` has the bit of `wanted`.
-constexpr bool has(Stage stages, Stage wanted) noexcept {
-  return (static_cast<std::uint8_t>(stages) & static_cast<std::uint8_t>(wanted)) != 0;
-}
-
-/// Which torque drives the observer.
-enum class ObserverInput : unsigned char { sensor_torque, motor_torque };
-
-/// Which external torque the merge takes at rest.
-enum class AtRest : unsigned char { compliance, compliant_observer };
-
-/// Which external torque the collision detector watches.
-enum class Watched : unsigned char { observer, sensor, merged, compliant_observer };
-
-template <typename S, std::size_t Degree = 6, std::size_t Bands = 8>
+template <typename S>
 struct Chain {
-  using Compensation = TemperatureCompensation<S, Degree>;
+  using Compensation = TemperatureCompensation<S>;
   using Observer = MomentumObserver<S>;
   using Kalman = KalmanMerge<S>;
-  using Detector = CollisionDetector<S, Bands>;
+  using Detector = CollisionDetector<S>;
+  using Config = AnyStages<S>;
 
   static constexpr S missing = std::numeric_limits<S>::quiet_NaN();
   static constexpr S longest_period = S(3600);  ///< s
 
+  /// Above zero and not above the longest; by their bits, as positive numbers compare.
+  static constexpr bool is_period(S value) noexcept {
+    using Bits = math::Bits<S>;
+    return std::bit_cast<Bits>(value) - 1 < std::bit_cast<Bits>(longest_period);
+  }
   /// Whether a temperature, °C, is one: what no instrument measures counts as not read, because a
   /// lag takes long to forget it. NaN is none.
   static constexpr bool is_temperature(S value) noexcept {
-    return value >= S(-273.15L) && value <= S(10000);
+    using Bits = math::Bits<S>;
+    const S kelvin = value + Thermistor<S>::zero_celsius;
+    return std::bit_cast<Bits>(kelvin) <= std::bit_cast<Bits>(S(10273.15L));
   }
-
-  /// A stage without a value does not run.
-  struct Config {
-    std::optional<Thermistor<S>> thermistor;  ///< without: the temperature is a channel
-    std::optional<typename Compensation::Config> compensation;
-    bool sensor = false;
-    std::optional<Calibration<S>> calibration;  ///< without: the sensor torque is a channel
-    std::optional<typename Observer::Config> observer;
-    ObserverInput observer_input = ObserverInput::sensor_torque;
-    std::optional<Compliance<S>> compliance;
-    std::optional<LoadHysteresis<S>> hysteresis;  ///< of the compliance
-    std::optional<typename Observer::Config> compliant_observer;
-    std::optional<LogisticMerge<S>> logistic;
-    std::optional<typename Kalman::Config> kalman;  ///< comes before `logistic`
-    AtRest at_rest = AtRest::compliance;
-    std::optional<typename Detector::Config> collision;
-    Watched watched = Watched::observer;
-  };
 
   /// One sample; a measured channel that is not there stays NaN.
   struct Input {
@@ -137,167 +92,204 @@ struct Chain {
 
   struct State {
     typename Compensation::State compensation;
-    FlaggedTorque<S> drift;  ///< the compensation's last good torque
+    FlaggedTorque<S> drift{missing, Flag::none};  ///< the compensation's last good torque
     typename Observer::State observer, compliant_observer;
     typename LoadHysteresis<S>::State hysteresis;
     typename Kalman::State kalman;
     typename Detector::State collision;
-    /// Time since the last good sample of each stage whose memory counts time, s.
+    /// Time between the last good sample and the one before this, of each stage whose memory counts
+    /// time, s: 0 behind a good one.
     S compensation_wait = 0, observer_wait = 0, compliant_wait = 0, kalman_wait = 0,
       collision_wait = 0;
   };
 
-  static constexpr Status step(const Config& config, State& state, const Input& in,
-                               Output& out) noexcept {
-    if (!(in.period > S(0)) || !(in.period <= longest_period)) return Status::bad_period;
+  template <typename Stages>
+  static constexpr Status step(const Stages& stages, State& state, Input in, Output& out) noexcept {
+    if (!is_period(in.period)) return Status::bad_period;
     out.flags = Flag::none;
     out.missed = Stage::none;
-    const bool warm = read_temperature(config, in, out);
-    const bool known_drift = compensate(config, state, in, warm, out);
-    const bool sensor = read_sensor(config, state, in, known_drift, out);
-    const bool observer = observe(config, state, in, sensor, out);
-    const bool compliance = untwist(config, state, in, out);
-    const bool link = observe_link(config, state, in, compliance, out);
-    const bool still = config.at_rest == AtRest::compliance ? compliance : link;
-    const bool merged = merge(config, state, in, observer && still, out);
-    const bool fresh = config.watched == Watched::observer ? observer
-                       : config.watched == Watched::sensor ? sensor
-                       : config.watched == Watched::merged ? merged
-                                                           : link;
-    watch(config, state, in, fresh, out);
+    in.velocity = math::finite_or_nan(in.velocity);
+    in.torsion = math::finite_or_nan(in.torsion);
+    const S temperature = measure(stages, in, out);
+    compensate(stages, state, in.period, temperature, out);
+    const auto read = sense(stages, state, in);
+    const S sensor = subtract(stages, read, in.sensor_intrinsic, out);
+    estimate(stages, state, in, math::is_finite(sensor) ? read.torque : missing, sensor, out);
     return Status::ok;
   }
 
- private:
-  /// Sets the bit of a stage that missed; whether it ran.
-  static constexpr bool ran(bool good, Stage stage, Output& out) noexcept {
-    if (!good) out.missed = out.missed | stage;
-    return good;
-  }
-
-  static constexpr bool read_temperature(const Config& config, const Input& in,
-                                         Output& out) noexcept {
-    S temperature = in.temperature;
-    const bool read = !config.thermistor || config.thermistor->temperature(
-                                                in.thermistor_voltage, temperature) == Status::ok;
-    const bool good = read && is_temperature(temperature);
-    if (good) out.temperature = temperature;
-    return config.thermistor ? ran(good, Stage::thermistor, out) : good;
-  }
-
-  /// Whether the drift is known, from this sample or an earlier one.
-  static constexpr bool compensate(const Config& config, State& state, const Input& in, bool warm,
-                                   Output& out) noexcept {
-    if (!config.compensation) return true;
-    state.compensation_wait += in.period;
-    const bool good =
-        warm && Compensation::step(*config.compensation, state.compensation, out.temperature,
-                                   state.compensation_wait, state.drift) == Status::ok;
-    if (ran(good, Stage::compensation, out)) state.compensation_wait = S(0);
-    return state.compensation.started;
-  }
-
-  static constexpr bool read_sensor(const Config& config, const State& state, const Input& in,
-                                    bool known_drift, Output& out) noexcept {
-    if (!config.sensor) return false;
-    FlaggedTorque<S> torque{in.sensor_torque + state.drift.torque, Flag::none};
-    bool good = known_drift;
-    if (config.calibration) {
-      good =
-          good && config.calibration->torque(in.voltage, state.drift.torque, torque) == Status::ok;
+  /// The temperature, NaN where there is none.
+  template <typename Stages>
+  static constexpr S measure(const Stages& stages, const Input& in, Output& out) noexcept {
+    S found = in.temperature;
+    const auto* thermistor = given(stages.thermistor);
+    if (thermistor) {
+      found = missing;
+      (void)thermistor->temperature(in.thermistor_voltage, found);
     }
-    const S external = torque.torque - in.sensor_intrinsic;
-    if (!ran(good && math::is_finite(external), Stage::sensor, out)) return false;
-    out.sensor_torque = torque.torque;
+    if (!is_temperature(found)) return thermistor ? miss(Stage::thermistor, out) : missing;
+    out.temperature = found;
+    return found;
+  }
+
+  /// The drift of a temperature, kept for samples that have none.
+  template <typename Stages>
+  static constexpr void compensate(const Stages& stages, State& state, S period, S temperature,
+                                   Output& out) noexcept {
+    if (const auto* compensation = given(stages.compensation)) {
+      using Estimator = typename std::remove_cvref_t<decltype(*compensation)>::Estimator;
+      const S wait = state.compensation_wait + period;
+      const bool good = Estimator::advance(*compensation, state.compensation, temperature, wait,
+                                           state.drift) == Status::ok;
+      if (!good) (void)miss(Stage::compensation, out);
+      if (compensation->thermal_lag > S(0)) state.compensation_wait = good ? S(0) : wait;
+    }
+  }
+
+  /// The sensor's torque, NaN where there is none.
+  template <typename Stages>
+  static constexpr FlaggedTorque<S> sense(const Stages& stages, const State& state,
+                                          const Input& in) noexcept {
+    FlaggedTorque<S> read{in.sensor_torque, Flag::none};
+    const bool drifts = given(stages.compensation) != nullptr;
+    const S drift = drifts ? state.drift.torque : S(0);
+    if (const auto* calibration = given(stages.calibration)) {
+      read = calibration->reading(in.voltage, drift);
+    } else if (drifts) {
+      read.torque += drift;
+    }
+    if (drifts) read.flags = read.flags | state.drift.flags;
+    return read;
+  }
+
+  /// External torque of the sensor, NaN where it missed; its torque is kept where there is one.
+  template <typename Stages>
+  static constexpr S subtract(const Stages& stages, const FlaggedTorque<S>& read, S intrinsic,
+                              Output& out) noexcept {
+    if (!stages.sensor) return missing;
+    const S external = read.torque - intrinsic;
+    const bool good = math::is_finite(external);
+    if (good || math::is_finite(read.torque)) {
+      out.sensor_torque = read.torque;
+      out.flags = out.flags | read.flags;
+    }
+    if (!good) return miss(Stage::sensor, out);
     out.external_sensor = external;
-    out.flags = out.flags | torque.flags | state.drift.flags;
-    return true;
+    return external;
   }
 
-  static constexpr bool observe(const Config& config, State& state, const Input& in, bool sensor,
-                                Output& out) noexcept {
-    if (!config.observer) return false;
-    const bool by_sensor = config.observer_input == ObserverInput::sensor_torque;
-    const S torque = by_sensor ? (sensor ? out.sensor_torque : missing) : in.motor_torque;
-    state.observer_wait += in.period;
-    const bool seen =
-        observed(*config.observer, state.observer, in.momentum, torque - in.observer_intrinsic,
-                 state.observer_wait, out.external_observer);
-    return ran(seen, Stage::observer, out);
+  /// All that comes after the sensor; its torque and external torque are NaN where it missed.
+  template <typename Stages>
+  static constexpr void estimate(const Stages& stages, State& state, const Input& in, S torque,
+                                 S sensor, Output& out) noexcept {
+    const S observer = observe(stages, state, in, torque, out);
+    const S compliance = untwist(stages, state, in, out);
+    const S link = observe_link(stages, state, in, compliance, out);
+    const S still = stages.at_rest == AtRest::compliance ? compliance : link;
+    const S merged = merge(stages, state, in, observer, still, out);
+    const S watched = stages.watched == Watched::observer ? observer
+                      : stages.watched == Watched::sensor ? sensor
+                      : stages.watched == Watched::merged ? merged
+                                                          : link;
+    watch(stages, state, in, watched, out);
   }
 
-  static constexpr bool observe_link(const Config& config, State& state, const Input& in,
-                                     bool compliance, Output& out) noexcept {
-    if (!config.compliant_observer) return false;
-    state.compliant_wait += in.period;
-    const bool seen = observed(*config.compliant_observer, state.compliant_observer,
-                               in.link_momentum, compliance ? out.external_compliance : missing,
-                               state.compliant_wait, out.external_compliant_observer);
-    return ran(seen, Stage::compliant_observer, out);
+ private:
+  /// Sets the bit of a stage that missed.
+  static constexpr S miss(Stage stage, Output& out) noexcept {
+    out.missed = out.missed | stage;
+    return missing;
   }
 
-  /// `wait`: s since the last good sample, 0 behind one.
-  static constexpr bool observed(const typename Observer::Config& config,
-                                 typename Observer::State& state, S momentum, S known_torque,
-                                 S& wait, S& external) noexcept {
-    const Status seen = Observer::step(config, state, momentum, known_torque, wait, external);
+  template <typename Stages>
+  static constexpr S observe(const Stages& stages, State& state, const Input& in, S sensor_torque,
+                             Output& out) noexcept {
+    if (const auto* observer = given(stages.observer)) {
+      const bool by_sensor = stages.observer_input == ObserverInput::sensor_torque;
+      const S known = (by_sensor ? sensor_torque : in.motor_torque) - in.observer_intrinsic;
+      const S found =
+          observed(*observer, state.observer, in.momentum, known, in.period, state.observer_wait);
+      if (!math::is_finite(found)) return miss(Stage::observer, out);
+      return out.external_observer = found;
+    }
+    return missing;
+  }
+
+  template <typename Stages>
+  static constexpr S observe_link(const Stages& stages, State& state, const Input& in, S compliance,
+                                  Output& out) noexcept {
+    if (const auto* observer = given(stages.compliant_observer)) {
+      const S found = observed(*observer, state.compliant_observer, in.link_momentum, compliance,
+                               in.period, state.compliant_wait);
+      if (!math::is_finite(found)) return miss(Stage::compliant_observer, out);
+      return out.external_compliant_observer = found;
+    }
+    return missing;
+  }
+
+  /// `wait`: s between the last good sample and the one before this.
+  static constexpr S observed(const typename Observer::Config& config,
+                              typename Observer::State& state, S momentum, S known_torque, S period,
+                              S& wait) noexcept {
+    S external = missing;
+    const S since = wait + period;
+    const Status seen = Observer::advance(config, state, momentum, known_torque, since, external);
     // After a gap too long for Euler: start again from where it was.
     if (seen == Status::out_of_range) state.started = false;
-    if (seen == Status::ok || seen == Status::out_of_range) wait = S(0);
-    return seen == Status::ok;
+    wait = seen == Status::not_finite ? since : S(0);
+    return external;
   }
 
-  static constexpr bool untwist(const Config& config, State& state, const Input& in,
-                                Output& out) noexcept {
-    if (!config.compliance) return false;
-    FlaggedTorque<S> gear;
-    const bool read = math::is_finite(in.gear_known) && twisted(config, state, in, gear);
-    const S external = gear.torque - in.gear_known;
-    if (!ran(read && math::is_finite(external), Stage::compliance, out)) return false;
-    out.external_compliance = external;
-    out.flags = out.flags | gear.flags;
-    return true;
-  }
-
-  static constexpr bool twisted(const Config& config, State& state, const Input& in,
-                                FlaggedTorque<S>& gear) noexcept {
-    if (!config.hysteresis) return config.compliance->torque(in.torsion, gear) == Status::ok;
-    S left = S(0);
-    return config.hysteresis->torque(*config.compliance, state.hysteresis, in.torsion, left,
-                                     gear) == Status::ok;
-  }
-
-  static constexpr bool merge(const Config& config, State& state, const Input& in, bool fresh,
-                              Output& out) noexcept {
-    if (!config.kalman && !config.logistic) return false;
-    if (config.kalman) state.kalman_wait += in.period;
-    if (!ran(fresh, Stage::merge, out)) return false;
-    const S still = config.at_rest == AtRest::compliance ? out.external_compliance
-                                                         : out.external_compliant_observer;
-    if (!config.kalman) {
-      const Status merged = config.logistic->merge(in.velocity, out.external_observer, still,
-                                                   out.merge_weight, out.external_merged);
-      return ran(merged == Status::ok, Stage::merge, out);
+  template <typename Stages>
+  static constexpr S untwist(const Stages& stages, State& state, const Input& in,
+                             Output& out) noexcept {
+    if (const auto* compliance = given(stages.compliance)) {
+      FlaggedTorque<S> gear{missing, Flag::none};
+      if (const auto* hysteresis = given(stages.hysteresis)) {
+        S left = S(0);
+        if (math::is_finite(in.gear_known)) {
+          (void)hysteresis->torque(*compliance, state.hysteresis, in.torsion, left, gear);
+        }
+      } else {
+        gear = compliance->twisted(in.torsion);
+      }
+      const S external = gear.torque - in.gear_known;
+      if (!math::is_finite(external)) return miss(Stage::compliance, out);
+      out.flags = out.flags | gear.flags;
+      return out.external_compliance = external;
     }
-    const Status merged =
-        Kalman::step(*config.kalman, state.kalman, in.velocity, out.external_observer, still,
-                     state.kalman_wait, out.external_merged);
-    if (merged == Status::ok) state.kalman_wait = S(0);
-    return ran(merged == Status::ok, Stage::merge, out);
+    return missing;
   }
 
-  static constexpr void watch(const Config& config, State& state, const Input& in, bool fresh,
+  template <typename Stages>
+  static constexpr S merge(const Stages& stages, State& state, const Input& in, S moving, S still,
+                           Output& out) noexcept {
+    S found = missing;
+    if (const auto* kalman = given(stages.kalman)) {
+      const S since = state.kalman_wait + in.period;
+      const Status merged =
+          Kalman::advance(*kalman, state.kalman, in.velocity, moving, still, since, found);
+      state.kalman_wait = merged == Status::ok ? S(0) : since;
+    } else if (const auto* logistic = given(stages.logistic)) {
+      (void)logistic->advance(in.velocity, moving, still, out.merge_weight, found);
+    } else {
+      return missing;
+    }
+    if (!math::is_finite(found)) return miss(Stage::merge, out);
+    return out.external_merged = found;
+  }
+
+  template <typename Stages>
+  static constexpr void watch(const Stages& stages, State& state, const Input& in, S residual,
                               Output& out) noexcept {
-    if (!config.collision) return;
-    state.collision_wait += in.period;
-    const S residual = config.watched == Watched::observer ? out.external_observer
-                       : config.watched == Watched::sensor ? out.external_sensor
-                       : config.watched == Watched::merged ? out.external_merged
-                                                           : out.external_compliant_observer;
-    const bool good =
-        fresh && Detector::step(*config.collision, state.collision, residual, in.velocity,
-                                state.collision_wait, out.contact) == Status::ok;
-    if (ran(good, Stage::collision, out)) state.collision_wait = S(0);
+    if (const auto* collision = given(stages.collision)) {
+      using Estimator = typename std::remove_cvref_t<decltype(*collision)>::Estimator;
+      const S since = state.collision_wait + in.period;
+      const bool good = Estimator::advance(*collision, state.collision, residual, in.velocity,
+                                           since, out.contact) == Status::ok;
+      if (!good) (void)miss(Stage::collision, out);
+      state.collision_wait = good ? S(0) : since;
+    }
   }
 };
 
