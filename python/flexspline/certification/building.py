@@ -31,8 +31,9 @@ class Built:
 
 @dataclass(frozen=True)
 class Sizes:
-    """Bytes of what one step needs: code with constants, and memory with its initial values."""
+    """Bytes of what one step needs: code with constants, these with initial values, and memory."""
 
+    code: int
     flash: int
     ram: int
 
@@ -93,7 +94,7 @@ def sizes_of(device: Device, built: Built, folder: Path) -> Sizes:
         measured = alone(device, built, folder)
     said = call([found(device.size), measured], folder, does="measuring the size").decode()
     text, data, bss = (int(word) for word in said.splitlines()[1].split()[:3])
-    return Sizes(text + data, data + bss)
+    return Sizes(text, text + data, data + bss)
 
 
 def alone(device: Device, built: Built, folder: Path) -> Path:

@@ -171,11 +171,13 @@ def _cost(device: Device, built: Built, folder: Path, subject: _Subject, made: R
         count = counted_on_host(built, folder, rows)
         how = "mean of the first samples, counted by callgrind" if count else "valgrind is missing"
         none = "not measured on a host"
-        return Cost(sizes.flash, sizes.ram, None, none, count, None, how, None, none, calls)
+        bytes_of = (sizes.flash, sizes.code, sizes.ram)
+        return Cost(*bytes_of, None, none, count, None, how, None, none, calls)
     median = float(np.median(made.instructions))
     weight = cycles_per_instruction(device, built, folder)
     return Cost(
         flash_bytes=sizes.flash,
+        code_bytes=sizes.code,
         ram_bytes=sizes.ram,
         stack_bytes=made.stack_bytes,
         stack_by="painted, deepest over the log",

@@ -24,6 +24,7 @@ class Cost:
     ----------
     flash_bytes : code, constants and initial values of the step and what it calls; without
         start-up code and the program that streams.
+    code_bytes : of these, code and constants alone.
     ram_bytes : state, readings and outputs of one joint.
     stack_bytes : deepest use of the steps over the log; `stack_by` says how it was found.
     instructions_per_step : median over the samples; `instructions_by` says how they were counted.
@@ -33,6 +34,7 @@ class Cost:
     """
 
     flash_bytes: int | None
+    code_bytes: int | None
     ram_bytes: int | None
     stack_bytes: int | None
     stack_by: str

@@ -92,7 +92,8 @@ def _sentences(made: Certificate) -> list[str]:
         said.append(f"{count} instructions per step{most} ({cost.instructions_by})")
     if cost.cycles_per_step is not None:
         said.append(f"about {cost.cycles_per_step:.0f} cycles per step ({cost.cycles_by})")
-    sizes = {"flash": cost.flash_bytes, "RAM": cost.ram_bytes, "stack": cost.stack_bytes}
+    sizes = {"code": cost.code_bytes, "flash": cost.flash_bytes, "RAM": cost.ram_bytes}
+    sizes["stack"] = cost.stack_bytes
     known = [f"{name} {size} bytes" for name, size in sizes.items() if size is not None]
     if known:
         said.append(f"{', '.join(known)} (stack: {cost.stack_by})")
