@@ -11,7 +11,6 @@ from pathlib import Path
 import chain_rig
 import device
 import jsonschema
-import numpy as np
 import pytest
 from click.testing import CliRunner
 from every_effect import all_of, exported, rich
@@ -33,18 +32,6 @@ if any(shutil.which(tool) is None for tool in NEEDED):
     device.lacking("arm-none-eabi-g++ or qemu-system-arm is missing; see .ci/run for the packages")
 
 
-def raw_channels(rows: int) -> Log:
-    """The rig's log without its sensor torque, with readings missing and a gap."""
-    log = chain_rig.without(chain_rig.raw_log(rows), "sensor_torque")
-    rng = np.random.default_rng(4)
-    holed = {}
-    for name in ("sensor_voltage", "thermistor_voltage", "motor_position", "motor_torque"):
-        holed[name] = log[name].copy()
-        holed[name][rng.choice(rows, rows // 100, replace=False)] = np.nan
-    log = log.with_columns(holed, note="readings missing")
-    return log.rows(np.r_[0 : rows // 2, rows // 2 + 50 : rows], note="a gap")
-
-
 def valid(made: Certificate) -> dict:
     """The certificate as JSON, after its schema accepted it."""
     folder = importlib.resources.files("flexspline") / "schemas"
@@ -56,7 +43,7 @@ def valid(made: Certificate) -> dict:
 
 @pytest.mark.parametrize("target", CORTEX)
 def test_the_whole_chain_has_the_bits_of_the_host(target: str) -> None:
-    log = raw_channels(20_000)
+    log = chain_rig.raw_channels(20_000)
     made = flexspline.certify(chain_rig.whole_joint(), log, target)
     said = valid(made)
     assert made.bit_identical and said["bit_identical"]
@@ -87,7 +74,7 @@ def test_all_effects_of_a_target_have_the_bits_of_the_host(target: str) -> None:
 
 def small() -> tuple[flexspline.Model, Log]:
     """A calibrated sensor alone, and a short log of it."""
-    return chain_rig.joint(chain_rig.CALIBRATION), raw_channels(500)
+    return chain_rig.joint(chain_rig.CALIBRATION), chain_rig.raw_channels(500)
 
 
 def test_instructions_are_counted_alike_in_each_run() -> None:

@@ -152,3 +152,15 @@ def without(log: Log, *names: str) -> Log:
     """The log without some channels."""
     kept = {name: log[name] for name in log.channels if name not in names}
     return Log.from_arrays(facts=dict(log.facts), **kept)
+
+
+def raw_channels(rows: int) -> Log:
+    """The rig's log without its sensor torque, with readings missing and a gap."""
+    log = without(raw_log(rows), "sensor_torque")
+    rng = np.random.default_rng(4)
+    holed = {}
+    for name in ("sensor_voltage", "thermistor_voltage", "motor_position", "motor_torque"):
+        holed[name] = log[name].copy()
+        holed[name][rng.choice(rows, rows // 100, replace=False)] = np.nan
+    log = log.with_columns(holed, note="readings missing")
+    return log.rows(np.r_[0 : rows // 2, rows // 2 + 50 : rows], note="a gap")

@@ -1,0 +1,48 @@
+"""What a step of the ten-harmonic chain costs a Cortex-M4F, counted; and that it has no heap."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from pathlib import Path
+
+import chain_rig
+import device
+import device_chains
+import pytest
+
+import flexspline
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "bench"))
+
+import chain
+
+NEEDED = ("arm-none-eabi-g++", "qemu-system-arm")
+
+if any(shutil.which(tool) is None for tool in NEEDED):
+    device.lacking("arm-none-eabi-g++ or qemu-system-arm is missing; see .ci/run for the packages")
+
+
+def test_ten_harmonics_cost_at_most_450_instructions_and_2500_bytes() -> None:
+    made = flexspline.certify(
+        device_chains.ten_harmonics(), chain_rig.raw_channels(2000), "cortex-m4f"
+    )
+    assert made.bit_identical
+    assert 300 < made.cost.instructions_per_step <= 450
+    assert made.cost.most_instructions <= 500  # a new period and a mesh at its pole in one sample
+    assert 1500 < made.cost.code_bytes <= 2500
+
+
+def test_with_thermistor_and_detector_no_step_costs_more_than_700() -> None:
+    made = flexspline.certify(
+        device_chains.everything(), chain_rig.raw_channels(2000), "cortex-m4f"
+    )
+    assert made.bit_identical
+    assert 400 < made.cost.instructions_per_step <= made.cost.most_instructions <= 700
+
+
+@pytest.mark.parametrize("scalar", ["float", "double"])
+def test_a_step_calls_no_heap(scalar: str) -> None:
+    log = chain_rig.raw_channels(2000)
+    *times, calls = chain.host_steps(device_chains.everything(), log, scalar, "2")
+    assert calls == 0 and all(time > 0.0 for time in times)
