@@ -41,15 +41,24 @@ def first_whitening(problem: Problem, sheet: Sheet) -> Whitening:
 def restricted_whitening(
     problem: Problem, work: Working, beside: Sequence[Nameless] = ()
 ) -> Whitening:
-    """Noise beside a model and functions without a name, what both swallow of it accounted for."""
+    """Noise beside a model and functions without a name, what both swallow of it accounted for.
+
+    It starts from the residual of plain least squares beside all of them: from the model's own
+    residual, what only the functions explain would begin as slow noise, and remain it. Not so
+    where the target was low-passed: what the functions leave there is a narrow band, whose inverse
+    lifts what the low pass has left above its cut-off over all else.
+    """
     sheet = work.sheet(functions=beside)
+    beta = np.append(work.coefficients[work.free], np.zeros(sheet.width - len(work.free)))
+    if problem.lowpass is None:
+        plain = Whitening(np.ones(1), 1.0, problem.decimation)
+        beta = solved(tabulated(problem, sheet, plain).total, np.arange(sheet.width))
 
     def chunks() -> Iterator[Chunk]:
         for starts, made in sheet.pieces(problem):
             begun = np.zeros(len(made), dtype=bool)
             begun[0] = starts
-            left = made[:, -1] - made[:, : len(work.free)] @ work.coefficients[work.free]
-            yield Chunk(made[:, :-1], left, begun, None)
+            yield Chunk(made[:, :-1], made[:, -1] - made[:, :-1] @ beta, begun, None)
 
     rows = sum(run.counted for run in problem.runs)
     noise = noise_model(
