@@ -1,6 +1,7 @@
 """Forward simulation against scipy.integrate.solve_ivp at equal accuracy, in one process.
 
-    python tests/bench/simulation_speed.py
+    python tests/bench/simulation_speed.py              # half an hour; both tables
+    python tests/bench/simulation_speed.py formula      # the one with torques as formulas
 
 Two joints, both smooth, so that scipy has nothing to locate: the gear of the third paper between
 two masses, and a rigid gear. Rows at three rates each, and for each the accuracies that one may
@@ -25,6 +26,7 @@ steps of fixed length per second.
 
 from __future__ import annotations
 
+import argparse
 import math
 import time as clock
 import warnings
@@ -285,8 +287,10 @@ def table(recorded: bool) -> None:
 
 
 def main() -> None:
-    table(recorded=True)
-    table(recorded=False)
+    parser = argparse.ArgumentParser()
+    parser.add_argument("torques", nargs="*", choices=["recorded", "formula", []])
+    for torques in parser.parse_args().torques or ("recorded", "formula"):
+        table(recorded=torques == "recorded")
     steps_per_second()
 
 

@@ -74,7 +74,7 @@ def discover(
     from flexspline.discovery.rest import moving
     from flexspline.discovery.steady import steadied
     from flexspline.discovery.study import study_of
-    from flexspline.fit.fitting import fit, fit_near
+    from flexspline.fit.fitting import fit, fit_near, with_orders
     from flexspline.fit.problem import problem_of
     from flexspline.logs.log import Log
 
@@ -101,11 +101,11 @@ def discover(
             bar.update()
             bar.set_description(what)
 
-        effects = start.effects
+        effects: Sequence[Effect] = with_orders(start.effects, orders or {})
         if any(e.ripple and not e.harmonics for e in effects):
             effects = fit(
                 effects, runs, start.target, known_load=start.known_load, lowpass=lowpass,
-                orders=orders, fixed=start.fixed, checks=False, threads=threads,
+                fixed=start.fixed, checks=False, threads=threads,
             ).part.effects  # fmt: skip
         study = study_of(
             effects,

@@ -22,7 +22,7 @@ if TYPE_CHECKING:  # what is heavy is imported where it is used: `flexspline --h
     from flexspline.model import Model
     from flexspline.output_error.settings import Settings
 
-__all__ = ["fit", "fit_near"]
+__all__ = ["fit", "fit_near", "with_orders"]
 
 ROWS_A_PARAMETER = 3
 SETTLING_ROUNDS = 3
@@ -124,7 +124,7 @@ def fit(
             raise InputError(
                 f"logs holds a {type(run).__name__}; give logs, as read_log makes them"
             )
-    chosen = _chosen(effects, orders or {})
+    chosen = with_orders(effects, orders or {})
     if by != "regression" or controller is not None or free_controller:
         _require_simulation(by, priors, offset_per_run)
         regression = partial(
@@ -216,9 +216,10 @@ def _by_simulation(*given: Any) -> Fit:
     return fit_by_simulation(*given)
 
 
-def _chosen(
+def with_orders(
     effects: str | Effect | Iterable[str | Effect], orders: Mapping[str, Sequence[int]]
 ) -> list[Effect]:
+    """Return effects by their names, ripples with the orders that are given by name of effect."""
     from flexspline.fit.names import resolve
 
     named = [effects] if isinstance(effects, (str, Effect)) else effects
