@@ -17,7 +17,7 @@ __all__ = ["Cost"]
 
 Array = NDArray[np.float64]
 
-STEP = 4e-3
+STEP = 8e-3
 """Of a coordinate, for differences. Where a joint sticks one row longer, its motion jumps a little:
 a step must be wide enough to see the slope behind such jumps."""
 FAR = 10.0  # rad: what counts for a motion that runs away

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,25 +34,31 @@ class Descent:
 
 
 def descend(cost: Cost, start: Array, most: int) -> Descent:
-    """Descend from a start; `most`: evaluations of the residuals."""
+    """Descend from a start, by slopes to one side and then to both, which stall later.
+
+    `most`: evaluations of the residuals on each of the two ways.
+    """
     low, high = cost.space.bounds
     inside = INSIDE * np.maximum(np.abs(start), 1.0)
     begin = np.clip(start, low + inside, high - inside)
     first = cost.rmse(begin)
-    found = least_squares(
-        cost.residuals,
-        begin,
-        jac=cost.jacobian,
-        bounds=(low, high),
-        method="trf",
-        x_scale="jac",
-        ftol=TOLERANCE,
-        xtol=TOLERANCE,
-        gtol=None,
-        max_nfev=most,
-    )
+    point, count = begin, 0
+    for slopes in (cost.jacobian, partial(cost.jacobian, central=True)):
+        found = least_squares(
+            cost.residuals,
+            point,
+            jac=slopes,
+            bounds=(low, high),
+            method="trf",
+            x_scale="jac",
+            ftol=TOLERANCE,
+            xtol=TOLERANCE,
+            gtol=None,
+            max_nfev=most,
+        )
+        point, count = np.clip(found.x, low + inside, high - inside), count + int(found.nfev)
     rmse = float(np.sqrt(2.0 * found.cost / len(found.fun)))
-    return Descent(first, rmse, begin, found.x, int(found.nfev))
+    return Descent(first, rmse, begin, found.x, count)
 
 
 def drawn_starts(cost: Cost, count: int, seed: int) -> list[Array]:
