@@ -36,7 +36,7 @@ def model(level: float) -> Model:
 
 
 def certificate(level: float) -> Certificate:
-    cost = Cost(1, 1, None, "", None, None, "", None, "")
+    cost = Cost(1, 1, 1, None, "", None, None, "", None, "")
     log = {"name": "run", "rows": 1, "sha256": None}
     named = ("host", "this machine", None, "c++", ("-O2",) * int(1000 * level), "estimators", "0")
     output = OutputDifference("sensor_torque", "Nm", 1, 0, 0, 0.0, level, level)
