@@ -81,8 +81,10 @@ struct ReadingChecks {
       in.output_position = in.motor_position = std::nullopt;
       in.output_velocity = in.output_acceleration = Reading<S>::missing;
     }
-    if (take_out(in.sensor_voltage, config.least_voltage, config.most_voltage) |
-        take_out(in.sensor_torque, -config.most_sensor_torque, config.most_sensor_torque)) {
+    if (take_out(in.sensor_voltage, config.least_voltage, config.most_voltage)) {
+      found = found | Fault::sensor;
+    }
+    if (take_out(in.sensor_torque, -config.most_sensor_torque, config.most_sensor_torque)) {
       found = found | Fault::sensor;
     }
     if (take_out(in.motor_torque, -config.most_motor_torque, config.most_motor_torque)) {
