@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import json
-import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +20,7 @@ from flexspline.files import atomic_write
 from flexspline.logs.derive import lowpass
 from flexspline.logs.log import Log
 from flexspline.part import PART_OF, SIDES, Part, part_from_json, part_to_json
-from flexspline.schema import require_schema
+from flexspline.schema import json_content, require_schema
 from flexspline.signals import channels_for, core_channels, gear_of, target_of
 
 __all__ = ["PART_OF", "Model", "Part", "Prediction"]
@@ -218,20 +216,7 @@ class Model:
     @classmethod
     def from_json(cls, text: str, label: str = "model") -> Model:
         """Return the model that `to_json` wrote; `label` is what errors call it."""
-        try:
-            content = json.loads(
-                text,
-                parse_constant=partial(_no_constant, label),
-                parse_int=partial(_number, label, int),
-                parse_float=partial(_number, label, float),
-            )
-        except RecursionError as error:
-            raise InputError(f"{label}: is nested too deep; give a model.json") from error
-        except json.JSONDecodeError as error:
-            raise InputError(
-                f"{label}: is no JSON (line {error.lineno}, column {error.colno}); "
-                "give a model.json"
-            ) from error
+        content = json_content(text, label)
         if not isinstance(content, dict) or content.get("format") != FORMAT:
             raise InputError(f"{label}: is no flexspline model; give a model.json")
         if content.get("version") != VERSION:
@@ -297,17 +282,3 @@ def _by_motor_encoder(part: Part, log: Log) -> bool:
             "log lacks; map a column to it or fit the model without"
         )
     return "motor_position" in fitted
-
-
-def _no_constant(label: str, word: str) -> float:
-    raise InputError(f"{label}: holds {word}, which is no JSON number; fit the model again")
-
-
-def _number(label: str, kind: type[int] | type[float], word: str) -> int | float:
-    """The number of a word; one beyond a double's range is refused."""
-    if not math.isfinite(float(word)):
-        raise InputError(
-            f"{label}: holds {shortened(word, 40)}, which is beyond the range of a double; "
-            "fit the model again"
-        )
-    return kind(word)

@@ -1,17 +1,41 @@
-"""The schema of `model.json`, and the sentence for what does not fit it."""
+"""What `model.json` may hold, and the sentence for what it may not."""
 
 from __future__ import annotations
 
 import importlib.resources
 import json
-from functools import cache
+import math
+from functools import cache, partial
 from typing import Any
 
 import jsonschema
 
 from flexspline.errors import InputError, shortened
 
-__all__ = ["require_schema"]
+__all__ = ["json_content", "require_schema"]
+
+
+def json_content(text: str, label: str) -> object:
+    """Return what a JSON text holds; `label` is what errors call it.
+
+    Raises
+    ------
+    InputError
+        Where the text is no JSON, or holds a number that no double can.
+    """
+    try:
+        return json.loads(
+            text,
+            parse_constant=partial(_no_constant, label),
+            parse_int=partial(_number, label, int),
+            parse_float=partial(_number, label, float),
+        )
+    except RecursionError as error:
+        raise InputError(f"{label}: is nested too deep; give a model.json") from error
+    except json.JSONDecodeError as error:
+        raise InputError(
+            f"{label}: is no JSON (line {error.lineno}, column {error.colno}); give a model.json"
+        ) from error
 
 
 def require_schema(content: dict[str, Any], label: str) -> None:
@@ -29,3 +53,17 @@ def _schema() -> dict[str, Any]:
     file = importlib.resources.files("flexspline") / "schemas" / "model.schema.json"
     content: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
     return content
+
+
+def _no_constant(label: str, word: str) -> float:
+    raise InputError(f"{label}: holds {word}, which is no JSON number; fit the model again")
+
+
+def _number(label: str, kind: type[int] | type[float], word: str) -> int | float:
+    """The number of a word; one beyond a double's range is refused."""
+    if not math.isfinite(float(word)):
+        raise InputError(
+            f"{label}: holds {shortened(word, 40)}, which is beyond the range of a double; "
+            "fit the model again"
+        )
+    return kind(word)
