@@ -110,15 +110,27 @@ def test_a_late_velocity_of_the_iiwa_is_a_fault_before_any_friction(joint: int, 
     assert 0.031 <= late.size <= 0.076
 
 
-def test_friction_of_iiwa_joint_1_builds_up_over_an_angle_at_every_speed() -> None:
-    """Four speeds tell an angle from a delay; each is predicted by the other three."""
+@cache
+def four_speeds() -> Discovery:
+    """Joint 1 of the iiwa: four speeds tell an angle from a delay; each is left out once."""
     runs = [repaired(iiwa(1, speed), MENDED) for speed in ("p15", "p3", "p45", "1")]
     runs = [log.rows(slice(200, 200 + int(30 * log.rate))) for log in runs]
     base = ["offset", "coulomb_friction", "viscous_friction"]
-    made = flexspline.discover(base, runs, target="sensor_torque", lowpass=10.0)
+    return flexspline.discover(base, runs, target="sensor_torque", lowpass=10.0)
+
+
+def test_friction_of_iiwa_joint_1_builds_up_over_an_angle_at_every_speed() -> None:
+    made = four_speeds()
     assert made.names[0] == "presliding_friction"
     assert made.found[0].rmse_after < 0.17
-    assert made.found[0].rmse_after < made.base_rmse / 3
+
+
+@pytest.mark.xfail(
+    reason="0.166 of 0.543 Nm are left: a bar of when the base missed 0.67", strict=True
+)
+def test_it_leaves_less_than_three_tenths_of_what_the_base_misses() -> None:
+    made = four_speeds()
+    assert made.found[0].rmse_after < 0.3 * made.base_rmse
 
 
 @cache
