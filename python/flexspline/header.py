@@ -147,6 +147,8 @@ def _expectations(model: Model, part: Part) -> Iterator[str]:
         else:
             unit, meaning = COUNTED.get(name) or CHANNELS[name]
             yield f"Reads {name} [{unit}]: {meaning}"
+    for one in part.preparations:
+        yield f"Expects {one.channel} {one.how} (-3 dB), zero phase, as in the logs of the fit."
     hertz = part.record.get("lowpass")
     if hertz:
         yield f"Fitted to target and rows low-passed at {hertz:g} Hz (-3 dB), zero phase."

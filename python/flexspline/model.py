@@ -20,6 +20,7 @@ from flexspline.files import atomic_write
 from flexspline.logs.derive import lowpass
 from flexspline.logs.log import Log
 from flexspline.part import PART_OF, SIDES, Part, part_from_json, part_to_json
+from flexspline.prepared import prepared
 from flexspline.schema import json_content, require_schema
 from flexspline.signals import channels_for, core_channels, gear_of, target_of
 
@@ -132,7 +133,7 @@ class Model:
         Parameters
         ----------
         log : with the channels that the effects read; a missing velocity or acceleration is
-            derived from the position.
+            derived from the position, and one that the model expects smoothed is smoothed.
         target : which part; None picks the only one.
         lowpass_hz : zero-phase low pass on both, Hz; None for none.
 
@@ -143,6 +144,7 @@ class Model:
         """
         part = self.part(target)
         self.require_gear(log)
+        log = prepared(log, part.preparations)
         log = channels_for(log, part.effects, part.known_load, load_needed=False)
         predicted = self._evaluate(part, log, part.coefficients)
         measured = self._measured(part, log)
@@ -158,6 +160,7 @@ class Model:
     def components(self, log: Log, target: str | None = None) -> dict[str, Array]:
         """Return what each effect contributes, (N,) by its name, in the unit of the target."""
         part = self.part(target)
+        log = prepared(log, part.preparations)
         log = channels_for(log, part.effects, part.known_load, load_needed=False)
         rows = self._design(part, log).rows(
             core_channels(log, part.effects, part.known_load), len(log), part.coefficients

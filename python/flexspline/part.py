@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from flexspline.effects import UNITS, Effect, require_effects
 from flexspline.errors import InputError
+from flexspline.prepared import Preparation, preparations_of
 
 __all__ = ["PART_OF", "SIDES", "Part", "part_from_json", "part_to_json"]
 
@@ -61,6 +62,11 @@ class Part:
     @property
     def unit(self) -> str:
         return UNITS[self.target]
+
+    @property
+    def preparations(self) -> tuple[Preparation, ...]:
+        """How channels are to be made before the effects read them."""
+        return preparations_of(self.record)
 
 
 def part_to_json(part: Part) -> dict[str, Any]:

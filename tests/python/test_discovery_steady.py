@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
-import numpy as np
+import json
+from dataclasses import replace
+from functools import cache
 
+import numpy as np
+import pytest
+
+import flexspline
+from flexspline.discovery.grades import graded
 from flexspline.discovery.steady import steadied
 from flexspline.effects import effect
+from flexspline.header import header_text
 from flexspline.logs.log import Log
+from flexspline.prepared import Preparation
 
 RATE, WIDTH, LEVEL = 200.0, 0.03, 0.4
 BASE = (effect("offset"), effect("coulomb_friction"), effect("viscous_friction"))
@@ -33,8 +42,9 @@ def run(seed: int, noise: float) -> Log:
 
 def looked_at(noise: float) -> tuple[list[Log], list[Log], int]:
     logs = [run(seed, noise) for seed in range(4)]
-    made, faults = steadied(logs, BASE, "sensor_torque", None, {}, lambda log: log)
+    made, faults, ways = steadied(logs, BASE, "sensor_torque", None, {}, lambda log: log)
     assert {fault.name for fault in faults} <= {"velocity_noise"}
+    assert len(ways) == (1 if faults else 0)
     return logs, made, len(faults)
 
 
@@ -56,3 +66,63 @@ def test_a_smooth_velocity_stays_as_it_is() -> None:
     logs, made, faults = looked_at(0.0)
     assert faults == 0
     assert all(a is b for a, b in zip(logs, made, strict=True))
+
+
+@cache
+def found() -> flexspline.Discovery:
+    """Runs of a velocity so noisy that names are sought with a steadier one."""
+    return flexspline.discover(
+        BASE, [run(seed, 0.004) for seed in range(4)], target="sensor_torque"
+    )
+
+
+def test_a_model_found_with_a_steadier_velocity_steadies_it_before_it_predicts() -> None:
+    made = found()
+    (way,) = made.model.part().preparations
+    assert way.channel == "output_velocity"
+    kept = flexspline.Model.from_json(made.model.to_json())
+    assert kept.part().preparations == (way,)
+    as_recorded, as_found = run(0, 0.004), made.runs[0].log
+    assert not np.array_equal(as_recorded["output_velocity"], as_found["output_velocity"])
+    both = [kept.predict(log).predicted for log in (as_recorded, as_found)]
+    assert np.array_equal(*both)  # and what is steady already is not smoothed twice
+    assert f"Expects output_velocity {way.how}" in header_text(kept, "joint").replace("\n// ", " ")
+
+
+def test_a_model_of_before_says_nothing_of_its_channels_and_reads_them_as_they_are() -> None:
+    content = json.loads(found().model.to_json())
+    del content["sensor"]["prepared"]
+    old = flexspline.Model.from_json(json.dumps(content))
+    assert old.part().preparations == ()
+    log = run(0, 0.004)
+    assert not np.array_equal(old.predict(log).predicted, found().model.predict(log).predicted)
+
+
+def test_a_velocity_that_is_missing_in_a_row_is_missing_there_alone() -> None:
+    way = Preparation("output_velocity", "output_velocity", 16.0)
+    log = run(0, 0.004)
+    holed = np.array(log["output_velocity"])
+    holed[[700, 701]] = np.nan
+    made = way(log.with_columns({"output_velocity": holed}, note="holed"))["output_velocity"]
+    assert np.flatnonzero(np.isnan(made)).tolist() == [700, 701]
+
+
+@pytest.mark.parametrize("floor", [0.1, 10.0])
+def test_a_fault_matters_by_the_torque_it_makes_beside_the_noise_floor(floor: float) -> None:
+    made = found()
+    logs = [run(seed, 0.004) for seed in range(4)]
+    plain = [replace(fault, makes=None, grave=True) for fault in made.data_faults]
+    one = graded(plain, logs, made.fit, 1.0)[0]
+    assert one.makes is not None
+    moved = made.model.predict(logs[0]).predicted - recorded(made.model).predict(logs[0]).predicted
+    assert one.makes == pytest.approx(float(np.sqrt(np.mean(moved**2))), rel=1e-9)
+    assert graded(plain, logs, made.fit, floor * one.makes)[0].grave is (floor < 1.0)
+    title = "to be mended first" if made.data_faults[0].grave else "too little to matter"
+    assert title in str(made)
+
+
+def recorded(model: flexspline.Model) -> flexspline.Model:
+    """The model that reads its channels as they are."""
+    part = model.part()
+    record = {name: value for name, value in part.record.items() if name != "prepared"}
+    return model.with_part(replace(part, record=record), {})

@@ -34,6 +34,7 @@ from flexspline.export import export
 from flexspline.logs.log import Log
 from flexspline.logs.read import with_motor_torque
 from flexspline.model import Model
+from flexspline.prepared import prepared
 from flexspline.signals import channels_for
 
 __all__ = ["certify"]
@@ -147,12 +148,14 @@ def _subject(model: Model, log: Log, target: str | None) -> _Subject:
         outputs = {name: made for name, made in CHAIN_OUTPUTS.items() if made.estimator in stages}
         return _Subject("estimators", "joint_unit", None, outputs, log, None, tuple(said))
     part = model.part(target)
-    log = channels_for(log, part.effects, part.known_load)
+    log = channels_for(prepared(log, part.preparations), part.effects, part.known_load)
     if "motor_position" not in part.record.get("channels", ()):
         kept = {name: log[name] for name in log.channels if name != "motor_position"}
         log = Log.from_arrays(facts=dict(log.facts), **kept)
     outputs = {part.target: Output(0, part.unit)}
-    return _Subject(part.target, "model_unit", part.target, outputs, log, part.known_load, ())
+    notes = tuple(f"{one.channel} of the log was {one.how}, zero phase, as the model expects it"
+                  for one in part.preparations)  # fmt: skip
+    return _Subject(part.target, "model_unit", part.target, outputs, log, part.known_load, notes)
 
 
 def _run(

@@ -17,6 +17,7 @@ from flexspline.logs.log import Log
 from flexspline.logs.segments import median_step
 from flexspline.model import Model, Part
 from flexspline.part import PART_OF
+from flexspline.prepared import prepared
 from flexspline.signals import target_of
 
 __all__ = ["Compared", "ComparedRun", "load_of", "load_source_of", "located", "predicted"]
@@ -82,6 +83,7 @@ def predicted(
         Where a log lacks the target or a channel that an effect reads.
     """
     part = model.part(target)
+    logs = [prepared(log, part.preparations) for log in logs]
     source = load_source_of(part, logs)
     runs = tuple(_predicted_run(model, part, log, lowpass, source) for log in logs)
     return Compared(runs, part.target, part.unit, False, lowpass, source, part.unit)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from tqdm import tqdm
@@ -71,6 +71,7 @@ def discover(
     from flexspline.discovery.analysis import analysed
     from flexspline.discovery.assemble import assembled
     from flexspline.discovery.faults import data_faults, with_measured_ratio
+    from flexspline.discovery.grades import graded, with_preparations
     from flexspline.discovery.rest import moving
     from flexspline.discovery.steady import steadied
     from flexspline.discovery.study import study_of
@@ -84,7 +85,7 @@ def discover(
     start = _start(model_or_effects, target, known_load, fixed or {})
     faults = data_faults(runs, start.effects, start.target, start.known_load)
     runs, faults = with_measured_ratio(runs, faults, start.target)
-    runs, noisy = steadied(
+    steady, noisy, ways = steadied(
         runs,
         start.effects,
         start.target,
@@ -92,7 +93,7 @@ def discover(
         start.fixed,
         lambda log: moving(log, start.target),
     )
-    runs = [moving(log, start.target) for log in runs]
+    given, runs = ([moving(log, start.target) for log in some] for some in (runs, steady))
 
     style = {"bar_format": "{desc}{elapsed}", "leave": False, "delay": 1.0}
     with tqdm(desc="discovering", disable=not progress, **style) as bar:
@@ -118,13 +119,15 @@ def discover(
         )
         made = analysed(study, effects, start.fixed, say)
         say("errors and validation")
-        found = made.final.effects
+        effects = made.final.effects
         posed = problem_of(
-            runs, found, start.target, known_load=start.known_load, lowpass_hz=lowpass,
+            runs, effects, start.target, known_load=start.known_load, lowpass_hz=lowpass,
             threads=threads,
         )  # fmt: skip
-        refit = fit_near(posed, found, start.fixed, _bounds(made.final, start), start.model)
-        return assembled(made, faults + noisy, refit, limits)
+        refit = fit_near(posed, effects, start.fixed, _bounds(made.final, start), start.model)
+        found = assembled(made, faults + noisy, with_preparations(refit, ways), limits)
+        judged = graded(found.data_faults, given, found.fit, found.noise_floor)
+        return replace(found, data_faults=judged)
 
 
 @dataclass(frozen=True)

@@ -67,6 +67,8 @@ def discovery_json(made: Discovery) -> str:
                 "unit": fault.unit,
                 "run": fault.run,
                 "sentence": fault.sentence,
+                "makes": None if fault.makes is None else _number(fault.makes),
+                "grave": fault.grave,
             }
             for fault in made.data_faults
         ],

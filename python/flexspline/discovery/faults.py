@@ -20,7 +20,11 @@ NO_TWIST = tuple(name for name in NO_TORSION if name != RATIO)
 
 @dataclass(frozen=True)
 class DataFault:
-    """A fault of one run: `name` of the check, channel, size in `unit`, rows [first, last)."""
+    """A fault of one run: `name` of the check, channel, size in `unit`, rows [first, last).
+
+    `makes`: RMS of what it makes of the target, in its unit, None where that is not known. `grave`:
+    whether it matters beside the noise floor (`grades.py`).
+    """
 
     run: str
     name: str
@@ -29,6 +33,8 @@ class DataFault:
     unit: str
     rows: tuple[int, int]
     sentence: str
+    makes: float | None = None
+    grave: bool = True
 
 
 def data_faults(

@@ -34,9 +34,9 @@ from flexspline.discovery.working import Working, working
 from flexspline.effects import Effect
 from flexspline.errors import InputError
 from flexspline.fit.problem import Problem, problem_of
-from flexspline.logs.derive import differentiate, lowpass_log
 from flexspline.logs.grain import white_noise
 from flexspline.logs.log import Log
+from flexspline.prepared import Preparation
 
 __all__ = ["steadied"]
 
@@ -55,7 +55,7 @@ class _Version:
     """Logs with another velocity, and how it was made."""
 
     logs: list[Log]
-    how: str
+    made: Preparation
 
 
 def steadied(
@@ -65,15 +65,15 @@ def steadied(
     known_load: str | None,
     fixed: Mapping[str, float],
     taken: Callable[[Log], Log],
-) -> tuple[list[Log], tuple[DataFault, ...]]:
-    """Return the logs with the velocity that explains most, and the fault where it is another.
+) -> tuple[list[Log], tuple[DataFault, ...], tuple[Preparation, ...]]:
+    """Return the logs with the velocity that explains most; where it is another, fault and way.
 
     `taken`: the rows of a log that count.
     """
     logs = list(logs)
     noise = _noise(logs, base)
     if not noise > 0.0:
-        return logs, ()
+        return logs, (), ()
 
     def problem(of: Logs) -> Problem:
         return problem_of(
@@ -89,12 +89,12 @@ def steadied(
     plain = Whitening(np.ones(1), 1.0, given.decimation)
     work, _ = started(given, working(base, len(base), fixed), plain)
     if noise * _steepest(given, work) < HEARD * _left(given, work):
-        return logs, ()
+        return logs, (), ()
     versions = [v for v in _versions(logs) if all(map(_is_noise, logs, v.logs))]
     best, gain = _best(versions, problem, work, _deviance(given, work))
     if best is None or gain <= 0.0:
-        return logs, ()
-    return best.logs, _faults(logs, best)
+        return logs, (), ()
+    return best.logs, _faults(logs, best), (best.made,)
 
 
 def _noise(logs: Logs, base: Sequence[Effect]) -> float:
@@ -166,25 +166,16 @@ def _best(
 
 
 def _versions(logs: Logs) -> Iterator[_Version]:
-    for share in SHARES:
-        width = share * float(np.median([log.rate for log in logs]))
+    rate = float(np.median([log.rate for log in logs]))
+    sources = [VELOCITY, *([ANGLE] if all(ANGLE in log for log in logs) else [])]
+    ways = [Preparation(VELOCITY, source, share * rate) for source in sources for share in SHARES]
+    for way in ways:
         try:
-            yield _Version(
-                [lowpass_log(log, width, (VELOCITY,)) for log in logs],
-                f"smoothed at {width:.3g} Hz",
-            )
-        except InputError:
-            continue
-    if not all(ANGLE in log for log in logs):
-        return
-    for share in SHARES:
-        width = share * float(np.median([log.rate for log in logs]))
-        try:
-            made = [differentiate(log, bandwidth=width, channels=(VELOCITY,)) for log in logs]
+            made = [way(log) for log in logs]
         except InputError:
             continue
         if all(np.isfinite(log[VELOCITY]).all() for log in made):
-            yield _Version(made, f"derived from {ANGLE} at {width:.3g} Hz")
+            yield _Version(made, way)
 
 
 def _is_noise(log: Log, other: Log) -> bool:
@@ -207,7 +198,7 @@ def _faults(logs: Logs, best: _Version) -> tuple[DataFault, ...]:
                 (0, len(log)),
                 f"{log.name}: {VELOCITY} is noisy by {size:.2g} rad/s RMS, which friction that "
                 f"follows it shows and the joint does not; names are looked for with the velocity "
-                f"{best.how}.",
+                f"{best.made.how}.",
             )
         )
     return tuple(found)

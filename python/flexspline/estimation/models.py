@@ -144,6 +144,7 @@ def _predicted(model: Model, part: Part | None, log: Log, load: Array, say: Say)
         log = log.with_columns({LOAD: load}, note="the load as the chain knows it")
     else:
         part = replace(part, known_load=None)
+    part = _as_recorded(part, say)
     log = _whole_rows(part, log)
     try:
         channels_for(log, part.effects, part.known_load)
@@ -152,6 +153,16 @@ def _predicted(model: Model, part: Part | None, log: Log, load: Array, say: Say)
         return np.full(len(log), np.nan)
     alone = replace(model, parts={PART_OF[part.target]: part}, estimators={})
     return alone.predict(log).predicted
+
+
+def _as_recorded(part: Part, say: Say) -> Part:
+    """The part reading its channels as they are: a smoother that looks ahead runs on no joint."""
+    for one in part.preparations:
+        say(
+            f"the part for {part.target} was found with {one.channel} {one.how}, zero phase; here "
+            "it reads the channel as it is, as the joint does"
+        )
+    return replace(part, record={k: v for k, v in part.record.items() if k != "prepared"})
 
 
 def _whole_rows(part: Part, log: Log) -> Log:

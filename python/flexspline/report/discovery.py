@@ -14,6 +14,7 @@ from flexspline.report.discovery_content import (
     best_rivals,
     discovery_call,
     effect_lines,
+    faults_told,
     headlines,
     remarks,
     shrunk_tables,
@@ -45,9 +46,8 @@ PLAN = (
 def discovery_text(made: Discovery) -> str:
     """Return what `print(discovery)` shows."""
     blocks = [_wrapped(verdict(made))]
-    if made.data_faults:
-        faults = [_wrapped(f.sentence, "- ") for f in made.data_faults]
-        blocks.append("\n".join(["Faults of the data, to be mended first:", *faults]))
+    for title, sentences in faults_told(made):
+        blocks.append("\n".join([f"{title}:", *(_wrapped(said, "- ") for said in sentences)]))
     blocks += [_one(made, number, one) for number, one in enumerate(made.found, 1)]
     blocks += [_wrapped(sentence) for sentence in remarks(made)]
     return "\n\n".join(blocks)
@@ -101,6 +101,7 @@ def _common(made: Discovery) -> dict[str, Any]:
         "made": made,
         "verdict": verdict(made),
         "remarks": remarks(made),
+        "faults": faults_told(made),
         "headlines": headlines(made),
         "found": [
             {
@@ -113,7 +114,7 @@ def _common(made: Discovery) -> dict[str, Any]:
             }
             for one in made.found
         ],
-        "grave": bool(made.data_faults or made.unexplained),
+        "grave": bool(made.unexplained or any(fault.grave for fault in made.data_faults)),
         "version": __version__,
     }
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import groupby
 from typing import TYPE_CHECKING
 
@@ -12,13 +13,16 @@ from flexspline.report.verdict import TARGET_WORDS
 
 if TYPE_CHECKING:
     from flexspline.discovery.driven import Motion
+    from flexspline.discovery.faults import DataFault
     from flexspline.discovery.result import Discovery, Found
     from flexspline.discovery.shrunk import Slice
 
-__all__ = ["best_rivals", "discovery_call", "effect_lines", "headlines", "remarks", "shrunk_tables",
-           "verdict"]  # fmt: skip
+__all__ = ["best_rivals", "discovery_call", "effect_lines", "faults_told", "headlines", "remarks",
+           "shrunk_tables", "verdict"]  # fmt: skip
 
 MOST_RIVALS = 3
+GRAVE = "Faults of the data, to be mended first"
+SMALL = "Seen in the data, too little to matter here"
 
 _TITLES = {
     "all": "all",
@@ -51,6 +55,30 @@ def verdict(made: Discovery) -> str:
         f"Nothing is missing in the model of the {what} that these runs show: RMSE "
         f"{short(made.base_rmse)} {made.unit} {where}, which is noise."
     )
+
+
+def faults_told(made: Discovery) -> list[tuple[str, list[str]]]:
+    """Return the faults of the data under a heading each for those that matter and the others.
+
+    What several runs share is told once, of the run where it is largest.
+    """
+    told = []
+    for title, grave in ((GRAVE, True), (SMALL, False)):
+        alike: dict[tuple[str, str], list[DataFault]] = {}
+        for fault in (f for f in made.data_faults if f.grave is grave):
+            alike.setdefault((fault.name, fault.channel), []).append(fault)
+        if alike:
+            told.append((title, [_together(faults) for faults in alike.values()]))
+    return told
+
+
+def _together(faults: Sequence[DataFault]) -> str:
+    worst = max(faults, key=lambda fault: abs(fault.size))
+    others = [fault.run for fault in faults if fault is not worst]
+    if not others:
+        return worst.sentence
+    less = "where it is no larger" if len(others) == 1 else "none of them larger"
+    return f"{worst.sentence} The same in {listed(others)}, {less}."
 
 
 def remarks(made: Discovery) -> list[str]:
