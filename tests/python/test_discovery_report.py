@@ -11,9 +11,12 @@ import pytest
 from hidden_logs import LOAD, friction_of, log_of, noise, rich_run
 
 import flexspline
+from flexspline.discovery.aliases import Rival
 from flexspline.discovery.bands import frequency_bands, order_bands
 from flexspline.discovery.result import Discovery
 from flexspline.discovery.shrunk import HeldRun, slices
+from flexspline.experiment.plan import Outlook
+from flexspline.experiment.says import plan_sentence
 from flexspline.logs.log import Log
 
 BASE = ["offset", "coulomb_friction", "viscous_friction", "inertia"]
@@ -151,3 +154,34 @@ def test_the_figure_has_a_panel_for_each_view() -> None:
     figure = found().plot()
     titles = [ax.get_title(loc="left") for cell in figure.subfigs for ax in cell.axes]
     assert len(titles) == 4 and "Orders of the residual, before and after" in titles
+
+
+@pytest.mark.parametrize(
+    ("gain", "left", "behind", "alias", "said"),
+    [
+        (60.0, 2.4, 9.0, True, "beside it a keeps t = 2.4"),
+        (98.0, 5.3, 0.8, True, "left-out blocks do not tell which is better"),
+        (98.0, 5.3, 2.5, False, ""),
+        (40.0, 2.4, 0.8, False, ""),
+    ],
+)
+def test_an_alias_says_by_which_rule_it_is_one(
+    gain: float, left: float, behind: float, alias: bool, said: str
+) -> None:
+    rival = Rival(flexspline.effect("gravity"), gain, 100.0, left, 1.0, behind)
+    assert rival.alias is alias
+    if alias:
+        why = rival.why("a", "blocks")
+        assert said in why
+        assert f"t = {left}" in why
+        assert ("98 %" in why) is rival.by_folds
+
+
+@pytest.mark.parametrize(("now", "doubted"), [(2.4, False), (5.3, True)])
+def test_a_t_that_would_do_is_doubted_where_the_names_are_not_told_apart(
+    now: float, doubted: bool
+) -> None:
+    outlook = Outlook(("inertia", "gravity"), now, 19.0, "", 0.5, None)
+    said = plan_sentence(60.0, "strokes", [outlook], 1, own_load=False)
+    assert f"(now {now}" in said
+    assert ("left-out runs do not bear out" in said) is doubted

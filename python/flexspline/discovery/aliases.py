@@ -57,10 +57,32 @@ class Rival:
     @property
     def alias(self) -> bool:
         """Whether these runs do not tell it from the named effect."""
-        if self.left < LEFT and self.gain >= EXPLAINS * self.own:
-            return True
+        return self.by_t or self.by_folds
+
+    @property
+    def by_t(self) -> bool:
+        """Whether the named effect leaves next to nothing beside it."""
+        return self.left < LEFT and self.gain >= EXPLAINS * self.own
+
+    @property
+    def by_folds(self) -> bool:
+        """Whether it explains nearly as much, and left-out folds do not tell which is better."""
         same = self.left**2 < EXPLAINS * self.own
         return same and self.gain >= NEARLY * self.own and self.behind < FOLDS_DIFFER
+
+    @property
+    def share(self) -> float:
+        """Of what the named effect explains, what it explains in its place; at most one."""
+        return float(min(self.gain / max(self.own, 1e-300), 1.0))
+
+    def why(self, named: str, folds: str) -> str:
+        """Return which rule makes it an alias; `folds`: what was left out, runs or blocks."""
+        if self.by_t:
+            return f"beside it {named} keeps t = {self.left:.1f}"
+        return (
+            f"it explains {100.0 * self.share:.0f} % as much, and left-out {folds} do not tell "
+            f"which is better, although {named} keeps t = {self.left:.1f} beside it"
+        )
 
     @property
     def inside(self) -> bool:

@@ -140,7 +140,7 @@ def _found(made: Analysis, effect: Effect, before: float, after: float) -> Found
         confidence=confidence(regressors),
         indistinguishable_from=aliases,
         where=where(made.part.problem, own, parts),
-        evidence=_evidence(made, effect, t, gain, rivals, aliases, (before, after)),
+        evidence=_evidence(made, effect, t, rivals, (before, after)),
         t=t,
         rivals=tuple(r for k, r in enumerate(rivals) if k < BESIDE or r.alias),
         regressors=regressors,
@@ -151,9 +151,7 @@ def _evidence(
     made: Analysis,
     effect: Effect,
     t: float,
-    gain: float,
     rivals: list[Rival],
-    aliases: tuple[str, ...],
     rmse: tuple[float, float],
 ) -> str:
     unit = UNITS[made.study.target]
@@ -163,12 +161,13 @@ def _evidence(
         f"{unit}; beside all other effects it stands {t:.1f} standard errors from nothing, with "
         "the noise's memory counted"
     )
-    others = [r for r in rivals if r.name not in aliases]
+    others = [r for r in rivals if not r.alias]
     if others:
-        share = 100.0 * min(others[0].gain / max(gain, 1e-300), 1.0)
+        share = 100.0 * others[0].share
         said += f"; the next best in its place, {others[0].name}, explains {share:.0f} % of that"
-    if aliases:
-        said += f"; these runs do not tell it from {listed(aliases)}"
+    told = [f"{r.name} ({r.why(effect.name, what)})" for r in rivals if r.alias]
+    if told:
+        said += f"; these runs do not tell it from {listed(told, most=len(told))}"
     return said + "."
 
 

@@ -54,7 +54,8 @@ def _near(one: Outlook, own_load: bool) -> str:
 
 def _now(one: Outlook) -> str:
     if not one.parameter:
-        return f"now {_t(one.now)}"
+        doubt = ", which left-out runs do not bear out" if one.now >= ENOUGH else ""
+        return f"now {_t(one.now)}{doubt}"
     return f"now ± {short(one.now)}" if one.now < float("inf") else "now nothing is known of it"
 
 

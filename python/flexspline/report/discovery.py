@@ -110,7 +110,7 @@ def _common(made: Discovery) -> dict[str, Any]:
                 "before": short(one.rmse_before),
                 "after": short(one.rmse_after),
                 "lines": effect_lines(made, one),
-                "rivals": best_rivals(one),
+                "rivals": best_rivals(made, one),
             }
             for one in made.found
         ],

@@ -137,13 +137,15 @@ def effect_lines(made: Discovery, one: Found) -> list[ParameterLine]:
     return [line for line in parameter_lines(made.fit) if line.effect == one.effect]
 
 
-def best_rivals(one: Found) -> list[tuple[str, str, str]]:
+def best_rivals(made: Discovery, one: Found) -> list[tuple[str, str, str]]:
     """Return the best other candidates: name, share of what the named effect explains, verdict."""
     return [
         (
             rival.name,
-            f"{100.0 * min(rival.gain / max(rival.own, 1e-300), 1.0):.0f} %",
-            "not told apart" if rival.alias else f"worse: {one.effect} keeps t = {rival.left:.1f}",
+            f"{100.0 * rival.share:.0f} %",
+            f"not told apart: {rival.why(one.effect, made.validated_by)}"
+            if rival.alias
+            else f"worse: {one.effect} keeps t = {rival.left:.1f}",
         )
         for rival in one.rivals[:MOST_RIVALS]
     ]
