@@ -184,4 +184,4 @@ def test_a_t_that_would_do_is_doubted_where_the_names_are_not_told_apart(
     outlook = Outlook(("inertia", "gravity"), now, 19.0, "", 0.5, None)
     said = plan_sentence(60.0, "strokes", [outlook], 1, own_load=False)
     assert f"(now {now}" in said
-    assert ("left-out runs do not bear out" in said) is doubted
+    assert ("if inertia is right, which these runs do not bear out" in said) is doubted

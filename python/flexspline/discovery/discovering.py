@@ -16,6 +16,7 @@ if TYPE_CHECKING:  # what is heavy is imported where it is used
     from flexspline.discovery.working import Working
     from flexspline.experiment.limits import Limits
     from flexspline.fit.names import Bounds
+    from flexspline.fit.problem import Problem
     from flexspline.logs.log import Log
     from flexspline.model import Model
 
@@ -124,7 +125,8 @@ def discover(
             runs, effects, start.target, known_load=start.known_load, lowpass_hz=lowpass,
             threads=threads,
         )  # fmt: skip
-        refit = fit_near(posed, effects, start.fixed, _bounds(made.final, start), start.model)
+        limited, priors = _bounds(made.final, start), _priors(made.final, posed, start)
+        refit = fit_near(posed, effects, start.fixed, limited, start.model, priors)
         found = assembled(made, faults + noisy, with_preparations(refit, ways), limits)
         judged = graded(found.data_faults, given, found.fit, found.noise_floor)
         return replace(found, data_faults=judged)
@@ -168,6 +170,14 @@ def _bounds(final: Working, start: _Start) -> dict[str, Bounds]:
 
     allowed = spring_bounds(final, start.target)
     return {name: limits for name, limits in allowed.items() if name not in start.fixed}
+
+
+def _priors(final: Working, problem: Problem, start: _Start) -> dict[str, tuple[float, float]]:
+    """What physics says of the size of parameters, but of those that the user fixed."""
+    from flexspline.discovery.physics import varying
+
+    sizes = varying(final, problem)
+    return {name: (0.0, size) for name, size in sizes.items() if name not in start.fixed}
 
 
 def _fixed_in(record: Mapping[str, Any]) -> dict[str, float]:

@@ -127,9 +127,12 @@ def _squares(products: Array, beta: Array) -> float:
 
 
 def plain_rows(problem: Problem, work: Working) -> Whitening:
-    """Rows as `fit` takes them, for what users see; σ² is what this model leaves."""
+    """Rows as `fit` takes them, for what users see; σ² is what this model leaves.
+
+    Its names count as given here: what physics says of their size is weighed by σ².
+    """
     rows = Whitening(np.ones(1), 1.0, problem.decimation)
-    _, squares = solved_at(problem, work, rows)
+    _, squares = solved_at(problem, replace(work, base=len(work.effects)), rows)
     count = sum(len(at) for run in problem.runs for at in rows.taken(run))
     whole = sum(float(run.target @ run.target) for run in problem.runs)
     return replace(rows, variance=max(squares, EXACT * whole, EXACT**2) / max(count, 1))

@@ -4,9 +4,19 @@ Nor is every curve that a form can bend to the effect of its name. Springs of al
 no presliding but a fit to the noise around a reversal; friction that fades before the direction of
 motion has changed is the width of that change said twice; and one that has not faded at the
 largest speed bends the whole curve, for which viscous friction has a name.
+
+Over a small part of a turn sines and cosines of the angle are nearly one curve, and huge ones of
+opposite sign cancel to any bend: they would drive the joint at angles that no run has seen. What
+varies of a friction is about as large as the friction at most, so each coefficient is drawn from
+
+    N(0, τ_f²)      τ_f: half of what the target differs by between directions, in the mean
+
+which six coefficients that the runs determine pay a few χ² for.
 """
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +25,7 @@ from flexspline.discovery.working import Working
 from flexspline.fit.names import Bounds
 from flexspline.fit.problem import Problem
 
-__all__ = ["driving_spring", "impossible", "spring_bounds"]
+__all__ = ["driving_spring", "impossible", "spring_bounds", "varying"]
 
 Array = NDArray[np.float64]
 
@@ -31,9 +41,13 @@ STRIBECK = "stribeck_friction"
 FADED = 0.7  # of the largest speed, by which the extra friction of a start is down to 1/e
 
 SPRINGS = "presliding_friction"
-"""Its elements all have one sign, and the positive one in a drive."""
+HYSTERESIS = "torsional_hysteresis"
+"""Elements all have one sign: the positive one in a drive and in a torsion: loops cost energy."""
+
+VARYING = "position_dependent_friction"
 
 DRIVES = ("motor_torque", "motor_current")
+BOTH_WAYS = 0.1  # of the rows go each way at least, for a difference between directions
 POSITIVE_MASS = ("inertia",)
 
 
@@ -71,31 +85,60 @@ def _not_fading(work: Working, problem: Problem) -> str:
 def driving_spring(work: Working, target: str) -> str:
     """Return the presliding spring whose sign is most against the others', "" where none is.
 
-    The last free one stays, whatever its sign.
+    The last free one of an effect stays, whatever its sign.
     """
-    values, names = _values(work, SPRINGS), _springs(work)
-    free = [k for k, name in enumerate(names) if name not in work.fixed]
-    if len(free) < 2:
-        return ""
-    against = -_side(values, target) * values
-    worst = max(free, key=lambda k: against[k])
-    return names[worst] if against[worst] > 0.0 else ""
+    against: dict[str, float] = {}
+    for effect in (SPRINGS, HYSTERESIS):
+        names, values = _terms(work, effect), _values(work, effect)
+        free = [k for k, name in enumerate(names) if name not in work.fixed]
+        if len(free) > 1:
+            side = _side(values, target)
+            against |= {names[k]: -side * float(values[k]) for k in free}
+    worst = max(against, key=lambda name: against[name], default="")
+    return worst if worst and against[worst] > 0.0 else ""
 
 
 def spring_bounds(work: Working, target: str) -> dict[str, Bounds]:
-    """Return the bounds by which a fit keeps presliding springs of one sign, by name."""
-    side = _side(_values(work, SPRINGS), target)
-    own: Bounds = (0.0, None) if side > 0.0 else (None, 0.0)
-    return dict.fromkeys(_springs(work), own)
+    """Return the bounds by which a fit keeps the springs of an effect of one sign, by name."""
+    found: dict[str, Bounds] = {}
+    for effect in (SPRINGS, HYSTERESIS):
+        side = _side(_values(work, effect), target)
+        own: Bounds = (0.0, None) if side > 0.0 else (None, 0.0)
+        found |= dict.fromkeys(_terms(work, effect), own)
+    return found
+
+
+def varying(work: Working, problem: Problem) -> dict[str, float]:
+    """Return the size that physics gives coefficients of named effects, by name; see the head."""
+    if not any(effect.name == VARYING for effect in work.named):
+        return {}
+    size = _friction(problem)
+    return dict.fromkeys(_terms(work, VARYING), size) if size > 0.0 else {}
+
+
+def _friction(problem: Problem) -> float:
+    """Half of what the target differs by between directions; of runs one way, its RMS."""
+    kept: dict[Any, Any] = problem.kept  # a long log is read once
+    if "friction" not in kept:
+        target = np.concatenate([run.target for run in problem.runs])
+        velocity = np.concatenate([run.log["output_velocity"] for run in problem.runs])
+        ways = [target[side] for side in (velocity > 0.0, velocity < 0.0)]
+        both = min(len(way) for way in ways) >= BOTH_WAYS * len(target)
+        kept["friction"] = (
+            0.5 * abs(float(ways[0].mean() - ways[1].mean()))
+            if both
+            else float(np.sqrt(np.mean(target**2)))
+        )
+    return float(kept["friction"])
 
 
 def _side(values: Array, target: str) -> float:
     """Sign of friction: a sensor sees it from either side."""
-    return 1.0 if target in DRIVES or values.sum() >= 0.0 else -1.0
+    return -1.0 if target == "sensor_torque" and values.sum() < 0.0 else 1.0
 
 
-def _springs(work: Working) -> list[str]:
-    return [f"{e.name}.{t.name}" for e in work.effects if e.name == SPRINGS for t in e.terms]
+def _terms(work: Working, name: str) -> list[str]:
+    return [f"{e.name}.{t.name}" for e in work.effects if e.name == name for t in e.terms]
 
 
 def _values(work: Working, name: str) -> Array:

@@ -7,9 +7,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from flexspline.discovery.physics import varying
 from flexspline.discovery.table import solved, tabulated
 from flexspline.discovery.whitening import Whitening
 from flexspline.discovery.working import Working
+from flexspline.fit.names import coefficient_names
 from flexspline.fit.problem import Problem
 
 __all__ = ["coefficients_of", "mixed", "refitted", "started"]
@@ -81,6 +83,7 @@ def coefficients_of(
         work, _ = solved_at(problem, work, whitening, LOAD_ROUNDS - 1)
     sheet, slopes = work.opened()
     total = tabulated(problem, sheet, whitening).total
+    total = _drawn(problem, work, total)
     work, squares = _solved(work, total)
     if not np.any(work.coefficients):
         return work, squares, np.zeros(count)
@@ -114,8 +117,24 @@ def solved_at(
     squares = 0.0
     for _ in range(rounds if _moves(work) else 1):
         total = tabulated(problem, work.sheet(bends=False), whitening).total
-        work, squares = _solved(work, total)
+        work, squares = _solved(work, _drawn(problem, work, total))
     return work, squares
+
+
+def _drawn(problem: Problem, work: Working, total: Array) -> Array:
+    """Add what physics says of the size of free coefficients, whose columns come first, in χ².
+
+    With this the squares over σ² that a fit leaves hold (coefficient / size)² of each, too.
+    """
+    sizes = varying(work, problem)
+    if not sizes:
+        return total
+    names = coefficient_names(work.effects)
+    total = total.copy()
+    for column, k in enumerate(work.free):
+        if names[k] in sizes:
+            total[column, column] += sizes[names[k]] ** -2
+    return total
 
 
 def _solved(work: Working, total: Array) -> tuple[Working, float]:

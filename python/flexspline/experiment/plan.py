@@ -27,8 +27,9 @@ class Outlook:
     Parameters
     ----------
     names : a named effect and its rival, or a parameter alone.
-    now, expected : |t| that the named effect keeps beside model and rival, with the recorded
-        runs and with the planned one as well. Of a parameter: its standard error, in `unit`.
+    now, expected : |t| that the named effect would keep beside model and rival if it is right,
+        with the recorded runs and with the planned one as well; what it does keep, and left-out
+        runs, may say less. Of a parameter: its standard error, in `unit`.
     taken : share of what the named effect explains that the rival would explain too, then; 0 for a
         parameter. `discover` still calls a rival that explains nearly all of it an alias, unless
         left-out runs tell the two apart.

@@ -54,8 +54,9 @@ def _near(one: Outlook, own_load: bool) -> str:
 
 def _now(one: Outlook) -> str:
     if not one.parameter:
-        doubt = ", which left-out runs do not bear out" if one.now >= ENOUGH else ""
-        return f"now {_t(one.now)}{doubt}"
+        if one.now < ENOUGH:
+            return f"now {_t(one.now)}"
+        return f"now {_t(one.now)} if {one.names[0]} is right, which these runs do not bear out"
     return f"now ± {short(one.now)}" if one.now < float("inf") else "now nothing is known of it"
 
 

@@ -165,13 +165,14 @@ def fit_near(
     fixed: Mapping[str, float],
     bounds: Mapping[str, Bounds],
     into: Model | None,
+    priors: Mapping[str, tuple[float, float]],
 ) -> Fit:
     """Fit effects whose orders and shapes a search has found: both are refined, none looked for.
 
     Parameters
     ----------
     problem : as `problem_of` makes it for these effects.
-    fixed, bounds, into : as for `fit`.
+    fixed, bounds, into, priors : as for `fit`.
 
     Raises
     ------
@@ -182,7 +183,7 @@ def fit_near(
     from flexspline.fit.estimate import Given, estimate
 
     _require_rows(problem, effects)
-    given = Given(fixed, bounds, {}, False)
+    given = Given(fixed, bounds, priors, False)
     made = estimate(problem, effects, given, lambda: None, near=True)
     problem, made = _settled(problem, made, given, lambda: None, near=True)
     return assembled(problem, made, into, [], None)
