@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -18,6 +19,8 @@ from flexspline.discovery.shrunk import HeldRun, slices
 from flexspline.experiment.plan import Outlook
 from flexspline.experiment.says import plan_sentence
 from flexspline.logs.log import Log
+from flexspline.plot.comparison import bands_over, plot_comparison
+from flexspline.plot.discovery import held_out_run
 
 BASE = ["offset", "coulomb_friction", "viscous_friction", "inertia"]
 ROWS = 2000
@@ -185,3 +188,51 @@ def test_a_t_that_would_do_is_doubted_where_the_names_are_not_told_apart(
     said = plan_sentence(60.0, "strokes", [outlook], 1, own_load=False)
     assert f"(now {now}" in said
     assert ("if inertia is right, which these runs do not bear out" in said) is doubted
+
+
+@pytest.mark.parametrize(("worse", "arrow"), [(1.5, False), (30.0, True)])
+def test_what_got_worse_is_on_the_axes_of_the_map_or_said_to_be_above(
+    worse: float, arrow: bool
+) -> None:
+    where = found().disagreement
+    before = where.before
+    band = max(before.by["speed"], key=lambda b: b.rmse)
+    speed = {**where.after["speed"], band.label: worse * band.rmse}
+    figure = plot_comparison(before, {**where.after, "speed": speed})
+    axes = {ax.get_title(loc="left").split(":")[0]: ax for ax in figure.axes}
+    top = axes["Speed"].get_ylim()[1]
+    assert (worse * band.rmse < top) is not arrow
+    said = [text.get_text() for text in axes["Speed"].texts]
+    assert said == ([f"↑ {worse * band.rmse:.2g}"] if arrow else [])
+
+
+def test_a_band_of_next_to_no_rows_is_hatched() -> None:
+    before = found().disagreement.before
+    most = max(before.by["speed"], key=lambda band: band.rows)
+    few = [replace(band, rows=9) if band is most else band for band in before.by["speed"]]
+    rare = replace(before, by={**before.by, "speed": tuple(few)})
+    hatched = [len(bands_over(made, "speed").patches) for made in (before, rare)]
+    assert hatched[1] == hatched[0] + 1
+
+
+def test_a_stretch_is_as_short_as_what_changes_in_it_is_fast() -> None:
+    made = found()
+    time = made.runs[0].log["time"]
+
+    def swinging(hertz: float) -> float:
+        wave = np.sin(2.0 * np.pi * hertz * time)
+        run = replace(made.runs[0], base=made.runs[0].final - wave)
+        ax = held_out_run(replace(made, runs=(run,)))
+        return float(np.ptp(ax.lines[0].get_xdata()))
+
+    assert swinging(0.2) == pytest.approx(10.0, abs=0.1)
+    assert swinging(10.0) == pytest.approx(3.0, rel=0.1)
+
+
+def test_where_an_effect_acts_is_not_told_by_a_temperature_that_it_does_not_read() -> None:
+    made = found()
+    assert "temperature" not in made.found[0].where
+
+
+def test_the_floor_of_the_verdict_is_that_of_the_map() -> None:
+    assert found().disagreement.before.noise_floor == found().noise_floor

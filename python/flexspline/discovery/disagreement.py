@@ -54,7 +54,7 @@ def disagreement(made: Discovery) -> Disagreement:
     compared = Compared(runs, made.target, made.unit, False, made.fit.lowpass, source)
     found = analysed(compared, lambda _: None)
     before, after = assembled(compared, found, made.model.facts), _after(made, compared, found)
-    overall = _lowered(before.overall, made.noise_floor)
+    overall = _above(before.overall, made.noise_floor)
     by = {
         name: tuple(_lowered(band, after[name][band.label]) for band in bands)
         for name, bands in before.by.items()
@@ -64,7 +64,10 @@ def disagreement(made: Discovery) -> Disagreement:
 
 def _lowered(band: Band, reached: float) -> Band:
     """A band whose floor is no higher than what a model has reached."""
-    floor = min(band.noise_floor, reached)
+    return _above(band, min(band.noise_floor, reached))
+
+
+def _above(band: Band, floor: float) -> Band:
     excess = float(np.sqrt(max(band.rmse**2 - floor**2, 0.0)))
     return replace(band, noise_floor=floor, excess=excess)
 

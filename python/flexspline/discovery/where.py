@@ -35,6 +35,7 @@ COVARIATES = (
     ("motor_temperature", "°C", "motor temperature", False),
     ("time", "s", "time", False),
 )
+ALWAYS = ("output_velocity", "known_load")  # else of an effect that reads it: all heats up in time
 
 
 def contribution(problem: Problem, work: Working, name: str) -> list[Array]:
@@ -55,7 +56,8 @@ def where(problem: Problem, effect: Effect, parts: list[Array]) -> str:
     values = np.concatenate(parts)[counted]
     middle = 0.0 if effect.name == "offset" else _middle(problem, counted, values)
     squares = (values - middle) ** 2
-    places = (_place(problem, counted, squares, *c) for c in COVARIATES)
+    own = [c for c in COVARIATES if c[0] in ALWAYS or c[0] in effect.reads]
+    places = (_place(problem, counted, squares, *c) for c in own)
     said = next((place for place in places if place), "")
     ripple = _orders(effect, problem.runs[0].log.facts)
     said = ", ".join(s for s in (ripple, said) if s) or "in all parts of the runs"

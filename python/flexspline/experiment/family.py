@@ -90,10 +90,10 @@ def strokes(u: Array, bounds: Bounds) -> Drawn:
         for _ in range(ATTEMPTS):
             pulses, fastest = _strokes(low, width, speeds, u[4], share, bounds)
             path = Pulses(low, pulses)
-            if path.seconds <= bounds.duration:
+            if path.seconds <= bounds.duration and any(fastest):
                 angles = path(np.linspace(0.0, path.seconds, LOOKED_AT))[:, 0]
                 where = over(angles.min(), angles.max())
-                words = f"strokes {where} at {joined(short(v) for v in fastest)} rad/s"
+                words = f"strokes {where} at {joined(short(v) for v in fastest if v)} rad/s"
                 return Drawn(path, words)
             share *= 0.98 * bounds.duration / path.seconds
     return rests(u[1:2], bounds)

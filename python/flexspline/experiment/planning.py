@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from typing import TYPE_CHECKING
 
@@ -60,10 +60,10 @@ def planned(
     reads = sorted({name for e in layout.effects for name in e.reads})
     bounds = bounds_of(problem, limits or Limits(), reads)
     bench = _bench(problem, layout, whitening, reads)
-    return _plan(bench, bounds)
+    return _plan(bench, bounds, {p.name: p.standard_error for p in fit.parameters} if fit else {})
 
 
-def _plan(bench: Bench, bounds: Bounds) -> Plan:
+def _plan(bench: Bench, bounds: Bounds, errors: Mapping[str, float]) -> Plan:
     from flexspline.experiment.recording import commanded
     from flexspline.experiment.says import plan_sentence
     from flexspline.experiment.search import best_of_family, refined
@@ -72,7 +72,10 @@ def _plan(bench: Bench, bounds: Bounds) -> Plan:
     best = refined(bench, bounds, ranked[0])
     gained = bench.gained(commanded(best.excitation, bounds, bench.rate))
     times = bench.repetitions(gained)
-    outlooks = _outlooks(bench, bounds, bench.before + times * gained, [best, *ranked])
+    outlooks = [
+        _as_fitted(one, errors)
+        for one in _outlooks(bench, bounds, bench.before + times * gained, [best, *ranked])
+    ]
     log = _trajectory(commanded(best.excitation, bounds, RATE), bench.problem)
     words = best.excitation.words(bounds)
     kinds: dict[str, float] = {}
@@ -111,6 +114,19 @@ def _outlooks(
             one = replace(one, doubled=(name, value, _shown(question, wider)))
         made.append(one)
     return made
+
+
+def _as_fitted(one: Outlook, errors: Mapping[str, float]) -> Outlook:
+    """A parameter's standard errors in the measure of the fit, which trusts its noise model less.
+
+    So what stands now is what the table of parameters says; by how much it falls is the plan's.
+    """
+    fitted = errors.get(one.names[0], np.nan) if one.parameter else np.nan
+    if not (np.isfinite(fitted) and fitted > 0.0 and 0.0 < one.now < np.inf):
+        return one
+    scale = fitted / one.now
+    wider = one.doubled and (*one.doubled[:2], scale * one.doubled[2])
+    return replace(one, now=fitted, expected=scale * one.expected, doubled=wider)
 
 
 def _shown(question: Question, t: float) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import takewhile
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -32,6 +33,9 @@ Array = NDArray[np.float64]
 
 ORDERS = "position_order"
 ACROSS = 3
+HEADROOM = 1.12
+TALLER = 2.0  # times the largest RMS before, up to which that after is drawn
+FEW = 0.02  # of all rows: a band of fewer is hatched
 MOST_TICKS = 7
 MOST_NAMES = 6
 LONGEST_NAME = 12
@@ -51,18 +55,41 @@ def plot_comparison(made: Comparison, after: After | None = None) -> PlainFigure
     down = -(-len(names) // ACROSS)
     figure = PlainFigure(3.7 * ACROSS, 2.7 * down)
     grid = figure.subplots(down, ACROSS, squeeze=False).ravel()
-    highest = max(b.rmse for name in names if name != ORDERS for b in _drawn(made.by[name]))
-    for number, (ax, name) in enumerate(zip(grid, names, strict=False)):
+    banded = [name for name in names if name != ORDERS]
+    highest = _highest(made, banded, after)
+    for ax, name in zip(grid, names, strict=False):
         if name == ORDERS:
             residual_orders(made, ax=ax)
             continue
         bands_over(made, name, ax, after)
-        ax.set_ylim(0.0, 1.12 * highest)
-        if number == 0:
-            legend(ax)
+        ax.set_ylim(0.0, HEADROOM * highest)
+        if after is not None:
+            _marked_beyond(ax, made, name, after)
     for ax in grid[len(names) :]:
         ax.set_visible(False)
+    if banded:
+        lines, labels = grid[names.index(banded[0])].get_legend_handles_labels()
+        figure.legend(lines, labels, loc="outside upper right", ncols=len(labels), fontsize=8,
+                      frameon=False, labelcolor=INK)  # fmt: skip
     return figure
+
+
+def _highest(made: Comparison, names: list[str], after: After | None) -> float:
+    """The largest RMS before and after, of this no more than `TALLER` times that before."""
+    bands = [(name, band) for name in names for band in _drawn(made.by[name])]
+    before = max((band.rmse for _, band in bands), default=1.0)
+    later = [after[name][band.label] for name, band in bands] if after is not None else []
+    return max(before, min(max(later, default=0.0), TALLER * before))
+
+
+def _marked_beyond(ax: Axes, made: Comparison, name: str, after: After) -> None:
+    """Write the RMS after into bands where it is above the axes."""
+    top = ax.get_ylim()[1]
+    for k, band in enumerate(_drawn(made.by[name])):
+        later = after[name][band.label]
+        if later > top:
+            ax.annotate(f"↑ {later:.2g}", (k + 0.5, top), ha="center", va="top", fontsize=6.5,
+                        color=PALETTE[0])  # fmt: skip
 
 
 def panels(made: Comparison) -> list[str]:
@@ -98,6 +125,7 @@ def bands_over(
     middle = edges[:-1] + 0.5
     ax.plot(middle[sure], rmse[sure], "o", color=PALETTE[3], markersize=3.5)
     _marked(ax, made, name, bands)
+    _marked_few(ax, made, bands)
     ax.set(ylabel=f"RMS [{made.unit}]", xlim=(0, len(bands)))
     titled(ax, _title(made, name, made.words[name]))
     return ax
@@ -190,9 +218,21 @@ def _marked(ax: Axes, made: Comparison, name: str, bands: list[Band]) -> None:
     ax.set_xlabel(f"{made.words[name]} [{made.units[name]}]")
 
 
+def _marked_few(ax: Axes, made: Comparison, bands: list[Band]) -> None:
+    """Hatch the bands that have next to none of the rows."""
+    for k, band in enumerate(bands):
+        if band.rows < FEW * made.overall.rows:
+            ax.axvspan(k, k + 1, facecolor="none", edgecolor=GREY, hatch="////", linewidth=0.0,
+                       alpha=0.4, zorder=0.5)  # fmt: skip
+
+
 def _short(labels: list[str]) -> list[str]:
-    """Labels that fit side by side: of long ones the end, where that tells them apart."""
+    """Labels that fit side by side: without what they begin with alike, or cut at an end."""
     cut = LONGEST_NAME - 1
+    alike = sum(1 for _ in takewhile(lambda c: len(set(c)) == 1, zip(*labels, strict=False)))
+    rest = ["…" + label[alike:] for label in labels]
+    if alike and max(map(len, labels)) > LONGEST_NAME >= max(map(len, rest)):
+        return rest
     ends = ["…" + label[-cut:] if len(label) > LONGEST_NAME else label for label in labels]
     if len(set(ends)) == len(labels):
         return ends

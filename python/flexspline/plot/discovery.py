@@ -44,12 +44,15 @@ __all__ = [
 Array = NDArray[np.float64]
 
 STRETCH = 10.0  # s of a run that can be looked at in one go
+SWINGS = 60  # to and fro of what the names change, that can be looked at in one go
+FEW = 0.02  # of all rows: a part of fewer says so
 MOST_RUNS = 6
 BEFORE, AFTER = PALETTE[3], PALETTE[0]
 
 LOOK_FOR = {
-    "run": "The ten seconds in which the named effects change most, predicted by fits that never "
-    "saw them. The extended model should lie on what was measured where the base does not.",
+    "run": "The stretch in which the named effects change most, predicted by fits that never saw "
+    "it; short where they change fast. The extended model should lie on what was measured where "
+    "the base does not.",
     "left": "The same stretch: measured less predicted. What is left should be noise about zero.",
     "shrunk": "RMS on folds that no fit saw, before (open) and after (full), in parts of the runs "
     "and in bands of the residual; the dashed line is the noise floor of all rows.",
@@ -168,7 +171,8 @@ def shrunk(made: Discovery, ax: Axes | None = None) -> Axes:
     ax.plot(base, at, "o", color=BEFORE, markerfacecolor="none", markersize=5, label="before")
     if made.found:
         ax.plot(final, at, "o", color=AFTER, markersize=4.5, label="after")
-    ax.set_yticks(at, [_label(s) for s in shown])
+    whole = max(s.rows for s in shown)
+    ax.set_yticks(at, [_label(s, s.rows < FEW * whole) for s in shown])
     ax.tick_params(axis="y", labelsize=7.5, length=0)
     ax.set(xlabel=f"RMS on folds that no fit saw [{made.unit}]", xlim=(0.0, None))
     ax.set_ylim(at[-1] - 0.7, 0.7)
@@ -216,18 +220,28 @@ def _turns(made: Discovery) -> bool:
 
 def _telling(made: Discovery) -> tuple[int, slice]:
     """The run and the rows in which the squares of the residual shrank most; held-out."""
-    best, found = -np.inf, (0, slice(0, len(made.runs[0].log)))
+    best, found, stretch = -np.inf, (0, slice(0, len(made.runs[0].log))), _stretch(made)
     for number, run in enumerate(made.runs):
         gain = np.nan_to_num((run.measured - run.base) ** 2)
         gain -= np.nan_to_num((run.measured - run.final) ** 2) if made.found else 0.0
         time = run.log["time"]
-        last = np.searchsorted(time, time + STRETCH)
+        last = np.searchsorted(time, time + stretch)
         total = np.concatenate([[0.0], np.cumsum(gain)])
         inside = total[last] - total[:-1]
         first = int(np.argmax(inside))
         if inside[first] > best:
             best, found = float(inside[first]), (number, slice(first, int(last[first])))
     return found
+
+
+def _stretch(made: Discovery) -> float:
+    """How many seconds can be looked at in one go: few where what the names change swings fast."""
+    swings, seconds = 0, 0.0
+    for run in made.runs:
+        change = (run.final - run.base)[run.counts]
+        swings += int(np.count_nonzero(np.diff(np.signbit(change - np.median(change)))))
+        seconds += run.log.duration
+    return min(STRETCH, SWINGS * seconds / swings) if swings and made.found else STRETCH
 
 
 def _shown(every: tuple[Slice, ...]) -> list[Slice]:
@@ -237,7 +251,9 @@ def _shown(every: tuple[Slice, ...]) -> list[Slice]:
     return [s for s in every if s.group != "run" or len(many) <= MOST_RUNS or s in worst]
 
 
-def _label(part: Slice) -> str:
+def _label(part: Slice, few: bool) -> str:
+    if few:
+        return f"{_label(part, few=False)} ({part.rows} rows)"
     if part.group in ("all", "direction", "reversals", "order"):
         return plain(part.label)
     return f"{part.group} {plain(part.label)}"

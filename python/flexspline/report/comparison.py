@@ -78,7 +78,8 @@ def write_comparison_report(made: Comparison, path: str | os.PathLike[str]) -> N
 MAP = (
     "RMS of measured less modelled (dark) in each band against the noise floor there (grey, with "
     "two standard errors); what lies between is the excess, coloured, and a dot marks an excess "
-    "that is more than chance. All panels have the same scale; what the gap follows comes first."
+    "that is more than chance. All panels have the same scale; what the gap follows comes first. "
+    "Hatched: fewer than 2 % of the rows."
 )
 ORDERS = (
     "Amplitude of the residual over the orders of each pair of parts. Marks are orders that stand "

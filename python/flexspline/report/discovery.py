@@ -17,6 +17,7 @@ from flexspline.report.discovery_content import (
     faults_told,
     headlines,
     remarks,
+    searched_sentence,
     shrunk_tables,
     verdict,
 )
@@ -35,11 +36,13 @@ MAP = (
     "RMS of measured less predicted on folds that no fit saw (dark; blue: the extended model) in "
     "each band against the noise floor there (grey, with two standard errors). What lies between "
     "is the excess, coloured, and a dot marks an excess that is more than chance. All panels have "
-    "the same scale; what the gap follows comes first."
+    "the same scale; what the gap follows comes first. Hatched: fewer than 2 % of the rows; an "
+    "arrow: the extended model's RMS where it is above the axes."
 )
 PLAN = (
     "What to command over time, as next_experiment.csv holds it, and how far apart the rivals are "
-    "expected to stand after this run, beside now and the best run of each simple kind."
+    "expected to stand after this run if the named one is right, beside now and the best run of "
+    "each simple kind."
 )
 
 
@@ -85,6 +88,7 @@ def write_discovery_report(made: Discovery, path: str | os.PathLike[str]) -> Non
             if made.plan is None
             else ReportFigure(inline_svg(made.plan.plot(), "run to record next"), PLAN),
             tables=shrunk_tables(made),
+            searched=searched_sentence(made),
             lines=parameter_lines(made.fit),
             groups=known_groups(made.fit),
             logs=log_facts(made.fit),

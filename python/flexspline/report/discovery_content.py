@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from flexspline.discovery.shrunk import Slice
 
 __all__ = ["best_rivals", "discovery_call", "effect_lines", "faults_told", "headlines", "remarks",
-           "shrunk_tables", "verdict"]  # fmt: skip
+           "searched_sentence", "shrunk_tables", "verdict"]  # fmt: skip
 
 MOST_RIVALS = 3
 GRAVE = "Faults of the data, to be mended first"
@@ -102,19 +102,26 @@ def remarks(made: Discovery) -> list[str]:
         )
     if made.next_experiment:
         said.append(f"Next: {made.next_experiment}")
-    names, functions = made.searched["names"], made.searched["functions"]
-    if names < 1.0:
-        said.append(
-            f"Of these long runs {100.0 * names:.2g} % of the rows, spread evenly, were searched "
-            "for names first; what was found there was tried and fitted on all rows."
-        )
-    if functions < 1.0:
-        said.append(
-            f"What no name explains was looked for on {100.0 * functions:.2g} % of the rows."
-        )
+    if min(made.searched.values()) < 1.0:
+        said.append(searched_sentence(made))
     if made.not_tried:
         said.append(f"Not tried, for lack of channels or facts: {listed(made.not_tried, most=40)}.")
     return said
+
+
+def searched_sentence(made: Discovery) -> str:
+    """Return on which rows names and functions without a name were looked for."""
+    names, functions = made.searched["names"], made.searched["functions"]
+    if min(names, functions) >= 1.0:
+        return "All rows that count were searched, for names and for what has none."
+    first = (
+        f"Of these long runs {100.0 * names:.2g} % of the rows, spread evenly, were searched for "
+        "names first; what was found there was tried and fitted on all rows."
+        if names < 1.0
+        else "All rows that count were searched for names."
+    )
+    rest = f"{100.0 * functions:.2g} %" if functions < 1.0 else "all"
+    return f"{first} What no name explains was looked for on {rest} of the rows."
 
 
 def headlines(made: Discovery) -> list[tuple[str, str]]:
@@ -123,7 +130,9 @@ def headlines(made: Discovery) -> list[tuple[str, str]]:
     rows = [("base model, RMSE held out", f"{short(made.base_rmse)} {unit}")]
     if made.found:
         rows.append(("extended model, RMSE held out", f"{short(made.final_rmse)} {unit}"))
-    rows.append(("noise floor, which no model can beat", f"{short(made.noise_floor)} {unit}"))
+    rows.append(
+        ("noise floor: what these channels do not explain", f"{short(made.noise_floor)} {unit}")
+    )
     if made.found and made.gap_closed == made.gap_closed:
         closed = f"{100.0 * min(made.gap_closed, 1.0):.0f} % of its mean square"
         rows.append(("gap above the floor that is closed", closed))
