@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import flexspline
-from flexspline.discovery.physics import driving_spring, spring_bounds, varying
+from flexspline.discovery.physics import driving_spring, impossible, spring_bounds, varying
 from flexspline.discovery.refit import refitted
 from flexspline.discovery.whitening import Whitening
 from flexspline.discovery.working import Working, working
@@ -84,3 +84,21 @@ def test_the_spring_that_drives_most_is_held_first_and_the_rest_are_bounded(
     bounds = spring_bounds(made, target)
     assert set(bounds.values()) == {(0.0, None)}
     assert len(bounds) == 4
+
+
+@pytest.mark.parametrize(
+    ("width", "low", "refused"), [(0.005, 0.1, False), (0.5, 0.1, True), (0.5, -1.0, False)]
+)
+def test_friction_that_bends_with_speed_is_no_change_of_a_direction_that_no_run_changes(
+    width: float, low: float, refused: bool
+) -> None:
+    time = np.arange(0.0, 20.0, 0.01)
+    velocity = 0.5 * (low + 1.0) + 0.5 * (1.0 - low) * np.sin(time)
+    log = Log.from_arrays(time=time, output_position=np.cumsum(velocity) * 0.01,
+                          output_velocity=velocity, motor_torque=np.sin(3.0 * time),
+                          facts={"gear_ratio": 1.0})  # fmt: skip
+    effects = [flexspline.effect("offset"), flexspline.effect(VARYING, direction_width=width)]
+    problem = problem_of([log], effects, "motor_torque", known_load=None, lowpass_hz=None,
+                         threads=1)  # fmt: skip
+    said = impossible(working(effects, 1, {}), VARYING, problem)
+    assert ("no run changes direction" in said) is refused

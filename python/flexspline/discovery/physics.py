@@ -11,7 +11,9 @@ varies of a friction is about as large as the friction at most, so each coeffici
 
     N(0, τ_f²)      τ_f: half of what the target differs by between directions, in the mean
 
-which six coefficients that the runs determine pay a few χ² for.
+which six coefficients that the runs determine pay a few χ² for. And runs that all go one way show
+no change of direction: where friction would bend by one among their speeds, it is a torque whose
+size depends on the speed, under another name.
 """
 
 from __future__ import annotations
@@ -46,6 +48,10 @@ HYSTERESIS = "torsional_hysteresis"
 
 VARYING = "position_dependent_friction"
 
+WIDTH = "direction_width"
+ONE_WAY = 1e-3  # of the rows, below which runs do not go the other way
+SLOW, CHANGED = 0.1, 0.9  # share of slow rows, in which a change of direction is over by so much
+
 DRIVES = ("motor_torque", "motor_current")
 BOTH_WAYS = 0.1  # of the rows go each way at least, for a difference between directions
 POSITIVE_MASS = ("inertia",)
@@ -57,6 +63,8 @@ def impossible(work: Working, name: str, problem: Problem) -> str:
     The drive decides signs: its torque overcomes friction and accelerates the joint. A sensor may
     see either sign, by the side of the friction on which it sits.
     """
+    if why := _bent_one_way(work, name, problem):
+        return why
     if name == STRIBECK and (why := _not_fading(work, problem)):
         return why
     values = _values(work, name)
@@ -69,6 +77,19 @@ def impossible(work: Working, name: str, problem: Problem) -> str:
     if name in POSITIVE_MASS and values[0] < 0.0:
         return "its mass would be negative"
     return ""
+
+
+def _bent_one_way(work: Working, name: str, problem: Problem) -> str:
+    """Why a change of direction is none, "" where it is one or reaches into no speed."""
+    (shapes,) = (e.shapes for e in work.effects if e.name == name)
+    if WIDTH not in shapes:
+        return ""
+    velocity = np.concatenate([run.log["output_velocity"] for run in problem.runs])
+    if min(np.mean(velocity > 0.0), np.mean(velocity < 0.0)) >= ONE_WAY:
+        return ""
+    if np.tanh(np.quantile(np.abs(velocity), SLOW) / shapes[WIDTH]) >= CHANGED:
+        return ""
+    return "no run changes direction, and its change of direction would reach into their speeds"
 
 
 def _not_fading(work: Working, problem: Problem) -> str:
