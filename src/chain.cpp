@@ -1,158 +1,14 @@
 #include <algorithm>
-#include <map>
-#include <stdexcept>
 #include <string>
 
-#include "bindings.hpp"
 #include "flexspline/batch/replay_chain.hpp"
+#include "flexspline/batch/replay_preprocessing.hpp"
+#include "stages.hpp"
 
 namespace flexspline::bindings {
 namespace {
 
-using Config = batch::LogChain::Config;
-
-[[noreturn]] void refuse(const std::string& sentence) {
-  throw std::invalid_argument("chain: " + sentence);
-}
-
-/// An entry of the chain's configuration: the fields of one estimator in model.json.
-struct Entry {
-  std::string name;
-  py::dict fields;
-
-  template <typename T>
-  T get(const char* field) const {
-    if (!fields.contains(field)) refuse("'" + name + "' lacks '" + field + "'");
-    return fields[field].cast<T>();
-  }
-  double number(const char* field) const { return get<double>(field); }
-
-  /// (low, high), or everything where it is None or missing.
-  void range(const char* field, double& low, double& high) const {
-    if (!fields.contains(field) || fields[field].is_none()) return;
-    const auto pair = get<std::pair<double, double>>(field);
-    low = pair.first;
-    high = pair.second;
-  }
-
-  /// The place of a word among those that are known.
-  template <typename Enum, std::size_t N>
-  Enum choice(const char* field, const std::array<const char*, N>& words) const {
-    const auto word = get<std::string>(field);
-    for (std::size_t k = 0; k < N; ++k) {
-      if (word == words[k]) return static_cast<Enum>(k);
-    }
-    refuse("'" + name + "' does not know " + field + " '" + word + "'");
-  }
-
-  template <std::size_t N>
-  void fill(const char* field, std::array<double, N>& into) const {
-    const auto values = get<std::vector<double>>(field);
-    if (values.size() > N) {
-      refuse("'" + name + "' has " + std::to_string(values.size()) + " " + field +
-             ", room is for " + std::to_string(N));
-    }
-    std::copy(values.begin(), values.end(), into.begin());
-  }
-};
-
-void read_thermistor(const Entry& entry, Config& config) {
-  config.thermistor = {entry.number("supply_voltage"), entry.number("divider_resistance"),
-                       entry.number("nominal_resistance"), entry.number("beta"),
-                       entry.number("nominal_temperature")};
-}
-
-void read_compensation(const Entry& entry, Config& config) {
-  auto& made = config.compensation.emplace();
-  entry.fill("coefficients", made.coefficients);
-  made.reference_temperature = entry.number("reference_temperature");
-  made.gradient = entry.number("gradient");
-  made.thermal_lag = entry.number("thermal_lag");
-  entry.range("temperature_range", made.low, made.high);
-}
-
-void read_calibration(const Entry& entry, Config& config) {
-  auto& made = config.calibration.emplace();
-  made.sensitivity = entry.number("sensitivity");
-  made.zero = entry.number("zero");
-  entry.range("voltage_range", made.low, made.high);
-}
-
-MomentumObserver<double>::Config observer_from(const Entry& entry) {
-  return {entry.number("gain"),
-          entry.choice<Discretisation>("discretisation", std::array{"exact", "euler"})};
-}
-
-void read_observer(const Entry& entry, Config& config) {
-  config.observer = observer_from(entry);
-  config.observer_input =
-      entry.choice<ObserverInput>("input", std::array{"sensor_torque", "motor_torque"});
-}
-
-void read_compliant_observer(const Entry& entry, Config& config) {
-  config.compliant_observer = observer_from(entry);
-}
-
-void read_compliance(const Entry& entry, Config& config) {
-  config.compliance = {entry.number("mesh_stiffness"), entry.number("mesh_shape"),
-                       entry.number("margin")};
-  if (!entry.fields.contains("hysteresis")) return;
-  const Entry loop{"hysteresis", entry.get<py::dict>("hysteresis")};
-  config.hysteresis.emplace().load_width = loop.number("load_width");
-  loop.fill("heights", config.hysteresis->heights);
-}
-
-void read_merge(const Entry& entry, Config& config) {
-  enum class Method : unsigned char { logistic, kalman };
-  if (entry.fields.contains("at_rest")) {
-    config.at_rest =
-        entry.choice<AtRest>("at_rest", std::array{"compliance", "compliant_observer"});
-  }
-  const LogisticMerge<double> logistic{entry.number("alpha"), entry.number("transition_velocity")};
-  if (entry.choice<Method>("method", std::array{"logistic", "kalman"}) == Method::logistic) {
-    config.logistic = logistic;
-    return;
-  }
-  const auto observer = entry.get<std::pair<double, double>>("observer_noise");
-  const auto compliance = entry.get<std::pair<double, double>>("compliance_noise");
-  config.kalman = {logistic,        entry.number("walk"), observer.first,
-                   observer.second, compliance.first,     compliance.second};
-}
-
-void read_collision(const Entry& entry, Config& config) {
-  auto& made = config.collision.emplace();
-  entry.fill("negative", made.negative);
-  entry.fill("positive", made.positive);
-  entry.fill("speed_edges", made.speed_edges);
-  made.release = entry.number("release");
-  made.hold = entry.number("hold");
-  config.watched = entry.choice<Watched>(
-      "input", std::array{"observer", "sensor", "merged", "compliant_observer"});
-}
-
-Config config_from(const py::dict& entries) {
-  static const std::map<std::string, void (*)(const Entry&, Config&)> readers{
-      {"thermistor", read_thermistor},
-      {"temperature_compensation", read_compensation},
-      {"calibration", read_calibration},
-      {"observer", read_observer},
-      {"compliance", read_compliance},
-      {"compliant_observer", read_compliant_observer},
-      {"merge", read_merge},
-      {"collision", read_collision}};
-  Config config;
-  for (const auto& [key, value] : entries) {
-    const auto name = key.cast<std::string>();
-    if (name == "sensor") {
-      config.sensor = value.cast<bool>();
-      continue;
-    }
-    const auto found = readers.find(name);
-    if (found == readers.end()) refuse("there is no stage '" + name + "'");
-    found->second({name, value.cast<py::dict>()}, config);
-  }
-  return config;
-}
+using Config = StagesConfig;
 
 /// Forward Euler that cannot be stable at the log's mean period.
 void require_stable(const std::optional<MomentumObserver<double>::Config>& observer,
@@ -219,13 +75,15 @@ py::dict run(const Config& config, const py::dict& columns, py::ssize_t size) {
     results[py::str(std::string(output.name))] = values;
   }
   py::array_t<std::uint8_t> flags(size);
-  py::array_t<std::uint8_t> missed(size);
+  py::array_t<std::uint8_t> faults(size);
+  py::array_t<std::uint16_t> missed(size);
   py::array_t<bool> contact(size);
   const batch::ChainRun rows{count,
                              in.time,
                              in.inputs,
                              outputs,
                              flags.mutable_data(),
+                             faults.mutable_data(),
                              missed.mutable_data(),
                              contact.mutable_data()};
   {
@@ -234,7 +92,51 @@ py::dict run(const Config& config, const py::dict& columns, py::ssize_t size) {
   }
   results["flags"] = flags;
   results["missed"] = missed;
+  if (config.checks) results["faults"] = faults;
   if (config.collision) results["contact"] = contact;
+  return results;
+}
+
+/// A column that the run writes into: a copy of what there is, NaN where there is nothing.
+py::array_t<double> writable(const py::dict& columns, const char* name, py::ssize_t size) {
+  py::array_t<double> made(size);
+  double* values = made.mutable_data();
+  if (!columns.contains(name)) {
+    std::fill(values, values + size, batch::unknown);
+    return made;
+  }
+  const auto given = columns[name].cast<Array>();
+  const double* known = column_or_null(given, static_cast<std::size_t>(size), name);
+  std::copy(known, known + size, values);
+  return made;
+}
+
+py::dict prepare(const Config& config, const py::dict& columns, py::ssize_t size) {
+  py::dict results;
+  const auto column = [&](const std::string& name) {
+    py::array_t<double> made = writable(columns, name.c_str(), size);
+    results[py::str(name)] = made;
+    return made.mutable_data();
+  };
+  py::array_t<std::uint8_t> faults(size);
+  py::array_t<std::uint16_t> missed(size);
+  const auto time = writable(columns, "time", size);
+  batch::PreprocessedRun rows{static_cast<std::size_t>(size), time.data()};
+  rows.output_position = column("output_position");
+  rows.motor_position = column("motor_position");
+  for (std::size_t k = 0; k < rows.numbers.size(); ++k) {
+    rows.numbers[k] = column(std::string(batch::reading_numbers[k].name));
+  }
+  rows.faults = faults.mutable_data();
+  rows.missed = missed.mutable_data();
+  std::fill(rows.faults, rows.faults + size, std::uint8_t(0));
+  std::fill(rows.missed, rows.missed + size, std::uint16_t(0));
+  {
+    const py::gil_scoped_release release;
+    batch::replay_preprocessing(config, rows);
+  }
+  results["faults"] = faults;
+  results["missed"] = missed;
   return results;
 }
 
@@ -243,14 +145,19 @@ py::dict run(const Config& config, const py::dict& columns, py::ssize_t size) {
 void bind_chain(py::module_& module) {
   py::class_<Config>(module, "Chain",
                      "From raw channels to the external torque and a contact, as on the device.")
-      .def(py::init(&config_from), py::arg("config"))
+      .def(py::init(&stages_from), py::arg("config"))
       .def("run", &run, py::arg("columns"), py::arg("size"),
            R"(Results of each row by name, for the stages that the chain has.
 
 A stage that misses a row keeps its last good values, NaN before the first, and sets its bit
 in 'missed': 1 thermistor, 2 temperature_compensation, 4 sensor, 8 observer, 16 compliance,
-32 merge, 64 collision, 128 compliant_observer. 'flags': 1 extrapolated, 2 saturated. Each
-run starts anew.)");
+32 merge, 64 collision, 128 compliant_observer. 'flags': 1 extrapolated, 2 saturated.
+'faults', of reading_checks: 32 where sensor and observer disagree. Each run starts anew.)")
+      .def("prepare", &prepare, py::arg("columns"), py::arg("size"),
+           R"(Readings by name as the chain takes them: checked, derivatives made; NaN is missing.
+
+'faults' of each row: 1 sensor, 2 motor, 4 speed, 8 motion, 16 encoders, 64 temperature.
+'missed': 256 differentiator. Each run starts anew.)");
 }
 
 }  // namespace flexspline::bindings

@@ -30,8 +30,17 @@ class Chain:
 
         A stage that misses a row keeps its last good values, NaN before the first, and sets its bit
         in 'missed': 1 thermistor, 2 temperature_compensation, 4 sensor, 8 observer, 16 compliance,
-        32 merge, 64 collision, 128 compliant_observer. 'flags': 1 extrapolated, 2 saturated. Each
-        run starts anew.
+        32 merge, 64 collision, 128 compliant_observer. 'flags': 1 extrapolated, 2 saturated.
+        'faults', of reading_checks: 32 where sensor and observer disagree. Each run starts anew.
+        """
+
+    def prepare(
+        self, columns: dict[str, NDArray[np.float64]], size: int
+    ) -> dict[str, NDArray[Any]]:
+        """Readings by name as the chain takes them: checked, derivatives made; NaN is missing.
+
+        'faults' of each row: 1 sensor, 2 motor, 4 speed, 8 motion, 16 encoders, 64 temperature.
+        'missed': 256 differentiator. Each run starts anew.
         """
 
 class Design:

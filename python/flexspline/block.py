@@ -18,6 +18,7 @@ from flexspline.errors import InputError
 from flexspline.estimation.plan import Plan, plan_of
 from flexspline.estimators import Thermistor
 from flexspline.header_model import by_motor_encoder
+from flexspline.header_stages import LIMITS
 from flexspline.model import Model, Part
 from flexspline.signals import gear_of
 
@@ -31,6 +32,7 @@ LARGEST = {
 }
 SMALLEST = {"float": float.fromhex("0x1p-126"), "double": float.fromhex("0x1p-1022")}
 SPLINES = ("unknown", "circular", "flex")
+NO_GEAR = {"effective_ratio": 1.0, "output_spline": "unknown", "motor_encoder": False}
 PAIRS = (
     "output_on_housing",
     "motor_on_stator",
@@ -101,7 +103,7 @@ class _Block:
     def model(self, name: str, model: Model | None, part: Part | None) -> None:
         self.structure(name)
         if model is None or part is None:
-            self._gear({"effective_ratio": 1.0, "output_spline": "unknown", "motor_encoder": False})
+            self._gear(NO_GEAR)
             return
         self._gear(gear_of(model.facts, by_motor_encoder(part)))
         first = 0
@@ -126,7 +128,8 @@ class _Block:
         self.numbers("coefficients", coefficients)
 
     def joint(self, model: Model, plan: Plan) -> None:
-        for name, entries in (("sensing", plan.sensing), ("estimating", plan.estimating)):
+        sensing = {**plan.preprocessing, **plan.sensing}
+        for name, entries in (("sensing", sensing), ("estimating", plan.estimating)):
             self.structure(name)
             self._stages(entries, plan.has_sensor)
         for name in ("sensor", "observed", "torsion", "carried"):
@@ -139,6 +142,12 @@ class _Block:
         self._range(plan.temperature_range)
 
     def _stages(self, entries: Mapping[str, Entry], has_sensor: bool) -> None:
+        if "reading_checks" in entries:
+            self._checks(entries["reading_checks"])
+        if "differentiator" in entries:
+            self.structure("differentiator")
+            made = entries["differentiator"]
+            self._stage(made["makes"], made, ("bandwidth",))
         if "thermistor" in entries:
             names = tuple(field.name for field in dataclasses.fields(Thermistor))
             self._stage("thermistor", entries["thermistor"], names)
@@ -170,6 +179,18 @@ class _Block:
         largest = LARGEST[self.scalar]
         for name, value in zip(("low", "high"), ends or (-largest, largest), strict=True):
             self.numbers(name, (value,))
+
+    def _checks(self, entry: Entry) -> None:
+        self.structure("reading_checks")
+        largest = LARGEST[self.scalar]
+        for name in ("voltage", "thermistor_voltage", "temperature"):
+            low, high = entry.get(f"{name}_range", (-largest, largest))
+            self.numbers(f"least_{name}", (low,))
+            self.numbers(f"most_{name}", (high,))
+        for name in LIMITS:
+            off = 0.0 if name in ("way", "twist") else largest
+            self.numbers(name, (float(entry.get(name, off)),))
+        self._gear(entry.get("gear", NO_GEAR))
 
     def _compensation(self, entry: Entry) -> None:
         self._stage("temperature_compensation", entry, ("reference_temperature",))

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from flexspline.errors import listed
 from flexspline.estimation.plan import Plan
+from flexspline.estimation.preprocessing import made_by, reads_of
 from flexspline.estimators import ESTIMATORS
 from flexspline.header_model import literal, model_lines
 from flexspline.header_stages import stage_lines
+from flexspline.logs.causal import lateness
 from flexspline.model import Model
 from flexspline.part import Part
 
@@ -43,8 +46,14 @@ def chain_includes(plan: Plan) -> set[str]:
 
 def chain_head(plan: Plan, namespace: str) -> Iterator[str]:
     """Paragraphs on the chain for the comment at the top."""
-    stages = [key for key in ESTIMATORS if key in plan.sensing or key in plan.estimating]
+    planned = {*plan.preprocessing, *plan.sensing, *plan.estimating}
+    stages = [key for key in ESTIMATORS if key in planned]
     yield f"Estimates, by {', '.join(stages)}: external torque in Nm at the output, outward."
+    made = _made(plan)
+    if made:
+        how = lateness(plan.preprocessing["differentiator"]["bandwidth"])
+        names = listed(sorted(made, reverse=True))
+        yield f"Makes {names} from output_position: {how.replace('−', '-')}."
     yield ""
     yield "Once per control period, the same options of the compiler:"
     yield ""
@@ -66,6 +75,8 @@ def chain_head(plan: Plan, namespace: str) -> Iterator[str]:
             yield f"    // out.{name}: unless"
             yield f"    //     has(out.missed, flexspline::Stage::{stage})"
     yield "    // has(out.flags, flexspline::Flag::extrapolated), saturated: to be known beside it"
+    if "reading_checks" in plan.preprocessing:
+        yield "    // has(out.faults, flexspline::Fault::speed), ...: what cannot be true"
 
 
 def chain_lines(model: Model, plan: Plan) -> Iterator[str]:
@@ -85,7 +96,8 @@ def chain_lines(model: Model, plan: Plan) -> Iterator[str]:
         f"{name.capitalize()}Model<S>" if part is not None else "flexspline::Model<S>"
         for name, part in models.items()
     ]
-    for name, entries in (("Sensing", plan.sensing), ("Estimating", plan.estimating)):
+    sensing = {**plan.preprocessing, **plan.sensing}
+    for name, entries in (("Sensing", sensing), ("Estimating", plan.estimating)):
         place = "up to the sensor" if name == "Sensing" else "behind the sensor"
         yield f"/// The stages {place}; there are no others."
         yield from stage_lines(name, entries, plan.has_sensor)
@@ -119,26 +131,28 @@ def _models(plan: Plan) -> dict[str, Part | None]:
     }
 
 
-def _effect_reads(plan: Plan) -> set[str]:
-    parts = [part for part in _models(plan).values() if part is not None]
-    return {name for part in parts for effect in part.effects for name in effect.reads}
+def _made(plan: Plan) -> set[str]:
+    """Channels that the chain makes itself."""
+    entry = plan.preprocessing.get("differentiator")
+    return set() if entry is None else set(made_by(entry))
 
 
 def _angles(plan: Plan) -> set[str]:
-    found = set(ANGLES)
-    return found if "compliance" in plan.estimating else found & _effect_reads(plan)
+    found = reads_of(plan) & ANGLES.keys()
+    if "differentiator" in plan.preprocessing:
+        found.add("output_position")
+    twists = "twist" in plan.preprocessing.get("reading_checks", {})
+    return set(ANGLES) if twists or "compliance" in plan.estimating else found
 
 
 def _readings(plan: Plan) -> set[str]:
-    found = _effect_reads(plan) & READINGS.keys()
+    found = reads_of(plan) & READINGS.keys()
     if "thermistor" in plan.sensing:
         found = (found - {"temperature"}) | {"thermistor_voltage"}
     elif "temperature_compensation" in plan.sensing:
         found.add("temperature")
     if plan.has_sensor:
         found.add("sensor_voltage" if "calibration" in plan.sensing else "sensor_torque")
-    if plan.inertia or plan.link_inertia or plan.estimating.keys() & {"merge", "collision"}:
-        found.add("output_velocity")
     if plan.estimating.get("observer", {}).get("input") == "motor_torque":
         found.add("motor_torque")
-    return found
+    return found - _made(plan)

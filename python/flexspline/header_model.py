@@ -13,7 +13,7 @@ from flexspline.model import Model, Part
 from flexspline.report.numbers import plus_minus
 from flexspline.signals import gear_of
 
-__all__ = ["by_motor_encoder", "literal", "model_lines", "one_line", "type_name"]
+__all__ = ["by_motor_encoder", "gear_text", "literal", "model_lines", "one_line", "type_name"]
 
 LARGEST = float.fromhex("0x1.fffffep+127")  # the largest float
 LARGEST_RATIO = 2**30
@@ -43,15 +43,18 @@ def model_lines(model: Model, part: Part, name: str = "model") -> Iterator[str]:
 
 
 def _gear(model: Model, part: Part) -> str:
-    motor_encoder = by_motor_encoder(part)
-    gear = gear_of(model.facts, motor_encoder)
+    return gear_text(gear_of(model.facts, by_motor_encoder(part)))
+
+
+def gear_text(gear: Mapping[str, Any]) -> str:
+    """A gear of `gear_of` as C++."""
     ratio = gear["effective_ratio"]
     if not 0 < ratio <= LARGEST_RATIO:
         raise InputError(f"gear_ratio gives an effective ratio of {ratio}; give one in 0 to 2^30")
     return (
         f"flexspline::Gear<S>::from_ratio({ratio!r}, flexspline::OutputSpline::"
         f"{gear['output_spline']},\n                                    "
-        f"/*motor_encoder=*/{str(motor_encoder).lower()})"
+        f"/*motor_encoder=*/{str(gear['motor_encoder']).lower()})"
     )
 
 

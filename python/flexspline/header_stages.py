@@ -9,7 +9,7 @@ from typing import Any
 
 from flexspline.errors import InputError
 from flexspline.estimators import Thermistor
-from flexspline.header_model import literal
+from flexspline.header_model import gear_text, literal
 
 __all__ = ["stage_lines"]
 
@@ -18,6 +18,21 @@ INDENT = "\n" + " " * 6
 END = "\n" + " " * 2
 
 UNITS = {
+    "least_voltage": "V of the bridge",
+    "most_voltage": "V of the bridge",
+    "least_thermistor_voltage": "V",
+    "most_thermistor_voltage": "V",
+    "least_temperature": "deg C",
+    "most_temperature": "deg C",
+    "most_sensor_torque": "Nm",
+    "most_motor_torque": "Nm at the motor's shaft",
+    "most_speed": "rad/s",
+    "most_acceleration": "rad/s^2",
+    "way": "rad at the output",
+    "twist": "rad at the motor",
+    "forget": "1/s",
+    "apart": "Nm",
+    "bandwidth": "Hz, -3 dB",
     "supply_voltage": "V",
     "divider_resistance": "ohm",
     "nominal_resistance": "ohm",
@@ -43,6 +58,18 @@ UNITS = {
     "hold": "s",
 }
 
+# Of the checks, in the order of the core's fields.
+LIMITS = (
+    "most_sensor_torque",
+    "most_motor_torque",
+    "most_speed",
+    "most_acceleration",
+    "way",
+    "twist",
+    "forget",
+    "apart",
+)
+
 Entry = Mapping[str, Any]
 
 
@@ -65,6 +92,27 @@ def _stage(made: str, field: str, numbers: Sequence[str]) -> str:
 
 def _rule(field: str, made: str, value: str) -> str:
     return f"  static constexpr auto {field} = flexspline::{made}::{value};"
+
+
+def _checks(entries: Mapping[str, Entry]) -> Iterator[str]:
+    key = "reading_checks"
+    entry = entries[key]
+    numbers = [
+        _field(key, f"{side}_{name}", value, UNITS[f"{side}_{name}"])
+        for name in ("voltage", "thermistor_voltage", "temperature")
+        for side, value in zip(("least", "most"), entry.get(f"{name}_range", ()), strict=False)
+    ]
+    numbers += _numbers(key, entries, [name for name in LIMITS if name in entry])
+    if "gear" in entry:
+        numbers.append(f".gear = {gear_text(entry['gear'])},")
+    yield _stage("typename flexspline::ReadingChecks<S>::Config", "checks", numbers)
+
+
+def _differentiator(entries: Mapping[str, Entry]) -> Iterator[str]:
+    key = "differentiator"
+    rule = f".makes = flexspline::Derivatives::{entries[key]['makes']},"
+    numbers = [*_numbers(key, entries, ("bandwidth",)), rule]
+    yield _stage("typename flexspline::Differentiator<S>::Config", key, numbers)
 
 
 def _thermistor(entries: Mapping[str, Entry]) -> Iterator[str]:
@@ -154,6 +202,8 @@ def _collision(entries: Mapping[str, Entry]) -> Iterator[str]:
 
 
 MADE: Mapping[str, Callable[[Mapping[str, Entry]], Iterator[str]]] = {
+    "reading_checks": _checks,
+    "differentiator": _differentiator,
     "thermistor": _thermistor,
     "temperature_compensation": _compensation,
     "calibration": _calibration,

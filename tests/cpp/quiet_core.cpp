@@ -3,6 +3,7 @@
 #include "flexspline/estimators/chain.hpp"
 #include "flexspline/estimators/differentiator.hpp"
 #include "flexspline/estimators/order_tracker.hpp"
+#include "flexspline/estimators/preprocessing.hpp"
 #include "flexspline/estimators/ripple_oscillator.hpp"
 #include "flexspline/joint.hpp"
 #include "flexspline/model.hpp"
@@ -67,6 +68,8 @@ template struct OrderTracker<float, 64>;
 template struct OrderTracker<double, 64>;
 template struct ReadingChecks<float>;
 template struct ReadingChecks<double>;
+template struct Preprocessing<float>;
+template struct Preprocessing<double>;
 template struct Bridge<float, 8>;
 template struct Bridge<double, 8>;
 template struct Conditioning<float>;

@@ -37,6 +37,9 @@ template <typename S>
 Whole<S> whole(S level) {
   using Chain = flexspline::Chain<S>;
   Whole<S> made{};
+  made.sensing.checks = typename ReadingChecks<S>::Config{level, level};
+  made.sensing.checks->gear = Gear<S>::from_ratio(101, OutputSpline::flex, true);
+  made.sensing.differentiator = typename Differentiator<S>::Config{level};
   made.sensing.thermistor = Thermistor<S>{level, level, level, level, level};
   made.sensing.compensation = typename Chain::Compensation::Config{level, {level}, level, level};
   made.sensing.sensor = true;

@@ -368,7 +368,8 @@ TEST_CASE("the observer of a link takes off the inertia that the compliance leav
 TEST_CASE("a replayed chain repeats what it has where time stands still") {
   const std::array<double, 4> time{0, 0.001, 0.001, 0.002}, torque{1, 2, 9, 3};
   std::array<double, 4> external{};
-  std::array<std::uint8_t, 4> flags{}, missed{};
+  std::array<std::uint8_t, 4> flags{}, faults{};
+  std::array<std::uint16_t, 4> missed{};
   std::array<bool, 4> contact{};
   batch::LogChain::Config config;
   config.sensor = true;
@@ -376,10 +377,16 @@ TEST_CASE("a replayed chain repeats what it has where time stands still") {
       &batch::LogChain::Input::sensor_torque, torque.data()};
   const batch::ChainColumn<batch::LogChain::Output, double> out{
       &batch::LogChain::Output::external_sensor, external.data()};
-  batch::replay_chain(
-      config, {4, time.data(), {&in, 1}, {&out, 1}, flags.data(), missed.data(), contact.data()});
+  batch::replay_chain(config, {4,
+                               time.data(),
+                               {&in, 1},
+                               {&out, 1},
+                               flags.data(),
+                               faults.data(),
+                               missed.data(),
+                               contact.data()});
   CHECK(external == std::array<double, 4>{1, 2, 2, 3});
-  CHECK(missed == std::array<std::uint8_t, 4>{0, 0, 4, 0});
+  CHECK(missed == std::array<std::uint16_t, 4>{0, 0, 4, 0});
 }
 
 TEST_CASE("a chain's stages are those that are configured") {

@@ -1,6 +1,6 @@
 #include <doctest/doctest.h>
 
-#include "flexspline/reading_checks.hpp"
+#include "flexspline/joint.hpp"
 
 using namespace flexspline;
 
@@ -14,6 +14,8 @@ typename ReadingChecks<S>::Config config() {
   typename ReadingChecks<S>::Config made;
   made.least_voltage = S(-1.6);
   made.most_voltage = S(1.6);
+  made.least_thermistor_voltage = S(0.05);
+  made.most_thermistor_voltage = S(3.25);
   made.most_speed = S(5);
   made.most_acceleration = S(100);
   made.way = S(0.005);
@@ -68,6 +70,7 @@ TEST_CASE_TEMPLATE("each fault of motion is found on the way that it adds", S, f
     in.output_position = Angle<S>::from_radians(S(speed * period * k + 0.02));
   };
   CHECK(found_after<S>(Fault::motion, moved) == 0);
+  CHECK(found_after<S>(Fault::speed, moved) == 0);
   CHECK(found_after<S>(Fault::encoders, moved) == 0);
   const auto motor = [](Reading<S>& in, int) {
     in.motor_position = turning<S>(500).motor_position;
@@ -82,10 +85,12 @@ TEST_CASE_TEMPLATE("what is out of range is missing afterwards, and nothing else
   Reading<S> in = turning<S>(0);
   in.sensor_voltage = S(1.65);
   in.output_velocity = S(-7);
+  in.thermistor_voltage = S(3.29);
   const Fault found = ReadingChecks<S>::step(config<S>(), state, in);
   CHECK((has(found, Fault::sensor) && has(found, Fault::speed)));
   CHECK_FALSE(math::is_finite(in.sensor_voltage));
   CHECK_FALSE(math::is_finite(in.output_velocity));
+  CHECK((has(found, Fault::temperature) && !math::is_finite(in.thermistor_voltage)));
   CHECK(in.output_acceleration == S(0));
   CHECK(in.motor_position.has_value());
 }
@@ -112,7 +117,7 @@ TEST_CASE_TEMPLATE("a pause compares nothing, and torques are two witnesses", S,
   CHECK(ReadingChecks<S>::step(limits, state, in) == Fault::none);
   in = turning<S>(0);
   in.period = S(0.2);
-  in.output_position = Angle<S>::from_radians(S(2));
+  in.output_position = Angle<S>::from_radians(S(0.9));
   in.motor_position = Angle<S>::from_radians(S(202));
   CHECK(ReadingChecks<S>::step(limits, state, in) == Fault::none);
   limits.apart = S(1);

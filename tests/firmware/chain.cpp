@@ -1,8 +1,6 @@
 // A device in a pipe: readings in, estimates out, one at a time, through an exported header.
 //
-//   chain float|double [checked] < rows > results
-//
-// Checked: readings that the rig of the tests cannot have are taken out first.
+//   chain float|double < rows > results
 //
 // A row is eleven doubles: 1 for a fresh start, period, output angle, motor angle (radians, which
 // become an encoder's counts of 2^-32 turns in float), velocity, acceleration, motor torque, sensor
@@ -13,26 +11,9 @@
 #include <cstdio>
 #include <cstring>
 
-#include "flexspline/reading_checks.hpp"
 #include "joint.hpp"
 
 namespace {
-
-/// Just outside of what tests/python/chain_rig.py has.
-template <typename S>
-typename flexspline::ReadingChecks<S>::Config limits() noexcept {
-  typename flexspline::ReadingChecks<S>::Config made;
-  made.least_voltage = S(-1.6);
-  made.most_voltage = S(1.6);
-  made.most_motor_torque = S(0.5);
-  made.most_speed = S(8);
-  made.most_acceleration = S(50);
-  made.way = S(0.005);
-  made.twist = S(0.2);
-  made.apart = S(1);
-  made.gear = joint::joint<S>.torsion.gear;
-  return made;
-}
 
 template <typename S>
 std::optional<flexspline::Angle<S>> read_angle(double radians) noexcept {
@@ -60,23 +41,14 @@ flexspline::Reading<S> reading(const std::array<double, 11>& row) noexcept {
 }
 
 template <typename S>
-int stream(bool checked) noexcept {
+int stream() noexcept {
   using Joint = joint::Joint<S>;
-  using Checks = flexspline::ReadingChecks<S>;
-  const auto config = limits<S>();
-  typename Checks::State known;
   typename Joint::State state;
   typename Joint::Chain::Output out;
   std::array<double, 11> row{};
   while (std::fread(row.data(), sizeof row, 1, stdin) == 1) {
-    if (row[0] == 1.0) {
-      state = {};
-      known = {};
-    }
-    flexspline::Reading<S> in = reading<S>(row);
-    auto fault = checked ? Checks::step(config, known, in) : flexspline::Fault::none;
-    const flexspline::Status status = joint::joint<S>.step(state, in, out);
-    if (checked) fault = fault | Checks::torques(config, out);
+    if (row[0] == 1.0) state = {};
+    const flexspline::Status status = joint::joint<S>.step(state, reading<S>(row), out);
     const auto wide = [](auto value) { return static_cast<double>(value); };
     const std::array<double, 12> result{wide(out.temperature),
                                         wide(out.sensor_torque),
@@ -89,7 +61,7 @@ int stream(bool checked) noexcept {
                                         wide(out.missed),
                                         wide(status),
                                         wide(out.external_compliant_observer),
-                                        wide(fault)};
+                                        wide(out.faults)};
     if (std::fwrite(result.data(), sizeof result, 1, stdout) != 1) return 1;
   }
   return 0;
@@ -99,7 +71,6 @@ int stream(bool checked) noexcept {
 
 int main(int count, char** arguments) {
   if (count < 2) return 2;
-  const bool checked = count == 3 && std::strcmp(arguments[2], "checked") == 0;
   const bool single = std::strcmp(arguments[1], "float") == 0;
-  return single ? stream<float>(checked) : stream<double>(checked);
+  return single ? stream<float>() : stream<double>();
 }

@@ -37,6 +37,7 @@ def every_effect(target: str, letter: str) -> Model:
 
 CHAINS = {
     "everything": (chain_rig.whole_joint(), "joint::joint"),
+    "by the angles alone": (chain_rig.angle_joint(), "joint::joint"),
     "kalman": (chain_rig.joint(BY_MOTOR, Compliance(0.2), KALMAN, COLLISION), "joint::joint"),
     "behind the gear": (
         chain_rig.joint(

@@ -44,7 +44,7 @@ def valid(made: Certificate) -> dict:
 @pytest.mark.parametrize("target", CORTEX)
 def test_the_whole_chain_has_the_bits_of_the_host(target: str) -> None:
     log = chain_rig.raw_channels(20_000)
-    made = flexspline.certify(chain_rig.whole_joint(), log, target)
+    made = flexspline.certify(chain_rig.angle_joint(), log, target)
     said = valid(made)
     assert made.bit_identical and said["bit_identical"]
     assert said["samples"] == len(log) and said["refused"] == 0
@@ -122,7 +122,7 @@ def test_a_missing_tool_is_one_sentence_that_names_the_package(
 
 @pytest.mark.parametrize("target", ["host", *CORTEX])
 def test_the_example_compiles_by_its_makefile_and_runs(tmp_path: Path, target: str) -> None:
-    export(chain_rig.whole_joint(), tmp_path / "joint.hpp")
+    export(chain_rig.angle_joint(), tmp_path / "joint.hpp")
     make = shutil.which("make")
     if make is None:
         device.lacking("make is missing; install Debian's make")

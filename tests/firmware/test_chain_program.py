@@ -73,10 +73,10 @@ def rows_of(log: Log, *, single: bool = False) -> Array:
     return rows
 
 
-def stream(program: Path, scalar: str, rows: Array, *words: str) -> Array:
+def stream(program: Path, scalar: str, rows: Array) -> Array:
     """Stream rows through the program; results (N, 12)."""
     done = subprocess.run(
-        [str(program), scalar, *words], input=rows.tobytes(), capture_output=True, check=True
+        [str(program), scalar], input=rows.tobytes(), capture_output=True, check=True
     )
     results = np.frombuffer(done.stdout).reshape(-1, 12)
     assert len(results) == len(rows)
@@ -98,10 +98,12 @@ def assert_same_bits(model: Model, log: Log, program: Path) -> None:
     missed = found[:, 8].astype(int)
     stages = {4: Status.NO_SENSOR, 8: Status.NO_OBSERVER, 16: Status.NO_COMPLIANCE}
     last = {32: Status.NO_MERGED, 64: Status.NO_CONTACT, 128: Status.NO_COMPLIANT_OBSERVER}
+    last |= {256: Status.NO_VELOCITY}
     for stage, bit in {**stages, **last}.items():
         assert np.array_equal((missed & stage) != 0, made.flagged(bit)), bit
     for flag in (Status.EXTRAPOLATED, Status.SATURATED):
         assert np.array_equal((found[:, 7].astype(int) & int(flag)) != 0, made.flagged(flag)), flag
+    assert np.array_equal(found[:, 11], made.status // int(Status.SENSOR_FAULT))
 
 
 def broken(log: Log) -> Log:
@@ -111,6 +113,8 @@ def broken(log: Log) -> Log:
     for name in columns:
         columns[name][rng.choice(len(log), 40, replace=False)] = np.nan
     columns["thermistor_voltage"][700:720] = 0.0
+    columns["sensor_voltage"][900:920] *= -1.0
+    columns["motor_torque"][950:953] = 9.0
     columns["motor_position"][2000:2010] += 0.4
     holed = log.with_columns(columns, note="broken")
     return holed.rows(np.r_[0:1500, 1600 : len(log)], note="a gap")
@@ -118,6 +122,8 @@ def broken(log: Log) -> Log:
 
 CHAINS = {
     "everything": tuple(chain_rig.whole_joint().estimators.values()),
+    "everything, checked": tuple(chain_rig.checked_joint().estimators.values()),
+    "everything by the angles alone": tuple(chain_rig.angle_joint().estimators.values()),
     "the link behind the gear": (
         BY_MOTOR,
         Compliance(),

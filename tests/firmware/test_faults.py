@@ -11,20 +11,21 @@ from pathlib import Path
 import chain_rig
 import device
 import numpy as np
-import pytest
 from numpy.typing import NDArray
 from test_chain_program import CHANNELS, rows_of, stream
 
 from flexspline.certification.building import firmware_folder
+from flexspline.model import Model
 
 Array = NDArray[np.float64]
 
 FIRST, LAST = 2000, 2100  # rows of the fault, 200 ms; the joint turns at 2.8 rad/s
 PLACE = {"period": 1, **{name: k for k, name in enumerate(CHANNELS, start=2)}}
 STAGES = {1: "thermistor", 2: "compensation", 4: "sensor", 8: "observer", 16: "compliance"}
-STAGES |= {32: "merge", 64: "collision", 128: "compliant_observer"}
+STAGES |= {32: "merge", 64: "collision", 128: "compliant_observer", 256: "differentiator"}
 FLAGS = {1: "extrapolated", 2: "saturated"}
 FAULTS = {1: "sensor", 2: "motor", 4: "speed", 8: "motion", 16: "encoders", 32: "torques"}
+FAULTS |= {64: "temperature"}
 TORQUES = {"sensor": (2, 4), "observer": (3, 8), "compliance": (4, 16), "merged": (5, 32)}
 CALM = 0.05  # Nm: as good as without the fault
 
@@ -81,6 +82,13 @@ BROKEN: dict[str, Callable[[Array], None]] = {
     "thermistor open": put("thermistor_voltage", 3.3),
     "thermistor shorted": put("thermistor_voltage", 0.0),
 }
+OF_THE_ANGLE = (
+    "output angle missing",
+    "no step for 200 ms",
+    "output encoder stuck",
+    "motor encoder stuck",
+    "output encoder steps by 0.02 rad",
+)
 
 
 def made(change: Callable[[Array], None], rows: Array) -> Array:
@@ -142,33 +150,49 @@ def back_after(found: Array, clean: Array) -> str:
     return str(int(np.flatnonzero(apart)[-1]) + 1) if apart.any() else "0"
 
 
-def lines(program: Path) -> list[str]:
+def clean_run(program: Path, rows: Array) -> Array:
+    """The run without a fault, of which nothing is said but at its start."""
+    clean = stream(program, "float", rows)
+    assert not clean[:, 9].any() and not clean[:, 11].any() and not clean[200:, 8].any()
+    return clean
+
+
+def lines(checked: Path, unchecked: Path | None = None) -> list[str]:
+    """The table of a chain, of the faults of the angle where there is no other to compare with."""
     rows = rows_of(chain_rig.without(chain_rig.raw_log(), "sensor_torque"), single=True)
-    clean = stream(program, "float", rows, "checked")
-    assert not clean[:, 9].any() and not clean[:, 11].any() and not clean[1:, 8].any()
-    table = [
-        "| fault of 100 samples | first sign | after | sensor | observer | compliance | merged "
-        "| back after | merged, unchecked |",
-        "|---|---|---|---|---|---|---|---|---|",
-    ]
-    for name, change in BROKEN.items():
-        given = made(change, rows)
-        found = by_row(stream(program, "float", given, "checked"), len(rows))
-        plain = by_row(stream(program, "float", given), len(rows))
+    clean = clean_run(checked, rows)
+    head = "| fault of 100 samples | first sign | after | sensor | observer | compliance | merged "
+    head += "| back after |"
+    table = [head, "|---|---|---|---|---|---|---|---|"]
+    if unchecked is not None:
+        table = [f"{head} merged, unchecked |", f"{table[1]}---|"]
+    for name in BROKEN if unchecked else OF_THE_ANGLE:
+        given = made(BROKEN[name], rows)
+        found = by_row(stream(checked, "float", given), len(rows))
         assert np.isfinite(found[:, :7]).all(), name
         sign, after = first_sign(found, clean)
         cells = [name, sign, after, *errors(found, clean).values(), back_after(found, clean)]
-        table.append(f"| {' | '.join([*cells, errors(plain, clean)['merged']])} |")
+        if unchecked is not None:
+            plain = by_row(stream(unchecked, "float", given), len(rows))
+            cells.append(errors(plain, clean)["merged"])
+        table.append(f"| {' | '.join(cells)} |")
     return table
 
 
-@pytest.fixture(scope="module")
-def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("faults")
-    return device.compiled(chain_rig.whole_joint(), folder, device.compilers()[0], name="chain")
+def program_of(model: Model, folder: Path) -> Path:
+    folder.mkdir()
+    return device.compiled(model, folder, device.compilers()[0], name="chain")
 
 
-def test_the_table_of_faults_is_what_the_chain_does(program: Path) -> None:
+def assert_in_readme(expected: list[str]) -> None:
     text = (firmware_folder() / "README.md").read_text(encoding="utf-8")
-    expected = lines(program)
     assert "\n".join(expected) in text, "\n".join(["", *expected])
+
+
+def test_the_table_of_faults_is_what_the_chain_does(tmp_path: Path) -> None:
+    checked = program_of(chain_rig.checked_joint(), tmp_path / "checked")
+    assert_in_readme(lines(checked, program_of(chain_rig.whole_joint(), tmp_path / "unchecked")))
+
+
+def test_the_table_of_a_chain_that_makes_its_velocity_is_what_it_does(tmp_path: Path) -> None:
+    assert_in_readme(lines(program_of(chain_rig.angle_joint(), tmp_path / "angle")))

@@ -48,7 +48,7 @@ class Source {
 /// Step k of a calm run: everything is there and plausible.
 template <typename S>
 Reading<S> calm_reading(int k) {
-  const S turns = S(0.001) * S(k % 200);
+  const S turns = S(0.6 * 0.001 / 6.283185307179586) * S(k % 9000);  // the angle of its velocity
   Reading<S> in;
   in.period = S(0.001);
   in.output_position = Angle<S>::from_turns(turns);

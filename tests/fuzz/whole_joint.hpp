@@ -46,7 +46,30 @@ enum Choice : std::uint16_t {
   watched_low = 256,
   watched_high = 512,
   lagging = 1024,
+  checked = 2048,
+  derived = 4096,
 };
+
+template <typename S>
+void set_up_preparing(typename Chain<S>::Config& sensing, std::uint16_t choice) {
+  if ((choice & derived) != 0) sensing.differentiator = typename Differentiator<S>::Config{};
+  if ((choice & checked) == 0) return;
+  auto& checks = sensing.checks.emplace();
+  checks.least_voltage = S(-2);
+  checks.most_voltage = S(2);
+  checks.least_thermistor_voltage = S(0.1);
+  checks.most_thermistor_voltage = S(3.2);
+  checks.most_temperature = S(100);
+  checks.most_sensor_torque = checks.most_motor_torque = S(100);
+  checks.most_speed = S(10);
+  if ((choice & derived) == 0) {
+    checks.most_acceleration = S(1000);
+    checks.way = S(0.02);
+  }
+  checks.twist = S(1);
+  checks.apart = S(10);
+  checks.gear = Gear<S>::from_ratio(101.0, OutputSpline::circular, true);
+}
 
 template <typename S>
 void set_up_sensing(typename Chain<S>::Config& sensing, std::uint16_t choice) {
@@ -113,6 +136,7 @@ void set_up(Model<S, Effects...>& model, S scale) {
 template <typename S>
 WholeJoint<S> whole_joint(std::uint16_t choice) {
   WholeJoint<S> made{};
+  set_up_preparing<S>(made.sensing, choice);
   set_up_sensing<S>(made.sensing, choice);
   set_up_estimating<S>(made.estimating, choice);
   set_up(made.sensor, S(0.02));

@@ -10,8 +10,10 @@ from flexspline import (
     Calibration,
     Collision,
     Compliance,
+    Differentiator,
     Merge,
     Observer,
+    ReadingChecks,
     TemperatureCompensation,
     Thermistor,
     _core,
@@ -32,6 +34,20 @@ BY_GEAR = Observer(60.0, "compliance", rotor_inertia=1.3e-5)
 MERGE = Merge(500.0, 0.01)
 KALMAN = Merge(500.0, 0.01, "kalman", 20.0, (2.0, 1.0), (0.5, 3.0))
 COLLISION = Collision("merged", (0.4, 1.1), (2.0, 2.2, 2.5), (2.1, 2.3, 2.6), 0.8, 0.05)
+
+# Just outside of what the rig does; then of a device that measures angles and no velocity.
+CHECKS = ReadingChecks(
+    voltage_range=(-1.6, 1.6),
+    thermistor_voltage_range=(0.05, 3.25),
+    most_motor_torque=0.5,
+    most_speed=8.0,
+    most_acceleration=50.0,
+    way=0.005,
+    twist=0.2,
+    apart=1.0,
+)
+ANGLE_CHECKS = replace(CHECKS, most_acceleration=None, way=None)
+DIFFERENTIATOR = Differentiator(20.0)
 
 BY_OUTPUT = {"channels": ["output_position"]}  # ripple goes by Ñ q: no motor encoder in the fit
 
@@ -86,6 +102,16 @@ def whole_joint() -> Model:
     """The joint with one of each."""
     sensing = (THERMISTOR, COMPENSATION, CALIBRATION)
     return joint(*sensing, BY_MOTOR, Compliance(), BY_GEAR, MERGE, COLLISION)
+
+
+def checked_joint() -> Model:
+    """The same with its readings checked."""
+    return whole_joint().with_estimator(CHECKS)
+
+
+def angle_joint() -> Model:
+    """The same by its angles alone, with no channel for velocity and acceleration."""
+    return whole_joint().with_estimator(ANGLE_CHECKS).with_estimator(DIFFERENTIATOR)
 
 
 def with_hysteresis(part: Part, path: float = 0.0) -> Part:

@@ -6,10 +6,13 @@ from collections.abc import Iterable
 
 import numpy as np
 from chain_rig import (
+    ANGLE_CHECKS,
     BY_MOTOR,
     BY_OUTPUT,
     CALIBRATION,
+    CHECKS,
     COLLISION,
+    DIFFERENTIATOR,
     FACTS,
     MERGE,
     RATIO,
@@ -63,8 +66,13 @@ def ten_harmonics(*more) -> Model:
 
 
 def everything() -> Model:
-    """The same with thermistor and detector."""
-    return ten_harmonics(THERMISTOR, COLLISION)
+    """The same with thermistor, detector and reading checks."""
+    return ten_harmonics(THERMISTOR, COLLISION, CHECKS)
+
+
+def by_angle() -> Model:
+    """The same, and velocity from the angle."""
+    return ten_harmonics(THERMISTOR, COLLISION, ANGLE_CHECKS, DIFFERENTIATOR)
 
 
 def growing_chain() -> dict[str, Model]:
@@ -79,7 +87,10 @@ def growing_chain() -> dict[str, Model]:
         "+ compliance": joint(ten, *STAGES[:4]),
         "+ merge": ten_harmonics(),
         "+ thermistor": ten_harmonics(THERMISTOR),
-        "+ detector": everything(),
+        "+ detector": ten_harmonics(THERMISTOR, COLLISION),
+        "+ reading checks": everything(),
+        "+ velocity from the angle": by_angle(),
+        "merge and velocity from the angle": ten_harmonics(DIFFERENTIATOR),
         "merge; orders 2, 4, ... 20 by motor": joint(
             sensor(range(2, 21, 2), WAVE_GENERATOR), *STAGES
         ),

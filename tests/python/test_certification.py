@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import chain_rig
+import device_chains
 import numpy as np
 import pytest
 
@@ -101,7 +102,7 @@ def test_memory_starts_anew_at_the_first_row_and_behind_a_gap() -> None:
 
 def test_rows_and_results_have_the_sizes_that_the_device_expects() -> None:
     assert [ROW[s].itemsize for s in ("float", "double")] == [64, 112]
-    assert [RESULT[s].itemsize for s in ("float", "double")] == [40, 72]
+    assert [RESULT[s].itemsize for s in ("float", "double")] == [48, 80]
     assert ROW["float"].names[: len(CHANNELS)] == CHANNELS
 
 
@@ -143,3 +144,13 @@ def test_the_certificate_says_what_channels_derived_on_the_device_cost() -> None
     rms = float(np.sqrt(np.nanmean(apart**2)))
     assert rms > 0.01 and f"{name} by {rms:.3g} Nm RMS" in said
     assert derived_on_device(chain_rig.whole_joint(), bare) == ()
+    truth = log["reference_torque"][log["time"] >= 0.5]
+    (again,) = derived_on_device(chain_rig.angle_joint(), log)  # whose stage is the same
+    for sentence in (said, again):
+        for run in (own, derived):
+            error = run[name][log["time"] >= 0.5] - truth
+            assert f"{float(np.sqrt(np.nanmean(error**2))):.3g} Nm RMS" in sentence
+    none = device_chains.growing_chain()["calibration"]  # reads no velocity
+    assert derived_on_device(none, log) == ()
+    (zero_phase,) = derived_on_device(chain_rig.angle_joint(), bare)
+    assert "in place of the zero-phase output_velocity" in zero_phase

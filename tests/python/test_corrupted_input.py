@@ -20,7 +20,7 @@ from flexspline import InputError, Model
 from flexspline.block import block_bytes
 from flexspline.header import header_text
 
-MODEL = json.loads(chain_rig.whole_joint().to_json())
+MODEL = json.loads(chain_rig.angle_joint().to_json())
 WORDS = ("", "Nm", "motor_torque", "exact", "offset", "2", "NaN")
 NUMBERS = st.one_of(
     st.integers(-3, 3),

@@ -16,8 +16,10 @@ from flexspline.estimators import (
     Calibration,
     Collision,
     Compliance,
+    Differentiator,
     Merge,
     Observer,
+    ReadingChecks,
     TemperatureCompensation,
     Thermistor,
 )
@@ -41,6 +43,26 @@ def collisions(draw):
 
 
 ANY = {
+    "reading_checks": st.builds(
+        ReadingChecks,
+        voltage_range=st.none() | RANGE,
+        thermistor_voltage_range=st.none() | RANGE,
+        most_speed=POSITIVE,
+        twist=st.none() | POSITIVE,
+        forget=POSITIVE,
+        apart=st.none() | POSITIVE,
+    ),
+    "differentiator": st.builds(
+        Differentiator,
+        POSITIVE,
+        st.sampled_from(
+            [
+                ("output_velocity",),
+                ("output_acceleration",),
+                ("output_velocity", "output_acceleration"),
+            ]
+        ),
+    ),
     "thermistor": st.builds(
         Thermistor, POSITIVE, POSITIVE, POSITIVE, POSITIVE, st.floats(-273, 1e3)
     ),
@@ -138,6 +160,11 @@ WRONG = {
     "a truth for a number": (lambda: Calibration(True, 0), "sensitivity"),
     "three ends": (lambda: Calibration(1, 0, voltage_range=(0, 1, 2)), "voltage_range"),
     "full scale below zero": (lambda: Calibration(1, 0, full_scale=-70), "full_scale"),
+    "no limits": (lambda: ReadingChecks(forget=5.0), "nothing to check"),
+    "a limit of zero": (lambda: ReadingChecks(most_speed=0), "most_speed"),
+    "a bandwidth of zero": (lambda: Differentiator(0), "bandwidth"),
+    "a channel that nobody makes": (lambda: Differentiator(20, ("torque",)), "channel"),
+    "no channels": (lambda: Differentiator(20, ()), "no channels"),
     "gain of zero": (lambda: Observer(0), "gain"),
     "the papers' gain of -8": (lambda: Observer(-8), "gain"),
     "an unknown input": (lambda: Observer(1, "motor"), "motor_torque"),

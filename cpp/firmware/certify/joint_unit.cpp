@@ -40,7 +40,8 @@ void unit::give(certify::Result<Scalar>& result) noexcept {
                    out.external_merged,   out.merge_weight};
   result.contact = out.contact ? 1 : 0;
   result.flags = static_cast<std::uint8_t>(out.flags);
-  result.missed = static_cast<std::uint8_t>(out.missed);
+  result.faults = static_cast<std::uint8_t>(out.faults);
+  result.missed = static_cast<std::uint16_t>(out.missed);
 }
 
 // Flattened, so that the constants of joint.hpp fold into the code: stages that are not there, and

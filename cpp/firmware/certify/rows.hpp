@@ -27,8 +27,11 @@ enum Mark : std::uint32_t { fresh = 1, has_output_position = 2, has_motor_positi
 template <typename S>
 struct Result {
   std::array<S, 8> values;
-  std::uint8_t contact, flags, missed, status;
+  std::uint16_t missed;
+  std::uint8_t contact, flags, faults, status;
+  std::uint16_t spare;
   std::uint32_t ticks;  ///< of the board's clock in the step, its reading taken off; 0 on a host
+  std::uint32_t unused;
 };
 
 /// Behind the last result.
@@ -37,6 +40,6 @@ struct Footer {
 };
 
 static_assert(sizeof(Row<float>) == 64 && sizeof(Row<double>) == 112);
-static_assert(sizeof(Result<float>) == 40 && sizeof(Result<double>) == 72);
+static_assert(sizeof(Result<float>) == 48 && sizeof(Result<double>) == 80);
 
 }  // namespace certify

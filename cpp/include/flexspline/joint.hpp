@@ -1,5 +1,6 @@
 /// One joint, from raw readings to the external torque: the models of its parts and the chain.
 ///
+///   preparing    reading checks, differentiator → readings
 ///   sensing      thermistor, compensation, calibration → temperature, sensor torque
 ///   models       what each part says of this sample
 ///   estimating   observer, compliance, merge, collision
@@ -17,38 +18,27 @@
 #pragma once
 
 #include "flexspline/estimators/chain.hpp"
+#include "flexspline/estimators/preprocessing.hpp"
 #include "flexspline/model.hpp"
 #include "flexspline/torsion.hpp"
 
 namespace flexspline {
 
-/// What is read in one period. SI units, signs as in the log format.
-template <typename S>
-struct Reading {
-  static constexpr S missing = std::numeric_limits<S>::quiet_NaN();
-
-  S period = missing;                       ///< s since the last reading
-  std::optional<Angle<S>> output_position;  ///< q
-  std::optional<Angle<S>> motor_position;   ///< θ
-  S output_velocity = missing;              ///< rad/s
-  S output_acceleration = missing;          ///< rad/s²
-  S motor_torque = missing;                 ///< Nm at the motor's shaft
-  S sensor_voltage = missing;               ///< V
-  S sensor_torque = missing;                ///< Nm, where no voltage is read
-  S thermistor_voltage = missing;           ///< V
-  S temperature = missing;                  ///< °C, where no thermistor is read
-  S time = missing;                         ///< s since the run began
-};
-
 /// Models: `Sensor` of the sensor's part; `Observed` of the observer's torque, without inertia;
 /// `Torsion` without the mesh and what the chain knows of hysteresis; `Carried` of what the gear
 /// carries beside the load: gravity.
 /// `Model<S>`, without effects, where there is none. Stages (stages.hpp): `Sensing` up to the
-/// sensor's torque, `Estimating` behind it.
+/// sensor's torque, checks and differentiator among them; `Estimating` behind it.
 template <typename S, typename Sensor, typename Observed, typename Torsion, typename Carried,
           typename Sensing = AnyStages<S>, typename Estimating = AnyStages<S>>
 struct Joint {
   using Chain = flexspline::Chain<S>;
+  using Preparing = Preprocessing<S>;
+
+  /// Whether readings go through stages before the chain.
+  static constexpr bool prepares =
+      !is_absent<decltype(Sensing::checks)> || !is_absent<decltype(Sensing::differentiator)>;
+  struct Nothing {};
 
   Sensing sensing;
   Estimating estimating;
@@ -63,6 +53,7 @@ struct Joint {
   S high = std::numeric_limits<S>::max();
 
   struct State {
+    [[no_unique_address]] std::conditional_t<prepares, typename Preparing::State, Nothing> prepared;
     typename Chain::State chain;
     S temperature = Chain::missing;  ///< °C, the last good one
     S gear_load = 0;                 ///< Nm, the compliance's last external torque not held
@@ -78,6 +69,22 @@ struct Joint {
     if (!Chain::is_period(in.period)) return Status::bad_period;
     out.flags = Flag::none;
     out.missed = Stage::none;
+    if constexpr (prepares) {
+      out.faults = Fault::none;
+      Reading<S> prepared = in;
+      Preparing::step(sensing, state.prepared, prepared, out);
+      run(state, prepared, out);
+      Preparing::compare(sensing, out);
+    } else {
+      run(state, in, out);
+    }
+    return Status::ok;
+  }
+
+ private:
+  /// Sensing, models, estimating.
+  constexpr void run(State& state, const Reading<S>& in,
+                     typename Chain::Output& out) const noexcept {
     typename Chain::Input input = channels(in);
     const S temperature = Chain::measure(sensing, input, out);
     if (Chain::is_temperature(temperature)) state.temperature = temperature;
@@ -95,10 +102,8 @@ struct Joint {
       state.gear_load = out.external_compliance;
     }
     out.flags = out.flags | extrapolated(at.temperature, low, high);
-    return Status::ok;
   }
 
- private:
   /// What the stages read; infinite is missing.
   constexpr typename Chain::Input channels(const Reading<S>& in) const noexcept {
     typename Chain::Input input;

@@ -85,6 +85,37 @@ constexpr void visit_model(V& visitor, std::string_view name, Parts& model) noex
 }
 
 template <typename S, typename V, typename T>
+constexpr void visit_checks(V& visitor, T& checks) noexcept {
+  visitor.structure("reading_checks");
+  one(visitor, "least_voltage", checks.least_voltage, finite<S>);
+  one(visitor, "most_voltage", checks.most_voltage, finite<S>);
+  one(visitor, "least_thermistor_voltage", checks.least_thermistor_voltage, finite<S>);
+  one(visitor, "most_thermistor_voltage", checks.most_thermistor_voltage, finite<S>);
+  one(visitor, "least_temperature", checks.least_temperature, finite<S>);
+  one(visitor, "most_temperature", checks.most_temperature, finite<S>);
+  one(visitor, "most_sensor_torque", checks.most_sensor_torque, positive<S>);
+  one(visitor, "most_motor_torque", checks.most_motor_torque, positive<S>);
+  one(visitor, "most_speed", checks.most_speed, positive<S>);
+  one(visitor, "most_acceleration", checks.most_acceleration, positive<S>);
+  one(visitor, "way", checks.way, not_negative<S>);
+  one(visitor, "twist", checks.twist, not_negative<S>);
+  one(visitor, "forget", checks.forget, positive<S>);
+  one(visitor, "apart", checks.apart, positive<S>);
+  visitor.gear(checks.gear);
+}
+
+constexpr std::string_view name_of(Derivatives made) noexcept {
+  constexpr std::array<std::string_view, 3> names{"velocity", "acceleration", "both"};
+  return names[static_cast<std::size_t>(made)];
+}
+template <typename S, typename V, typename T>
+constexpr void visit_differentiator(V& visitor, T& differentiator) noexcept {
+  visitor.structure("differentiator");
+  visitor.structure(name_of(differentiator.makes));
+  one(visitor, "bandwidth", differentiator.bandwidth, positive<S>);
+}
+
+template <typename S, typename V, typename T>
 constexpr void visit_thermistor(V& visitor, T& thermistor) noexcept {
   visitor.structure("thermistor");
   one(visitor, "supply_voltage", thermistor.supply_voltage, positive<S>);
@@ -195,6 +226,8 @@ constexpr void where_given(const Absent<Stage>&, Visit&&) noexcept {}
 template <typename S, typename V, typename Stages>
 constexpr void visit_chain(V& v, std::string_view name, Stages& chain) noexcept {
   v.structure(name);
+  where_given(chain.checks, [&](auto& made) { visit_checks<S>(v, made); });
+  where_given(chain.differentiator, [&](auto& made) { visit_differentiator<S>(v, made); });
   where_given(chain.thermistor, [&](auto& made) { visit_thermistor<S>(v, made); });
   where_given(chain.compensation, [&](auto& made) { visit_compensation<S>(v, made); });
   if (chain.sensor) v.structure("sensor");

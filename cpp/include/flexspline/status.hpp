@@ -41,6 +41,26 @@ constexpr Flag extrapolated(S value, S low, S high) noexcept {
   return Flag::none;
 }
 
+/// What cannot be true of a reading (reading_checks.hpp), as bits.
+enum class Fault : std::uint8_t {
+  none = 0,
+  sensor = 1,       ///< voltage or torque of the sensor out of range
+  motor = 2,        ///< motor torque out of range
+  speed = 4,        ///< velocity out of range, or an angle that goes faster
+  motion = 8,       ///< angle and velocity disagree
+  encoders = 16,    ///< both angles disagree
+  torques = 32,     ///< torques of sensor and observer disagree
+  temperature = 64  ///< voltage of the thermistor or temperature out of range
+};
+
+constexpr Fault operator|(Fault a, Fault b) noexcept {
+  return static_cast<Fault>(static_cast<std::uint8_t>(a) | static_cast<std::uint8_t>(b));
+}
+/// Whether `faults` has the bit of `wanted`.
+constexpr bool has(Fault faults, Fault wanted) noexcept {
+  return (static_cast<std::uint8_t>(faults) & static_cast<std::uint8_t>(wanted)) != 0;
+}
+
 /// A torque and what is to be known of it.
 template <typename S>
 struct FlaggedTorque {

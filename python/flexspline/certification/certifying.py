@@ -27,9 +27,9 @@ from flexspline.certification.rows import rows_of
 from flexspline.certification.running import Run, counted_on_host, run
 from flexspline.certification.tools import found, host_compiler, version_of
 from flexspline.errors import InputError
-from flexspline.estimation.chain import with_derivatives
 from flexspline.estimation.measurable import measurable
 from flexspline.estimation.plan import plan_of
+from flexspline.estimation.preprocessing import with_derivatives
 from flexspline.export import export
 from flexspline.logs.log import Log
 from flexspline.logs.read import with_motor_torque
@@ -74,9 +74,11 @@ def certify(
     Parameters
     ----------
     model : with estimators, whose chain is certified; or a part's model.
-    log : all its rows are streamed; memory starts anew behind each gap. A velocity or acceleration
-        that it lacks is derived, causally for estimators, and a note says so; for one that it has,
-        a note says how far the causal filter would move each external torque of the estimators.
+    log : all its rows are streamed; memory starts anew behind each gap. The device makes velocity
+        and acceleration itself where the model has a `Differentiator`; else one that the log lacks
+        is derived before, causally for estimators, and a note says so. A note says how far the
+        causal filter moves each external torque against the analysis' own channels, and both
+        errors where the log has a reference torque.
     device : "host", "cortex-m4f" or "cortex-m7".
     target : certifies the model of this part, also where the model has estimators.
     options : of the device's compiler, after those that every build has: such as your firmware's.

@@ -35,7 +35,7 @@ CHAIN_OUTPUTS = {
     "external_torque_compliant_observer": Output(5, "Nm", 128, "compliant_observer"),
     "external_torque_merged": Output(6, "Nm", 32, "merge"),
 }
-MARKS = ("contact", "flags", "missed", "status")
+MARKS = ("contact", "flags", "faults", "missed", "status")
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ def differences(
 
 
 def same_bits(device: Results, single: Results) -> bool:
-    """Whether values, contact, flags, missed stages and verdict are the same in each sample."""
+    """Whether values, marks and verdict are the same in each sample."""
     values = np.array_equal(_ordered(device["values"]), _ordered(single["values"]))
     return values and all(np.array_equal(device[name], single[name]) for name in MARKS)
 

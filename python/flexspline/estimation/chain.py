@@ -12,23 +12,21 @@ from flexspline.errors import InputError, listed
 from flexspline.estimation.measurable import measurable
 from flexspline.estimation.models import channel, model_inputs
 from flexspline.estimation.plan import Plan, plan_of
+from flexspline.estimation.preprocessing import Prepared, prepared, with_derivatives
 from flexspline.estimation.result import Estimate
 from flexspline.estimation.running import last_good, run_chain
 from flexspline.estimation.status import Status
-from flexspline.logs.causal import differentiate_causal
 from flexspline.logs.log import Log
 from flexspline.logs.read import with_motor_torque
 from flexspline.logs.segments import median_step, runs
 from flexspline.model import Model
 
-__all__ = ["estimate", "with_derivatives"]
+__all__ = ["estimate"]
 
 Array = NDArray[np.float64]
-Bits = NDArray[np.uint8]
+Bits = NDArray[np.integer[Any]]
 Runs = NDArray[np.intp]
 
-BANDWIDTH = 20.0  # Hz, of the causal differentiator, where the log's rate allows it
-DERIVED = ("output_velocity", "output_acceleration")
 STAGES = {  # bit of the core's stage: bit of the status, result, column
     4: (Status.NO_SENSOR, "external_sensor", "external_torque_sensor"),
     8: (Status.NO_OBSERVER, "external_observer", "external_torque_observer"),
@@ -42,17 +40,18 @@ STAGES = {  # bit of the core's stage: bit of the status, result, column
     ),
 }
 THERMISTOR, COMPENSATION, SENSOR = 1, 2, 4
+FAULTS = 11  # places from the bits of the core's faults to those of the status
 
 
 def estimate(model: Model, log: Log, *, bandwidth: float | None = None) -> Estimate:
     """Run a model's estimators over a log, sample by sample, as the joint would.
 
-    The chain is the core's: thermistor, temperature compensation, calibration, the sensor's
-    intrinsic part, observer, compliance, the link's observer, merge, collision, each where the
-    model holds it. A value
-    is NaN where its stage had nothing to work with, and `status` says so; observer, lags and
-    detector start again behind a gap. Nothing that looks ahead is used: a velocity that the log
-    lacks is the causal derivative of its position, and a note says so.
+    The chain is the core's: reading checks, differentiator, thermistor, temperature compensation,
+    calibration, the sensor's intrinsic part, observer, compliance, the link's observer, merge,
+    collision, each where the model holds it. A value is NaN where its stage had nothing to work
+    with, and `status` says so; filters, observer, lags and detector start again behind a gap.
+    Nothing that looks ahead is used: a velocity that the log lacks is the causal derivative of its
+    position, and a note says so.
 
     Parameters
     ----------
@@ -61,7 +60,8 @@ def estimate(model: Model, log: Log, *, bandwidth: float | None = None) -> Estim
         `sensor_torque`; `thermistor_voltage` where it has a thermistor, else `temperature`. A
         voltage or temperature that no instrument measures counts as none.
         A reference torque is never read.
-    bandwidth : Hz, of the causal differentiator; None for 20 Hz, or a quarter of a low rate.
+    bandwidth : Hz, of the causal differentiator where the model has none; None for 20 Hz, or a
+        quarter of a low rate.
 
     Returns
     -------
@@ -69,7 +69,9 @@ def estimate(model: Model, log: Log, *, bandwidth: float | None = None) -> Estim
     output, positive outward] by sensor, observer, compliance, compliant_observer and merged,
     contact, status. Bits of the status (`flexspline.estimation.Status`): 1 extrapolated, 2
     saturated, 4 no temperature, 8 no sensor, 16 no observer, 32 no compliance, 64 no merged torque,
-    128 contact not decided, 256 started again, 512 no observer of the link.
+    128 contact not decided, 256 started again, 512 no observer of the link, 1024 no velocity from
+    the angle; what the reading checks took out: 2048 sensor, 4096 motor, 8192 speed, 16384 motion,
+    32768 encoders, 131072 temperature; 65536 sensor and observer disagree.
 
     Raises
     ------
@@ -88,6 +90,8 @@ def estimate(model: Model, log: Log, *, bandwidth: float | None = None) -> Estim
     _require_stable(plan, log)
     said: dict[str, None] = {}  # sentences, each once, in order
     log = with_derivatives(plan, with_motor_torque(log), bandwidth, said)
+    read = prepared(plan.preprocessing, log, ranges)
+    log = read.log
     sensed = _sensed(plan, log, ranges, said)
     log = log.with_columns(
         {"temperature": last_good(sensed["temperature"], ranges)}, note="as the chain knows it"
@@ -95,8 +99,10 @@ def estimate(model: Model, log: Log, *, bandwidth: float | None = None) -> Estim
     inputs = model_inputs(
         model, plan, log, sensed["sensor_torque"], lambda sentence: said.update({sentence: None})
     )
-    found = run_chain({"sensor": plan.has_sensor, **plan.estimating}, log, inputs, ranges)
-    columns = _columns(plan, log, sensed, found, ranges)
+    checks = {k: entry for k, entry in plan.preprocessing.items() if k == "reading_checks"}
+    config = {"sensor": plan.has_sensor, **checks, **plan.estimating}
+    found = run_chain(config, log, inputs, ranges)
+    columns = _columns(plan, read, sensed, found, ranges)
     _require_something(columns, log, tuple(said))
     return Estimate(log.name, columns, tuple(said))
 
@@ -122,29 +128,6 @@ def _require_stable(plan: Plan, log: Log) -> None:
                 f"euler is not stable at {1.0 / step:.4g} Hz; give a gain below "
                 f"{2.0 / step:.4g} 1/s or the discretisation exact"
             )
-
-
-def with_derivatives(plan: Plan, log: Log, bandwidth: float | None, said: dict[str, None]) -> Log:
-    """Add a velocity and an acceleration that a stage reads and the log lacks."""
-    wanted = _reads(plan)
-    missing = [name for name in DERIVED if name in wanted and name not in log]
-    if not missing or "output_position" not in log or len(log) < 2:
-        return log
-    chosen = min(BANDWIDTH, log.rate / 4.0) if bandwidth is None else bandwidth
-    made = differentiate_causal(log, bandwidth=chosen)
-    note = f"{listed(missing)}: {made.history[-1].split(': ', 1)[1]}"
-    said[f"derived from output_position, as a device would: {note}"] = None
-    return log.with_columns({name: made[name] for name in missing}, note=note)
-
-
-def _reads(plan: Plan) -> set[str]:
-    """Channels that the chain's parts and stages read."""
-    parts = (plan.sensor, plan.observed, plan.torsion, plan.carried)
-    effects = [effect for part in parts if part is not None for effect in part.effects]
-    reads = {name for effect in effects for name in effect.reads}
-    if plan.inertia or plan.link_inertia or plan.estimating.keys() & {"merge", "collision"}:
-        reads.add("output_velocity")
-    return reads
 
 
 def _sensed(plan: Plan, log: Log, ranges: Runs, said: dict[str, None]) -> dict[str, Array]:
@@ -174,8 +157,9 @@ def _sensed(plan: Plan, log: Log, ranges: Runs, said: dict[str, None]) -> dict[s
 
 
 def _columns(
-    plan: Plan, log: Log, sensed: Mapping[str, Array], found: Mapping[str, Any], ranges: Runs
+    plan: Plan, read: Prepared, sensed: Mapping[str, Array], found: Mapping[str, Any], ranges: Runs
 ) -> dict[str, Array]:
+    log = read.log
     columns = {"time": np.array(log["time"])}
     columns |= {name: np.array(sensed[name]) for name in ("temperature", "sensor_torque")}
     status = np.zeros(len(log), dtype=np.int64)
@@ -186,6 +170,8 @@ def _columns(
     if plan.sensing.keys() & {"thermistor", "temperature_compensation"}:
         status |= np.where(np.isnan(sensed["temperature"]), int(Status.NO_TEMPERATURE), 0)
     status |= _flagged(plan, log, sensed["flags"] | found["flags"])
+    status |= np.where(read.missed, int(Status.NO_VELOCITY), 0)
+    status |= (read.faults | found.get("faults", 0)).astype(np.int64) << FAULTS
     status[ranges[:, 0]] |= int(Status.RESTARTED)
     return {**columns, "status": status.astype(np.float64)}
 

@@ -1,5 +1,6 @@
 """What a model's chain is made of: for a log here, for a joint in an exported header.
 
+    preprocessing  reading checks, differentiator → readings
     sensing      thermistor, compensation, calibration → temperature, sensor torque
     models       what each part says of the sample
     estimating   observer, compliance, merge, collision
@@ -17,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from flexspline.errors import InputError
+from flexspline.estimation.preprocessing import stages_before
 from flexspline.estimators import Collision, Observer
 from flexspline.estimators.needs import link_part, require_complete
 from flexspline.model import Model
@@ -25,6 +27,7 @@ from flexspline.signals import gear_of
 
 __all__ = ["Plan", "plan_of"]
 
+PREPROCESSING = ("reading_checks", "differentiator")
 SENSING = ("thermistor", "temperature_compensation", "calibration")
 MESH = "mesh_compliance"
 HYSTERESIS = "torsional_hysteresis"
@@ -36,6 +39,7 @@ class Plan:
 
     Parameters
     ----------
+    preprocessing : the stages before, likewise.
     sensing, estimating : stages by key, with their fields as `_core.Chain` takes them.
     has_sensor : whether the chain has a sensor torque.
     sensor : the sensor's part, or None.
@@ -48,6 +52,7 @@ class Plan:
     temperature_range : °C, where the parts that read the temperature were fitted, or None.
     """
 
+    preprocessing: Mapping[str, Mapping[str, Any]]
     sensing: Mapping[str, Mapping[str, Any]]
     estimating: Mapping[str, Mapping[str, Any]]
     has_sensor: bool
@@ -71,13 +76,13 @@ def plan_of(model: Model) -> Plan:
     """
     require_complete(model.estimators, model.parts)
     has_sensor = _has_sensor(model)
-    if not has_sensor and not model.estimators:
+    if not has_sensor and not model.estimators.keys() - set(PREPROCESSING):
         raise InputError(
             "the model holds no estimator and no part for sensor_torque, so there is nothing to "
             "estimate; make one with flexspline calibrate, or with model.with_estimator"
         )
     entries = {key: made.to_json() for key, made in model.estimators.items()}
-    estimating = {key: entry for key, entry in entries.items() if key not in SENSING}
+    estimating = {k: entry for k, entry in entries.items() if k not in (*PREPROCESSING, *SENSING)}
     sensor = _known(model.parts.get("sensor"))
     driven = _known(_driven(model))
     torsion = _known(model.parts.get("torsion")) if "compliance" in estimating else None
@@ -86,7 +91,8 @@ def plan_of(model: Model) -> Plan:
         estimating["compliance"] |= {**_mesh(model, torsion), **loop}
         torsion = _without(torsion, MESH, *([HYSTERESIS] if loop else []))
     read = [part for part in (sensor, driven, torsion) if part is not None]
-    return Plan(
+    plan = Plan(
+        preprocessing={},
         sensing={key: entry for key, entry in entries.items() if key in SENSING},
         estimating=estimating,
         has_sensor=has_sensor,
@@ -99,6 +105,7 @@ def plan_of(model: Model) -> Plan:
         effective_ratio=_ratio(model),
         temperature_range=_temperature_range(read),
     )
+    return replace(plan, preprocessing=stages_before(model, plan))
 
 
 def _has_sensor(model: Model) -> bool:

@@ -12,7 +12,8 @@ class Status(IntFlag):
 
     A bit that begins with NO stands for a stage whose estimate is empty in this row: a channel
     that it reads is missing, not finite or out of range. Only stages that the model holds
-    set one.
+    set one. A bit that ends with FAULT is of a reading that the model's checks took out, or that
+    they found beside another one.
     """
 
     EXTRAPOLATED = 1
@@ -25,6 +26,14 @@ class Status(IntFlag):
     NO_CONTACT = 128
     RESTARTED = 256
     NO_COMPLIANT_OBSERVER = 512
+    NO_VELOCITY = 1024
+    SENSOR_FAULT = 2048
+    MOTOR_FAULT = 4096
+    SPEED_FAULT = 8192
+    MOTION_FAULT = 16384
+    ENCODERS_FAULT = 32768
+    TORQUES_FAULT = 65536
+    TEMPERATURE_FAULT = 131072
 
 
 MEANING = {
@@ -37,5 +46,13 @@ MEANING = {
     Status.NO_MERGED: "no merged torque",
     Status.NO_CONTACT: "contact is not decided",
     Status.NO_COMPLIANT_OBSERVER: "no torque from the observer of the link",
+    Status.NO_VELOCITY: "no velocity from the angle: it is missing, or its filter starts",
+    Status.SENSOR_FAULT: "the sensor's voltage or torque is out of its range and was taken out",
+    Status.MOTOR_FAULT: "the motor's torque is out of its range and was taken out",
+    Status.SPEED_FAULT: "the joint cannot be so fast: angle or velocity were taken out",
+    Status.MOTION_FAULT: "angle and velocity disagree: both were taken out",
+    Status.ENCODERS_FAULT: "both encoders disagree: angles and velocity were taken out",
+    Status.TORQUES_FAULT: "sensor and observer disagree on the external torque",
+    Status.TEMPERATURE_FAULT: "temperature or thermistor is out of its range and was taken out",
     Status.RESTARTED: "observer, lags and detector start here: the first row, or one behind a gap",
 }

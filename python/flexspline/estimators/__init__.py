@@ -12,8 +12,10 @@ from typing import TypeAlias
 from flexspline.estimators.calibration import Calibration
 from flexspline.estimators.collision import Collision
 from flexspline.estimators.compliance import Compliance
+from flexspline.estimators.differentiator import Differentiator
 from flexspline.estimators.merge import Merge
 from flexspline.estimators.observer import Observer
+from flexspline.estimators.reading_checks import ReadingChecks
 from flexspline.estimators.temperature_compensation import TemperatureCompensation
 from flexspline.estimators.thermistor import Thermistor
 
@@ -22,19 +24,31 @@ __all__ = [
     "Calibration",
     "Collision",
     "Compliance",
+    "Differentiator",
     "Estimator",
     "Merge",
     "Observer",
+    "ReadingChecks",
     "TemperatureCompensation",
     "Thermistor",
 ]
 
 Estimator: TypeAlias = (
-    Thermistor | TemperatureCompensation | Calibration | Observer | Compliance | Merge | Collision
+    ReadingChecks
+    | Differentiator
+    | Thermistor
+    | TemperatureCompensation
+    | Calibration
+    | Observer
+    | Compliance
+    | Merge
+    | Collision
 )
 
 ESTIMATORS: MappingProxyType[str, type[Estimator]] = MappingProxyType(
     {
+        "reading_checks": ReadingChecks,
+        "differentiator": Differentiator,
         "thermistor": Thermistor,
         "temperature_compensation": TemperatureCompensation,
         "calibration": Calibration,

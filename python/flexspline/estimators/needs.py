@@ -7,8 +7,10 @@ from typing import Any
 
 from flexspline.errors import InputError
 from flexspline.estimators.collision import Collision
+from flexspline.estimators.differentiator import DERIVED, Differentiator
 from flexspline.estimators.merge import Merge
 from flexspline.estimators.observer import Observer
+from flexspline.estimators.reading_checks import ReadingChecks
 from flexspline.part import Part
 
 __all__ = ["link_part", "require_complete"]
@@ -37,6 +39,19 @@ def link_part(parts: Parts) -> Part | None:
         if part is not None and part.target == target and _has(part, "inertia"):
             return part
     return None
+
+
+def _reading_checks(estimators: Estimators, parts: Parts) -> None:
+    checks: ReadingChecks = estimators["reading_checks"]
+    made: Differentiator | None = estimators.get("differentiator")
+    if made is None or DERIVED[0] not in made.channels:
+        return
+    for name in ("way", "most_acceleration"):
+        if getattr(checks, name) is not None:
+            raise InputError(
+                f"reading_checks: {name} is of a velocity that is read, but the differentiator "
+                "makes it from the angle itself; leave it out and give most_speed or twist"
+            )
 
 
 def _observer(estimators: Estimators, parts: Parts) -> None:
@@ -113,6 +128,7 @@ def _has(part: Part, effect: str) -> bool:
 _MAKES = {"compliant_observer": 'Observer(..., input="compliance")'}
 
 _CHECKS: dict[str, Callable[[Estimators, Parts], None]] = {
+    "reading_checks": _reading_checks,
     "observer": _observer,
     "compliance": _compliance,
     "compliant_observer": _compliant_observer,

@@ -11,7 +11,13 @@ from flexspline.logs.local_fit import require_bandwidth
 from flexspline.logs.log import Log
 from flexspline.logs.segments import runs
 
-__all__ = ["differentiate_causal"]
+__all__ = ["differentiate_causal", "lateness"]
+
+
+def lateness(bandwidth: float) -> str:
+    """Return how late the causal velocity and acceleration of a bandwidth [Hz] are, in words."""
+    late = 1e3 / (2.0 * math.pi * bandwidth)
+    return f"causal, −3 dB at {bandwidth:.4g} Hz, late by {late:.3g} and {2 * late:.3g} ms"
 
 
 def differentiate_causal(
@@ -46,9 +52,5 @@ def differentiate_causal(
         velocity[rows], acceleration[rows] = _core.replay_differentiator(
             log["time"][rows], log[of][rows], bandwidth
         )
-    late = 1e3 / (2.0 * math.pi * bandwidth)
-    note = (
-        f"{channels[0]} and {channels[1]} derived from {of}: causal, −3 dB at {bandwidth:.4g} Hz, "
-        f"late by {late:.3g} and {2 * late:.3g} ms"
-    )
+    note = f"{channels[0]} and {channels[1]} derived from {of}: {lateness(bandwidth)}"
     return log.with_columns({channels[0]: velocity, channels[1]: acceleration}, note=note)

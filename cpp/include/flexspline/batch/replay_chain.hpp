@@ -8,6 +8,7 @@
 
 #include "flexspline/batch/replay_estimators.hpp"
 #include "flexspline/estimators/chain.hpp"
+#include "flexspline/estimators/preprocessing.hpp"
 
 namespace flexspline::batch {
 
@@ -53,14 +54,15 @@ struct ChainColumn {
   Value* values;
 };
 
-/// The columns of one run; flags, missed stages and contact of each row beside the results.
+/// The columns of one run; flags, faults, missed stages and contact of each row beside the results.
 struct ChainRun {
   std::size_t size = 0;
   const double* time = nullptr;
   std::span<const ChainColumn<LogChain::Input, const double>> inputs;
   std::span<const ChainColumn<LogChain::Output, double>> outputs;
   std::uint8_t* flags = nullptr;
-  std::uint8_t* missed = nullptr;
+  std::uint8_t* faults = nullptr;
+  std::uint16_t* missed = nullptr;
   bool* contact = nullptr;
 };
 
@@ -89,9 +91,11 @@ inline void replay_chain(const LogChain::Config& config, const ChainRun& run) no
     for (const auto& column : run.inputs) in.*column.field = column.values[i];
     const Status status = LogChain::step(config, state, in, held);
     const bool good = status == Status::ok;
+    if (good) Preprocessing<double>::compare(config, held);
     for (const auto& column : run.outputs) column.values[i] = held.*column.field;
     run.flags[i] = static_cast<std::uint8_t>(good ? held.flags : Flag::none);
-    run.missed[i] = static_cast<std::uint8_t>(good ? held.missed : all);
+    run.faults[i] = static_cast<std::uint8_t>(good ? held.faults : Fault::none);
+    run.missed[i] = static_cast<std::uint16_t>(good ? held.missed : all);
     run.contact[i] = held.contact;
     return status;
   });

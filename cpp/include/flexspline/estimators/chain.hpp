@@ -1,5 +1,6 @@
 /// From raw channels to the external torque and a contact: all estimators in one step.
 ///
+///   checks, differentiator: readings as the others take them (preprocessing.hpp)
 ///   thermistor     voltage → temperature
 ///   compensation   temperature → torque of the drift
 ///   sensor         voltage → sensor torque (or the channel that is one already), + drift;
@@ -87,6 +88,7 @@ struct Chain {
     S merge_weight = 0;  ///< share of the observer in the logistic merge
     bool contact = false;
     Flag flags = Flag::none;     ///< of the stages that ran in this sample
+    Fault faults = Fault::none;  ///< what the checks found in this sample
     Stage missed = Stage::none;  ///< configured stages that did not run in this sample
   };
 
@@ -107,6 +109,7 @@ struct Chain {
   static constexpr Status step(const Stages& stages, State& state, Input in, Output& out) noexcept {
     if (!is_period(in.period)) return Status::bad_period;
     out.flags = Flag::none;
+    out.faults = Fault::none;
     out.missed = Stage::none;
     in.velocity = math::finite_or_nan(in.velocity);
     in.torsion = math::finite_or_nan(in.torsion);

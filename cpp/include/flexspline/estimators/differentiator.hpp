@@ -14,32 +14,57 @@
 
 namespace flexspline {
 
+/// Which of them.
+enum class Derivatives : unsigned char { velocity, acceleration, both };
+
 template <typename S>
 struct Differentiator {
+  static constexpr S radians = S(2) * math::pi<S>;
+
   struct Config {
     S bandwidth = S(20);  ///< Hz, > 0
+    Derivatives makes = Derivatives::both;
   };
   struct State {
     Phase<S> last;
     S velocity = 0;      ///< rad/s
-    S acceleration = 0;  ///< rad/s²
+    S acceleration = 0;  ///< rad/s²; 0 where the velocity alone is made
     bool started = false;
+    S decay = 0;  ///< 2π f T that `gain` was computed from; 0: none
+    S gain = 0;   ///< kept, as periods seldom change
   };
 
   static constexpr Status step(const Config& config, State& state, Phase<S> position,
                                S period) noexcept {
     if (!math::is_finite(period) || !(period > S(0))) return Status::bad_period;
     if (!state.started) {
-      state = {position, S(0), S(0), true};
+      state.last = position;
+      state.velocity = state.acceleration = S(0);
+      state.started = true;
       return Status::ok;
     }
-    const S gain = -math::decayed(S(2) * math::pi<S> * config.bandwidth * period);
-    const S moved = S(2) * math::pi<S> * (position - state.last).shortest();
-    const S gained = gain * (moved / period - state.velocity);
+    return advance(config, state, position, period);
+  }
+
+  /// The same for a period that is known to be good, in a filter that has started.
+  static constexpr Status advance(const Config& config, State& state, Phase<S> position,
+                                  S period) noexcept {
+    const S decay = radians * config.bandwidth * period;
+    if (decay != state.decay) [[unlikely]] {
+      state.gain = -math::decayed(decay);
+      state.decay = decay;
+    }
+    const S moved = radians * (position - state.last).shortest();
+    const S gained = state.gain * (moved / period - state.velocity);
     const S velocity = state.velocity + gained;
-    const S acceleration = state.acceleration + gain * (gained / period - state.acceleration);
+    S acceleration = S(0);
+    if (config.makes != Derivatives::velocity) {
+      acceleration = state.acceleration + state.gain * (gained / period - state.acceleration);
+    }
     if (!math::is_finite(velocity) || !math::is_finite(acceleration)) return Status::not_finite;
-    state = {position, velocity, acceleration, true};
+    state.last = position;
+    state.velocity = velocity;
+    state.acceleration = acceleration;
     return Status::ok;
   }
 };

@@ -12,16 +12,18 @@
 #include "flexspline/estimators/calibration.hpp"
 #include "flexspline/estimators/collision_detector.hpp"
 #include "flexspline/estimators/compliance.hpp"
+#include "flexspline/estimators/differentiator.hpp"
 #include "flexspline/estimators/kalman_merge.hpp"
 #include "flexspline/estimators/load_hysteresis.hpp"
 #include "flexspline/estimators/momentum_observer.hpp"
 #include "flexspline/estimators/temperature_compensation.hpp"
 #include "flexspline/estimators/thermistor.hpp"
+#include "flexspline/reading_checks.hpp"
 
 namespace flexspline {
 
 /// A stage of the chain, as a bit.
-enum class Stage : std::uint8_t {
+enum class Stage : std::uint16_t {
   none = 0,
   thermistor = 1,
   compensation = 2,
@@ -31,14 +33,15 @@ enum class Stage : std::uint8_t {
   merge = 32,
   collision = 64,
   compliant_observer = 128,
+  differentiator = 256,
 };
 
 constexpr Stage operator|(Stage a, Stage b) noexcept {
-  return static_cast<Stage>(static_cast<std::uint8_t>(a) | static_cast<std::uint8_t>(b));
+  return static_cast<Stage>(static_cast<std::uint16_t>(a) | static_cast<std::uint16_t>(b));
 }
 /// Whether `stages` has the bit of `wanted`.
 constexpr bool has(Stage stages, Stage wanted) noexcept {
-  return (static_cast<std::uint8_t>(stages) & static_cast<std::uint8_t>(wanted)) != 0;
+  return (static_cast<std::uint16_t>(stages) & static_cast<std::uint16_t>(wanted)) != 0;
 }
 
 /// Which torque drives the observer.
@@ -53,6 +56,11 @@ enum class Watched : unsigned char { observer, sensor, merged, compliant_observe
 /// A stage that is never there.
 template <typename Stage>
 struct Absent {};
+
+template <typename T>
+inline constexpr bool is_absent = false;
+template <typename T>
+inline constexpr bool is_absent<const Absent<T>> = true;
 
 /// The stage, or null where it does not run.
 template <typename T>
@@ -75,6 +83,8 @@ constexpr const T* given(const Absent<T>&) noexcept {
 /// A chain of nothing.
 template <typename S>
 struct NoStages {
+  static constexpr Absent<typename ReadingChecks<S>::Config> checks{};
+  static constexpr Absent<typename Differentiator<S>::Config> differentiator{};
   static constexpr Absent<Thermistor<S>> thermistor{};
   static constexpr Absent<typename TemperatureCompensation<S, 1>::Config> compensation{};
   static constexpr bool sensor = false;
@@ -94,6 +104,9 @@ struct NoStages {
 /// Any stages, chosen at run time. A stage without a value does not run.
 template <typename S>
 struct AnyStages {
+  std::optional<typename ReadingChecks<S>::Config> checks;
+  /// Without: velocity and acceleration are channels.
+  std::optional<typename Differentiator<S>::Config> differentiator;
   std::optional<Thermistor<S>> thermistor;  ///< without: the temperature is a channel
   std::optional<typename TemperatureCompensation<S>::Config> compensation;
   bool sensor = false;
