@@ -15,6 +15,7 @@ from chain_rig import (
     CALIBRATION,
     COLLISION,
     COMPENSATION,
+    DIFFERENTIATOR,
     KALMAN,
     MERGE,
     THERMISTOR,
@@ -22,7 +23,7 @@ from chain_rig import (
 from numpy.typing import NDArray
 
 import flexspline
-from flexspline import Collision, Compliance, InputError, Merge, Observer, effect
+from flexspline import Collision, Compliance, InputError, Merge, Observer, ReadingChecks, effect
 from flexspline.estimation import Status
 from flexspline.export import export
 from flexspline.logs.log import Log
@@ -52,6 +53,8 @@ RESULTS = {
     "contact": 6,
     "external_torque_compliant_observer": 10,
 }
+COLLISION_BY_OBSERVER = Collision("observer", (), (2.0,), (2.0,))
+ANGLE_LIMITS = ReadingChecks(most_speed=8.0, most_motor_torque=0.5)
 EPSILON = 2.0**-24  # half a unit in the last place of a float
 
 
@@ -153,6 +156,30 @@ def test_the_device_computes_the_bits_of_estimate(tmp_path: Path, case: str) -> 
     program = device.compiled(model, tmp_path, device.compilers()[0], name="chain")
     assert_same_bits(model, log, program)
     assert_same_bits(model, broken(log), program)
+
+
+def test_a_fit_with_filters_is_saved_loaded_estimated_and_exported_alike(tmp_path: Path) -> None:
+    log = chain_rig.raw_log()
+    effects = ["inertia", "coulomb_friction_per_direction", "viscous_friction", "gravity"]
+    fitted = flexspline.fit(
+        effects, [log], target="motor_torque", known_load="reference_torque"
+    ).model
+    for estimator in (BY_MOTOR, COLLISION_BY_OBSERVER, ANGLE_LIMITS, DIFFERENTIATOR):
+        fitted = fitted.with_estimator(estimator)
+    fitted.save(tmp_path / "model.json")
+    model = Model.load(tmp_path / "model.json")
+    assert dict(model.estimators) == dict(fitted.estimators)
+    program = device.compiled(model, tmp_path, device.compilers()[0], name="chain")
+    holed = log["output_position"].copy()
+    holed[np.r_[300:310, 900:990, 1200:3000:7]] = np.nan  # 900:990 is all that the filter knows
+    holed[1804] += 0.1  # rad in 2 ms
+    unread = ("output_velocity", "output_acceleration", "sensor_voltage", "sensor_torque")
+    bare = chain_rig.without(log, *unread)
+    bare = bare.with_columns({"output_position": holed}, note="angles missing")
+    assert_same_bits(model, bare, program)
+    made = flexspline.estimate(model, bare)
+    assert made.flagged(Status.SPEED_FAULT).sum() == 2
+    assert made.flagged(Status.NO_VELOCITY).sum() == 28 + 10 + 90 + 28 + 258 + 3
 
 
 @pytest.mark.parametrize("path", [0, 1])

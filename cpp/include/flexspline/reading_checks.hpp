@@ -105,31 +105,30 @@ struct ReadingChecks {
   }
 
   static constexpr Fault ranges(const Config& config, Reading<S>& in) noexcept {
-    const bool sensor = take_out(in.sensor_voltage, config.least_voltage, config.most_voltage) |
-                        take_out(in.sensor_torque, config.most_sensor_torque);
-    const bool warm = take_out(in.thermistor_voltage, config.least_thermistor_voltage,
-                               config.most_thermistor_voltage) |
-                      take_out(in.temperature, config.least_temperature, config.most_temperature);
-    const Fault driven =
-        take_out(in.motor_torque, config.most_motor_torque) ? Fault::motor : Fault::none;
-    const Fault fast = take_out(in.output_velocity, config.most_speed) ? Fault::speed : Fault::none;
-    return (sensor ? Fault::sensor : Fault::none) | (warm ? Fault::temperature : Fault::none) |
-           driven | fast;
+    return take_out(in.sensor_voltage, config.least_voltage, config.most_voltage, Fault::sensor) |
+           take_out(in.sensor_torque, config.most_sensor_torque, Fault::sensor) |
+           take_out(in.thermistor_voltage, config.least_thermistor_voltage,
+                    config.most_thermistor_voltage, Fault::temperature) |
+           take_out(in.temperature, config.least_temperature, config.most_temperature,
+                    Fault::temperature) |
+           take_out(in.motor_torque, config.most_motor_torque, Fault::motor) |
+           take_out(in.output_velocity, config.most_speed, Fault::speed);
   }
 
-  static constexpr bool take_out(S& value, S most) noexcept {
-    const bool outside = most < largest && math::absolute(value) > most;
-    if (outside) [[unlikely]]
-      value = Reading<S>::missing;
-    return outside;
+  static constexpr Fault take_out(S& value, S most, Fault found) noexcept {
+    if (!(most < largest && math::absolute(value) > most)) [[likely]]
+      return Fault::none;
+    value = Reading<S>::missing;
+    return found;
   }
 
   /// NaN is in no range and outside of none.
-  static constexpr bool take_out(S& value, S low, S high) noexcept {
+  static constexpr Fault take_out(S& value, S low, S high, Fault found) noexcept {
     const bool outside = (low > -largest && value < low) || (high < largest && value > high);
-    if (outside) [[unlikely]]
-      value = Reading<S>::missing;
-    return outside;
+    if (!outside) [[likely]]
+      return Fault::none;
+    value = Reading<S>::missing;
+    return found;
   }
 
   static constexpr bool jumps(const Config& config, State& state, const Reading<S>& in,

@@ -26,7 +26,7 @@ def _bits() -> tuple[str, list[tuple[str, str]]]:
     "--bandwidth",
     type=positive,
     metavar="HZ",
-    help="Of the velocity that is derived where the run has none; default 20.",
+    help="Of the velocity that is derived where run and model have none; default 20.",
 )
 @reading()
 def estimate(
