@@ -127,10 +127,11 @@ struct Track {
   double worst = 0;
 
   void to(S torque) {
-    MaxwellSlip<S, 4>::step(springs, torque - last, loop<S>.load_width);
-    last = torque;
-    const S bent =
-        weighted<S>(MaxwellSlip<S, 4>::shares(springs, loop<S>.load_width), loop<S>.heights);
+    using Springs = MaxwellSlip<S, 4>;
+    const S place = Springs::on_grid(torque, loop<S>.load_width);
+    Springs::step(springs, place - last, loop<S>.load_width);
+    last = place;
+    const S bent = weighted<S>(Springs::shares(springs, loop<S>.load_width), loop<S>.heights);
     const S torsion = mesh_torsion(torque, mesh.mesh_stiffness, mesh.mesh_shape) + bent;
     S left = 0;
     FlaggedTorque<S> out;

@@ -124,3 +124,60 @@ TEST_CASE_TEMPLATE("a warm mesh gives way by its share more for each kelvin", S,
   at.load = S(0);
   CHECK(TemperatureDependentStiffness<S>{}.row(at)[0] == S(0));
 }
+
+namespace {
+
+/// The row after so many rounds of 1000 samples, none of which lets the widest spring slip.
+template <typename S, typename Effect>
+Row<S, 4> after_rounds(const Effect& effect, int rounds) {
+  typename Effect::State state;
+  Row<S, 4> row{};
+  for (int i = 0; i <= 1000 * rounds; ++i) {
+    const double turn = 6.283185307179586 * (i % 1000) / 1000.0;
+    const double part = std::sin(turn) + 0.3 * std::sin(2 * turn + 1) + 0.2 * std::cos(5 * turn);
+    Sample<S> at;
+    at.load = S(0.3 + 4.1 * part);
+    at.output_position = at.motor_position = Angle<S>::from_radians(S(0.71 + 0.041 * part));
+    row = effect.row(at, state);
+  }
+  return row;
+}
+
+}  // namespace
+
+TEST_CASE_TEMPLATE("springs that never slip are where they were, after any number of rounds", S,
+                   float, double) {
+  TorqueHysteresis<S> sensor;
+  sensor.load_width = S(10.7);
+  PreslidingFriction<S> friction;
+  friction.presliding_width = S(0.107);
+  TorsionalHysteresis<S> gear;
+  gear.path = S(1);
+  gear.angle_width = S(0.107);
+  // The narrower ones slip in the first round.
+  CHECK(after_rounds<S>(sensor, 1000) == after_rounds<S>(sensor, 2));
+  CHECK(after_rounds<S>(friction, 1000) == after_rounds<S>(friction, 2));
+  CHECK(after_rounds<S>(gear, 1000) == after_rounds<S>(gear, 2));
+  CHECK(math::absolute(after_rounds<S>(sensor, 1000)[0]) < S(1));
+}
+
+TEST_CASE_TEMPLATE("places on the grid are as near as a width's last binary places", S, float,
+                   double) {
+  using Springs = MaxwellSlip<S, 4>;
+  std::mt19937_64 random(11);
+  std::uniform_real_distribution<double> unit(-1, 1);
+  for (int i = 0; i < 20000; ++i) {
+    const S width = S(std::exp2(8 * unit(random) - 4));
+    const S grain = std::numeric_limits<S>::epsilon() * width;
+    const S place = S(unit(random)) * width;
+    CHECK(math::absolute(Springs::on_grid(place, width) - place) <= S(2.01L) * grain);
+    const Phase<S> angle{static_cast<math::Bits<S>>(random())};
+    const S moved = (Springs::on_grid(angle, width) - angle).shortest();
+    CHECK(math::absolute(moved) <= S(1.01L) * grain);
+  }
+  const Phase<S> angle{static_cast<math::Bits<S>>(random())};
+  for (const S width :
+       {S(0), S(1e30L), std::numeric_limits<S>::infinity(), std::numeric_limits<S>::quiet_NaN()}) {
+    (void)Springs::on_grid(angle, width);  // no shift beyond the bits: the sanitizers would tell
+  }
+}

@@ -30,7 +30,7 @@ struct PreslidingFriction {
 
   struct State {
     typename Elements::State elements;
-    Phase<S> output;  ///< of the last sample
+    Phase<S> output;  ///< of the last sample, on the springs' grid
   };
 
   S presliding_width = S(0.01);  ///< w, rad at the output, > 0
@@ -41,11 +41,11 @@ struct PreslidingFriction {
   }
 
   constexpr Row<S, 4> row(const Sample<S>& at, State& state) const noexcept {
-    const Phase<S> output = at.output_position.phase;
-    const S turned = S(2) * math::pi<S> * (output - state.output).shortest();
-    Elements::step(state.elements, turned, presliding_width);
+    const S width = presliding_width * (S(0.5) / math::pi<S>);  // turns
+    const Phase<S> output = Elements::on_grid(at.output_position.phase, width);
+    Elements::step(state.elements, (output - state.output).shortest(), width);
     state.output = output;
-    return Elements::shares(state.elements, presliding_width);
+    return Elements::shares(state.elements, width);
   }
 
   constexpr bool settled(const State& state) const noexcept {

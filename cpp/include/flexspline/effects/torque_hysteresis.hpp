@@ -30,7 +30,7 @@ struct TorqueHysteresis {
 
   struct State {
     typename Elements::State elements;
-    S load = 0;  ///< Nm, of the last sample
+    S load = 0;  ///< Nm, of the last sample, on the springs' grid
   };
 
   S load_width = S(10);  ///< w, Nm, > 0
@@ -41,8 +41,9 @@ struct TorqueHysteresis {
   }
 
   constexpr Row<S, 4> row(const Sample<S>& at, State& state) const noexcept {
-    Elements::step(state.elements, at.load - state.load, load_width);
-    state.load = at.load;
+    const S load = Elements::on_grid(at.load, load_width);
+    Elements::step(state.elements, load - state.load, load_width);
+    state.load = load;
     return Elements::shares(state.elements, -load_width);
   }
 

@@ -32,8 +32,8 @@ struct TorsionalHysteresis {
 
   struct State {
     typename Elements::State elements;
-    S load = 0;      ///< Nm, of the last sample
-    Phase<S> motor;  ///< of the last sample
+    S load = 0;      ///< Nm, of the last sample, on the springs' grid
+    Phase<S> motor;  ///< of the last sample, likewise
   };
 
   S load_width = S(10);    ///< w, Nm at the output, > 0
@@ -50,14 +50,17 @@ struct TorsionalHysteresis {
   }
 
   constexpr Row<S, 4> row(const Sample<S>& at, State& state) const noexcept {
-    const Phase<S> motor = at.motor_position.phase;
-    const bool by_load = path < S(0.5);
-    const S turned = S(2) * math::pi<S> * (motor - state.motor).shortest();
-    const S width = by_load ? load_width : angle_width;
-    Elements::step(state.elements, by_load ? at.load - state.load : turned, width);
-    state.load = at.load;
+    if (path < S(0.5)) {
+      const S load = Elements::on_grid(at.load, load_width);
+      Elements::step(state.elements, load - state.load, load_width);
+      state.load = load;
+      return Elements::shares(state.elements, load_width);
+    }
+    const S width = angle_width * (S(0.5) / math::pi<S>);  // turns
+    const Phase<S> motor = Elements::on_grid(at.motor_position.phase, width);
+    Elements::step(state.elements, (motor - state.motor).shortest(), width);
     state.motor = motor;
-    return Elements::shares(state.elements, by_load ? width : -width);
+    return Elements::shares(state.elements, -width);
   }
 
   constexpr bool settled(const State& state) const noexcept {

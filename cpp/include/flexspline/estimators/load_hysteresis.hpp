@@ -35,7 +35,7 @@ struct LoadHysteresis {
 
   struct State {
     typename Elements::State elements;
-    S torque = 0;  ///< Nm, to which the springs moved last
+    S torque = 0;  ///< Nm, to which the springs moved last, on their grid
     S loop = 0;    ///< h there, rad at the output side
   };
 
@@ -56,9 +56,10 @@ struct LoadHysteresis {
 
  private:
   constexpr State moved(State state, S torque) const noexcept {
-    Elements::step(state.elements, torque - state.torque, load_width);
+    const S place = Elements::on_grid(torque, load_width);
+    Elements::step(state.elements, place - state.torque, load_width);
     const Row<S, 4> shares = Elements::shares(state.elements, load_width);
-    return {state.elements, torque, weighted<S>(shares, heights)};
+    return {state.elements, place, weighted<S>(shares, heights)};
   }
 };
 
