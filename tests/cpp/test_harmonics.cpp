@@ -56,7 +56,8 @@ long double worst_error_per_step(const std::vector<std::uint32_t>& orders) {
 /// Steps of each order.
 std::vector<int> steps(const std::vector<std::uint32_t>& orders) {
   std::vector<int> found;
-  for (const Way& way : ripple<float>(orders).ways()) found.push_back(way.steps);
+  const auto effect = ripple<float>(orders);
+  for (const Way& way : effect.ways()) found.push_back(way.steps);
   return found;
 }
 
