@@ -10,7 +10,8 @@ from functools import cache
 
 import numpy as np
 import pytest
-from measured import KINOVA_SPEEDS, iiwa, kinova, two_encoder, ur10e
+from measured import KINOVA_SPEEDS, iiwa, kinova, two_encoder, ur10e, xl330
+from xl330_servo import KNOWN, TWELVE
 
 import flexspline
 from flexspline.discovery.faults import data_faults
@@ -24,6 +25,9 @@ MOVES = ["offset", "coulomb_friction", "viscous_friction", "inertia", "gravity"]
 SMOOTH = ["coulomb_friction", "viscous_friction", "stribeck_friction"]
 MENDED = ["flip_sign=sensor_torque", "velocity_from_position=output_velocity"]
 NM_PER_A = 7.6
+TORQUE, BACK_EMF = 0.0771, 0.0341  # Nm/V, Nm s/rad of the XL330, from a fit to its motion
+OF_THE_ANGLE = ("position_dependent_friction", "cogging", "wave_generator_ripple",
+                "speed_dependent_ripple")  # fmt: skip
 
 pytestmark = pytest.mark.usefixtures("data_folder")
 
@@ -131,6 +135,34 @@ def test_friction_of_iiwa_joint_1_builds_up_over_an_angle_at_every_speed() -> No
 def test_it_leaves_less_than_three_tenths_of_what_the_base_misses() -> None:
     made = four_speeds()
     assert made.found[0].rmse_after < 0.3 * made.base_rmse
+
+
+def pendulum(run: str) -> Log:
+    """XL330 while it is enabled, with the torque that its duty cycle makes, less the back-EMF."""
+    log = repaired(xl330(run).with_facts({"gear_ratio": 1.0}), MENDED[1])
+    torque = TORQUE * log["supply_voltage"] * log["duty"] - BACK_EMF * log["output_velocity"]
+    log = log.with_columns({"motor_torque": torque}, note="torque from the duty cycle")
+    return log.rows(log["enabled"] > 0.5, note="while it is enabled")
+
+
+def test_friction_of_the_xl330_grows_with_its_load_first_of_all() -> None:
+    """All twelve logs, of 1 to 6 s each: fewer do not tell it. 25 s of processor."""
+    made = flexspline.discover(
+        ["inertia", "gravity", "coulomb_friction", "viscous_friction"],
+        [pendulum(run) for run in TWELVE],
+        target="motor_torque",
+        lowpass=5.0,
+        fixed=KNOWN,
+        exclude=OF_THE_ANGLE,
+    )
+    first = made.found[0]
+    assert first.effect == "load_dependent_friction"
+    assert first.rmse_before == pytest.approx(0.0453, abs=5e-4)
+    assert first.rmse_after < 0.0405
+    (factor,) = made.parameters(first.effect)
+    assert 0.1 < factor.value < 0.5  # of the load
+    assert all(one.confidence < 0.5 for one in made.found[1:])  # and they gain next to nothing
+    assert made.final_rmse > 0.98 * first.rmse_after
 
 
 @cache
