@@ -236,3 +236,11 @@ def test_where_an_effect_acts_is_not_told_by_a_temperature_that_it_does_not_read
 
 def test_the_floor_of_the_verdict_is_that_of_the_map() -> None:
     assert found().disagreement.before.noise_floor == found().noise_floor
+
+
+def test_names_that_were_all_taken_back_are_not_told_as_nothing_missing() -> None:
+    made = replace(found(), found=(), doubted=("presliding_friction",), unexplained=None)
+    said = str(made)
+    assert "Nothing is missing" not in said and "which is noise" not in said
+    assert "Taken back: presliding_friction" in said
+    assert "Nothing is missing" in str(replace(made, doubted=()))

@@ -51,6 +51,11 @@ def verdict(made: Discovery) -> str:
             f"No effect that is known explains what the model of the {what} lacks: RMSE "
             f"{short(made.base_rmse)} {made.unit} {where}."
         )
+    if made.doubted:
+        return (
+            f"These runs do not tell what the model of the {what} lacks, if anything: RMSE "
+            f"{short(made.base_rmse)} {made.unit} {where}."
+        )
     return (
         f"Nothing is missing in the model of the {what} that these runs show: RMSE "
         f"{short(made.base_rmse)} {made.unit} {where}, which is noise."
@@ -92,8 +97,11 @@ def remarks(made: Discovery) -> list[str]:
             f"{on}, in a way that no effect of the catalogue has."
         )
     if made.doubted:
+        verbs = "stand in for what" if len(made.doubted) > 1 else "stands in for what"
+        hold = "" if made.unexplained else ", and these do not hold on what was left out"
         said.append(
-            f"{listed(made.doubted)} would explain a part of it, but only stands in for this."
+            f"Taken back: {listed(made.doubted)}, which {verbs} functions without a name explain "
+            f"better{hold}."
         )
     if made.motion is not None and made.found:
         said.append(
