@@ -15,7 +15,7 @@ import flexspline
 from flexspline.discovery.aliases import Rival
 from flexspline.discovery.bands import frequency_bands, order_bands
 from flexspline.discovery.result import Discovery
-from flexspline.discovery.shrunk import HeldRun, slices
+from flexspline.discovery.shrunk import HeldRun, slices, telling
 from flexspline.experiment.plan import Outlook
 from flexspline.experiment.says import plan_sentence
 from flexspline.logs.log import Log
@@ -244,3 +244,10 @@ def test_names_that_were_all_taken_back_are_not_told_as_nothing_missing() -> Non
     assert "Nothing is missing" not in said and "which is noise" not in said
     assert "Taken back: presliding_friction" in said
     assert "Nothing is missing" in str(replace(made, doubted=()))
+
+
+def test_a_part_that_is_alone_in_its_group_is_not_told_twice() -> None:
+    parts = found().slices
+    forward = tuple(s for s in parts if s.group != "direction" or s.label == "forward")
+    assert {s.group for s in parts} - {s.group for s in telling(forward)} == {"direction"}
+    assert telling(parts) == parts

@@ -7,6 +7,7 @@ run, frequency, order, direction, speed, temperature, load, and distance from a 
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -17,7 +18,7 @@ from flexspline.discovery.bands import frequency_bands, order_bands
 from flexspline.fit.scores import LEAST_ROWS, bands, groups
 from flexspline.logs.log import Log
 
-__all__ = ["HeldRun", "Slice", "slices"]
+__all__ = ["HeldRun", "Slice", "slices", "telling"]
 
 Array = NDArray[np.float64]
 
@@ -82,6 +83,12 @@ def slices(runs: Sequence[HeldRun]) -> tuple[Slice, ...]:
     ):
         made += [Slice(group, label, whole, *sizes) for label, sizes in found]
     return tuple(sorted(made, key=lambda part: GROUPS.index(part.group)))
+
+
+def telling(every: Sequence[Slice]) -> tuple[Slice, ...]:
+    """Return the parts that say more than the row of all: not the only one of its group."""
+    counts = Counter(part.group for part in every)
+    return tuple(part for part in every if part.group == "all" or counts[part.group] > 1)
 
 
 def _parts(

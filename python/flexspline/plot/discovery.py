@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
+from flexspline.discovery.shrunk import telling
 from flexspline.errors import InputError
 from flexspline.plot.canvas import (
     GREY,
@@ -162,7 +163,7 @@ def driven_forward(made: Discovery, ax: Axes | None = None) -> Axes:
 
 def shrunk(made: Discovery, ax: Axes | None = None) -> Axes:
     """Draw the RMS before and after in each part of the runs and each band of the residual."""
-    shown = _shown(made.slices)
+    shown = _shown(telling(made.slices))
     ax = axes_or_new(ax, 6.0, 0.8 + 0.2 * len(shown))
     at = -np.arange(len(shown), dtype=np.float64)
     base, final = (np.array([getattr(s, key) for s in shown]) for key in ("base", "final"))

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from itertools import groupby
 from typing import TYPE_CHECKING
 
+from flexspline.discovery.shrunk import telling
 from flexspline.errors import listed
 from flexspline.report.content import ParameterLine, parameter_lines
 from flexspline.report.numbers import decimals_for, short
@@ -173,7 +174,7 @@ def shrunk_tables(made: Discovery) -> list[tuple[str, list[tuple[str, str, str, 
     decimals = decimals_for(made.final_rmse)
     return [
         (_TITLES[group], [_row(part, decimals) for part in members])
-        for group, members in groupby(made.slices, lambda part: part.group)
+        for group, members in groupby(telling(made.slices), lambda part: part.group)
     ]
 
 
