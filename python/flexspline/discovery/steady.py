@@ -168,7 +168,8 @@ def _best(
 def _versions(logs: Logs) -> Iterator[_Version]:
     rate = float(np.median([log.rate for log in logs]))
     sources = [VELOCITY, *([ANGLE] if all(ANGLE in log for log in logs) else [])]
-    ways = [Preparation(VELOCITY, source, share * rate) for source in sources for share in SHARES]
+    widths = [float(f"{share * rate:.6g}") for share in SHARES]
+    ways = [Preparation(VELOCITY, source, width) for source in sources for width in widths]
     for way in ways:
         try:
             made = [way(log) for log in logs]
