@@ -126,3 +126,20 @@ def recorded(model: flexspline.Model) -> flexspline.Model:
     part = model.part()
     record = {name: value for name, value in part.record.items() if name != "prepared"}
     return model.with_part(replace(part, record=record), {})
+
+
+def test_an_estimate_reads_the_velocity_as_the_joint_does_and_says_so() -> None:
+    made, log = found().model, run(0, 0.004)
+    both = [flexspline.estimate(model, log) for model in (made, recorded(made))]
+    name = "external_torque_sensor"
+    assert np.array_equal(both[0][name], both[1][name], equal_nan=True)
+    (way,) = made.part().preparations
+    assert any(way.how in note for note in both[0].notes)
+    assert not any(way.how in note for note in both[1].notes)
+
+
+def test_a_comparison_is_of_what_the_model_predicts() -> None:
+    made, log = found().model, run(0, 0.004)
+    residual = made.predict(log).residual
+    rmse = flexspline.compare(made, log).rmse
+    assert rmse == pytest.approx(float(np.sqrt(np.mean(residual**2))), rel=1e-9)
