@@ -1,9 +1,11 @@
 """Are hidden effects named? Confusion matrix, false names, unknowns, reliability, gap closed.
 
     python tests/bench/hidden_effects.py --out DIR [--quick] [--jobs 2] [--target T] [--only NAME…]
+                                         [--fresh NUMBER [--limit N]]
 
 About a thousand frozen cases (see hidden/): each effect alone, pairs, triples, causes without a
 name, effects taken out of the candidates, forms that are off, and 300 logs that hide nothing.
+Another deal of the same kinds, to work on, is had by --fresh; the frozen cases are to judge by.
 A size is the t that the true form reaches in the true noise once base and rivals are taken out.
 DIR receives cases.jsonl (a line for each case; a run that was stopped goes on from there),
 hidden_effects.json, hidden_effects.txt and hidden_effects.png. Printed on the way: what is wrong.
@@ -50,14 +52,17 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--jobs", type=int, default=2, help="processes")
     parser.add_argument("--target", choices=list(FORMS))
     parser.add_argument("--only", nargs="+", help="cases that hide one of these, or of these kinds")
+    parser.add_argument("--fresh", type=int, default=0, help="another deal of cases, by its number")
+    parser.add_argument("--limit", type=int, help="the first so many")
     return parser.parse_args()
 
 
 def _chosen(given: argparse.Namespace) -> list[Case]:
-    every = quick(cases()) if given.quick else cases()
+    every = quick(cases(given.fresh)) if given.quick else cases(given.fresh)
     every = [c for c in every if given.target in (None, c.target)]
     only = {*(given.only or ())}
-    return [c for c in every if not only or only & {*c.hidden, c.unknown, c.kind}]
+    every = [c for c in every if not only or only & {*c.hidden, c.unknown, c.kind}]
+    return every[: given.limit]
 
 
 def _tell(one: Outcome) -> None:

@@ -1,4 +1,8 @@
-"""Which cases there are: a frozen list, and an even subset of it for a quick look."""
+"""Which cases there are: a frozen list, and an even subset of it for a quick look.
+
+The same kinds of cases can be dealt afresh, with other seeds and settings, to work on: what is
+tuned on the frozen ones can no longer be judged by them.
+"""
 
 from __future__ import annotations
 
@@ -20,6 +24,8 @@ MISMATCHED = (50.0, 100.0, 150.0)
 NOTHING = 100  # logs of each target
 RESTLESS = (0.3, 3.0)  # of the noise, that a noisy velocity makes of friction where the joint rests
 RESTLESS_LOGS = 20  # of each, for each target with friction
+
+FRESH = 100_000  # between the seeds of one deal and those of the next
 
 RICH = ("swings", "moves")
 LEVELS = (0.01, 0.02, 0.005)
@@ -68,8 +74,12 @@ class Case:
 
 @dataclass
 class _Maker:
-    """Deals out settings by the number of the case, and poor motion in turn."""
+    """Deals out settings by the number of the case, and poor motion in turn.
 
+    `fresh`: 0 for the frozen cases; any other number deals other settings and seeds.
+    """
+
+    fresh: int = 0
     numbers: Iterator[int] = field(default_factory=count)
     dealt: dict[tuple[str, str], int] = field(default_factory=dict)
 
@@ -88,7 +98,7 @@ class _Maker:
         k = self.dealt[kind, target] = self.dealt.get((kind, target), -1) + 1
         poor = poor_every and k % poor_every == poor_every - 1
         number = next(self.numbers)
-        dealt = np.random.default_rng([20261121, number])
+        dealt = np.random.default_rng([20261121, number, *([self.fresh] * bool(self.fresh))])
         motion = "tied" if poor else "moves" if restless else str(dealt.choice(RICH))
         return Case(
             number=number,
@@ -98,7 +108,7 @@ class _Maker:
             unknown=unknown,
             excluded=excluded,
             size=size,
-            seed=1000 + number,
+            seed=1000 + number + FRESH * self.fresh,
             joint=str(dealt.choice(sorted(JOINTS))),
             excitation=motion,
             noise=str(dealt.choice(sorted(NOISES))),
@@ -107,9 +117,12 @@ class _Maker:
         )
 
 
-def cases() -> list[Case]:
-    """Return every case, in an order that mixes sizes and targets."""
-    made, case = list[Case](), _Maker()
+def cases(fresh: int = 0) -> list[Case]:
+    """Return every case, in an order that mixes sizes and targets.
+
+    `fresh`: 0 for the frozen ones, else the number of another deal of the same kinds.
+    """
+    made, case = list[Case](), _Maker(fresh)
     for target in ALONE:
         for size in SIZES:
             for seed in range(2):
@@ -126,6 +139,9 @@ def cases() -> list[Case]:
     for target in ("sensor_torque", "motor_torque"):
         made += [case("restless", target, (), 0.0, restless=share)
                  for share in RESTLESS for _ in range(RESTLESS_LOGS)]  # fmt: skip
+    if fresh:
+        order = np.random.default_rng([20261121, fresh]).permutation(len(made))
+        return [made[k] for k in order]
     return sorted(made, key=_mixed)
 
 
