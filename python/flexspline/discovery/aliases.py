@@ -18,7 +18,7 @@ import numpy as np
 from flexspline.discovery.physics import impossible
 from flexspline.discovery.predictive import foretold_gain
 from flexspline.discovery.scores import Offer, gain_of, offers
-from flexspline.discovery.search import Searcher, freedom, owned_gain
+from flexspline.discovery.search import SAME, Searcher, freedom, owned_gain
 from flexspline.discovery.table import Columns, Table
 from flexspline.discovery.working import Working
 from flexspline.effects import Effect
@@ -90,9 +90,9 @@ class Rival:
 
         Where the load is a function of the angle, friction that follows the angle holds every form
         of friction that follows the load. That it fits better, with more numbers, is a matter of
-        form.
+        form as long as it is no more than a form may miss.
         """
-        return self.adds < LEFT and self.gain >= NEARLY * self.own
+        return self.adds < LEFT and self.gain >= (1.0 - SAME) * self.own
 
 
 def rivals_of(searcher: Searcher, work: Working, effect: Effect) -> list[Rival]:
