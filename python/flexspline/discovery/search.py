@@ -37,6 +37,7 @@ MOST_NAMES = 8
 LEFTOVER = 0.007  # of the gain of a name: below, it may be what its form misses
 SAME = 0.05  # the same for a candidate that reads nothing else: it may bend what the name shows
 REMEMBERED = 0.03  # the same of an effect with memory, whose loops have more ways to differ
+SAME_CAUSE = 0.5  # of an offer's gain, that another one leaves of it, to explain most of the same
 HELD_OUT = 0.5  # of its gain above its price that an effect must have on left-out folds
 REFITTED = 4  # offers whose shapes are refitted before one is chosen
 NEAR = 0.8  # of the best offer's gain, to be among these
@@ -127,7 +128,9 @@ class Searcher:
         rivals = len(dictionary.candidates)
         ranked = sorted(offers(dictionary, dictionary.model, rivals), key=_rank, reverse=True)
         missed = {o.effect.name: _missed(dictionary, work.named, o.effect) for o in ranked}
-        worthy = [o for o in ranked if self._worthy(o, dictionary, missed[o.effect.name])]
+        worthy = [
+            o for o in ranked if self._worthy(o, dictionary, missed[o.effect.name], work, ranked)
+        ]
         while worthy:
             near = [o for o in worthy if o.gain >= NEAR * worthy[0].gain][:REFITTED]
             made = [self._tried(o, work, squares, missed[o.effect.name]) for o in near]
@@ -158,13 +161,26 @@ class Searcher:
             return None
         return made, left, offer, gain
 
-    def _worthy(self, offer: Offer, dictionary: Dictionary, missed: float) -> bool:
+    def _worthy(
+        self,
+        offer: Offer,
+        dictionary: Dictionary,
+        missed: float,
+        work: Working,
+        beside: Sequence[Offer],
+    ) -> bool:
         if offer.net <= 0.0:
             return False
         if self.limits.lax:
             return True
         if offer.gain < missed:
             self.refused[offer.effect.name] = LEFT_OF_FORM
+            return False
+        equal = _undecided(offer, beside, dictionary, work.named)
+        if equal:
+            self.refused[offer.effect.name] = (
+                f"what the form of a named effect misses may be all that tells it from {equal}"
+            )
             return False
         foretold = foretold_gain(dictionary.table, dictionary.model, offer.columns, offer.gain)
         if float(foretold.sum()) < HELD_OUT * offer.net:
@@ -213,10 +229,34 @@ def _missed(dictionary: Dictionary, named: Sequence[Effect], other: Effect) -> f
     """What the forms of named effects may miss, and another effect may seem to explain, in χ²."""
     gains = []
     for effect in named:
-        share = REMEMBERED if effect.info.remembers else LEFTOVER
-        share = SAME if set(other.reads) <= set(effect.reads) else share
+        share = SAME if set(other.reads) <= set(effect.reads) else _share(effect)
         gains.append(share * owned_gain(dictionary, effect.name))
     return max(gains, default=0.0)
+
+
+def _undecided(
+    offer: Offer, others: Sequence[Offer], dictionary: Dictionary, named: Sequence[Effect]
+) -> str:
+    """An offer that explains most of the same, as well but for what the forms of names may miss.
+
+    That moves every gain by about as much: a smaller lead does not tell causes apart. Where runs
+    show both as the same, they are aliases, which is said elsewhere.
+    """
+    unsure = max((_share(e) * owned_gain(dictionary, e.name) for e in named), default=0.0)
+    raw = np.diag(dictionary.table.total)
+    for other in others:
+        if other is offer or abs(offer.gain - other.gain) >= unsure:
+            continue
+        both = np.concatenate([dictionary.model, other.columns])
+        kept = gain_of(dictionary.table.without(both), offer.columns, raw)[0]
+        if offer.price < kept < SAME_CAUSE * offer.gain:
+            return other.effect.name
+    return ""
+
+
+def _share(named: Effect) -> float:
+    """Of the gain of a named effect, what its form may miss."""
+    return REMEMBERED if named.info.remembers else LEFTOVER
 
 
 def _rank(offer: Offer) -> float:
