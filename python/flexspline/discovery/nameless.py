@@ -25,7 +25,7 @@ Values = Mapping[str, Array]
 Basis = Callable[[Values], Array]
 
 TURN = 2.0 * np.pi
-FINE, COARSE = 20, 5
+FINE, VARYING, COARSE = 20, 12, 5
 ORDERS, PAIRED_ORDERS = 16, 4
 POWERS = ((1,), (2,), (3,))
 CROSSED = ((1, 1), (2, 1), (1, 2))
@@ -85,6 +85,8 @@ def nameless_of(problem: Problem, *, pairs: bool = True) -> list[Nameless]:
     made += [_powers(sample, both, CROSSED) for both in combinations(scaled, 2)]
     if ROUND in sample:
         made += [_waves(sample, name) for name in scaled]
+    for name in (name for name in straight if name not in ("time", RATE)):
+        made += [_varying(sample, name, other) for other in scaled if other != name]
     coarse = {name: _hats_of(sample, name, COARSE) for name in straight if name != "time"}
     return made + [
         Nameless((a, b), _product(coarse[a][0], coarse[b][0]), coarse[a][1] * coarse[b][1])
@@ -149,6 +151,17 @@ def _waves(sample: Values, name: str) -> Nameless:
         return np.asarray(turning(values) * ((values[name] - middle) / spread)[:, None])
 
     return Nameless((ROUND, name), columns, 2 * PAIRED_ORDERS)
+
+
+def _varying(sample: Values, name: str, other: str) -> Nameless:
+    """A channel times every function of another: a coefficient that varies with it."""
+    hats, count = _hats_of(sample, name, VARYING)
+    middle, spread = _scale(sample[other], other)
+
+    def columns(values: Values) -> Array:
+        return np.asarray(hats(values) * ((values[other] - middle) / spread)[:, None])
+
+    return Nameless((name, other), columns, count)
 
 
 def _scale(values: Array, name: str) -> tuple[float, float]:
