@@ -13,7 +13,7 @@ from flexspline.discovery.ceiling import Ceiling
 from flexspline.discovery.heldout import held_out, plain_rows
 from flexspline.discovery.nameless import nameless_of
 from flexspline.discovery.noise import first_whitening, restricted_whitening
-from flexspline.discovery.refit import started
+from flexspline.discovery.refit import solved_at, started
 from flexspline.discovery.scores import gain_of
 from flexspline.discovery.search import Limits, Searcher, Step, owned_gain, ranked
 from flexspline.discovery.sheet import Sheet
@@ -34,6 +34,7 @@ SURROGATE = 0.6  # of its gain that a name keeps beside functions without a name
 MOST_KEPT = 0.5  # of each run's rows that stay at least, where those of unknown past are left out
 OVERWHELMING = 3.0  # times a name's gain that is left: the name may be a small part of it
 LARGE = 0.12  # times a name's gain that these functions gain beside it, to cast doubt on it
+LITTLE = 0.05  # of the gap that the names close in the target's unit: less is no second name
 CLOSED = 0.8  # of the gap's mean square on left-out folds, for names that are not doubted
 CLOSED_IN_NOISE = 0.65  # of the same as the noise sees it, for names that close it for the eye
 CEILING = (30_000, 2_000)  # rows for functions without a name, and of one stretch
@@ -106,9 +107,13 @@ def analysed(
     share = rows_of(whole.problem) / rows_of(looked_at)
     ceiling = Ceiling(looked_at, whitening)
     leftover, doubted = leftover_of(ceiling, final).times(share), []
-    at_first, closed = leftover.net, _closes(looked_at, whitening, base, final, leftover)
-    while not closed:
-        stand_in = _stand_in(searcher, final, leftover, at_first)
+    at_first = leftover.net
+    closed = _closes(looked_at, whitening, base, final, leftover)
+    while True:
+        little = [e.name for e in final.named]
+        if closed:
+            little = _closing_little(looked_at, base, final)
+        stand_in = _stand_in(searcher, final, leftover, at_first, little)
         if stand_in is None:
             break
         doubted.append(stand_in)
@@ -168,30 +173,59 @@ def _closes(
     seen = _share_closed(problem, whitening, base, final, leftover)
     if not CLOSED_IN_NOISE <= seen < CLOSED:
         return seen >= CLOSED
-    return _share_closed(problem, plain_rows(problem, final), base, final, leftover) >= CLOSED
+    plain = plain_rows(problem, final)
+    return _share_closed(problem, plain, base, final, leftover, of_folds_alone=True) >= CLOSED
 
 
 def _share_closed(
-    problem: Problem, whitening: Whitening, base: Working, final: Working, leftover: Leftover
+    problem: Problem,
+    whitening: Whitening,
+    base: Working,
+    final: Working,
+    leftover: Leftover,
+    *,
+    of_folds_alone: bool = False,
 ) -> float:
-    """Share that names close of what they and functions without a name close on left-out folds."""
+    """Share that names close of what they and functions without a name close on left-out folds.
+
+    Where runs go where no other went, functions close nothing there; then of the evidence, unless
+    the share is asked `of_folds_alone`.
+    """
     before, after = (held_out(problem, work, whitening).squares for work in (base, final))
-    floor = min(held_out(problem, final, whitening, leftover.groups).squares, after)
-    return (before - after) / max(before - floor, 1e-300)
+    floor = held_out(problem, final, whitening, leftover.groups).squares
+    if floor >= after and not of_folds_alone:
+        return 1.0 - leftover.share
+    return (before - after) / max(before - min(floor, after), 1e-300)
 
 
-def _stand_in(searcher: Searcher, work: Working, leftover: Leftover, at_first: float) -> str | None:
+def _stand_in(
+    searcher: Searcher, work: Working, leftover: Leftover, at_first: float, little: Sequence[str]
+) -> str | None:
     """The named effect that most clearly stands in for something else, if one does.
 
     `at_first`: what was left before any name was taken back, in χ²; a name that was is part of
-    what is left now, and no reason to take back those that explain something else.
+    what is left now, and no reason to take back those that explain something else. `little`: of
+    names that close nearly all of the gap, those that close next to nothing; else all names.
     """
     if not leftover.groups or not work.named:
         return None
     dictionary = searcher.study.dictionary(work, searcher.whitening)
     shares = {e.name: leftover.net / max(owned_gain(dictionary, e.name), 1e-300)
-              for e in work.named}  # fmt: skip
+              for e in work.named if e.name in little}  # fmt: skip
     small = OVERWHELMING * leftover.net / max(at_first, 1e-300)
     doubted = [n for n, share in shares.items() if share > small
                or (share > LARGE and leftover.survives[n] < SURROGATE)]  # fmt: skip
     return max(doubted, key=lambda name: shares[name], default=None)
+
+
+def _closing_little(problem: Problem, base: Working, final: Working) -> list[str]:
+    """Names without which next to nothing of the gap opens again, in the target's unit."""
+    plain = plain_rows(problem, final)
+    before, after = (held_out(problem, work, plain).squares for work in (base, final))
+    found = []
+    for effect in final.named:
+        rest, _ = solved_at(problem, final.having([e for e in final.effects if e != effect]), plain)
+        opened = held_out(problem, rest, plain).squares - after
+        if opened < LITTLE * (before - after):
+            found.append(effect.name)
+    return found

@@ -100,7 +100,8 @@ def _unexplained(
 ) -> tuple[Unexplained | None, float]:
     """What is left above the noise floor, if it matters; and the floor.
 
-    How much matters is told in the noise's own metric, where slow noise does not hide it.
+    How much matters is told in the noise's own metric, where slow noise does not hide it; by the
+    evidence where runs go where no other went, so that squares on left-out folds tell nothing.
     """
     groups = made.leftover.groups
     if not groups:
@@ -110,7 +111,7 @@ def _unexplained(
         held_out(problem, work, made.whitening, beside).squares
         for work, beside in ((made.base, ()), (made.final, ()), (made.final, groups))
     )
-    share = (last - least) / (first - least) if first > least else 0.0
+    share = (last - least) / (first - least) if min(first, last) > least else made.leftover.share
     if share < SEEN:
         return None, steps[-1]
     floor = held_out(problem, made.final, plain, groups).rmse

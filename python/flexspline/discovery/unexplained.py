@@ -12,6 +12,7 @@ from flexspline.discovery.ceiling import Ceiling, Overlap
 from flexspline.discovery.nameless import Nameless, channel_told
 from flexspline.discovery.predictive import foretold_gain
 from flexspline.discovery.scores import ALPHA, gain_of
+from flexspline.discovery.table import Columns, Table, solved
 from flexspline.discovery.working import Working
 
 __all__ = ["Leftover", "leftover_of"]
@@ -27,6 +28,8 @@ class Leftover:
 
     `net`: of each when it was taken, less what the best of so many reaches by chance.
 
+    `share`: of all that names and functions explain, the functions' part, in χ².
+
     `survives`: gain of each named effect beside these functions and all others of one of their
     channels, over its gain without them.
     """
@@ -34,6 +37,7 @@ class Leftover:
     groups: tuple[Nameless, ...]
     gain: float
     net: float
+    share: float
     carried: dict[str, float]
     survives: dict[str, float]
 
@@ -98,7 +102,16 @@ def _summary(overlap: Overlap, work: Working, net: float) -> Leftover:
         kept = np.concatenate([np.empty(0, dtype=np.intp), *rest])
         without = gain_of(table.without(own), kept, raw)[0] if len(rest) else 0.0
         carried[name] = gain - without
-    return Leftover(tuple(groups), gain, net, carried, _survival(overlap, work, set(carried)))
+    share = net / max(net + _named_gain(table, work), 1e-300)
+    survives = _survival(overlap, work, set(carried))
+    return Leftover(tuple(groups), gain, net, share, carried, survives)
+
+
+def _named_gain(table: Table, work: Working) -> float:
+    """What all names explain beside the base, in χ²."""
+    named = np.isin(work.owners(), [effect.name for effect in work.named])
+    mine, base = np.flatnonzero(named), np.flatnonzero(~named)
+    return gain_of(table.without(base), mine, np.diag(table.total))[0] if len(mine) else 0.0
 
 
 def _survival(overlap: Overlap, work: Working, carriers: set[str]) -> dict[str, float]:
@@ -114,11 +127,29 @@ def _survival(overlap: Overlap, work: Working, carriers: set[str]) -> dict[str, 
         if one and k not in overlap.chosen:
             overlap.take(k)
     table = overlap.table()
-    raw, everything = np.diag(table.total), np.arange(len(own), len(table.total) - 1)
+    everything = np.arange(len(own), len(table.total) - 1)
     survives, owners = {}, np.array(work.owners())
     for effect in work.named:
         mine, others = own[owners == effect.name], own[owners != effect.name]
-        alone = gain_of(table.without(others), mine, raw)[0]
-        beside = gain_of(table.without(np.concatenate([others, everything])), mine, raw)[0]
-        survives[effect.name] = beside / max(alone, 1e-300)
+        survives[effect.name] = _kept(table, mine, others, everything)
     return survives
+
+
+def _kept(table: Table, mine: Columns, others: Columns, functions: Columns) -> float:
+    """Share of its gain that a name keeps beside functions, with coefficients of its own size.
+
+    Functions that hold nearly all of it leave slivers of its columns, by which free coefficients
+    would explain whatever is there. With L the products of its n columns beside the rest of the
+    model and g its gain, the coefficients have the prior precision (n / g) L.
+    """
+    alone, beside = table.without(others), table.without(np.concatenate([others, functions]))
+    gain, _ = gain_of(alone, mine, np.diag(table.total))
+    if gain <= 0.0:
+        return 0.0
+    prior = len(mine) / gain * alone[np.ix_(mine, mine)]
+    gains = []
+    for left in (alone, beside):
+        products = left[np.ix_(np.append(mine, -1), np.append(mine, -1))].copy()
+        products[:-1, :-1] += prior
+        gains.append(float(solved(products, np.arange(len(mine))) @ products[:-1, -1]))
+    return gains[1] / max(gains[0], 1e-300)
