@@ -12,7 +12,6 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 import flexspline
 from flexspline.discovery.result import Discovery
@@ -83,10 +82,6 @@ def torsion() -> Discovery:
     return flexspline.discover(TORSION, logs, target="torsion", known_load="reference_torque")
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="friction by load and by angle is named behind it, which the rig has not",
-)
 def test_the_temperature_that_21_lacks_is_named_first() -> None:
     made = friction()
     assert made.names[0] == "temperature_dependent_friction"

@@ -90,10 +90,6 @@ def test_nothing_is_named_where_the_paper_s_model_is_the_rig_s() -> None:
     assert made.names == () and made.unexplained is None
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="slow structure that only two channels explain together passes for the noise's memory",
-)
 def test_a_cause_outside_the_catalogue_is_unexplained_and_gets_no_name() -> None:
     made = found("unknown")
     assert made.names == ()

@@ -11,7 +11,6 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
-import pytest
 
 import flexspline
 from flexspline.discovery.result import Discovery
@@ -105,10 +104,6 @@ def test_a_cause_outside_the_catalogue_is_unexplained_and_gets_no_name() -> None
     assert made.final_rmse > 1.5 * complete(0.0).final_rmse
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="what placement errors leave is named position_dependent_friction beside it",
-)
 def test_hysteresis_of_the_sensor_is_named_under_load_and_unload() -> None:
     sensor, logs = rig().sensor, []
     straight = replace(sensor.deviation, sines=0.0 * sensor.deviation.sines, line=(0.0, 0.0))
