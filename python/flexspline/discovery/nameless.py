@@ -2,8 +2,9 @@
 
 A cause that is not in the catalogue still depends on something measured. Functions of each channel,
 and of every two, stand for it: a few powers, which need little evidence, and hats (their products
-for two), which follow every smooth function. What they explain on left-out folds beyond the named
-effects is "unexplained", and the channels are those it depends on.
+for two), which follow every smooth function; a channel times every function of another; and what a
+channel was some time ago, by first-order lags, for linear causes with memory. What they explain on
+left-out folds beyond the named effects is "unexplained", and the channels are those it depends on.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from flexspline.discovery.past import MOST_ROWS, names_of_past, past_of
 from flexspline.fit.problem import Problem, Run
 from flexspline.orders.parts import effective_ratio
 
@@ -39,6 +41,8 @@ HIDDEN = {
 """Channels that hold the target itself; a supply sags under the motor's own current."""
 NEVER = ("enabled", "thermistor_voltage", "commanded_position", "motor_velocity", "motor_position")
 ROUND, DIRECTION, RATE = "motor_angle", "direction", "load_rate"
+LAGGED = ("temperature", "motor_torque", DIRECTION)
+"""Channels whose past may act, beside the load's."""
 TOLD = {ROUND: "motor_position", DIRECTION: "output_velocity"}
 
 
@@ -69,14 +73,26 @@ def values_of(problem: Problem, number: int) -> dict[str, Array]:
         made[DIRECTION] = np.tanh(made["output_velocity"] / max(DIRECTION_WIDTH * fastest, 1e-300))
     if effective_ratio(run.log.facts) is not None and "output_position" in found:
         made[ROUND] = _motor_angle(run)
-    return made
+    return {**made, **_past(problem, run, made)}
+
+
+def _past(problem: Problem, run: Run, values: Values) -> dict[str, Array]:
+    """Return what channels of a run were some time ago, (N,) each."""
+    if max(len(r) for r in problem.runs) > MOST_ROWS:
+        return {}
+    longest = max(float(np.ptp(r.log["time"])) for r in problem.runs)
+    return past_of(run.log["time"], values, [*LAGGED, problem.known_load or ""], longest)
 
 
 def nameless_of(problem: Problem, *, pairs: bool = True) -> list[Nameless]:
     """Return functions of every channel that all runs have, and of every two."""
     every = [values_of(problem, number) for number in range(len(problem.runs))]
     sample = {name: np.concatenate([v[name][::7] for v in every]) for name in every[0]}
+    past = [name for name in sample if names_of_past(name)[0] in sample]
+    gone = {late for name in past for late in names_of_past(name)}
+    sample = {name: values for name, values in sample.items() if name not in gone}
     made = [Nameless((name,), *_fine(sample, name)) for name in sample if name != DIRECTION]
+    made += [_memory(name) for name in past]
     if not pairs:
         return made
     straight = [name for name in sample if name not in (ROUND, DIRECTION)]
@@ -151,6 +167,12 @@ def _waves(sample: Values, name: str) -> Nameless:
         return np.asarray(turning(values) * ((values[name] - middle) / spread)[:, None])
 
     return Nameless((ROUND, name), columns, 2 * PAIRED_ORDERS)
+
+
+def _memory(name: str) -> Nameless:
+    """What a channel is and was: itself and behind each lag."""
+    names = [name, *names_of_past(name)]
+    return Nameless((name,), lambda values: np.column_stack([values[n] for n in names]), len(names))
 
 
 def _varying(sample: Values, name: str, other: str) -> Nameless:
