@@ -2,9 +2,10 @@
 
 A cause that is not in the catalogue still depends on something measured. Functions of each channel,
 and of every two, stand for it: a few powers, which need little evidence, and hats (their products
-for two), which follow every smooth function; a channel times every function of another; and what a
-channel was some time ago, by first-order lags, for linear causes with memory. What they explain on
-left-out folds beyond the named effects is "unexplained", and the channels are those it depends on.
+for two), which follow every smooth function; a channel times every function of another; orders of
+the motor's angle, one by one and together; and what a channel was some time ago (`past.py`). What
+they explain on left-out folds beyond the named effects is "unexplained", and the channels are those
+it depends on.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ Basis = Callable[[Values], Array]
 
 TURN = 2.0 * np.pi
 FINE, VARYING, COARSE = 20, 12, 5
-ORDERS, PAIRED_ORDERS = 16, 4
+ORDERS, PAIRED_ORDERS, LINES = 16, 4, 48
 POWERS = ((1,), (2,), (3,))
 CROSSED = ((1, 1), (2, 1), (1, 2))
 DIRECTION_WIDTH = 0.03  # of the largest speed
@@ -101,6 +102,7 @@ def nameless_of(problem: Problem, *, pairs: bool = True) -> list[Nameless]:
     made += [_powers(sample, both, CROSSED) for both in combinations(scaled, 2)]
     if ROUND in sample:
         made += [_waves(sample, name) for name in scaled]
+        made += [Nameless((ROUND,), _turning(ROUND, [k]), 2) for k in range(1, LINES + 1)]
     for name in (name for name in straight if name not in ("time", RATE)):
         made += [_varying(sample, name, other) for other in scaled if other != name]
     coarse = {name: _hats_of(sample, name, COARSE) for name in straight if name != "time"}
@@ -127,9 +129,9 @@ def _channels(problem: Problem) -> list[str]:
 def _fine(sample: Values, name: str) -> tuple[Basis, int]:
     """All functions of one channel: periodic over a turn of an angle that turns, else hats."""
     if name == ROUND:
-        return _turning(name, ORDERS), 2 * ORDERS
+        return _turning(name, range(1, ORDERS + 1)), 2 * ORDERS
     if name == "output_position" and np.ptp(sample[name]) > TURN:
-        return _turning(name, FINE // 2), 2 * (FINE // 2)
+        return _turning(name, range(1, FINE // 2 + 1)), 2 * (FINE // 2)
     return _hats_of(sample, name, FINE)
 
 
@@ -161,7 +163,7 @@ def _powers(
 def _waves(sample: Values, name: str) -> Nameless:
     """Low orders of the motor's angle that grow with a channel."""
     middle, spread = _scale(sample[name], name)
-    turning = _turning(ROUND, PAIRED_ORDERS)
+    turning = _turning(ROUND, range(1, PAIRED_ORDERS + 1))
 
     def columns(values: Values) -> Array:
         return np.asarray(turning(values) * ((values[name] - middle) / spread)[:, None])
@@ -225,9 +227,9 @@ def _hats(values: Array, knots: Array) -> Array:
     return hats
 
 
-def _turning(name: str, orders: int) -> Basis:
+def _turning(name: str, orders: Sequence[int]) -> Basis:
     """Cosines and sines of an angle, (N, 2 orders)."""
-    numbers = np.arange(1, orders + 1)
+    numbers = np.array(orders)
 
     def columns(values: Values) -> Array:
         phase = numbers[:, None] * values[name]
