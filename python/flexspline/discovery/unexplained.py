@@ -15,7 +15,7 @@ from flexspline.discovery.scores import ALPHA, gain_of
 from flexspline.discovery.table import Columns, Table, solved
 from flexspline.discovery.working import Working
 
-__all__ = ["Leftover", "leftover_of"]
+__all__ = ["Leftover", "kept", "leftover_of"]
 
 MOST = 4
 HELD_OUT = 0.25  # of a function's gain that it must keep on left-out folds
@@ -131,25 +131,22 @@ def _survival(overlap: Overlap, work: Working, carriers: set[str]) -> dict[str, 
     survives, owners = {}, np.array(work.owners())
     for effect in work.named:
         mine, others = own[owners == effect.name], own[owners != effect.name]
-        survives[effect.name] = _kept(table, mine, others, everything)
+        survives[effect.name] = kept(table, mine, others, everything)
     return survives
 
 
-def _kept(table: Table, mine: Columns, others: Columns, functions: Columns) -> float:
-    """Share of its gain that a name keeps beside functions, with coefficients of its own size.
+def kept(table: Table, mine: Columns, others: Columns, functions: Columns) -> float:
+    """Share of its gain that a name keeps beside functions, its coefficients at most as without.
 
     Functions that hold nearly all of it leave slivers of its columns, by which free coefficients
-    would explain whatever is there. With L the products of its n columns beside the rest of the
-    model and g its gain, the coefficients have the prior precision (n / g) L.
+    would explain whatever is there. So the name is taken as it was fitted, times c in [0, 1]: with
+    L the squares that functions leave of that column, and b its product with what they leave of
+    the target, it explains 2 c b − c² L.
     """
     alone, beside = table.without(others), table.without(np.concatenate([others, functions]))
-    gain, _ = gain_of(alone, mine, np.diag(table.total))
-    if gain <= 0.0:
-        return 0.0
-    prior = len(mine) / gain * alone[np.ix_(mine, mine)]
-    gains = []
-    for left in (alone, beside):
-        products = left[np.ix_(np.append(mine, -1), np.append(mine, -1))].copy()
-        products[:-1, :-1] += prior
-        gains.append(float(solved(products, np.arange(len(mine))) @ products[:-1, -1]))
-    return gains[1] / max(gains[0], 1e-300)
+    beta = solved(alone, mine)
+    gain = float(beta @ alone[mine, -1])
+    along = float(beta @ beside[mine, -1])
+    squares = float(beta @ beside[np.ix_(mine, mine)] @ beta)
+    scale = float(np.clip(along / max(squares, 1e-300), 0.0, 1.0))
+    return (2.0 * scale * along - scale**2 * squares) / max(gain, 1e-300)

@@ -1,0 +1,97 @@
+"""What stands for a cause without a name, and what does not save a wrong one. A second together."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hidden_logs import LOAD, log_of, rich_run
+
+from flexspline.discovery.aliases import Rival
+from flexspline.discovery.nameless import columns_of, nameless_of
+from flexspline.discovery.past import names_of_past, past_of
+from flexspline.discovery.table import Table
+from flexspline.discovery.unexplained import kept
+from flexspline.effects import effect
+from flexspline.fit.problem import Problem, problem_of
+
+Array = np.ndarray
+ROWS = 2000
+
+
+def problem() -> Problem:
+    logs = [log_of(rich_run(3, ROWS), sensor_torque=np.zeros(ROWS))]
+    base = [effect("offset")]
+    return problem_of(logs, base, "sensor_torque", known_load=LOAD, lowpass_hz=None, threads=1)
+
+
+def left_by(names: tuple[str, ...], values: Array) -> float:
+    """Share of the squares of values that the best functions of some channels leave."""
+    here = problem()
+    left = []
+    for group in (g for g in nameless_of(here) if set(g.channels) == set(names)):
+        made = np.column_stack([np.ones(ROWS), columns_of([group], here, 0)])
+        rest = values - made @ np.linalg.lstsq(made, values, rcond=1e-10)[0]
+        left.append(float(rest @ rest / np.sum((values - values.mean()) ** 2)))
+    return min(left)
+
+
+def test_a_coefficient_that_waves_with_another_channel_is_held_and_its_waves_alone_are_not() -> (
+    None
+):
+    c = rich_run(3, ROWS)
+    cause = np.sin(0.9 * c[LOAD]) * c["motor_torque"]
+    assert left_by((LOAD, "motor_torque"), cause) < 0.1
+    assert left_by((LOAD,), cause) > 0.5
+    assert left_by(("motor_torque",), cause) > 0.5
+
+
+def test_heat_that_flows_through_two_masses_is_held_by_the_past_of_a_temperature() -> None:
+    c = rich_run(3, ROWS)
+    time, warm = c["time"], c["temperature"]
+    stages = [warm]
+    for lag in (1.7, 0.4):
+        late = np.empty(ROWS)
+        late[0] = stages[-1][0]
+        for k in range(1, ROWS):
+            late[k] = late[k - 1] + (stages[-1][k] - late[k - 1]) * (time[k] - time[k - 1]) / lag
+        stages.append(late)
+    assert left_by(("temperature",), warm - stages[-1]) < 0.01
+
+
+def test_the_past_begins_anew_behind_a_gap_and_forgets_at_its_own_pace() -> None:
+    time = np.concatenate([np.arange(400) / 100.0, 60.0 + np.arange(400) / 100.0])
+    values = np.where(np.arange(800) < 200, 0.0, np.where(np.arange(800) < 400, 1.0, 5.0))
+    made = past_of(time, {"temperature": values}, ["temperature", "absent"], 30.0)
+    assert list(made) == names_of_past("temperature")
+    for late, lag in zip(made.values(), np.geomspace(0.02, 10.0, len(made)), strict=True):
+        assert late[:200] == pytest.approx(0.0)
+        assert late[200 + 99] == pytest.approx(-np.expm1(-1.0 / lag), abs=1e-9)
+        assert late[400:] == pytest.approx(5.0)
+
+
+def table_of(name: Array, function: Array, values: Array) -> Table:
+    """One fold of columns [name, function] and values, in noise of size one."""
+    both = np.column_stack([name, function, values])
+    return Table((both.T @ both)[None], np.array([len(both)]))
+
+
+@pytest.mark.parametrize(("cause", "share"), [(0.1, 0.01), (-0.8, 0.0), (0.0, 0.0)])
+def test_a_sliver_of_its_column_does_not_save_a_name(cause: float, share: float) -> None:
+    """A function holds all but a hundredth of a name; the cause follows the rest as it may."""
+    function, sliver = np.random.default_rng(11).normal(size=(2, 40_000))
+    name = function + 0.1 * sliver
+    table = table_of(name, function, function + cause * sliver)
+    free = table.without(np.array([1]))
+    assert free[0, -1] ** 2 / free[0, 0] == pytest.approx(40_000 * cause**2, rel=0.05)
+    left = kept(table, np.array([0]), np.array([], dtype=np.intp), np.array([1]))
+    assert left == pytest.approx(share, abs=0.001)
+
+
+def rival(gain: float, adds: float) -> Rival:
+    return Rival(effect("gravity"), gain, own=1000.0, left=31.6, adds=adds, behind=7.0)
+
+
+def test_a_plainer_form_stands_for_a_name_only_where_it_lacks_what_a_form_may_miss() -> None:
+    assert rival(gain=960.0, adds=0.0).inside
+    assert not rival(gain=880.0, adds=0.0).inside  # it keeps eleven standard errors
+    assert not rival(gain=960.0, adds=4.0).inside  # it explains something else as well
