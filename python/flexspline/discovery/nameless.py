@@ -42,8 +42,8 @@ HIDDEN = {
 """Channels that hold the target itself; a supply sags under the motor's own current."""
 NEVER = ("enabled", "thermistor_voltage", "commanded_position", "motor_velocity", "motor_position")
 ROUND, DIRECTION, RATE = "motor_angle", "direction", "load_rate"
-LAGGED = ("temperature", "motor_torque", DIRECTION)
-"""Channels whose past may act, beside the load's."""
+LAGGED = ("temperature", "motor_torque")
+"""Channels whose past may act, beside the load's; that of the motion is friction with memory."""
 TOLD = {ROUND: "motor_position", DIRECTION: "output_velocity"}
 
 
