@@ -174,7 +174,7 @@ def _closes(
     if not CLOSED_IN_NOISE <= seen < CLOSED:
         return seen >= CLOSED
     plain = plain_rows(problem, final)
-    return _share_closed(problem, plain, base, final, leftover, of_folds_alone=True) >= CLOSED
+    return _share_closed(problem, plain, base, final, leftover, as_nothing=True) >= CLOSED
 
 
 def _share_closed(
@@ -184,17 +184,17 @@ def _share_closed(
     final: Working,
     leftover: Leftover,
     *,
-    of_folds_alone: bool = False,
+    as_nothing: bool = False,
 ) -> float:
     """Share that names close of what they and functions without a name close on left-out folds.
 
-    Where runs go where no other went, functions close nothing there; then of the evidence, unless
-    the share is asked `of_folds_alone`.
+    Where runs go where no other went, functions that explain a lot close nothing there: then no
+    share is known and 0 is returned, unless functions that fail there are to count `as_nothing`.
     """
     before, after = (held_out(problem, work, whitening).squares for work in (base, final))
     floor = held_out(problem, final, whitening, leftover.groups).squares
-    if floor >= after and not of_folds_alone:
-        return 1.0 - leftover.share
+    if floor >= after and not as_nothing:
+        return 0.0
     return (before - after) / max(before - min(floor, after), 1e-300)
 
 
