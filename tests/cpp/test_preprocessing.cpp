@@ -80,6 +80,19 @@ TEST_CASE_TEMPLATE("a start says nothing until it is forgotten, then a steady ve
   CHECK(steady(made));
 }
 
+TEST_CASE_TEMPLATE("a start over an absurd period is not remembered", S, float, double) {
+  auto joint = bare<S>();
+  joint.sensing.checks.reset();
+  Prepared<S> made;
+  CHECK_FALSE(made.step(joint, turning<S>(0)));
+  Reading<S> hasty = turning<S>(0);
+  hasty.output_position->phase.fraction += 1000;
+  hasty.period = std::numeric_limits<S>::min();
+  CHECK_FALSE(made.step(joint, hasty));
+  silent(made, joint, 1);
+  CHECK(steady(made));
+}
+
 TEST_CASE_TEMPLATE("missing angles are missed and nothing else; a long gap is a start", S, float,
                    double) {
   const auto joint = bare<S>();

@@ -8,7 +8,8 @@
 /// no velocity, acceleration, or both,
 ///
 ///   - at a start, until the filter has forgotten it to a thousandth: 7 / (2π f) after the first
-///     angle, 56 ms at 20 Hz. The velocity between the first two angles is what it starts from.
+///     angle, 56 ms at 20 Hz. The velocity between the first two angles is what it starts from,
+///     unless that is faster than any joint: an absurd period would else be remembered for seconds.
 ///   - while the angle is missing; the difference behind is over the longer time
 ///   - with the first angle behind one that the checks took out; the way between them is not
 ///     counted, and the filter goes on from the velocity that it had
@@ -25,7 +26,8 @@ struct Preprocessing {
   using Checks = ReadingChecks<S>;
   using Filter = Differentiator<S>;
 
-  static constexpr S forgotten = S(7);  ///< 2π f t, after which e^−7 of a start is left
+  static constexpr S forgotten = S(7);    ///< 2π f t, after which e^−7 of a start is left
+  static constexpr S fastest = S(10000);  ///< rad/s that a start takes for a velocity
 
   struct State {
     typename Checks::State checks;
@@ -89,7 +91,10 @@ struct Preprocessing {
     }
     if (!(state.age > S(0))) [[unlikely]] {
       const S between = Filter::radians * (at - state.filter.last).shortest() / state.wait;
-      if (!math::is_finite(between)) return false;
+      if (!(math::absolute(between) <= fastest)) {
+        anchor(state, at, passed);
+        return false;
+      }
       state.filter.velocity = between;
     }
     if (Filter::advance(config, state.filter, at, state.wait) != Status::ok) [[unlikely]]
