@@ -46,6 +46,8 @@ CHAINS = {
     "merge, logistic": (*TWISTED, rig.MERGE),
     "merge, Kalman": (*TWISTED, rig.KALMAN),
     "collision": (*TWISTED, rig.MERGE, rig.COLLISION),
+    "reading_checks": (*TWISTED, rig.MERGE, rig.COLLISION, rig.CHECKS),
+    "differentiator": (*TWISTED, rig.MERGE, rig.COLLISION, rig.ANGLE_CHECKS, rig.DIFFERENTIATOR),
 }
 IIWA = {1: ("1", "p15", "p25", "p3", "p35", "p4", "p45", "p5", "p55", "p6"),
         2: ("p1", "p2", "p3", "p4", "p5", "p6", "p7", "p8"),
