@@ -1,9 +1,9 @@
 /// Readings that cannot be true are taken out before the chain uses them.
 ///
-///   range   a converter at its end, a temperature, a torque, a speed or an acceleration that the
-///           joint cannot have; |Δq| > speed · T: an angle that goes faster
-///   motion  q does not go where its velocity says:  e ← (1 − f T) e + Δq − T q̇,    |e| > way
-///   encoders  q and θ do not turn together:         e ← (1 − f T) e + Ñ Δq − Δθ,   |e| > twist
+///   range     a converter at its end, a temperature, a torque, a speed or an acceleration that the
+///             joint cannot have; |Δq| > speed · T: an angle that goes faster, out for that sample
+///   motion    q does not go where its velocity says:  e ← (1 − f T) e + Δq − T q̇,    |e| > way
+///   encoders  q and θ do not turn together:           e ← (1 − f T) e + Ñ Δq − Δθ,   |e| > twist
 ///
 /// A stuck encoder adds to e the way that the joint goes, a step adds itself, a swapped sign twice
 /// the way; f forgets what torsion, lateness and counting leave there. A joint at rest hides a
@@ -11,7 +11,8 @@
 /// wrong is not known: position, velocity and acceleration all count as missing while they
 /// disagree, so the stages that read them keep their last good values and say so in `missed`.
 /// Behind a step the new angle is believed once e, which is held at four times its limit, is
-/// forgotten: 1.4 / f later. A period above 1 / f compares nothing.
+/// forgotten: 1.4 / f later. A period above 1 / f, or an angle behind a missing one, is compared
+/// with nothing.
 ///
 ///   torques    external torques of sensor and observer are further apart than `apart`
 ///

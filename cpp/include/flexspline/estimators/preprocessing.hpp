@@ -65,12 +65,6 @@ struct Preprocessing {
     }
   }
 
-  /// Whether there is anything to do.
-  template <typename Stages>
-  static constexpr bool runs(const Stages& stages) noexcept {
-    return given(stages.checks) || given(stages.differentiator);
-  }
-
  private:
   static constexpr void put(Derivatives made, S velocity, S acceleration, Reading<S>& in) noexcept {
     if (made != Derivatives::acceleration) in.output_velocity = velocity;
