@@ -28,7 +28,7 @@ Values = Mapping[str, Array]
 Basis = Callable[[Values], Array]
 
 TURN = 2.0 * np.pi
-FINE, VARYING, COARSE = 20, 12, 5
+FINE, VARYING, COARSE = 20, 16, 5
 ORDERS, PAIRED_ORDERS, LINES = 16, 4, 48
 POWERS = ((1,), (2,), (3,))
 CROSSED = ((1, 1), (2, 1), (1, 2))
