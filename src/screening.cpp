@@ -181,7 +181,8 @@ void bind_screening(py::module_& module) {
       module, "Remembered",
       "What effects remembered at rows of one problem's runs, `lead` rows back at most.")
       .def(py::init([](std::optional<std::size_t> lead) {
-             return lead ? batch::Remembered(*lead) : batch::Remembered();
+             return lead ? std::make_shared<batch::Remembered>(*lead)
+                         : std::make_shared<batch::Remembered>();
            }),
            py::arg("lead") = std::nullopt);
   py::class_<Screen>(module, "Screen",

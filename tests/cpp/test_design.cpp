@@ -215,6 +215,24 @@ TEST_CASE("columns and sums of a design have the bits of the plain rows: bent ri
   }
 }
 
+TEST_CASE_TEMPLATE("effects with memory have the same bits side by side as alone", Effect,
+                   PreslidingFriction<D>, TorqueHysteresis<D>, ThermalGradientDrift<D>,
+                   SensorLag<D>) {
+  const RandomLog log(64);
+  for (const std::size_t count : {2U, 3U, 4U, 5U}) {
+    std::vector<batch::AnyEffect> effects;
+    std::vector<double> alone;
+    for (std::size_t k = 0; k < count; ++k) {
+      Effect effect;
+      effect.*(Effect::shapes()[0].field) *= 1.0 + static_cast<double>(k);
+      effects.push_back(effect);
+      const auto columns = fill(batch::Design({effect}, {}), log, {});
+      alone.insert(alone.end(), columns.begin(), columns.end());
+    }
+    CHECK(fill(batch::Design(effects, {}), log, {}) == alone);
+  }
+}
+
 TEST_CASE("blocks of a run with memory give the same sums in any order and on any threads") {
   const batch::Design design({Offset<D>{}, TorsionalHysteresis<D>{}, MeshCompliance<D>{}}, {});
   REQUIRE(design.remembers());

@@ -24,13 +24,18 @@ struct LaggedSlope {
     bool started = false;
   };
 
-  /// `period` > 0 in s, `time_constant` τ > 0 in s.
-  static constexpr void step(State& state, S value, S period, S time_constant) noexcept {
+  /// 1 − e^(−t / τ), the part of a step that needs no memory; `period` > 0 in s, `time_constant`
+  /// τ > 0 in s.
+  static constexpr S share(S period, S time_constant) noexcept {
+    return -math::decayed(math::clamp(period / time_constant, S(0), S(50)));
+  }
+
+  /// `period` > 0 in s, and its share.
+  static constexpr void step(State& state, S value, S period, S share) noexcept {
     if (!state.started) {
       state = {value, S(0), S(0), S(1), true};
       return;
     }
-    const S share = -math::decayed(math::clamp(period / time_constant, S(0), S(50)));
     const S change = share * ((value - state.last) / period - state.slope) - state.lost;
     const S slope = state.slope + change;
     state.lost = (slope - state.slope) - change;

@@ -10,8 +10,7 @@
 #include <variant>
 #include <vector>
 
-#include "flexspline/batch/samples.hpp"
-#include "flexspline/batch/wide_loop.hpp"
+#include "flexspline/batch/walk.hpp"
 #include "flexspline/effects/catalogue.hpp"
 #include "flexspline/model.hpp"
 
@@ -65,30 +64,19 @@ void columns(const Effect& effect, const SampleBlock& block, double* out, std::s
   });
 }
 
-/// Takes an effect with memory through a block: use(i, row) after each sample. A row whose period
-/// is 0 starts anew; one that cannot be read is passed over and leaves the memory as it was.
-template <Remembers Effect, typename Use>
-void walk(const Effect& effect, const SampleBlock& block, StateOf<Effect>& state, Use&& use) {
-  for (std::size_t i = 0; i < block.size; ++i) {
-    if (block.period[i] == 0.0) state = {};
-    bool good = true;
-    for (const Channel channel : Effect::reads) good &= block.finite(channel, i);
-    if (good) use(i, effect.row(block[i], state));
-  }
-}
-
-/// The columns of an effect with memory, which moves on by the block; NaN in rows that cannot be
-/// read.
+/// The columns of effects of one kind with memory, which moves on by the block: those of number n
+/// from out + n · width · stride on; NaN in rows that cannot be read.
 template <Remembers Effect>
-void columns(const Effect& effect, const SampleBlock& block, StateOf<Effect>& state, double* out,
+void columns(std::span<const Walker<Effect>> walkers, const SampleBlock& block, double* out,
              std::size_t stride) {
   constexpr std::size_t width = width_of<double, Effect>;
-  for (std::size_t k = 0; k < width; ++k) {
+  for (std::size_t k = 0; k < width * walkers.size(); ++k) {
     std::fill_n(out + k * stride, block.size, std::numeric_limits<double>::quiet_NaN());
   }
-  walk(effect, block, state, [out, stride](std::size_t i, const Row<double, width>& row) {
-    for (std::size_t k = 0; k < width; ++k) out[k * stride + i] = row[k];
-  });
+  walk(walkers, block,
+       [out, stride](std::size_t n, std::size_t i, const Row<double, width>& row, const auto&) {
+         for (std::size_t k = 0; k < width; ++k) out[(n * width + k) * stride + i] = row[k];
+       });
 }
 
 /// Cosine and sine of `order` times the angle of a pair.

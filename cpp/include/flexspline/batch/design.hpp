@@ -4,7 +4,7 @@
 /// takes the memory before each piece from `remember`.
 #pragma once
 
-#include <numeric>
+#include <map>
 #include <span>
 
 #include "flexspline/batch/columns.hpp"
@@ -17,19 +17,20 @@ class Design {
   Design(std::vector<AnyEffect> effects, const Gear<double>& gear)
       : effects_(std::move(effects)), gear_(gear) {
     for (const AnyEffect& effect : effects_) {
+      if (remembers(effect)) remembering_.push_back(offsets_.size());
+      offsets_.push_back(columns_);
       columns_ += terms_of(effect);
       const SampleBlock::Angles angles = angles_of(effect);
       if (angles != SampleBlock::Angles::none) ++angle_readers_;
       angles_ = std::max(angles_, angles);
       load_ |= reads_any(effect, Channel::load);
-      remembers_ |= remembers(effect);
     }
   }
 
   std::size_t columns() const noexcept { return columns_; }
   const std::vector<AnyEffect>& effects() const noexcept { return effects_; }
   const Gear<double>& gear() const noexcept { return gear_; }
-  bool remembers() const noexcept { return remembers_; }
+  bool remembers() const noexcept { return !remembering_.empty(); }
   static bool remembers(const AnyEffect& any) {
     return std::visit([](const auto& e) { return Remembers<std::remove_cvref_t<decltype(e)>>; },
                       any);
@@ -38,7 +39,7 @@ class Design {
   /// The memory at the beginning of a run.
   Memory fresh() const {
     Memory memory;
-    for (std::size_t k = 0; remembers_ && k < effects_.size(); ++k) {
+    for (std::size_t k = 0; remembers() && k < effects_.size(); ++k) {
       std::visit([&memory]<typename Effect>(
                      const Effect&) { memory.emplace_back(std::in_place_index<place_of<Effect>>); },
                  effects_[k]);
@@ -70,37 +71,28 @@ class Design {
   /// it the rows between can be evaluated in any order, and in parallel, to the same bits.
   std::vector<Memory> remember(const Channels& channels, std::span<const std::size_t> rows,
                                std::span<const double> coefficients) const {
-    std::vector<Memory> found(rows.size(), fresh());
-    for (std::size_t k = 0; k < effects_.size(); ++k) {
-      if (!remembers(effects_[k])) continue;
-      const auto states = remember(channels, rows, coefficients, k, {0, fresh()[k]});
-      for (std::size_t at = 0; at < rows.size(); ++at) found[at][k] = states[at];
+    std::map<std::size_t, Memory> known;
+    for (const std::size_t row : rows) known[row];
+    Memory memory = fresh();
+    std::size_t at = 0;
+    for (auto& [row, before] : known) {
+      if (remembers()) advance(channels, at, row, coefficients, memory, remembering_);
+      at = row;
+      before = memory;
     }
+    std::vector<Memory> found;
+    for (const std::size_t row : rows) found.push_back(known.at(row));
     return found;
   }
 
-  /// The memory of effect number `which`, which has one, before each of these rows; `known` is
-  /// that before an earlier one.
-  std::vector<AnyState> remember(const Channels& channels, std::span<const std::size_t> rows,
-                                 std::span<const double> coefficients, std::size_t which,
-                                 const std::pair<std::size_t, AnyState>& known) const {
-    std::vector<std::size_t> order(rows.size());
-    std::iota(order.begin(), order.end(), std::size_t{0});
-    std::sort(order.begin(), order.end(),
-              [rows](std::size_t a, std::size_t b) { return rows[a] < rows[b]; });
-    std::vector<AnyState> found(rows.size());
-    Memory memory = fresh();
-    memory[which] = known.second;
-    std::size_t row = known.first;
-    for (const std::size_t k : order) {
-      while (row < rows[k]) {
-        const std::size_t count = std::min(SampleBlock::capacity, rows[k] - row);
-        pass(channels, row, count, coefficients, memory, which, [](std::size_t, bool) {});
-        row += count;
-      }
-      found[k] = memory[which];
+  /// Takes the memory of effects `which`, which have one, from before row `first` to before `last`.
+  void advance(const Channels& channels, std::size_t first, std::size_t last,
+               std::span<const double> coefficients, Memory& memory,
+               std::span<const std::size_t> which) const {
+    for (; first < last; first += SampleBlock::capacity) {
+      const std::size_t count = std::min(SampleBlock::capacity, last - first);
+      pass(channels, first, count, coefficients, memory, which, [](std::size_t, auto) {});
     }
-    return found;
   }
 
   /// Whether each of the rows [first, first + count) no longer depends on what the memory was
@@ -108,11 +100,9 @@ class Design {
   void settled(const Channels& channels, std::size_t first, std::size_t count,
                std::span<const double> coefficients, Memory& memory, bool* out) const {
     std::fill_n(out, count, true);
-    for (std::size_t k = 0; k < memory.size(); ++k) {
-      if (!remembers(effects_[k])) continue;
-      pass(channels, first, count, coefficients, memory, k,
-           [out](std::size_t i, bool done) { out[i] = out[i] && done; });
-    }
+    if (!remembers()) return;
+    pass(channels, first, count, coefficients, memory, remembering_,
+         [out](std::size_t i, auto settled) { out[i] = out[i] && settled(); });
   }
 
   /// The same without the columns of ones and of one ripple effect, and instead cosine and sine
@@ -183,20 +173,6 @@ class Design {
         any);
   }
 
-  /// Whether angles [rad] are such that the kernel takes them as they are, without phases.
-  static bool within_reach(const double* angle, std::size_t count) {
-    double farthest = 0.0;
-    run_wide([angle, count, &farthest] {
-      double most = 0.0;
-      for (std::size_t i = 0; i < count; ++i) {
-        const double size = math::absolute(angle[i]);
-        most = size < most ? most : size;
-      }
-      farthest = most;
-    });
-    return farthest <= 1e6;  // false for NaN too
-  }
-
   /// Reads a block and makes its load, kept in `load`; `out` serves as scratch.
   void read(const Channels& channels, std::size_t first, std::size_t count,
             std::span<const double> coefficients, double* out, std::size_t stride,
@@ -213,46 +189,70 @@ class Design {
   }
 
   template <typename Chosen>
-  void each(const SampleBlock& block, [[maybe_unused]] Memory& memory, double* out,
-            std::size_t stride, Chosen chosen) const {
+  void each(const SampleBlock& block, Memory& memory, double* out, std::size_t stride,
+            Chosen chosen) const {
+    std::vector<std::size_t> remembering;
     for (std::size_t k = 0; k < effects_.size(); ++k) {
-      if (chosen(effects_[k])) {
-        std::visit(
-            [&]<typename Effect>(const Effect& effect) {
-              if constexpr (Remembers<Effect>) {
-                auto& state = std::get<place_of<Effect>>(memory[k]);
-                flexspline::batch::columns(effect, block, state, out, stride);
-              } else {
-                flexspline::batch::columns(effect, block, out, stride);
+      if (!chosen(effects_[k])) continue;
+      std::visit(
+          [&]<typename Effect>(const Effect& effect) {
+            if constexpr (Remembers<Effect>) {
+              remembering.push_back(k);
+            } else {
+              flexspline::batch::columns(effect, block, out + offsets_[k] * stride, stride);
+            }
+          },
+          effects_[k]);
+    }
+    by_kind(remembering, memory, [&](const auto& walkers, std::size_t first) {
+      flexspline::batch::columns(walkers, block, out + offsets_[first] * stride, stride);
+    });
+  }
+
+  /// Calls use(walkers, first) for effects `which`, those of one kind that follow each other at
+  /// once; `first` is the number of the first of them.
+  template <typename Use>
+  void by_kind(std::span<const std::size_t> which, Memory& memory, Use use) const {
+    for (std::size_t at = 0; at < which.size();) {
+      std::visit(
+          [&]<typename Effect>(const Effect&) {
+            if constexpr (Remembers<Effect>) {
+              std::vector<Walker<Effect>> walkers;
+              const std::size_t first = which[at];
+              for (; at < which.size() && which[at] == first + walkers.size(); ++at) {
+                const Effect* effect = std::get_if<Effect>(&effects_[which[at]]);
+                if (effect == nullptr) break;
+                walkers.push_back({effect, &std::get<place_of<Effect>>(memory[which[at]])});
               }
-            },
-            effects_[k]);
-      }
-      out += terms_of(effects_[k]) * stride;
+              use(std::span<const Walker<Effect>>(walkers), first);
+            }
+          },
+          effects_[which[at]]);
     }
   }
 
-  /// Takes effect number `which`, if it has memory, over rows without writing columns:
-  /// use(i, settled) for each row.
+  /// Takes effects `which`, which have memory, over rows without writing columns: use(i, settled)
+  /// for each row of each; settled() says whether the start no longer matters.
   template <typename Use>
   void pass(const Channels& channels, std::size_t first, std::size_t count,
-            std::span<const double> coefficients, Memory& memory, std::size_t which,
-            Use use) const {
+            std::span<const double> coefficients, Memory& memory,
+            std::span<const std::size_t> which, Use use) const {
+    bool carried = false;
+    auto angles = SampleBlock::Angles::none;
+    for (const std::size_t k : which) {
+      carried |= !coefficients.empty() && reads_any(effects_[k], Channel::load);
+      angles = std::max(angles, angles_of(effects_[k]));
+    }
     SampleBlock block;
     SampleBlock::Column<double> load;
-    const bool carried = !coefficients.empty() && reads_any(effects_[which], Channel::load);
     std::vector<double> scratch(carried ? columns_ * count : 0);
     read(channels, first, count, carried ? coefficients : std::span<const double>{}, scratch.data(),
-         count, carried ? angles_ : angles_of(effects_[which]), block, load);
-    std::visit(
-        [&]<typename Effect>(const Effect& effect) {
-          if constexpr (Remembers<Effect>) {
-            auto& state = std::get<place_of<Effect>>(memory[which]);
-            walk(effect, block, state,
-                 [&](std::size_t i, const auto&) { use(i, effect.settled(state)); });
-          }
-        },
-        effects_[which]);
+         count, carried ? angles_ : angles, block, load);
+    by_kind(which, memory, [&]<typename Effect>(std::span<const Walker<Effect>> walkers, auto) {
+      walk(walkers, block, [&](std::size_t n, std::size_t i, const auto&, const auto& state) {
+        use(i, [&] { return walkers[n].effect->settled(state); });
+      });
+    });
   }
 
   /// Adds the chosen effects' torques to `total`, an effect at a time.
@@ -280,11 +280,12 @@ class Design {
 
   std::vector<AnyEffect> effects_;
   Gear<double> gear_;
+  std::vector<std::size_t> offsets_;      ///< the first column of each effect
+  std::vector<std::size_t> remembering_;  ///< numbers of the effects with memory
   std::size_t columns_ = 0;
   SampleBlock::Angles angles_ = SampleBlock::Angles::none;
   std::size_t angle_readers_ = 0;
   bool load_ = false;
-  bool remembers_ = false;
 };
 
 }  // namespace flexspline::batch

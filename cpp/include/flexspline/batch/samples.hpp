@@ -175,4 +175,18 @@ struct SampleBlock {
   }
 };
 
+/// Whether angles [rad] are such that the kernel takes them as they are, without phases.
+inline bool within_reach(const double* angle, std::size_t count) {
+  double farthest = 0.0;
+  run_wide([angle, count, &farthest] {
+    double most = 0.0;
+    for (std::size_t i = 0; i < count; ++i) {
+      const double size = math::absolute(angle[i]);
+      most = size < most ? most : size;
+    }
+    farthest = most;
+  });
+  return farthest <= 1e6;  // false for NaN too
+}
+
 }  // namespace flexspline::batch

@@ -8,15 +8,11 @@
 
 #include <algorithm>
 #include <iterator>
-#include <limits>
-#include <map>
-#include <string>
-#include <tuple>
 
-#include "flexspline/batch/by_name.hpp"
 #include "flexspline/batch/filtered.hpp"
 #include "flexspline/batch/gram.hpp"
 #include "flexspline/batch/parallel.hpp"
+#include "flexspline/batch/remembered.hpp"
 
 namespace flexspline::batch {
 
@@ -72,90 +68,6 @@ inline std::vector<Piece> pieces_of(std::span<const ScreenedRun> runs, const Fil
   return pieces;
 }
 
-/// What effects remembered at rows of a run: to walk through a long run once is enough.
-///
-/// With a `lead`, memory goes back no further than so many rows: what comes in between two pieces
-/// far apart is skipped, and the first rows after the skip are a guess that fades.
-class Remembered {
- public:
-  explicit Remembered(std::size_t lead = std::numeric_limits<std::size_t>::max()) : lead_(lead) {}
-
-  std::size_t lead() const noexcept { return lead_; }
-
-  /// Run, effect with its shapes, and what its load is made of.
-  using Key = std::tuple<std::size_t, std::string, std::vector<double>>;
-
-  std::map<std::size_t, AnyState>& at(const Key& key) { return known_[key]; }
-
- private:
-  std::size_t lead_;
-  std::map<Key, std::map<std::size_t, AnyState>> known_;
-};
-
-/// Whom an effect's memory belongs to; the load counts where the effect reads it.
-inline Remembered::Key key_of(const Sheet& sheet, std::size_t run, const AnyEffect& effect) {
-  Remembered::Key key{run, std::string(name_of(effect)), {}};
-  for_each_shape(effect, [&](const auto&, double value) { std::get<2>(key).push_back(value); });
-  const bool loaded = std::visit(
-      [](const auto& e) { return reads<std::remove_cvref_t<decltype(e)>>(Channel::load); }, effect);
-  std::size_t column = 0;
-  for (const AnyEffect& other : sheet.design.effects()) {
-    for (std::size_t k = 0; k < terms_of(other); ++k, ++column) {
-      if (!loaded || sheet.load.empty() || sheet.load[column] == 0.0) continue;
-      std::get<1>(key) += " " + std::string(name_of(other));
-      std::get<2>(key).push_back(sheet.load[column]);
-    }
-  }
-  return key;
-}
-
-/// Adds what an effect remembers at rows that are not known yet, from the last known one before or
-/// from a fresh one `lead` rows before.
-inline void recall(const Sheet& sheet, const ScreenedRun& run, std::span<const std::size_t> rows,
-                   std::size_t effect, std::size_t lead, std::map<std::size_t, AnyState>& known) {
-  std::vector<std::size_t> missing;
-  for (const std::size_t row : rows) {
-    if (row > 0 && !known.contains(row)) missing.push_back(row);
-  }
-  std::sort(missing.begin(), missing.end());
-  for (const std::size_t row : missing) {
-    std::pair<std::size_t, AnyState> from{row - std::min(row, lead), sheet.design.fresh()[effect]};
-    const auto behind = known.lower_bound(row);
-    if (behind != known.begin() && std::prev(behind)->first >= from.first) {
-      from = {std::prev(behind)->first, std::prev(behind)->second};
-    }
-    const std::size_t at[] = {row};
-    const auto states = sheet.design.remember(run.run.channels, at, sheet.load, effect, from);
-    known.insert_or_assign(row, states.front());
-  }
-}
-
-/// The memory before each piece of a run; effects go in parallel, and what is known is not walked
-/// through again.
-inline std::vector<Memory> memories_of(const Sheet& sheet, const ScreenedRun& run,
-                                       std::span<const std::size_t> rows, Remembered& remembered,
-                                       int threads) {
-  std::vector<Memory> found(rows.size(), sheet.design.fresh());
-  if (!sheet.design.remembers()) return found;
-  std::map<std::map<std::size_t, AnyState>*, std::vector<std::size_t>> wanted;
-  const auto& effects = sheet.design.effects();
-  for (std::size_t k = 0; k < effects.size(); ++k) {
-    if (!Design::remembers(effects[k])) continue;
-    wanted[&remembered.at(key_of(sheet, run.number, effects[k]))].push_back(k);
-  }
-  const std::vector those(wanted.begin(), wanted.end());
-  parallel_blocks(those.size(), threads, [&](std::size_t e) {
-    const auto& [known, same] = those[e];
-    recall(sheet, run, rows, same.front(), remembered.lead(), *known);
-    for (std::size_t p = 0; p < rows.size(); ++p) {
-      for (const std::size_t k : same) {
-        if (rows[p] > 0) found[p][k] = known->at(rows[p]);
-      }
-    }
-  });
-  return found;
-}
-
 /// The memory before each piece of all runs.
 inline std::vector<Memory> memories_of(const Sheet& sheet, std::span<const ScreenedRun> runs,
                                        const Filter& filter, std::span<const Piece> pieces,
@@ -167,7 +79,8 @@ inline std::vector<Memory> memories_of(const Sheet& sheet, std::span<const Scree
       rows.push_back(
           Filtered::begin(runs[r].stretches[pieces[p].stretch], filter, pieces[p].first));
     }
-    auto memories = memories_of(sheet, runs[r], rows, remembered, threads);
+    auto memories =
+        memories_of(sheet, runs[r].run.channels, runs[r].number, rows, remembered, threads);
     std::move(memories.begin(), memories.end(), std::back_inserter(found));
   }
   return found;
@@ -261,7 +174,7 @@ inline void rows_of(const Sheet& sheet, const ScreenedRun& run, const Mixture& h
   const Filter plain;
   std::vector<std::size_t> begins;
   for (const Stretch& stretch : run.stretches) begins.push_back(Filtered::begin(stretch, plain, 0));
-  const auto memories = memories_of(sheet, run, begins, remembered, 1);
+  const auto memories = memories_of(sheet, run.run.channels, run.number, begins, remembered, 1);
   for (std::size_t s = 0; s < run.stretches.size(); ++s) {
     const Stretch& stretch = run.stretches[s];
     const Filtered filtered(sheet, run.run, stretch, plain, held);

@@ -37,9 +37,17 @@ struct SensorLag {
                                           S(1e-4), S(10), true}};
   }
 
-  constexpr Row<S, 1> row(const Sample<S>& at, State& state) const noexcept {
-    Slope::step(state.load, at.load, at.period, smoothing_time);
+  constexpr S ahead(const Sample<S>& at) const noexcept {
+    return Slope::share(at.period, smoothing_time);
+  }
+
+  constexpr Row<S, 1> row(const Sample<S>& at, State& state, S share) const noexcept {
+    Slope::step(state.load, at.load, at.period, share);
     return {-state.load.slope};
+  }
+
+  constexpr Row<S, 1> row(const Sample<S>& at, State& state) const noexcept {
+    return row(at, state, ahead(at));
   }
 
   constexpr bool settled(const State& state) const noexcept { return Slope::settled(state.load); }

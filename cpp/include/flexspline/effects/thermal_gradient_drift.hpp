@@ -38,9 +38,17 @@ struct ThermalGradientDrift {
         "thermal_lag", "s", &ThermalGradientDrift::thermal_lag, S(0.1), S(1e4), true}};
   }
 
-  constexpr Row<S, 1> row(const Sample<S>& at, State& state) const noexcept {
-    Slope::step(state.temperature, at.temperature, at.period, thermal_lag);
+  constexpr S ahead(const Sample<S>& at) const noexcept {
+    return Slope::share(at.period, thermal_lag);
+  }
+
+  constexpr Row<S, 1> row(const Sample<S>& at, State& state, S share) const noexcept {
+    Slope::step(state.temperature, at.temperature, at.period, share);
     return {thermal_lag * state.temperature.slope};
+  }
+
+  constexpr Row<S, 1> row(const Sample<S>& at, State& state) const noexcept {
+    return row(at, state, ahead(at));
   }
 
   /// By what is said of the start, at once: a burn-in would cost just the warming that shows it.
