@@ -24,6 +24,7 @@ from flexspline.errors import listed
 from flexspline.experiment.limits import Limits
 from flexspline.experiment.planning import planned
 from flexspline.fit.result import Fit
+from flexspline.parallel import in_order
 
 __all__ = ["assembled"]
 
@@ -40,7 +41,7 @@ def assembled(
     problem = made.study.problem
     plain = plain_rows(problem, made.final)
     left = [held_out(problem, work, plain) for work in _nested(made)]
-    steps = [one.rmse for one in left]
+    steps = list(in_order(problem.threads, lambda one: one.rmse, left))
     unexplained, floor = _unexplained(made, plain, steps)
     found = [
         _found(made, effect, steps[number], steps[number + 1])

@@ -153,7 +153,7 @@ def _whitened(
     number: int,
 ) -> tuple[Array, Rows]:
     """Filtered functions of a run, (n, C), and the rows that they belong to."""
-    run, every = problem.runs[number], values_of(problem, number)
+    run = problem.runs[number]
     total = sum(r.counted for r in problem.runs) // whitening.decimation
     step = _step(total)
     lead = whitening.order
@@ -168,7 +168,7 @@ def _whitened(
     for rows in pieces:
         first, last = last, last + len(rows) - lead
         whole = slice(int(rows[0]), int(rows[-1]) + 1)
-        values = {name: value[whole] for name, value in every.items()}
+        values = values_of(problem, number, whole)
         time = run.log["time"][whole]
         for part, those in _parts(problem, time, values, groups, at):
             whitening.filter(part[:: whitening.decimation], made[first:last, those])

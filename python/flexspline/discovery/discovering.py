@@ -84,7 +84,7 @@ def discover(
     if not runs:
         raise InputError("there is no log to look at; give at least one")
     start = _start(model_or_effects, target, known_load, fixed or {})
-    faults = data_faults(runs, start.effects, start.target, start.known_load)
+    faults = data_faults(runs, start.effects, start.target, start.known_load, threads)
     runs, faults = with_measured_ratio(runs, faults, start.target)
     steady, noisy, ways = steadied(
         runs,
@@ -93,6 +93,7 @@ def discover(
         start.known_load,
         start.fixed,
         lambda log: moving(log, start.target),
+        threads,
     )
     given, runs = ([moving(log, start.target) for log in some] for some in (runs, steady))
 

@@ -38,7 +38,11 @@ class DataFault:
 
 
 def data_faults(
-    logs: Sequence[Log], base: Sequence[Effect], target: str, known_load: str | None
+    logs: Sequence[Log],
+    base: Sequence[Effect],
+    target: str,
+    known_load: str | None,
+    threads: int = 1,
 ) -> tuple[DataFault, ...]:
     """Return the faults of all runs.
 
@@ -52,7 +56,7 @@ def data_faults(
     asked = [e.name for e in base if not (elsewhere and "load" in e.reads)]
     found = []
     for log in logs:
-        findings = check(log, effects=asked, target=target)
+        findings = check(log, effects=asked, target=target, threads=threads)
         findings.raise_errors()
         if target == "torsion":
             findings.raise_named(NO_TWIST)

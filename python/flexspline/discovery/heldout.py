@@ -68,15 +68,11 @@ class HeldOut:
         return tuple(_folds(self.problem, self.work, self.betas))
 
     @property
-    def joined(self) -> Array:
-        """Of all rows that count, one run behind the other."""
-        every = np.concatenate(self.residuals)
-        return every[np.isfinite(every)]
-
-    @property
     def rmse(self) -> float:
-        """In the unit of the target."""
-        return float(np.sqrt(np.mean(self.joined**2)))
+        """In the unit of the target, of all rows that count."""
+        counted = (part[np.isfinite(part)] for part in self.residuals)
+        sums = np.array([(part @ part, len(part)) for part in counted])
+        return float(np.sqrt(sums[:, 0].sum() / sums[:, 1].sum()))
 
     def worse_than(self, other: HeldOut, factor: float) -> bool:
         """Whether the error exceeds another's by a factor, beyond what is not known."""

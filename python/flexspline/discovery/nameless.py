@@ -10,9 +10,10 @@ it depends on.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +42,8 @@ HIDDEN = {
 }
 """Channels that hold the target itself; a supply sags under the motor's own current."""
 NEVER = ("enabled", "thermistor_voltage", "commanded_position", "motor_velocity", "motor_position")
+NAMELESS, PAST, CHANNELS, FASTEST = "nameless", "past", "nameless channels", "largest speed"
+SAMPLED = 7  # one row of so many tells of the spread of a channel
 ROUND, DIRECTION, RATE = "motor_angle", "direction", "load_rate"
 LAGGED = ("temperature", "motor_torque")
 """Channels whose past may act, beside the load's; that of the motion is friction with memory."""
@@ -61,43 +64,55 @@ def channel_told(name: str, known_load: str | None) -> str:
     return known_load or "" if name == RATE else TOLD.get(name, name)
 
 
-def values_of(problem: Problem, number: int) -> dict[str, Array]:
-    """Return what functions of a run may depend on, (N,) each, by name."""
+def values_of(problem: Problem, number: int, rows: slice) -> dict[str, Array]:
+    """Return what functions may depend on at some rows of a run, (n,) each, by name."""
     run, found = problem.runs[number], _channels(problem)
-    made = {name: run.log[name] for name in found}
+    made = {name: run.log[name][rows] for name in found}
     if "time" in made:
-        made["time"] = made["time"] - made["time"][0]
+        made["time"] = made["time"] - run.log["time"][0]
     if problem.known_load in found:
-        made[RATE] = np.gradient(made[problem.known_load], run.log["time"])
+        made[RATE] = _rate(run.log[problem.known_load], run.log["time"], rows)
     if "output_velocity" in found:
-        fastest = max(float(np.abs(r.log["output_velocity"]).max()) for r in problem.runs)
-        made[DIRECTION] = np.tanh(made["output_velocity"] / max(DIRECTION_WIDTH * fastest, 1e-300))
+        width = max(DIRECTION_WIDTH * _fastest(problem), 1e-300)
+        made[DIRECTION] = np.tanh(made["output_velocity"] / width)
     if effective_ratio(run.log.facts) is not None and "output_position" in found:
-        made[ROUND] = _motor_angle(run)
-    return {**made, **_past(problem, run, made)}
+        made[ROUND] = _motor_angle(run, rows)
+    past = _past(problem, number)
+    return {**made, **{name: values[rows] for name, values in past.items()}}
 
 
-def _past(problem: Problem, run: Run, values: Values) -> dict[str, Array]:
+def _past(problem: Problem, number: int) -> dict[str, Array]:
     """Return what channels of a run were some time ago, (N,) each."""
     if max(len(r) for r in problem.runs) > MOST_ROWS:
         return {}
-    longest = max(float(np.ptp(r.log["time"])) for r in problem.runs)
-    return past_of(run.log["time"], values, [*LAGGED, problem.known_load or ""], longest)
+    kept: dict[Any, Any] = problem.kept
+    if (PAST, number) not in kept:
+        log = problem.runs[number].log
+        values = {name: log[name] for name in _channels(problem)}
+        longest = max(float(np.ptp(r.log["time"])) for r in problem.runs)
+        lagged = [*LAGGED, problem.known_load or ""]
+        kept[PAST, number] = past_of(log["time"], values, lagged, longest)
+    return dict(kept[PAST, number])
 
 
 def nameless_of(problem: Problem, *, pairs: bool = True) -> list[Nameless]:
     """Return functions of every channel that all runs have, and of every two."""
-    every = [values_of(problem, number) for number in range(len(problem.runs))]
-    sample = {name: np.concatenate([v[name][::7] for v in every]) for name in every[0]}
+    kept: dict[Any, Any] = problem.kept
+    if NAMELESS not in kept:
+        kept[NAMELESS] = _nameless(_sample(problem))
+    alone, crossed = kept[NAMELESS]
+    return [*alone, *crossed] if pairs else [*alone]
+
+
+def _nameless(sample: Values) -> tuple[list[Nameless], list[Nameless]]:
+    """All functions of every channel; and few of every channel and of every two."""
     past = [name for name in sample if names_of_past(name)[0] in sample]
     gone = {late for name in past for late in names_of_past(name)}
     sample = {name: values for name, values in sample.items() if name not in gone}
-    made = [Nameless((name,), *_fine(sample, name)) for name in sample if name != DIRECTION]
-    made += [_memory(name) for name in past]
-    if not pairs:
-        return made
+    alone = [Nameless((name,), *_fine(sample, name)) for name in sample if name != DIRECTION]
+    alone += [_memory(name) for name in past]
     straight = [name for name in sample if name not in (ROUND, DIRECTION)]
-    made += [_powers(sample, (name,), POWERS) for name in straight]
+    made = [_powers(sample, (name,), POWERS) for name in straight]
     scaled = [name for name in sample if name not in (ROUND, "time")]
     made += [_powers(sample, both, CROSSED) for both in combinations(scaled, 2)]
     if ROUND in sample:
@@ -106,13 +121,52 @@ def nameless_of(problem: Problem, *, pairs: bool = True) -> list[Nameless]:
     for name in (name for name in straight if name not in ("time", RATE)):
         made += [_varying(sample, name, other) for other in scaled if other != name]
     coarse = {name: _hats_of(sample, name, COARSE) for name in straight if name != "time"}
-    return made + [
+    return alone, made + [
         Nameless((a, b), _product(coarse[a][0], coarse[b][0]), coarse[a][1] * coarse[b][1])
         for a, b in combinations(coarse, 2)
     ]
 
 
+def _sample(problem: Problem) -> dict[str, Array]:
+    """Every seventh row of all runs, made a window at a time."""
+    made = [
+        {name: values[::SAMPLED] for name, values in values_of(problem, number, rows).items()}
+        for number, run in enumerate(problem.runs)
+        for rows in windows(len(run), SAMPLED << 15)
+    ]
+    return {name: np.concatenate([values[name] for values in made]) for name in made[0]}
+
+
+def windows(size: int, step: int) -> Iterator[slice]:
+    """Cut rows [0, size)."""
+    return (slice(first, min(first + step, size)) for first in range(0, size, step))
+
+
+def _rate(load: Array, time: Array, rows: slice) -> Array:
+    """How fast the load changes, by the differences to the rows beside."""
+    first, last = max(rows.start - 1, 0), min(rows.stop + 1, len(load))
+    slope = np.gradient(load[first:last], time[first:last])
+    return np.asarray(slope[rows.start - first : rows.stop - first])
+
+
+def _fastest(problem: Problem) -> float:
+    """The largest speed of all runs."""
+    kept: dict[Any, Any] = problem.kept
+    if FASTEST not in kept:
+        speeds = (run.log["output_velocity"] for run in problem.runs)
+        kept[FASTEST] = max(float(max(v.max(), -v.min())) for v in speeds)
+    return float(kept[FASTEST])
+
+
 def _channels(problem: Problem) -> list[str]:
+    kept: dict[Any, Any] = problem.kept
+    if CHANNELS not in kept:
+        kept[CHANNELS] = _usable(problem)
+    return list(kept[CHANNELS])
+
+
+def _usable(problem: Problem) -> list[str]:
+    """Channels that all runs have and that change, but for the target's own."""
     hidden = {*HIDDEN[problem.target], *NEVER}
     logs = [run.log for run in problem.runs]
     load = problem.known_load
@@ -196,11 +250,11 @@ def _scale(values: Array, name: str) -> tuple[float, float]:
     return middle, max(float(np.abs(values - middle).max()), 1e-300)
 
 
-def _motor_angle(run: Run) -> Array:
+def _motor_angle(run: Run, rows: slice) -> Array:
     if "motor_position" in run.log:
-        return run.log["motor_position"]
+        return run.log["motor_position"][rows]
     ratio = effective_ratio(run.log.facts) or 1.0
-    return np.asarray(ratio * run.log["output_position"])
+    return np.asarray(ratio * run.log["output_position"][rows])
 
 
 def _knots(values: Array, count: int, both_ways: bool) -> Array:
@@ -252,6 +306,6 @@ def _product(first: Basis, second: Basis) -> Basis:
 def columns_of(groups: Sequence[Nameless], problem: Problem, number: int) -> Array:
     """Columns of all groups of a run, filtered as the target is, (N, C)."""
     run = problem.runs[number]
-    values = values_of(problem, number) if groups else {}
+    values = values_of(problem, number, slice(0, len(run))) if groups else {}
     made = [group.columns(values) for group in groups] or [np.empty((len(run), 0))]
     return problem.smooth(run, np.column_stack(made))

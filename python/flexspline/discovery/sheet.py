@@ -12,8 +12,9 @@ shape is the difference of two parts.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -31,6 +32,7 @@ from flexspline.discovery.stretches import (
 from flexspline.discovery.whitening import Whitening
 from flexspline.effects import Effect
 from flexspline.fit.problem import Problem
+from flexspline.parallel import in_order
 
 __all__ = ["Shares", "Sheet"]
 
@@ -66,10 +68,16 @@ class Sheet:
         total = np.zeros((firsts[-1], self.width + 1, self.width + 1))
         columns = [*self.columns, *([(p, 1.0)] for p in self._given_parts)]
         held = _shares(self.held)
-        for numbers, posed in self._posed(problem, whitening):
+
+        def summed(part: Callable[[], tuple[list[int], list[Any]]]) -> tuple[list[int], Array]:
+            numbers, posed = part()
             made = screen.products(
                 posed, columns, held, whitening.denominator, whitening.decimation, problem.threads
             )
+            return numbers, made
+
+        parts = self._posed(problem, whitening)
+        for numbers, made in in_order(problem.threads if self.given else 1, summed, parts):
             at = np.concatenate([np.arange(firsts[k], firsts[k + 1]) for k in numbers])
             total[at] += made
         return total
@@ -123,12 +131,15 @@ class Sheet:
             return
         screen, held = self._screen(problem), _shares(self.held)
         plain = Whitening(np.ones(1), 1.0, 1)
-        values = values_of(problem, number) if self.given else {}
         columns = [*self.columns, *([(p, 1.0)] for p in self._given_parts)]
-        for stretch in stretches_of(problem, number, plain):
-            for piece in pieces_of(stretch, plain) if cut else [stretch]:
-                posed = _run(problem, number, [piece], *self._made(values, piece))
-                yield piece[:2], np.asarray(screen.rows(posed, columns, held))
+
+        def made(piece: Stretch) -> tuple[tuple[int, int], Array]:
+            posed = _run(problem, number, [piece], *self._made(problem, number, piece))
+            return piece[:2], np.asarray(screen.rows(posed, columns, held))
+
+        unbroken = stretches_of(problem, number, plain)
+        pieces = (piece for s in unbroken for piece in (pieces_of(s, plain) if cut else [s]))
+        yield from in_order(problem.threads if cut else 1, made, pieces)
 
     def white(
         self, problem: Problem, whitening: Whitening, number: int
@@ -150,7 +161,7 @@ class Sheet:
         run = problem.runs[number]
         parts = np.asarray(problem.design(self.effects).rows(run.channels, len(run), self.load))
         made = [_mixed(parts, shares) for shares in self.columns]
-        values = values_of(problem, number) if self.given else {}
+        values = values_of(problem, number, slice(0, len(run))) if self.given else {}
         functions = [group.columns(values) for group in self.given]
         columns = np.column_stack([np.empty((len(run), 0)), *made, *functions])
         both = problem.smooth(run, np.column_stack([columns, parts @ self.held]))
@@ -182,27 +193,31 @@ class Sheet:
 
     def _posed(
         self, problem: Problem, whitening: Whitening
-    ) -> Iterator[tuple[list[int], list[Any]]]:
+    ) -> Iterator[Callable[[], tuple[list[int], list[Any]]]]:
         """Runs as the core takes them: all, or a piece at a time where columns are given."""
         numbers = range(len(problem.runs))
         stretches = [stretches_of(problem, number, whitening) for number in numbers]
         if not self.given:
-            yield list(numbers), [_run(problem, k, stretches[k]) for k in numbers]
+            yield lambda: (list(numbers), [_run(problem, k, stretches[k]) for k in numbers])
             return
+
+        def alone(number: int, piece: Stretch) -> tuple[list[int], list[Any]]:
+            made = self._made(problem, number, piece)
+            return [number], [_run(problem, number, [piece], *made)]
+
         for number in numbers:
-            values = values_of(problem, number)
             for stretch in stretches[number]:
                 for piece in pieces_of(stretch, whitening):
-                    yield [number], [_run(problem, number, [piece], *self._made(values, piece))]
+                    yield partial(alone, number, piece)
 
-    def _made(self, values: Mapping[str, Array], piece: Stretch) -> tuple[Array | None, int]:
+    def _made(self, problem: Problem, number: int, piece: Stretch) -> tuple[Array | None, int]:
         """Functions without a name around rows [first, last), and the row where they begin."""
         if not self.given:
             return None, 0
         first, last, kernel = piece
         low, high = first - len(kernel) // 2, last + len(kernel) // 2
-        part = {name: array[low:high] for name, array in values.items()}
-        return np.column_stack([group.columns(part) for group in self.given]), low
+        values = values_of(problem, number, slice(low, high))
+        return np.column_stack([group.columns(values) for group in self.given]), low
 
 
 def _shares(weights: Array) -> Shares:

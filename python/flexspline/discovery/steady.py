@@ -26,6 +26,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from flexspline import _core
 from flexspline.discovery.faults import DataFault
 from flexspline.discovery.refit import refitted, started
 from flexspline.discovery.scores import price
@@ -33,9 +34,10 @@ from flexspline.discovery.whitening import Whitening, rough_whitening
 from flexspline.discovery.working import Working, working
 from flexspline.effects import Effect
 from flexspline.errors import InputError
-from flexspline.fit.problem import Problem, problem_of
+from flexspline.fit.problem import Problem, Run, problem_of
 from flexspline.logs.grain import white_noise
 from flexspline.logs.log import Log
+from flexspline.parallel import in_order
 from flexspline.prepared import Preparation
 
 __all__ = ["steadied"]
@@ -65,6 +67,7 @@ def steadied(
     known_load: str | None,
     fixed: Mapping[str, float],
     taken: Callable[[Log], Log],
+    threads: int = 1,
 ) -> tuple[list[Log], tuple[DataFault, ...], tuple[Preparation, ...]]:
     """Return the logs with the velocity that explains most; where it is another, fault and way.
 
@@ -82,7 +85,7 @@ def steadied(
             target,
             known_load=known_load,
             lowpass_hz=None,
-            threads=1,
+            threads=threads,
         )
 
     given = problem(logs)
@@ -112,17 +115,12 @@ def _steepest(problem: Problem, work: Working) -> float:
     for run in problem.runs:
         step = SLOPE * max(float(np.abs(run.log[VELOCITY]).max()), 1e-300)
         design = problem.design(work.effects)
-        both = [
-            np.asarray(
-                design.rows(
-                    {**run.channels, VELOCITY: run.log[VELOCITY] + side},
-                    len(run),
-                    work.coefficients,
-                )
-                @ work.coefficients
-            )
-            for side in (-step, step)
-        ]
+
+        def predicted(side: float, run: Run = run, design: _core.Design = design) -> Array:
+            channels = {**run.channels, VELOCITY: run.log[VELOCITY] + side}
+            return np.asarray(design.predict(channels, len(run), work.coefficients))
+
+        both = list(in_order(problem.threads, predicted, (-step, step)))
         steepest = max(steepest, float(np.quantile(np.abs(both[1] - both[0]), 0.99) / (2.0 * step)))
     return steepest
 

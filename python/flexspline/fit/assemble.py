@@ -21,6 +21,7 @@ from flexspline.fit.scores import scores_of
 from flexspline.fit.uncertainty import Prior, Uncertainty, parameter_uncertainty
 from flexspline.fit.validation import cross_validate
 from flexspline.model import Model, Part
+from flexspline.parallel import together
 from flexspline.plain import plain_json
 
 __all__ = ["assembled", "uncertainty_of"]
@@ -42,10 +43,11 @@ def assembled(
     warnings : sentences of the checks; those of the fit are added.
     orders : the order analysis that chose orders, or None.
     """
-    uncertainty = uncertainty_of(made)
+    uncertainty, validation = together(
+        problem.threads, lambda: uncertainty_of(made), lambda: cross_validate(made)
+    )
     confounded = _confounded(problem, made, uncertainty)
     parameters = _parameters(problem, made, uncertainty, confounded)
-    validation = cross_validate(made)
     residuals = residuals_of(problem, made.linear)
     scores = scores_of(problem, residuals, validation.residuals)
     runs = tuple(

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from flexspline.fit.problem import Problem
 from flexspline.logs.log import Log
 from flexspline.logs.segments import near_reversal, standstill
+from flexspline.parallel import in_order
 
 __all__ = ["REVERSAL_SECONDS", "Score", "bands", "groups", "score", "scores_of"]
 
@@ -51,18 +52,23 @@ class Score:
 def score(group: str, label: str, y: Array, residual: Array, held_out: Array) -> Score:
     """Return the score of some rows, all arrays of shape (n,)."""
     bias = float(residual.mean())
-    squares = float(residual @ residual)
-    spread = float(((y - y.mean()) ** 2).sum())
+    squares, spread = float(residual @ residual), _about(y, float(y.mean()))
     return Score(
         group,
         label,
         len(y),
         float(np.sqrt(squares / len(y))),
-        float(np.sqrt(np.mean(held_out**2))),
+        float(np.sqrt(held_out @ held_out / len(y))),
         bias,
-        float(np.mean((residual - bias) ** 2)),
+        _about(residual, bias) / len(y),
         1.0 - squares / spread if spread > 0.0 else float("nan"),
     )
+
+
+def _about(values: Array, middle: float) -> float:
+    """Σ (value − middle)²"""
+    apart = values - middle
+    return float(apart @ apart)
 
 
 def scores_of(
@@ -76,14 +82,18 @@ def scores_of(
     """
     counts = [np.isfinite(rows) for rows in held_out]
     y, inside, outside = (
-        np.concatenate([values[count] for values, count in zip(list_, counts, strict=True)])
+        _joined([v if c.all() else v[c] for v, c in zip(list_, counts, strict=True)])
         for list_ in ([run.target for run in problem.runs], residuals, held_out)
     )
     found = [score("all", "all rows", y, inside, outside)]
-    for group, label, mask in groups([run.log for run in problem.runs], counts):
-        if mask.sum() >= LEAST_ROWS:
-            found.append(score(group, label, y[mask], inside[mask], outside[mask]))
-    return tuple(found)
+
+    def scored(part: tuple[str, str, Mask]) -> Score:
+        group, label, mask = part
+        return score(group, label, y[mask], inside[mask], outside[mask])
+
+    parts = groups([run.log for run in problem.runs], counts)
+    seen = (part for part in parts if part[-1].sum() >= LEAST_ROWS)
+    return (*found, *in_order(problem.threads, scored, seen))
 
 
 def groups(logs: Sequence[Log], counts: Sequence[Mask]) -> Iterator[tuple[str, str, Mask]]:
@@ -101,14 +111,14 @@ def groups(logs: Sequence[Log], counts: Sequence[Mask]) -> Iterator[tuple[str, s
     if all("output_velocity" in log or "output_position" in log for log in logs):
         yield from _by_motion(logs, counts)
     if all("temperature" in log for log in logs):
-        temperature = _joined(logs, counts, "temperature")
+        temperature = _channel(logs, counts, "temperature")
         yield from bands("temperature", temperature, TEMPERATURE_BANDS, "°C")
 
 
 def _by_motion(logs: Sequence[Log], counts: Sequence[Mask]) -> Iterator[tuple[str, str, Mask]]:
     still = _masks(logs, counts, standstill)
     if all("output_velocity" in log for log in logs):
-        velocity = _joined(logs, counts, "output_velocity")
+        velocity = _channel(logs, counts, "output_velocity")
         yield "direction", "forward", ~still & (velocity > 0)
         yield "direction", "backward", ~still & (velocity < 0)
         yield from bands("speed", np.where(still, np.nan, np.abs(velocity)), SPEED_BANDS, "rad/s")
@@ -133,8 +143,14 @@ def bands(group: str, values: Array, count: int, unit: str) -> Iterator[tuple[st
         yield group, f"{low:.3g} to {high:.3g} {unit}", mask
 
 
-def _joined(logs: Sequence[Log], counts: Sequence[Mask], channel: str) -> Array:
-    return np.concatenate([log[channel][c] for log, c in zip(logs, counts, strict=True)])
+def _channel(logs: Sequence[Log], counts: Sequence[Mask], channel: str) -> Array:
+    parts = zip((log[channel] for log in logs), counts, strict=True)
+    return _joined([values if c.all() else values[c] for values, c in parts])
+
+
+def _joined(parts: Sequence[Array]) -> Array:
+    """One array behind the other; a long one alone is not copied."""
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
 def _masks(logs: Sequence[Log], counts: Sequence[Mask], of: Callable[[Log], Mask]) -> Mask:

@@ -7,9 +7,10 @@ log at a time.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import islice
+from itertools import groupby, islice
+from operator import itemgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,7 @@ from flexspline.effects import Effect
 from flexspline.fit.names import ShapeParameter
 from flexspline.fit.noise_model import Chunk, Chunks
 from flexspline.fit.problem import Problem
+from flexspline.parallel import in_order
 
 __all__ = ["Tangent"]
 
@@ -52,17 +54,27 @@ class Tangent:
 
     def pieces(self, every: int = 1) -> Iterator[tuple[int, slice, Chunk]]:
         """Run number, rows and chunk of each piece, in order; or of one of `every`."""
-        whole: tuple[int, Array] | None = None
-        for number, first, last in islice(self.problem.pieces(), 0, None, every):
-            if self._whole_runs and (whole is None or whole[0] != number):
-                whole = (number, self._whole_run(number))
-            rows = self._rows(number, first, last) if whole is None else whole[1][first:last]
+        ranges = islice(self.problem.pieces(), 0, None, every)
+        if self._whole_runs:
+            made = self._cut(ranges)
+        else:
+            made = in_order(self.problem.threads, lambda piece: self._rows(*piece), ranges)
+        for (number, first, last), rows in zip(
+            islice(self.problem.pieces(), 0, None, every), made, strict=True
+        ):
             run = self.problem.runs[number]
             residual = run.target[first:last] - rows[:, -1]
             starts = np.zeros(last - first, dtype=bool)
             starts[0] = every > 1 or any(first == begin for begin, _ in run.stretches)
             weights = None if self.weights is None else self.weights[number][first:last]
             yield number, slice(first, last), Chunk(rows[:, :-1], residual, starts, weights)
+
+    def _cut(self, ranges: Iterable[tuple[int, int, int]]) -> Iterator[Array]:
+        """Rows of pieces, cut from those of whole runs."""
+        for number, those in groupby(ranges, key=itemgetter(0)):
+            whole = self._whole_run(number)
+            for _, first, last in those:
+                yield whole[first:last]
 
     def _rows(self, number: int, first: int, last: int) -> Array:
         """Columns of the free coefficients, of the shapes, and the prediction: (n, F + S + 1)."""

@@ -14,6 +14,7 @@ from flexspline.logs.checks.torque import torque
 from flexspline.logs.checks.values import clipped, constant, quantised, wrapped
 from flexspline.logs.checks.velocity import velocity_of_position
 from flexspline.logs.log import Log
+from flexspline.parallel import in_order
 
 __all__ = ["Finding", "Findings", "Gear", "Severity", "check", "measured_gear"]
 
@@ -33,7 +34,9 @@ CHECKS = (
 )
 
 
-def check(log: Log, *, effects: Sequence[str] = (), target: str | None = None) -> Findings:
+def check(
+    log: Log, *, effects: Sequence[str] = (), target: str | None = None, threads: int = 1
+) -> Findings:
     """Look for faults of the data. Nothing is changed; each finding names the repair to ask for.
 
     Parameters
@@ -42,6 +45,7 @@ def check(log: Log, *, effects: Sequence[str] = (), target: str | None = None) -
     effects : names of `spec/effects.md` that are to be fitted: missing channels and lacking
         excitation are then found as well
     target : the channel to be fitted (or ``torsion``): it has to be there
+    threads : checks that are made at the same time
 
     Returns
     -------
@@ -52,7 +56,9 @@ def check(log: Log, *, effects: Sequence[str] = (), target: str | None = None) -
     InputError : an effect or target that does not exist.
     """
     try:
-        found = [finding for one in CHECKS for finding in one(log)]
+        motion_of(log)  # once, before several ask for it
+        made = in_order(threads, lambda one: list(one(log)), CHECKS)
+        found = [finding for some in made for finding in some]
         found.extend(excitation(log, effects, target))
     finally:
         motion_of.cache_clear()  # it would keep the log
