@@ -9,6 +9,7 @@ each pays, so that effects with many columns or forms and those with few compete
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,6 +47,7 @@ class Offer:
         return self.gain - self.price
 
 
+@lru_cache(maxsize=4096)  # a search asks for few of them, very often
 def price(columns: int, forms: float, rivals: int) -> float:
     """Return the χ² that the best of `rivals` reaches by chance in a share α of all logs."""
     return float(chi2.isf(ALPHA / max(rivals, 1) / max(forms, 1.0), columns))

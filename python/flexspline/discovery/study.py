@@ -33,13 +33,17 @@ FIRST = (120_000, 1 << 12)  # rows that a first search looks at, and of one stre
 
 @dataclass
 class Study:
-    """Problem, effects that may be missing, why others are not tried, and orders found."""
+    """Problem, effects that may be missing, why others are not tried, and orders found.
+
+    `last`, `known`: what was asked for before, a table and the candidates beside models.
+    """
 
     problem: Problem
     possible: list[Effect]
     not_tried: dict[str, str]
     orders: tuple[FoundOrder, ...] = field(default=())
     last: Columned | None = field(default=None, repr=False, compare=False)
+    known: dict[Any, Any] = field(default_factory=dict, repr=False, compare=False)
 
     @property
     def target(self) -> str:
@@ -58,14 +62,18 @@ class Study:
     def thinned(self) -> Study:
         """The same for a part of long logs; itself for others."""
         part = thinned(self.problem, *FIRST)
-        return self if part is self.problem else replace(self, problem=part, last=None)
+        return self if part is self.problem else replace(self, problem=part, last=None, known={})
 
     def candidates(self, model: Sequence[Effect]) -> list[Candidate]:
         """Return what may be missing beside a model."""
-        facts = self.problem.runs[0].log.facts
-        names = [e.name for e in self.possible]
-        pools = order_pools(names, facts, self.orders, model, self.target, self._span)
-        return candidates_for(model, self.possible, self.problem, pools)
+        orders, made = self.known.get(tuple(model), (None, []))
+        if orders is not self.orders:
+            facts = self.problem.runs[0].log.facts
+            names = [e.name for e in self.possible]
+            pools = order_pools(names, facts, self.orders, model, self.target, self._span)
+            made = candidates_for(model, self.possible, self.problem, pools)
+            self.known[tuple(model)] = self.orders, made
+        return made
 
     def dictionary(
         self, work: Working, whitening: Whitening, *, without: str | None = None
