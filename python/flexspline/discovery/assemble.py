@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -41,7 +44,7 @@ def assembled(
     problem = made.study.problem
     plain = plain_rows(problem, made.final)
     left = [held_out(problem, work, plain) for work in _nested(made)]
-    steps = list(in_order(problem.threads, lambda one: one.rmse, left))
+    steps = list(in_order(problem.threads, lambda one: one.rmse, _ends_kept(left)))
     unexplained, floor = _unexplained(made, plain, steps)
     found = [
         _found(made, effect, steps[number], steps[number + 1])
@@ -70,6 +73,12 @@ def assembled(
         plan=plan,
         searched={"names": made.searched, "functions": made.free},
     )
+
+
+def _ends_kept(left: Sequence[HeldOut]) -> Iterator[HeldOut]:
+    """What is left by each model; copies of all but the ends, which keep no rows."""
+    for number, one in enumerate(left):
+        yield one if number in (0, len(left) - 1) else replace(one)
 
 
 def _runs(made: Analysis, before: HeldOut, after: HeldOut) -> tuple[HeldRun, ...]:

@@ -18,7 +18,8 @@ from flexspline.discovery.stretches import fold_blocks
 from flexspline.discovery.table import SINGULAR, Table
 from flexspline.discovery.whitening import Whitening
 from flexspline.discovery.working import Working
-from flexspline.fit.problem import Problem
+from flexspline.fit.problem import Problem, Run
+from flexspline.parallel import in_order
 
 __all__ = ["Ceiling", "Overlap"]
 
@@ -153,27 +154,35 @@ def _whitened(
     number: int,
 ) -> tuple[Array, Rows]:
     """Filtered functions of a run, (n, C), and the rows that they belong to."""
-    run = problem.runs[number]
-    total = sum(r.counted for r in problem.runs) // whitening.decimation
-    step = _step(total)
+    run, lead = problem.runs[number], whitening.order
+    pieces = _looked_at(problem, whitening, run)
+    made = np.empty((sum(len(rows) - lead for rows in pieces), at[-1].stop), order="F")
+
+    def filtered(piece: tuple[int, Rows]) -> None:
+        first, rows = piece
+        whole = slice(int(rows[0]), int(rows[-1]) + 1)
+        values = values_of(problem, number, whole)
+        out = made[first : first + len(rows) - lead]
+        for part, those in _parts(problem, run.log["time"][whole], values, groups, at):
+            whitening.filter(part[:: whitening.decimation], out[:, those])
+
+    firsts = np.cumsum([0, *(len(rows) - lead for rows in pieces)])[:-1].tolist()
+    for _ in in_order(problem.threads, filtered, zip(firsts, pieces, strict=True)):
+        pass
+    kept = [rows[lead:] for rows in pieces] or [np.empty(0, dtype=np.intp)]
+    return made, np.concatenate(kept)
+
+
+def _looked_at(problem: Problem, whitening: Whitening, run: Run) -> list[Rows]:
+    """Rows of the blocks of a run that are looked at, each with what starts the filter."""
     lead = whitening.order
+    step = _step(sum(r.counted for r in problem.runs) // whitening.decimation)
     pieces = []
     for rows in whitening.taken(run):
         starts = range(0, len(rows), BLOCK * step) if step > 1 else (0,)
         size = BLOCK if step > 1 else len(rows)
         pieces += [rows[max(k - lead, 0) : k + size] for k in starts]
-    pieces = [rows for rows in pieces if len(rows) > 2 * lead + 2]
-    made = np.empty((sum(len(rows) - lead for rows in pieces), at[-1].stop), order="F")
-    last = 0
-    for rows in pieces:
-        first, last = last, last + len(rows) - lead
-        whole = slice(int(rows[0]), int(rows[-1]) + 1)
-        values = values_of(problem, number, whole)
-        time = run.log["time"][whole]
-        for part, those in _parts(problem, time, values, groups, at):
-            whitening.filter(part[:: whitening.decimation], made[first:last, those])
-    kept = [rows[lead:] for rows in pieces] or [np.empty(0, dtype=np.intp)]
-    return made, np.concatenate(kept)
+    return [rows for rows in pieces if len(rows) > 2 * lead + 2]
 
 
 def _step(rows: int) -> int:

@@ -70,9 +70,11 @@ class HeldOut:
     @property
     def rmse(self) -> float:
         """In the unit of the target, of all rows that count."""
-        counted = (part[np.isfinite(part)] for part in self.residuals)
-        sums = np.array([(part @ part, len(part)) for part in counted])
-        return float(np.sqrt(sums[:, 0].sum() / sums[:, 1].sum()))
+        counted = (np.isfinite(part) for part in self.residuals)
+        parts = [part if c.all() else part[c] for part, c in
+                 zip(self.residuals, counted, strict=True)]  # fmt: skip
+        squares = sum(float(part @ part) for part in parts)
+        return float(np.sqrt(squares / sum(map(len, parts))))
 
     def worse_than(self, other: HeldOut, factor: float) -> bool:
         """Whether the error exceeds another's by a factor, beyond what is not known."""

@@ -27,6 +27,7 @@ from flexspline.orders import FoundOrder
 __all__ = ["Study", "study_of"]
 
 Array = NDArray[np.float64]
+Orders = tuple[FoundOrder, ...]
 
 FIRST = (120_000, 1 << 12)  # rows that a first search looks at, and of one stretch of them
 
@@ -41,9 +42,11 @@ class Study:
     problem: Problem
     possible: list[Effect]
     not_tried: dict[str, str]
-    orders: tuple[FoundOrder, ...] = field(default=())
+    orders: Orders = field(default=())
     last: Columned | None = field(default=None, repr=False, compare=False)
-    known: dict[Any, Any] = field(default_factory=dict, repr=False, compare=False)
+    known: dict[tuple[Effect, ...], tuple[Orders, list[Candidate]]] = field(
+        default_factory=dict, repr=False, compare=False
+    )
 
     @property
     def target(self) -> str:

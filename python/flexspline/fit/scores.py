@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from flexspline.fit.problem import Problem
 from flexspline.logs.log import Log
 from flexspline.logs.segments import near_reversal, standstill
-from flexspline.parallel import in_order
 
 __all__ = ["REVERSAL_SECONDS", "Score", "bands", "groups", "score", "scores_of"]
 
@@ -93,7 +92,7 @@ def scores_of(
 
     parts = groups([run.log for run in problem.runs], counts)
     seen = (part for part in parts if part[-1].sum() >= LEAST_ROWS)
-    return (*found, *in_order(problem.threads, scored, seen))
+    return (*found, *map(scored, seen))  # by one thread: each part is a copy of its rows
 
 
 def groups(logs: Sequence[Log], counts: Sequence[Mask]) -> Iterator[tuple[str, str, Mask]]:

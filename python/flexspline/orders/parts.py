@@ -54,7 +54,7 @@ class Pair:
         if not self.motor:
             return total
         if "motor_position" in log:
-            return total + self.motor * np.unwrap(log["motor_position"])
+            return total + self.motor * _unwrapped(log["motor_position"])
         assert q is not None
         return total + self.motor * _needed_ratio(log) * q
 
@@ -129,6 +129,13 @@ def pairs(facts: Log | Mapping[str, object]) -> tuple[Pair, ...]:
     return tuple(table)
 
 
+def _unwrapped(angle: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The angle without jumps of a turn; where it has none, without a look at each step."""
+    if (np.abs(np.diff(angle)) < np.pi).all():
+        return np.array(angle)
+    return np.asarray(np.unwrap(angle), dtype=np.float64)
+
+
 def output_angle(log: Log) -> NDArray[np.float64]:
     """Return q [rad], shape (rows,), unwrapped; from θ / Ñ where the log has no output side.
 
@@ -138,10 +145,9 @@ def output_angle(log: Log) -> NDArray[np.float64]:
         Where neither can be had.
     """
     if "output_position" in log:
-        return np.asarray(np.unwrap(log["output_position"]), dtype=np.float64)
+        return _unwrapped(log["output_position"])
     if "motor_position" in log:
-        angle: NDArray[np.float64] = np.unwrap(log["motor_position"]) / _needed_ratio(log)
-        return angle
+        return _unwrapped(log["motor_position"]) / _needed_ratio(log)
     raise InputError(
         f"log '{log.name}': orders need 'output_position' or 'motor_position' and it has "
         "neither; name one of them in the column map"
