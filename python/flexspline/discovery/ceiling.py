@@ -12,10 +12,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.discovery.nameless import Nameless, nameless_of, values_of
+from flexspline.discovery.nameless import Nameless, nameless_of
 from flexspline.discovery.scores import gain_of
 from flexspline.discovery.stretches import fold_blocks
 from flexspline.discovery.table import SINGULAR, Table
+from flexspline.discovery.values import values_of
 from flexspline.discovery.whitening import Whitening
 from flexspline.discovery.working import Working
 from flexspline.fit.problem import Problem, Run

@@ -18,11 +18,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.discovery.past import MOST_ROWS, names_of_past, past_of
-from flexspline.fit.problem import Problem, Run
-from flexspline.orders.parts import effective_ratio
+from flexspline.discovery.past import names_of_past
+from flexspline.discovery.values import DIRECTION, RATE, ROUND, values_of
+from flexspline.fit.problem import Problem
 
-__all__ = ["Nameless", "channel_told", "columns_of", "nameless_of", "values_of"]
+__all__ = ["Nameless", "channel_told", "columns_of", "nameless_of"]
 
 Array = NDArray[np.float64]
 Values = Mapping[str, Array]
@@ -33,20 +33,8 @@ FINE, VARYING, COARSE = 20, 16, 5
 ORDERS, PAIRED_ORDERS, LINES = 16, 4, 48
 POWERS = ((1,), (2,), (3,))
 CROSSED = ((1, 1), (2, 1), (1, 2))
-DIRECTION_WIDTH = 0.03  # of the largest speed
-HIDDEN = {
-    "sensor_torque": ("sensor_torque", "sensor_voltage"),
-    "motor_torque": ("motor_torque", "motor_current", "duty", "supply_voltage"),
-    "motor_current": ("motor_torque", "motor_current", "duty", "supply_voltage"),
-    "torsion": ("motor_velocity",),
-}
-"""Channels that hold the target itself; a supply sags under the motor's own current."""
-NEVER = ("enabled", "thermistor_voltage", "commanded_position", "motor_velocity", "motor_position")
-NAMELESS, PAST, CHANNELS, FASTEST = "nameless", "past", "nameless channels", "largest speed"
+NAMELESS = "nameless"  # what a problem keeps of it
 SAMPLED = 7  # one row of so many tells of the spread of a channel
-ROUND, DIRECTION, RATE = "motor_angle", "direction", "load_rate"
-LAGGED = ("temperature", "motor_torque")
-"""Channels whose past may act, beside the load's; that of the motion is friction with memory."""
 TOLD = {ROUND: "motor_position", DIRECTION: "output_velocity"}
 
 
@@ -62,37 +50,6 @@ class Nameless:
 def channel_told(name: str, known_load: str | None) -> str:
     """Return the channel of a log behind one that is made of it."""
     return known_load or "" if name == RATE else TOLD.get(name, name)
-
-
-def values_of(problem: Problem, number: int, rows: slice) -> dict[str, Array]:
-    """Return what functions may depend on at some rows of a run, (n,) each, by name."""
-    run, found = problem.runs[number], _channels(problem)
-    made = {name: run.log[name][rows] for name in found}
-    if "time" in made:
-        made["time"] = made["time"] - run.log["time"][0]
-    if problem.known_load in found:
-        made[RATE] = _rate(run.log[problem.known_load], run.log["time"], rows)
-    if "output_velocity" in found:
-        width = max(DIRECTION_WIDTH * _fastest(problem), 1e-300)
-        made[DIRECTION] = np.tanh(made["output_velocity"] / width)
-    if effective_ratio(run.log.facts) is not None and "output_position" in found:
-        made[ROUND] = _motor_angle(run, rows)
-    past = _past(problem, number)
-    return {**made, **{name: values[rows] for name, values in past.items()}}
-
-
-def _past(problem: Problem, number: int) -> dict[str, Array]:
-    """Return what channels of a run were some time ago, (N,) each."""
-    if max(len(r) for r in problem.runs) > MOST_ROWS:
-        return {}
-    kept: dict[Any, Any] = problem.kept
-    if (PAST, number) not in kept:
-        log = problem.runs[number].log
-        values = {name: log[name] for name in _channels(problem)}
-        longest = max(float(np.ptp(r.log["time"])) for r in problem.runs)
-        lagged = [*LAGGED, problem.known_load or ""]
-        kept[PAST, number] = past_of(log["time"], values, lagged, longest)
-    return dict(kept[PAST, number])
 
 
 def nameless_of(problem: Problem, *, pairs: bool = True) -> list[Nameless]:
@@ -140,44 +97,6 @@ def _sample(problem: Problem) -> dict[str, Array]:
 def windows(size: int, step: int) -> Iterator[slice]:
     """Cut rows [0, size)."""
     return (slice(first, min(first + step, size)) for first in range(0, size, step))
-
-
-def _rate(load: Array, time: Array, rows: slice) -> Array:
-    """How fast the load changes, by the differences to the rows beside."""
-    first, last = max(rows.start - 1, 0), min(rows.stop + 1, len(load))
-    slope = np.gradient(load[first:last], time[first:last])
-    return np.asarray(slope[rows.start - first : rows.stop - first])
-
-
-def _fastest(problem: Problem) -> float:
-    """The largest speed of all runs."""
-    kept: dict[Any, Any] = problem.kept
-    if FASTEST not in kept:
-        speeds = (run.log["output_velocity"] for run in problem.runs)
-        kept[FASTEST] = max(float(max(v.max(), -v.min())) for v in speeds)
-    return float(kept[FASTEST])
-
-
-def _channels(problem: Problem) -> list[str]:
-    kept: dict[Any, Any] = problem.kept
-    if CHANNELS not in kept:
-        kept[CHANNELS] = _usable(problem)
-    return list(kept[CHANNELS])
-
-
-def _usable(problem: Problem) -> list[str]:
-    """Channels that all runs have and that change, but for the target's own."""
-    hidden = {*HIDDEN[problem.target], *NEVER}
-    logs = [run.log for run in problem.runs]
-    load = problem.known_load
-    return [
-        name
-        for name in logs[0].channels
-        if name not in hidden
-        and (name != "reference_torque" or load == name)
-        and all(name in log and np.isfinite(log[name]).all() for log in logs)
-        and any(np.ptp(log[name]) > 0.0 for log in logs)
-    ]
 
 
 def _fine(sample: Values, name: str) -> tuple[Basis, int]:
@@ -248,13 +167,6 @@ def _scale(values: Array, name: str) -> tuple[float, float]:
     low, high = np.quantile(values, (0.01, 0.99))
     middle = 0.0 if signed else 0.5 * float(low + high)
     return middle, max(float(np.abs(values - middle).max()), 1e-300)
-
-
-def _motor_angle(run: Run, rows: slice) -> Array:
-    if "motor_position" in run.log:
-        return run.log["motor_position"][rows]
-    ratio = effective_ratio(run.log.facts) or 1.0
-    return np.asarray(ratio * run.log["output_position"][rows])
 
 
 def _knots(values: Array, count: int, both_ways: bool) -> Array:

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline import _core
-from flexspline.discovery.nameless import Nameless, values_of
+from flexspline.discovery.nameless import Nameless
 from flexspline.discovery.stretches import (
     Stretch,
     edges_of,
@@ -29,6 +29,7 @@ from flexspline.discovery.stretches import (
     pieces_of,
     stretches_of,
 )
+from flexspline.discovery.values import values_of
 from flexspline.discovery.whitening import Whitening
 from flexspline.effects import Effect
 from flexspline.fit.problem import Problem
