@@ -111,7 +111,7 @@ TEST_CASE("a body that sticks keeps every bit of its place") {
   Course course;
   course.motion.position = {resting_motor_angle(joint, 0, 15.0), 0};
   const Outcome outcome = simulate(joint, signals, {}, true, course, record);
-  CHECK(outcome.fault == Fault::none);
+  CHECK(outcome.fault == batch::simulation::Fault::none);
   for (std::size_t i = 1; i < time.size(); ++i) {
     CHECK(q[i] == q[0]);
     CHECK(theta[i] == theta[0]);
