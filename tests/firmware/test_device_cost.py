@@ -33,6 +33,13 @@ def test_ten_harmonics_cost_at_most_450_instructions_and_2500_bytes() -> None:
     assert 1500 < made.cost.code_bytes <= 2500
 
 
+def test_with_thermistor_and_detector_no_step_costs_more_than_700() -> None:
+    model = device_chains.ten_harmonics(chain_rig.THERMISTOR, chain_rig.COLLISION)
+    made = flexspline.certify(model, chain_rig.raw_channels(2000), "cortex-m4f")
+    assert made.bit_identical
+    assert 400 < made.cost.instructions_per_step <= made.cost.most_instructions <= 700
+
+
 def test_with_thermistor_detector_and_reading_checks_a_step_costs_at_most_700() -> None:
     made = flexspline.certify(
         device_chains.everything(), chain_rig.raw_channels(2000), "cortex-m4f"
