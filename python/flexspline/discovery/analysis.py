@@ -31,6 +31,7 @@ __all__ = ["Analysis", "analysed"]
 Array = NDArray[np.float64]
 
 SURROGATE = 0.5  # of its gain that a name keeps beside functions without a name, to be no stand-in
+OVERWHELMING = 5.0  # times a name's gain that is left: the name may be a small part of it
 MOST_KEPT = 0.5  # of each run's rows that stay at least, where those of unknown past are left out
 LARGE = 0.12  # times a name's gain that these functions gain beside it, to cast doubt on it
 LITTLE = 0.05  # of the gap that the names close in the target's unit: less is no second name
@@ -106,12 +107,13 @@ def analysed(
     share = rows_of(whole.problem) / rows_of(looked_at)
     ceiling = Ceiling(looked_at, whitening)
     leftover, doubted = leftover_of(ceiling, final).times(share), []
+    at_first = leftover.net
     closed = _closes(looked_at, whitening, base, final, leftover)
     while True:
         little = [e.name for e in final.named]
         if closed:
             little = _closing_little(looked_at, base, final)
-        stand_in = _stand_in(searcher, final, leftover, little)
+        stand_in = _stand_in(searcher, final, leftover, at_first, little)
         if stand_in is None:
             break
         doubted.append(stand_in)
@@ -197,12 +199,12 @@ def _share_closed(
 
 
 def _stand_in(
-    searcher: Searcher, work: Working, leftover: Leftover, little: Sequence[str]
+    searcher: Searcher, work: Working, leftover: Leftover, at_first: float, little: Sequence[str]
 ) -> str | None:
     """The named effect that most clearly stands in for something else, if one does.
 
-    It is one of which functions without a name hold more than half, and explain more beside it. A
-    name that keeps half of what it says stays, however much is left unexplained. `little`: of
+    `at_first`: what was left before any name was taken back, in χ²; a name that was is part of
+    what is left now, and no reason to take back those that explain something else. `little`: of
     names that close nearly all of the gap, those that close next to nothing; else all names.
     """
     if not leftover.groups or not work.named:
@@ -210,8 +212,9 @@ def _stand_in(
     dictionary = searcher.study.dictionary(work, searcher.whitening)
     shares = {e.name: leftover.net / max(owned_gain(dictionary, e.name), 1e-300)
               for e in work.named if e.name in little}  # fmt: skip
-    doubted = [n for n, share in shares.items()
-               if share > LARGE and leftover.survives[n] < SURROGATE]  # fmt: skip
+    small = OVERWHELMING * leftover.net / max(at_first, 1e-300)
+    doubted = [n for n, share in shares.items() if share > small
+               or (share > LARGE and leftover.survives[n] < SURROGATE)]  # fmt: skip
     return max(doubted, key=lambda name: shares[name], default=None)
 
 
