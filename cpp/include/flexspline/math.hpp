@@ -95,8 +95,7 @@ struct Exponential {
   S remainder;
 };
 
-/// Where exponentials are clamped: their exponent fits, and next to nothing of them falls below the
-/// smallest normal number, with which many processors take ten times as long.
+/// Where exponentials are clamped: the exponent fits, and subnormal numbers, slow on PCs, are rare.
 template <typename S>
 inline constexpr S largest_exponent = sizeof(S) == 4 ? S(80) : S(700);
 
