@@ -62,7 +62,10 @@ class Found:
 
 @dataclass(frozen=True)
 class Unexplained:
-    """Structure that no effect explains: its share of the first gap's square above the floor."""
+    """Structure that no effect explains: its share of the first gap's square above the floor.
+
+    The squares are those of whitened residuals: slow noise does not hide what is left.
+    """
 
     share_of_variance: float
     depends_on: tuple[str, ...]

@@ -94,8 +94,8 @@ def remarks(made: Discovery) -> list[str]:
         share = 100.0 * made.unexplained.share_of_variance
         on = listed(made.unexplained.depends_on)
         said.append(
-            f"Unexplained: {share:.0f} % of the gap above the noise floor (mean square) depends on "
-            f"{on}, in a way that no effect of the catalogue has."
+            f"Unexplained: {share:.0f} % of the gap above the noise floor, weighed by how slow the "
+            f"noise is, depends on {on}, in a way that no effect of the catalogue has."
         )
     if made.doubted:
         verbs = "stand in for what" if len(made.doubted) > 1 else "stands in for what"
