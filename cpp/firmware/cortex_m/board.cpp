@@ -16,6 +16,7 @@ volatile std::uint32_t* const systick = reinterpret_cast<volatile std::uint32_t*
 constinit std::int32_t rows_file = -1;
 constinit std::int32_t results_file = -1;
 constinit std::uint32_t started = 0;
+constinit bool running = false;
 
 std::uint32_t* stack_pointer() noexcept {
   std::uint32_t* here;
@@ -36,9 +37,12 @@ bool board::write(const void* from, std::size_t size) noexcept {
 }
 
 void board::start() noexcept {
-  systick[1] = last_tick;  // reload
-  systick[2] = 0;          // begin anew
-  systick[0] = 5;          // on, by the processor's clock, without interrupt
+  if (!running) {
+    systick[1] = last_tick;  // reload
+    systick[2] = 0;          // begin anew
+    systick[0] = 5;          // on, by the processor's clock, without interrupt
+    running = true;          // left to run: an emulator's registers are slow to reach
+  }
   started = systick[2];
 }
 
