@@ -1,6 +1,6 @@
 """Has every effect, every estimator and every measured log the host's bits on a device?
 
-    python tests/bench/certify_everything.py [--device cortex-m4f] [--rows 1000000] [--only NAME…]
+    python tests/bench/certify_everything.py [--device cortex-m4f] [--rows 1000200] [--only NAME…]
 
 A line for each effect of the catalogue alone, for all of a target, for each estimator with what it
 needs, and for the measured logs of a joint, one behind the other, through a chain fitted to them:
@@ -81,7 +81,7 @@ def main() -> None:
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--device", choices=sorted(DEVICES), default="cortex-m4f")
-    parser.add_argument("--rows", type=int, default=1_000_000)
+    parser.add_argument("--rows", type=int, default=1_000_200)
     parser.add_argument("--only", nargs="+", metavar="NAME")
     return parser.parse_args()
 

@@ -114,27 +114,35 @@ def test_a_late_velocity_of_the_iiwa_is_a_fault_before_any_friction(joint: int, 
     assert 0.031 <= late.size <= 0.076
 
 
-@cache
-def four_speeds() -> Discovery:
-    """Joint 1 of the iiwa: four speeds tell an angle from a delay; each is left out once."""
-    runs = [repaired(iiwa(1, speed), MENDED) for speed in ("p15", "p3", "p45", "1")]
+def at_speeds(joint: int, speeds: str) -> Discovery:
+    """Half a minute each of an iiwa's runs: several speeds tell an angle from a delay."""
+    runs = [repaired(iiwa(joint, speed), MENDED) for speed in speeds.split()]
     runs = [log.rows(slice(200, 200 + int(30 * log.rate))) for log in runs]
     base = ["offset", "coulomb_friction", "viscous_friction"]
     return flexspline.discover(base, runs, target="sensor_torque", lowpass=10.0)
 
 
 def test_friction_of_iiwa_joint_1_builds_up_over_an_angle_at_every_speed() -> None:
-    made = four_speeds()
+    made = at_speeds(1, "p15 p3 p45 1")
     assert made.names[0] == "presliding_friction"
     assert made.found[0].rmse_after < 0.17
+    assert made.gap_closed > 0.9
 
 
-@pytest.mark.xfail(
-    reason="0.166 of 0.543 Nm are left: a bar of when the base missed 0.67", strict=True
-)
-def test_it_leaves_less_than_three_tenths_of_what_the_base_misses() -> None:
-    made = four_speeds()
-    assert made.found[0].rmse_after < 0.3 * made.base_rmse
+def test_without_gravity_the_iiwas_joint_2_lacks_gravity() -> None:
+    made = at_speeds(2, "p1 p2 p3 p4 p5 p6 p7 p8")
+    assert made.names[0] == "gravity"
+    assert made.final_rmse < 0.3 * made.base_rmse
+
+
+def test_presliding_of_iiwa_joints_5_and_7_and_friction_over_the_angle() -> None:
+    """0.0203 and 0.110 Nm before; what `fit` leaves on left-out runs with these names."""
+    five = at_speeds(5, "p1 p2 p3 p4 p5 p6 p7 p8 p9")
+    assert five.names[:2] == ("presliding_friction", "position_dependent_friction")
+    assert five.final_rmse < 0.0185
+    seven = at_speeds(7, "p1 p2 p3 p4 p5 p7 p8 p9")
+    assert seven.names[0] == "presliding_friction"
+    assert seven.final_rmse < 0.072
 
 
 def pendulum(run: str) -> Log:

@@ -8,6 +8,7 @@ from fit_logs import WIDTH, autoregressive, chosen, log_with, motion, rows_of, s
 
 import flexspline
 from flexspline import InputError, effect
+from flexspline.fit.settling import PLAIN, Settling
 
 HELD = {"direction_width": WIDTH}
 LOADED = [
@@ -88,3 +89,14 @@ def test_a_gain_error_without_a_known_load_is_refused_even_beside_inertia():
     log = simulated(LOADED, TRUTH, motion(1))
     with pytest.raises(InputError, match=r"gain_error.*needs a known load"):
         fitted(["offset", "gain_error", "inertia"], log, fixed={})
+
+
+@pytest.mark.parametrize("slopes", [(-1.4, 0.3), (-3.0, -0.9, 0.8), (0.95, -1.1)])
+def test_loads_that_come_back_and_forth_settle(slopes):
+    """Rounds x ← b + A x, which by themselves end nowhere or crawl."""
+    turn = np.linalg.qr(np.random.default_rng(7).normal(size=(len(slopes),) * 2))[0]
+    matrix, offset = turn @ np.diag(slopes) @ turn.T, np.arange(1.0, len(slopes) + 1.0)
+    settling, load = Settling(), np.zeros(len(slopes))
+    for _ in range(PLAIN + 2 * len(slopes)):
+        load = settling.next(load, offset + matrix @ load)
+    assert load == pytest.approx(np.linalg.solve(np.eye(len(slopes)) - matrix, offset), rel=1e-6)

@@ -209,6 +209,19 @@ def test_a_strong_prior_gives_its_own_error():
     np.testing.assert_allclose(result.standard_errors[1], error, rtol=1e-6)
 
 
+def test_a_floor_keeps_noise_that_was_smoothed_from_being_inverted():
+    """A recorder's low pass leaves next to nothing that is new; with a floor it is not the scale."""
+    rows, residual = problem(20_000, 5)
+    smooth = np.convolve(residual, np.hanning(16) / np.hanning(16).sum(), mode="same")
+    basis, chunks = orthonormal(rows), cut(rows, smooth)
+    plain = noise_model(chunks, basis)
+    floored = noise_model(chunks, basis, floor=0.01)
+    mean_square = np.mean(smooth**2)
+    assert plain.innovation_variance < 1e-4 * mean_square
+    assert 0.01 * mean_square < floored.innovation_variance < 0.1 * mean_square
+    np.testing.assert_allclose(floored.variance, 1.01 * mean_square, rtol=0.05)
+
+
 def test_the_noise_found_is_the_noise_made():
     rows, residual = problem(200_000, 5)
     noise = solve(rows, residual, starts=(0, 90_000), length=30_000).noise

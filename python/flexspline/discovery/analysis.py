@@ -36,7 +36,7 @@ MOST_KEPT = 0.5  # of each run's rows that stay at least, where those of unknown
 LARGE = 0.12  # times a name's gain that these functions gain beside it, to cast doubt on it
 LITTLE = 0.05  # of the gap that the names close in the target's unit: less is no second name
 CLOSED = 0.8  # of the gap's mean square on left-out folds, for names that are not doubted
-CLOSED_IN_NOISE = 0.65  # of the same as the noise sees it, for names that close it for the eye
+CLOSED_IN_NOISE = 0.5  # of the same as the noise sees it, for names that close it for the eye
 CEILING = (30_000, 2_000)  # rows for functions without a name, and of one stretch
 
 
@@ -171,31 +171,24 @@ def _closes(
     if not leftover.groups or not final.named:
         return False
     seen = _share_closed(problem, whitening, base, final, leftover)
-    if not CLOSED_IN_NOISE <= seen < CLOSED:
+    if seen is not None and not CLOSED_IN_NOISE <= seen < CLOSED:
         return seen >= CLOSED
-    plain = plain_rows(problem, final)
-    return _share_closed(problem, plain, base, final, leftover, as_nothing=True) >= CLOSED
+    plain = _share_closed(problem, plain_rows(problem, final), base, final, leftover)
+    return plain is None or plain >= CLOSED
 
 
 def _share_closed(
-    problem: Problem,
-    whitening: Whitening,
-    base: Working,
-    final: Working,
-    leftover: Leftover,
-    *,
-    as_nothing: bool = False,
-) -> float:
+    problem: Problem, whitening: Whitening, base: Working, final: Working, leftover: Leftover
+) -> float | None:
     """Share that names close of what they and functions without a name close on left-out folds.
 
-    Where runs go where no other went, functions that explain a lot close nothing there: then no
-    share is known and 0 is returned, unless functions that fail there are to count `as_nothing`.
+    None where functions that explain a lot close nothing there: runs go where no other went.
     """
     before, after = (held_out(problem, work, whitening).squares for work in (base, final))
     floor = held_out(problem, final, whitening, leftover.groups).squares
-    if floor >= after and not as_nothing:
-        return 0.0
-    return (before - after) / max(before - min(floor, after), 1e-300)
+    if floor >= after:
+        return None
+    return (before - after) / max(before - floor, 1e-300)
 
 
 def _stand_in(

@@ -14,6 +14,7 @@ from flexspline.discovery.confidence import confidence, features
 from flexspline.discovery.driven import driven_apart
 from flexspline.discovery.faults import DataFault
 from flexspline.discovery.heldout import HeldOut, held_out, plain_rows
+from flexspline.discovery.refit import refitted
 from flexspline.discovery.result import Discovery, Found, Unexplained
 from flexspline.discovery.scores import equivalent_t, price
 from flexspline.discovery.search import owned_gain
@@ -43,7 +44,7 @@ def assembled(
     """Put everything together that a user sees; `limits`: of the run to record next."""
     problem = made.study.problem
     plain = plain_rows(problem, made.final)
-    left = [held_out(problem, work, plain) for work in _nested(made)]
+    left = [held_out(problem, refitted(problem, work, plain)[0], plain) for work in _nested(made)]
     steps = list(in_order(problem.threads, lambda one: one.rmse, _ends_kept(left)))
     unexplained, floor = _unexplained(made, plain, steps)
     found = [

@@ -4,6 +4,10 @@ A hidden effect that is slow looks like slow noise to a model of the base's resi
 filtered away with it. So the first noise is that of a residual from which everything known was
 taken out, and too white; the second is the restricted likelihood's (`fit/noise_model.py`) beside
 whatever a lax search with the first has found, among names and among functions without one.
+
+Many recorders smooth what they record. Little is left of it at high frequencies, and noise without
+a floor would weigh that little above all else: a form that is off by a thousandth there would count
+for more than half of the friction at a reversal. So some of what is left is white in any case.
 """
 
 from __future__ import annotations
@@ -27,6 +31,7 @@ Array = NDArray[np.float64]
 
 LONG = 1_000_000  # rows from which one piece of several is read
 LARGEST_ORDER = 16
+FORMS = 1e-2
 
 
 def first_whitening(problem: Problem, sheet: Sheet) -> Whitening:
@@ -67,6 +72,7 @@ def restricted_whitening(
         max_order=LARGEST_ORDER,
         every=max(1, rows // LONG),
         decimation=problem.decimation,
+        floor=FORMS,
     )
     return Whitening(noise.denominator, noise.innovation_variance, problem.decimation)
 

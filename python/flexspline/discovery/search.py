@@ -21,7 +21,7 @@ import numpy as np
 
 from flexspline.discovery.dictionary import Dictionary
 from flexspline.discovery.grids import SHARED
-from flexspline.discovery.heldout import held_out
+from flexspline.discovery.heldout import held_out, plain_rows
 from flexspline.discovery.physics import driving_spring, impossible
 from flexspline.discovery.predictive import foretold_gain
 from flexspline.discovery.refit import refitted
@@ -39,6 +39,7 @@ SAME = 0.05  # the same for a candidate that reads nothing else: it may bend wha
 REMEMBERED = 0.03  # the same of an effect with memory, whose loops have more ways to differ
 SAME_CAUSE = 0.5  # of an offer's gain, that another one leaves of it, to explain most of the same
 HELD_OUT = 0.5  # of its gain above its price that an effect must have on left-out folds
+EVERYWHERE = 0.25  # the same of an effect that gains on each of them
 REFITTED = 4  # offers whose shapes are refitted before one is chosen
 NEAR = 0.8  # of the best offer's gain, to be among these
 WORSE = 1.005  # times the error on left-out runs, which an effect may not exceed; what is small
@@ -103,9 +104,19 @@ class Searcher:
         return work, squares
 
     def _worse(self, work: Working, other: Working) -> bool:
-        """Whether a model's error on left-out runs exceeds another's."""
-        made, before = (held_out(self.study.problem, w, self.whitening) for w in (work, other))
-        return made.worse_than(before, WORSE)
+        """Whether a model's error on left-out runs exceeds another's, however both are fitted.
+
+        In the noise's own metric a fit is the sharpest while the model is right; of a model that
+        still lacks much, a plain fit foretells more.
+        """
+        problem, ways = self.study.problem, (self.whitening, plain_rows(self.study.problem, other))
+        for way in ways:
+            both = (work, other) if way is self.whitening else (
+                refitted(problem, work, way)[0], refitted(problem, other, way)[0])  # fmt: skip
+            made, before = (held_out(problem, w, way) for w in both)
+            if not made.worse_than(before, WORSE):
+                return False
+        return True
 
     def pruned(self, work: Working) -> Working:
         """Drop names that do not pay their price beside the others, on left-out folds too."""
@@ -183,7 +194,8 @@ class Searcher:
             )
             return False
         foretold = foretold_gain(dictionary.table, dictionary.model, offer.columns, offer.gain)
-        if float(foretold.sum()) < HELD_OUT * offer.net:
+        share = EVERYWHERE if foretold.min() > 0.0 else HELD_OUT
+        if float(foretold.sum()) < share * offer.net:
             self.refused[offer.effect.name] = "does not hold on left-out runs"
             return False
         return True

@@ -21,6 +21,7 @@ from flexspline.effects import Effect
 from flexspline.errors import InputError
 from flexspline.fit.names import Constraints
 from flexspline.fit.problem import Problem
+from flexspline.fit.settling import Settling
 from flexspline.fit.sums import Solution, Sums, solve
 
 __all__ = ["LinearFit", "UnsettledError", "fit_linear", "load_of"]
@@ -89,6 +90,7 @@ def fit_linear(
     moving = _load_moves(effects)
     load = load_of(effects, np.zeros(len(held)) if start is None else start)
     prior_rows, prior_target = _prior(constraints, free, noise_variance)
+    carried, settling = _carried(problem, effects), Settling()
     for _ in range(ROUNDS):
         sums = problem.sums(effects, load, held=held, weights=weights, exact=exact)
         sums = sums.columns(free.tolist())
@@ -103,7 +105,7 @@ def fit_linear(
         values, bound = _within_bounds(solution, constraints, free)
         coefficients = held.copy()
         coefficients[free] = values
-        if not moving or _stands(problem, effects, load, coefficients):
+        if not moving or _stands(load[carried], coefficients[carried]):
             inside = np.flatnonzero(bound == 0)
             squares = _squares(solution, values)
             if len(inside) < len(free):
@@ -120,7 +122,8 @@ def fit_linear(
                 prior_rows[:, inside],
                 at_bound,
             )
-        load = coefficients
+        made, load = load[carried], coefficients.copy()
+        load[carried] = settling.next(made, coefficients[carried])
     raise UnsettledError(
         f"the load of the model does not settle after {ROUNDS} rounds; give a known load, or fix "
         "inertia or gravity"
@@ -138,12 +141,15 @@ def _load_moves(effects: Sequence[Effect]) -> bool:
     return reads and any(effect.info.carries_load for effect in effects)
 
 
-def _stands(problem: Problem, effects: Sequence[Effect], load: Array, coefficients: Array) -> bool:
+def _carried(problem: Problem, effects: Sequence[Effect]) -> NDArray[np.intp]:
+    """Which coefficients make a load."""
     owners = [effect for effect in effects for _ in effect.terms]
     columns = [k for k, owner in enumerate(owners) if owner.info.carries_load]
-    carried = problem.place(effects)[0][columns]
-    change = np.abs(coefficients - load)[carried].max()
-    return bool(change <= STANDS * np.abs(coefficients[carried]).max())
+    return np.asarray(problem.place(effects)[0][columns], dtype=np.intp)
+
+
+def _stands(load: Array, made: Array) -> bool:
+    return bool(np.abs(made - load).max() <= STANDS * np.abs(made).max())
 
 
 def _double_is_enough(

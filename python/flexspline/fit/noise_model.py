@@ -147,7 +147,13 @@ def pieces(
 
 
 def noise_model(
-    chunks: Chunks, basis: Array, *, max_order: int = 32, every: int = 1, decimation: int = 1
+    chunks: Chunks,
+    basis: Array,
+    *,
+    max_order: int = 32,
+    every: int = 1,
+    decimation: int = 1,
+    floor: float = 0.0,
 ) -> NoiseModel:
     """Fit the noise to the residual of a least-squares fit, in one pass over the data or a few.
 
@@ -163,6 +169,7 @@ def noise_model(
     every : use one chunk of so many; enough for logs above a million rows.
     decimation : use one row of so many: floor(rate / (2.5 f_c)) for a target and rows that were
         low-passed at f_c, as above f_c there is nothing left that a model could hold on to.
+    floor : white noise counted in as well, as a share of the residual's mean square.
 
     Raises
     ------
@@ -175,6 +182,7 @@ def noise_model(
         products, samples = _collect(chunks, basis, order, every, decimation)
         if best is not None and samples < 0.9 * before:
             return best
+        products[range(order + 1), range(order + 1), -1, -1] += floor * products[0, 0, -1, -1]
         _require_usable(products, samples - parameters, order)
         best, before = _restricted_fit(products, samples, parameters, decimation), samples
         if best.order < 0.75 * order or order == top or samples < 40 * order:

@@ -28,7 +28,9 @@ def closed(made: Made, model: Model) -> float | None:
     known = [base_rows_of(made, k) for k in range(len(made.scenes))]
     true = [np.column_stack([rows, *(term[k] for term in made.terms.values())])
             for k, rows in enumerate(known)]  # fmt: skip
-    found = np.concatenate([model.predict(log).predicted for log in made.held_out])
+    ratio = {name: model.facts[name] for name in ("gear_ratio",) if name in model.facts}
+    logs = [log.with_facts(ratio) for log in made.held_out]  # where it was found to be another
+    found = np.concatenate([model.predict(log).predicted for log in logs])
     base, best = (_squares(made, columns, truth) for columns in (known, true))
     if base <= best:
         return None
