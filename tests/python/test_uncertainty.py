@@ -210,7 +210,7 @@ def test_a_strong_prior_gives_its_own_error():
 
 
 def test_a_floor_keeps_noise_that_was_smoothed_from_being_inverted():
-    """A recorder's low pass leaves next to nothing that is new; with a floor it is not the scale."""
+    """A low pass leaves next to nothing that is new; with a floor that is not the scale."""
     rows, residual = problem(20_000, 5)
     smooth = np.convolve(residual, np.hanning(16) / np.hanning(16).sum(), mode="same")
     basis, chunks = orthonormal(rows), cut(rows, smooth)
