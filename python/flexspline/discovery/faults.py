@@ -15,6 +15,8 @@ from flexspline.logs.log import Log
 __all__ = ["DataFault", "data_faults", "with_measured_ratio"]
 
 RATIO = "gear_ratio"
+TWISTED = 0.01  # of the ratio: more than this no torsion makes of it
+WHOLE = 0.05  # from a whole number, which a ratio of teeth mostly is
 NO_TWIST = tuple(name for name in NO_TORSION if name != RATIO)
 
 
@@ -74,12 +76,16 @@ def with_measured_ratio(
     """Return the runs with the ratio that their encoders show, where a torsion would be nothing.
 
     With a wrong ratio q Ñ − θ grows with every turn, and all that could be found is the ratio. The
-    fault's sentence then says which one is used instead.
+    fault's sentence then says which one is used instead. A ratio that is off by a little, and is no
+    whole number, may be a torsion that follows the angle: the one that was stated stays.
     """
     shown = [fault.size for fault in faults if fault.name == RATIO]
-    if target != "torsion" or not shown:
+    stated = logs[0].effective_ratio
+    if target != "torsion" or not shown or stated is None:
         return list(logs), tuple(faults)
     ratio = float(np.median(shown))
+    if abs(ratio / stated - 1.0) < TWISTED and abs(ratio - round(ratio)) > WHOLE:
+        return list(logs), tuple(faults)
     circular = logs[0].facts.get("output_spline") == "circular"
     said = f"What follows is with {ratio:.5g} turns of the motor side per turn of the output."
     mended = [log.with_facts({"gear_ratio": ratio - circular}, note=said) for log in logs]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 from scipy.stats import binomtest
@@ -88,16 +88,20 @@ def _unknowns(unknown: list[Outcome], removed: list[Outcome]) -> list[Share]:
     return made
 
 
-def gaps(outcomes: Sequence[Outcome]) -> list[tuple[str, int, float, float, float]]:
-    """Return size, count, mean (of shares cut to −1 … 1), median and share of cases ≥ 0.9."""
+def gaps(outcomes: Sequence[Outcome]) -> list[tuple[str, int, float, float, float, float]]:
+    """Return size, count, mean (of shares cut to −1 … 1), median, worst and share of cases ≥ 0.9.
+
+    Of all cases that have names, silent and wrong ones with them; and of those named right.
+    """
     made = []
-    for size in BARS:
-        own = np.array([o.closed for o in outcomes if o.closed is not None
+    for size, right in product(BARS, (False, True)):
+        own = np.array([o.closed for o in outcomes if o.closed is not None and o.right >= right
                         and o.case.kind in NAMEABLE and o.case.size == size])  # fmt: skip
         if len(own):
             mean = float(np.mean(np.clip(own, -1.0, 1.0)))
             reached = float(np.mean(own >= GAP_BAR))
-            made.append((f"t = {size:g}", len(own), mean, float(np.median(own)), reached))
+            label = f"t = {size:g}{', named right' if right else ''}"
+            made.append((label, len(own), mean, float(np.median(own)), float(own.min()), reached))
     return made
 
 

@@ -48,10 +48,11 @@ def _by_target(outcomes: Sequence[Outcome]) -> str:
 
 def _gaps(outcomes: Sequence[Outcome]) -> str:
     lines = ["Share closed of what the true forms close, on runs that nobody fitted"]
-    for size, count, mean, median, reached in gaps(outcomes):
+    for size, count, mean, median, worst, reached in gaps(outcomes):
         verdict = "pass" if mean >= GAP_BAR else "FAIL"
-        lines.append(f"{size:7s} {count:4d} cases: mean {mean:.3f} (bar {GAP_BAR}: {verdict}), "
-                     f"median {median:.3f}, {100 * reached:.0f} % of cases reach it")  # fmt: skip
+        lines.append(f"{size:20s}{count:4d} cases: mean {mean:.3f} (bar {GAP_BAR}: {verdict}), "
+                     f"median {median:.3f}, worst {worst:.2f}, "
+                     f"{100 * reached:.0f} % of cases reach it")  # fmt: skip
     return "\n".join(lines)
 
 
@@ -90,7 +91,8 @@ def summary(outcomes: Sequence[Outcome]) -> dict[str, Any]:
     return {
         "cases": len(outcomes),
         "shares": [{**asdict(s), "value": s.value, "passes": s.passes} for s in shares(outcomes)],
-        "gap_closed": [dict(zip(("size", "cases", "mean", "median", "share_of_cases_above_bar"),
+        "gap_closed": [dict(zip(("size", "cases", "mean", "median", "worst",
+                                 "share_of_cases_above_bar"),
                                 row, strict=True)) for row in gaps(outcomes)],
         "reliability": [asdict(one) for one in reliability(outcomes)],
         "brier": brier(outcomes),
