@@ -171,8 +171,8 @@ def _closes(
     if not leftover.groups or not final.named:
         return False
     seen = _share_closed(problem, whitening, base, final, leftover)
-    if seen is not None and not CLOSED_IN_NOISE <= seen < CLOSED:
-        return seen >= CLOSED
+    if seen is None or not CLOSED_IN_NOISE <= seen < CLOSED:
+        return seen is not None and seen >= CLOSED
     plain = _share_closed(problem, plain_rows(problem, final), base, final, leftover)
     return plain is None or plain >= CLOSED
 

@@ -22,13 +22,18 @@ ROUNDS = 12
 FARTHEST = 0.7  # of a shape's logarithm in one step
 STANDS = 1e-2  # of the squares over σ², in χ²
 HALVINGS = 3
+TOLD = 4.0  # in χ², by which a shape's value has to be better than the one it starts from
 SCANNED = 6  # values of a shape, from bound to bound
 ROUNDING = 1e-13  # of the squares of what a difference is made of
 LOAD_ROUNDS = 3  # solves until the load that inertia and gravity make stands
 
 
 def started(problem: Problem, work: Working, whitening: Whitening) -> tuple[Working, float]:
-    """Return the model at its optimum, from the best point of a scan along each shape in turn."""
+    """Return the model at its optimum, from the best point of a scan along each shape in turn.
+
+    A shape that these rows do not tell stays where it is, not at whichever bound rounding prefers.
+    """
+    told = TOLD / max(sum(run.counted for run in problem.runs), 1)
     for number, shape in enumerate(work.searched):
         ends = np.log([shape.info.lower, shape.info.upper])
         here = work.logarithms
@@ -38,7 +43,8 @@ def started(problem: Problem, work: Working, whitening: Whitening) -> tuple[Work
             moved[number] = value
             made, squares = solved_at(problem, work.at(moved), whitening)
             trials.append((squares, made))
-        work = min(trials, key=lambda trial: trial[0])[1]
+        best = min(trials, key=lambda trial: trial[0])
+        work = best[1] if best[0] < (1.0 - told) * trials[0][0] else trials[0][1]
     return refitted(problem, work, whitening)
 
 

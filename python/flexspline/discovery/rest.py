@@ -14,7 +14,7 @@ from scipy.ndimage import binary_dilation, maximum_filter1d, minimum_filter1d
 
 from flexspline.logs.log import Log
 
-__all__ = ["moving", "resting"]
+__all__ = ["DRIVES", "moving", "resting"]
 
 SECONDS = 0.5
 SHARE, FAST = 0.01, 0.99  # of the way that this share of the rows does not exceed
