@@ -105,6 +105,16 @@ def test_the_current_of_the_kinova_lacks_cogging_that_changes_with_speed() -> No
     assert NM_PER_A * made.final_rmse <= 0.125
 
 
+def test_the_sensor_of_the_kinova_has_two_four_and_eight_of_its_own_ring() -> None:
+    runs = [repaired(kinova(speed), "drop_start=1.0") for speed in KINOVA_SPEEDS]
+    made = flexspline.discover(["offset", "gravity"], runs, target="sensor_torque")
+    (ring,) = [e for e in made.fit.part.effects if e.name == "output_ripple"]
+    assert {2, 4, 8} <= {order for order, _ in ring.harmonics}
+    (of_motor,) = [e for e in made.fit.part.effects if e.name == "speed_dependent_ripple"]
+    assert {order for order, _ in of_motor.harmonics} == {2, 7}
+    assert made.final_rmse < 0.06 < 0.1 < made.base_rmse
+
+
 @pytest.mark.parametrize(("joint", "speed"), [(1, "p3"), (2, "p1"), (5, "p1"), (7, "p5")])
 def test_a_late_velocity_of_the_iiwa_is_a_fault_before_any_friction(joint: int, speed: str) -> None:
     log = repaired(iiwa(joint, speed), "flip_sign=sensor_torque")

@@ -30,7 +30,7 @@ __all__ = ["Analysis", "analysed"]
 
 Array = NDArray[np.float64]
 
-SURROGATE = 0.5  # of its gain that a name keeps beside functions without a name, to be no stand-in
+SURROGATE = 0.4  # of its gain that a name keeps beside functions without a name, to be no stand-in
 OVERWHELMING = 5.0  # times a name's gain that is left: the name may be a small part of it
 MOST_KEPT = 0.5  # of each run's rows that stay at least, where those of unknown past are left out
 LARGE = 0.12  # times a name's gain that these functions gain beside it, to cast doubt on it

@@ -13,6 +13,7 @@ from flexspline.discovery.nameless import Nameless, channel_told
 from flexspline.discovery.predictive import foretold_gain
 from flexspline.discovery.scores import ALPHA, gain_of
 from flexspline.discovery.table import Columns, Table, solved
+from flexspline.discovery.values import ROUND
 from flexspline.discovery.working import Working
 
 __all__ = ["Leftover", "kept", "leftover_of"]
@@ -118,7 +119,8 @@ def _survival(overlap: Overlap, work: Working, carriers: set[str]) -> dict[str, 
     """Gain of each named effect beside the functions taken and all of a channel that carries them.
 
     Gain, over its gain without them. What a cause without a name shows of one channel alone may be
-    taken for an effect of that channel.
+    taken for an effect of that channel. Orders of the motor's angle are what a ripple of it is made
+    of: they do not stand against it.
     """
     ceiling, own = overlap.ceiling, np.arange(overlap.own - 1)
     load = ceiling.problem.known_load
@@ -127,11 +129,15 @@ def _survival(overlap: Overlap, work: Working, carriers: set[str]) -> dict[str, 
         if one and k not in overlap.chosen:
             overlap.take(k)
     table = overlap.table()
+    counts = [ceiling.groups[k].count for k in overlap.chosen]
     everything = np.arange(len(own), len(table.total) - 1)
+    orders = np.repeat([ceiling.groups[k].channels == (ROUND,) for k in overlap.chosen], counts)
     survives, owners = {}, np.array(work.owners())
     for effect in work.named:
         mine, others = own[owners == effect.name], own[owners != effect.name]
-        survives[effect.name] = kept(table, mine, others, everything)
+        turning = effect.ripple and "motor_position" in effect.reads
+        against = everything[~orders] if turning else everything
+        survives[effect.name] = kept(table, mine, others, against)
     return survives
 
 
