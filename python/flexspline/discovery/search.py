@@ -109,14 +109,16 @@ class Searcher:
         In the noise's own metric a fit is the sharpest while the model is right; of a model that
         still lacks much, a plain fit foretells more.
         """
-        problem, ways = self.study.problem, (self.whitening, plain_rows(self.study.problem, other))
-        for way in ways:
-            both = (work, other) if way is self.whitening else (
-                refitted(problem, work, way)[0], refitted(problem, other, way)[0])  # fmt: skip
-            made, before = (held_out(problem, w, way) for w in both)
-            if not made.worse_than(before, WORSE):
-                return False
-        return True
+        if not self._foretells_less(work, other, self.whitening):
+            return False
+        problem = self.study.problem
+        plain = plain_rows(problem, other)
+        made, before = (refitted(problem, one, plain)[0] for one in (work, other))
+        return self._foretells_less(made, before, plain)
+
+    def _foretells_less(self, work: Working, other: Working, metric: Whitening) -> bool:
+        made, before = (held_out(self.study.problem, one, metric) for one in (work, other))
+        return made.worse_than(before, WORSE)
 
     def pruned(self, work: Working) -> Working:
         """Drop names that do not pay their price beside the others, on left-out folds too."""
