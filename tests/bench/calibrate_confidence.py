@@ -1,9 +1,10 @@
 """Fit the confidence of a name to how often names were right, and check it on other cases.
 
-    python tests/bench/calibrate_confidence.py first.json second.json --check other.json
+    python tests/bench/calibrate_confidence.py first/cases.jsonl second/cases.jsonl
+                                               [--check other/cases.jsonl]
 
 Each file holds outcomes of the hidden-effect benchmark: for each case the regressors of its names
-(`discovery/confidence.py`) and whether each was right. Prints the coefficients of a logistic model
+(`discovery/confidence.py`) and what each stands for, "" if it is wrong. Prints the coefficients of a logistic model
 with a weak prior towards nothing, to be written into that file, and the reliability: in bins of
 the probability stated, the share that was right. Without --check the reliability is that of cases
 left out five by five of the same files.
@@ -37,18 +38,15 @@ def read(paths: Sequence[str]) -> tuple[Array, Array]:
     """Regressors (n, K) of all names, and whether each was right, (n,)."""
     rows, right = [], []
     for outcome in (one for path in paths for one in _outcomes(Path(path))):
-        for regressors, correct in zip(outcome["regressors"], outcome["correct"], strict=True):
+        for regressors, means in zip(outcome["regressors"], outcome["means"], strict=True):
             rows.append(regressors)
-            right.append(correct)
+            right.append(means != "")
     return np.array(rows, dtype=float).reshape(-1, len(FEATURES)), np.array(right, dtype=float)
 
 
 def _outcomes(path: Path) -> list[dict[str, Any]]:
-    text = path.read_text()
-    if path.suffix == ".jsonl":
-        return [json.loads(line) for line in text.splitlines()]
-    made = json.loads(text)
-    return list(made["outcomes"] if isinstance(made, dict) else made)
+    lines = map(json.loads, path.read_text().splitlines())
+    return [line for line in lines if "regressors" in line]  # the first says which code made them
 
 
 def fitted(rows: Array, right: Array) -> Array:
