@@ -129,15 +129,15 @@ def _survival(overlap: Overlap, work: Working, carriers: set[str]) -> dict[str, 
         if one and k not in overlap.chosen:
             overlap.take(k)
     table = overlap.table()
-    counts = [ceiling.groups[k].count for k in overlap.chosen]
+    taken = [ceiling.groups[k] for k in overlap.chosen]
     everything = np.arange(len(own), len(table.total) - 1)
-    orders = np.repeat([ceiling.groups[k].channels == (ROUND,) for k in overlap.chosen], counts)
+    turns = [group.channels == (ROUND,) for group in taken for _ in range(group.count)]
+    apart = everything[~np.array(turns, dtype=bool)]
     survives, owners = {}, np.array(work.owners())
     for effect in work.named:
         mine, others = own[owners == effect.name], own[owners != effect.name]
         turning = effect.ripple and "motor_position" in effect.reads
-        against = everything[~orders] if turning else everything
-        survives[effect.name] = kept(table, mine, others, against)
+        survives[effect.name] = kept(table, mine, others, apart if turning else everything)
     return survives
 
 
