@@ -10,6 +10,7 @@ from hidden_logs import CLOSED, NOTHING, Array, Channels, Truth, evidence, share
 from torsion_logs import C_M, K_M0, LOAD, RATIO, log_of, noise, stiffness_run
 
 import flexspline
+from flexspline.discovery.faults import DataFault, with_measured_ratio
 from flexspline.effects import effect
 from flexspline.fit.result import Fit
 from flexspline.logs.log import Log
@@ -103,3 +104,17 @@ def test_a_mesh_that_warms_up_has_one_shape() -> None:
         if "mesh_shape" in e.shapes
     }
     assert len(shapes) == 1
+
+
+@pytest.mark.parametrize(
+    ("shown", "used"),
+    [(RATIO + 1.0, RATIO + 1.0), (1.042 * RATIO, 1.042 * RATIO), (1.0024 * RATIO, RATIO)],
+)
+def test_a_ratio_is_replaced_by_teeth_or_by_far_but_not_by_a_torsion(shown, used):
+    """A drift of 5 mrad that follows the angle over two radians shows 101.24 turns."""
+    channels = stiffness_run(1)
+    log = log_of(channels, mesh(channels))
+    fault = DataFault("run", "gear_ratio", "motor_position", shown, "", (0, len(log)), "It is off.")
+    (mended,), (told,) = with_measured_ratio([log], [fault], "torsion")
+    assert mended.effective_ratio == pytest.approx(used)
+    assert ("What follows" in told.sentence) == (used != RATIO)
