@@ -25,7 +25,7 @@ __all__ = ["Offer", "equivalent_t", "gain_of", "offers", "price"]
 
 Array = NDArray[np.float64]
 
-ALPHA = 0.015  # that logs which hide nothing get a name
+ALPHA = 0.01  # that logs which hide nothing get a name
 UNSEEN = 1e-7  # of a column's squares that the model leaves: nothing is seen of it
 LARGE = 600.0  # χ² above which its tail is taken from the asymptotic series
 PARTED = 0.01  # of an order's squares that no other holds: below, large ones cancel each other
