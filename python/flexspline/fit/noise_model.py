@@ -12,8 +12,7 @@ prior: with z_t = [x_t, r_t] (row and residual), C_ij = Σ_t z_{t-i} z_{t-j}ᵀ,
     Q_ij = uᵀ C_ij u + σ² tr(M_xx⁻¹ C_ij,xx)      (expected products of the *noise*)
     φ    = the least-squares solution with Q      (and again)
 
-One pass collects C; the iteration works on small matrices. Likelihoods are conditional on the
-first p rows of every stretch of samples (a run, or what lies between gaps).
+One pass collects C. Likelihoods are conditional on the first p rows of every stretch of samples.
 
 Sources: Patterson & Thompson 1971 (restricted likelihood), Cooper & Thompson 1977 (ARMA), Dempster,
 Laird & Rubin 1977 (EM), Meng & Rubin 1991 (information), Hurvich & Tsai 1989 (AICc picks p).
@@ -67,8 +66,7 @@ class NoiseModel:
 
     `coefficients`: (p,) φ_1…φ_p. `innovation_variance`: σ², squared unit of the target.
     `coefficient_covariance`: (p, p), of φ. `samples`: rows that the likelihood used.
-    `parameters`: P, the terms and shapes fitted out. `decimation`: of how many rows one was
-    taken; the memory counts the rows taken.
+    `parameters`: P, fitted out. `decimation`: one row of so many was taken; memory counts these.
     """
 
     coefficients: Array
@@ -147,14 +145,9 @@ def pieces(
 
 
 def noise_model(
-    chunks: Chunks,
-    basis: Array,
-    *,
-    max_order: int = 32,
-    every: int = 1,
-    decimation: int = 1,
+    chunks: Chunks, basis: Array, *, max_order: int = 32, every: int = 1, decimation: int = 1,
     floor: float = 0.0,
-) -> NoiseModel:
+) -> NoiseModel:  # fmt: skip
     """Fit the noise to the residual of a least-squares fit, in one pass over the data or a few.
 
     Orders up to 8 first; while the corrected AIC wants nearly all it is offered (slow noise
@@ -284,8 +277,7 @@ def _choose_order(expected: Array, samples: int) -> int:
     for order in range(len(expected)):
         phi = _solve(expected[: order + 1, : order + 1])
         rest = max(expected[0, 0] - phi @ expected[1 : order + 1, 0], np.finfo(float).tiny)
-        penalty = 2.0 * (order + 1) * samples / (samples - order - 2)
-        scores.append(samples * np.log(rest) + penalty)
+        scores.append(samples * (np.log(rest) + 2.0 * (order + 1) / (samples - order - 2)))
     return int(np.argmin(scores))
 
 
