@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 
 LONG = 1_000_000  # rows from which one piece of several is read
 LARGEST_ORDER = 16
-FORMS = 1e-2
+FORMS = 1e-2  # of the residual's mean square that is white at least: no form is exact to less
 
 
 def first_whitening(problem: Problem, sheet: Sheet) -> Whitening:

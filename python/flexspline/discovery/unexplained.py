@@ -11,7 +11,7 @@ from scipy.stats import chi2
 from flexspline.discovery.ceiling import Ceiling, Overlap
 from flexspline.discovery.nameless import Nameless, channel_told
 from flexspline.discovery.predictive import foretold_gain
-from flexspline.discovery.scores import gain_of
+from flexspline.discovery.scores import ALPHA, gain_of
 from flexspline.discovery.table import Columns, Table, solved
 from flexspline.discovery.values import ROUND
 from flexspline.discovery.working import Working
@@ -19,7 +19,6 @@ from flexspline.discovery.working import Working
 __all__ = ["Leftover", "kept", "leftover_of"]
 
 MOST = 4
-CHANCE = 0.01  # that logs which hide nothing show a function without a name
 HELD_OUT = 0.25  # of a function's gain that it must keep on left-out folds
 CARRIES = 0.15  # of the whole gain that hangs on a channel, for the channel to be named
 
@@ -73,7 +72,7 @@ def _best(overlap: Overlap) -> tuple[int, float] | None:
     """The next functions, with their gain above its price."""
     gains = overlap.gains()
     scored = [
-        (gain - chi2.isf(CHANCE / len(gains), max(seen, 1)), gain, k)
+        (gain - chi2.isf(ALPHA / len(gains), max(seen, 1)), gain, k)
         for k, (gain, seen) in enumerate(gains)
         if k not in overlap.chosen
     ]
