@@ -67,7 +67,9 @@ def discover(
     Notes
     -----
     Rows at rest say nothing of a drive and are left out (`discovery/rest.py`). How names are
-    chosen: `discovery/search.py`; what evidence is: `discovery/scores.py`.
+    chosen: `discovery/search.py`; what evidence is: `discovery/evidence.py`. The model is fitted by
+    generalised least squares in the noise's memory where that agrees with plain least squares as
+    for a right model, by plain least squares otherwise (`fit/generalised.py`).
     """
     from flexspline.discovery.analysis import analysed
     from flexspline.discovery.assemble import assembled
@@ -127,7 +129,7 @@ def discover(
             threads=threads,
         )  # fmt: skip
         limited, priors = _bounds(made.final, start), _priors(made.final, posed, start)
-        refit = fit_near(posed, effects, start.fixed, limited, start.model, priors)
+        refit = fit_near(posed, effects, start.fixed, limited, start.model, priors, general=True)
         found = assembled(made, faults + noisy, with_preparations(refit, ways), limits)
         judged = graded(found.data_faults, given, found.fit, found.noise_floor)
         return replace(found, data_faults=judged)

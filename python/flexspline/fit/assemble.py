@@ -11,20 +11,21 @@ from numpy.typing import NDArray
 
 from flexspline.effects import unit_in
 from flexspline.fit.derived import sign_warnings
-from flexspline.fit.estimate import Estimate, counts_of, noise_of, read_of, residuals_of
+from flexspline.fit.estimate import Estimate, counts_of, residuals_of
+from flexspline.fit.estimate_errors import uncertainty_of
 from flexspline.fit.identifiability import Confounded, confounded_groups
 from flexspline.fit.loops import loop_warnings
 from flexspline.fit.memory import memory_warnings
 from flexspline.fit.problem import Problem
 from flexspline.fit.result import Fit, FittedRun, Parameter
 from flexspline.fit.scores import scores_of
-from flexspline.fit.uncertainty import Prior, Uncertainty, parameter_uncertainty
+from flexspline.fit.uncertainty import Uncertainty
 from flexspline.fit.validation import cross_validate
 from flexspline.model import Model, Part
 from flexspline.parallel import together
 from flexspline.plain import plain_json
 
-__all__ = ["assembled", "uncertainty_of"]
+__all__ = ["assembled"]
 
 Array = NDArray[np.float64]
 
@@ -88,20 +89,6 @@ def assembled(
         orders=orders,
     )
     return replace(found, warnings=(*found.warnings, *sign_warnings(found), *loop_warnings(found)))
-
-
-def uncertainty_of(made: Estimate) -> Uncertainty:
-    """Return the errors of fitted coefficients and free shapes, in this order."""
-    noise = noise_of(made)
-    prior = None
-    if len(made.prior_rows):  # weighed against every row, while the noise model may skip some
-        scale = np.sqrt(noise.decimation)
-        errors = np.full(len(made.prior_rows), np.sqrt(made.noise_variance) / scale)
-        prior = Prior(made.prior_rows / scale, errors)
-    every = read_of(made)
-    chunks = made.tangent.some(every)
-    rows = sum(run.counted for run in made.tangent.problem.runs) // noise.decimation
-    return parameter_uncertainty(chunks, made.basis, noise, prior, rows if every > 1 else None)
 
 
 def _confounded(problem: Problem, made: Estimate, uncertainty: Uncertainty) -> list[Confounded]:
@@ -249,6 +236,7 @@ def _record(
             "autoregression": uncertainty.noise.coefficients.tolist(),
             "innovation_variance": uncertainty.noise.innovation_variance,
             "effective_samples": uncertainty.effective_samples,
+            "filtered": made.denominator is not None,
         },
         "lowpass": problem.lowpass,
         "channels": channels,

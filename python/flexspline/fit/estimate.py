@@ -57,6 +57,7 @@ class Estimate:
     `names`: of the coefficients (P,). `free_shapes`: shapes fitted and not at a bound; `shapes`:
     all. `tangent`: rows of `fitted` and `free_shapes` at the solution. `basis`: the directions of
     these that data and priors determine. `noise_variance`: what priors were weighed by.
+    `denominator`: A, by which rows were filtered (`generalised.py`); None of a plain fit.
     """
 
     names: list[str]
@@ -68,6 +69,7 @@ class Estimate:
     tangent: Tangent
     basis: Array
     noise_variance: float
+    denominator: Array | None = None
 
     @property
     def fitted(self) -> NDArray[np.intp]:

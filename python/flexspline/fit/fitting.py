@@ -166,6 +166,8 @@ def fit_near(
     bounds: Mapping[str, Bounds],
     into: Model | None,
     priors: Mapping[str, tuple[float, float]],
+    *,
+    general: bool = False,
 ) -> Fit:
     """Fit effects whose orders and shapes a search has found: both are refined, none looked for.
 
@@ -173,6 +175,8 @@ def fit_near(
     ----------
     problem : as `problem_of` makes it for these effects.
     fixed, bounds, into, priors : as for `fit`.
+    general : by generalised least squares where that and plain least squares agree as those of a
+        right model do (`generalised.py`).
 
     Raises
     ------
@@ -181,11 +185,14 @@ def fit_near(
     """
     from flexspline.fit.assemble import assembled
     from flexspline.fit.estimate import Given, estimate
+    from flexspline.fit.generalised import generalised
 
     _require_rows(problem, effects)
     given = Given(fixed, bounds, priors, False)
     made = estimate(problem, effects, given, lambda: None, near=True)
     problem, made = _settled(problem, made, given, lambda: None, near=True)
+    if general:
+        made = generalised(made) or made
     return assembled(problem, made, into, [], None)
 
 

@@ -131,6 +131,11 @@ class Fit:
         return UNITS[self.target]
 
     @property
+    def generalised(self) -> bool:
+        """Whether rows were filtered by the noise's memory (`fit/generalised.py`)."""
+        return bool(self.part.record["noise"].get("filtered", False))
+
+    @property
     def score(self) -> Score:
         """The score of all rows."""
         return self.scores[0]

@@ -10,8 +10,8 @@ from scipy.stats import chi2
 
 from flexspline import _core
 from flexspline.effects import UNITS, Effect, Harmonic
-from flexspline.fit.assemble import uncertainty_of
 from flexspline.fit.estimate import Given, counts_of, estimate, residuals_of
+from flexspline.fit.estimate_errors import uncertainty_of
 from flexspline.fit.problem import Problem
 from flexspline.orders import OrderAnalysis, find_orders
 

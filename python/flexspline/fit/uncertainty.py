@@ -1,6 +1,6 @@
 """How far off the coefficients of a least-squares fit can be under autocorrelated noise.
 
-The estimates stay those of least squares; their covariance is that of noise with the fitted
+The estimates are those of least squares; their covariance is that of noise with the fitted
 model Ω (autoregressive, starting anew in each stretch):
 
     cov β = (XᵀX)⁻¹ XᵀΩX (XᵀX)⁻¹,     XᵀΩX = σ² Σ_t y_t y_tᵀ,     y = X filtered by 1/A

@@ -10,7 +10,7 @@ with Z the tangent rows. The last step holds because Σ w Z r of all folds is ze
 with priors it is their share, which every fold has. Without shapes the fold's residual is r − Z δ.
 With shapes Z is true near the solution only: where one moves further, the shapes go all, half or
 none of the way that δ says, whichever suits the other folds best, and the coefficients are solved
-for again there.
+for again there. Of generalised least squares Z and r are filtered, and folds are fitted anew.
 """
 
 from __future__ import annotations
@@ -24,6 +24,8 @@ from numpy.typing import NDArray
 from flexspline.effects import Effect
 from flexspline.fit.estimate import Estimate, counts_of
 from flexspline.fit.linear import LinearFit, fit_linear
+from flexspline.fit.newton import newton
+from flexspline.fit.prewhitening import filtered_pieces
 from flexspline.fit.problem import Problem
 
 __all__ = ["Validation", "cross_validate"]
@@ -83,7 +85,10 @@ def _moves(made: Estimate, folds: list[_Fold]) -> list[Array]:
     width = made.basis.shape[1]
     products = np.zeros((len(folds), width, width))
     correlations = np.zeros((len(folds), width))
-    for number, rows, chunk in made.tangent.pieces():
+    pieces = made.tangent.pieces()
+    if made.denominator is not None:
+        pieces = filtered_pieces(made.tangent, made.denominator)
+    for number, rows, chunk in pieces:
         z = chunk.rows @ made.basis
         weighted = z if chunk.weights is None else z * chunk.weights[:, None]
         for fold, part in _parts(folds, number, rows):
@@ -124,6 +129,10 @@ def _refitted(made: Estimate, folds: list[_Fold], moves: list[Array]) -> tuple[A
 def _fit_without(made: Estimate, fold: _Fold, move: Array) -> LinearFit:
     """The best fit to the other folds on the way that δ says."""
     others = _without(made.tangent.problem, fold)
+    if made.denominator is not None:
+        apart = newton(replace(made, tangent=replace(made.tangent, problem=others)))
+        if apart is not None:
+            return apart.linear
     tries = [
         fit_linear(
             others,

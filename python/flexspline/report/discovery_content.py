@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from flexspline.discovery.result import Discovery, Found
     from flexspline.discovery.shrunk import Slice
 
-__all__ = ["best_rivals", "discovery_call", "effect_lines", "faults_told", "headlines", "remarks",
-           "searched_sentence", "shrunk_tables", "verdict"]  # fmt: skip
+__all__ = ["best_rivals", "discovery_call", "effect_lines", "estimator_sentence", "faults_told",
+           "headlines", "remarks", "searched_sentence", "shrunk_tables", "verdict"]  # fmt: skip
 
 MOST_RIVALS = 3
 GRAVE = "Faults of the data, to be mended first"
@@ -109,6 +109,8 @@ def remarks(made: Discovery) -> list[str]:
             f"Driven forward through {made.validated_by} that no fit saw, the model "
             f"misses the {_channel(made.motion)} by {_motion(made)} RMS."
         )
+    if made.fit.generalised:
+        said.append(estimator_sentence(made))
     if made.next_experiment:
         said.append(f"Next: {made.next_experiment}")
     if min(made.searched.values()) < 1.0:
@@ -116,6 +118,16 @@ def remarks(made: Discovery) -> list[str]:
     if made.not_tried:
         said.append(f"Not tried, for lack of channels or facts: {listed(made.not_tried, most=40)}.")
     return said
+
+
+def estimator_sentence(made: Discovery) -> str:
+    """Return by which estimator the parameters were found."""
+    if not made.fit.generalised:
+        return "Parameters are those of least squares."
+    return (
+        "Parameters are those of generalised least squares: the noise is slow, and its memory is "
+        "counted in; plain least squares agrees within its errors."
+    )
 
 
 def searched_sentence(made: Discovery) -> str:
