@@ -15,10 +15,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flexspline.discovery.evidence import gain_of
+from flexspline.discovery.forms import SAME, owned_gain
 from flexspline.discovery.physics import impossible
 from flexspline.discovery.predictive import foretold_gain
-from flexspline.discovery.scores import Offer, gain_of, offers
-from flexspline.discovery.search import SAME, Searcher, freedom, owned_gain
+from flexspline.discovery.scores import Offer, offers
+from flexspline.discovery.search import Searcher, freedom
 from flexspline.discovery.table import Columns, Table
 from flexspline.discovery.working import Working
 from flexspline.effects import Effect
@@ -124,9 +126,12 @@ def rivals_of(searcher: Searcher, work: Working, effect: Effect) -> list[Rival]:
 
 
 def simplest(searcher: Searcher, work: Working) -> Working:
-    """Replace each name by the alias with fewest coefficients: of equals the plainest is said."""
+    """Replace each name by the equal with fewest coefficients: of equals the plainest is said.
+
+    A rival that only the folds do not tell from it is an alias, but no equal.
+    """
     for effect in work.named:
-        equals = [r.effect for r in rivals_of(searcher, work, effect) if r.alias or r.inside]
+        equals = [r.effect for r in rivals_of(searcher, work, effect) if r.by_t or r.inside]
         for plain in sorted(equals, key=freedom):
             if freedom(plain) >= freedom(effect):
                 break

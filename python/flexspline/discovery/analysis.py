@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 
 from flexspline.discovery.aliases import simplest
 from flexspline.discovery.ceiling import Ceiling
+from flexspline.discovery.evidence import gain_of
+from flexspline.discovery.forms import owned_gain
 from flexspline.discovery.heldout import held_out, plain_rows
 from flexspline.discovery.nameless import nameless_of
 from flexspline.discovery.noise import first_whitening, restricted_whitening
 from flexspline.discovery.refit import solved_at, started
-from flexspline.discovery.scores import gain_of
-from flexspline.discovery.search import Limits, Searcher, Step, owned_gain, ranked
+from flexspline.discovery.search import Limits, Searcher, Step, ranked
 from flexspline.discovery.sheet import Sheet
 from flexspline.discovery.study import Study
 from flexspline.discovery.thinning import rows_of, thinned

@@ -12,12 +12,12 @@ from flexspline.discovery.aliases import Rival, rivals_of
 from flexspline.discovery.analysis import Analysis
 from flexspline.discovery.confidence import confidence, features
 from flexspline.discovery.driven import driven_apart
+from flexspline.discovery.evidence import equivalent_t, price
 from flexspline.discovery.faults import DataFault
+from flexspline.discovery.forms import owned_gain
 from flexspline.discovery.heldout import HeldOut, held_out, plain_rows
 from flexspline.discovery.refit import refitted
 from flexspline.discovery.result import Discovery, Found, Unexplained
-from flexspline.discovery.scores import equivalent_t, price
-from flexspline.discovery.search import owned_gain
 from flexspline.discovery.shrunk import HeldRun
 from flexspline.discovery.table import by_runs
 from flexspline.discovery.where import contribution, where

@@ -12,8 +12,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from flexspline.discovery.evidence import gain_of
 from flexspline.discovery.nameless import Nameless, nameless_of
-from flexspline.discovery.scores import gain_of
 from flexspline.discovery.stretches import fold_blocks
 from flexspline.discovery.table import SINGULAR, Table
 from flexspline.discovery.values import values_of

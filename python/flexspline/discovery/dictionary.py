@@ -21,16 +21,23 @@ __all__ = ["Columned", "Dictionary", "columned"]
 class Dictionary:
     """The table of a model beside candidates.
 
-    `model`: its columns, shapes' included; the first `linear` are of coefficients. `owners`:
-    effect of each of them. `at`: columns of each effect that a candidate consists of.
+    `target`: what is explained. `model`: its columns, shapes' included; the first `linear` are of
+    coefficients. `owners`: effect of each of them. `at`: columns of each effect that a candidate
+    consists of.
     """
 
+    target: str
     table: Table
     model: Columns
     linear: int
     owners: tuple[str, ...]
     candidates: tuple[Candidate, ...]
     at: dict[Effect, Columns]
+
+    def coefficients(self, name: str) -> Columns:
+        """Columns of the free coefficients of one of the model's effects."""
+        owners = np.array(self.owners[: self.linear])
+        return np.asarray(self.model[: self.linear][owners == name])
 
     def without(self, names: Sequence[str]) -> Columns:
         """Columns of the model but those of some effects."""
@@ -46,6 +53,7 @@ class Columned:
     take the place of each of its names.
     """
 
+    target: str
     work: Working
     whitening: Whitening
     table: Table
@@ -65,6 +73,7 @@ class Columned:
             at[effect] = np.arange(first, first + len(effect.terms))
             first += len(effect.terms)
         return Dictionary(
+            self.target,
             self.table.of(columns),
             own,
             len(self.work.free),
@@ -84,4 +93,4 @@ def columned(
         at[effect] = np.arange(first, first + len(effect.terms))
         first += len(effect.terms)
     table = tabulated(problem, work.sheet(beside=wanted), whitening)
-    return Columned(work, whitening, table, at)
+    return Columned(problem.target, work, whitening, table, at)

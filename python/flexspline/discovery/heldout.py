@@ -10,10 +10,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from flexspline.discovery.evidence import gain_of
 from flexspline.discovery.nameless import Nameless
 from flexspline.discovery.predictive import prior_of
 from flexspline.discovery.refit import solved_at
-from flexspline.discovery.scores import gain_of
 from flexspline.discovery.sheet import Sheet
 from flexspline.discovery.stretches import edges_of
 from flexspline.discovery.table import inverse_of, left_by, solved, tabulated

@@ -27,7 +27,15 @@ from flexspline.discovery.working import Working
 from flexspline.fit.names import Bounds
 from flexspline.fit.problem import Problem
 
-__all__ = ["driving_spring", "impossible", "spring_bounds", "varying"]
+__all__ = [
+    "LOOPS",
+    "VARYING",
+    "driving_spring",
+    "impossible",
+    "one_signed",
+    "spring_bounds",
+    "varying",
+]
 
 Array = NDArray[np.float64]
 
@@ -43,7 +51,7 @@ STRIBECK = "stribeck_friction"
 FADED = 0.7  # of the largest speed, by which the extra friction of a start is down to 1/e
 
 SPRINGS = "presliding_friction"
-HYSTERESIS = "torsional_hysteresis"
+LOOPS = (SPRINGS, "torsional_hysteresis")
 """Elements all have one sign: the positive one in a drive and in a torsion: loops cost energy."""
 
 VARYING = "position_dependent_friction"
@@ -55,6 +63,16 @@ SLOW, CHANGED = 0.1, 0.9  # share of slow rows, in which a change of direction i
 DRIVES = ("motor_torque", "motor_current")
 BOTH_WAYS = 0.1  # of the rows go each way at least, for a difference between directions
 POSITIVE_MASS = ("inertia",)
+
+
+def one_signed(name: str, target: str) -> int:
+    """How many signs the coefficients of an effect may all have: 1, 2 of a sensor; 0: any of each.
+
+    A single coefficient whose sign nothing tells has any.
+    """
+    if name in LOOPS:
+        return 2 if target == "sensor_torque" else 1
+    return int(target in DRIVES and name in (*DISSIPATES, *POSITIVE_MASS))
 
 
 def impossible(work: Working, name: str, problem: Problem) -> str:
@@ -109,7 +127,7 @@ def driving_spring(work: Working, target: str) -> str:
     The last free one of an effect stays, whatever its sign.
     """
     against: dict[str, float] = {}
-    for effect in (SPRINGS, HYSTERESIS):
+    for effect in LOOPS:
         names, values = _terms(work, effect), _values(work, effect)
         free = [k for k, name in enumerate(names) if name not in work.fixed]
         if len(free) > 1:
@@ -122,7 +140,7 @@ def driving_spring(work: Working, target: str) -> str:
 def spring_bounds(work: Working, target: str) -> dict[str, Bounds]:
     """Return the bounds by which a fit keeps the springs of an effect of one sign, by name."""
     found: dict[str, Bounds] = {}
-    for effect in (SPRINGS, HYSTERESIS):
+    for effect in LOOPS:
         side = _side(_values(work, effect), target)
         own: Bounds = (0.0, None) if side > 0.0 else (None, 0.0)
         found |= dict.fromkeys(_terms(work, effect), own)

@@ -1,11 +1,11 @@
 """Which effects are missing: added one after the other, every earlier choice examined again.
 
-Each round refits the shapes of the model, offers every candidate in its best form beside it, and
-takes the best that
+Each round refits the shapes of the model, offers every candidate in its best form beside it (a
+shape between the screened ones where that decides), and takes the best that
 
-- gains more than its price (`scores.py`: the family of candidates is accounted for),
+- gains more than its price (`evidence.py`: the family of candidates is accounted for),
 - gains on left-out folds too,
-- is no leftover: what a name's form misses is a small share of what that name explains,
+- is no leftover of a name's form (`forms.py`),
 - is physically possible (`physics.py`).
 
 Then each name is put to the test again: beside all others it must still pay its price, and no
@@ -17,29 +17,31 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from flexspline.discovery.dictionary import Dictionary
+from flexspline.discovery.forms import (
+    missed,
+    owned_gain,
+    owned_price,
+    pays_beside_forms,
+    undecided,
+)
 from flexspline.discovery.grids import SHARED
 from flexspline.discovery.heldout import held_out, plain_rows
-from flexspline.discovery.physics import driving_spring, impossible
+from flexspline.discovery.physics import LOOPS, driving_spring, impossible
 from flexspline.discovery.predictive import foretold_gain
 from flexspline.discovery.refit import refitted
-from flexspline.discovery.scores import Offer, gain_of, offers, price
+from flexspline.discovery.scores import Offer, offers
 from flexspline.discovery.study import Study
 from flexspline.discovery.whitening import Whitening
 from flexspline.discovery.working import Working
 from flexspline.effects import Effect
 
-__all__ = ["Limits", "Searcher", "Step", "freedom", "owned_gain", "ranked"]
+__all__ = ["Limits", "Searcher", "Step", "freedom", "ranked"]
 
 MOST_NAMES = 8
-LEFTOVER = 0.007  # of the gain of a name: below, it may be what its form misses
-SAME = 0.05  # the same for a candidate that reads nothing else: it may bend what the name shows
-REMEMBERED = 0.03  # the same of an effect with memory, whose loops have more ways to differ
-SAME_CAUSE = 0.5  # of an offer's gain, that another one leaves of it, to explain most of the same
 HELD_OUT = 0.5  # of its gain above its price that an effect must have on left-out folds
 EVERYWHERE = 0.25  # the same of an effect that gains on each of them
+REACH = 0.5  # of its price, that an offer has to gain for its shape to be looked for in between
 REFITTED = 4  # offers whose shapes are refitted before one is chosen
 NEAR = 0.8  # of the best offer's gain, to be among these
 WORSE = 1.005  # times the error on left-out runs, which an effect may not exceed; what is small
@@ -125,7 +127,7 @@ class Searcher:
         while work.named:
             dictionary = self.study.dictionary(work, self.whitening)
             rivals = len(dictionary.candidates)
-            net = {e.name: owned_gain(dictionary, e.name) - price(len(e.terms), 1.0, rivals)
+            net = {e.name: owned_gain(dictionary, e.name) - owned_price(dictionary, e, rivals)
                    for e in work.named}  # fmt: skip
             worst = min(net, key=lambda name: net[name])
             rest, _ = self.fitted(work.having([e for e in work.effects if e.name != worst]))
@@ -137,22 +139,48 @@ class Searcher:
     def _best(
         self, work: Working, squares: float, steps: list[Step]
     ) -> tuple[Working, float, Step] | None:
-        dictionary = self.study.dictionary(work, self.whitening)
-        rivals = len(dictionary.candidates)
-        ranked = sorted(offers(dictionary, dictionary.model, rivals), key=_rank, reverse=True)
-        missed = {o.effect.name: _missed(dictionary, work.named, o.effect) for o in ranked}
+        dictionary, ranked = self._offered(work, squares)
+        floor = {o.effect.name: self._missed(dictionary, work, o.effect, o.gain, o.price)
+                  for o in ranked}  # fmt: skip
         worthy = [
-            o for o in ranked if self._worthy(o, dictionary, missed[o.effect.name], work, ranked)
+            o for o in ranked if self._worthy(o, dictionary, floor[o.effect.name], work, ranked)
         ]
         while worthy:
             near = [o for o in worthy if o.gain >= NEAR * worthy[0].gain][:REFITTED]
-            made = [self._tried(o, work, squares, missed[o.effect.name]) for o in near]
+            made = [self._tried(o, work, squares, floor[o.effect.name]) for o in near]
             trials = [trial for trial in made if trial is not None]
             if trials:
                 chosen, left, offer, gain = max(trials, key=lambda t: _ranked(t[3], t[2]))
                 return chosen, left, Step(offer.effect, gain, offer.price, tuple(ranked[:6]))
             worthy = [o for o in worthy if o not in near]
         return None
+
+    def _offered(self, work: Working, squares: float) -> tuple[Dictionary, list[Offer]]:
+        """Every candidate beside a model, the best first.
+
+        A shape between those that were screened may pay the price that the nearest of them does
+        not: where that one comes near, the shape is fitted.
+        """
+        dictionary = self.study.dictionary(work, self.whitening)
+        rivals = len(dictionary.candidates)
+        made = offers(dictionary, dictionary.model, rivals, signed=not self.limits.lax)
+        close = [o for o in made if own_shapes(o.effect) and REACH * o.price < o.gain < o.price]
+        close = [] if self.limits.lax else close
+        better = [effect for o in close if (effect := self._bent(o, work, squares)) is not None]
+        for effect in better:
+            self.study.refine(work.effects, effect)
+        if better:
+            dictionary = self.study.dictionary(work, self.whitening)
+            made = offers(dictionary, dictionary.model, rivals)
+        return dictionary, sorted(made, key=_rank, reverse=True)
+
+    def _bent(self, offer: Offer, work: Working, squares: float) -> Effect | None:
+        """The effect of an offer with the shapes that pay its price, if any do."""
+        made, left = self.fitted(work.having([*work.effects, offer.effect]))
+        if squares - left < offer.price:
+            return None
+        fitted = made.effects[-1].shapes
+        return offer.effect.with_shapes(**{n: fitted[n] for n in own_shapes(offer.effect)})
 
     def _tried(
         self, offer: Offer, work: Working, squares: float, missed: float
@@ -189,7 +217,7 @@ class Searcher:
         if offer.gain < missed:
             self.refused[offer.effect.name] = LEFT_OF_FORM
             return False
-        equal = _undecided(offer, beside, dictionary, work.named)
+        equal = undecided(offer, beside, dictionary, work.named)
         if equal:
             self.refused[offer.effect.name] = (
                 f"what the form of a named effect misses may be all that tells it from {equal}"
@@ -202,6 +230,17 @@ class Searcher:
             return False
         return True
 
+    def _missed(
+        self, dictionary: Dictionary, work: Working, effect: Effect, gain: float, cost: float
+    ) -> float:
+        """What the forms of other names may miss, χ²; 0 if the effect clearly pays beside any."""
+        others = [e for e in work.named if e.name != effect.name]
+        most = missed(dictionary, others, effect)
+        if self.limits.lax or not cost <= gain < most:
+            return most
+        pays = pays_beside_forms(self.study, self.whitening, dictionary, work, effect, gain)
+        return 0.0 if pays else most
+
     def _examined(self, work: Working, squares: float) -> tuple[Working, float]:
         """Replace or drop earlier names where that is better; every name once."""
         for effect in work.named:
@@ -211,8 +250,8 @@ class Searcher:
             rivals = len(dictionary.candidates)
             rest = dictionary.without([effect.name])
             own = owned_gain(dictionary, effect.name)
-            floor = price(len(effect.terms), 1.0, rivals)
-            missed = _missed(dictionary, [e for e in work.named if e.name != effect.name], effect)
+            floor = owned_price(dictionary, effect, rivals)
+            missed = self._missed(dictionary, work, effect, own, floor)
             others = [e for e in work.effects if e.name != effect.name]
             best = max(
                 offers(dictionary, rest, rivals), key=lambda o: _ranked(o.gain, o), default=None
@@ -231,48 +270,6 @@ class Searcher:
         return work, squares
 
 
-def owned_gain(dictionary: Dictionary, name: str) -> float:
-    """Squares over σ² that an effect of the model explains beside all others."""
-    rest = dictionary.without([name])
-    own = dictionary.model[np.array(dictionary.owners) == name]
-    left = dictionary.table.without(rest)
-    return gain_of(left, own, np.diag(dictionary.table.total))[0]
-
-
-def _missed(dictionary: Dictionary, named: Sequence[Effect], other: Effect) -> float:
-    """What the forms of named effects may miss, and another effect may seem to explain, in χ²."""
-    gains = []
-    for effect in named:
-        share = SAME if set(other.reads) <= set(effect.reads) else _share(effect)
-        gains.append(share * owned_gain(dictionary, effect.name))
-    return max(gains, default=0.0)
-
-
-def _undecided(
-    offer: Offer, others: Sequence[Offer], dictionary: Dictionary, named: Sequence[Effect]
-) -> str:
-    """An offer that explains most of the same, as well but for what the forms of names may miss.
-
-    That moves every gain by about as much: a smaller lead does not tell causes apart. Where runs
-    show both as the same, they are aliases, which is said elsewhere.
-    """
-    unsure = max((_share(e) * owned_gain(dictionary, e.name) for e in named), default=0.0)
-    raw = np.diag(dictionary.table.total)
-    for other in others:
-        if other is offer or abs(offer.gain - other.gain) >= unsure:
-            continue
-        both = np.concatenate([dictionary.model, other.columns])
-        kept = gain_of(dictionary.table.without(both), offer.columns, raw)[0]
-        if offer.price < kept < SAME_CAUSE * offer.gain:
-            return other.effect.name
-    return ""
-
-
-def _share(named: Effect) -> float:
-    """Of the gain of a named effect, what its form may miss."""
-    return REMEMBERED if named.info.remembers else LEFTOVER
-
-
 def _rank(offer: Offer) -> float:
     return _ranked(offer.gain, offer)
 
@@ -287,6 +284,13 @@ def _ranked(gain: float, offer: Offer) -> float:
 
 
 def freedom(effect: Effect) -> int:
-    """How many numbers an effect is fitted by; a shape that all friction shares is none of its."""
-    own = [s for s in effect.fitted_shapes if s.name not in SHARED]
-    return len(effect.terms) + len(own)
+    """How many numbers an effect is fitted by; a shape that all friction shares is none of its.
+
+    Springs of one sign are about as free as one: their columns are alike (`cone.py`).
+    """
+    return (1 if effect.name in LOOPS else len(effect.terms)) + len(own_shapes(effect))
+
+
+def own_shapes(effect: Effect) -> list[str]:
+    """Shapes that are fitted, but for those that all friction shares."""
+    return [s.name for s in effect.fitted_shapes if s.name not in SHARED]

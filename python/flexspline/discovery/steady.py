@@ -27,9 +27,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline import _core
+from flexspline.discovery.evidence import price
 from flexspline.discovery.faults import DataFault
 from flexspline.discovery.refit import refitted, started
-from flexspline.discovery.scores import price
 from flexspline.discovery.whitening import Whitening, rough_whitening
 from flexspline.discovery.working import Working, working
 from flexspline.effects import Effect

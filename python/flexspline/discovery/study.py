@@ -78,6 +78,12 @@ class Study:
             self.known[tuple(model)] = self.orders, made
         return made
 
+    def refine(self, model: Sequence[Effect], effect: Effect) -> None:
+        """Let a candidate beside a model have the shapes of `effect`, too."""
+        orders, made = self.known[tuple(model)]
+        better = [c.having(effect) if c.name == effect.name else c for c in made]
+        self.known[tuple(model)] = orders, better
+
     def dictionary(
         self, work: Working, whitening: Whitening, *, without: str | None = None
     ) -> Dictionary:

@@ -9,9 +9,9 @@ import numpy as np
 from scipy.stats import chi2
 
 from flexspline.discovery.ceiling import Ceiling, Overlap
+from flexspline.discovery.evidence import ALPHA, gain_of
 from flexspline.discovery.nameless import Nameless, channel_told
 from flexspline.discovery.predictive import foretold_gain
-from flexspline.discovery.scores import ALPHA, gain_of
 from flexspline.discovery.table import Columns, Table, solved
 from flexspline.discovery.values import ROUND
 from flexspline.discovery.working import Working
