@@ -126,7 +126,8 @@ def estimator_sentence(made: Discovery) -> str:
         return "Parameters are those of least squares."
     return (
         "Parameters are those of generalised least squares: the noise is slow, and its memory is "
-        "counted in; plain least squares agrees within its errors."
+        "counted in; plain least squares does not contradict them and foretells left-out rows no "
+        "better."
     )
 
 
