@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
+from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
 from flexspline.effects import Effect, effect
@@ -100,7 +101,8 @@ def discover(
     given, runs = ([moving(log, start.target) for log in some] for some in (runs, steady))
 
     style = {"bar_format": "{desc}{elapsed}", "leave": False, "delay": 1.0}
-    with tqdm(desc="discovering", disable=not progress, **style) as bar:
+    alone = threadpool_limits(1 if threads > 1 else None, user_api="blas")  # cores have work enough
+    with alone, tqdm(desc="discovering", disable=not progress, **style) as bar:
 
         def say(what: str) -> None:
             bar.update()
