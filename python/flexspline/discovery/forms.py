@@ -119,8 +119,8 @@ def pays_beside_forms(
 def _functions(problem: Problem, effect: Effect) -> list[Nameless]:
     """All functions of no other channels than those of an effect, and of what these have been.
 
-    None where they cannot take its place: it remembers, bends at once, is a wave, or a channel of
-    it is not measured.
+    Empty where they cannot take its place: it remembers, changes at once with the direction, is a
+    wave, or a channel of it is not measured.
     """
     if effect.ripple or effect.info.remembers or WIDTH in effect.shapes:
         return []
