@@ -144,10 +144,10 @@ class Model:
         """
         part = self.part(target)
         self.require_gear(log)
+        measured = self._measured(part, log)
         log = prepared(log, part.preparations)
         log = channels_for(log, part.effects, part.known_load, load_needed=False)
         predicted = self._evaluate(part, log, part.coefficients)
-        measured = self._measured(part, log)
         if lowpass_hz is not None:
             predicted = lowpass(predicted, log["time"], lowpass_hz).values
             measured = lowpass(measured, log["time"], lowpass_hz).values

@@ -16,6 +16,7 @@ if TYPE_CHECKING:  # what is heavy is imported where it is used
     from flexspline.discovery.result import Discovery
     from flexspline.discovery.working import Working
     from flexspline.experiment.limits import Limits
+    from flexspline.fit.result import Fit
     from flexspline.fit.names import Bounds
     from flexspline.fit.problem import Problem
     from flexspline.logs.log import Log
@@ -74,14 +75,16 @@ def discover(
     """
     from flexspline.discovery.analysis import analysed
     from flexspline.discovery.assemble import assembled
+    from flexspline.discovery.confirmation import confirmed
     from flexspline.discovery.faults import data_faults, with_measured_ratio
-    from flexspline.discovery.grades import graded, with_preparations
+    from flexspline.discovery.grades import graded
     from flexspline.discovery.rest import moving
     from flexspline.discovery.steady import steadied
     from flexspline.discovery.study import study_of
     from flexspline.fit.fitting import fit, fit_near, with_orders
     from flexspline.fit.problem import problem_of
     from flexspline.logs.log import Log
+    from flexspline.prepared import noise_of_channels, preparations_for
 
     runs = [logs] if isinstance(logs, Log) else list(logs)
     if not runs:
@@ -89,16 +92,20 @@ def discover(
     start = _start(model_or_effects, target, known_load, fixed or {})
     faults = data_faults(runs, start.effects, start.target, start.known_load, threads)
     runs, faults = with_measured_ratio(runs, faults, start.target)
-    steady, noisy, ways = steadied(
-        runs,
-        start.effects,
-        start.target,
-        start.known_load,
-        start.fixed,
-        lambda log: moving(log, start.target),
-        threads,
-    )
-    given, runs = ([moving(log, start.target) for log in some] for some in (runs, steady))
+    inputs = noise_of_channels(runs)
+    ways, noisy = preparations_for(inputs, start.target, start.known_load), ()
+    if not any(way.channel == "output_velocity" for way in ways):
+        _, noisy, steady = steadied(
+            runs,
+            start.effects,
+            start.target,
+            start.known_load,
+            start.fixed,
+            lambda log: moving(log, start.target),
+            threads,
+        )
+        ways = (*steady, *ways)
+    runs = [moving(log, start.target) for log in runs]
 
     style = {"bar_format": "{desc}{elapsed}", "leave": False, "delay": 1.0}
     alone = threadpool_limits(1 if threads > 1 else None, user_api="blas")  # cores have work enough
@@ -122,18 +129,25 @@ def discover(
             lowpass_hz=lowpass,
             exclude=exclude,
             threads=threads,
+            preparations=ways,
         )
         made = analysed(study, effects, start.fixed, say)
         say("errors and validation")
-        effects = made.final.effects
-        posed = problem_of(
-            runs, effects, start.target, known_load=start.known_load, lowpass_hz=lowpass,
-            threads=threads,
-        )  # fmt: skip
-        limited, priors = _bounds(made.final, start), _priors(made.final, posed, start)
-        refit = fit_near(posed, effects, start.fixed, limited, start.model, priors, general=True)
-        found = assembled(made, faults + noisy, with_preparations(refit, ways), limits)
-        judged = graded(found.data_faults, given, found.fit, found.noise_floor)
+
+        def fitted(work: Working) -> Fit:
+            posed = problem_of(
+                runs, work.effects, start.target, known_load=start.known_load, lowpass_hz=lowpass,
+                threads=threads, preparations=ways,
+            )  # fmt: skip
+            limited, priors = _bounds(work, start), _priors(work, posed, start)
+            return fit_near(
+                posed, work.effects, start.fixed, limited, start.model, priors, general=True
+            )
+
+        made, refit, small = confirmed(made, fitted)
+        found = assembled(made, faults + noisy, refit, limits)
+        found = replace(found, also_seen=small, inputs=tuple(inputs.values()))
+        judged = graded(found.data_faults, runs, found.fit, found.noise_floor)
         return replace(found, data_faults=judged)
 
 

@@ -19,8 +19,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from flexspline.discovery.aliases import Rival
+    from flexspline.discovery.confirmation import AlsoSeen
     from flexspline.discovery.disagreement import Disagreement
     from flexspline.experiment.plan import Plan
+    from flexspline.logs.channel_noise import ChannelNoise
 
 __all__ = ["Discovery", "Found", "Unexplained"]
 
@@ -89,6 +91,8 @@ class Discovery:
     plan : what it says, with its trajectory and a figure.
     searched : shares of the rows on which "names" were looked for first, before they were tried
         and fitted on all rows, and on which "functions" without a name were; 1 of short logs.
+    also_seen : effects that are real but too small to matter, and no part of the model.
+    inputs : noise of each channel of the runs; how they were prepared stands in the model.
     fit : of the extended model.
     runs : measured and predicted values of base and extended model, on folds no fit saw.
     motion : both driven forward through these folds; None where the model cannot be simulated.
@@ -114,6 +118,8 @@ class Discovery:
     refused: Mapping[str, str]
     doubted: tuple[str, ...]
     plan: Plan | None = None
+    also_seen: tuple[AlsoSeen, ...] = ()
+    inputs: tuple[ChannelNoise, ...] = ()
     searched: Mapping[str, float] = field(default_factory=lambda: {"names": 1.0, "functions": 1.0})
 
     @property

@@ -27,6 +27,7 @@ from flexspline.logs.derive import LowPass, lowpass
 from flexspline.logs.local_fit import require_bandwidth
 from flexspline.logs.log import Log
 from flexspline.logs.segments import runs
+from flexspline.prepared import Preparation, prepared
 from flexspline.signals import channels_for, core_channels, target_of
 
 __all__ = ["Problem", "Run", "problem_of"]
@@ -43,7 +44,7 @@ KEPT = 24  # filtered effects of each run
 class Run:
     """One log made ready: channels for the core, the target, and the pieces without gaps.
 
-    `channels`: name -> (N,) in SI units, "known_load" among them. `target`: (N,), y.
+    `log`: with its inputs prepared; the target is that of the log as recorded. `channels`: name -> (N,) in SI units, "known_load" among them. `target`: (N,), y.
     `unbroken`: row ranges [first, last) without a gap. `stretches`: the rows of these that count;
     the beginning may be left out, where an effect still depends on what came before the run.
     `low_pass`: of the target, for the rows; None without one.
@@ -74,7 +75,8 @@ class Problem:
     """Runs that one model explains.
 
     `gear`: effective ratio, output spline and whether the motor's angle is measured, as
-    `_core.Design` takes them. `lowpass`: Hz, on target and rows alike, or None.
+    `_core.Design` takes them. `lowpass`: Hz, on target and rows alike, or None. `preparations`: of
+    the channels that rows read.
     """
 
     runs: tuple[Run, ...]
@@ -85,6 +87,7 @@ class Problem:
     threads: int
     block_rows: int
     offset_per_run: bool = False
+    preparations: tuple[Preparation, ...] = ()
     kept: dict[Any, Array] = field(default_factory=dict, compare=False, repr=False)
     remembered: _core.Remembered = field(
         default_factory=_core.Remembered, compare=False, repr=False
@@ -225,8 +228,12 @@ def problem_of(
     lowpass_hz: float | None,
     threads: int,
     offset_per_run: bool = False,
+    preparations: Sequence[Preparation] = (),
 ) -> Problem:
     """Make logs ready for a fit of these effects to this target.
+
+    `preparations`: how channels are made that the rows read; the target is that of the logs as
+    they are.
 
     Raises
     ------
@@ -239,14 +246,15 @@ def problem_of(
     if offset_per_run and "offset" not in [effect.name for effect in effects]:
         raise InputError("offset_per_run needs the effect 'offset'; add it to the effects")
     gear = gear_for(logs, target, effects)
-    made = [_run(log, effects, target, known_load, lowpass_hz) for log in logs]
+    made = [_run(log, effects, target, known_load, lowpass_hz, preparations) for log in logs]
     require_change(target, [run.target for run in made])
     rate = float(np.median([run.log.rate for run in made]))
     counted = sum(run.counted for run in made)
     block = max(round(SECONDS_A_BLOCK * rate), counted // MOST_BLOCKS, 1)
     problem = Problem(
-        tuple(made), target, gear, known_load, lowpass_hz, threads, block, offset_per_run
-    )
+        tuple(made), target, gear, known_load, lowpass_hz, threads, block, offset_per_run,
+        tuple(preparations),
+    )  # fmt: skip
     return settled(problem, effects)
 
 
@@ -265,12 +273,17 @@ def _offset_column(effects: Sequence[Effect]) -> int | None:
 
 
 def _run(
-    log: Log, effects: Sequence[Effect], target: str, known_load: str | None, cutoff: float | None
+    log: Log,
+    effects: Sequence[Effect],
+    target: str,
+    known_load: str | None,
+    cutoff: float | None,
+    preparations: Sequence[Preparation],
 ) -> Run:
     if len(log) < 2:
         raise InputError(f"log '{log.name}': one row is no run; leave it out or record longer")
-    log = channels_for(log, effects, known_load)
     y = target_of(log, target, known_load)
+    log = channels_for(prepared(log, preparations), effects, known_load)
     channels = core_channels(log, effects, known_load)
     require_finite(log, {**channels, target: y})
     stretches = [(int(first), int(last)) for first, last in runs(log["time"])]
