@@ -14,7 +14,7 @@ model. Blocks are longer than the residual's memory (two seconds at least).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,7 +30,7 @@ from flexspline.effects import Effect
 from flexspline.fit.names import coefficient_names
 from flexspline.fit.result import Fit
 
-__all__ = ["AlsoSeen", "confirmed", "significance"]
+__all__ = ["AlsoSeen", "Confirmed", "Shown", "confirmed", "significance"]
 
 SIGNIFICANT = 0.05  # p of Wald's test
 CERTAIN = 16.0  # t above which the held-out error must fall by more than chance
@@ -54,8 +54,12 @@ class AlsoSeen:
 
 
 @dataclass(frozen=True)
-class _Shown:
-    """What one name shows: p in the final fit, its t, the fall of the held-out mean square."""
+class Shown:
+    """What one name shows in the fit that is returned and on rows held out.
+
+    `p`: of Wald's test. `fall`, `error`: of the held-out mean square when the name joins the
+    others, and its standard error. `share`: of what all names close. `rmse`: without it, with it.
+    """
 
     effect: Effect
     p: float
@@ -75,15 +79,21 @@ class _Shown:
         return ""
 
 
-def confirmed(
-    made: Analysis, fitted: Callable[[Working], Fit]
-) -> tuple[Analysis, Fit, tuple[AlsoSeen, ...]]:
-    """Withdraw names until each of them holds; `fitted` makes the fit to return of a model.
+@dataclass(frozen=True)
+class Confirmed:
+    """The analysis with the names that hold, what each shows, the fit of its model.
 
-    Returns
-    -------
-    The analysis with the names that hold, the fit of its model, and what was also seen.
+    `also_seen`: effects that are real but too small to matter.
     """
+
+    made: Analysis
+    fit: Fit
+    shown: Mapping[str, Shown]
+    also_seen: tuple[AlsoSeen, ...]
+
+
+def confirmed(made: Analysis, fitted: Callable[[Working], Fit]) -> Confirmed:
+    """Withdraw names until each of them holds; `fitted` makes the fit to return of a model."""
     small: list[AlsoSeen] = []
     while True:
         fit = fitted(made.final)
@@ -95,11 +105,13 @@ def confirmed(
         else:
             little = [one for one in shown if one.share < SMALL] if len(shown) > 1 else []
             if not little:
-                return made, fit, tuple(small)
+                by_name = {one.effect.name: one for one in shown}
+                return Confirmed(made, fit, by_name, tuple(small))
             worst = min(little, key=lambda one: one.share)
-            small.append(
-                AlsoSeen(worst.effect.name, *worst.rmse, t=worst.t, share_of_gap=worst.share)
-            )
+            if worst.fall > ERRORS * worst.error:
+                small.append(AlsoSeen(worst.effect.name, *worst.rmse, worst.t, worst.share))
+            else:
+                made.searcher.refused[worst.effect.name] = "too small to be seen held out"
         made = made.without(worst.effect.name)
 
 
@@ -118,7 +130,7 @@ def significance(fit: Fit, name: str) -> float:
     return float(chi2.sf(float((beta / scale) @ told), len(at)))
 
 
-def _all_shown(made: Analysis, fit: Fit) -> list[_Shown]:
+def _all_shown(made: Analysis, fit: Fit) -> list[Shown]:
     if not made.final.named:
         return []
     problem, final = made.study.problem, made.final
@@ -137,7 +149,7 @@ def _all_shown(made: Analysis, fit: Fit) -> list[_Shown]:
         t = equivalent_t(owned_gain(dictionary, effect.name), len(effect.terms))
         share = fall / gap if gap > 0.0 else 1.0
         p = significance(fit, effect.name)
-        shown.append(_Shown(effect, p, t, fall, error, share, (rest.rmse, whole.rmse)))
+        shown.append(Shown(effect, p, t, fall, error, share, (rest.rmse, whole.rmse)))
     return shown
 
 

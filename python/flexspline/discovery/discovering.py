@@ -13,6 +13,7 @@ from flexspline.effects import Effect, effect
 from flexspline.errors import InputError
 
 if TYPE_CHECKING:  # what is heavy is imported where it is used
+    from flexspline.discovery.analysis import Analysis
     from flexspline.discovery.result import Discovery
     from flexspline.discovery.working import Working
     from flexspline.experiment.limits import Limits
@@ -105,7 +106,7 @@ def discover(
             threads,
         )
         ways = (*steady, *ways)
-    runs = [moving(log, start.target) for log in runs]
+    given, runs = runs, [moving(log, start.target) for log in runs]
 
     style = {"bar_format": "{desc}{elapsed}", "leave": False, "delay": 1.0}
     alone = threadpool_limits(1 if threads > 1 else None, user_api="blas")  # cores have work enough
@@ -144,9 +145,9 @@ def discover(
                 posed, work.effects, start.fixed, limited, start.model, priors, general=True
             )
 
-        made, refit, small = confirmed(made, fitted)
-        found = assembled(made, faults + noisy, refit, limits)
-        found = replace(found, also_seen=small, inputs=tuple(inputs.values()))
+        held = confirmed(made, fitted)
+        rows = _rows(given, runs, held.made)
+        found = assembled(held, faults + noisy, tuple(inputs.values()), rows, limits)
         judged = graded(found.data_faults, runs, found.fit, found.noise_floor)
         return replace(found, data_faults=judged)
 
@@ -181,6 +182,14 @@ def _start(
     if known_load is None:
         effects = [e.without_load() for e in effects]
     return _Start(tuple(effects), target, known_load, fixed, None)
+
+
+def _rows(given: Sequence[Log], moving: Sequence[Log], made: Analysis) -> dict[str, int]:
+    """How many rows the model was fitted to, and how many were left out for which reason."""
+    used = sum(run.counted for run in made.study.problem.runs)
+    recorded, left = (sum(map(len, logs)) for logs in (given, moving))
+    found = {"used": used, "at rest": recorded - left, "of unknown past or gaps": left - used}
+    return {why: count for why, count in found.items() if count or why == "used"}
 
 
 def _bounds(final: Working, start: _Start) -> dict[str, Bounds]:
