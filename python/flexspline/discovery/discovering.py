@@ -13,7 +13,10 @@ from flexspline.effects import Effect, effect
 from flexspline.errors import InputError
 
 if TYPE_CHECKING:  # what is heavy is imported where it is used
+    from collections.abc import Callable
+
     from flexspline.discovery.analysis import Analysis
+    from flexspline.discovery.confirmation import Confirmed
     from flexspline.discovery.result import Discovery
     from flexspline.discovery.working import Working
     from flexspline.experiment.limits import Limits
@@ -22,6 +25,7 @@ if TYPE_CHECKING:  # what is heavy is imported where it is used
     from flexspline.fit.problem import Problem
     from flexspline.logs.log import Log
     from flexspline.model import Model
+    from flexspline.prepared import Preparation
 
 __all__ = ["discover"]
 
@@ -74,16 +78,11 @@ def discover(
     generalised least squares in the noise's memory where that agrees with plain least squares as
     for a right model, by plain least squares otherwise (`fit/generalised.py`).
     """
-    from flexspline.discovery.analysis import analysed
     from flexspline.discovery.assemble import assembled
-    from flexspline.discovery.confirmation import confirmed
-    from flexspline.discovery.faults import data_faults, with_measured_ratio
+    from flexspline.discovery.faults import data_faults, late_load, with_measured_ratio
     from flexspline.discovery.grades import graded
     from flexspline.discovery.rest import moving
     from flexspline.discovery.steady import steadied
-    from flexspline.discovery.study import study_of
-    from flexspline.fit.fitting import fit, fit_near, with_orders
-    from flexspline.fit.problem import problem_of
     from flexspline.logs.log import Log
     from flexspline.prepared import noise_of_channels, preparations_for
 
@@ -116,40 +115,79 @@ def discover(
             bar.update()
             bar.set_description(what)
 
-        effects: Sequence[Effect] = with_orders(start.effects, orders or {})
-        if any(e.ripple and not e.harmonics for e in effects):
-            effects = fit(
-                effects, runs, start.target, known_load=start.known_load, lowpass=lowpass,
-                fixed=start.fixed, checks=False, threads=threads,
-            ).part.effects  # fmt: skip
-        study = study_of(
-            effects,
-            runs,
-            start.target,
-            known_load=start.known_load,
-            lowpass_hz=lowpass,
-            exclude=exclude,
-            threads=threads,
-            preparations=ways,
-        )
-        made = analysed(study, effects, start.fixed, say)
-        say("errors and validation")
-
-        def fitted(work: Working) -> Fit:
-            posed = problem_of(
-                runs, work.effects, start.target, known_load=start.known_load, lowpass_hz=lowpass,
-                threads=threads, preparations=ways,
-            )  # fmt: skip
-            limited, priors = _bounds(work, start), _priors(work, posed, start)
-            return fit_near(
-                posed, work.effects, start.fixed, limited, start.model, priors, general=True
-            )
-
-        held = confirmed(made, fitted)
+        way = _Way(start, lowpass, orders or {}, tuple(ways), threads, say)
+        held = _searched(runs, way, [*exclude])
+        late = late_load(held.made, runs)
+        if late is not None:
+            runs, told = late
+            held = _searched(runs, way, [*exclude, "sensor_lag"])
+            noisy = (*noisy, *told)
         rows = _rows(given, runs, held.made)
         found = assembled(held, faults + noisy, tuple(inputs.values()), rows, limits)
         judged = graded(found.data_faults, runs, found.fit, found.noise_floor)
         return replace(found, data_faults=judged)
+
+
+@dataclass(frozen=True)
+class _Way:
+    """How a discovery goes about it: see `discover`."""
+
+    start: _Start
+    lowpass: float | None
+    orders: Mapping[str, Sequence[int]]
+    preparations: tuple[Preparation, ...]
+    threads: int
+    say: Callable[[str], None]
+
+    def problem(self, runs: Sequence[Log], effects: Sequence[Effect]) -> Problem:
+        from flexspline.fit.problem import problem_of
+
+        return problem_of(
+            runs,
+            effects,
+            self.start.target,
+            known_load=self.start.known_load,
+            lowpass_hz=self.lowpass,
+            threads=self.threads,
+            preparations=self.preparations,
+        )
+
+
+def _searched(runs: Sequence[Log], way: _Way, exclude: Sequence[str]) -> Confirmed:
+    """The names that hold beside the base, in the model that is fitted to all rows that count."""
+    from flexspline.discovery.analysis import analysed
+    from flexspline.discovery.confirmation import confirmed
+    from flexspline.discovery.study import study_of
+    from flexspline.fit.fitting import fit, fit_near, with_orders
+
+    start = way.start
+    effects: Sequence[Effect] = with_orders(start.effects, way.orders)
+    if any(e.ripple and not e.harmonics for e in effects):
+        effects = fit(
+            effects, runs, start.target, known_load=start.known_load, lowpass=way.lowpass,
+            fixed=start.fixed, checks=False, threads=way.threads,
+        ).part.effects  # fmt: skip
+    study = study_of(
+        effects,
+        runs,
+        start.target,
+        known_load=start.known_load,
+        lowpass_hz=way.lowpass,
+        exclude=exclude,
+        threads=way.threads,
+        preparations=way.preparations,
+    )
+    made = analysed(study, effects, start.fixed, way.say)
+    way.say("errors and validation")
+
+    def fitted(work: Working) -> Fit:
+        posed = way.problem(runs, work.effects)
+        limited, priors = _bounds(work, start), _priors(work, posed, start)
+        return fit_near(
+            posed, work.effects, start.fixed, limited, start.model, priors, general=True
+        )
+
+    return confirmed(made, fitted)
 
 
 @dataclass(frozen=True)

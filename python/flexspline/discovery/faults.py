@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,10 +12,15 @@ from flexspline.effects import Effect
 from flexspline.fit.fitting import NO_TORSION
 from flexspline.logs.checks import check
 from flexspline.logs.log import Log
+from flexspline.logs.repairs import move_earlier
 
-__all__ = ["DataFault", "data_faults", "with_measured_ratio"]
+if TYPE_CHECKING:
+    from flexspline.discovery.analysis import Analysis
+
+__all__ = ["DataFault", "data_faults", "late_load", "with_measured_ratio"]
 
 RATIO = "gear_ratio"
+LAG = "sensor_lag"
 TWISTED = 0.01  # of the ratio: more than this no torsion makes of it
 WHOLE = 0.05  # from a whole number, which a ratio of teeth mostly is
 NO_TWIST = tuple(name for name in NO_TORSION if name != RATIO)
@@ -91,3 +97,36 @@ def with_measured_ratio(
     mended = [log.with_facts({"gear_ratio": ratio - circular}, note=said) for log in logs]
     told = [replace(f, sentence=f"{f.sentence} {said}") if f.name == RATIO else f for f in faults]
     return mended, tuple(told)
+
+
+def late_load(
+    made: Analysis, logs: Sequence[Log]
+) -> tuple[list[Log], tuple[DataFault, ...]] | None:
+    """Return the runs with a late load cell moved to where it belongs, and the fault of each.
+
+    A sensor cannot read a torque before it is there: where its lag comes out negative, the channel
+    of the known load is late by that much more than the sensor. None where it is not.
+    """
+    load = made.study.problem.known_load
+    at = [k for k, owner in enumerate(e.name for e in made.final.effects for _ in e.terms)
+          if owner == LAG]  # fmt: skip
+    lateness = float(made.final.coefficients[at[0]]) if at else 0.0
+    if load is None or lateness >= 0.0:
+        return None
+    late = -lateness
+    moved = [move_earlier(log, load, late) for log in logs]
+    told = [
+        DataFault(
+            log.name,
+            "load_delay",
+            load,
+            late,
+            "s",
+            (0, len(log)),
+            f"{log.name}: {load} is {1e3 * late:.3g} ms late against the sensor, which cannot read "
+            "a torque before it is there; names are looked for with the channel moved by that "
+            f"much. Ask for the repair shift={load}:{late:.3g}.",
+        )
+        for log in logs
+    ]
+    return moved, tuple(told)
