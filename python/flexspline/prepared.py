@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -101,10 +102,21 @@ def preparations_of(record: Mapping[str, Any]) -> tuple[Preparation, ...]:
 
 
 def prepared(log: Log, preparations: Iterable[Preparation]) -> Log:
-    """Return the log with all channels made as a model expects them."""
-    for one in preparations:
-        log = one(log)
-    return log
+    """Return the log with all channels made as a model expects them, once for each log."""
+    ways = tuple(preparations)
+    if not ways:
+        return log
+    made = _MADE.setdefault(log, {})
+    if ways not in made:
+        whole = log
+        for one in ways:
+            whole = one(whole)
+        made.clear()  # the last ones that were asked for: a log is prepared in one way at a time
+        made[ways] = whole
+    return made[ways]
+
+
+_MADE: WeakKeyDictionary[Log, dict[tuple[Preparation, ...], Log]] = WeakKeyDictionary()
 
 
 def noise_of_channels(logs: Sequence[Log]) -> dict[str, ChannelNoise]:

@@ -79,7 +79,7 @@ def channel_noise(logs: Sequence[Log], channel: str) -> ChannelNoise | None:
     logs : runs that all have the channel, of finite values; time strictly increasing.
     """
     rate = min(log.rate for log in logs)
-    frequencies = np.geomspace(2.0 / SECONDS, 0.45 * rate, 160)
+    frequencies = np.geomspace(2.0 / SECONDS, 0.45 * rate, 80)
     densities, weights = [], []
     for log in logs:
         time, values = log["time"], log[channel]
