@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import os
-import re
 from dataclasses import replace
 from pathlib import Path
 
 from flexspline.block import block_bytes
+from flexspline.cpp_text import namespace_name
 from flexspline.errors import InputError, did_you_mean
 from flexspline.files import atomic_write
 from flexspline.header import header_text
@@ -16,16 +16,6 @@ from flexspline.model import PART_OF, Model
 __all__ = ["FORMATS", "export", "namespace_of"]
 
 FORMATS = ("header", "binary", "json")
-
-WORDS_OF_CPP = """
-alignas alignof and and_eq asm auto bitand bitor bool break case catch char char8_t char16_t
-char32_t class co_await co_return co_yield compl concept const const_cast consteval constexpr
-constinit continue decltype default delete do double dynamic_cast else enum explicit export extern
-false float for friend goto if inline int long main mutable namespace new noexcept not not_eq
-nullptr operator or or_eq private protected public register reinterpret_cast requires return short
-signed sizeof static static_assert static_cast std struct switch template this thread_local throw
-true try typedef typeid typename union unsigned using virtual void volatile wchar_t while xor xor_eq
-"""
 
 
 def export(
@@ -75,8 +65,4 @@ def export(
 
 def namespace_of(path: str | os.PathLike[str]) -> str:
     """Return the stem of a path as a C++ namespace: "joint 7.hpp" is "joint_7"."""
-    name = re.sub(r"[^A-Za-z0-9]+", "_", Path(path).stem).strip("_") or "model"
-    if name[0].isdigit():
-        name = f"joint_{name}"
-    taken = name in WORDS_OF_CPP.split() or name == "flexspline"
-    return f"{name}_model" if taken else name
+    return namespace_name(Path(path).stem)
