@@ -62,7 +62,11 @@ class Analysis:
     looked_at: float
 
     def without(self, name: str) -> Analysis:
-        """Return the analysis with one name fewer: the others refitted, what is left anew."""
+        """Return the analysis with one effect fewer: the others refitted, what is left anew."""
+        if name in [e.name for e in self.base.effects]:
+            base, final = (self.searcher.fitted(work.plain(name))[0]
+                           for work in (self.base, self.final))  # fmt: skip
+            return replace(self, base=base, final=final)
         kept = [e for e in self.final.effects if e.name != name]
         final, _ = self.searcher.fitted(self.final.having(kept))
         leftover = leftover_of(self.ceiling, final).times(1.0 / self.looked_at)

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
+from flexspline.discovery.freedom import DIRECTIONS, LAG
 from flexspline.discovery.grids import shaped
 from flexspline.effects import CATALOGUE, TARGETS, Effect, Harmonic
 from flexspline.errors import InputError
@@ -75,7 +76,8 @@ def possible(
     """
     names = {e.name for e in base}
     absent = _absent(exclude, names)
-    taken = names | set(PAIRED) | {n for own in names for n in PAIRED.get(own, ())}
+    never = {DIRECTIONS} if target == "sensor_torque" else {DIRECTIONS, LAG}
+    taken = names | never | set(PAIRED) | {n for own in names for n in PAIRED.get(own, ())}
     found, reasons = [], {}
     for info in CATALOGUE.values():
         if info.name in taken or TARGETS[target] not in info.targets:

@@ -103,8 +103,7 @@ class Overlap:
         """Let functions join the model: the columns of all are read once."""
         folds = self.ceiling.folds
         new = [
-            np.column_stack([self.ceiling.part(f, self._place(k)) for k in groups])
-            for f in folds
+            np.column_stack([self.ceiling.part(f, self._place(k)) for k in groups]) for f in folds
         ]
         every = slice(0, self.across.shape[1])
         across = self._scaled(

@@ -14,7 +14,7 @@ model. Blocks are longer than the residual's memory (two seconds at least).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -92,8 +92,15 @@ class Confirmed:
     also_seen: tuple[AlsoSeen, ...]
 
 
-def confirmed(made: Analysis, fitted: Callable[[Working], Fit]) -> Confirmed:
-    """Withdraw names until each of them holds; `fitted` makes the fit to return of a model."""
+def confirmed(made: Analysis, fitted: Callable[[Working], Fit], base: Sequence[str]) -> Confirmed:
+    """Withdraw names until each of them holds.
+
+    Parameters
+    ----------
+    fitted : makes the fit to return of a model.
+    base : effects that the caller gave; what else the base was given for its form is withdrawn
+        too where it is not significant.
+    """
     small: list[AlsoSeen] = []
     while True:
         fit = fitted(made.final)
@@ -104,6 +111,11 @@ def confirmed(made: Analysis, fitted: Callable[[Working], Fit]) -> Confirmed:
             made.searcher.refused[worst.effect.name] = worst.withdrawn
         else:
             little = [one for one in shown if one.share < SMALL] if len(shown) > 1 else []
+            freed = {e.name for e in made.base.effects} - {*base}
+            idle = [name for name in freed if not significance(fit, name) < SIGNIFICANT]
+            if not little and idle:
+                made = made.without(idle[0])
+                continue
             if not little:
                 by_name = {one.effect.name: one for one in shown}
                 return Confirmed(made, fit, by_name, tuple(small))

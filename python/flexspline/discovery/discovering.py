@@ -20,9 +20,9 @@ if TYPE_CHECKING:  # what is heavy is imported where it is used
     from flexspline.discovery.result import Discovery
     from flexspline.discovery.working import Working
     from flexspline.experiment.limits import Limits
-    from flexspline.fit.result import Fit
     from flexspline.fit.names import Bounds
     from flexspline.fit.problem import Problem
+    from flexspline.fit.result import Fit
     from flexspline.logs.log import Log
     from flexspline.model import Model
     from flexspline.prepared import Preparation
@@ -80,6 +80,7 @@ def discover(
     """
     from flexspline.discovery.assemble import assembled
     from flexspline.discovery.faults import data_faults, late_load, with_measured_ratio
+    from flexspline.discovery.freedom import LAG, freedoms
     from flexspline.discovery.grades import graded
     from flexspline.discovery.rest import moving
     from flexspline.discovery.steady import steadied
@@ -105,7 +106,6 @@ def discover(
             threads,
         )
         ways = (*steady, *ways)
-    given, runs = runs, [moving(log, start.target) for log in runs]
 
     style = {"bar_format": "{desc}{elapsed}", "leave": False, "delay": 1.0}
     alone = threadpool_limits(1 if threads > 1 else None, user_api="blas")  # cores have work enough
@@ -116,15 +116,25 @@ def discover(
             bar.set_description(what)
 
         way = _Way(start, lowpass, orders or {}, tuple(ways), threads, say)
-        held = _searched(runs, way, [*exclude])
-        late = late_load(held.made, runs)
+        excluded = [*exclude]
+        free = freedoms(start.effects, start.target, start.known_load, runs, inputs)
+        free = tuple(name for name in free if name not in excluded)
+        held = _searched(_Recorded.of(runs, way), way, excluded, free)
+        late = late_load(held.made, runs) if LAG in free else None
         if late is not None:
             runs, told = late
-            held = _searched(runs, way, [*exclude, "sensor_lag"])
             noisy = (*noisy, *told)
-        rows = _rows(given, runs, held.made)
-        found = assembled(held, faults + noisy, tuple(inputs.values()), rows, limits)
-        judged = graded(found.data_faults, runs, found.fit, found.noise_floor)
+            held = _searched(_Recorded.of(runs, way), way, excluded, free)
+        elif LAG in free and LAG in [e.name for e in held.made.base.effects]:
+            free = tuple(name for name in free if name != LAG)  # it is the sensor's: to be named
+            held = _searched(_Recorded.of(runs, way), way, excluded, free)
+        recorded = _Recorded.of(runs, way)
+        rows = _rows(runs, recorded.logs, held.made)
+        found = replace(
+            assembled(held, faults + noisy, tuple(inputs.values()), rows, limits),
+            base_effects=tuple(effect.name for effect in start.effects),
+        )
+        judged = graded(found.data_faults, recorded.logs, found.fit, found.noise_floor)
         return replace(found, data_faults=judged)
 
 
@@ -139,24 +149,48 @@ class _Way:
     threads: int
     say: Callable[[str], None]
 
-    def problem(self, runs: Sequence[Log], effects: Sequence[Effect]) -> Problem:
+    def problem(self, runs: _Recorded, effects: Sequence[Effect]) -> Problem:
         from flexspline.fit.problem import problem_of
 
         return problem_of(
-            runs,
+            runs.logs,
             effects,
             self.start.target,
             known_load=self.start.known_load,
             lowpass_hz=self.lowpass,
             threads=self.threads,
             preparations=self.preparations,
+            inputs=runs.inputs,
         )
 
 
-def _searched(runs: Sequence[Log], way: _Way, exclude: Sequence[str]) -> Confirmed:
-    """The names that hold beside the base, in the model that is fitted to all rows that count."""
+@dataclass(frozen=True)
+class _Recorded:
+    """The rows of the runs that count: as recorded, and with inputs made before any was cut."""
+
+    logs: list[Log]
+    inputs: list[Log]
+
+    @classmethod
+    def of(cls, runs: Sequence[Log], way: _Way) -> _Recorded:
+        from flexspline.discovery.rest import moving
+        from flexspline.prepared import prepared
+
+        target, ways = way.start.target, way.preparations
+        return cls(
+            [moving(log, target) for log in runs],
+            [moving(prepared(log, ways), target, as_in=log) for log in runs],
+        )
+
+
+def _searched(runs: _Recorded, way: _Way, exclude: Sequence[str], free: Sequence[str]) -> Confirmed:
+    """The names that hold beside the base, in the model that is fitted to all rows that count.
+
+    `free`: what the base is given beside its effects (`freedom.py`).
+    """
     from flexspline.discovery.analysis import analysed
     from flexspline.discovery.confirmation import confirmed
+    from flexspline.discovery.freedom import with_freedoms
     from flexspline.discovery.study import study_of
     from flexspline.fit.fitting import fit, fit_near, with_orders
 
@@ -164,18 +198,20 @@ def _searched(runs: Sequence[Log], way: _Way, exclude: Sequence[str]) -> Confirm
     effects: Sequence[Effect] = with_orders(start.effects, way.orders)
     if any(e.ripple and not e.harmonics for e in effects):
         effects = fit(
-            effects, runs, start.target, known_load=start.known_load, lowpass=way.lowpass,
+            effects, runs.logs, start.target, known_load=start.known_load, lowpass=way.lowpass,
             fixed=start.fixed, checks=False, threads=way.threads,
         ).part.effects  # fmt: skip
+    effects = with_freedoms(effects, free)
     study = study_of(
         effects,
-        runs,
+        runs.logs,
         start.target,
         known_load=start.known_load,
         lowpass_hz=way.lowpass,
         exclude=exclude,
         threads=way.threads,
         preparations=way.preparations,
+        inputs=runs.inputs,
     )
     made = analysed(study, effects, start.fixed, way.say)
     way.say("errors and validation")
@@ -187,7 +223,7 @@ def _searched(runs: Sequence[Log], way: _Way, exclude: Sequence[str]) -> Confirm
             posed, work.effects, start.fixed, limited, start.model, priors, general=True
         )
 
-    return confirmed(made, fitted)
+    return confirmed(made, fitted, [effect.name for effect in start.effects])
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flexspline.discovery.freedom import LAG
 from flexspline.effects import Effect
 from flexspline.fit.fitting import NO_TORSION
 from flexspline.logs.checks import check
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 __all__ = ["DataFault", "data_faults", "late_load", "with_measured_ratio"]
 
 RATIO = "gear_ratio"
-LAG = "sensor_lag"
+SENSOR = ("sensor_torque",)
 TWISTED = 0.01  # of the ratio: more than this no torsion makes of it
 WHOLE = 0.05  # from a whole number, which a ratio of teeth mostly is
 NO_TWIST = tuple(name for name in NO_TORSION if name != RATIO)
@@ -105,27 +106,30 @@ def late_load(
     """Return the runs with a late load cell moved to where it belongs, and the fault of each.
 
     A sensor cannot read a torque before it is there: where its lag comes out negative, the channel
-    of the known load is late by that much more than the sensor. None where it is not.
+    of the known load is late by that much more than the sensor. Between the torque of a drive and
+    the load cell any delay is one of the recorder. None where there is none.
     """
-    load = made.study.problem.known_load
-    at = [k for k, owner in enumerate(e.name for e in made.final.effects for _ in e.terms)
-          if owner == LAG]  # fmt: skip
-    lateness = float(made.final.coefficients[at[0]]) if at else 0.0
-    if load is None or lateness >= 0.0:
+    problem = made.study.problem
+    owners = [e.name for e in made.final.effects for _ in e.terms]
+    at = [k for k, owner in enumerate(owners) if owner == LAG]
+    late = -float(made.final.coefficients[at[0]]) if at else 0.0
+    load = problem.known_load
+    if load is None or late == 0.0 or (problem.target == "sensor_torque" and late < 0.0):
         return None
-    late = -lateness
+    channel = load if late > 0.0 else problem.target
+    why = ", which cannot read a torque before it is there" if problem.target in SENSOR else ""
     moved = [move_earlier(log, load, late) for log in logs]
     told = [
         DataFault(
             log.name,
             "load_delay",
-            load,
-            late,
+            channel,
+            abs(late),
             "s",
             (0, len(log)),
-            f"{log.name}: {load} is {1e3 * late:.3g} ms late against the sensor, which cannot read "
-            "a torque before it is there; names are looked for with the channel moved by that "
-            f"much. Ask for the repair shift={load}:{late:.3g}.",
+            f"{log.name}: {channel} is {1e3 * abs(late):.3g} ms late against "
+            f"{problem.target if channel == load else load}{why}; names are looked for with {load} "
+            f"moved by that much. Ask for the repair shift={channel}:{abs(late):.3g}.",
         )
         for log in logs
     ]

@@ -126,6 +126,7 @@ def study_of(
     threads: int,
     exclude: Iterable[str] = (),
     preparations: Sequence[Preparation] = (),
+    inputs: Sequence[Log] | None = None,
 ) -> Study:
     """Make logs ready for the base and every effect that they could show beside it.
 
@@ -142,10 +143,11 @@ def study_of(
         lowpass_hz=lowpass_hz,
         threads=threads,
         preparations=preparations,
+        inputs=inputs,
     )
-    logs = [_with_motion(log) for log in logs]
-    effects, reasons = possible(base, logs, target, known_load, exclude)
-    kept = [e for e in effects if _finite(e, logs, reasons)]
+    inputs = [_with_motion(log) for log in (logs if inputs is None else inputs)]
+    effects, reasons = possible(base, inputs, target, known_load, exclude)
+    kept = [e for e in effects if _finite(e, inputs, reasons)]
     problem = problem_of(
         logs,
         [*base, *kept],
@@ -154,6 +156,7 @@ def study_of(
         lowpass_hz=lowpass_hz,
         threads=threads,
         preparations=preparations,
+        inputs=inputs,
     )
     runs = tuple(replace(run, stretches=run.unbroken) for run in problem.runs)
     return Study(replace(problem, runs=runs), kept, reasons)

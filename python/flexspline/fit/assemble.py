@@ -239,7 +239,11 @@ def _record(
             "filtered": made.denominator is not None,
         },
         "lowpass": problem.lowpass,
-        **({"prepared": [p.to_json() for p in problem.preparations]} if problem.preparations else {}),
+        **(
+            {"prepared": [p.to_json() for p in problem.preparations]}
+            if problem.preparations
+            else {}
+        ),
         "channels": channels,
         "validity": {
             name: [

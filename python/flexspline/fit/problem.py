@@ -229,11 +229,12 @@ def problem_of(
     threads: int,
     offset_per_run: bool = False,
     preparations: Sequence[Preparation] = (),
+    inputs: Sequence[Log] | None = None,
 ) -> Problem:
     """Make logs ready for a fit of these effects to this target.
 
     `preparations`: how channels are made that the rows read; the target is that of the logs as
-    they are.
+    they are. `inputs`: these logs with the channels so made, where rows were taken out since.
 
     Raises
     ------
@@ -246,7 +247,11 @@ def problem_of(
     if offset_per_run and "offset" not in [effect.name for effect in effects]:
         raise InputError("offset_per_run needs the effect 'offset'; add it to the effects")
     gear = gear_for(logs, target, effects)
-    made = [_run(log, effects, target, known_load, lowpass_hz, preparations) for log in logs]
+    inputs = [*inputs] if inputs is not None else [prepared(log, preparations) for log in logs]
+    made = [
+        _run(*both, effects, target, known_load, lowpass_hz)
+        for both in zip(logs, inputs, strict=True)
+    ]
     require_change(target, [run.target for run in made])
     rate = float(np.median([run.log.rate for run in made]))
     counted = sum(run.counted for run in made)
@@ -274,16 +279,16 @@ def _offset_column(effects: Sequence[Effect]) -> int | None:
 
 def _run(
     log: Log,
+    made: Log,
     effects: Sequence[Effect],
     target: str,
     known_load: str | None,
     cutoff: float | None,
-    preparations: Sequence[Preparation],
 ) -> Run:
     if len(log) < 2:
         raise InputError(f"log '{log.name}': one row is no run; leave it out or record longer")
     y = target_of(log, target, known_load)
-    log = channels_for(prepared(log, preparations), effects, known_load)
+    log = channels_for(made, effects, known_load)
     channels = core_channels(log, effects, known_load)
     require_finite(log, {**channels, target: y})
     stretches = [(int(first), int(last)) for first, last in runs(log["time"])]

@@ -84,7 +84,7 @@ def channel_noise(logs: Sequence[Log], channel: str) -> ChannelNoise | None:
     for log in logs:
         time, values = log["time"], log[channel]
         for first, last in runs(time):
-            if last - first >= SHORTEST and 4 * DIFFERENCES / SECONDS < 0.45 * rate:
+            if last - first >= SHORTEST and 0.45 * rate > 4 * DIFFERENCES / SECONDS:
                 densities.append(_density(time[first:last], values[first:last], frequencies))
                 weights.append(last - first)
     if not densities:
@@ -114,7 +114,5 @@ def _density(time: Array, values: Array, frequencies: Array) -> Array:
     at, raw = welch(rough, 1.0 / step, "blackmanharris", length, detrend="linear")
     raw = raw[1:] / (2.0 * np.sin(np.pi * at[1:] * step)) ** (2 * DIFFERENCES)
     edges = np.searchsorted(at[1:], np.outer([1.0 / 1.25, 1.25], frequencies))
-    made = [
-        np.median(raw[min(low, len(raw) - 1) : max(high, low + 1)]) for low, high in edges.T
-    ]
+    made = [np.median(raw[min(low, len(raw) - 1) : max(high, low + 1)]) for low, high in edges.T]
     return np.asarray(made)

@@ -6,11 +6,12 @@ from collections.abc import Sequence
 from itertools import groupby
 from typing import TYPE_CHECKING
 
+from flexspline.discovery.freedom import DIRECTIONS
 from flexspline.discovery.shrunk import telling
 from flexspline.errors import listed
 from flexspline.logs.channels import CHANNELS
 from flexspline.report.content import ParameterLine, parameter_lines
-from flexspline.report.numbers import decimals_for, short
+from flexspline.report.numbers import decimals_for, plus_minus, short
 from flexspline.report.verdict import TARGET_WORDS
 
 if TYPE_CHECKING:
@@ -103,6 +104,20 @@ def inputs_sentence(made: Discovery) -> str:
     return f"Rows read {told}, zero phase: above that these channels carry noise alone."
 
 
+def directions_sentence(made: Discovery) -> str:
+    """Return how friction differs between directions, where the search gave it that freedom."""
+    if DIRECTIONS in made.base_effects:
+        return ""
+    told = [
+        f"{p.name.split('.')[1]} by {plus_minus(2.0 * p.value, 2.0 * p.standard_error)} {p.unit}"
+        for p in made.fit.parameters
+        if p.name.startswith(f"{DIRECTIONS}.")
+    ]
+    if not told:
+        return ""
+    return f"Friction differs between directions, forward less backward: {listed(told)}."
+
+
 def also_seen_sentences(made: Discovery) -> list[str]:
     """Return a sentence for each effect that is real but too small to matter."""
     return [
@@ -156,6 +171,8 @@ def remarks(made: Discovery) -> list[str]:
     if made.also_seen:
         told = listed(also_seen_sentences(made), most=len(made.also_seen))
         said.append(f"Also seen, too small to matter and no part of the model: {told}.")
+    if sentence := directions_sentence(made):
+        said.append(sentence)
     said += [sentence for sentence in (rows_sentence(made), inputs_sentence(made)) if sentence]
     if made.motion is not None and made.found:
         said.append(
