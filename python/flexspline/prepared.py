@@ -31,8 +31,6 @@ POSITION, VELOCITY, ACCELERATION = (
 )
 INPUTS = ("motor_position", "temperature", "motor_temperature")
 OF_THE_MOTOR = ("motor_torque", "motor_current")  # inputs where they are not the target
-PASSED = 0.6  # of a smoother's -3 dB: up to there it passes 0.955 of a signal
-HIGHEST = 0.24  # of the rate: what a smoother of a few rows can do
 QUIETER = 0.5  # of the noise of a derivative, for a recorded velocity to be used instead: it may
 # be late, and have been filtered by its drive, which a position has not
 
@@ -146,7 +144,7 @@ def preparations_for(
     inputs = (*INPUTS, *(() if drive else OF_THE_MOTOR), *([known_load] if known_load else []))
     for name in (n for n in inputs if n in noise):
         if noise[name].noisy:
-            made.append(Preparation(name, name, _cutoff(noise[name])))
+            made.append(Preparation(name, name, noise[name].smoother()))
     return tuple(made)
 
 
@@ -155,18 +153,16 @@ def _motion(noise: Mapping[str, ChannelNoise]) -> Iterable[Preparation]:
     position, velocity = noise.get(POSITION), noise.get(VELOCITY)
     if position is None or not position.noisy:
         return
-    cutoff = _cutoff(position)
     source = POSITION
     if velocity is not None:
         band = min(position.bandwidth, velocity.bandwidth)
         if velocity.within(band) < QUIETER * position.within(band, 1):
-            source, cutoff = VELOCITY, _cutoff(velocity)
-    yield Preparation(ACCELERATION, source, cutoff)
-    if source == POSITION or (velocity is not None and velocity.noisy):
-        yield Preparation(VELOCITY, source, cutoff)
-    yield Preparation(POSITION, POSITION, _cutoff(position))
-
-
-def _cutoff(noise: ChannelNoise) -> float:
-    """-3 dB of the smoother that passes what exceeds the noise, Hz."""
-    return float(f"{min(noise.bandwidth / PASSED, HIGHEST * noise.rate):.6g}")
+            source = VELOCITY
+    if source == VELOCITY and velocity is not None:
+        yield Preparation(ACCELERATION, VELOCITY, velocity.smoother(1))
+        if velocity.noisy:
+            yield Preparation(VELOCITY, VELOCITY, velocity.smoother())
+    else:
+        yield Preparation(ACCELERATION, POSITION, position.smoother(2))
+        yield Preparation(VELOCITY, POSITION, position.smoother(1))
+    yield Preparation(POSITION, POSITION, position.smoother())

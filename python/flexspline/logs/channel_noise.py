@@ -4,9 +4,12 @@ The power spectral density of a recorded channel is that of its signal S(f), whi
 (motions, loads and temperatures have a bandwidth), and that of what the recorder adds, N, which is
 flat: quantisation of a signal that moves over many steps (Widrow 1956) and electronic noise. N is
 the level of the highest octave; the bandwidth is the highest frequency with S > N: below it the
-channel speaks, above it only its noise does. A Wiener filter passes S / (S + N), so this is also
-where a smoother should end; the derivatives of a channel have the same bandwidth, as signal and
-noise are multiplied by the same (2πf)².
+channel speaks, above it only its noise does. The best smoother for a derivative of order k is the
+one whose response G loses and lets pass the least,
+
+    ∫ (2πf)^2k [(1 − G)² S + G² N] df,
+
+which is where a Wiener filter, S / (S + N), would end too.
 
 Spectra are averaged over segments (Welch 1967) of the second differences, whose own spectrum is
 flat enough for no leakage to hide the floor, and divided by the gain of these differences.
@@ -15,7 +18,7 @@ flat enough for no leakage to hide the floor, and divided by the gain of these d
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +26,7 @@ from scipy.interpolate import make_interp_spline
 from scipy.signal import welch
 
 from flexspline.logs.grain import quantum
+from flexspline.logs.local_fit import response
 from flexspline.logs.log import Log
 from flexspline.logs.segments import median_step, runs
 
@@ -34,6 +38,7 @@ SECONDS = 4.0  # of a segment: it resolves a quarter of a hertz, far below any b
 SHORTEST = 64  # rows of a run that is looked at
 DIFFERENCES = 2
 EVEN = 1e-3  # of a step, by which times may be off to count as even
+HIGHEST, WIDTHS = 0.24, 60  # of the rate, what a smoother of a few rows can do; how many are tried
 NEGLIGIBLE = 1e-7  # noise over the spread of a channel: what a file of eight digits has itself
 
 
@@ -49,6 +54,7 @@ class ChannelNoise:
     bandwidth : Hz, highest frequency at which the signal exceeds the floor.
     rate : Hz, of the runs; the slowest of them.
     spread : RMS of the channel around its mean.
+    density : power spectral density S + N (F,), unit²/Hz, at `frequencies` (F,), Hz.
     """
 
     channel: str
@@ -57,6 +63,8 @@ class ChannelNoise:
     bandwidth: float
     rate: float
     spread: float
+    frequencies: Array = field(repr=False, compare=False)
+    density: Array = field(repr=False, compare=False)
 
     @property
     def noisy(self) -> bool:
@@ -69,6 +77,17 @@ class ChannelNoise:
         density = 2.0 * self.noise**2 / self.rate
         slope = (2.0 * np.pi) ** derivative
         return float(slope * np.sqrt(density * bandwidth**order / order))
+
+
+    def smoother(self, derivative: int = 0) -> float:
+        """-3 dB [Hz] of the smoother that tells a derivative of the channel best."""
+        floor = 2.0 * self.noise**2 / self.rate
+        signal = np.maximum(self.density - floor, 0.0)
+        weight = self.frequencies ** (2 * derivative) * np.gradient(self.frequencies)
+        widths = np.geomspace(self.frequencies[0], HIGHEST * self.rate, WIDTHS)
+        gains = response(self.frequencies, widths[:, None])
+        errors = ((1.0 - gains) ** 2 * signal + gains**2 * floor) @ weight
+        return float(f"{widths[np.argmin(errors)]:.6g}")
 
 
 def channel_noise(logs: Sequence[Log], channel: str) -> ChannelNoise | None:
@@ -100,6 +119,8 @@ def channel_noise(logs: Sequence[Log], channel: str) -> ChannelNoise | None:
         bandwidth,
         rate,
         float(np.sqrt(np.mean([np.var(log[channel]) for log in logs]))),
+        frequencies,
+        density,
     )
 
 

@@ -19,6 +19,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,6 +56,12 @@ MOST_WEIGHTS = 4_000_000
 WIDE = 40.0
 """Half lengths of more median steps than this go through a cubic spline to an even grid: its
 error is below 1e-4 there, and the work does not grow with the window."""
+
+
+def response(frequency: NDArray[np.float64], bandwidth: Any) -> NDArray[np.float64]:
+    """Gain of a smoother with -3 dB at `bandwidth` [Hz] at frequencies [Hz]: (1 + s) exp(-s)."""
+    s = 0.5 * (2.0 * np.pi * frequency * WIDTH / bandwidth) ** 2
+    return np.asarray((1.0 + s) * np.exp(-s))
 
 
 @dataclass(frozen=True)
