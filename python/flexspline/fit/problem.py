@@ -238,7 +238,7 @@ def problem_of(
     require_load(effects, known_load)
     if offset_per_run and "offset" not in [effect.name for effect in effects]:
         raise InputError("offset_per_run needs the effect 'offset'; add it to the effects")
-    gear = gear_for(logs, target, effects)
+    gear = gear_for(logs, target, effects, known_load)
     made = [_run(log, effects, target, known_load, lowpass_hz) for log in logs]
     require_change(target, [run.target for run in made])
     rate = float(np.median([run.log.rate for run in made]))
