@@ -81,11 +81,13 @@ def discover(
     from flexspline.discovery.study import study_of
     from flexspline.fit.fitting import fit, fit_near, with_orders
     from flexspline.fit.problem import problem_of
+    from flexspline.fit.requirements import require_apart
     from flexspline.logs.log import Log
 
     runs = [logs] if isinstance(logs, Log) else list(logs)
     if not runs:
         raise InputError("there is no log to look at; give at least one")
+    require_apart(runs)
     start = _start(model_or_effects, target, known_load, fixed or {})
     faults = data_faults(runs, start.effects, start.target, start.known_load, threads)
     runs, faults = with_measured_ratio(runs, faults, start.target)

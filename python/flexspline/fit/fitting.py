@@ -111,7 +111,7 @@ def fit(
     from flexspline.fit.assemble import assembled
     from flexspline.fit.estimate import Given, estimate
     from flexspline.fit.problem import problem_of
-    from flexspline.fit.requirements import require_one_unit
+    from flexspline.fit.requirements import require_apart, require_one_unit
     from flexspline.fit.ripple import with_found_orders
     from flexspline.logs.log import Log
 
@@ -125,6 +125,7 @@ def fit(
             raise InputError(
                 f"logs holds a {type(run).__name__}; give logs, as read_log makes them"
             )
+    require_apart(runs)
     chosen = with_orders(effects, orders or {})
     if by != "regression" or controller is not None or free_controller:
         _require_simulation(by, priors, offset_per_run)

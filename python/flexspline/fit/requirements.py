@@ -16,6 +16,7 @@ from flexspline.signals import gear_of
 __all__ = [
     "IMAGINABLE",
     "gear_for",
+    "require_apart",
     "require_change",
     "require_finite",
     "require_load",
@@ -47,6 +48,21 @@ def require_finite(log: Log, columns: Mapping[str, Array]) -> None:
                 f"log '{log.name}': {name} is not finite in {len(bad)} rows, first in row "
                 f"{bad[0]}; ask for the repair drop_invalid, or mend the recording"
             )
+
+
+def require_apart(logs: Sequence[Log]) -> None:
+    """Refuse a run that is there twice: it would be held out and fitted at once."""
+    seen: dict[tuple[object, ...], list[Log]] = {}
+    for number, log in enumerate(logs):
+        ends = tuple((name, log[name][[0, -1]].tobytes()) for name in log.channels)
+        alike = seen.setdefault((len(log), ends), [])
+        for other in alike:
+            if all(np.array_equal(log[name], other[name], equal_nan=True) for name in log.channels):
+                raise InputError(
+                    f"run {number + 1} of {len(logs)}, '{log.name}', holds the same values as the "
+                    f"run '{other.name}': a run counts once; leave one of them out"
+                )
+        alike.append(log)
 
 
 def require_change(target: str, columns: Sequence[Array]) -> None:
