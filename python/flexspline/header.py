@@ -21,7 +21,7 @@ __all__ = ["header_text"]
 MEANING = {
     "sensor_torque": "what the sensor reads beside the load: true torque = sensor_torque - this",
     "motor_torque": "what the joint takes: torque at the output = ratio * motor_torque - this",
-    "motor_current": "the motor current that the joint takes",
+    "motor_current": "the motor current that the joint takes beside a known load",
     "torsion": "output_position * ratio - motor_position",
 }
 

@@ -102,8 +102,9 @@ class Model:
         InputError
             Where the facts are of another joint.
         """
-        self._require_same(("joint", *GEAR, "pole_pairs", "slots"), facts, "the logs have")
         parts = {**self.parts, PART_OF[part.target]: part}
+        scales = [name for own in parts.values() for name in _scales(own)]
+        self._require_same(("joint", *scales, "pole_pairs", "slots"), facts, "the logs have")
         known = {key: value for key, value in facts.items() if value is not None}
         return replace(self, parts=parts, facts={**self.facts, **known})
 
@@ -143,7 +144,7 @@ class Model:
             Where a channel that an effect reads is missing, or the gear is another one.
         """
         part = self.part(target)
-        self.require_gear(log)
+        self.require_scales(log, part)
         measured = self._measured(part, log)
         log = prepared(log, part.preparations)
         log = channels_for(log, part.effects, part.known_load, load_needed=False)
@@ -153,9 +154,9 @@ class Model:
             measured = lowpass(measured, log["time"], lowpass_hz).values
         return Prediction(np.asarray(log["time"]), measured, predicted, part.target, part.unit)
 
-    def require_gear(self, log: Log) -> None:
-        """Refuse a log of another gear."""
-        self._require_same(GEAR, log.facts, f"log '{log.name}' has")
+    def require_scales(self, log: Log, part: Part) -> None:
+        """Refuse a log of another gear, or whose current is worth another load."""
+        self._require_same(_scales(part), log.facts, f"log '{log.name}' has")
 
     def components(self, log: Log, target: str | None = None) -> dict[str, Array]:
         """Return what each effect contributes, (N,) by its name, in the unit of the target."""
@@ -259,7 +260,7 @@ class Model:
 
     def _measured(self, part: Part, log: Log) -> Array:
         """The y of the log (N,); NaN where it lacks the channels."""
-        facts = {key: self.facts[key] for key in GEAR if key in self.facts}
+        facts = {key: self.facts[key] for key in _scales(part) if key in self.facts}
         try:
             return target_of(log.with_facts(facts), part.target, part.known_load)
         except InputError:
@@ -271,6 +272,12 @@ def _estimators(content: Mapping[str, Any], label: str) -> dict[str, Estimator]:
         return {key: ESTIMATORS[key].from_json(entry) for key, entry in content.items()}
     except InputError as error:
         raise InputError(f"{label}: estimators: {error}") from error
+
+
+def _scales(part: Part) -> tuple[str, ...]:
+    """Facts of the joint that the y of a part is made with."""
+    in_amperes = part.target == "motor_current" and part.known_load is not None
+    return (*GEAR, "torque_constant") if in_amperes else GEAR
 
 
 def _by_motor_encoder(part: Part, log: Log) -> bool:

@@ -15,7 +15,7 @@ from flexspline.discovery.grids import shaped
 from flexspline.effects import CATALOGUE, TARGETS, Effect, Harmonic
 from flexspline.errors import InputError
 from flexspline.fit.problem import Problem
-from flexspline.fit.requirements import gear_for, require_load
+from flexspline.fit.requirements import gear_for, require_load, require_one_unit
 from flexspline.logs.log import Log
 from flexspline.signals import channels_for
 
@@ -99,6 +99,7 @@ def possible(
     for effect in list(found):
         try:
             require_load([*carriers, effect], known_load)
+            require_one_unit([*base, effect], target, known_load)
         except InputError as error:
             reasons[effect.name] = str(error)
             found.remove(effect)
@@ -129,7 +130,7 @@ def candidates_for(
     """
     names, made = {e.name for e in model}, []
     for effect in effects:
-        if effect.name in names or not _loaded([*model, effect], problem.known_load):
+        if effect.name in names or not _loaded([*model, effect], problem):
             continue
         effect = effect.with_orders(pools.get(effect.name, ())) if effect.ripple else effect
         variants = shaped(effect, tuple(model), problem)
@@ -141,9 +142,10 @@ def candidates_for(
     return made
 
 
-def _loaded(effects: Sequence[Effect], known_load: str | None) -> bool:
+def _loaded(effects: Sequence[Effect], problem: Problem) -> bool:
     try:
-        require_load(effects, known_load)
+        require_load(effects, problem.known_load)
+        require_one_unit(effects, problem.target, problem.known_load)
     except InputError:
         return False
     return True

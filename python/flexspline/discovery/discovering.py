@@ -84,12 +84,14 @@ def discover(
     from flexspline.discovery.grades import graded
     from flexspline.discovery.rest import moving
     from flexspline.discovery.steady import steadied
+    from flexspline.fit.requirements import require_apart
     from flexspline.logs.log import Log
     from flexspline.prepared import noise_of_channels, preparations_for
 
     runs = [logs] if isinstance(logs, Log) else list(logs)
     if not runs:
         raise InputError("there is no log to look at; give at least one")
+    require_apart(runs)
     start = _start(model_or_effects, target, known_load, fixed or {})
     faults = data_faults(runs, start.effects, start.target, start.known_load, threads)
     runs, faults = with_measured_ratio(runs, faults, start.target)

@@ -20,6 +20,7 @@ from flexspline.discovery.working import Working
 from flexspline.effects import UNITS, Effect
 from flexspline.errors import InputError
 from flexspline.fit.problem import Problem, problem_of
+from flexspline.fit.requirements import require_one_unit
 from flexspline.logs.derive import differentiate
 from flexspline.logs.log import Log
 from flexspline.orders import FoundOrder
@@ -135,6 +136,7 @@ def study_of(
     InputError
         As `fit`, for the base alone; for a name in `exclude` that is no effect or is in the base.
     """
+    require_one_unit(base, target, known_load)
     problem_of(
         logs,
         base,

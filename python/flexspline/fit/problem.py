@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache, reduce
+from functools import lru_cache
 from itertools import pairwise
-from operator import add
 from typing import Any
 
 import numpy as np
@@ -22,7 +21,7 @@ from flexspline.fit.requirements import (
     require_finite,
     require_load,
 )
-from flexspline.fit.sums import Sums
+from flexspline.fit.sums import Sums, joined
 from flexspline.logs.derive import LowPass, lowpass
 from flexspline.logs.local_fit import require_bandwidth
 from flexspline.logs.log import Log
@@ -76,7 +75,8 @@ class Problem:
 
     `gear`: effective ratio, output spline and whether the motor's angle is measured, as
     `_core.Design` takes them. `lowpass`: Hz, on target and rows alike, or None. `preparations`: of
-    the channels that rows read.
+    the channels that rows read. `centred`: whether an offset of each run is taken out of target and
+    rows (`offsets.py`).
     """
 
     runs: tuple[Run, ...]
@@ -88,23 +88,22 @@ class Problem:
     block_rows: int
     offset_per_run: bool = False
     preparations: tuple[Preparation, ...] = ()
+    centred: bool = False
     kept: dict[Any, Array] = field(default_factory=dict, compare=False, repr=False)
     remembered: _core.Remembered = field(
         default_factory=_core.Remembered, compare=False, repr=False
     )
 
-    def place(self, effects: Sequence[Effect]) -> list[NDArray[np.intp]]:
-        """Number of the parameter behind each column of the core, an array (P,) for each run.
+    def place(self, effects: Sequence[Effect], number: int) -> NDArray[np.intp]:
+        """Number of the parameter behind each column of the core for a run, (P,).
 
         One offset for each run stands behind all other parameters.
         """
-        count = sum(len(effect.terms) for effect in effects)
+        columns = np.arange(sum(len(effect.terms) for effect in effects))
         at = _offset_column(effects) if self.offset_per_run else None
         if at is None:
-            return [np.arange(count)] * len(self.runs)
-        columns = np.arange(count)
-        shared = columns - (columns > at)
-        return [np.where(columns == at, count - 1 + r, shared) for r in range(len(self.runs))]
+            return columns
+        return np.where(columns == at, len(columns) - 1 + number, columns - (columns > at))
 
     def design(self, effects: Sequence[Effect]) -> _core.Design:
         return _core.Design([effect.for_core() for effect in effects], **self.gear)
@@ -130,7 +129,8 @@ class Problem:
         design = self.design(effects)
         nothing = np.empty(0)
         pieces = []
-        for number, (run, place) in enumerate(zip(self.runs, self.place(effects), strict=True)):
+        for number, run in enumerate(self.runs):
+            place = self.place(effects, number)
             blocks = run.blocks(self.block_rows)
             weight = None if weights is None else weights[number]
             off = nothing if held is None or not held.any() else held[place]
@@ -159,7 +159,7 @@ class Problem:
             pieces.append(Sums(high, low, lengths, label))
             if self.offset_per_run:
                 pieces[-1] = pieces[-1].spread(place, self.parameters(effects))
-        return reduce(add, pieces)
+        return joined(pieces)
 
     @property
     def decimation(self) -> int:
@@ -171,7 +171,7 @@ class Problem:
 
     def parameters(self, effects: Sequence[Effect]) -> int:
         """How many coefficients there are."""
-        return max(int(place.max(initial=-1)) for place in self.place(effects)) + 1
+        return int(self.place(effects, len(self.runs) - 1).max(initial=-1)) + 1
 
     def rows(self, effects: Sequence[Effect], number: int, load: Array) -> Array:
         """Low-passed design matrix of a whole run, (N, P).
@@ -207,7 +207,7 @@ class Problem:
 
     def predict_run(self, effects: Sequence[Effect], coefficients: Array, number: int) -> Array:
         """Rows times coefficients of one run, (N,)."""
-        run, place = self.runs[number], self.place(effects)[number]
+        run, place = self.runs[number], self.place(effects, number)
         values = self.design(effects).predict(run.channels, len(run), coefficients[place])
         return self.smooth(run, np.asarray(values))
 
@@ -246,7 +246,7 @@ def problem_of(
     require_load(effects, known_load)
     if offset_per_run and "offset" not in [effect.name for effect in effects]:
         raise InputError("offset_per_run needs the effect 'offset'; add it to the effects")
-    gear = gear_for(logs, target, effects)
+    gear = gear_for(logs, target, effects, known_load)
     inputs = [*inputs] if inputs is not None else [prepared(log, preparations) for log in logs]
     made = [
         _run(*both, effects, target, known_load, lowpass_hz)
