@@ -13,6 +13,7 @@ from flexspline.effects import Effect, effect
 from flexspline.errors import InputError
 
 if TYPE_CHECKING:  # what is heavy is imported where it is used
+    from flexspline.discovery.faults import DataFault
     from flexspline.discovery.result import Discovery
     from flexspline.discovery.working import Working
     from flexspline.experiment.limits import Limits
@@ -20,16 +21,19 @@ if TYPE_CHECKING:  # what is heavy is imported where it is used
     from flexspline.fit.problem import Problem
     from flexspline.logs.log import Log
     from flexspline.model import Model
+    from flexspline.simulator.record import Simulated
 
 __all__ = ["discover"]
 
 
 def discover(
-    model_or_effects: Model | str | Effect | Iterable[str | Effect],
+    model_or_effects: Model | str | Effect | Iterable[str | Effect] | None,
     logs: Log | Sequence[Log],
     *,
     target: str | None = None,
     known_load: str | None = None,
+    simulation: Log | Sequence[Log] | None = None,
+    simulated_torque: str | None = None,
     lowpass: float | None = None,
     orders: Mapping[str, Sequence[int]] | None = None,
     fixed: Mapping[str, float] | None = None,
@@ -43,11 +47,14 @@ def discover(
     Parameters
     ----------
     model_or_effects : a model to start from, or the effects that are known to be there. Of a
-        model, what its user fixed stays fixed; all else is fitted again.
+        model, what its user fixed stays fixed; all else is fitted again. None where a simulation
+        is the base.
     logs : one or several runs of one joint; four and more are left out one by one.
     target : "sensor_torque" [Nm], "motor_torque" [Nm at the output], "motor_current" [A] or
         "torsion" [rad]; None: the model's only part.
     known_load : channel that holds τ_load [Nm]; None: that of the model.
+    simulation, simulated_torque : what any simulator predicts of the target, as for `compare`: it
+        is the base, and what is found is what it lacks.
     lowpass : Hz; zero phase, on the target and on every row alike.
     orders : {"output_ripple": [1, 2]} of the base; found where they are not given.
     fixed : parameters that are not fitted, as for `fit`.
@@ -63,7 +70,8 @@ def discover(
     Raises
     ------
     InputError
-        As `fit`, for the base; for a name in `exclude` that is no effect, or one of the base.
+        As `fit`, for the base; unless exactly one of effects, a model and a simulation is the
+        base; for a name in `exclude` that is no effect, or one of the base.
 
     Notes
     -----
@@ -82,12 +90,17 @@ def discover(
     from flexspline.fit.fitting import fit, fit_near, with_orders
     from flexspline.fit.problem import problem_of
     from flexspline.logs.log import Log
+    from flexspline.simulator.record import SIMULATED
 
     runs = [logs] if isinstance(logs, Log) else list(logs)
     if not runs:
         raise InputError("there is no log to look at; give at least one")
-    start = _start(model_or_effects, target, known_load, fixed or {})
+    base, runs, of_base = _base(
+        model_or_effects, runs, target, known_load, simulation, simulated_torque
+    )
+    start = _start(base, target, known_load, fixed or {})
     faults = data_faults(runs, start.effects, start.target, start.known_load, threads)
+    faults = (*of_base, *faults)
     runs, faults = with_measured_ratio(runs, faults, start.target)
     steady, noisy, ways = steadied(
         runs,
@@ -97,6 +110,7 @@ def discover(
         start.fixed,
         lambda log: moving(log, start.target),
         threads,
+        start.simulated,
     )
     given, runs = ([moving(log, start.target) for log in some] for some in (runs, steady))
 
@@ -113,6 +127,7 @@ def discover(
             effects = fit(
                 effects, runs, start.target, known_load=start.known_load, lowpass=lowpass,
                 fixed=start.fixed, checks=False, threads=threads,
+                simulated_torque=SIMULATED if start.simulated else None,
             ).part.effects  # fmt: skip
         study = study_of(
             effects,
@@ -122,13 +137,14 @@ def discover(
             lowpass_hz=lowpass,
             exclude=exclude,
             threads=threads,
+            simulated=start.simulated,
         )
         made = analysed(study, effects, start.fixed, say)
         say("errors and validation")
         effects = made.final.effects
         posed = problem_of(
             runs, effects, start.target, known_load=start.known_load, lowpass_hz=lowpass,
-            threads=threads,
+            threads=threads, simulated=start.simulated,
         )  # fmt: skip
         limited, priors = _bounds(made.final, start), _priors(made.final, posed, start)
         refit = fit_near(posed, effects, start.fixed, limited, start.model, priors, general=True)
@@ -146,6 +162,35 @@ class _Start:
     known_load: str | None
     fixed: Mapping[str, float]
     model: Model | None
+    simulated: Simulated | None = None
+
+
+def _base(
+    given: Model | str | Effect | Iterable[str | Effect] | None,
+    runs: list[Log],
+    target: str | None,
+    known_load: str | None,
+    simulation: Log | Sequence[Log] | None,
+    column: str | None,
+) -> tuple[Model | str | Effect | Iterable[str | Effect], list[Log], tuple[DataFault, ...]]:
+    """What to start from, the runs with what it reads, and what is wrong with a simulation."""
+    from flexspline.discovery.faults import DataFault
+    from flexspline.model import Model
+    from flexspline.simulator.base import based
+
+    foreign = simulation is not None or column is not None
+    if foreign and (given is None or isinstance(given, Model)):
+        made = based(given, runs, target, known_load, simulation, column)
+        found = tuple(
+            DataFault(remark.run, one.name, one.channel, one.size, one.unit, one.rows,
+                      remark.sentence, grave=one.severity != "note")
+            for remark in made.remarks
+            for one in (remark.finding,)
+        )  # fmt: skip
+        return made.model, made.logs, found
+    if foreign or given is None:
+        raise InputError("give exactly one of effects, a model, and a simulation as the base")
+    return given, runs, ()
 
 
 def _start(
@@ -159,7 +204,8 @@ def _start(
     if isinstance(given, Model):
         part = given.part(target)
         held = {**_fixed_in(part.record), **fixed}
-        return _Start(part.effects, part.target, known_load or part.known_load, held, given)
+        load = known_load or part.known_load
+        return _Start(part.effects, part.target, load, held, given, part.simulated)
     if target is None:
         raise InputError("no target is given; give target='sensor_torque' or another one")
     names = [given] if isinstance(given, (str, Effect)) else list(given)

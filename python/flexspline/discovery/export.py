@@ -32,6 +32,7 @@ def discovery_json(made: Discovery) -> str:
         "target": made.target,
         "unit": made.unit,
         "base_effects": list(made.base_effects),
+        "simulation": None if made.simulated is None else made.simulated.to_json(),
         "found": [_found(made, one) for one in made.found],
         "rmse": {
             "base": made.base_rmse,

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from flexspline.discovery.aliases import Rival
     from flexspline.discovery.disagreement import Disagreement
     from flexspline.experiment.plan import Plan
+    from flexspline.simulator.record import Simulated
 
 __all__ = ["Discovery", "Found", "Unexplained"]
 
@@ -120,6 +121,11 @@ class Discovery:
     def model(self) -> Model:
         """The extended model: an ordinary one."""
         return self.fit.model
+
+    @property
+    def simulated(self) -> Simulated | None:
+        """The foreign simulation that is the base, or beneath it; None without one."""
+        return self.fit.part.simulated
 
     @property
     def names(self) -> tuple[str, ...]:

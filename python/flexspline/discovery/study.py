@@ -23,6 +23,7 @@ from flexspline.fit.problem import Problem, problem_of
 from flexspline.logs.derive import differentiate
 from flexspline.logs.log import Log
 from flexspline.orders import FoundOrder
+from flexspline.simulator.record import Simulated
 
 __all__ = ["Study", "study_of"]
 
@@ -124,15 +125,21 @@ def study_of(
     lowpass_hz: float | None,
     threads: int,
     exclude: Iterable[str] = (),
+    simulated: Simulated | None = None,
 ) -> Study:
     """Make logs ready for the base and every effect that they could show beside it.
+
+    `simulated`: the simulation whose prediction is taken off the target, or None.
 
     Raises
     ------
     InputError
         As `fit`, for the base alone; for a name in `exclude` that is no effect or is in the base.
     """
-    problem_of(logs, base, target, known_load=known_load, lowpass_hz=lowpass_hz, threads=threads)
+    problem_of(
+        logs, base, target, known_load=known_load, lowpass_hz=lowpass_hz, threads=threads,
+        simulated=simulated,
+    )  # fmt: skip
     logs = [_with_motion(log) for log in logs]
     effects, reasons = possible(base, logs, target, known_load, exclude)
     kept = [e for e in effects if _finite(e, logs, reasons)]
@@ -143,6 +150,7 @@ def study_of(
         known_load=known_load,
         lowpass_hz=lowpass_hz,
         threads=threads,
+        simulated=simulated,
     )
     runs = tuple(replace(run, stretches=run.unbroken) for run in problem.runs)
     return Study(replace(problem, runs=runs), kept, reasons)

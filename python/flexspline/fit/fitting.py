@@ -21,6 +21,7 @@ if TYPE_CHECKING:  # what is heavy is imported where it is used: `flexspline --h
     from flexspline.logs.log import Log
     from flexspline.model import Model
     from flexspline.output_error.settings import Settings
+    from flexspline.simulator.record import Simulated
 
 __all__ = ["fit", "fit_near", "with_orders"]
 
@@ -45,6 +46,8 @@ def fit(
     offset_per_run: bool = False,
     into: Model | None = None,
     checks: bool = True,
+    simulation: Log | Sequence[Log] | None = None,
+    simulated_torque: str | None = None,
     threads: int = 1,
     progress: bool = False,
     by: str = "regression",
@@ -75,6 +78,8 @@ def fit(
     offset_per_run : one offset for each run instead of one for all.
     into : a model of the same joint that receives this part.
     checks : look at the logs first; what makes a fit meaningless is refused, faults are warned of.
+    simulation, simulated_torque : what any simulator predicts of the target, as for `compare`; the
+        effects are fitted to what it lacks, and the model corrects it.
     threads : for the sums over the logs.
     progress : show what is being done on standard error.
     by : "regression" of the target on the measured motion; or "simulation": from there on to the
@@ -125,7 +130,12 @@ def fit(
                 f"logs holds a {type(run).__name__}; give logs, as read_log makes them"
             )
     chosen = with_orders(effects, orders or {})
+    foreign = simulation is not None or simulated_torque is not None
     if by != "regression" or controller is not None or free_controller:
+        if foreign:
+            raise InputError(
+                "by='simulation' drives the effects alone; leave the foreign simulation out"
+            )
         _require_simulation(by, priors, offset_per_run)
         regression = partial(
             fit, chosen, target=target, known_load=known_load, lowpass=lowpass, fixed=fixed,
@@ -135,6 +145,14 @@ def fit(
         return _by_simulation(chosen, runs, target, settings, regression, bounds or {}, into)
     if known_load is None:
         chosen = [e.without_load() for e in chosen]
+    simulated: Simulated | None = None
+    remarks: tuple[str, ...] = ()
+    if foreign:
+        from flexspline.simulator.taken import take
+
+        taken = take(runs, target, known_load, simulation, simulated_torque)
+        runs, simulated = list(taken.logs), taken.simulated
+        remarks = tuple(remark.sentence for remark in taken.remarks)
     warnings = _checked(runs, chosen, target, known_load) if checks else []
     given = Given(fixed or {}, bounds or {}, priors or {}, robust == "huber")
 
@@ -147,6 +165,7 @@ def fit(
             lowpass_hz=lowpass,
             threads=threads,
             offset_per_run=offset_per_run,
+            simulated=simulated,
         )
 
     with tqdm(desc="solving", unit=" solves", disable=not progress, leave=False, delay=1.0) as bar:
@@ -156,7 +175,7 @@ def fit(
         made = estimate(posed, chosen, given, bar.update)
         posed, made = _settled(posed, made, given, bar.update)
         bar.set_description("errors and validation")
-        return assembled(posed, made, into, [*warnings, *said], found)
+        return assembled(posed, made, into, [*remarks, *warnings, *said], found)
 
 
 def fit_near(

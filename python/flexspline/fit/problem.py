@@ -28,6 +28,7 @@ from flexspline.logs.local_fit import require_bandwidth
 from flexspline.logs.log import Log
 from flexspline.logs.segments import runs
 from flexspline.signals import channels_for, core_channels, target_of
+from flexspline.simulator.record import Simulated, simulation_of
 
 __all__ = ["Problem", "Run", "problem_of"]
 
@@ -74,7 +75,8 @@ class Problem:
     """Runs that one model explains.
 
     `gear`: effective ratio, output spline and whether the motor's angle is measured, as
-    `_core.Design` takes them. `lowpass`: Hz, on target and rows alike, or None.
+    `_core.Design` takes them. `lowpass`: Hz, on target and rows alike, or None. `simulated`: the
+    foreign simulation whose prediction is taken off every target, or None.
     """
 
     runs: tuple[Run, ...]
@@ -85,6 +87,7 @@ class Problem:
     threads: int
     block_rows: int
     offset_per_run: bool = False
+    simulated: Simulated | None = None
     kept: dict[Any, Array] = field(default_factory=dict, compare=False, repr=False)
     remembered: _core.Remembered = field(
         default_factory=_core.Remembered, compare=False, repr=False
@@ -225,8 +228,9 @@ def problem_of(
     lowpass_hz: float | None,
     threads: int,
     offset_per_run: bool = False,
+    simulated: Simulated | None = None,
 ) -> Problem:
-    """Make logs ready for a fit of these effects to this target.
+    """Make logs ready for a fit of these effects to this target, or to what a simulation leaves.
 
     Raises
     ------
@@ -239,13 +243,13 @@ def problem_of(
     if offset_per_run and "offset" not in [effect.name for effect in effects]:
         raise InputError("offset_per_run needs the effect 'offset'; add it to the effects")
     gear = gear_for(logs, target, effects)
-    made = [_run(log, effects, target, known_load, lowpass_hz) for log in logs]
+    made = [_run(log, effects, target, known_load, lowpass_hz, simulated) for log in logs]
     require_change(target, [run.target for run in made])
     rate = float(np.median([run.log.rate for run in made]))
     counted = sum(run.counted for run in made)
     block = max(round(SECONDS_A_BLOCK * rate), counted // MOST_BLOCKS, 1)
     problem = Problem(
-        tuple(made), target, gear, known_load, lowpass_hz, threads, block, offset_per_run
+        tuple(made), target, gear, known_load, lowpass_hz, threads, block, offset_per_run, simulated
     )
     return settled(problem, effects)
 
@@ -265,12 +269,19 @@ def _offset_column(effects: Sequence[Effect]) -> int | None:
 
 
 def _run(
-    log: Log, effects: Sequence[Effect], target: str, known_load: str | None, cutoff: float | None
+    log: Log,
+    effects: Sequence[Effect],
+    target: str,
+    known_load: str | None,
+    cutoff: float | None,
+    simulated: Simulated | None,
 ) -> Run:
     if len(log) < 2:
         raise InputError(f"log '{log.name}': one row is no run; leave it out or record longer")
     log = channels_for(log, effects, known_load)
     y = target_of(log, target, known_load)
+    if simulated is not None:
+        y = y - simulation_of(log, simulated, known_load)
     channels = core_channels(log, effects, known_load)
     require_finite(log, {**channels, target: y})
     stretches = [(int(first), int(last)) for first, last in runs(log["time"])]
