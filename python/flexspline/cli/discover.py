@@ -72,9 +72,9 @@ def discover(
 
     Starts from known effects (--effects), from a saved model (--model), or from what a simulator
     of yours says of the runs (--simulated-torque, --simulation); then what that lacks is found.
-    Faults of the data are looked for first. Every effect of the catalogue that acts on the target and has its
-    channels is a candidate; one is named where it gains on runs that the fit never saw, by more
-    than chance and by more than any other. What no effect explains is said to be unexplained.
+    Faults of the data are looked for first. Every effect of the catalogue that acts on the target
+    and has its channels is a candidate; one is named where it gains on runs that the fit never
+    saw, by more than chance and by more than any other. What no effect explains is said to be unexplained.
 
     DIR receives model.json (the extended model), discovery.json and report.html; where these runs
     cannot separate two causes also next_experiment.csv, the trajectory of the run that would.
