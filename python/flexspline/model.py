@@ -259,6 +259,12 @@ class Model:
                 "the model again"
             )
         require_schema(content, label)
+        corrects = any("simulated" in content.get(name, {}) for name in SIDES)
+        if content["version"] != (CORRECTING if corrects else VERSION):
+            raise InputError(
+                f"{label}: has version {content['version']} of the format, which is of models that "
+                f"{'correct no' if corrects else 'correct a'} simulation; fit the model again"
+            )
         parts = {
             name: part_from_json(name, content[name], f"{label}: {name}")
             for name in SIDES

@@ -287,7 +287,7 @@ def test_the_command_line_refuses_two_bases_with_one_sentence(tmp_path: Path) ->
     measured, simulated = saved(tmp_path)
     both = call("discover", *measured, *COMMON, "--simulated-torque", "mujoco",
                 "--effects", "offset", "--out", tmp_path / "x")  # fmt: skip
-    assert both.exit_code == 2 and "give exactly one of --effects" in both.stderr
+    assert both.exit_code == 2 and "give exactly one to start from" in both.stderr
     none = call("compare", *measured, "--out", tmp_path / "x")
     assert none.exit_code == 2 and "give exactly one of --model" in none.stderr
     few = call("compare", *measured, *COMMON, "--simulation", simulated[0],

@@ -40,6 +40,23 @@ def _numbers(text: str) -> tuple[float, ...]:
 @click.option("--effects", "names", metavar="A,B,C", help="Effects that are known; or none.")
 @click.option("--model", "model_path", metavar="MODEL.json", help="Or a model to start from.")
 @simulation
+@click.option(
+    "--by",
+    type=click.Choice(("regression", "simulation")),
+    default="regression",
+    show_default=True,
+    help="By simulation: what makes the simulated motion the measured one, where only motion "
+    "is measured.",
+)
+@click.option(
+    "--controller", metavar="SERVO.json", help="By simulation: the servo's law that drives it."
+)
+@click.option(
+    "--free-controller",
+    metavar="A,B",
+    default="",
+    help="Fields of the law to fit too: torque, back_emf.",
+)
 @click.option("--exclude", metavar="A,B,C", help="Effects that are known not to be there.")
 @click.option("--out", required=True, metavar="DIR", help="Folder for what is found.")
 @known_load
@@ -74,7 +91,8 @@ def discover(
     of yours says of the runs (--simulated-torque, --simulation); then what that lacks is found.
     Faults of the data are looked for first. Every effect of the catalogue that acts on the target
     and has its channels is a candidate; one is named where it gains on runs that the fit never
-    saw, by more than chance and by more than any other. What no effect explains is said to be unexplained.
+    saw, by more than chance and by more than any other. What no effect
+    explains is said to be unexplained.
 
     DIR receives model.json (the extended model), discovery.json and report.html; where these runs
     cannot separate two causes also next_experiment.csv, the trajectory of the run that would.
@@ -93,10 +111,10 @@ def discover(
     foreign = bool(simulation) or simulated_torque is not None
     if (names is not None) + (model_path is not None or foreign) != 1:
         raise InputError(
-            "give exactly one of --effects A,B,C, --model MODEL.json, and --simulation FILE or "
-            "--simulated-torque COLUMN to start from"
+            "give exactly one to start from: either --effects A,B,C, or --model MODEL.json, or "
+            "--simulation FILE (or --simulated-torque COLUMN)"
         )
-    if model_path is None and target is None:
+    if model_path is None and target is None and options["by"] == "regression":
         beside = "a simulation" if foreign else "--effects"
         raise InputError(f"--target is needed beside {beside}; say what is explained")
     model = None if model_path is None else Model.load(model_path)
@@ -117,6 +135,9 @@ def discover(
             exclude=[n.strip() for n in (options["exclude"] or "").split(",") if n.strip()],
             limits=parsed_limits(options["limits"]),
             threads=options["threads"],
+            by=options["by"],
+            controller=options["controller"],
+            free_controller=[n.strip() for n in options["free_controller"].split(",") if n.strip()],
             progress=on_terminal(),
         )
         made.report(draft / "report.html")

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexspline.comparison.runs import LOADS, Compared, ComparedRun, load_of, load_source_of
 from flexspline.comparison.velocity import velocity_noise, with_motion
@@ -22,7 +23,7 @@ from flexspline.logs.log import Log
 from flexspline.model import Model
 from flexspline.simulator.taken import covered, onto_clock, paired
 
-__all__ = ["simulated", "simulated_elsewhere"]
+__all__ = ["resolution", "simulated", "simulated_elsewhere"]
 
 
 def simulated(
@@ -52,7 +53,7 @@ def simulated(
         runs.append(
             ComparedRun(log, made.measured, made.simulated, nothing, load, velocity_noise(log))
         )
-    floor = _resolution(runs) if channel == "output_position" else None
+    floor = resolution([run.measured for run in runs]) if channel == "output_position" else None
     return Compared(tuple(runs), channel, unit, True, None, source, part.unit, floor)
 
 
@@ -83,17 +84,18 @@ def simulated_elsewhere(logs: Sequence[Log], simulation: Log | Sequence[Log]) ->
         runs.append(ComparedRun(log, measured, angle, nothing, load, velocity_noise(log)))
     source = LOADS[0] if all(run.load is not None for run in runs) else ""
     made = tuple(run if source else replace(run, load=None) for run in runs)
+    floor = resolution([run.measured for run in made])
     return Compared(
-        made, "output_position", "rad", True, None, source, "Nm", _resolution(made),
+        made, "output_position", "rad", True, None, source, "Nm", floor,
         "files of its own", tuple(notes),
     )  # fmt: skip
 
 
-def _resolution(runs: Sequence[ComparedRun]) -> float:
-    """RMS of the noise of the measured angle, rad: white noise or its counts."""
+def resolution(angles: Sequence[NDArray[np.float64]]) -> float:
+    """Return the RMS of the noise of measured angles, rad: white noise or their counts."""
     found = [
-        max(white_noise(run.measured), quantum(run.measured) / np.sqrt(12.0))
-        for run in runs
-        if np.isfinite(run.measured).all()
+        max(white_noise(angle), quantum(angle) / np.sqrt(12.0))
+        for angle in angles
+        if np.isfinite(angle).all()
     ]
     return float(np.sqrt(np.mean(np.square(found)))) if found else 0.0

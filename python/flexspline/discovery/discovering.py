@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -19,6 +20,7 @@ if TYPE_CHECKING:  # what is heavy is imported where it is used
     from flexspline.experiment.limits import Limits
     from flexspline.fit.names import Bounds
     from flexspline.fit.problem import Problem
+    from flexspline.forward.servo import PositionServo
     from flexspline.logs.log import Log
     from flexspline.model import Model
     from flexspline.simulator.record import Simulated
@@ -41,6 +43,9 @@ def discover(
     limits: Limits | None = None,
     progress: bool = False,
     threads: int = 1,
+    by: str = "regression",
+    controller: PositionServo | str | os.PathLike[str] | None = None,
+    free_controller: Sequence[str] = (),
 ) -> Discovery:
     """Find which effects are missing, add them, and say how sure that is.
 
@@ -62,6 +67,9 @@ def discover(
     limits : what a run to record next may do; what is left open is what these runs did.
     progress : show what is being tried on standard error.
     threads : for the sums over the logs.
+    by : "regression" of the target; or "simulation": the effects whose forward simulation misses
+        the measured output_position less, where only motion is measured (`output_error/`).
+    controller, free_controller : of by="simulation" alone, as for `fit`.
 
     Returns
     -------
@@ -95,6 +103,12 @@ def discover(
     runs = [logs] if isinstance(logs, Log) else list(logs)
     if not runs:
         raise InputError("there is no log to look at; give at least one")
+    if by != "regression" or controller is not None or free_controller:
+        _require_simulation(by, simulation, simulated_torque, lowpass)
+        return _by_simulation(
+            _driven(model_or_effects, target, known_load, fixed or {}), runs, orders or {},
+            exclude, controller, free_controller, threads, progress,
+        )  # fmt: skip
     base, runs, of_base = _base(
         model_or_effects, runs, target, known_load, simulation, simulated_torque
     )
@@ -151,6 +165,63 @@ def discover(
         found = assembled(made, faults + noisy, with_preparations(refit, ways), limits)
         judged = graded(found.data_faults, given, found.fit, found.noise_floor)
         return replace(found, data_faults=judged)
+
+
+def _require_simulation(
+    by: str, simulation: object, simulated_torque: str | None, lowpass: float | None
+) -> None:
+    if by not in ("regression", "simulation"):
+        raise InputError(f"by is {by!r}; give 'regression' or 'simulation'")
+    if by == "regression":
+        raise InputError("a controller drives a simulation; give by='simulation' or leave it out")
+    if simulation is not None or simulated_torque is not None:
+        raise InputError(
+            "by='simulation' drives the effects alone; leave the foreign simulation out"
+        )
+    if lowpass is not None:
+        raise InputError("by='simulation' compares the motion as it is; leave lowpass out")
+
+
+def _driven(
+    given: Model | str | Effect | Iterable[str | Effect] | None,
+    target: str | None,
+    known_load: str | None,
+    fixed: Mapping[str, float],
+) -> _Start:
+    """What to drive forward; of effects alone the motor's torque, where no target is given."""
+    from flexspline.model import Model
+
+    if given is None:
+        raise InputError("give exactly one of effects, a model, and a simulation as the base")
+    if not isinstance(given, Model):
+        target = target or "motor_torque"
+    return _start(given, target, known_load, fixed)
+
+
+def _by_simulation(
+    start: _Start,
+    runs: list[Log],
+    orders: Mapping[str, Sequence[int]],
+    exclude: Iterable[str],
+    controller: PositionServo | str | os.PathLike[str] | None,
+    free_controller: Sequence[str],
+    threads: int,
+    progress: bool,
+) -> Discovery:
+    """What a drive lacks by the motion that it makes."""
+    from flexspline.discovery.faults import data_faults
+    from flexspline.fit.fitting import simulation_settings, with_orders
+    from flexspline.output_error.discovering import discover_by_simulation
+
+    effects = with_orders(start.effects, orders)
+    faults = data_faults(runs, effects, start.target, start.known_load, threads)
+    settings = simulation_settings(controller, free_controller, 2, 4, 0, threads, progress)
+    style = {"bar_format": "{desc}{elapsed}", "leave": False, "delay": 1.0}
+    with tqdm(desc="discovering", disable=not progress, **style) as bar:
+        return discover_by_simulation(
+            effects, runs, start.target, start.known_load, start.fixed, exclude, settings,
+            start.model, faults, bar.set_description,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)

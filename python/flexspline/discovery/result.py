@@ -93,6 +93,7 @@ class Discovery:
     fit : of the extended model.
     runs : measured and predicted values of base and extended model, on folds no fit saw.
     motion : both driven forward through these folds; None where the model cannot be simulated.
+    by : "regression" of the target; or "simulation": all errors are of the output's angle, rad.
     not_tried : why effects were no candidates, by name. `refused`: why candidates that gained
         were not taken. `doubted`: names that only stood in for an unexplained cause.
     """
@@ -115,6 +116,7 @@ class Discovery:
     refused: Mapping[str, str]
     doubted: tuple[str, ...]
     plan: Plan | None = None
+    by: str = "regression"
     searched: Mapping[str, float] = field(default_factory=lambda: {"names": 1.0, "functions": 1.0})
 
     @property
@@ -126,6 +128,11 @@ class Discovery:
     def simulated(self) -> Simulated | None:
         """The foreign simulation that is the base, or beneath it; None without one."""
         return self.fit.part.simulated
+
+    @property
+    def what(self) -> str:
+        """What the errors are of: the target, or the channel that is simulated."""
+        return "output_position" if self.by == "simulation" else self.target
 
     @property
     def names(self) -> tuple[str, ...]:

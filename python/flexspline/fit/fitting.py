@@ -23,7 +23,7 @@ if TYPE_CHECKING:  # what is heavy is imported where it is used: `flexspline --h
     from flexspline.output_error.settings import Settings
     from flexspline.simulator.record import Simulated
 
-__all__ = ["fit", "fit_near", "with_orders"]
+__all__ = ["fit", "fit_near", "simulation_settings", "with_orders"]
 
 ROWS_A_PARAMETER = 3
 SETTLING_ROUNDS = 3
@@ -141,7 +141,9 @@ def fit(
             fit, chosen, target=target, known_load=known_load, lowpass=lowpass, fixed=fixed,
             bounds=bounds, robust=robust, checks=checks, threads=threads,
         )  # fmt: skip
-        settings = _settings(controller, free_controller, starts, folds, seed, threads, progress)
+        settings = simulation_settings(
+            controller, free_controller, starts, folds, seed, threads, progress
+        )
         return _by_simulation(chosen, runs, target, settings, regression, bounds or {}, into)
     if known_load is None:
         chosen = [e.without_load() for e in chosen]
@@ -226,9 +228,10 @@ def _require_simulation(by: str, priors: object, offset_per_run: bool) -> None:
         raise InputError("by='simulation' takes one offset for all runs; leave offset_per_run out")
 
 
-def _settings(
+def simulation_settings(
     controller: PositionServo | str | os.PathLike[str] | None, free: Sequence[str], *rest: Any
 ) -> Settings:
+    """Return `Settings`; the law may be a path of its `servo.json`."""
     from flexspline.forward.servo import PositionServo
     from flexspline.output_error.settings import Settings
 

@@ -42,6 +42,8 @@ def verdict(made: Discovery) -> str:
     """Return what was found, and by how much the gap shrank, in a sentence or two."""
     what = TARGET_WORDS[made.target]
     base = f"The model of the {what}"
+    if made.by == "simulation":
+        base += ", driven forward,"
     if made.simulated is not None:
         base = f"The simulation of the {what} ({made.simulated.words})"
         base += f" with {listed(made.base_effects)}" if made.base_effects else ""
@@ -98,9 +100,10 @@ def remarks(made: Discovery) -> list[str]:
     if made.unexplained:
         share = 100.0 * made.unexplained.share_of_variance
         on = listed(made.unexplained.depends_on)
+        weighed = "" if made.by == "simulation" else ", weighed by how slow the noise is"
         said.append(
-            f"Unexplained: {share:.0f} % of the gap above the noise floor, weighed by how slow the "
-            f"noise is, depends on {on}, in a way that no effect of the catalogue has."
+            f"Unexplained: {share:.0f} % of the gap above the noise floor{weighed}, depends on "
+            f"{on}, in a way that no effect of the catalogue has."
         )
     if made.doubted:
         verbs = "stand in for what" if len(made.doubted) > 1 else "stands in for what"
@@ -109,7 +112,7 @@ def remarks(made: Discovery) -> list[str]:
             f"Taken back: {listed(made.doubted)}, which {verbs} functions without a name explain "
             f"better{hold}."
         )
-    if made.motion is not None and made.found:
+    if made.motion is not None and made.found and made.by != "simulation":
         said.append(
             f"Driven forward through {made.validated_by} that no fit saw, the model "
             f"misses the {_channel(made.motion)} by {_motion(made)} RMS."
@@ -207,6 +210,8 @@ def discovery_call(made: Discovery) -> str:
     fixed = {p.name: p.value for p in made.fit.parameters if p.state == "fixed"}
     if fixed:
         lines.append(f"fixed={fixed!r}")
+    if made.by == "simulation":
+        lines += ["by='simulation'", "controller=controller", "free_controller=free_controller"]
     return "found = flexspline.discover(\n" + "".join(f"    {x},\n" for x in lines) + ")"
 
 
