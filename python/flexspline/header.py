@@ -15,6 +15,7 @@ from flexspline.header_chain import chain_head, chain_includes, chain_lines
 from flexspline.header_model import by_motor_encoder, model_lines
 from flexspline.logs.channels import CHANNELS
 from flexspline.model import Model, Part
+from flexspline.simulator.record import Simulated
 
 __all__ = ["header_text"]
 
@@ -105,7 +106,10 @@ def _head(model: Model, part: Part | None, plan: Plan | None, namespace: str) ->
         yield f"Log:   {log['name']}, {log['rows']} rows, {digest}"
     if part is not None:
         yield ""
-        yield f"Predicts {part.target} [{part.unit}]: {MEANING[part.target]}."
+        if part.simulated is None:
+            yield f"Predicts {part.target} [{part.unit}]: {MEANING[part.target]}."
+        else:
+            yield from _correction(part, part.simulated)
         yield ""
         yield from _expectations(model, part)
         yield ""
@@ -117,6 +121,20 @@ def _head(model: Model, part: Part | None, plan: Plan | None, namespace: str) ->
     if plan is not None:
         yield ""
         yield from chain_head(plan, namespace)
+
+
+def _correction(part: Part, simulated: Simulated) -> Iterator[str]:
+    """What a part alone is that corrects a simulation."""
+    load = ""
+    if part.known_load is not None:
+        load = ", with the known load in it" if simulated.holds_load else ", without the known load"
+    yield (
+        f"THE CORRECTION ALONE: what a simulation lacks of {part.target} [{part.unit}]. Add what "
+        f"it predicts{load}; in the logs {simulated.words}."
+    )
+    for file in simulated.files:
+        digest = f"SHA-256 {file.sha256}" if file.sha256 else "not from a file"
+        yield f"Simulation: {file.name}, {digest}"
 
 
 def _logs(model: Model, part: Part | None) -> list[Mapping[str, Any]]:

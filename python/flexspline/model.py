@@ -23,6 +23,7 @@ from flexspline.part import PART_OF, SIDES, Part, part_from_json, part_to_json
 from flexspline.prepared import prepared
 from flexspline.schema import json_content, require_schema
 from flexspline.signals import channels_for, core_channels, gear_of, target_of
+from flexspline.simulator.record import simulation_of
 
 __all__ = ["PART_OF", "Model", "Part", "Prediction"]
 
@@ -30,6 +31,9 @@ Array = NDArray[np.float64]
 
 FORMAT = "flexspline-model"
 VERSION = 1
+CORRECTING = 2
+"""Version of a model with a part that corrects a foreign simulation: who does not know of that
+would take the correction for the whole."""
 GEAR = ("gear_ratio", "output_spline")
 
 
@@ -127,7 +131,13 @@ class Model:
         return made
 
     def predict(
-        self, log: Log, target: str | None = None, *, lowpass_hz: float | None = None
+        self,
+        log: Log,
+        target: str | None = None,
+        *,
+        lowpass_hz: float | None = None,
+        simulation: Log | None = None,
+        simulated_torque: str | None = None,
     ) -> Prediction:
         """Return measured and predicted y of a log.
 
@@ -135,8 +145,12 @@ class Model:
         ----------
         log : with the channels that the effects read; a missing velocity or acceleration is
             derived from the position, and one that the model expects smoothed is smoothed.
+            A part that corrects a simulation adds to what that says: the channel
+            `simulated_torque`, or what `simulation` and `simulated_torque` name.
         target : which part; None picks the only one.
         lowpass_hz : zero-phase low pass on both, Hz; None for none.
+        simulation : what the simulation says of this run, in a log of its own.
+        simulated_torque : its column, there or in the run.
 
         Raises
         ------
@@ -145,14 +159,30 @@ class Model:
         """
         part = self.part(target)
         self.require_scales(log, part)
+        if simulation is not None or simulated_torque is not None:
+            log = self._with_simulation(part, log, simulation, simulated_torque)
         measured = self._measured(part, log)
-        log = prepared(log, part.preparations)
-        log = channels_for(log, part.effects, part.known_load, load_needed=False)
-        predicted = self._evaluate(part, log, part.coefficients)
+        inputs = prepared(log, part.preparations)
+        inputs = channels_for(inputs, part.effects, part.known_load, load_needed=False)
+        predicted = self._evaluate(part, inputs, part.coefficients)
+        if part.simulated is not None:
+            predicted = predicted + simulation_of(log, part.simulated, part.known_load)
         if lowpass_hz is not None:
             predicted = lowpass(predicted, log["time"], lowpass_hz).values
             measured = lowpass(measured, log["time"], lowpass_hz).values
         return Prediction(np.asarray(log["time"]), measured, predicted, part.target, part.unit)
+
+    def _with_simulation(
+        self, part: Part, log: Log, simulation: Log | None, column: str | None
+    ) -> Log:
+        from flexspline.simulator.taken import with_simulation
+
+        if part.simulated is None:
+            raise InputError(
+                f"the part for {part.target} corrects no simulation; leave simulated_torque and "
+                "simulation out"
+            )
+        return with_simulation(log, part.target, simulation, column)[0]
 
     def require_scales(self, log: Log, part: Part) -> None:
         """Refuse a log of another gear, or whose current is worth another load."""
@@ -177,7 +207,7 @@ class Model:
         """Return the model as text in the format of `model.json`."""
         content = {
             "format": FORMAT,
-            "version": VERSION,
+            "version": self._version,
             "made_by": f"flexspline {__version__}",
             "joint": dict(self.facts),
             **{name: part_to_json(self.parts[name]) for name in SIDES if name in self.parts},
@@ -223,18 +253,30 @@ class Model:
         content = json_content(text, label)
         if not isinstance(content, dict) or content.get("format") != FORMAT:
             raise InputError(f"{label}: is no flexspline model; give a model.json")
-        if content.get("version") != VERSION:
+        if content.get("version") not in (VERSION, CORRECTING):
             raise InputError(
                 f"{label}: has version {shortened(content.get('version'))} of the format, this "
-                f"flexspline knows version {VERSION}; update flexspline or export the model again"
+                f"flexspline knows version {VERSION} and {CORRECTING}; update flexspline or export "
+                "the model again"
             )
         require_schema(content, label)
+        corrects = any("simulated" in content.get(name, {}) for name in SIDES)
+        if content["version"] != (CORRECTING if corrects else VERSION):
+            raise InputError(
+                f"{label}: has version {content['version']} of the format, which is of models that "
+                f"{'correct no' if corrects else 'correct a'} simulation; fit the model again"
+            )
         parts = {
             name: part_from_json(name, content[name], f"{label}: {name}")
             for name in SIDES
             if name in content
         }
         return cls(parts, content["joint"], _estimators(content.get("estimators", {}), label))
+
+    @property
+    def _version(self) -> int:
+        corrects = any(part.simulated is not None for part in self.parts.values())
+        return CORRECTING if corrects else VERSION
 
     def _require_same(self, keys: Sequence[str], facts: Mapping[str, Any], whose: str) -> None:
         for key in keys:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from flexspline.effects import UNITS, Effect, require_effects
 from flexspline.errors import InputError
 from flexspline.prepared import Preparation, preparations_of
+from flexspline.simulator.record import Simulated
 
 __all__ = ["PART_OF", "SIDES", "Part", "part_from_json", "part_to_json"]
 
@@ -38,6 +39,7 @@ class Part:
     known_load : channel that holds τ_load, or None.
     record : what the fit knew beside the values: parameters with errors, confounded groups,
         validity, scores, logs. Kept as it is through a round trip.
+    simulated : the foreign simulation that the effects correct, or None: they explain y alone.
     """
 
     target: str
@@ -45,6 +47,7 @@ class Part:
     coefficients: Array
     known_load: str | None = None
     record: Mapping[str, Any] = field(default_factory=dict)
+    simulated: Simulated | None = None
 
     def __post_init__(self) -> None:
         require_effects(self.effects, self.target)
@@ -88,6 +91,7 @@ def part_to_json(part: Part) -> dict[str, Any]:
         "unit": part.unit,
         "known_load": part.known_load,
         "effects": effects,
+        **({} if part.simulated is None else {"simulated": part.simulated.to_json()}),
         **part.record,
     }
 
@@ -99,7 +103,8 @@ def part_from_json(name: str, content: dict[str, Any], label: str) -> Part:
             f"{label}: the target {content['target']} belongs to the part "
             f"'{PART_OF[content['target']]}'; mend it or fit the model again"
         )
-    own = ("target", "unit", "known_load", "effects")
+    own = ("target", "unit", "known_load", "effects", "simulated")
+    corrects = content.get("simulated")
     try:
         effects, values = [], []
         for entry in content["effects"]:
@@ -118,7 +123,12 @@ def part_from_json(name: str, content: dict[str, Any], label: str) -> Part:
             )
         record = {key: value for key, value in content.items() if key not in own}
         return Part(
-            content["target"], tuple(effects), np.array(values), content["known_load"], record
+            content["target"],
+            tuple(effects),
+            np.array(values),
+            content["known_load"],
+            record,
+            None if corrects is None else Simulated.from_json(corrects),
         )
     except InputError as error:
         raise InputError(f"{label}: {error}") from error

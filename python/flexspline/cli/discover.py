@@ -16,10 +16,11 @@ from flexspline.cli.options import (
     named_effects,
     orders,
     reading,
+    simulation,
     target,
     threads,
 )
-from flexspline.cli.runs import Reading, on_terminal
+from flexspline.cli.runs import Reading, on_terminal, simulations
 from flexspline.errors import InputError
 from flexspline.experiment.limits import parsed_limits
 from flexspline.files import atomic_write, whole_folder
@@ -38,6 +39,24 @@ def _numbers(text: str) -> tuple[float, ...]:
 @target(required=False)
 @click.option("--effects", "names", metavar="A,B,C", help="Effects that are known; or none.")
 @click.option("--model", "model_path", metavar="MODEL.json", help="Or a model to start from.")
+@simulation
+@click.option(
+    "--by",
+    type=click.Choice(("regression", "simulation")),
+    default="regression",
+    show_default=True,
+    help="By simulation: what makes the simulated motion the measured one, where only motion "
+    "is measured.",
+)
+@click.option(
+    "--controller", metavar="SERVO.json", help="By simulation: the servo's law that drives it."
+)
+@click.option(
+    "--free-controller",
+    metavar="A,B",
+    default="",
+    help="Fields of the law to fit too: torque, back_emf.",
+)
 @click.option("--exclude", metavar="A,B,C", help="Effects that are known not to be there.")
 @click.option("--out", required=True, metavar="DIR", help="Folder for what is found.")
 @known_load
@@ -60,16 +79,20 @@ def discover(
     target: str | None,
     names: str | None,
     model_path: str | None,
+    simulation: tuple[str, ...],
+    simulated_torque: str | None,
     out: str,
     reading: Reading,
     **options: Any,
 ) -> None:
     """Find what a model of these runs lacks, name it, add it, and show the gap shrink.
 
-    Starts from known effects (--effects) or from a saved model (--model). Faults of the data
-    are looked for first. Every effect of the catalogue that acts on the target and has its
-    channels is a candidate; one is named where it gains on runs that the fit never saw, by more
-    than chance and by more than any other. What no effect explains is said to be unexplained.
+    Starts from known effects (--effects), from a saved model (--model), or from what a simulator
+    of yours says of the runs (--simulated-torque, --simulation); then what that lacks is found.
+    Faults of the data are looked for first. Every effect of the catalogue that acts on the target
+    and has its channels is a candidate; one is named where it gains on runs that the fit never
+    saw, by more than chance and by more than any other. What no effect
+    explains is said to be unexplained.
 
     DIR receives model.json (the extended model), discovery.json and report.html; where these runs
     cannot separate two causes also next_experiment.csv, the trajectory of the run that would.
@@ -80,29 +103,41 @@ def discover(
       flexspline discover run1.csv run2.csv run3.csv run4.csv --target sensor_torque \\
           --effects offset,coulomb_friction,viscous_friction --out found
       flexspline discover run5.csv --model joint/model.json --target motor_torque --out found
+      flexspline discover run*.csv --target sensor_torque --simulated-torque mujoco --out found
     """
     from flexspline.discovery.discovering import discover as look
     from flexspline.model import Model
 
-    if (names is None) == (model_path is None):
-        raise InputError("give either --effects A,B,C or --model MODEL.json to start from")
-    if names is not None and target is None:
-        raise InputError("--target is needed beside --effects; say what is explained")
+    foreign = bool(simulation) or simulated_torque is not None
+    if (names is not None) + (model_path is not None or foreign) != 1:
+        raise InputError(
+            "give exactly one to start from: either --effects A,B,C, or --model MODEL.json, or "
+            "--simulation FILE (or --simulated-torque COLUMN)"
+        )
+    if model_path is None and target is None and options["by"] == "regression":
+        beside = "a simulation" if foreign else "--effects"
+        raise InputError(f"--target is needed beside {beside}; say what is explained")
     model = None if model_path is None else Model.load(model_path)
-    effects = [] if names is None else named_effects(names)
+    effects = None if names is None else named_effects(names)
     with whole_folder(out, last="discovery.json") as draft:
-        logs = reading.logs(runs, {} if model is None else model.facts)
+        column = None if simulation else simulated_torque
+        logs = reading.logs(runs, {} if model is None else model.facts, column)
         made = look(
             effects if model is None else model,
             logs,
             target=target,
             known_load=options["known_load"],
+            simulation=simulations(simulation, simulated_torque),
+            simulated_torque=simulated_torque,
             lowpass=options["lowpass"],
             orders=options["orders"],
             fixed=options["fix"],
             exclude=[n.strip() for n in (options["exclude"] or "").split(",") if n.strip()],
             limits=parsed_limits(options["limits"]),
             threads=options["threads"],
+            by=options["by"],
+            controller=options["controller"],
+            free_controller=[n.strip() for n in options["free_controller"].split(",") if n.strip()],
             progress=on_terminal(),
         )
         made.report(draft / "report.html")

@@ -46,5 +46,11 @@ def export(model_path: str, form: str, scalar: str, out: str, target: str | None
     from flexspline.model import Model
 
     refuse_overwriting(out, [model_path])
-    export_model(Model.load(model_path), out, format=form, target=target, scalar=scalar)
-    click.echo(f"wrote {out}")
+    joint = Model.load(model_path)
+    export_model(joint, out, format=form, target=target, scalar=scalar)
+    alone = [
+        f"; for {part.target} it is the correction alone: add what the simulation says"
+        for part in joint.parts.values()
+        if part.simulated is not None and target in (None, part.target)
+    ]
+    click.echo(f"wrote {out}{''.join(alone)}")

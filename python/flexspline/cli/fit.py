@@ -17,10 +17,11 @@ from flexspline.cli.options import (
     named_effects,
     orders,
     reading,
+    simulation,
     target,
     threads,
 )
-from flexspline.cli.runs import Reading, on_terminal
+from flexspline.cli.runs import Reading, on_terminal, simulations
 from flexspline.files import whole_folder
 
 __all__ = ["fit"]
@@ -86,6 +87,7 @@ def _prior(text: str) -> tuple[float, float]:
     show_default=True,
     help="By simulation: descents, from the regression, from pieces of the runs, and around.",
 )
+@simulation
 @click.option("--offset-per-run", is_flag=True, help="One offset for each run.")
 @threads
 @reading()
@@ -95,6 +97,8 @@ def fit(
     names: str,
     out: str,
     into: str | None,
+    simulation: tuple[str, ...],
+    simulated_torque: str | None,
     reading: Reading,
     **options: Any,
 ) -> None:
@@ -125,7 +129,8 @@ def fit(
     effects = named_effects(names)
     model = None if into is None else Model.load(into)
     with whole_folder(out, last="model.json") as draft:
-        logs = reading.logs(runs, {} if model is None else model.facts)
+        column = None if simulation else simulated_torque
+        logs = reading.logs(runs, {} if model is None else model.facts, column)
         made = fit_effects(
             effects,
             logs,
@@ -139,6 +144,8 @@ def fit(
             robust="huber" if options["robust"] else None,
             offset_per_run=options["offset_per_run"],
             into=model,
+            simulation=simulations(simulation, simulated_torque),
+            simulated_torque=simulated_torque,
             threads=options["threads"],
             progress=on_terminal(),
             by=options["by"],

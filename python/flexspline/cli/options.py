@@ -24,6 +24,7 @@ __all__ = [
     "out_file",
     "positive",
     "reading",
+    "simulation",
     "target",
     "threads",
 ]
@@ -132,6 +133,22 @@ def model(command: Command) -> Command:
     """--model MODEL.json"""
     return click.option(
         "--model", "model_path", required=True, metavar="MODEL.json", help="A model that fit wrote."
+    )(command)
+
+
+def simulation(command: Command) -> Command:
+    """--simulation FILE, --simulated-torque COLUMN"""
+    command = click.option(
+        "--simulated-torque",
+        metavar="COLUMN",
+        help="What a simulator of yours says of the target, in its unit, at the output: a column "
+        "of the runs, or of the files of --simulation.",
+    )(command)
+    return click.option(
+        "--simulation",
+        multiple=True,
+        metavar="FILE",
+        help="Its files, with time stamps of the runs' clock; one for each run, in their order.",
     )(command)
 
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import click
 
 from flexspline.cli.help import Taught, repairs
-from flexspline.cli.options import lowpass, model, out_file, reading, target
-from flexspline.cli.runs import Reading, refuse_overwriting
+from flexspline.cli.options import lowpass, model, out_file, reading, simulation, target
+from flexspline.cli.runs import Reading, refuse_overwriting, simulations
+from flexspline.errors import InputError
 
 __all__ = ["predict"]
 
@@ -17,10 +18,13 @@ __all__ = ["predict"]
 @out_file("FILE.csv")
 @target(required=False)
 @lowpass
+@simulation
 @reading()
 def predict(
     run: str,
     model_path: str,
+    simulation: tuple[str, ...],
+    simulated_torque: str | None,
     out: str,
     target: str | None,
     lowpass: float | None,
@@ -30,7 +34,7 @@ def predict(
 
     FILE.csv receives the columns time, measured, predicted and residual, one row for each row
     of the run, in the unit of the target; measured and residual are empty where the run does
-    not have them. Nothing is fitted.
+    not have them. Nothing is fitted. A model that corrects a simulation asks for what that says.
 
     \b
     Example:
@@ -42,11 +46,26 @@ def predict(
     from flexspline.files import atomic_writer
     from flexspline.model import Model
 
-    refuse_overwriting(out, [run, model_path])
+    refuse_overwriting(out, [run, model_path, *simulation])
     joint = Model.load(model_path)
     part = joint.part(target)
-    (log,) = reading.logs([run], joint.facts)
-    found = joint.predict(log, part.target, lowpass_hz=lowpass)
+    foreign = bool(simulation) or simulated_torque is not None
+    if part.simulated is not None and not foreign:
+        raise InputError(
+            f"{model_path}: the part for {part.target} corrects what a simulation says "
+            f"({part.simulated.words}); {part.simulated.asked}"
+        )
+    if len(simulation) > 1:
+        raise InputError(f"--simulation is given {len(simulation)} times; give one for the run")
+    (log,) = reading.logs([run], joint.facts, None if simulation else simulated_torque)
+    files = simulations(simulation, simulated_torque)
+    found = joint.predict(
+        log,
+        part.target,
+        lowpass_hz=lowpass,
+        simulation=files[0] if files else None,
+        simulated_torque=simulated_torque,
+    )
     columns = {name: getattr(found, name) for name in ("time", "measured", "predicted", "residual")}
     with atomic_writer(out) as file:
         pandas.DataFrame(columns).to_csv(file, index=False, lineterminator="\n")

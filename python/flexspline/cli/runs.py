@@ -15,7 +15,9 @@ from flexspline.errors import InputError
 if TYPE_CHECKING:
     from flexspline.logs.log import Log
 
-__all__ = ["Reading", "on_terminal", "refuse_overwriting"]
+__all__ = ["Reading", "on_terminal", "refuse_overwriting", "simulations"]
+
+SIMULATED = "simulated_torque"  # the channel; its own module takes long to import
 
 
 @dataclass(frozen=True)
@@ -41,8 +43,15 @@ class Reading:
         given = {**self.facts, "repair": self.repair, "rate": self.rate}
         return {key: value for key, value in given.items() if value}
 
-    def logs(self, paths: Sequence[str], known: Mapping[str, Any] | None = None) -> list[Log]:
+    def logs(
+        self,
+        paths: Sequence[str],
+        known: Mapping[str, Any] | None = None,
+        simulated_torque: str | None = None,
+    ) -> list[Log]:
         """Read all runs; `known` are facts of a model, used where a run has none of its own.
+
+        `simulated_torque`: the column of the runs that is read as the channel of that name.
 
         Raises
         ------
@@ -52,7 +61,7 @@ class Reading:
         for number, path in enumerate(paths):
             if Path(path).resolve() in (Path(other).resolve() for other in paths[:number]):
                 raise InputError(f"{path}: is given twice; give each run once")
-        arguments = self._with_map()
+        arguments = with_simulated(self._with_map(), simulated_torque)
         quiet = not on_terminal()
         return [
             _completed(path, arguments, known or {})
@@ -67,6 +76,34 @@ class Reading:
         sections = read_map(self.columns)
         mapped = {"columns": sections["columns"], "facts": sections["facts"]}
         return {**sections["read"], **mapped, **self.arguments}
+
+
+def simulations(
+    paths: Sequence[str], column: str | None, *, motion: bool = False
+) -> list[Log] | None:
+    """Read the files of a simulation; None where there are none.
+
+    Raises
+    ------
+    InputError
+        Where a file cannot be read.
+    """
+    from flexspline.logs.read import read_log
+
+    if not paths:
+        return None
+    arguments = with_simulated({}, None if motion else column)
+    return [read_log(path, **arguments) for path in paths]
+
+
+def with_simulated(arguments: Mapping[str, Any], column: str | None) -> dict[str, Any]:
+    """Return arguments of `read_log` that read a simulated column too."""
+    from flexspline.logs.channels import CHANNELS
+
+    if column is None or column in CHANNELS:
+        return dict(arguments)
+    columns = {**(arguments.get("columns") or {}), SIMULATED: column}
+    return {**arguments, "columns": columns}
 
 
 def on_terminal() -> bool:

@@ -46,6 +46,8 @@ def assembled(compared: Compared, made: Analysis, facts: Mapping[str, Any]) -> C
         compared.load_source,
         turns,
         dict(facts),
+        compared.foreign,
+        compared.notes,
     )
 
 

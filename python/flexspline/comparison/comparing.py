@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from tqdm import tqdm
@@ -19,26 +20,36 @@ __all__ = ["compare"]
 
 
 def compare(
-    model: Model,
+    model: Model | None,
     logs: Log | Sequence[Log],
     *,
     target: str | None = None,
     lowpass: float | None = None,
     simulated: bool = False,
     controller: PositionServo | None = None,
+    simulation: Log | Sequence[Log] | None = None,
+    simulated_torque: str | None = None,
+    simulated_motion: bool = False,
+    known_load: str | None = None,
     progress: bool = False,
 ) -> Comparison:
-    """Say where a model and logs disagree. No parameter is touched.
+    """Say where a model, or any simulation, and logs disagree. No parameter is touched.
 
     Parameters
     ----------
-    model : with a part for the target.
+    model : with a part for the target; None where a simulation is the base.
     logs : one or several runs of its joint.
     target : which part, where the model has several.
     lowpass : Hz; zero phase, on measured and predicted alike.
     simulated : compare a forward simulation (see `flexspline.simulate`) instead of the prediction:
         of a drive or a torsion the output's angle, of a sensor its reading.
     controller : the servo law that drives the simulation, where the motor torque is not measured.
+    simulation : one log for each run, in their order, that any simulator made, with time stamps of
+        the runs' clock. It is the base: what it says is compared.
+    simulated_torque : its column, or without `simulation` that of the runs, in the unit of the
+        target, at the output. By default `simulated_torque`, or else the target's own channel.
+    simulated_motion : compare its output_position [rad] instead of a torque.
+    known_load : channel that holds τ_load [Nm], beside a simulated torque.
     progress : show what is being done on standard error.
 
     Returns
@@ -51,7 +62,8 @@ def compare(
     Raises
     ------
     InputError
-        Where a log lacks a channel, is of another joint, or holds too few rows.
+        Where a log lacks a channel, is of another joint, or holds too few rows; and unless exactly
+        one of a model and a simulation is the base.
 
     Notes
     -----
@@ -62,6 +74,7 @@ def compare(
     from flexspline.comparison.assemble import assembled
     from flexspline.comparison.runs import predicted
     from flexspline.comparison.simulated import simulated as by_simulation
+    from flexspline.comparison.simulated import simulated_elsewhere
     from flexspline.logs.log import Log
 
     runs = [logs] if isinstance(logs, Log) else list(logs)
@@ -69,7 +82,9 @@ def compare(
         raise InputError("there is no log to compare with; give at least one")
     if controller is not None and not simulated:
         raise InputError("a controller drives a simulation; leave it out or give simulated")
-    if simulated and lowpass is not None:
+    foreign = simulation is not None or simulated_torque is not None
+    _require_one_base(model, foreign, simulated, simulation, simulated_torque, simulated_motion)
+    if (simulated or simulated_motion) and lowpass is not None:
         raise InputError("a low pass is for predictions; leave lowpass out where simulated")
     with tqdm(desc="predicting", total=4, disable=not progress, leave=False, delay=1.0) as bar:
 
@@ -77,10 +92,47 @@ def compare(
             bar.update()
             bar.set_description(what)
 
-        if simulated:
-            compared = by_simulation(model, runs, target, controller)
+        notes: tuple[str, ...] = ()
+        if foreign and not simulated_motion:
+            from flexspline.simulator.base import based
+
+            base = based(model, runs, target, known_load, simulation, simulated_torque)
+            model, runs = base.model, base.logs
+            notes = tuple(remark.sentence for remark in base.remarks)
+        if simulated_motion:
+            assert simulation is not None
+            compared = simulated_elsewhere(runs, simulation)
         else:
-            compared = predicted(model, runs, target, lowpass)
+            assert model is not None
+            compared = (
+                by_simulation(model, runs, target, controller)
+                if simulated
+                else predicted(model, runs, target, lowpass)
+            )
+        compared = replace(compared, notes=(*compared.notes, *notes))
         made = analysed(compared, say)
         say("bands")
-        return assembled(compared, made, model.facts)
+        return assembled(compared, made, model.facts if model else dict(runs[0].facts))
+
+
+def _require_one_base(
+    model: Model | None,
+    foreign: bool,
+    simulated: bool,
+    simulation: object,
+    simulated_torque: str | None,
+    simulated_motion: bool,
+) -> None:
+    if model is None and not foreign:
+        raise InputError(
+            "there is nothing to compare with; give exactly one of a model and a simulation"
+        )
+    if simulated and foreign:
+        raise InputError("simulated drives the model; leave it out where a simulation is the base")
+    if not simulated_motion:
+        return
+    if simulation is None or simulated_torque is not None or model is not None:
+        raise InputError(
+            "simulated_motion compares the output_position of a simulation; give simulation, and "
+            "neither a model nor simulated_torque"
+        )

@@ -48,6 +48,8 @@ def comparison_json(made: Comparison) -> str:
         "follows": [_follows(f) for f in made.follows],
         "makes_no_difference": list(made.makes_no_difference),
         "noise": asdict(made.memory),
+        "simulation": made.foreign or None,
+        "notes": list(made.notes),
     }
     jsonschema.Draft202012Validator(_schema()).validate(content)
     return json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"

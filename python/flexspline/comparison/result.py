@@ -73,6 +73,8 @@ class Comparison:
     memory : of the noise.
     load_source : where the load is from, "" where it is not known.
     spectrum : of the residual over the output's orders, or None where it does not turn.
+    foreign : the foreign simulation that is the base, in words; "" without one.
+    notes : sentences on it: rows of which it says nothing, delays.
     """
 
     what: str
@@ -91,6 +93,8 @@ class Comparison:
     load_source: str
     spectrum: OrderAnalysis | None
     facts: Mapping[str, Any]
+    foreign: str = ""
+    notes: tuple[str, ...] = ()
 
     @property
     def rmse(self) -> float:

@@ -20,7 +20,7 @@ from flexspline.part import PART_OF
 from flexspline.prepared import prepared
 from flexspline.signals import target_of
 
-__all__ = ["Compared", "ComparedRun", "load_of", "load_source_of", "located", "predicted"]
+__all__ = ["LOADS", "Compared", "ComparedRun", "load_of", "load_source_of", "located", "predicted"]
 
 Array = NDArray[np.float64]
 
@@ -59,7 +59,8 @@ class Compared:
 
     `simulated`: by forward simulation. `lowpass`: Hz, or None. `load_source`: where the load of
     the runs is from, in words; `load_unit` where that is the model. `floor`: noise of what is
-    measured, where that is known; None where it is to be estimated.
+    measured, where that is known; None where it is to be estimated. `foreign`: the simulation
+    that is the base, in words; "" without one. `notes`: sentences on it.
     """
 
     runs: tuple[ComparedRun, ...]
@@ -70,6 +71,8 @@ class Compared:
     load_source: str
     load_unit: str = "Nm"
     floor: float | None = None
+    foreign: str = ""
+    notes: tuple[str, ...] = ()
 
 
 def predicted(
@@ -86,7 +89,10 @@ def predicted(
     logs = [prepared(log, part.preparations) for log in logs]
     source = load_source_of(part, logs)
     runs = tuple(_predicted_run(model, part, log, lowpass, source) for log in logs)
-    return Compared(runs, part.target, part.unit, False, lowpass, source, part.unit)
+    foreign = part.simulated.words if part.simulated is not None else ""
+    return Compared(
+        runs, part.target, part.unit, False, lowpass, source, part.unit, foreign=foreign
+    )
 
 
 def _predicted_run(

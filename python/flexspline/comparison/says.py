@@ -29,7 +29,7 @@ def sentences(made: Comparison) -> tuple[str, str]:
     whole, what = made.overall, made.what.replace("_", " ")
     size = sized(whole.rmse, whole.noise_floor)
     floor = sized(whole.noise_floor, whole.noise_floor)
-    kind = "simulated" if made.simulated else "predicted"
+    kind = "simulated" if made.simulated or made.foreign else "predicted"
     of = f"between measured and {kind} {what}"
     if made.simulated and not made.follows and made.rmse > FAR * made.noise_floor:
         first = f"The gap {of} is {size} {made.unit} RMS; the measured one resolves {floor}."

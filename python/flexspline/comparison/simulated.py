@@ -8,10 +8,12 @@ something that no channel shows.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from flexspline.comparison.runs import Compared, ComparedRun, load_of, load_source_of
+from flexspline.comparison.runs import LOADS, Compared, ComparedRun, load_of, load_source_of
 from flexspline.comparison.velocity import velocity_noise, with_motion
 from flexspline.errors import InputError
 from flexspline.forward.servo import PositionServo
@@ -19,8 +21,9 @@ from flexspline.forward.simulating import simulate
 from flexspline.logs.grain import quantum, white_noise
 from flexspline.logs.log import Log
 from flexspline.model import Model
+from flexspline.simulator.taken import covered, onto_clock, paired
 
-__all__ = ["simulated"]
+__all__ = ["resolution", "simulated", "simulated_elsewhere"]
 
 
 def simulated(
@@ -50,15 +53,49 @@ def simulated(
         runs.append(
             ComparedRun(log, made.measured, made.simulated, nothing, load, velocity_noise(log))
         )
-    floor = _resolution(runs) if channel == "output_position" else None
+    floor = resolution([run.measured for run in runs]) if channel == "output_position" else None
     return Compared(tuple(runs), channel, unit, True, None, source, part.unit, floor)
 
 
-def _resolution(runs: Sequence[ComparedRun]) -> float:
-    """RMS of the noise of the measured angle, rad: white noise or its counts."""
+def simulated_elsewhere(logs: Sequence[Log], simulation: Log | Sequence[Log]) -> Compared:
+    """Return measured angles of the output, and those that a foreign simulation gives.
+
+    Raises
+    ------
+    InputError
+        Where a run or its simulation has no output_position, or the simulation is of another span.
+    """
+    runs, notes = [], []
+    for log, other in zip(logs, paired(logs, simulation), strict=True):
+        for one in (log, other):
+            if "output_position" not in one:
+                raise InputError(
+                    f"log '{one.name}': has no output_position to compare the motion by; map a "
+                    "column to it"
+                )
+        angle = onto_clock(log, other, other["output_position"])
+        log, left = covered(log, angle)
+        angle = angle[np.isfinite(angle)]
+        notes += [f"{log.name}: {found.sentence}" for found in left]
+        log = with_motion(log)
+        load = np.asarray(log[LOADS[0]]) if LOADS[0] in log else None
+        measured = np.asarray(log["output_position"])
+        nothing = np.zeros(len(log))
+        runs.append(ComparedRun(log, measured, angle, nothing, load, velocity_noise(log)))
+    source = LOADS[0] if all(run.load is not None for run in runs) else ""
+    made = tuple(run if source else replace(run, load=None) for run in runs)
+    floor = resolution([run.measured for run in made])
+    return Compared(
+        made, "output_position", "rad", True, None, source, "Nm", floor,
+        "files of its own", tuple(notes),
+    )  # fmt: skip
+
+
+def resolution(angles: Sequence[NDArray[np.float64]]) -> float:
+    """Return the RMS of the noise of measured angles, rad: white noise or their counts."""
     found = [
-        max(white_noise(run.measured), quantum(run.measured) / np.sqrt(12.0))
-        for run in runs
-        if np.isfinite(run.measured).all()
+        max(white_noise(angle), quantum(angle) / np.sqrt(12.0))
+        for angle in angles
+        if np.isfinite(angle).all()
     ]
     return float(np.sqrt(np.mean(np.square(found)))) if found else 0.0

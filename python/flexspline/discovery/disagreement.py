@@ -44,6 +44,10 @@ def disagreement(made: Discovery) -> Disagreement:
     InputError
         Where too few rows count.
     """
+    if made.by == "simulation":
+        from flexspline.output_error.discovering import compared_motion
+
+        return _judged(made, compared_motion(made.runs, "base"))
     part = made.model.part(made.target)
     runs = tuple(
         located(made.model, part, run.log, run.measured, np.where(run.counts, run.base, np.nan),
@@ -51,7 +55,10 @@ def disagreement(made: Discovery) -> Disagreement:
         for run in made.runs
     )  # fmt: skip
     source = part.known_load or "the model's own inertia and gravity"
-    compared = Compared(runs, made.target, made.unit, False, made.fit.lowpass, source)
+    return _judged(made, Compared(runs, made.target, made.unit, False, made.fit.lowpass, source))
+
+
+def _judged(made: Discovery, compared: Compared) -> Disagreement:
     found = analysed(compared, lambda _: None)
     before, after = assembled(compared, found, made.model.facts), _after(made, compared, found)
     overall = _above(before.overall, made.noise_floor)

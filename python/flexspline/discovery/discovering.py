@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -17,25 +18,30 @@ if TYPE_CHECKING:  # what is heavy is imported where it is used
 
     from flexspline.discovery.analysis import Analysis
     from flexspline.discovery.confirmation import Confirmed
+    from flexspline.discovery.faults import DataFault
     from flexspline.discovery.result import Discovery
     from flexspline.discovery.working import Working
     from flexspline.experiment.limits import Limits
     from flexspline.fit.names import Bounds
     from flexspline.fit.problem import Problem
     from flexspline.fit.result import Fit
+    from flexspline.forward.servo import PositionServo
     from flexspline.logs.log import Log
     from flexspline.model import Model
     from flexspline.prepared import Preparation
+    from flexspline.simulator.record import Simulated
 
 __all__ = ["discover"]
 
 
 def discover(
-    model_or_effects: Model | str | Effect | Iterable[str | Effect],
+    model_or_effects: Model | str | Effect | Iterable[str | Effect] | None,
     logs: Log | Sequence[Log],
     *,
     target: str | None = None,
     known_load: str | None = None,
+    simulation: Log | Sequence[Log] | None = None,
+    simulated_torque: str | None = None,
     lowpass: float | None = None,
     orders: Mapping[str, Sequence[int]] | None = None,
     fixed: Mapping[str, float] | None = None,
@@ -43,17 +49,23 @@ def discover(
     limits: Limits | None = None,
     progress: bool = False,
     threads: int = 1,
+    by: str = "regression",
+    controller: PositionServo | str | os.PathLike[str] | None = None,
+    free_controller: Sequence[str] = (),
 ) -> Discovery:
     """Find which effects are missing, add them, and say how sure that is.
 
     Parameters
     ----------
     model_or_effects : a model to start from, or the effects that are known to be there. Of a
-        model, what its user fixed stays fixed; all else is fitted again.
+        model, what its user fixed stays fixed; all else is fitted again. None where a simulation
+        is the base.
     logs : one or several runs of one joint; four and more are left out one by one.
     target : "sensor_torque" [Nm], "motor_torque" [Nm at the output], "motor_current" [A] or
         "torsion" [rad]; None: the model's only part.
     known_load : channel that holds τ_load [Nm]; None: that of the model.
+    simulation, simulated_torque : what any simulator predicts of the target, as for `compare`: it
+        is the base, and what is found is what it lacks.
     lowpass : Hz; zero phase, on the target and on every row alike.
     orders : {"output_ripple": [1, 2]} of the base; found where they are not given.
     fixed : parameters that are not fitted, as for `fit`.
@@ -61,6 +73,9 @@ def discover(
     limits : what a run to record next may do; what is left open is what these runs did.
     progress : show what is being tried on standard error.
     threads : for the sums over the logs.
+    by : "regression" of the target; or "simulation": the effects whose forward simulation misses
+        the measured output_position less, where only motion is measured (`output_error/`).
+    controller, free_controller : of by="simulation" alone, as for `fit`.
 
     Returns
     -------
@@ -69,7 +84,8 @@ def discover(
     Raises
     ------
     InputError
-        As `fit`, for the base; for a name in `exclude` that is no effect, or one of the base.
+        As `fit`, for the base; unless exactly one of effects, a model and a simulation is the
+        base; for a name in `exclude` that is no effect, or one of the base.
 
     Notes
     -----
@@ -92,11 +108,22 @@ def discover(
     if not runs:
         raise InputError("there is no log to look at; give at least one")
     require_apart(runs)
-    start = _start(model_or_effects, target, known_load, fixed or {})
+    if by != "regression" or controller is not None or free_controller:
+        _require_simulation(by, simulation, simulated_torque, lowpass)
+        return _by_simulation(
+            _driven(model_or_effects, target, known_load, fixed or {}), runs, orders or {},
+            exclude, controller, free_controller, threads, progress,
+        )  # fmt: skip
+    base, runs, of_base = _base(
+        model_or_effects, runs, target, known_load, simulation, simulated_torque
+    )
+    start = _start(base, target, known_load, fixed or {})
     faults = data_faults(runs, start.effects, start.target, start.known_load, threads)
+    faults = (*of_base, *faults)
     runs, faults = with_measured_ratio(runs, faults, start.target)
     inputs = noise_of_channels(runs)
-    ways, noisy = preparations_for(inputs, start.target, start.known_load), ()
+    ways = preparations_for(inputs, start.target, start.known_load)
+    noisy: tuple[DataFault, ...] = ()
     if not any(way.channel == "output_velocity" for way in ways):
         _, noisy, steady = steadied(
             runs,
@@ -106,6 +133,7 @@ def discover(
             start.fixed,
             lambda log: moving(log, start.target),
             threads,
+            start.simulated,
         )
         ways = (*steady, *ways)
 
@@ -140,6 +168,63 @@ def discover(
         return replace(found, data_faults=judged)
 
 
+def _require_simulation(
+    by: str, simulation: object, simulated_torque: str | None, lowpass: float | None
+) -> None:
+    if by not in ("regression", "simulation"):
+        raise InputError(f"by is {by!r}; give 'regression' or 'simulation'")
+    if by == "regression":
+        raise InputError("a controller drives a simulation; give by='simulation' or leave it out")
+    if simulation is not None or simulated_torque is not None:
+        raise InputError(
+            "by='simulation' drives the effects alone; leave the foreign simulation out"
+        )
+    if lowpass is not None:
+        raise InputError("by='simulation' compares the motion as it is; leave lowpass out")
+
+
+def _driven(
+    given: Model | str | Effect | Iterable[str | Effect] | None,
+    target: str | None,
+    known_load: str | None,
+    fixed: Mapping[str, float],
+) -> _Start:
+    """What to drive forward; of effects alone the motor's torque, where no target is given."""
+    from flexspline.model import Model
+
+    if given is None:
+        raise InputError("give exactly one of effects, a model, and a simulation as the base")
+    if not isinstance(given, Model):
+        target = target or "motor_torque"
+    return _start(given, target, known_load, fixed)
+
+
+def _by_simulation(
+    start: _Start,
+    runs: list[Log],
+    orders: Mapping[str, Sequence[int]],
+    exclude: Iterable[str],
+    controller: PositionServo | str | os.PathLike[str] | None,
+    free_controller: Sequence[str],
+    threads: int,
+    progress: bool,
+) -> Discovery:
+    """What a drive lacks by the motion that it makes."""
+    from flexspline.discovery.faults import data_faults
+    from flexspline.fit.fitting import simulation_settings, with_orders
+    from flexspline.output_error.discovering import discover_by_simulation
+
+    effects = with_orders(start.effects, orders)
+    faults = data_faults(runs, effects, start.target, start.known_load, threads)
+    settings = simulation_settings(controller, free_controller, 2, 4, 0, threads, progress)
+    style = {"bar_format": "{desc}{elapsed}", "leave": False, "delay": 1.0}
+    with tqdm(desc="discovering", disable=not progress, **style) as bar:
+        return discover_by_simulation(
+            effects, runs, start.target, start.known_load, start.fixed, exclude, settings,
+            start.model, faults, bar.set_description,
+        )  # fmt: skip
+
+
 @dataclass(frozen=True)
 class _Way:
     """How a discovery goes about it: see `discover`."""
@@ -163,6 +248,7 @@ class _Way:
             threads=self.threads,
             preparations=self.preparations,
             inputs=runs.inputs,
+            simulated=self.start.simulated,
         )
 
 
@@ -192,9 +278,10 @@ def _searched(runs: _Recorded, way: _Way, exclude: Sequence[str], free: Sequence
     """
     from flexspline.discovery.analysis import analysed
     from flexspline.discovery.confirmation import confirmed
-    from flexspline.discovery.freedom import with_freedoms
+    from flexspline.discovery.freedom import held_of, with_freedoms
     from flexspline.discovery.study import study_of
     from flexspline.fit.fitting import fit, fit_near, with_orders
+    from flexspline.simulator.record import SIMULATED
 
     start = way.start
     effects: Sequence[Effect] = with_orders(start.effects, way.orders)
@@ -202,8 +289,10 @@ def _searched(runs: _Recorded, way: _Way, exclude: Sequence[str], free: Sequence
         effects = fit(
             effects, runs.logs, start.target, known_load=start.known_load, lowpass=way.lowpass,
             fixed=start.fixed, checks=False, threads=way.threads,
+            simulated_torque=SIMULATED if start.simulated else None,
         ).part.effects  # fmt: skip
     effects = with_freedoms(effects, free)
+    fixed = {**start.fixed, **held_of(effects)}
     study = study_of(
         effects,
         runs.logs,
@@ -214,16 +303,16 @@ def _searched(runs: _Recorded, way: _Way, exclude: Sequence[str], free: Sequence
         threads=way.threads,
         preparations=way.preparations,
         inputs=runs.inputs,
+        simulated=start.simulated,
     )
-    made = analysed(study, effects, start.fixed, way.say)
+    made = analysed(study, effects, fixed, way.say)
     way.say("errors and validation")
 
     def fitted(work: Working) -> Fit:
         posed = way.problem(runs, work.effects)
         limited, priors = _bounds(work, start), _priors(work, posed, start)
-        return fit_near(
-            posed, work.effects, start.fixed, limited, start.model, priors, general=True
-        )
+        known = {**start.fixed, **held_of(work.effects)}
+        return fit_near(posed, work.effects, known, limited, start.model, priors, general=True)
 
     return confirmed(made, fitted, [effect.name for effect in start.effects])
 
@@ -237,6 +326,35 @@ class _Start:
     known_load: str | None
     fixed: Mapping[str, float]
     model: Model | None
+    simulated: Simulated | None = None
+
+
+def _base(
+    given: Model | str | Effect | Iterable[str | Effect] | None,
+    runs: list[Log],
+    target: str | None,
+    known_load: str | None,
+    simulation: Log | Sequence[Log] | None,
+    column: str | None,
+) -> tuple[Model | str | Effect | Iterable[str | Effect], list[Log], tuple[DataFault, ...]]:
+    """What to start from, the runs with what it reads, and what is wrong with a simulation."""
+    from flexspline.discovery.faults import DataFault
+    from flexspline.model import Model
+    from flexspline.simulator.base import based
+
+    foreign = simulation is not None or column is not None
+    if foreign and (given is None or isinstance(given, Model)):
+        made = based(given, runs, target, known_load, simulation, column)
+        found = tuple(
+            DataFault(remark.run, one.name, one.channel, one.size, one.unit, one.rows,
+                      remark.sentence, grave=one.severity != "note")
+            for remark in made.remarks
+            for one in (remark.finding,)
+        )  # fmt: skip
+        return made.model, made.logs, found
+    if foreign or given is None:
+        raise InputError("give exactly one of effects, a model, and a simulation as the base")
+    return given, runs, ()
 
 
 def _start(
@@ -250,7 +368,8 @@ def _start(
     if isinstance(given, Model):
         part = given.part(target)
         held = {**_fixed_in(part.record), **fixed}
-        return _Start(part.effects, part.target, known_load or part.known_load, held, given)
+        load = known_load or part.known_load
+        return _Start(part.effects, part.target, load, held, given, part.simulated)
     if target is None:
         raise InputError("no target is given; give target='sensor_torque' or another one")
     names = [given] if isinstance(given, (str, Effect)) else list(given)

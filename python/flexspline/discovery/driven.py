@@ -64,7 +64,8 @@ def driven_apart(
     """Return both models' motion through every fold, None where one of them cannot be driven."""
     problem = made.study.problem
     both = (made.base, made.final)
-    if problem.target not in DRIVES or problem.lowpass is not None:
+    alone = problem.simulated is None  # a correction is no joint that can be driven
+    if problem.target not in DRIVES or problem.lowpass is not None or not alone:
         return None
     if not all("inertia" in [e.name for e in work.effects] for work in both):
         return None

@@ -33,7 +33,9 @@ def discovery_json(made: Discovery) -> str:
         "made_by": f"flexspline {__version__}",
         "target": made.target,
         "unit": made.unit,
+        "by": made.by,
         "base_effects": list(made.base_effects),
+        "simulation": None if made.simulated is None else made.simulated.to_json(),
         "found": [_found(made, one) for one in made.found],
         "rmse": {
             "base": made.base_rmse,

@@ -107,8 +107,11 @@ def late_load(
 
     A sensor cannot read a torque before it is there: where its lag comes out negative, the channel
     of the known load is late by that much more than the sensor. Between the torque of a drive and
-    the load cell any delay is one of the recorder. None where there is none.
+    the load cell any delay is one of the recorder. None where there is none, or where so much is
+    left unexplained that it may be that.
     """
+    if made.leftover.groups and not made.final.named:
+        return None
     problem = made.study.problem
     owners = [e.name for e in made.final.effects for _ in e.terms]
     at = [k for k, owner in enumerate(owners) if owner == LAG]

@@ -17,7 +17,7 @@ from flexspline.effects import Effect
 from flexspline.logs.channel_noise import ChannelNoise
 from flexspline.logs.log import Log
 
-__all__ = ["DIRECTIONS", "LAG", "freedoms", "with_freedoms"]
+__all__ = ["DIRECTIONS", "LAG", "freedoms", "held_of", "with_freedoms"]
 
 DIRECTIONS, LAG = "direction_dependent_friction", "sensor_lag"
 FRICTION = ("coulomb_friction", "viscous_friction")
@@ -51,6 +51,12 @@ def with_freedoms(base: Sequence[Effect], given: Sequence[str]) -> list[Effect]:
             effect = effect.with_shapes(direction_width=widths[0])
         made.append(effect)
     return made
+
+
+def held_of(effects: Sequence[Effect]) -> dict[str, float]:
+    """Return what is held of the freedoms: beside no offset, a level of the base would be one."""
+    names = {effect.name for effect in effects}
+    return {} if "offset" in names or DIRECTIONS not in names else {f"{DIRECTIONS}.level": 0.0}
 
 
 def _both_ways(logs: Sequence[Log]) -> bool:

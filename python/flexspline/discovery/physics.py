@@ -79,14 +79,15 @@ def impossible(work: Working, name: str, problem: Problem) -> str:
     """Return why an effect cannot be what the model says of it, "" where it can.
 
     The drive decides signs: its torque overcomes friction and accelerates the joint. A sensor may
-    see either sign, by the side of the friction on which it sits.
+    see either sign, by the side of the friction on which it sits; so may what corrects a simulation
+    that has too much of a friction or mass.
     """
     if why := _bent_one_way(work, name, problem):
         return why
     if name == STRIBECK and (why := _not_fading(work, problem)):
         return why
     values = _values(work, name)
-    if problem.target not in DRIVES:
+    if problem.target not in DRIVES or problem.simulated is not None:
         return ""
     if name in DISSIPATES and values[0] < 0.0:
         return "its friction would drive the joint"

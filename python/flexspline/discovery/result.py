@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from flexspline.discovery.disagreement import Disagreement
     from flexspline.experiment.plan import Plan
     from flexspline.logs.channel_noise import ChannelNoise
+    from flexspline.simulator.record import Simulated
 
 __all__ = ["Discovery", "Found", "Unexplained"]
 
@@ -101,6 +102,7 @@ class Discovery:
     fit : of the extended model.
     runs : measured and predicted values of base and extended model, on folds no fit saw.
     motion : both driven forward through these folds; None where the model cannot be simulated.
+    by : "regression" of the target; or "simulation": all errors are of the output's angle, rad.
     not_tried : why effects were no candidates, by name. `refused`: why candidates that gained
         were not taken. `doubted`: names that only stood in for an unexplained cause.
     """
@@ -126,12 +128,23 @@ class Discovery:
     also_seen: tuple[AlsoSeen, ...] = ()
     inputs: tuple[ChannelNoise, ...] = ()
     rows: Mapping[str, int] = field(default_factory=dict)
+    by: str = "regression"
     searched: Mapping[str, float] = field(default_factory=lambda: {"names": 1.0, "functions": 1.0})
 
     @property
     def model(self) -> Model:
         """The extended model: an ordinary one."""
         return self.fit.model
+
+    @property
+    def simulated(self) -> Simulated | None:
+        """The foreign simulation that is the base, or beneath it; None without one."""
+        return self.fit.part.simulated
+
+    @property
+    def what(self) -> str:
+        """What the errors are of: the target, or the channel that is simulated."""
+        return "output_position" if self.by == "simulation" else self.target
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -39,6 +39,7 @@ from flexspline.logs.grain import white_noise
 from flexspline.logs.log import Log
 from flexspline.parallel import in_order
 from flexspline.prepared import Preparation
+from flexspline.simulator.record import Simulated
 
 __all__ = ["steadied"]
 
@@ -68,10 +69,11 @@ def steadied(
     fixed: Mapping[str, float],
     taken: Callable[[Log], Log],
     threads: int = 1,
+    simulated: Simulated | None = None,
 ) -> tuple[list[Log], tuple[DataFault, ...], tuple[Preparation, ...]]:
     """Return the logs with the velocity that explains most; where it is another, fault and way.
 
-    `taken`: the rows of a log that count.
+    `taken`: the rows of a log that count. `simulated`: the simulation taken off the target.
     """
     logs = list(logs)
     noise = _noise(logs, base)
@@ -86,6 +88,7 @@ def steadied(
             known_load=known_load,
             lowpass_hz=None,
             threads=threads,
+            simulated=simulated,
         )
 
     given = problem(logs)

@@ -25,6 +25,7 @@ from flexspline.logs.derive import differentiate
 from flexspline.logs.log import Log
 from flexspline.orders import FoundOrder
 from flexspline.prepared import Preparation
+from flexspline.simulator.record import Simulated
 
 __all__ = ["Study", "study_of"]
 
@@ -128,8 +129,11 @@ def study_of(
     exclude: Iterable[str] = (),
     preparations: Sequence[Preparation] = (),
     inputs: Sequence[Log] | None = None,
+    simulated: Simulated | None = None,
 ) -> Study:
     """Make logs ready for the base and every effect that they could show beside it.
+
+    `simulated`: the simulation whose prediction is taken off the target, or None.
 
     Raises
     ------
@@ -146,6 +150,7 @@ def study_of(
         threads=threads,
         preparations=preparations,
         inputs=inputs,
+        simulated=simulated,
     )
     inputs = [_with_motion(log) for log in (logs if inputs is None else inputs)]
     effects, reasons = possible(base, inputs, target, known_load, exclude)
@@ -159,6 +164,7 @@ def study_of(
         threads=threads,
         preparations=preparations,
         inputs=inputs,
+        simulated=simulated,
     )
     runs = tuple(replace(run, stretches=run.unbroken) for run in problem.runs)
     return Study(replace(problem, runs=runs), kept, reasons)

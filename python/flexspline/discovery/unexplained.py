@@ -124,8 +124,9 @@ def _survival(overlap: Overlap, work: Working, carriers: set[str]) -> dict[str, 
     """
     ceiling, own = overlap.ceiling, np.arange(overlap.own - 1)
     load = ceiling.problem.known_load
-    beside = [k for k, group in enumerate(ceiling.groups) if k not in overlap.chosen
-              and len(group.channels) == 1 and channel_told(group.channels[0], load) in carriers]  # fmt: skip
+    alone = [k for k, group in enumerate(ceiling.groups) if len(group.channels) == 1]
+    carrying = [k for k in alone if channel_told(ceiling.groups[k].channels[0], load) in carriers]
+    beside = [k for k in carrying if k not in overlap.chosen]
     if beside:
         overlap.take(beside)
     table = overlap.table()

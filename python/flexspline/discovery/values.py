@@ -23,7 +23,8 @@ HIDDEN = {
     "torsion": ("motor_velocity",),
 }
 """Channels that hold the target itself; a supply sags under the motor's own current."""
-NEVER = ("enabled", "thermistor_voltage", "commanded_position", "motor_velocity", "motor_position")
+NEVER = ("enabled", "thermistor_voltage", "commanded_position", "motor_velocity", "motor_position",
+         "simulated_torque")  # fmt: skip
 PAST, CHANNELS, FASTEST = "past", "nameless channels", "largest speed"  # what a problem keeps
 ROUND, DIRECTION, RATE = "motor_angle", "direction", "load_rate"
 LAGGED = ("temperature", "motor_torque")

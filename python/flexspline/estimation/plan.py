@@ -74,6 +74,12 @@ def plan_of(model: Model) -> Plan:
     InputError
         Where the model has nothing to estimate with, or an estimator lacks what it reads.
     """
+    for part in model.parts.values():
+        if part.simulated is not None:
+            raise InputError(
+                f"the part for {part.target} corrects what a simulation says, which no estimator "
+                "has; fit the part without the simulation"
+            )
     require_complete(model.estimators, model.parts)
     has_sensor = _has_sensor(model)
     if not has_sensor and not model.estimators.keys() - set(PREPROCESSING):

@@ -68,6 +68,7 @@ def assembled(
         _shared(problem, made),
         problem.known_load,
         plain_json(record),
+        problem.simulated,
     )
     facts = _facts(problem)
     model = (into or Model({})).with_part(part, facts)

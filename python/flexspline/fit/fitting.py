@@ -21,8 +21,9 @@ if TYPE_CHECKING:  # what is heavy is imported where it is used: `flexspline --h
     from flexspline.logs.log import Log
     from flexspline.model import Model
     from flexspline.output_error.settings import Settings
+    from flexspline.simulator.record import Simulated
 
-__all__ = ["fit", "fit_near", "with_orders"]
+__all__ = ["fit", "fit_near", "simulation_settings", "with_orders"]
 
 ROWS_A_PARAMETER = 3
 SETTLING_ROUNDS = 3
@@ -45,6 +46,8 @@ def fit(
     offset_per_run: bool = False,
     into: Model | None = None,
     checks: bool = True,
+    simulation: Log | Sequence[Log] | None = None,
+    simulated_torque: str | None = None,
     threads: int = 1,
     progress: bool = False,
     by: str = "regression",
@@ -75,6 +78,8 @@ def fit(
     offset_per_run : one offset for each run instead of one for all.
     into : a model of the same joint that receives this part.
     checks : look at the logs first; what makes a fit meaningless is refused, faults are warned of.
+    simulation, simulated_torque : what any simulator predicts of the target, as for `compare`; the
+        effects are fitted to what it lacks, and the model corrects it.
     threads : for the sums over the logs.
     progress : show what is being done on standard error.
     by : "regression" of the target on the measured motion; or "simulation": from there on to the
@@ -127,17 +132,32 @@ def fit(
             )
     require_apart(runs)
     chosen = with_orders(effects, orders or {})
+    foreign = simulation is not None or simulated_torque is not None
     if by != "regression" or controller is not None or free_controller:
+        if foreign:
+            raise InputError(
+                "by='simulation' drives the effects alone; leave the foreign simulation out"
+            )
         _require_simulation(by, priors, offset_per_run)
         regression = partial(
             fit, chosen, target=target, known_load=known_load, lowpass=lowpass, fixed=fixed,
             bounds=bounds, robust=robust, checks=checks, threads=threads,
         )  # fmt: skip
-        settings = _settings(controller, free_controller, starts, folds, seed, threads, progress)
+        settings = simulation_settings(
+            controller, free_controller, starts, folds, seed, threads, progress
+        )
         return _by_simulation(chosen, runs, target, settings, regression, bounds or {}, into)
     if known_load is None:
         chosen = [e.without_load() for e in chosen]
     require_one_unit(chosen, target, known_load)
+    simulated: Simulated | None = None
+    remarks: tuple[str, ...] = ()
+    if foreign:
+        from flexspline.simulator.taken import take
+
+        taken = take(runs, target, known_load, simulation, simulated_torque)
+        runs, simulated = list(taken.logs), taken.simulated
+        remarks = tuple(remark.sentence for remark in taken.remarks)
     warnings = _checked(runs, chosen, target, known_load) if checks else []
     given = Given(fixed or {}, bounds or {}, priors or {}, robust == "huber")
 
@@ -150,6 +170,7 @@ def fit(
             lowpass_hz=lowpass,
             threads=threads,
             offset_per_run=offset_per_run,
+            simulated=simulated,
         )
 
     with tqdm(desc="solving", unit=" solves", disable=not progress, leave=False, delay=1.0) as bar:
@@ -159,7 +180,7 @@ def fit(
         made = estimate(posed, chosen, given, bar.update)
         posed, made = _settled(posed, made, given, bar.update)
         bar.set_description("errors and validation")
-        return assembled(posed, made, into, [*warnings, *said], found)
+        return assembled(posed, made, into, [*remarks, *warnings, *said], found)
 
 
 def fit_near(
@@ -210,9 +231,10 @@ def _require_simulation(by: str, priors: object, offset_per_run: bool) -> None:
         raise InputError("by='simulation' takes one offset for all runs; leave offset_per_run out")
 
 
-def _settings(
+def simulation_settings(
     controller: PositionServo | str | os.PathLike[str] | None, free: Sequence[str], *rest: Any
 ) -> Settings:
+    """Return `Settings`; the law may be a path of its `servo.json`."""
     from flexspline.forward.servo import PositionServo
     from flexspline.output_error.settings import Settings
 

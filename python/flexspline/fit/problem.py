@@ -28,6 +28,7 @@ from flexspline.logs.log import Log
 from flexspline.logs.segments import runs
 from flexspline.prepared import Preparation, prepared
 from flexspline.signals import channels_for, core_channels, target_of
+from flexspline.simulator.record import Simulated, simulation_of
 
 __all__ = ["Problem", "Run", "problem_of"]
 
@@ -43,9 +44,10 @@ KEPT = 24  # filtered effects of each run
 class Run:
     """One log made ready: channels for the core, the target, and the pieces without gaps.
 
-    `log`: with its inputs prepared; the target is that of the log as recorded. `channels`: name -> (N,) in SI units, "known_load" among them. `target`: (N,), y.
-    `unbroken`: row ranges [first, last) without a gap. `stretches`: the rows of these that count;
-    the beginning may be left out, where an effect still depends on what came before the run.
+    `log`: with its inputs prepared; the target is that of the log as recorded. `channels`: name ->
+    (N,) in SI units, "known_load" among them. `target`: (N,), y. `unbroken`: row ranges
+    [first, last) without a gap. `stretches`: the rows of these that count; the beginning may be
+    left out, where an effect still depends on what came before the run.
     `low_pass`: of the target, for the rows; None without one.
     """
 
@@ -77,6 +79,7 @@ class Problem:
     `_core.Design` takes them. `lowpass`: Hz, on target and rows alike, or None. `preparations`: of
     the channels that rows read. `centred`: whether an offset of each run is taken out of target and
     rows (`offsets.py`).
+    `simulated`: the foreign simulation whose prediction is taken off every target, or None.
     """
 
     runs: tuple[Run, ...]
@@ -89,6 +92,7 @@ class Problem:
     offset_per_run: bool = False
     preparations: tuple[Preparation, ...] = ()
     centred: bool = False
+    simulated: Simulated | None = None
     kept: dict[Any, Array] = field(default_factory=dict, compare=False, repr=False)
     remembered: _core.Remembered = field(
         default_factory=_core.Remembered, compare=False, repr=False
@@ -230,8 +234,9 @@ def problem_of(
     offset_per_run: bool = False,
     preparations: Sequence[Preparation] = (),
     inputs: Sequence[Log] | None = None,
+    simulated: Simulated | None = None,
 ) -> Problem:
-    """Make logs ready for a fit of these effects to this target.
+    """Make logs ready for a fit of these effects to this target, or to what a simulation leaves.
 
     `preparations`: how channels are made that the rows read; the target is that of the logs as
     they are. `inputs`: these logs with the channels so made, where rows were taken out since.
@@ -249,7 +254,7 @@ def problem_of(
     gear = gear_for(logs, target, effects, known_load)
     inputs = [*inputs] if inputs is not None else [prepared(log, preparations) for log in logs]
     made = [
-        _run(*both, effects, target, known_load, lowpass_hz)
+        _run(*both, effects, target, known_load, lowpass_hz, simulated)
         for both in zip(logs, inputs, strict=True)
     ]
     require_change(target, [run.target for run in made])
@@ -258,7 +263,7 @@ def problem_of(
     block = max(round(SECONDS_A_BLOCK * rate), counted // MOST_BLOCKS, 1)
     problem = Problem(
         tuple(made), target, gear, known_load, lowpass_hz, threads, block, offset_per_run,
-        tuple(preparations),
+        preparations=tuple(preparations), simulated=simulated,
     )  # fmt: skip
     return settled(problem, effects)
 
@@ -284,10 +289,13 @@ def _run(
     target: str,
     known_load: str | None,
     cutoff: float | None,
+    simulated: Simulated | None,
 ) -> Run:
     if len(log) < 2:
         raise InputError(f"log '{log.name}': one row is no run; leave it out or record longer")
     y = target_of(log, target, known_load)
+    if simulated is not None:
+        y = y - simulation_of(log, simulated, known_load)
     log = channels_for(made, effects, known_load)
     channels = core_channels(log, effects, known_load)
     require_finite(log, {**channels, target: y})

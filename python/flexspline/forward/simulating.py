@@ -106,6 +106,11 @@ def simulate(
 def _simulated(
     model: Model, part: Part, log: Log, how: partial[DriveInputs], steps: int | None
 ) -> ForwardRun:
+    if part.simulated is not None:
+        raise InputError(
+            f"the part for {part.target} corrects what another simulation says and cannot be "
+            "driven alone; add its effects to that simulation"
+        )
     side = PART_OF[part.target]
     if side != "drive" and how.keywords["controller"] is not None:
         raise InputError(

@@ -78,7 +78,6 @@ class ChannelNoise:
         slope = (2.0 * np.pi) ** derivative
         return float(slope * np.sqrt(density * bandwidth**order / order))
 
-
     def smoother(self, derivative: int = 0) -> float:
         """-3 dB [Hz] of the smoother that tells a derivative of the channel best."""
         floor = 2.0 * self.noise**2 / self.rate

@@ -33,4 +33,5 @@ CHANNELS: Final[dict[str, Channel]] = {
     "duty": Channel("–", "duty cycle of the servo's bridge, −1 to 1"),
     "supply_voltage": Channel("V", "of the servo"),
     "enabled": Channel("0/1", "whether the servo's torque is switched on"),
+    "simulated_torque": Channel("Nm", "what a foreign simulation says, at the output"),
 }

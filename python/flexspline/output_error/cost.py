@@ -72,7 +72,8 @@ class Cost:
         columns = []
         for k, (first, last) in enumerate(pairs):
             before, after = (made[2 * k], made[2 * k + 1]) if central else (made[0], made[k + 1])
-            columns.append((after - before) / (last[k] - first[k]))
+            width = last[k] - first[k]
+            columns.append((after - before) / width if width else np.zeros(len(before)))
         return np.stack(columns, axis=1)
 
     def by_run(self, point: Array) -> list[Array]:

@@ -29,7 +29,8 @@ if TYPE_CHECKING:
     from flexspline.logs.log import Log
     from flexspline.model import Model
 
-__all__ = ["fit_by_simulation"]
+__all__ = ["EVALUATIONS", "cost_of", "fit_by_simulation", "require_drive", "require_motion",
+           "starts_of"]  # fmt: skip
 
 STILL = 1e-6  # rad: an output that moves less does not move
 ENOUGH = 1e-3  # of the regression's miss: what half the steps may change
@@ -61,34 +62,52 @@ def fit_by_simulation(
     """
     from flexspline.output_error.assemble import assembled
 
-    _require_drive(effects, target)
-    _require_motion(logs)
+    require_drive(effects, target)
+    require_motion(logs)
     law = settings.controller
     driven = [log if law is None else with_servo_torque(log, law, target) for log in logs]
     with tqdm(desc="regression", unit=" simulations", disable=not settings.progress,
               leave=False, delay=1.0) as bar:  # fmt: skip
         regression = regress(driven)
-        _require_scale(regression, settings.free)
-        space = space_of(regression.part, law, regression.parameters, bounds, settings.free)
-        runs = [
-            drive_inputs(regression.model, log, target=target, controller=law) for log in driven
-        ]
-        counts = [_counts(run) for run in runs]
-        cost = Cost(space, runs, counts, 1, settings.threads, lambda: bar.update())
-        cost = replace(cost, steps=_steps(cost))
+        cost = cost_of(regression, driven, settings, bounds, lambda: bar.update())
         found = []
-        for number, start in enumerate(_starts(cost, regression, settings)):
+        for number, start in enumerate(starts_of(cost, regression, settings)):
             bar.set_description(f"start {number + 1} of {settings.starts}")
             found.append(descend(cost, start, EVALUATIONS))
         best = best_of(found)
         bar.set_description("without each fold")
-        folds = folds_of(counts, settings.folds)
+        folds = folds_of(cost.counts, settings.folds)
         without = refitted(cost, best, folds, EVALUATIONS)
         errors = errors_of(cost, best.point, [fold.point for fold in without])
         return assembled(regression, cost, found, folds, without, errors, law, logs, into)
 
 
-def _starts(cost: Cost, regression: Fit, settings: Settings) -> list[Any]:
+def cost_of(
+    regression: Fit,
+    driven: Sequence[Log],
+    settings: Settings,
+    bounds: Mapping[str, Bounds],
+    tick: Callable[[], object],
+    steps: int | None = None,
+) -> Cost:
+    """Return the miss of the motion around a regression of `driven` runs, to be descended.
+
+    `steps`: from row to row; None: as many as change little.
+
+    Raises
+    ------
+    InputError
+        Where a scale of all torques is free, and as `drive_inputs`.
+    """
+    law, target = settings.controller, regression.target
+    _require_scale(regression, settings.free)
+    space = space_of(regression.part, law, regression.parameters, bounds, settings.free)
+    runs = [drive_inputs(regression.model, log, target=target, controller=law) for log in driven]
+    cost = Cost(space, runs, [_counts(run) for run in runs], 1, settings.threads, tick)
+    return replace(cost, steps=_steps(cost) if steps is None else steps)
+
+
+def starts_of(cost: Cost, regression: Fit, settings: Settings) -> list[Any]:
     """The regression, where pieces of the runs are missed least, and points drawn around it."""
     drawn = drawn_starts(cost, settings.starts, settings.seed)
     if settings.starts == 1:
@@ -103,7 +122,7 @@ def _velocity(log: Log) -> Any:
     return made["output_velocity"]
 
 
-def _require_drive(effects: Sequence[Effect], target: str) -> None:
+def require_drive(effects: Sequence[Effect], target: str) -> None:
     if PART_OF.get(target, "drive") != "drive":
         raise InputError(
             f"by='simulation' fits a drive's motion, but the target is {target}; give the target "
@@ -117,7 +136,7 @@ def _require_drive(effects: Sequence[Effect], target: str) -> None:
         )
 
 
-def _require_motion(logs: Sequence[Log]) -> None:
+def require_motion(logs: Sequence[Log]) -> None:
     for log in logs:
         if "output_position" not in log:
             raise InputError(

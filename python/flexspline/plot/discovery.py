@@ -99,7 +99,7 @@ def held_out_run(made: Discovery, ax: Axes | None = None) -> Axes:
         ax.plot(time[at], values[at], color=colour, linewidth=width, label=label)
     ax.set(
         xlabel="time since the start of the run [s]",
-        ylabel=f"{made.target.replace('_', ' ')} [{made.unit}]",
+        ylabel=f"{made.what.replace('_', ' ')} [{made.unit}]",
     )
     titled(ax, f"Predicted without having seen it: {plain(run.log.name)}")
     legend(ax)

@@ -11,6 +11,7 @@ from flexspline.comparison.says import floor_sentence
 from flexspline.files import atomic_write
 from flexspline.report.comparison_content import (
     band_tables,
+    base_told,
     followed,
     order_rows,
     ranked,
@@ -31,6 +32,7 @@ def comparison_text(made: Comparison) -> str:
     """Return what `print(comparison)` shows, lines of at most 120 characters."""
     blocks = [
         [line for sentence in made.sentences for line in _wrapped(sentence)],
+        [line for sentence in base_told(made) for line in _wrapped(sentence)],
         _table(worst_rows(made)),
         [x for k, said in enumerate(followed(made), start=1) for x in _wrapped(f"{k}. {said}")],
         _table(order_rows(made)) if made.orders else [],
@@ -96,13 +98,20 @@ def _common(made: Comparison) -> dict[str, Any]:
         "followed": followed(made),
         "orders": order_rows(made) if made.orders else [],
         "floor": floor_sentence(made),
+        "notes": base_told(made),
         "load": made.load_source,
-        "kind": "forward simulation" if made.simulated else "prediction",
+        "kind": _kind(made),
         "what": made.what.replace("_", " "),
         "unit": made.unit,
         "names": ranked(made),
         "version": __version__,
     }
+
+
+def _kind(made: Comparison) -> str:
+    if made.foreign:
+        return "a foreign simulation"
+    return "forward simulation" if made.simulated else "prediction"
 
 
 def _table(rows: list[tuple[str, ...]]) -> list[str]:
@@ -135,11 +144,16 @@ def _logs(made: Comparison) -> list[dict[str, Any]]:
 
 
 def _call(made: Comparison) -> str:
-    given = ["model", "logs"]
+    foreign = bool(made.foreign)
+    given = ["None" if foreign else "model", "logs"]
     if not made.simulated:
         given.append(f"target={made.what!r}")
+    if foreign and "the runs" not in made.foreign:
+        given.append("simulation=simulation")
+    if foreign:
+        given.append("simulated_motion=True" if made.simulated else "simulated_torque=column")
     if made.lowpass is not None:
         given.append(f"lowpass={made.lowpass!r}")
-    if made.simulated:
+    if made.simulated and not foreign:
         given.append("simulated=True")
     return f"comparison = flexspline.compare({', '.join(given)})"

@@ -10,7 +10,15 @@ from flexspline.comparison.says import sized
 if TYPE_CHECKING:
     from flexspline.comparison.result import Comparison
 
-__all__ = ["band_tables", "followed", "order_rows", "ranked", "worst_band", "worst_rows"]
+__all__ = [
+    "band_tables",
+    "base_told",
+    "followed",
+    "order_rows",
+    "ranked",
+    "worst_band",
+    "worst_rows",
+]
 
 Row = tuple[str, ...]
 
@@ -18,6 +26,13 @@ LEAST_CHANCE = 1e-9
 LEAST_EFFECTIVE = 5.0  # rows that a band is worth, to be called the worst
 LONGEST_LABEL = 34
 MOST_ORDERS = 8
+
+
+def base_told(made: Comparison) -> list[str]:
+    """Return what there is to say of a foreign simulation that is the base; nothing without one."""
+    if not made.foreign:
+        return []
+    return [f"The base is what a simulation says: {made.foreign}.", *made.notes]
 
 
 def ranked(made: Comparison) -> list[str]:

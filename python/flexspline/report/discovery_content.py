@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from flexspline.discovery.result import Discovery, Found
     from flexspline.discovery.shrunk import Slice
 
-__all__ = ["best_rivals", "channel_rows", "discovery_call", "effect_lines", "estimator_sentence", "faults_told",
-           "headlines", "remarks", "searched_sentence", "shrunk_tables", "verdict"]  # fmt: skip
+__all__ = ["best_rivals", "channel_rows", "discovery_call", "effect_lines", "estimator_sentence",
+           "faults_told", "headlines", "remarks", "searched_sentence", "shrunk_tables", "verdict"]  # fmt: skip
 
 MOST_RIVALS = 3
 GRAVE = "Faults of the data, to be mended first"
@@ -43,24 +43,31 @@ _TITLES = {
 def verdict(made: Discovery) -> str:
     """Return what was found, and by how much the gap shrank, in a sentence or two."""
     what = TARGET_WORDS[made.target]
+    base = f"The model of the {what}"
+    if made.by == "simulation":
+        base += ", driven forward,"
+    if made.simulated is not None:
+        base = f"The simulation of the {what} ({made.simulated.words})"
+        base += f" with {listed(made.base_effects)}" if made.base_effects else ""
+    said = base[0].lower() + base[1:]
     where = f"on {made.validated_by} that no fit saw"
     rmse = f"{short(made.base_rmse)} to {short(made.final_rmse)} {made.unit}"
     if made.found:
         names = listed(made.names, most=len(made.names))
         floor = f"noise floor {short(made.noise_floor)} {made.unit}"
-        return f"The model of the {what} lacks {names}: RMSE {rmse} {where}, {floor}."
+        return f"{base} lacks {names}: RMSE {rmse} {where}, {floor}."
     if made.unexplained:
         return (
-            f"No effect that is known explains what the model of the {what} lacks: RMSE "
+            f"No effect that is known explains what {said} lacks: RMSE "
             f"{short(made.base_rmse)} {made.unit} {where}."
         )
     if made.doubted:
         return (
-            f"These runs do not tell what the model of the {what} lacks, if anything: RMSE "
+            f"These runs do not tell what {said} lacks, if anything: RMSE "
             f"{short(made.base_rmse)} {made.unit} {where}."
         )
     return (
-        f"Nothing is missing in the model of the {what} that these runs show: RMSE "
+        f"Nothing is missing in {said} that these runs show: RMSE "
         f"{short(made.base_rmse)} {made.unit} {where}, which is noise."
     )
 
@@ -157,9 +164,10 @@ def remarks(made: Discovery) -> list[str]:
     if made.unexplained:
         share = 100.0 * made.unexplained.share_of_variance
         on = listed(made.unexplained.depends_on)
+        weighed = "" if made.by == "simulation" else ", weighed by how slow the noise is"
         said.append(
-            f"Unexplained: {share:.0f} % of the gap above the noise floor, weighed by how slow the "
-            f"noise is, depends on {on}, in a way that no effect of the catalogue has."
+            f"Unexplained: {share:.0f} % of the gap above the noise floor{weighed}, depends on "
+            f"{on}, in a way that no effect of the catalogue has."
         )
     if made.doubted:
         verbs = "stand in for what" if len(made.doubted) > 1 else "stands in for what"
@@ -174,7 +182,7 @@ def remarks(made: Discovery) -> list[str]:
     if sentence := directions_sentence(made):
         said.append(sentence)
     said += [sentence for sentence in (rows_sentence(made), inputs_sentence(made)) if sentence]
-    if made.motion is not None and made.found:
+    if made.motion is not None and made.found and made.by != "simulation":
         said.append(
             f"Driven forward through {made.validated_by} that no fit saw, the model "
             f"misses the {_channel(made.motion)} by {_motion(made)} RMS."
@@ -263,7 +271,7 @@ def shrunk_tables(made: Discovery) -> list[tuple[str, list[tuple[str, str, str, 
 
 def discovery_call(made: Discovery) -> str:
     """Return the call that makes the discovery again from the same logs."""
-    lines = [repr(list(made.base_effects)), "logs", f"target={made.target!r}"]
+    lines = [*_start_call(made), f"target={made.target!r}"]
     part = made.model.part(made.target)
     if part.known_load is not None:
         lines.append(f"known_load={part.known_load!r}")
@@ -272,7 +280,18 @@ def discovery_call(made: Discovery) -> str:
     fixed = {p.name: p.value for p in made.fit.parameters if p.state == "fixed"}
     if fixed:
         lines.append(f"fixed={fixed!r}")
+    if made.by == "simulation":
+        lines += ["by='simulation'", "controller=controller", "free_controller=free_controller"]
     return "found = flexspline.discover(\n" + "".join(f"    {x},\n" for x in lines) + ")"
+
+
+def _start_call(made: Discovery) -> list[str]:
+    """What to start from, and the logs."""
+    if made.simulated is None:
+        return [repr(list(made.base_effects)), "logs"]
+    files = ["simulation=simulation"] if made.simulated.own_files else []
+    first = "model" if made.base_effects else "None"
+    return [first, "logs", *files, f"simulated_torque={made.simulated.column!r}"]
 
 
 def _channel(motion: Motion) -> str:

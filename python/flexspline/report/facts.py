@@ -57,9 +57,11 @@ def model_facts(fit: Fit) -> list[tuple[str, str]]:
     """Return facts of the joint and of the fit, by name."""
     found = [(_WORDS.get(k, k.replace("_", " ")), str(v)) for k, v in fit.model.facts.items()]
     load = fit.part.known_load
+    corrects = fit.part.simulated
     found += [
         ("target", f"{fit.target} [{fit.unit}]"),
         ("known load", "none" if load is None else load),
+        *([] if corrects is None else [("corrects a simulation", corrects.words)]),
         ("low pass, zero phase", "none" if fit.lowpass is None else f"{fit.lowpass:g} Hz"),
         ("condition of the scaled design", short(fit.condition)),
         ("sums", "double-double" if fit.exact else "double"),
@@ -77,6 +79,10 @@ def python_call(fit: Fit) -> str:
     lines = [repr(effects), "logs", repr(fit.target)]
     if fit.part.known_load is not None:
         lines.append(f"known_load={fit.part.known_load!r}")
+    if fit.part.simulated is not None:
+        own_files = fit.part.simulated.own_files
+        lines += ["simulation=simulation"] if own_files else []
+        lines.append(f"simulated_torque={fit.part.simulated.column!r}")
     if fit.lowpass is not None:
         lines.append(f"lowpass={fit.lowpass!r}")
     orders = {e.name: _orders(e) for e in fit.part.effects if e.harmonics}

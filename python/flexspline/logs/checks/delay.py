@@ -78,7 +78,7 @@ def find_delay(
     solved, left, design = solve(best)
     tick = 0.1 * step
     slope = (solve(best + tick)[2] - design) @ solved / tick
-    error = _block_error(left, slope, design)
+    error = block_error(left, slope, design)
     coefficients = np.zeros(columns.shape[1])
     coefficients[scale > 0] = solved[:-1] / scale[scale > 0]
     return Delay(best, error, coefficients, 1 - loss(best), 1 - loss(0.0))
@@ -96,7 +96,7 @@ def _lowest(loss: Callable[[float], float], grid: Array, scanned: Sequence[float
     return float(grid[best])
 
 
-def _block_error(left: Array, slope: Array, design: Array) -> float:
+def block_error(left: Array, slope: Array, design: Array) -> float:
     """Standard error of the delay from blocks of time."""
     slope = slope - design @ np.linalg.lstsq(design, slope, rcond=1e-9)[0]
     edges = np.linspace(0, len(left), BLOCKS + 1).astype(int)[:-1]

@@ -49,7 +49,7 @@ def torque(log: Log) -> Iterator[Finding]:
     motion = motion_of(log)
     if motion is None or not _both_ways(motion):
         return
-    columns = _columns(log, motion)
+    columns = motion_columns(log, motion)
     for channel in (*DRIVE, "sensor_torque"):
         if channel in log and np.ptp(log[channel][motion.rows]) > 0:
             reading = motion.smooth(log[channel])
@@ -63,7 +63,7 @@ def _both_ways(motion: Motion) -> bool:
     return moving.size > 200 and 0.1 < float(np.mean(moving > 0)) < 0.9
 
 
-def _columns(log: Log, motion: Motion) -> Array:
+def motion_columns(log: Log, motion: Motion) -> Array:
     """Columns tanh, sin q, cos q, the reference torque where there is one, v and q̈."""
     q, v = motion.position, motion.velocity
     direction = np.tanh(v / (0.02 * float(np.percentile(np.abs(v), 95))))
