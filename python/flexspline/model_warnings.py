@@ -19,7 +19,14 @@ from flexspline.logs.log import Log
 from flexspline.part import PART_OF, Part
 from flexspline.signals import core_channels
 
-__all__ = ["part_warnings", "range_warnings", "refuse_warnings"]
+__all__ = [
+    "MARGIN",
+    "part_warnings",
+    "range_warnings",
+    "refuse_warnings",
+    "rows_outside",
+    "widened",
+]
 
 Array = NDArray[np.float64]
 
@@ -32,7 +39,7 @@ CHI_SQUARED_95 = 5.991465  # of two degrees of freedom: cosine and sine of an or
 MARGIN = 0.05
 
 TURN = 2.0 * np.pi
-ANGLES = ("output_position", "motor_position")  # every effect that reads them is periodic
+ANGLES = ("output_position", "motor_position")  # no effect tells one turn from another
 
 MUST_BE_POSITIVE = {
     "viscous_friction.viscosity": "damping",
@@ -59,7 +66,7 @@ def part_warnings(part: Part) -> list[str]:
     stuck = [
         f"{entry['name']} ({entry['state'].removeprefix('at ')})"
         for entry in part.record.get("parameters", ())
-        if entry["state"].startswith("at ")
+        if entry["state"] in ("at lower bound", "at upper bound")
     ]
     if stuck:
         said.append(
@@ -76,27 +83,37 @@ def range_warnings(part: Part, log: Log) -> list[str]:
     ----------
     log : with the channels that the part's effects read, made as it expects them.
     """
-    ranges: Mapping[str, Sequence[float]] = part.record.get("validity", {})
-    outside = np.zeros(len(log), dtype=bool)
-    named = []
-    for name, values in core_channels(log, part.effects, part.known_load).items():
-        if name in ranges:
-            low, high = ranges[name]
-            beyond = _beyond(name, values, low, high)
-            if beyond.any():
-                outside |= beyond
-                reached = values[beyond]
-                unit = CHANNELS[name].unit if name in CHANNELS else "Nm"
-                named.append(
-                    f"{name} from {reached.min():.3g} to {reached.max():.3g} {unit} "
-                    f"(fitted from {low:.3g} to {high:.3g})"
-                )
-    if not named:
+    found = rows_outside(part, log)
+    if not found:
         return []
+    channels = core_channels(log, part.effects, part.known_load)
+    named = []
+    for name, rows in found.items():
+        reached, (low, high) = channels[name][rows], part.record["validity"][name]
+        unit = CHANNELS[name].unit if name in CHANNELS else "Nm"
+        named.append(
+            f"{name} from {reached.min():.3g} to {reached.max():.3g} {unit} "
+            f"(fitted from {low:.3g} to {high:.3g})"
+        )
+    count = np.count_nonzero(np.any(list(found.values()), axis=0))
     return [
-        f"log '{log.name}': {np.count_nonzero(outside)} of {len(log)} rows lie outside of what the "
-        f"model of {part.target} was fitted to: {listed(named)}; it extrapolates there"
+        f"log '{log.name}': {count} of {len(log)} rows lie outside of what the model of "
+        f"{part.target} was fitted to: {listed(named)}; it extrapolates there"
     ]
+
+
+def rows_outside(part: Part, log: Log) -> dict[str, NDArray[np.bool_]]:
+    """Return the rows outside of the part's ranges, (N,) by channel; channels that have any."""
+    ranges: Mapping[str, Sequence[float]] = part.record.get("validity", {})
+    channels = core_channels(log, part.effects, part.known_load)
+    rows = {name: _beyond(name, channels[name], *ranges[name]) for name in channels.keys() & ranges}
+    return {name: rows[name] for name in ranges if name in rows and rows[name].any()}
+
+
+def widened(low: float, high: float) -> tuple[float, float]:
+    """Return the ends of a range with the margin on both sides."""
+    slack = MARGIN * (high - low)
+    return low - slack, high + slack
 
 
 def refuse_warnings(said: Sequence[str]) -> None:
@@ -151,6 +168,8 @@ def _weak_orders(part: Part) -> list[str]:
     """Orders whose cosine and sine together may as well be zero."""
     known = part.record.get("covariance", {"names": [], "matrix": []})
     place = {name: number for number, name in enumerate(known["names"])}
+    if [len(row) for row in known["matrix"]] != [len(place)] * len(place):
+        return []  # a file that was changed by hand
     covariance = np.array(known["matrix"], dtype=np.float64)
     found, first = [], 0
     for effect in part.effects:
@@ -169,13 +188,14 @@ def _weak_orders(part: Part) -> list[str]:
 def _near_zero(both: Array, covariance: Array) -> bool:
     if not np.isfinite(covariance).all():
         return True
+    if not covariance.any():
+        return not both.any()
     return bool(both @ np.linalg.pinv(covariance, hermitian=True) @ both < CHI_SQUARED_95)
 
 
 def _beyond(name: str, values: Array, low: float, high: float) -> NDArray[np.bool_]:
     """Rows whose value is outside of [low, high]; of an angle, whatever the turn."""
-    slack = MARGIN * (high - low)
+    low, high = widened(low, high)
     if name in ANGLES:
-        width = high - low + 2.0 * slack
-        return np.asarray(np.mod(values - (low - slack), TURN) > width)
-    return np.asarray((values < low - slack) | (values > high + slack))
+        return np.asarray(np.mod(values - low, TURN) > high - low)
+    return np.asarray((values < low) | (values > high))

@@ -120,6 +120,16 @@ def test_an_order_counts_as_a_whole() -> None:
     assert "output_ripple order 3;" in said and "order 2" not in said
 
 
+@pytest.mark.parametrize("matrix", [[], [[1.0], [0.0]], [[0.0, 0.0], [0.0, 0.0]], [[1.0, 0.0]]])
+def test_a_covariance_that_says_nothing_of_an_order_is_not_held_against_it(
+    matrix: list[list[float]],
+) -> None:
+    ripple = effect("output_ripple", orders=[2])
+    names = [f"output_ripple.{term.name}" for term in ripple.terms]
+    spread = {"names": names, "matrix": matrix}
+    assert part_warnings(part("sensor_torque", {ripple: [0.1, 0.1]}, covariance=spread)) == []
+
+
 def test_a_shape_at_its_bound_is_named() -> None:
     known = [entry("stribeck_velocity", 2.0, None, kind="shape", state="at upper bound")]
     (said,) = part_warnings(part("sensor_torque", {VISCOUS: [0.5]}, parameters=known))
