@@ -186,16 +186,19 @@ def _weak_orders(part: Part) -> list[str]:
 
 
 def _near_zero(both: Array, covariance: Array) -> bool:
+    """Whether bᵀ C⁻¹ b is below the quantile; without a spread nothing is near zero."""
     if not np.isfinite(covariance).all():
         return True
-    if not covariance.any():
-        return not both.any()
-    return bool(both @ np.linalg.pinv(covariance, hermitian=True) @ both < CHI_SQUARED_95)
+    (a, c), (_, d) = covariance.tolist()
+    x, y = both.tolist()
+    return bool(d * x * x - 2.0 * c * x * y + a * y * y < CHI_SQUARED_95 * (a * d - c * c))
 
 
 def _beyond(name: str, values: Array, low: float, high: float) -> NDArray[np.bool_]:
     """Rows whose value is outside of [low, high]; of an angle, whatever the turn."""
     low, high = widened(low, high)
     if name in ANGLES:
+        if high - low >= TURN:
+            return np.zeros(len(values), dtype=bool)
         return np.asarray(np.mod(values - low, TURN) > high - low)
     return np.asarray((values < low) | (values > high))
