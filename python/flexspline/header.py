@@ -15,6 +15,7 @@ from flexspline.header_chain import chain_head, chain_includes, chain_lines
 from flexspline.header_model import by_motor_encoder, model_lines
 from flexspline.logs.channels import CHANNELS
 from flexspline.model import Model, Part
+from flexspline.model_warnings import MARGIN, widened
 from flexspline.simulator.record import Simulated
 
 __all__ = ["header_text"]
@@ -159,6 +160,9 @@ def _call(part: Part, namespace: str) -> Iterator[str]:
     kept = kept if remembers else f"{result} keeps its last good value"
     yield f"    flexspline::Status status = {namespace}::model<float>.predict({given});"
     yield f"    // anything but flexspline::Status::ok: {kept}"
+    if _flagged(part):
+        yield f"    flexspline::Flag flags = {namespace}::validity::flags(at);"
+        yield "    // flexspline::Flag::extrapolated: outside of what the model was fitted to"
 
 
 def _expectations(model: Model, part: Part) -> Iterator[str]:
@@ -206,8 +210,34 @@ def _validity(part: Part) -> Iterator[str]:
         yield "template <typename S>"
         yield f"inline constexpr std::array<S, 2> {identifier(name)}{{  // {comment(UNITS[name])}"
         yield f"    {ends}}};"
+    yield from _flags(part)
     yield "}  // namespace validity"
     yield ""
+
+
+def _flags(part: Part) -> Iterator[str]:
+    """The function that says whether a sample is outside of the ranges, as `predict` has it."""
+    checked = _flagged(part)
+    if not checked:
+        return
+    yield ""
+    yield f"/// `extrapolated` {MARGIN:.0%} of a range or more beyond it; angles in every turn."
+    yield "template <typename S>"
+    yield "constexpr flexspline::Flag flags(const flexspline::Sample<S>& at) noexcept {"
+    yield "  auto found = flexspline::Flag::none;"
+    for name in checked:
+        low, high = widened(*part.record["validity"][name])
+        what = f"validity of {name}"
+        yield f"  found = found | flexspline::extrapolated(at.{identifier(name)},"
+        yield f"      {literal(low, what)}, {literal(high, what)});"
+    yield "  return found;"
+    yield "}"
+
+
+def _flagged(part: Part) -> list[str]:
+    """Channels of a sample that the part reads and has a range of."""
+    reads = ["known_load" if name == "load" else name for name in _reads(part)]
+    return [name for name in reads if name in part.record.get("validity", {})]
 
 
 def _facts(model: Model, part: Part | None) -> Iterator[str]:

@@ -19,6 +19,7 @@ from flexspline.estimators.needs import require_complete
 from flexspline.files import atomic_write
 from flexspline.logs.derive import lowpass
 from flexspline.logs.log import Log
+from flexspline.model_warnings import part_warnings, range_warnings
 from flexspline.part import PART_OF, SIDES, Part, part_from_json, part_to_json
 from flexspline.prepared import prepared
 from flexspline.schema import json_content, require_schema
@@ -39,13 +40,18 @@ GEAR = ("gear_ratio", "output_spline")
 
 @dataclass(frozen=True)
 class Prediction:
-    """Measured and predicted y of one log, arrays (N,) in `unit`; NaN where there is nothing."""
+    """Measured and predicted y of one log, arrays (N,) in `unit`; NaN where there is nothing.
+
+    `warnings`: a sentence for each thing that is to be known of the model on this log: signs that
+    no drive has, terms that are not significant, rows outside of what it was fitted to.
+    """
 
     time: Array
     measured: Array
     predicted: Array
     target: str
     unit: str
+    warnings: tuple[str, ...] = ()
 
     @property
     def residual(self) -> Array:
@@ -170,7 +176,9 @@ class Model:
         if lowpass_hz is not None:
             predicted = lowpass(predicted, log["time"], lowpass_hz).values
             measured = lowpass(measured, log["time"], lowpass_hz).values
-        return Prediction(np.asarray(log["time"]), measured, predicted, part.target, part.unit)
+        warnings = (*part_warnings(part), *range_warnings(part, log))
+        time = np.asarray(log["time"])
+        return Prediction(time, measured, predicted, part.target, part.unit, warnings)
 
     def _with_simulation(
         self, part: Part, log: Log, simulation: Log | None, column: str | None

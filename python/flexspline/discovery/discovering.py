@@ -154,6 +154,8 @@ def discover(
         if late is not None:
             runs, told = late
             noisy = (*noisy, *told)
+            excluded.append(LAG)  # of two delays only the difference is seen, and it is taken out
+            free = tuple(name for name in free if name != LAG)
             held = _searched(_Recorded.of(runs, way), way, excluded, free)
         elif LAG in free and LAG in [e.name for e in held.made.base.effects]:
             free = tuple(name for name in free if name != LAG)  # it is the sensor's: to be named

@@ -21,7 +21,8 @@ if TYPE_CHECKING:
     from flexspline.discovery.shrunk import Slice
 
 __all__ = ["best_rivals", "channel_rows", "discovery_call", "effect_lines", "estimator_sentence",
-           "faults_told", "headlines", "remarks", "searched_sentence", "shrunk_tables", "verdict"]  # fmt: skip
+           "faults_told", "headlines", "remarks", "searched_sentence", "shrunk_tables",
+           "verdict"]  # fmt: skip
 
 MOST_RIVALS = 3
 GRAVE = "Faults of the data, to be mended first"
