@@ -116,19 +116,19 @@ class Taken:
 
 def recorder_of(case: Case, runs: int) -> Recorder:
     """Draw the settings of a case with so many runs to fit."""
-    generator = np.random.default_rng([20261122, case.seed, sorted(RANGES).index(case.recorder)])
+    generator = np.random.default_rng([20261122, case.seed, 0, 0, 5])
     drawn = _Draws(generator, RANGES[case.recorder])
     rate = float(generator.choice(RANGES[case.recorder]["rate"]))
     seconds = min(20.0, ROWS / (runs * rate))
     sided = bool(generator.integers(2)) * drawn.even("one_way") / 2.0 * generator.choice((-1, 1))
-    common = {"kind": case.recorder, "rate": rate, "seconds": seconds, "one_way": float(sided),
-              "jitter": drawn.ratio("jitter"), "output_quantum": drawn.turn("output_bits")}  # fmt: skip
+    made = Recorder(case.recorder, rate, seconds, drawn.ratio("jitter"),
+                    drawn.turn("output_bits"), one_way=float(sided))  # fmt: skip
     if case.recorder == "robot":
         joint = JOINTS[case.joint]
         scale = 2.0 * CURRENT * joint.link / joint.drive
-        return Recorder(**common, current_quantum=scale / 2 ** drawn.bits("current_bits"))
-    made = Recorder(
-        **common,
+        return replace(made, current_quantum=scale / 2 ** drawn.bits("current_bits"))
+    made = replace(
+        made,
         motor_quantum=drawn.turn("motor_bits"),
         velocity_cutoff=drawn.ratio("velocity_cutoff"),
         velocity_order=int(generator.choice((FIRST_ORDER, SECOND_ORDER))),
@@ -173,13 +173,14 @@ def sampled(s: Scene, at: Array, rate: float) -> Scene:
     return Scene(s.joint, at, q, v, a, load, temperature, motor, v, rate)
 
 
-def taken(recorder: Recorder, fine: Scene, seed: int, number: int, draw: int, *,
-          load_at_sensor: float = 0.0) -> Taken:  # fmt: skip
+def taken(
+    recorder: Recorder, fine: Scene, seed: int, number: int, draw: int, load_at_sensor: float = 0.0
+) -> Taken:
     """Record run `number` once; the times of its samples are the same in every draw.
 
     `load_at_sensor`: s by which all that the joint itself sees of the load is late.
     """
-    clock = np.random.default_rng([20261122, seed, number])
+    clock = np.random.default_rng([20261122, seed, number, 0, 4])
     rows = round(recorder.rate * recorder.seconds)
     steps = np.arange(rows) + recorder.jitter * clock.uniform(-1.0, 1.0, rows)
     at = MARGIN + steps / recorder.rate

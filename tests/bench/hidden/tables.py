@@ -94,7 +94,8 @@ def _confused(outcomes: Sequence[Outcome]) -> str:
 def _seconds(outcomes: Sequence[Outcome]) -> str:
     times = [o.seconds for o in outcomes]
     faults = sum(bool(o.faults) for o in outcomes)
-    return (f"Seconds of processor time of a case: median {np.median(times):.1f}, worst {np.max(times):.1f}; "
+    return (f"Processor time of a case: median {np.median(times):.1f} s, "
+            f"worst {np.max(times):.1f} s; "
             f"cases with a data fault (exact: there is none): {faults}")  # fmt: skip
 
 

@@ -15,8 +15,9 @@ from flexspline.discovery.result import Discovery
 from flexspline.effects import Effect
 from hidden.cases import Case
 from hidden.gap import closed
+from hidden.laws import unseen_errors
 from hidden.made import Made, made_of
-from hidden.recorded import Unreachable, recorded
+from hidden.recorded import UnreachableError, recorded
 from hidden.rig import LOAD
 from hidden.rivals import forms_of
 from hidden.verdict import judged_recorded, short_lists
@@ -48,9 +49,10 @@ class Outcome:
 
     Of recorded cases also: `undealt`, the largest t of each term where the size is out of reach
     (nothing is tried then); `wrong`, whether any name or fault is; `also_seen`; `small`, what was
-    there besides; `rmse` of each name, before and after it as `discover` reports them; `told`,
-    whether a coefficient of the name is more than two standard errors from zero; `error`, what
-    `discover` raised.
+    there besides; `rmse` of each name, before and after it as `discover` reports them; `unseen`,
+    the same on runs that nobody saw, with the difference of squares in its standard errors
+    (`laws.py`); `told`, whether a coefficient of the name is more than two standard errors from
+    zero; `error`, what `discover` raised.
     """
 
     case: Case
@@ -71,6 +73,7 @@ class Outcome:
     also_seen: tuple[str, ...] = ()
     small: tuple[str, ...] = ()
     rmse: tuple[tuple[float, float], ...] = ()
+    unseen: tuple[tuple[float, float, float], ...] = ()
     told: tuple[bool, ...] = ()
     error: str = ""
 
@@ -83,7 +86,7 @@ class Outcome:
         """Return the outcome that `to_json` wrote."""
         own = {name: value for name, value in plain.items() if name != "key"}
         lists = {"names", "aliases", "confidences", "regressors", "means", "faults", "also_seen",
-                 "small", "rmse", "told"}  # fmt: skip
+                 "small", "rmse", "unseen", "told"}  # fmt: skip
         values = {name: _tuples(v) if name in lists else v for name, v in own.items()}
         values["case"] = plain_case(own["case"])
         return cls(**values)
@@ -109,7 +112,7 @@ def tried(case: Case) -> Outcome:
 def _tried_recorded(case: Case) -> Outcome:
     try:
         made = recorded(case)
-    except Unreachable as reason:
+    except UnreachableError as reason:
         return _silent(case, undealt=reason.largest)
     try:
         found, seconds = timed(case, made)
@@ -190,6 +193,7 @@ def outcome_recorded(case: Case, made: Made, found: Discovery, seconds: float) -
         also_seen=tuple(one.effect for one in getattr(found, "also_seen", ())),
         small=made.small,
         rmse=tuple((one.rmse_before, one.rmse_after) for one in found.found),
+        unseen=unseen_errors(made, found),
         told=tuple(_told(found, name) for name in found.names),
     )
 
@@ -197,7 +201,7 @@ def outcome_recorded(case: Case, made: Made, found: Discovery, seconds: float) -
 def _told(found: Discovery, name: str) -> bool:
     """Whether a coefficient of an effect is more than two standard errors from zero."""
     own = [p for p in found.parameters(name) if p.kind == "coefficient"]
-    return any(abs(p.value) > 2.0 * p.standard_error for p in own)
+    return bool(any(abs(p.value) > 2.0 * p.standard_error for p in own))
 
 
 def judged(case: Case, means: tuple[str, ...], unexplained: bool) -> bool:

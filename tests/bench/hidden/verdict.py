@@ -65,10 +65,8 @@ def judged_recorded(
         if not means[k] and (behind or (name == "sensor_lag" and late)):
             told[k] = name
     wrong = "" in told or not all(real_fault(case, recorder, fault) for fault in faults)
-    if case.nameable:
-        right = complete
-    else:
-        right = unexplained or not (case.hidden or case.unknown)
+    nothing = not (case.hidden or case.unknown)
+    right = complete if case.nameable else unexplained or nothing
     return Verdict(tuple(told), wrong, right and not wrong)
 
 
