@@ -42,7 +42,8 @@ def class_shares(outcomes: Sequence[Outcome]) -> list[Share]:
                       (_silent(o) for o in nothing), NOTHING_BAR))  # fmt: skip
     made += _unknown([o for o in dealt if o.case.kind in ("unknown", "removed")])
     made += _wrong(dealt)
-    return made + _laws(dealt)
+    there = [name in (*o.small, *o.case.nameable) for o in dealt for name in o.also_seen]
+    return [*made, *_laws(dealt), share('"also seen", and there', there)]
 
 
 def _silent(one: Outcome) -> bool:

@@ -122,7 +122,7 @@ def recorder_of(case: Case, runs: int) -> Recorder:
     seconds = min(20.0, ROWS / (runs * rate))
     sided = bool(generator.integers(2)) * drawn.even("one_way") / 2.0 * generator.choice((-1, 1))
     made = Recorder(case.recorder, rate, seconds, drawn.ratio("jitter"),
-                    drawn.turn("output_bits"), one_way=float(sided))  # fmt: skip
+                    drawn.turn("output_bits"), one_way=float(sided) or 0.0)  # fmt: skip
     if case.recorder == "robot":
         joint = JOINTS[case.joint]
         scale = 2.0 * CURRENT * joint.link / joint.drive

@@ -64,19 +64,20 @@ class RowNoise:
     terms: dict[str, list[Array]]
 
     @classmethod
-    def drawn(cls, rig: Rig) -> RowNoise:
-        """Record the runs that are fitted again and again."""
+    def drawn(cls, rig: Rig, draws: Sequence[int] | None = None) -> RowNoise:
+        """Record the runs that are fitted again and again, DRAWS times in all or in these draws."""
+        numbers = range(1, DRAWS // rig.runs + 1) if draws is None else draws
         forms, widths = rig.forms(), Widths()
         base: list[Array] = []
         terms: dict[str, list[Array]] = {name: [] for name in forms}
         for k in range(rig.runs):
-            seen = [rig.taken(k, draw) for draw in range(1, DRAWS // rig.runs + 1)]
+            seen = [rig.taken(k, draw) for draw in numbers]
             read = [inputs_of(rig, one, widths) for one in seen]
             truth = seen[0].truth
-            known = rig.known(truth)
-            base.append(np.array([_of_target(rig, one, k, draw + 1) - rig.known(inputs) + known
-                                  for draw, (one, inputs) in enumerate(zip(seen, read, strict=True))
-                                  ]))  # fmt: skip
+            targets = [_of_target(rig, one, k, draw)
+                       for draw, one in zip(numbers, seen, strict=True)]  # fmt: skip
+            known = rig.known(truth) - [rig.known(inputs) for inputs in read]
+            base.append(np.array(targets) + known)
             for name, form in forms.items():
                 terms[name].append(np.array([form(truth) - form(inputs) for inputs in read]))
         return cls(base, terms)
@@ -163,5 +164,7 @@ def _smooth(stamps: Array, values: Array, width: float, order: int, rate: float)
     x = np.interp(even, stamps, values)
     reach = min(int(ENDS * width * rate) + 1, len(x) - 1)
     ends = [2.0 * x[0] - x[reach:0:-1], x, 2.0 * x[-1] - x[-2 : -reach - 2 : -1]]
-    smooth = gaussian_filter1d(np.concatenate(ends), width * rate, order=order, truncate=ENDS)
-    return np.interp(stamps, even, smooth[reach : reach + len(x)] * rate**order)
+    smooth = gaussian_filter1d(np.concatenate(ends), width * rate, truncate=ENDS)
+    for _ in range(order):  # kernels of derivatives that are cut off let a constant through
+        smooth = np.gradient(smooth, 1.0 / rate)
+    return np.interp(stamps, even, smooth[reach : reach + len(x)])

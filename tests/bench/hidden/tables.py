@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -22,10 +22,11 @@ def text(outcomes: Sequence[Outcome]) -> str:
     if not dealt:
         return _not_dealt(outcomes)
     if dealt[0].case.recorder == "exact":
-        parts = [_shares(shares(outcomes)), _by_target(outcomes), _gaps(gaps(outcomes))]
+        parts = [_shares(shares(outcomes)), _by_target(outcomes, shares), _gaps(gaps(outcomes))]
     else:
         parts = [f"Class {dealt[0].case.recorder}\n" + _shares(class_shares(dealt)),
-                 _gaps(class_gaps(dealt)), _not_dealt(outcomes)]  # fmt: skip
+                 _by_target(dealt, class_shares), _gaps(class_gaps(dealt)),
+                 _not_dealt(outcomes), _besides(dealt)]  # fmt: skip
     return "\n\n".join([*parts, _reliability(dealt), _confused(dealt), _seconds(dealt)])
 
 
@@ -49,10 +50,21 @@ def _shares(every: Sequence[Share]) -> str:
     return "\n".join(["Shares with Wilson's 95 % intervals", *map(_line, every)])
 
 
-def _by_target(outcomes: Sequence[Outcome]) -> str:
+def _besides(dealt: Sequence[Outcome]) -> str:
+    """How many small effects there were besides; two or three where they can be small enough."""
+    lines = ["Small effects besides: cases with none, one, two, three"]
+    for size in sorted({o.case.size for o in dealt if o.case.nameable}, reverse=True):
+        own = [len(o.small) for o in dealt if o.case.nameable and o.case.size == size]
+        lines.append(f"t = {size:g}: {', '.join(str(own.count(k)) for k in range(4))}")
+    return "\n".join(lines)
+
+
+def _by_target(
+    outcomes: Sequence[Outcome], every: Callable[[Sequence[Outcome]], list[Share]]
+) -> str:
     lines = ["By target: right sets of names, all sizes; nothing; unknown (t = 50 and 16)"]
     for target in dict.fromkeys(o.case.target for o in outcomes):
-        own = [s for s in shares([o for o in outcomes if o.case.target == target])
+        own = [s for s in every([o for o in outcomes if o.case.target == target])
                if s.bar is not None]  # fmt: skip
         lines += [_line(Share(f"{target}: {s.what.strip()}", s.hits, s.of, s.low, s.high, s.bar))
                   for s in own]  # fmt: skip

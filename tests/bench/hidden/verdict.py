@@ -82,9 +82,10 @@ def real_fault(case: Case, recorder: Recorder, fault: DataFault) -> bool:
         return recorder.temperature_lag > 0.0
     if fault.channel == "output_velocity":
         return _near(fault.size, _velocity_delay(recorder), 1.0 / recorder.rate)
+    late = fault.size if fault.channel == LOAD else -fault.size
+    slack = 0.5 / recorder.rate
     if fault.channel in (LOAD, "sensor_torque", "motor_torque"):
-        difference = "sensor_lag" in case.hidden
-        return difference or _near(abs(fault.size), recorder.load_delay, 0.5 / recorder.rate)
+        return "sensor_lag" in case.hidden or _near(late, recorder.load_delay, slack)
     return False
 
 
