@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import sys
 from dataclasses import replace
 from functools import cache
@@ -285,7 +286,10 @@ def test_a_name_that_is_there_lowers_the_error_on_unseen_runs_and_another_hardly
     fit = flexspline.fit([*one.base, *(effect(n) for n in names)], one.logs, "motor_current",
                          checks=False)  # fmt: skip
     found = SimpleNamespace(model=fit.model, target="motor_current", names=names)
-    (before, after, clear), (_, _, chance) = unseen_errors(one, found)
+    errors = unseen_errors(one, found)
+    (before, after, clear), (_, _, chance) = errors
+    assert json.loads(json.dumps(errors)) == [[*each] for each in errors]
+    assert all(type(value > 0.0) is bool for each in errors for value in each)
     assert after < before and clear > 5.0
     assert chance < 5.0
 

@@ -72,6 +72,6 @@ def _compared(
         sums = np.bincount(block, weights=first**2 - second**2)
         gains.append(sums[np.bincount(block) > 0])
     gain = np.concatenate(gains)
-    error = float(np.std(gain, ddof=1)) / np.sqrt(len(gain))
+    error = float(np.std(gain, ddof=1) / np.sqrt(len(gain)))
     rmse = [float(np.sqrt(np.mean(squares))) for squares in every]
     return rmse[0], rmse[1], float(np.mean(gain)) / error if error > 0.0 else 0.0

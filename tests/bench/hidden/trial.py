@@ -52,7 +52,7 @@ class Outcome:
     there besides; `rmse` of each name, before and after it as `discover` reports them; `unseen`,
     the same on runs that nobody saw, with the difference of squares in its standard errors
     (`laws.py`); `told`, whether a coefficient of the name is more than two standard errors from
-    zero; `error`, what `discover` raised.
+    zero; `error`, what `discover` or its model raised.
     """
 
     case: Case
@@ -115,10 +115,9 @@ def _tried_recorded(case: Case) -> Outcome:
     except UnreachableError as reason:
         return _silent(case, undealt=reason.largest)
     try:
-        found, seconds = timed(case, made)
+        return outcome_recorded(case, made, *timed(case, made))
     except Exception as error:  # what a user would see is an outcome, and the next case goes on
         return _silent(case, made=made, error=f"{type(error).__name__}: {error}")
-    return outcome_recorded(case, made, found, seconds)
 
 
 def _silent(
