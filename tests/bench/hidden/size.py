@@ -44,7 +44,10 @@ class Size:
 
 @dataclass(frozen=True)
 class Sizing:
-    """The runs, and the noise they have, in which terms are measured."""
+    """The runs, and the noise they have, in which terms are measured.
+
+    `disturbing`: columns of each run, (N, K), that a term stands beside as it does beside the base.
+    """
 
     target: str
     base: tuple[Effect, ...]
@@ -53,6 +56,7 @@ class Sizing:
     noise: Noise
     level: float
     excluded: tuple[str, ...] = ()
+    disturbing: Sequence[Array] = ()
 
     def whitened(self, columns: Sequence[Array]) -> Array:
         """Columns of all runs as white noise of variance one sees them, (N, C)."""
@@ -67,6 +71,8 @@ class Sizing:
         for effect in self.base:
             own = [base_rows(effect, s, log) for s, log in zip(self.scenes, self.logs, strict=True)]
             columns = [np.column_stack(both) for both in zip(columns, own, strict=True)]
+        if self.disturbing:
+            columns = [np.column_stack(both) for both in zip(columns, self.disturbing, strict=True)]
         return self.whitened(columns)
 
     @cached_property
