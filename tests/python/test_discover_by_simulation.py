@@ -5,14 +5,17 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
+from cli_calls import call
 
 import flexspline
 from flexspline import InputError, Log, Model, Part
 from flexspline.effects import effect
 from flexspline.forward import PositionServo
+from flexspline.logs.convert import write_log
 
 BASE = ["inertia", "gravity", "coulomb_friction", "viscous_friction"]
 WEIGHT = 0.5  # Nm
@@ -76,7 +79,7 @@ def test_friction_that_grows_with_the_load_is_named_with_its_size(
 
 
 def test_errors_are_of_the_angle_and_the_report_is_that_of_every_discovery(
-    found: flexspline.Discovery, tmp_path
+    found: flexspline.Discovery, tmp_path: Path
 ) -> None:
     content = json.loads(found.to_json())
     assert (content["by"], content["unit"], content["target"]) == (
@@ -98,6 +101,23 @@ def test_a_joint_that_lacks_nothing_gets_no_name() -> None:
     nothing = found_in(0.0)
     assert nothing.names == ()
     assert set(nothing.refused) >= {"load_dependent_friction"}
+
+
+def test_the_command_line_searches_by_simulation_too(tmp_path: Path) -> None:
+    paths = [tmp_path / f"run{k}.csv" for k in range(8)]
+    for path, log in zip(paths, runs(0.3), strict=True):
+        write_log(log, path)
+    SERVO.save(tmp_path / "servo.json")
+    out = tmp_path / "found"
+    made = call(
+        "discover", *paths, "--by", "simulation", "--controller", tmp_path / "servo.json",
+        "--effects", ",".join(BASE), "--exclude", ",".join((*SLOW, "nonlinear_viscous_friction")),
+        "--fix", f"gravity.sine={WEIGHT}", "--fix", "gravity.cosine=0", "--out", out,
+    )  # fmt: skip
+    assert made.exit_code == 0, made.stderr
+    content = json.loads((out / "discovery.json").read_text(encoding="utf-8"))
+    assert [one["effect"] for one in content["found"]] == ["load_dependent_friction"]
+    assert (out / "report.html").is_file() and Model.load(out / "model.json").part().target
 
 
 def test_what_cannot_be_driven_is_refused() -> None:
