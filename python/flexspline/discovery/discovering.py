@@ -215,10 +215,13 @@ def _by_simulation(
     from flexspline.discovery.faults import data_faults
     from flexspline.fit.fitting import simulation_settings, with_orders
     from flexspline.output_error.discovering import discover_by_simulation
+    from flexspline.output_error.regression import with_servo_torque
 
     effects = with_orders(start.effects, orders)
-    faults = data_faults(runs, effects, start.target, start.known_load, threads)
     settings = simulation_settings(controller, free_controller, 2, 4, 0, threads, progress)
+    law = settings.controller
+    driven = [log if law is None else with_servo_torque(log, law, start.target) for log in runs]
+    faults = data_faults(driven, effects, start.target, start.known_load, threads)
     style = {"bar_format": "{desc}{elapsed}", "leave": False, "delay": 1.0}
     with tqdm(desc="discovering", disable=not progress, **style) as bar:
         return discover_by_simulation(

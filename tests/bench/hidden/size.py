@@ -30,6 +30,8 @@ __all__ = ["Size", "Sizing", "Term", "base_rows", "rows_of", "sized"]
 
 Term = list[Array]
 SAME = 0.06  # 3 / 50: at full size t = 3 is left
+LATER = {"direction_dependent_friction"}
+"""Effects that the catalogue got since: no size of the frozen cases moves with them."""
 DEPENDENT = 1e-10  # of a column's squares
 
 
@@ -78,7 +80,8 @@ class Sizing:
     @cached_property
     def rivals(self) -> dict[Effect, Array]:
         """Every effect that may be missing, in each of its forms, whitened, (N, R)."""
-        taken = {e.name for e in self.base} | set(self.excluded)
+        taken = {e.name for e in self.base} | set(self.excluded) | LATER
+        taken |= {"sensor_lag"} if self.target != "sensor_torque" else set()
         names = [n for n, info in CATALOGUE.items()
                  if TARGETS[self.target] in info.targets and n not in taken]  # fmt: skip
         forms = [form for name in names for form in forms_of(name, self.scenes[0].joint)]
