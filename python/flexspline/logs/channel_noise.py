@@ -23,6 +23,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
+from scipy.ndimage import minimum_filter1d
 from scipy.signal import welch
 
 from flexspline.logs.grain import quantum
@@ -37,6 +38,7 @@ Array = NDArray[np.float64]
 SECONDS = 4.0  # of a segment: it resolves a quarter of a hertz, far below any bandwidth sought
 SHORTEST = 64  # rows of a run that is looked at
 DIFFERENCES = 2
+BESIDE = 3  # neighbours in frequency that exceed the floor together: one alone is chance
 EVEN = 1e-3  # of a step, by which times may be off to count as even
 HIGHEST, WIDTHS = 0.24, 60  # of the rate, what a smoother of a few rows can do; how many are tried
 NEGLIGIBLE = 1e-7  # noise over the spread of a channel: what a file of eight digits has itself
@@ -81,7 +83,8 @@ class ChannelNoise:
     def smoother(self, derivative: int = 0) -> float:
         """-3 dB [Hz] of the smoother that tells a derivative of the channel best."""
         floor = 2.0 * self.noise**2 / self.rate
-        signal = np.maximum(self.density - floor, 0.0)
+        excess = np.maximum(self.density - floor, 0.0)
+        signal = np.where(self.frequencies <= self.bandwidth, excess, 0.0)
         weight = self.frequencies ** (2 * derivative) * np.gradient(self.frequencies)
         widths = np.geomspace(self.frequencies[0], HIGHEST * self.rate, WIDTHS)
         gains = response(self.frequencies, widths[:, None])
@@ -109,7 +112,8 @@ def channel_noise(logs: Sequence[Log], channel: str) -> ChannelNoise | None:
         return None
     density = np.average(densities, axis=0, weights=weights)
     floor = float(np.median(density[frequencies > 0.5 * frequencies[-1]]))
-    above = np.flatnonzero(density > 2.0 * floor)
+    exceeds = minimum_filter1d((density > 2.0 * floor).astype(int), BESIDE, mode="nearest")
+    above = np.flatnonzero(exceeds)
     bandwidth = float(frequencies[above[-1]] if above.size else frequencies[0])
     return ChannelNoise(
         channel,

@@ -119,7 +119,7 @@ def directions_sentence(made: Discovery) -> str:
     told = [
         f"{p.name.split('.')[1]} by {plus_minus(2.0 * p.value, 2.0 * p.standard_error)} {p.unit}"
         for p in made.fit.parameters
-        if p.name.startswith(f"{DIRECTIONS}.")
+        if p.name.startswith(f"{DIRECTIONS}.") and abs(p.value) > 2.0 * p.standard_error
     ]
     if not told:
         return ""
