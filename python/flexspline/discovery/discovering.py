@@ -7,6 +7,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
@@ -253,23 +255,43 @@ class _Way:
             threads=self.threads,
             preparations=self.preparations,
             inputs=runs.inputs,
+            counted=runs.counted,
             simulated=self.start.simulated,
         )
 
 
 @dataclass(frozen=True)
 class _Recorded:
-    """The rows of the runs that count: as recorded, and with inputs made before any was cut."""
+    """The runs without a drive's rests: as recorded, and with inputs made before any was cut.
+
+    `counted`: rows of each that the recorder resolves; None for all.
+    """
 
     logs: list[Log]
     inputs: list[Log]
+    counted: list[NDArray[np.bool_]] | None = None
 
     @classmethod
     def of(cls, runs: Sequence[Log], way: _Way) -> _Recorded:
+        from flexspline.discovery.resolution import coarser, resolved
+
+        ways, start = way.preparations, way.start
+        made = cls._made(runs, start.target, ways)
+        if start.target == "torsion" or not any(w.channel == "output_velocity" for w in ways):
+            return made
+        further = cls._made(runs, start.target, coarser(ways))
+        base = [effect for effect in start.effects if effect.harmonics or not effect.ripple]
+
+        def posed(effects: Sequence[Effect], coarse: bool) -> Problem:
+            return way.problem(further if coarse else made, effects)
+
+        return replace(made, counted=resolved(base, start.fixed, posed))
+
+    @classmethod
+    def _made(cls, runs: Sequence[Log], target: str, ways: Sequence[Preparation]) -> _Recorded:
         from flexspline.discovery.rest import moving
         from flexspline.prepared import prepared
 
-        target, ways = way.start.target, way.preparations
         return cls(
             [moving(log, target) for log in runs],
             [moving(prepared(log, ways), target, as_in=log) for log in runs],
@@ -308,6 +330,7 @@ def _searched(runs: _Recorded, way: _Way, exclude: Sequence[str], free: Sequence
         threads=way.threads,
         preparations=way.preparations,
         inputs=runs.inputs,
+        counted=runs.counted,
         simulated=start.simulated,
     )
     made = analysed(study, effects, fixed, way.say)
@@ -388,7 +411,11 @@ def _rows(given: Sequence[Log], moving: Sequence[Log], made: Analysis) -> dict[s
     """How many rows the model was fitted to, and how many were left out for which reason."""
     used = sum(run.counted for run in made.study.problem.runs)
     recorded, left = (sum(map(len, logs)) for logs in (given, moving))
-    found = {"used": used, "at rest": recorded - left, "of unknown past or gaps": left - used}
+    found = {
+        "used": used,
+        "at rest": recorded - left,
+        "where the motion is not resolved, or what came before is not known": left - used,
+    }
     return {why: count for why, count in found.items() if count or why == "used"}
 
 

@@ -129,6 +129,7 @@ def study_of(
     exclude: Iterable[str] = (),
     preparations: Sequence[Preparation] = (),
     inputs: Sequence[Log] | None = None,
+    counted: Sequence[NDArray[np.bool_]] | None = None,
     simulated: Simulated | None = None,
 ) -> Study:
     """Make logs ready for the base and every effect that they could show beside it.
@@ -150,6 +151,7 @@ def study_of(
         threads=threads,
         preparations=preparations,
         inputs=inputs,
+        counted=counted,
         simulated=simulated,
     )
     inputs = [_with_motion(log) for log in (logs if inputs is None else inputs)]
@@ -164,6 +166,7 @@ def study_of(
         threads=threads,
         preparations=preparations,
         inputs=inputs,
+        counted=counted,
         simulated=simulated,
     )
     runs = tuple(replace(run, stretches=run.unbroken) for run in problem.runs)

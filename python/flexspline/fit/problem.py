@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import pairwise
 from typing import Any
@@ -25,7 +25,7 @@ from flexspline.fit.sums import Sums, joined
 from flexspline.logs.derive import LowPass, lowpass
 from flexspline.logs.local_fit import require_bandwidth
 from flexspline.logs.log import Log
-from flexspline.logs.segments import runs
+from flexspline.logs.segments import runs, true_ranges
 from flexspline.prepared import Preparation, prepared
 from flexspline.signals import channels_for, core_channels, target_of
 from flexspline.simulator.record import Simulated, simulation_of
@@ -234,12 +234,14 @@ def problem_of(
     offset_per_run: bool = False,
     preparations: Sequence[Preparation] = (),
     inputs: Sequence[Log] | None = None,
+    counted: Sequence[NDArray[np.bool_]] | None = None,
     simulated: Simulated | None = None,
 ) -> Problem:
     """Make logs ready for a fit of these effects to this target, or to what a simulation leaves.
 
     `preparations`: how channels are made that the rows read; the target is that of the logs as
     they are. `inputs`: these logs with the channels so made, where rows were taken out since.
+    `counted`: rows (N,) of each log that count; None for all.
 
     Raises
     ------
@@ -257,10 +259,12 @@ def problem_of(
         _run(*both, effects, target, known_load, lowpass_hz, simulated)
         for both in zip(logs, inputs, strict=True)
     ]
+    if counted is not None:
+        made = [_cut(run, rows) for run, rows in zip(made, counted, strict=True)]
     require_change(target, [run.target for run in made])
     rate = float(np.median([run.log.rate for run in made]))
-    counted = sum(run.counted for run in made)
-    block = max(round(SECONDS_A_BLOCK * rate), counted // MOST_BLOCKS, 1)
+    rows = sum(run.counted for run in made)
+    block = max(round(SECONDS_A_BLOCK * rate), rows // MOST_BLOCKS, 1)
     problem = Problem(
         tuple(made), target, gear, known_load, lowpass_hz, threads, block, offset_per_run,
         preparations=tuple(preparations), simulated=simulated,
@@ -280,6 +284,16 @@ def _blocks(stretches: tuple[tuple[int, int], ...], length: int) -> list[tuple[i
 def _offset_column(effects: Sequence[Effect]) -> int | None:
     names = [effect.name for effect in effects for _ in effect.terms]
     return names.index("offset") if "offset" in names else None
+
+
+def _cut(run: Run, counted: NDArray[np.bool_]) -> Run:
+    """The run with the rows that count; what an effect remembers goes on through the others."""
+    pieces = [
+        (first + int(a), first + int(b))
+        for first, last in run.stretches
+        for a, b in true_ranges(counted[first:last])
+    ]
+    return replace(run, unbroken=tuple(pieces), stretches=tuple(pieces)) if pieces else run
 
 
 def _run(
