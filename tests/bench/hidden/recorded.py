@@ -155,6 +155,8 @@ class Rig:
     def log(self, s: Scene, y: Array, number: int) -> Log:
         """Return a log of exact channels."""
         columns = {**s.columns, **self._target(s, y)}
+        if self.recorder.kind == "lab":
+            columns = {"motor_position": s.theta, **columns}
         if self.by_current:
             columns[LOAD] = self.unit * s.transmitted
         return Log.from_arrays(facts=self._facts(number), **columns)
