@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 import flexspline
+from flexspline.cpp_text import include
 from flexspline.export import namespace_of
 from flexspline.logs.log import Log
 from flexspline.model import Model
@@ -24,7 +25,7 @@ ANGLES = ("output_position", "motor_position")
 
 PROGRAM = """\
 #include <cstdio>
-#include "{header}"
+{include}
 
 int main() {{
   flexspline::Sample<double> at;
@@ -95,7 +96,7 @@ def _program(header: Path, channels: list[str], remembers: bool) -> str:
         for k, name in enumerate(channels)
     ]
     return PROGRAM.format(
-        header=header.name,
+        include=include(header.name),
         count=len(channels),
         assignments="\n".join(lines),
         namespace=namespace_of(header),

@@ -5,7 +5,14 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
-__all__ = ["FlexsplineWarning", "InputError", "did_you_mean", "listed", "shortened"]
+__all__ = [
+    "FlexsplineWarning",
+    "InputError",
+    "did_you_mean",
+    "listed",
+    "printable",
+    "shortened",
+]
 
 
 class InputError(ValueError):
@@ -33,8 +40,19 @@ def listed(words: Iterable[object], most: int = 20) -> str:
     return ", ".join(names[:most]) + rest if names else "nothing"
 
 
+def printable(text: str) -> str:
+    """Return a text on one line, a sign in place of each letter that a terminal obeys."""
+    return "".join(map(_printable, text))
+
+
 def shortened(value: object, most: int = 200) -> str:
     """Return a value as text for a sentence, the middle of a long one left out."""
     text = str(value)
     half = most // 2
     return text if len(text) <= most else f"{text[:half]} … {text[-half:]}"
+
+
+def _printable(letter: str) -> str:
+    if letter.isprintable():
+        return letter
+    return " " if letter.isspace() else "\N{REPLACEMENT CHARACTER}"

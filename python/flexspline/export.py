@@ -3,29 +3,21 @@
 from __future__ import annotations
 
 import os
-import re
+import warnings
 from dataclasses import replace
 from pathlib import Path
 
 from flexspline.block import block_bytes
-from flexspline.errors import InputError, did_you_mean
+from flexspline.cpp_text import namespace_name
+from flexspline.errors import FlexsplineWarning, InputError, did_you_mean
 from flexspline.files import atomic_write
 from flexspline.header import header_text
 from flexspline.model import PART_OF, Model
+from flexspline.model_warnings import part_warnings, refuse_warnings
 
-__all__ = ["FORMATS", "export", "namespace_of"]
+__all__ = ["FORMATS", "export", "export_warnings", "namespace_of"]
 
 FORMATS = ("header", "binary", "json")
-
-WORDS_OF_CPP = """
-alignas alignof and and_eq asm auto bitand bitor bool break case catch char char8_t char16_t
-char32_t class co_await co_return co_yield compl concept const const_cast consteval constexpr
-constinit continue decltype default delete do double dynamic_cast else enum explicit export extern
-false float for friend goto if inline int long main mutable namespace new noexcept not not_eq
-nullptr operator or or_eq private protected public register reinterpret_cast requires return short
-signed sizeof static static_assert static_cast std struct switch template this thread_local throw
-true try typedef typeid typename union unsigned using virtual void volatile wchar_t while xor xor_eq
-"""
 
 
 def export(
@@ -34,6 +26,7 @@ def export(
     format: str = "header",
     target: str | None = None,
     scalar: str = "float",
+    strict: bool = False,
 ) -> Path:
     """Write a model for use outside Python, whole or not at all.
 
@@ -47,6 +40,7 @@ def export(
     target : which part, such as "sensor_torque"; None picks the only one for a header, and
         keeps all in JSON.
     scalar : "float" or "double", the numbers of a binary block.
+    strict : refuse what is otherwise warned of.
 
     Returns
     -------
@@ -56,11 +50,21 @@ def export(
     ------
     InputError
         For an unknown format, scalar or target, a number that the core cannot hold, or a path that
-        cannot be written.
+        cannot be written; with `strict` for what is otherwise warned of.
+
+    Warns
+    -----
+    FlexsplineWarning
+        Of signs that no drive has, of terms that are not significant and of parameters at a bound.
     """
     if format not in FORMATS:
         near = did_you_mean(format, FORMATS)
         raise InputError(f"there is no export format '{format}'{near}; give {' or '.join(FORMATS)}")
+    said = export_warnings(model, target)
+    if strict:
+        refuse_warnings(said)
+    for sentence in said:
+        warnings.warn(sentence, FlexsplineWarning, stacklevel=2)
     if format == "header":
         atomic_write(path, header_text(model, namespace_of(path), target))
     elif format == "binary":
@@ -73,10 +77,12 @@ def export(
     return Path(path)
 
 
+def export_warnings(model: Model, target: str | None) -> list[str]:
+    """Return what `export` warns of: of one part, or of all where a model is exported whole."""
+    parts = [model.part(target)] if target is not None else model.parts.values()
+    return [sentence for part in parts for sentence in part_warnings(part)]
+
+
 def namespace_of(path: str | os.PathLike[str]) -> str:
     """Return the stem of a path as a C++ namespace: "joint 7.hpp" is "joint_7"."""
-    name = re.sub(r"[^A-Za-z0-9]+", "_", Path(path).stem).strip("_") or "model"
-    if name[0].isdigit():
-        name = f"joint_{name}"
-    taken = name in WORDS_OF_CPP.split() or name == "flexspline"
-    return f"{name}_model" if taken else name
+    return namespace_name(Path(path).stem)

@@ -8,11 +8,14 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from flexspline import __version__
+from flexspline.cpp_text import comment, identifier, include, literal, string_literal
+from flexspline.errors import InputError, shortened
 from flexspline.estimation.plan import Plan, plan_of
 from flexspline.header_chain import chain_head, chain_includes, chain_lines
-from flexspline.header_model import by_motor_encoder, literal, model_lines, one_line
+from flexspline.header_model import by_motor_encoder, model_lines
 from flexspline.logs.channels import CHANNELS
 from flexspline.model import Model, Part
+from flexspline.model_warnings import MARGIN, widened
 from flexspline.simulator.record import Simulated
 
 __all__ = ["header_text"]
@@ -20,7 +23,7 @@ __all__ = ["header_text"]
 MEANING = {
     "sensor_torque": "what the sensor reads beside the load: true torque = sensor_torque - this",
     "motor_torque": "what the joint takes: torque at the output = ratio * motor_torque - this",
-    "motor_current": "the motor current that the joint takes",
+    "motor_current": "the motor current that the joint takes beside a known load",
     "torsion": "output_position * ratio - motor_position",
 }
 
@@ -40,6 +43,8 @@ USE = {
     "load": ("at.known_load = load;  // Nm at the output, 0 where nothing is known of it",),
 }
 
+UNITS = {name: channel.unit for name, channel in CHANNELS.items()} | {"known_load": "Nm"}
+
 COUNTED = {
     "period": ("s", "since the last sample whose status was ok; any at the first"),
     "time": ("s", "since the run began, as in the logs"),
@@ -57,6 +62,7 @@ def header_text(model: Model, namespace: str, target: str | None = None) -> str:
         Where there is no such part, an estimator lacks what it reads, or the core cannot hold a
         number.
     """
+    namespace = identifier(namespace)
     plan = plan_of(model) if model.estimators else None
     several = plan is not None and target is None and len(model.parts) != 1
     part = None if several else model.part(target)
@@ -74,7 +80,7 @@ def header_text(model: Model, namespace: str, target: str | None = None) -> str:
         "#include <array>",
         "#include <string_view>",
         "",
-        *(f'#include "{name}"' for name in sorted(includes)),
+        *map(include, sorted(includes)),
         "",
         f"namespace {namespace} {{",
         "",
@@ -154,6 +160,9 @@ def _call(part: Part, namespace: str) -> Iterator[str]:
     kept = kept if remembers else f"{result} keeps its last good value"
     yield f"    flexspline::Status status = {namespace}::model<float>.predict({given});"
     yield f"    // anything but flexspline::Status::ok: {kept}"
+    if _flagged(part):
+        yield f"    flexspline::Flag flags = {namespace}::validity::flags(at);"
+        yield "    // flexspline::Flag::extrapolated: outside of what the model was fitted to"
 
 
 def _expectations(model: Model, part: Part) -> Iterator[str]:
@@ -192,21 +201,51 @@ def _validity(part: Part) -> Iterator[str]:
     yield "/// Range of each channel in the logs of the fit; the model extrapolates outside."
     yield "namespace validity {"
     for name, (low, high) in ranges.items():
+        if name not in UNITS:
+            raise InputError(
+                f"the model's validity has {shortened(ascii(name), 80)}, which is no channel; take "
+                "it out of the model or fit it again"
+            )
         ends = ", ".join(literal(value, f"validity of {name}") for value in (low, high))
-        unit = CHANNELS[name].unit if name in CHANNELS else "Nm"
         yield "template <typename S>"
-        yield f"inline constexpr std::array<S, 2> {name}{{  // {unit}"
+        yield f"inline constexpr std::array<S, 2> {identifier(name)}{{  // {comment(UNITS[name])}"
         yield f"    {ends}}};"
+    yield from _flags(part)
     yield "}  // namespace validity"
     yield ""
 
 
+def _flags(part: Part) -> Iterator[str]:
+    """The function that says whether a sample is outside of the ranges, as `predict` has it."""
+    checked = _flagged(part)
+    if not checked:
+        return
+    yield ""
+    yield f"/// `extrapolated` {MARGIN:.0%} of a range or more beyond it; angles in every turn."
+    yield "template <typename S>"
+    yield "constexpr flexspline::Flag flags(const flexspline::Sample<S>& at) noexcept {"
+    yield "  auto found = flexspline::Flag::none;"
+    for name in checked:
+        low, high = widened(*part.record["validity"][name])
+        what = f"validity of {name}"
+        yield f"  found = found | flexspline::extrapolated(at.{identifier(name)},"
+        yield f"      {literal(low, what)}, {literal(high, what)});"
+    yield "  return found;"
+    yield "}"
+
+
+def _flagged(part: Part) -> list[str]:
+    """Channels of a sample that the part reads and has a range of."""
+    reads = ["known_load" if name == "load" else name for name in _reads(part)]
+    return [name for name in reads if name in part.record.get("validity", {})]
+
+
 def _facts(model: Model, part: Part | None) -> Iterator[str]:
     if part is not None:
-        yield f'inline constexpr std::string_view target = "{part.target}";'
-        yield f'inline constexpr std::string_view unit = "{part.unit}";'
+        yield f"inline constexpr std::string_view target = {string_literal(part.target)};"
+        yield f"inline constexpr std::string_view unit = {string_literal(part.unit)};"
     yield "inline constexpr std::string_view model_sha256 ="
-    yield f'    "{_sha256(model)}";'
+    yield f"    {string_literal(_sha256(model))};"
 
 
 def _sha256(model: Model) -> str:
@@ -215,6 +254,6 @@ def _sha256(model: Model) -> str:
 
 
 def _comment(paragraphs: Iterator[str]) -> Iterator[str]:
-    for text in map(one_line, paragraphs):
+    for text in map(comment, paragraphs):
         pieces = [text] if text.startswith("  ") else textwrap.wrap(text, 96) or [""]
         yield from (f"// {piece}".rstrip() for piece in pieces)

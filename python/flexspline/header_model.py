@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from flexspline.cpp_text import boolean, comment, identifier, literal, number, whole
 from flexspline.effects import Effect, TermInfo, unit_in
 from flexspline.errors import InputError
 from flexspline.model import Model, Part
 from flexspline.report.numbers import plus_minus
 from flexspline.signals import gear_of
 
-__all__ = ["by_motor_encoder", "gear_text", "literal", "model_lines", "one_line", "type_name"]
+__all__ = ["by_motor_encoder", "gear_text", "model_lines", "type_name"]
 
-LARGEST = float.fromhex("0x1.fffffep+127")  # the largest float
 LARGEST_RATIO = 2**30
 
 
@@ -52,9 +51,10 @@ def gear_text(gear: Mapping[str, Any]) -> str:
     if not 0 < ratio <= LARGEST_RATIO:
         raise InputError(f"gear_ratio gives an effective ratio of {ratio}; give one in 0 to 2^30")
     return (
-        f"flexspline::Gear<S>::from_ratio({ratio!r}, flexspline::OutputSpline::"
-        f"{gear['output_spline']},\n                                    "
-        f"/*motor_encoder=*/{str(gear['motor_encoder']).lower()})"
+        f"flexspline::Gear<S>::from_ratio({number(ratio, 'effective_ratio')}, "
+        f"flexspline::OutputSpline::{identifier(gear['output_spline'])},\n"
+        f"                                    "
+        f"/*motor_encoder=*/{boolean(gear['motor_encoder'])})"
     )
 
 
@@ -76,20 +76,23 @@ def _parts(part: Part, effects: list[Effect]) -> Iterator[str]:
 def type_name(effect: Effect) -> str:
     name = "".join(word.capitalize() for word in effect.name.split("_"))
     room = f", {len(effect.harmonics)}" if effect.ripple else ""
-    return f"flexspline::{name}<S{room}>"
+    return f"flexspline::{identifier(name)}<S{room}>"
 
 
 def _fields(effect: Effect) -> str:
     """Shapes by name; of a ripple effect the orders, and behind them its shapes in their order."""
     if effect.ripple:
         between = ",\n" + " " * 17
-        orders = between.join(f"{{{o}, flexspline::Pair::{pair}}}" for o, pair in effect.harmonics)
+        orders = between.join(
+            f"{{{whole(order)}, flexspline::Pair::{identifier(pair)}}}"
+            for order, pair in effect.harmonics
+        )
         shapes = "".join(
             f", {literal(value, f'{effect.name}.{name}')}" for name, value in effect.shapes.items()
         )
         return f"{{{{{{{orders}}}}}, {len(effect.harmonics)}}}{shapes}"
     return ", ".join(
-        f".{name} = {literal(value, f'{effect.name}.{name}')}"
+        f".{identifier(name)} = {literal(value, f'{effect.name}.{name}')}"
         for name, value in effect.shapes.items()
     )
 
@@ -101,21 +104,9 @@ def _value(term: TermInfo, value: float, known: Mapping[str, Any], part: Part) -
     note = "" if state == "fitted" else f" ({state})"
     shown = plus_minus(value, math.nan if error is None else error)
     unit = unit_in(term.unit, part.target, part.known_load)
-    return one_line(f"{term.name} {shown} {unit}{note}")
-
-
-def literal(value: float, name: str) -> str:
-    """The shortest decimal that reads back as the same double."""
-    if not abs(value) <= LARGEST:
-        raise InputError(f"{name} = {value} does not fit into a float; fit the model again")
-    return f"S({float(value)!r})"
+    return comment(f"{term.name} {shown} {unit}{note}")
 
 
 def by_motor_encoder(part: Part) -> bool:
     """Whether the part was fitted with the angle of a motor encoder."""
     return "motor_position" in part.record.get("channels", ())
-
-
-def one_line(text: str) -> str:
-    """Text that cannot end the comment it stands in, nor reach into the next line."""
-    return re.sub(r"[\x00-\x1f\x7f]+", " ", text).replace("\\", "/")

@@ -7,9 +7,10 @@ import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
+from flexspline.cpp_text import comment, identifier, literal
 from flexspline.errors import InputError
 from flexspline.estimators import Thermistor
-from flexspline.header_model import gear_text, literal
+from flexspline.header_model import gear_text
 
 __all__ = ["stage_lines"]
 
@@ -91,7 +92,7 @@ def _stage(made: str, field: str, numbers: Sequence[str]) -> str:
 
 
 def _rule(field: str, made: str, value: str) -> str:
-    return f"  static constexpr auto {field} = flexspline::{made}::{value};"
+    return f"  static constexpr auto {field} = flexspline::{made}::{identifier(value)};"
 
 
 def _checks(entries: Mapping[str, Entry]) -> Iterator[str]:
@@ -110,7 +111,7 @@ def _checks(entries: Mapping[str, Entry]) -> Iterator[str]:
 
 def _differentiator(entries: Mapping[str, Entry]) -> Iterator[str]:
     key = "differentiator"
-    rule = f".makes = flexspline::Derivatives::{entries[key]['makes']},"
+    rule = f".makes = flexspline::Derivatives::{identifier(entries[key]['makes'])},"
     numbers = [*_numbers(key, entries, ("bandwidth",)), rule]
     yield _stage("typename flexspline::Differentiator<S>::Config", key, numbers)
 
@@ -142,7 +143,8 @@ def _calibration(entries: Mapping[str, Entry]) -> Iterator[str]:
 
 
 def _any_observer(key: str, entries: Mapping[str, Entry]) -> str:
-    rule = f".discretisation = flexspline::Discretisation::{entries[key]['discretisation']},"
+    how = identifier(entries[key]["discretisation"])
+    rule = f".discretisation = flexspline::Discretisation::{how},"
     numbers = [*_numbers(key, entries, ("gain",)), rule]
     return _stage("typename flexspline::MomentumObserver<S>::Config", key, numbers)
 
@@ -220,13 +222,13 @@ def _numbers(key: str, entries: Mapping[str, Entry], names: Sequence[str]) -> li
 
 
 def _field(key: str, name: str, value: float, unit: str) -> str:
-    return f".{name} = {_number(key, name, value)},{f'  // {unit}' if unit else ''}"
+    return f".{name} = {_number(key, name, value)},{f'  // {comment(unit)}' if unit else ''}"
 
 
 def _array(key: str, name: str, values: Sequence[float]) -> str:
     text = ", ".join(_number(key, name, value) for value in values)
     lines = textwrap.wrap(text, 48, break_long_words=False)
-    return f".{name} = {{{{{(INDENT + '    ').join(lines)}}}}},  // {UNITS[name]}"
+    return f".{name} = {{{{{(INDENT + '    ').join(lines)}}}}},  // {comment(UNITS[name])}"
 
 
 def _range(key: str, ends: Sequence[float] | None, unit: str) -> list[str]:

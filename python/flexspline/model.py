@@ -19,6 +19,7 @@ from flexspline.estimators.needs import require_complete
 from flexspline.files import atomic_write
 from flexspline.logs.derive import lowpass
 from flexspline.logs.log import Log
+from flexspline.model_warnings import part_warnings, range_warnings
 from flexspline.part import PART_OF, SIDES, Part, part_from_json, part_to_json
 from flexspline.prepared import prepared
 from flexspline.schema import json_content, require_schema
@@ -39,13 +40,18 @@ GEAR = ("gear_ratio", "output_spline")
 
 @dataclass(frozen=True)
 class Prediction:
-    """Measured and predicted y of one log, arrays (N,) in `unit`; NaN where there is nothing."""
+    """Measured and predicted y of one log, arrays (N,) in `unit`; NaN where there is nothing.
+
+    `warnings`: a sentence for each thing that is to be known of the model on this log: signs that
+    no drive has, terms that are not significant, rows outside of what it was fitted to.
+    """
 
     time: Array
     measured: Array
     predicted: Array
     target: str
     unit: str
+    warnings: tuple[str, ...] = ()
 
     @property
     def residual(self) -> Array:
@@ -106,8 +112,9 @@ class Model:
         InputError
             Where the facts are of another joint.
         """
-        self._require_same(("joint", *GEAR, "pole_pairs", "slots"), facts, "the logs have")
         parts = {**self.parts, PART_OF[part.target]: part}
+        scales = [name for own in parts.values() for name in _scales(own)]
+        self._require_same(("joint", *scales, "pole_pairs", "slots"), facts, "the logs have")
         known = {key: value for key, value in facts.items() if value is not None}
         return replace(self, parts=parts, facts={**self.facts, **known})
 
@@ -157,19 +164,21 @@ class Model:
             Where a channel that an effect reads is missing, or the gear is another one.
         """
         part = self.part(target)
-        self.require_gear(log)
+        self.require_scales(log, part)
         if simulation is not None or simulated_torque is not None:
             log = self._with_simulation(part, log, simulation, simulated_torque)
-        log = prepared(log, part.preparations)
-        log = channels_for(log, part.effects, part.known_load, load_needed=False)
-        predicted = self._evaluate(part, log, part.coefficients)
+        measured = self._measured(part, log)
+        inputs = prepared(log, part.preparations)
+        inputs = channels_for(inputs, part.effects, part.known_load, load_needed=False)
+        predicted = self._evaluate(part, inputs, part.coefficients)
         if part.simulated is not None:
             predicted = predicted + simulation_of(log, part.simulated, part.known_load)
-        measured = self._measured(part, log)
         if lowpass_hz is not None:
             predicted = lowpass(predicted, log["time"], lowpass_hz).values
             measured = lowpass(measured, log["time"], lowpass_hz).values
-        return Prediction(np.asarray(log["time"]), measured, predicted, part.target, part.unit)
+        warnings = (*part_warnings(part), *range_warnings(part, log))
+        time = np.asarray(log["time"])
+        return Prediction(time, measured, predicted, part.target, part.unit, warnings)
 
     def _with_simulation(
         self, part: Part, log: Log, simulation: Log | None, column: str | None
@@ -183,9 +192,9 @@ class Model:
             )
         return with_simulation(log, part.target, simulation, column)[0]
 
-    def require_gear(self, log: Log) -> None:
-        """Refuse a log of another gear."""
-        self._require_same(GEAR, log.facts, f"log '{log.name}' has")
+    def require_scales(self, log: Log, part: Part) -> None:
+        """Refuse a log of another gear, or whose current is worth another load."""
+        self._require_same(_scales(part), log.facts, f"log '{log.name}' has")
 
     def components(self, log: Log, target: str | None = None) -> dict[str, Array]:
         """Return what each effect contributes, (N,) by its name, in the unit of the target."""
@@ -301,7 +310,7 @@ class Model:
 
     def _measured(self, part: Part, log: Log) -> Array:
         """The y of the log (N,); NaN where it lacks the channels."""
-        facts = {key: self.facts[key] for key in GEAR if key in self.facts}
+        facts = {key: self.facts[key] for key in _scales(part) if key in self.facts}
         try:
             return target_of(log.with_facts(facts), part.target, part.known_load)
         except InputError:
@@ -313,6 +322,12 @@ def _estimators(content: Mapping[str, Any], label: str) -> dict[str, Estimator]:
         return {key: ESTIMATORS[key].from_json(entry) for key, entry in content.items()}
     except InputError as error:
         raise InputError(f"{label}: estimators: {error}") from error
+
+
+def _scales(part: Part) -> tuple[str, ...]:
+    """Facts of the joint that the y of a part is made with."""
+    in_amperes = part.target == "motor_current" and part.known_load is not None
+    return (*GEAR, "torque_constant") if in_amperes else GEAR
 
 
 def _by_motor_encoder(part: Part, log: Log) -> bool:

@@ -1,17 +1,38 @@
-"""Channels as a model expects them: made as in the runs that its effects were found in."""
+"""Channels as a model expects them: made as in the runs that its effects were found in.
+
+Rows of a noisy channel are noisy regressors: their coefficients are attenuated, and what they no
+longer explain looks for another effect. A regressor that is replaced by what the recording lets
+one expect of it, E[x | recorded], leaves no such bias (regression calibration: Carroll, Ruppert,
+Stefanski and Crainiceanu 2006). Of a channel whose noise is flat that is the channel smoothed up to
+where its signal exceeds the noise (`logs/channel_noise.py`). Position, velocity and acceleration of
+the output are one smoothed motion, from the channel that tells the velocity best. The target is
+never smoothed.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from flexspline.logs.channel_noise import ChannelNoise, channel_noise
 from flexspline.logs.derive import differentiate, lowpass_log
 from flexspline.logs.log import Log
 
-__all__ = ["Preparation", "preparations_of", "prepared"]
+__all__ = ["Preparation", "noise_of_channels", "preparations_for", "preparations_of", "prepared"]
+
+POSITION, VELOCITY, ACCELERATION = (
+    "output_position",
+    "output_velocity",
+    "output_acceleration",
+)
+INPUTS = ("motor_position", "temperature", "motor_temperature")
+OF_THE_MOTOR = ("motor_torque", "motor_current")  # inputs where they are not the target
+QUIETER = 0.5  # of the noise of a derivative, for a recorded velocity to be used instead: it may
+# be late, and have been filtered by its drive, which a position has not
 
 
 @dataclass(frozen=True)
@@ -47,8 +68,8 @@ class Preparation:
         if self.source not in log or note in log.history:
             return log
         if self.source != self.channel:
-            made = differentiate(log, bandwidth=self.bandwidth, of=self.source,
-                                 channels=(self.channel,))  # fmt: skip
+            names = (VELOCITY, ACCELERATION) if self._twice else (self.channel,)
+            made = differentiate(log, bandwidth=self.bandwidth, of=self.source, channels=names)
             return log.with_columns({self.channel: made[self.channel]}, note=note)
         values = np.array(log[self.channel])
         lost = ~np.isfinite(values)
@@ -59,6 +80,11 @@ class Preparation:
         smooth = np.array(lowpass_log(whole, self.bandwidth, (self.channel,))[self.channel])
         smooth[lost] = np.nan
         return log.with_columns({self.channel: smooth}, note=note)
+
+    @property
+    def _twice(self) -> bool:
+        """Whether the channel is the second derivative of its source."""
+        return self.channel == ACCELERATION and self.source == POSITION
 
     def to_json(self) -> dict[str, Any]:
         """Return it as `model.json` holds it."""
@@ -74,7 +100,69 @@ def preparations_of(record: Mapping[str, Any]) -> tuple[Preparation, ...]:
 
 
 def prepared(log: Log, preparations: Iterable[Preparation]) -> Log:
-    """Return the log with all channels made as a model expects them."""
-    for one in preparations:
-        log = one(log)
-    return log
+    """Return the log with all channels made as a model expects them, once for each log."""
+    ways = tuple(preparations)
+    if not ways:
+        return log
+    made = _MADE.setdefault(log, {})
+    if ways not in made:
+        whole = log
+        for one in ways:
+            whole = one(whole)
+        made.clear()  # the last ones that were asked for: a log is prepared in one way at a time
+        made[ways] = whole
+    return made[ways]
+
+
+_MADE: WeakKeyDictionary[Log, dict[tuple[Preparation, ...], Log]] = WeakKeyDictionary()
+
+
+def noise_of_channels(logs: Sequence[Log]) -> dict[str, ChannelNoise]:
+    """Return the noise of each channel that all runs have with finite values, by its name."""
+    shared = [name for name in logs[0].channels if name != "time"]
+    found = {
+        name: channel_noise(logs, name)
+        for name in shared
+        if all(name in log and np.isfinite(log[name]).all() for log in logs)
+    }
+    return {name: noise for name, noise in found.items() if noise is not None}
+
+
+def preparations_for(
+    noise: Mapping[str, ChannelNoise], target: str, known_load: str | None
+) -> tuple[Preparation, ...]:
+    """Return how the inputs of a model are made from channels with this noise.
+
+    Parameters
+    ----------
+    noise : by channel, see `noise_of_channels`.
+    target : it is never smoothed, nor what it is made of beside the rows.
+    known_load : channel of τ_load that the rows read, or None.
+    """
+    made = list(_motion(noise))
+    drive = target in ("motor_torque", "motor_current")
+    inputs = (*INPUTS, *(() if drive else OF_THE_MOTOR), *([known_load] if known_load else []))
+    for name in (n for n in inputs if n in noise):
+        if noise[name].noisy:
+            made.append(Preparation(name, name, noise[name].smoother()))
+    return tuple(made)
+
+
+def _motion(noise: Mapping[str, ChannelNoise]) -> Iterable[Preparation]:
+    """The output's motion: derivatives first, since they are those of the position as recorded."""
+    position, velocity = noise.get(POSITION), noise.get(VELOCITY)
+    if position is None or not position.noisy:
+        return
+    source = POSITION
+    if velocity is not None:
+        band = min(position.bandwidth, velocity.bandwidth)
+        if velocity.within(band) < QUIETER * position.within(band, 1):
+            source = VELOCITY
+    if source == VELOCITY and velocity is not None:
+        yield Preparation(ACCELERATION, VELOCITY, velocity.smoother(1))
+        if velocity.noisy:
+            yield Preparation(VELOCITY, VELOCITY, velocity.smoother())
+    else:
+        yield Preparation(ACCELERATION, POSITION, position.smoother(2))
+        yield Preparation(VELOCITY, POSITION, position.smoother(1))
+    yield Preparation(POSITION, POSITION, position.smoother())

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.resources
 import json
 import math
+import re
 from functools import cache, partial
 from typing import Any
 
@@ -13,6 +14,8 @@ import jsonschema
 from flexspline.errors import InputError, shortened
 
 __all__ = ["json_content", "require_schema"]
+
+SURROGATE = re.compile(r"\\u[dD][89a-fA-F]")  # an escape that may be half of a character
 
 
 def json_content(text: str, label: str) -> object:
@@ -24,18 +27,25 @@ def json_content(text: str, label: str) -> object:
         Where the text is no JSON, or holds a number that no double can.
     """
     try:
-        return json.loads(
+        content: object = json.loads(
             text,
             parse_constant=partial(_no_constant, label),
             parse_int=partial(_number, label, int),
             parse_float=partial(_number, label, float),
         )
+        if SURROGATE.search(text):
+            json.dumps(content, ensure_ascii=False).encode()
     except RecursionError as error:
         raise InputError(f"{label}: is nested too deep; give a model.json") from error
+    except UnicodeEncodeError as error:
+        raise InputError(
+            f"{label}: holds half of a character (U+D800 to U+DFFF); mend it or fit the model again"
+        ) from error
     except json.JSONDecodeError as error:
         raise InputError(
             f"{label}: is no JSON (line {error.lineno}, column {error.colno}); give a model.json"
         ) from error
+    return content
 
 
 def require_schema(content: dict[str, Any], label: str) -> None:

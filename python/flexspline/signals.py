@@ -2,7 +2,7 @@
 
 sensor_torque   y = τ_s − τ_load          [Nm]
 motor_torque    y = Ñ τ_m − τ_load        [Nm at the output]
-motor_current   y = i                     [A]
+motor_current   y = i − τ_load / (Ñ k_t)   [A]
 torsion         y = q Ñ − θ               [rad]
 """
 
@@ -21,7 +21,7 @@ from flexspline.logs.log import Log
 from flexspline.logs.read import with_motor_torque
 from flexspline.logs.segments import runs
 
-__all__ = ["channels_for", "core_channels", "gear_of", "target_of"]
+__all__ = ["channels_for", "core_channels", "gear_of", "target_of", "torque_of_current"]
 
 Array = NDArray[np.float64]
 
@@ -46,9 +46,33 @@ def target_of(log: Log, target: str, known_load: str | None) -> Array:
     measured = np.asarray(log[target])  # borrowed: a long log is not copied without need
     if target == "motor_torque":
         measured = _ratio(log, target) * measured
-    if known_load is None or target == "motor_current":
+    if known_load is None:
         return measured
+    if target == "motor_current":
+        return np.asarray(measured - log[known_load] / torque_of_current(log, known_load))
     return np.asarray(measured - log[known_load])
+
+
+def torque_of_current(log: Log, known_load: str) -> float:
+    """Return Ñ k_t [Nm/A], the torque at the output that a motor current is worth.
+
+    Raises
+    ------
+    InputError
+        Where the log lacks the torque constant or the gear ratio; the sentence says that the known
+        load needs it.
+    """
+    constant, ratio = log.facts.get("torque_constant"), log.effective_ratio
+    needed = {"torque_constant": constant, "gear_ratio": ratio}
+    missing = [name for name, value in needed.items() if value is None]
+    if missing:
+        options = " and ".join(f"--{name.replace('_', '-')}" for name in missing)
+        raise InputError(
+            f"log '{log.name}': taking the known load {known_load} [Nm] off the target "
+            f"motor_current [A] needs {listed(missing)}; give {options}, or leave the known load "
+            "out"
+        )
+    return float(str(constant)) * float(str(ratio))
 
 
 def channels_for(

@@ -123,6 +123,25 @@ TEST_CASE_TEMPLATE("phases add, subtract and take the shortest way", S, float, d
   CHECK(at(0).shortest() == S(0));
 }
 
+TEST_CASE_TEMPLATE("an angle is inside of a range in every turn", S, float, double) {
+  const auto flag = [](S radians, S low, S high) {
+    return extrapolated(Angle<S>::from_radians(radians), low, high);
+  };
+  const S turn = S(2) * math::pi<S>;
+  for (const int turns : {-7, -1, 0, 1, 100}) {
+    const S zero = turn * S(turns);
+    CHECK(flag(zero + S(0.5), S(0.25), S(1)) == Flag::none);
+    CHECK(flag(zero + S(0.125), S(0.25), S(1)) == Flag::extrapolated);
+    CHECK(flag(zero + S(1.125), S(0.25), S(1)) == Flag::extrapolated);
+    CHECK(flag(zero + S(0.5), zero - S(0.25), zero + S(1)) == Flag::none);
+    CHECK(flag(zero + S(3), zero - S(0.25), zero + S(1)) == Flag::extrapolated);
+    CHECK(flag(zero + S(3), S(-4), S(4)) == Flag::none);  // more than a turn
+  }
+  CHECK(flag(S(0.25), S(0.25), S(0.25)) == Flag::none);
+  CHECK(flag(S(0.5), S(0.25), S(0.25)) == Flag::extrapolated);
+  CHECK(flag(S(3), S(0), turn) == Flag::none);
+}
+
 TEST_CASE("the upper half of a product is that of 128 bits") {
   std::mt19937_64 random(8);
   const std::uint64_t most = ~std::uint64_t(0);

@@ -119,5 +119,12 @@ def test_a_wrong_call_is_one_line_and_writes_nothing(
     assert contents(places["folder"]) == before
 
 
+def test_no_byte_of_an_input_steers_the_terminal(tmp_path: Path) -> None:
+    name = f"{tmp_path}/\x1b]0;owned\x07\u202e.json"
+    result = call("export", "--model", name, "--format", "json", "--out", tmp_path / "new")
+    assert result.exit_code == 2 and "owned" in result.stderr
+    assert result.stderr.rstrip("\n").isprintable()
+
+
 def contents(folder: Path) -> dict[Path, bytes]:
     return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}

@@ -94,9 +94,12 @@ def test_a_current_without_a_torque_constant_is_no_torque_and_the_sentence_says_
 @pytest.mark.parametrize("half", [0, 1])
 def test_a_report_holds_the_effects_of_a_target(target: str, half: int, tmp_path: Path) -> None:
     names = [n for n, info in CATALOGUE.items() if TARGETS[target] in info.targets][half::2]
+    if target == "motor_current":  # the model's own load would be in A beside a known one in Nm
+        names = [n for n in names if not CATALOGUE[n].carries_load]
     effects = [with_orders(name) for name in names]
     fixed = {shape.name: shape.value(effects) for shape in shapes_of(effects)}
-    made = flexspline.fit(effects, rich_log(), target, known_load=LOAD, fixed=fixed, checks=False)
+    log = rich_log().with_facts({"torque_constant": 0.1})
+    made = flexspline.fit(effects, log, target, known_load=LOAD, fixed=fixed, checks=False)
     made.report(tmp_path / "report.html")
     text = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert all(name in text and name in str(made) for name in names)

@@ -112,11 +112,12 @@ def test_the_error_of_a_torque_constant_comes_out() -> None:
     assert factor.value == pytest.approx(0.04, abs=4 * factor.standard_error)
 
 
-def test_the_load_of_a_current_is_in_amperes_for_each_newton_metre() -> None:
-    constant = 0.05  # Nm/A
+def test_the_error_of_a_torque_constant_of_a_current_is_in_amperes_for_each_newton_metre() -> None:
+    constant, taken_for = 0.05, 0.04  # Nm/A
     logs = []
     for log in runs(""):
         current = log["motor_torque"] / constant
+        log = log.with_facts({"torque_constant": taken_for})
         logs.append(log.with_columns({"motor_current": current}, note="simulated"))
     made = flexspline.fit(
         [*BASE, "torque_constant_error"],
@@ -127,4 +128,5 @@ def test_the_load_of_a_current_is_in_amperes_for_each_newton_metre() -> None:
     )
     factor = next(p for p in made.parameters if "torque_constant" in p.name)
     assert factor.unit == "A/Nm"
-    assert factor.value == pytest.approx(1 / (RATIO * constant), abs=4 * factor.standard_error)
+    truth = (1 / constant - 1 / taken_for) / RATIO
+    assert factor.value == pytest.approx(truth, abs=4 * factor.standard_error)

@@ -81,6 +81,11 @@ def test_impossible_facts_are_refused(facts: dict[str, object], sentence: str) -
         run().with_facts(facts)  # type: ignore[arg-type]
 
 
+def test_a_name_is_one_line_that_no_terminal_obeys() -> None:
+    log = Log.from_arrays(time=[0.0, 1.0], facts={"name": "run\x1b[31m 1\n\u202e"})
+    assert log.name == "run\ufffd[31m 1 \ufffd" and log.name.isprintable()
+
+
 def test_one_tooth_more_counts_where_the_circular_spline_is_the_output() -> None:
     assert run().effective_ratio == 100
     assert run().with_facts({"output_spline": "circular"}).effective_ratio == 101

@@ -131,6 +131,8 @@ def test_a_table_of_fits_marks_the_best_of_each_row() -> None:
     assert "no\\_ripple" in table.to_latex() and "[Nm]" in table.to_latex()
     assert str(table).splitlines()[0].startswith("RMSE on rows never seen [Nm]")
     assert "*" in str(table).splitlines()[1]
+    named = compare_scores({"a^2 ~ b\\": rich, "c": poor}).to_latex()
+    assert "a\\textasciicircum{}2 \\textasciitilde{} b\\textbackslash{}" in named
 
 
 def test_fits_of_different_targets_are_not_compared() -> None:

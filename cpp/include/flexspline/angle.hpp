@@ -75,6 +75,15 @@ constexpr Status read_radians(S radians, Angle<S>& angle) noexcept {
   return Status::ok;
 }
 
+/// `extrapolated` outside of [low, high] rad in every turn; never where that is a turn or more.
+template <typename S>
+constexpr Flag extrapolated(const Angle<S>& angle, S low, S high) noexcept {
+  if (!(high - low < S(2) * math::pi<S>)) return Flag::none;
+  const Phase<S> beyond_low = angle.phase - Angle<S>::from_radians(low).phase;
+  const Phase<S> width = Angle<S>::from_radians(high - low).phase;
+  return beyond_low.fraction > width.fraction ? Flag::extrapolated : Flag::none;
+}
+
 /// The upper half of the product of two fractions of a turn.
 constexpr std::uint64_t multiply_high(std::uint64_t a, std::uint64_t b) noexcept {
   constexpr std::uint64_t mask = 0xffffffffU;

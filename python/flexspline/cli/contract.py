@@ -15,7 +15,7 @@ from typing import Any
 
 import click
 
-from flexspline.errors import InputError, did_you_mean, listed
+from flexspline.errors import InputError, did_you_mean, listed, printable
 
 __all__ = ["Commands"]
 
@@ -88,6 +88,6 @@ def _defect(error: Exception) -> int:
 
 
 def _say(message: str, code: int) -> int:
-    """Print one line on standard error, whatever the message's own line ends."""
-    click.echo(f"flexspline: {' '.join(message.split())}", err=True)
+    """Print one line on standard error, whatever the message's own line ends and control signs."""
+    click.echo(f"flexspline: {printable(' '.join(message.split()))}", err=True)
     return code

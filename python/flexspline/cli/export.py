@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import click
 
-from flexspline.cli.options import model, out_file, target
-from flexspline.cli.runs import refuse_overwriting
+from flexspline.cli.options import model, out_file, strict, target
+from flexspline.cli.runs import refuse_overwriting, warn
 
 __all__ = ["FORMATS", "export"]
 
@@ -31,23 +31,31 @@ FORMATS = ("header", "binary", "json")  # those of flexspline.export, which take
 )
 @out_file("FILE")
 @target(required=False)
-def export(model_path: str, form: str, scalar: str, out: str, target: str | None) -> None:
+@strict
+def export(
+    model_path: str, form: str, scalar: str, out: str, target: str | None, strict: bool
+) -> None:
     """Export a model for the controller.
 
     The header holds plain constants and compiles with flexspline's headers (C++20, no heap, no
     exceptions); it predicts the same numbers as flexspline predict. The binary block is checked by
     its length, version, CRC-32 and structure before a program takes it, whole or not at all.
 
+    Standard error says what speaks against using the model: damping, inertia or friction of a drive
+    that is negative, terms that are not significant, parameters at a bound.
+
     \b
     Example:
       flexspline export --model joint/model.json --format header --out joint.hpp
     """
     from flexspline.export import export as export_model
+    from flexspline.export import export_warnings
     from flexspline.model import Model
 
     refuse_overwriting(out, [model_path])
     joint = Model.load(model_path)
-    export_model(joint, out, format=form, target=target, scalar=scalar)
+    export_model(joint, out, format=form, target=target, scalar=scalar, strict=strict)
+    warn(export_warnings(joint, target))
     alone = [
         f"; for {part.target} it is the correction alone: add what the simulation says"
         for part in joint.parts.values()

@@ -25,6 +25,7 @@ __all__ = [
     "positive",
     "reading",
     "simulation",
+    "strict",
     "target",
     "threads",
 ]
@@ -156,6 +157,12 @@ def controller(command: Command) -> Command:
     """--controller SERVO.json"""
     says = "A servo law that takes the place of the measured motor torque."
     return click.option("--controller", metavar="SERVO.json", help=says)(command)
+
+
+def strict(command: Command) -> Command:
+    """--strict"""
+    says = "Refuse what is otherwise warned of, with exit code 2."
+    return click.option("--strict", is_flag=True, help=says)(command)
 
 
 def out_file(metavar: str) -> Callable[[Command], Command]:

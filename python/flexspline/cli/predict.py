@@ -5,8 +5,8 @@ from __future__ import annotations
 import click
 
 from flexspline.cli.help import Taught, repairs
-from flexspline.cli.options import lowpass, model, out_file, reading, simulation, target
-from flexspline.cli.runs import Reading, refuse_overwriting, simulations
+from flexspline.cli.options import lowpass, model, out_file, reading, simulation, strict, target
+from flexspline.cli.runs import Reading, refuse_overwriting, simulations, warn
 from flexspline.errors import InputError
 
 __all__ = ["predict"]
@@ -19,6 +19,7 @@ __all__ = ["predict"]
 @target(required=False)
 @lowpass
 @simulation
+@strict
 @reading()
 def predict(
     run: str,
@@ -28,6 +29,7 @@ def predict(
     out: str,
     target: str | None,
     lowpass: float | None,
+    strict: bool,
     reading: Reading,
 ) -> None:
     """Predict a run with a model, and subtract.
@@ -35,6 +37,10 @@ def predict(
     FILE.csv receives the columns time, measured, predicted and residual, one row for each row
     of the run, in the unit of the target; measured and residual are empty where the run does
     not have them. Nothing is fitted. A model that corrects a simulation asks for what that says.
+
+    Standard error says what speaks against the prediction: rows outside of what the model was
+    fitted to; damping, inertia or friction of a drive that is negative, terms that are not
+    significant, parameters at a bound.
 
     \b
     Example:
@@ -45,6 +51,7 @@ def predict(
 
     from flexspline.files import atomic_writer
     from flexspline.model import Model
+    from flexspline.model_warnings import refuse_warnings
 
     refuse_overwriting(out, [run, model_path, *simulation])
     joint = Model.load(model_path)
@@ -66,9 +73,12 @@ def predict(
         simulation=files[0] if files else None,
         simulated_torque=simulated_torque,
     )
+    if strict:
+        refuse_warnings(found.warnings)
     columns = {name: getattr(found, name) for name in ("time", "measured", "predicted", "residual")}
     with atomic_writer(out) as file:
         pandas.DataFrame(columns).to_csv(file, index=False, lineterminator="\n")
+    warn(found.warnings)
     residual = found.residual[np.isfinite(found.residual)]
     rmse = np.sqrt(np.mean(residual**2)) if residual.size else np.nan
     gap = f"RMSE {rmse:.4g} {found.unit}" if residual.size else "nothing measured to compare with"

@@ -8,14 +8,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import click
 from tqdm import tqdm
 
-from flexspline.errors import InputError
+from flexspline.errors import InputError, printable
 
 if TYPE_CHECKING:
     from flexspline.logs.log import Log
 
-__all__ = ["Reading", "on_terminal", "refuse_overwriting", "simulations"]
+__all__ = ["Reading", "on_terminal", "refuse_overwriting", "simulations", "warn"]
 
 SIMULATED = "simulated_torque"  # the channel; its own module takes long to import
 
@@ -116,6 +117,12 @@ def refuse_overwriting(out: str, inputs: Sequence[str]) -> None:
     for path in inputs:
         if Path(path).resolve() == Path(out).resolve():
             raise InputError(f"--out {out}: would overwrite what is read; give another name")
+
+
+def warn(sentences: Sequence[str]) -> None:
+    """Print each sentence on a line of standard error."""
+    for sentence in sentences:
+        click.echo(f"flexspline: warning: {printable(sentence)}", err=True)
 
 
 def _completed(path: str, arguments: Mapping[str, Any], known: Mapping[str, Any]) -> Log:

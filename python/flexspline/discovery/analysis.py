@@ -46,7 +46,7 @@ class Analysis:
     """Base and final model, the search that led there, and what is left.
 
     `part`: the study of the rows that were searched first, all of them where they are few.
-    `free`: share of the rows on which functions without a name were looked at.
+    `ceiling`: functions without a name, on `looked_at` of all rows, a share.
     `doubted`: names that only stood in for a cause without a name, and were taken back.
     """
 
@@ -58,7 +58,24 @@ class Analysis:
     steps: tuple[Step, ...]
     leftover: Leftover
     doubted: tuple[str, ...]
-    free: float
+    ceiling: Ceiling
+    looked_at: float
+
+    def without(self, name: str) -> Analysis:
+        """Return the analysis with one effect fewer: the others refitted, what is left anew."""
+        if name in [e.name for e in self.base.effects]:
+            base, final = (self.searcher.fitted(work.plain(name))[0]
+                           for work in (self.base, self.final))  # fmt: skip
+            return replace(self, base=base, final=final)
+        kept = [e for e in self.final.effects if e.name != name]
+        final, _ = self.searcher.fitted(self.final.having(kept))
+        leftover = leftover_of(self.ceiling, final).times(1.0 / self.looked_at)
+        return replace(self, final=final, leftover=leftover)
+
+    @property
+    def free(self) -> float:
+        """Share of the rows on which functions without a name were looked at."""
+        return self.ceiling.taken * self.looked_at
 
     @property
     def whitening(self) -> Whitening:
@@ -123,8 +140,8 @@ def analysed(
         leftover = leftover_of(ceiling, final).times(share)
     final = _ordered(searcher, searcher.pruned(simplest(searcher, final)))
     return Analysis(
-        whole, study, base, final, searcher, tuple(steps), leftover, tuple(doubted),
-        ceiling.taken * rows_of(looked_at) / rows_of(whole.problem),
+        whole, study, base, final, searcher, tuple(steps), leftover, tuple(doubted), ceiling,
+        1.0 / share,
     )  # fmt: skip
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from flexspline.discovery.aliases import Rival, rivals_of
 from flexspline.discovery.analysis import Analysis
 from flexspline.discovery.confidence import confidence, features
+from flexspline.discovery.confirmation import Confirmed, Shown
 from flexspline.discovery.driven import driven_apart
 from flexspline.discovery.evidence import equivalent_t, price
 from flexspline.discovery.faults import DataFault
@@ -27,7 +28,7 @@ from flexspline.effects import UNITS, Effect
 from flexspline.errors import listed
 from flexspline.experiment.limits import Limits
 from flexspline.experiment.planning import planned
-from flexspline.fit.result import Fit
+from flexspline.logs.channel_noise import ChannelNoise
 from flexspline.parallel import in_order
 
 __all__ = ["assembled"]
@@ -39,16 +40,20 @@ SEEN = 0.05  # of the first gap: less is neither a second name nor unexplained
 
 
 def assembled(
-    made: Analysis, faults: tuple[DataFault, ...], fit: Fit, limits: Limits | None = None
+    held: Confirmed,
+    faults: tuple[DataFault, ...],
+    inputs: tuple[ChannelNoise, ...],
+    rows: Mapping[str, int],
+    limits: Limits | None = None,
 ) -> Discovery:
     """Put everything together that a user sees; `limits`: of the run to record next."""
-    problem = made.study.problem
+    made, fit, problem = held.made, held.fit, held.made.study.problem
     plain = plain_rows(problem, made.final)
     left = [held_out(problem, refitted(problem, work, plain)[0], plain) for work in _nested(made)]
     steps = list(in_order(problem.threads, lambda one: one.rmse, _ends_kept(left)))
     unexplained, floor = _unexplained(made, plain, steps)
     found = [
-        _found(made, effect, steps[number], steps[number + 1])
+        _found(made, held.shown[effect.name], steps[number], steps[number + 1])
         for number, effect in enumerate(made.final.named)
     ]
     pairs = [(one.effect, rival.effect) for one in found for rival in one.rivals if rival.alias]
@@ -72,6 +77,9 @@ def assembled(
         refused=_refused(made),
         doubted=made.doubted,
         plan=plan,
+        also_seen=held.also_seen,
+        inputs=inputs,
+        rows=rows,
         searched={"names": made.searched, "functions": made.free},
     )
 
@@ -132,8 +140,8 @@ def _unexplained(
     return Unexplained(float(min(share, 1.0)), tuple(made.leftover.channels)), floor
 
 
-def _found(made: Analysis, effect: Effect, before: float, after: float) -> Found:
-    work, searcher = made.final, made.searcher
+def _found(made: Analysis, shown: Shown, before: float, after: float) -> Found:
+    work, searcher, effect = made.final, made.searcher, shown.effect
     rivals = rivals_of(searcher, work, effect)
     dictionary = searcher.study.dictionary(work, searcher.whitening)
     gain = owned_gain(dictionary, effect.name)
@@ -156,6 +164,8 @@ def _found(made: Analysis, effect: Effect, before: float, after: float) -> Found
         t=t,
         rivals=tuple(r for k, r in enumerate(rivals) if k < BESIDE or r.alias),
         regressors=regressors,
+        coefficients_p=shown.p,
+        share_of_gap=float(np.clip(shown.share, -1.0, 1.0)),
     )
 
 

@@ -10,11 +10,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
+from flexspline.discovery.freedom import DIRECTIONS, LAG
 from flexspline.discovery.grids import shaped
 from flexspline.effects import CATALOGUE, TARGETS, Effect, Harmonic
 from flexspline.errors import InputError
 from flexspline.fit.problem import Problem
-from flexspline.fit.requirements import gear_for, require_load
+from flexspline.fit.requirements import gear_for, require_load, require_one_unit
 from flexspline.logs.log import Log
 from flexspline.signals import channels_for
 
@@ -75,7 +76,8 @@ def possible(
     """
     names = {e.name for e in base}
     absent = _absent(exclude, names)
-    taken = names | set(PAIRED) | {n for own in names for n in PAIRED.get(own, ())}
+    never = {DIRECTIONS} if target == "sensor_torque" else {DIRECTIONS, LAG}
+    taken = names | never | set(PAIRED) | {n for own in names for n in PAIRED.get(own, ())}
     found, reasons = [], {}
     for info in CATALOGUE.values():
         if info.name in taken or TARGETS[target] not in info.targets:
@@ -97,6 +99,7 @@ def possible(
     for effect in list(found):
         try:
             require_load([*carriers, effect], known_load)
+            require_one_unit([*base, effect], target, known_load)
         except InputError as error:
             reasons[effect.name] = str(error)
             found.remove(effect)
@@ -127,7 +130,7 @@ def candidates_for(
     """
     names, made = {e.name for e in model}, []
     for effect in effects:
-        if effect.name in names or not _loaded([*model, effect], problem.known_load):
+        if effect.name in names or not _loaded([*model, effect], problem):
             continue
         effect = effect.with_orders(pools.get(effect.name, ())) if effect.ripple else effect
         variants = shaped(effect, tuple(model), problem)
@@ -139,9 +142,10 @@ def candidates_for(
     return made
 
 
-def _loaded(effects: Sequence[Effect], known_load: str | None) -> bool:
+def _loaded(effects: Sequence[Effect], problem: Problem) -> bool:
     try:
-        require_load(effects, known_load)
+        require_load(effects, problem.known_load)
+        require_one_unit(effects, problem.target, problem.known_load)
     except InputError:
         return False
     return True

@@ -99,19 +99,24 @@ class Overlap:
     def _scaled(self, products: list[Array]) -> Array:
         return np.array(products) / self.ceiling.whitening.variance
 
-    def take(self, group: int) -> None:
-        """Let functions join the model."""
-        at, folds = self.ceiling.at[group], self.ceiling.folds
-        new = [self.ceiling.part(f, at) for f in folds]
+    def take(self, groups: Sequence[int]) -> None:
+        """Let functions join the model: the columns of all are read once."""
+        folds = self.ceiling.folds
+        new = [
+            np.column_stack([self.ceiling.part(f, self._place(k)) for k in groups]) for f in folds
+        ]
         every = slice(0, self.across.shape[1])
         across = self._scaled(
             [self.ceiling.part(f, every).T @ part for f, part in zip(folds, new, strict=True)]
         )
-        self.inside = np.array([_bordered(i, a[at], b) for i, a, b in
-                                zip(self.inside, self.across, self.ceiling.blocks[group],
-                                    strict=True)])  # fmt: skip
+        at = np.concatenate([np.arange(a.start, a.stop) for a in map(self._place, groups)])
+        self.inside = np.array([_bordered(i, a[at], b[at]) for i, a, b in
+                                zip(self.inside, self.across, across, strict=True)])  # fmt: skip
         self.across = np.concatenate([self.across, across], axis=2)
-        self.chosen.append(group)
+        self.chosen += groups
+
+    def _place(self, group: int) -> slice:
+        return self.ceiling.at[group]
 
     def gains(self) -> list[tuple[float, int]]:
         """Squares over σ² that each group explains beside the model, and columns seen."""

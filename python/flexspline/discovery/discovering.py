@@ -7,6 +7,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
@@ -14,15 +16,21 @@ from flexspline.effects import Effect, effect
 from flexspline.errors import InputError
 
 if TYPE_CHECKING:  # what is heavy is imported where it is used
+    from collections.abc import Callable
+
+    from flexspline.discovery.analysis import Analysis
+    from flexspline.discovery.confirmation import Confirmed
     from flexspline.discovery.faults import DataFault
     from flexspline.discovery.result import Discovery
     from flexspline.discovery.working import Working
     from flexspline.experiment.limits import Limits
     from flexspline.fit.names import Bounds
     from flexspline.fit.problem import Problem
+    from flexspline.fit.result import Fit
     from flexspline.forward.servo import PositionServo
     from flexspline.logs.log import Log
     from flexspline.model import Model
+    from flexspline.prepared import Preparation
     from flexspline.simulator.record import Simulated
 
 __all__ = ["discover"]
@@ -88,21 +96,20 @@ def discover(
     generalised least squares in the noise's memory where that agrees with plain least squares as
     for a right model, by plain least squares otherwise (`fit/generalised.py`).
     """
-    from flexspline.discovery.analysis import analysed
     from flexspline.discovery.assemble import assembled
-    from flexspline.discovery.faults import data_faults, with_measured_ratio
-    from flexspline.discovery.grades import graded, with_preparations
+    from flexspline.discovery.faults import data_faults, late_load, with_measured_ratio
+    from flexspline.discovery.freedom import LAG, freedoms
+    from flexspline.discovery.grades import graded
     from flexspline.discovery.rest import moving
     from flexspline.discovery.steady import steadied
-    from flexspline.discovery.study import study_of
-    from flexspline.fit.fitting import fit, fit_near, with_orders
-    from flexspline.fit.problem import problem_of
+    from flexspline.fit.requirements import require_apart
     from flexspline.logs.log import Log
-    from flexspline.simulator.record import SIMULATED
+    from flexspline.prepared import noise_of_channels, preparations_for
 
     runs = [logs] if isinstance(logs, Log) else list(logs)
     if not runs:
         raise InputError("there is no log to look at; give at least one")
+    require_apart(runs)
     if by != "regression" or controller is not None or free_controller:
         _require_simulation(by, simulation, simulated_torque, lowpass)
         return _by_simulation(
@@ -116,17 +123,21 @@ def discover(
     faults = data_faults(runs, start.effects, start.target, start.known_load, threads)
     faults = (*of_base, *faults)
     runs, faults = with_measured_ratio(runs, faults, start.target)
-    steady, noisy, ways = steadied(
-        runs,
-        start.effects,
-        start.target,
-        start.known_load,
-        start.fixed,
-        lambda log: moving(log, start.target),
-        threads,
-        start.simulated,
-    )
-    given, runs = ([moving(log, start.target) for log in some] for some in (runs, steady))
+    inputs = noise_of_channels(runs)
+    ways = preparations_for(inputs, start.target, start.known_load)
+    noisy: tuple[DataFault, ...] = ()
+    if not any(way.channel == "output_velocity" for way in ways):
+        _, noisy, steady = steadied(
+            runs,
+            start.effects,
+            start.target,
+            start.known_load,
+            start.fixed,
+            lambda log: moving(log, start.target),
+            threads,
+            start.simulated,
+        )
+        ways = (*steady, *ways)
 
     style = {"bar_format": "{desc}{elapsed}", "leave": False, "delay": 1.0}
     alone = threadpool_limits(1 if threads > 1 else None, user_api="blas")  # cores have work enough
@@ -136,34 +147,28 @@ def discover(
             bar.update()
             bar.set_description(what)
 
-        effects: Sequence[Effect] = with_orders(start.effects, orders or {})
-        if any(e.ripple and not e.harmonics for e in effects):
-            effects = fit(
-                effects, runs, start.target, known_load=start.known_load, lowpass=lowpass,
-                fixed=start.fixed, checks=False, threads=threads,
-                simulated_torque=SIMULATED if start.simulated else None,
-            ).part.effects  # fmt: skip
-        study = study_of(
-            effects,
-            runs,
-            start.target,
-            known_load=start.known_load,
-            lowpass_hz=lowpass,
-            exclude=exclude,
-            threads=threads,
-            simulated=start.simulated,
+        way = _Way(start, lowpass, orders or {}, tuple(ways), threads, say)
+        excluded = [*exclude]
+        free = freedoms(start.effects, start.target, start.known_load, runs, inputs)
+        free = tuple(name for name in free if name not in excluded)
+        held = _searched(_Recorded.of(runs, way), way, excluded, free)
+        late = late_load(held.made, runs) if LAG in free else None
+        if late is not None:
+            runs, told = late
+            noisy = (*noisy, *told)
+            excluded.append(LAG)  # of two delays only the difference is seen, and it is taken out
+            free = tuple(name for name in free if name != LAG)
+            held = _searched(_Recorded.of(runs, way), way, excluded, free)
+        elif LAG in free and LAG in [e.name for e in held.made.base.effects]:
+            free = tuple(name for name in free if name != LAG)  # it is the sensor's: to be named
+            held = _searched(_Recorded.of(runs, way), way, excluded, free)
+        recorded = _Recorded.of(runs, way)
+        rows = _rows(runs, recorded.logs, held.made)
+        found = replace(
+            assembled(held, faults + noisy, tuple(inputs.values()), rows, limits),
+            base_effects=tuple(effect.name for effect in start.effects),
         )
-        made = analysed(study, effects, start.fixed, say)
-        say("errors and validation")
-        effects = made.final.effects
-        posed = problem_of(
-            runs, effects, start.target, known_load=start.known_load, lowpass_hz=lowpass,
-            threads=threads, simulated=start.simulated,
-        )  # fmt: skip
-        limited, priors = _bounds(made.final, start), _priors(made.final, posed, start)
-        refit = fit_near(posed, effects, start.fixed, limited, start.model, priors, general=True)
-        found = assembled(made, faults + noisy, with_preparations(refit, ways), limits)
-        judged = graded(found.data_faults, given, found.fit, found.noise_floor)
+        judged = graded(found.data_faults, recorded.logs, found.fit, found.noise_floor)
         return replace(found, data_faults=judged)
 
 
@@ -228,6 +233,119 @@ def _by_simulation(
 
 
 @dataclass(frozen=True)
+class _Way:
+    """How a discovery goes about it: see `discover`."""
+
+    start: _Start
+    lowpass: float | None
+    orders: Mapping[str, Sequence[int]]
+    preparations: tuple[Preparation, ...]
+    threads: int
+    say: Callable[[str], None]
+
+    def problem(self, runs: _Recorded, effects: Sequence[Effect]) -> Problem:
+        from flexspline.fit.problem import problem_of
+
+        return problem_of(
+            runs.logs,
+            effects,
+            self.start.target,
+            known_load=self.start.known_load,
+            lowpass_hz=self.lowpass,
+            threads=self.threads,
+            preparations=self.preparations,
+            inputs=runs.inputs,
+            counted=runs.counted,
+            simulated=self.start.simulated,
+        )
+
+
+@dataclass(frozen=True)
+class _Recorded:
+    """The runs without a drive's rests: as recorded, and with inputs made before any was cut.
+
+    `counted`: rows of each that the recorder resolves; None for all.
+    """
+
+    logs: list[Log]
+    inputs: list[Log]
+    counted: list[NDArray[np.bool_]] | None = None
+
+    @classmethod
+    def of(cls, runs: Sequence[Log], way: _Way) -> _Recorded:
+        from flexspline.discovery.resolution import coarser, resolved
+
+        ways, start = way.preparations, way.start
+        made = cls._made(runs, start.target, ways)
+        if start.target == "torsion" or not any(w.channel == "output_velocity" for w in ways):
+            return made
+        further = cls._made(runs, start.target, coarser(ways))
+        base = [effect for effect in start.effects if effect.harmonics or not effect.ripple]
+
+        def posed(effects: Sequence[Effect], coarse: bool) -> Problem:
+            return way.problem(further if coarse else made, effects)
+
+        return replace(made, counted=resolved(base, start.fixed, posed))
+
+    @classmethod
+    def _made(cls, runs: Sequence[Log], target: str, ways: Sequence[Preparation]) -> _Recorded:
+        from flexspline.discovery.rest import moving
+        from flexspline.prepared import prepared
+
+        return cls(
+            [moving(log, target) for log in runs],
+            [moving(prepared(log, ways), target, as_in=log) for log in runs],
+        )
+
+
+def _searched(runs: _Recorded, way: _Way, exclude: Sequence[str], free: Sequence[str]) -> Confirmed:
+    """The names that hold beside the base, in the model that is fitted to all rows that count.
+
+    `free`: what the base is given beside its effects (`freedom.py`).
+    """
+    from flexspline.discovery.analysis import analysed
+    from flexspline.discovery.confirmation import confirmed
+    from flexspline.discovery.freedom import held_of, with_freedoms
+    from flexspline.discovery.study import study_of
+    from flexspline.fit.fitting import fit, fit_near, with_orders
+    from flexspline.simulator.record import SIMULATED
+
+    start = way.start
+    effects: Sequence[Effect] = with_orders(start.effects, way.orders)
+    if any(e.ripple and not e.harmonics for e in effects):
+        effects = fit(
+            effects, runs.logs, start.target, known_load=start.known_load, lowpass=way.lowpass,
+            fixed=start.fixed, checks=False, threads=way.threads,
+            simulated_torque=SIMULATED if start.simulated else None,
+        ).part.effects  # fmt: skip
+    effects = with_freedoms(effects, free)
+    fixed = {**start.fixed, **held_of(effects)}
+    study = study_of(
+        effects,
+        runs.logs,
+        start.target,
+        known_load=start.known_load,
+        lowpass_hz=way.lowpass,
+        exclude=exclude,
+        threads=way.threads,
+        preparations=way.preparations,
+        inputs=runs.inputs,
+        counted=runs.counted,
+        simulated=start.simulated,
+    )
+    made = analysed(study, effects, fixed, way.say)
+    way.say("errors and validation")
+
+    def fitted(work: Working) -> Fit:
+        posed = way.problem(runs, work.effects)
+        limited, priors = _bounds(work, start), _priors(work, posed, start)
+        known = {**start.fixed, **held_of(work.effects)}
+        return fit_near(posed, work.effects, known, limited, start.model, priors, general=True)
+
+    return confirmed(made, fitted, [effect.name for effect in start.effects])
+
+
+@dataclass(frozen=True)
 class _Start:
     """What a discovery starts from."""
 
@@ -287,6 +405,18 @@ def _start(
     if known_load is None:
         effects = [e.without_load() for e in effects]
     return _Start(tuple(effects), target, known_load, fixed, None)
+
+
+def _rows(given: Sequence[Log], moving: Sequence[Log], made: Analysis) -> dict[str, int]:
+    """How many rows the model was fitted to, and how many were left out for which reason."""
+    used = sum(run.counted for run in made.study.problem.runs)
+    recorded, left = (sum(map(len, logs)) for logs in (given, moving))
+    found = {
+        "used": used,
+        "at rest": recorded - left,
+        "where the motion is not resolved, or what came before is not known": left - used,
+    }
+    return {why: count for why, count in found.items() if count or why == "used"}
 
 
 def _bounds(final: Working, start: _Start) -> dict[str, Bounds]:

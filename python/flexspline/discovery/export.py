@@ -9,12 +9,14 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import jsonschema
+import numpy as np
 
 from flexspline import __version__
 
 if TYPE_CHECKING:
     from flexspline.discovery.result import Discovery, Found
     from flexspline.fit.result import Parameter
+    from flexspline.logs.channel_noise import ChannelNoise
 
 __all__ = ["discovery_json"]
 
@@ -40,6 +42,20 @@ def discovery_json(made: Discovery) -> str:
             "final": made.final_rmse,
             "noise_floor": made.noise_floor,
         },
+        "also_seen": [
+            {
+                "effect": one.effect,
+                "rmse_before": one.rmse_before,
+                "rmse_after": one.rmse_after,
+                "rmse_unit": made.unit,
+                "share_of_gap": one.share_of_gap,
+                "t": one.t,
+            }
+            for one in made.also_seen
+        ],
+        "inputs": [_input(made, noise) for noise in made.inputs],
+        "bandwidth_hz": _bandwidth(made),
+        "rows": dict(made.rows),
         "validated_by": made.validated_by,
         "before_after": [
             {
@@ -92,6 +108,9 @@ def _found(made: Discovery, one: Found) -> dict[str, Any]:
         "effect": one.effect,
         "rmse_before": one.rmse_before,
         "rmse_after": one.rmse_after,
+        "rmse_unit": made.unit,
+        "share_of_gap": one.share_of_gap,
+        "coefficients_p": one.coefficients_p,
         "confidence": one.confidence,
         "indistinguishable_from": list(one.indistinguishable_from),
         "where": one.where,
@@ -100,6 +119,26 @@ def _found(made: Discovery, one: Found) -> dict[str, Any]:
         "t": one.t,
         "parameters": [_parameter(p) for p in made.parameters(one.effect)],
     }
+
+
+def _input(made: Discovery, noise: ChannelNoise) -> dict[str, Any]:
+    """What a recorder added to a channel, and how it was prepared for the rows."""
+    late = [f.size for f in made.data_faults if "delay" in f.name and f.channel == noise.channel]
+    used = [p.bandwidth for p in made.fit.part.preparations if p.channel == noise.channel]
+    return {
+        "channel": noise.channel,
+        "noise": noise.noise,
+        "quantum": noise.quantum,
+        "delay": _number(float(np.median(late))) if late else None,
+        "bandwidth": noise.bandwidth,
+        "bandwidth_used": used[0] if used else None,
+    }
+
+
+def _bandwidth(made: Discovery) -> float | None:
+    """-3 dB of the output's motion as the rows read it, Hz; None where it is as recorded."""
+    motion = (p for p in made.fit.part.preparations if p.channel == "output_velocity")
+    return next((one.bandwidth for one in motion), None)
 
 
 def _parameter(one: Parameter) -> dict[str, Any]:

@@ -4,17 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flexspline.discovery.freedom import LAG
 from flexspline.effects import Effect
 from flexspline.fit.fitting import NO_TORSION
 from flexspline.logs.checks import check
 from flexspline.logs.log import Log
+from flexspline.logs.repairs import move_earlier
 
-__all__ = ["DataFault", "data_faults", "with_measured_ratio"]
+if TYPE_CHECKING:
+    from flexspline.discovery.analysis import Analysis
+
+__all__ = ["DataFault", "data_faults", "late_load", "with_measured_ratio"]
 
 RATIO = "gear_ratio"
+SENSOR = ("sensor_torque",)
 TWISTED = 0.01  # of the ratio: more than this no torsion makes of it
 WHOLE = 0.05  # from a whole number, which a ratio of teeth mostly is
 NO_TWIST = tuple(name for name in NO_TORSION if name != RATIO)
@@ -91,3 +98,42 @@ def with_measured_ratio(
     mended = [log.with_facts({"gear_ratio": ratio - circular}, note=said) for log in logs]
     told = [replace(f, sentence=f"{f.sentence} {said}") if f.name == RATIO else f for f in faults]
     return mended, tuple(told)
+
+
+def late_load(
+    made: Analysis, logs: Sequence[Log]
+) -> tuple[list[Log], tuple[DataFault, ...]] | None:
+    """Return the runs with a late load cell moved to where it belongs, and the fault of each.
+
+    A sensor cannot read a torque before it is there: where its lag comes out negative, the channel
+    of the known load is late by that much more than the sensor. Between the torque of a drive and
+    the load cell any delay is one of the recorder. None where there is none, or where so much is
+    left unexplained that it may be that.
+    """
+    if made.leftover.groups and not made.final.named:
+        return None
+    problem = made.study.problem
+    owners = [e.name for e in made.final.effects for _ in e.terms]
+    at = [k for k, owner in enumerate(owners) if owner == LAG]
+    late = -float(made.final.coefficients[at[0]]) if at else 0.0
+    load = problem.known_load
+    if load is None or late == 0.0 or (problem.target == "sensor_torque" and late < 0.0):
+        return None
+    channel = load if late > 0.0 else problem.target
+    why = ", which cannot read a torque before it is there" if problem.target in SENSOR else ""
+    moved = [move_earlier(log, load, late) for log in logs]
+    told = [
+        DataFault(
+            log.name,
+            "load_delay",
+            channel,
+            abs(late),
+            "s",
+            (0, len(log)),
+            f"{log.name}: {channel} is {1e3 * abs(late):.3g} ms late against "
+            f"{problem.target if channel == load else load}{why}; names are looked for with {load} "
+            f"moved by that much. Ask for the repair shift={channel}:{abs(late):.3g}.",
+        )
+        for log in logs
+    ]
+    return moved, tuple(told)

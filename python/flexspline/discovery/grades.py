@@ -23,25 +23,16 @@ from flexspline.fit.result import Fit
 from flexspline.logs.log import Log
 from flexspline.logs.repairs import move_earlier
 from flexspline.model import Model
-from flexspline.prepared import Preparation, prepared
+from flexspline.prepared import prepared
 from flexspline.report.numbers import short
 from flexspline.signals import target_of
 
-__all__ = ["graded", "with_preparations"]
+__all__ = ["graded"]
 
 Array = NDArray[np.float64]
 
 SMALL = 0.01  # of the error, by which a fault raises it that does not matter
 VELOCITY = "output_velocity"
-
-
-def with_preparations(fit: Fit, ways: Sequence[Preparation]) -> Fit:
-    """Return a fit whose model makes its channels in these ways before it reads them."""
-    if not ways:
-        return fit
-    record = {**fit.part.record, "prepared": [way.to_json() for way in ways]}
-    part = replace(fit.part, record=record)
-    return replace(fit, model=fit.model.with_part(part, fit.model.facts))
 
 
 def graded(

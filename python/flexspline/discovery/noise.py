@@ -31,6 +31,7 @@ Array = NDArray[np.float64]
 
 LONG = 1_000_000  # rows from which one piece of several is read
 LARGEST_ORDER = 16
+ROUNDING = 1e-9  # of the target's RMS that is white noise at least: simulated logs have no other
 FORMS = 1e-2  # of the residual's mean square that is white at least: no form is exact to less
 
 
@@ -40,7 +41,7 @@ def first_whitening(problem: Problem, sheet: Sheet) -> Whitening:
     table = tabulated(problem, sheet, plain)
     beta = solved(table.total, np.arange(sheet.width))
     residuals = sheet.left_over(problem, [beta] * len(table.folds))
-    return rough_whitening(residuals, problem.runs, problem.decimation)
+    return _above_rounding(problem, rough_whitening(residuals, problem.runs, problem.decimation))
 
 
 def restricted_whitening(
@@ -74,7 +75,17 @@ def restricted_whitening(
         decimation=problem.decimation,
         floor=FORMS,
     )
-    return Whitening(noise.denominator, noise.innovation_variance, problem.decimation)
+    made = Whitening(noise.denominator, noise.innovation_variance, problem.decimation)
+    return _above_rounding(problem, made)
+
+
+def _above_rounding(problem: Problem, noise: Whitening) -> Whitening:
+    """The noise, or white noise of the size of rounding where there is less than that."""
+    squares = [float(run.target @ run.target) for run in problem.runs]
+    floor = ROUNDING**2 * sum(squares) / sum(len(run) for run in problem.runs)
+    if noise.variance > floor:
+        return noise
+    return Whitening(np.ones(1), floor, noise.decimation)
 
 
 def _basis(chunks: Callable[[], Iterator[Chunk]]) -> Array:

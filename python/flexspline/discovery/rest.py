@@ -32,11 +32,14 @@ def resting(log: Log) -> NDArray[np.bool_]:
     return np.asarray(binary_dilation(middle, np.ones(2 * width + 1, dtype=bool)))
 
 
-def moving(log: Log, target: str) -> Log:
-    """Return the rows of a drive's log in which the joint moves, and all rows of other logs."""
+def moving(log: Log, target: str, *, as_in: Log | None = None) -> Log:
+    """Return the rows of a drive's log in which the joint moves, and all rows of other logs.
+
+    `as_in`: the log of the same rows that tells where; None: `log` itself.
+    """
     if target not in DRIVES:
         return log
-    still = resting(log)
+    still = resting(log if as_in is None else as_in)
     if not still.any() or still.all():
         return log
     return log.rows(~still, note=f"{int(still.sum())} rows at rest left out")

@@ -19,8 +19,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from flexspline.discovery.aliases import Rival
+    from flexspline.discovery.confirmation import AlsoSeen
     from flexspline.discovery.disagreement import Disagreement
     from flexspline.experiment.plan import Plan
+    from flexspline.logs.channel_noise import ChannelNoise
     from flexspline.simulator.record import Simulated
 
 __all__ = ["Discovery", "Found", "Unexplained"]
@@ -42,6 +44,8 @@ class Found:
     t : |t| of a normal number that is as surprising as what it gains.
     rivals : the best candidates in its place, the best first.
     regressors : what the confidence is made of (`discovery/confidence.py`).
+    coefficients_p : p of Wald's test that all its coefficients are zero in the final fit.
+    share_of_gap : of what all names close held out, what is lost without it, −1 … 1.
     """
 
     effect: str
@@ -54,6 +58,8 @@ class Found:
     t: float
     rivals: tuple[Rival, ...]
     regressors: tuple[float, ...]
+    coefficients_p: float = 0.0
+    share_of_gap: float = 1.0
 
     @property
     def runner_up(self) -> str | None:
@@ -90,6 +96,9 @@ class Discovery:
     plan : what it says, with its trajectory and a figure.
     searched : shares of the rows on which "names" were looked for first, before they were tried
         and fitted on all rows, and on which "functions" without a name were; 1 of short logs.
+    also_seen : effects that are real but too small to matter, and no part of the model.
+    inputs : noise of each channel of the runs; how they were prepared stands in the model.
+    rows : how many are "used", and how many are left out by reason, such as "at rest".
     fit : of the extended model.
     runs : measured and predicted values of base and extended model, on folds no fit saw.
     motion : both driven forward through these folds; None where the model cannot be simulated.
@@ -116,6 +125,9 @@ class Discovery:
     refused: Mapping[str, str]
     doubted: tuple[str, ...]
     plan: Plan | None = None
+    also_seen: tuple[AlsoSeen, ...] = ()
+    inputs: tuple[ChannelNoise, ...] = ()
+    rows: Mapping[str, int] = field(default_factory=dict)
     by: str = "regression"
     searched: Mapping[str, float] = field(default_factory=lambda: {"names": 1.0, "functions": 1.0})
 

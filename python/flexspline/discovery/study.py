@@ -20,9 +20,11 @@ from flexspline.discovery.working import Working
 from flexspline.effects import UNITS, Effect
 from flexspline.errors import InputError
 from flexspline.fit.problem import Problem, problem_of
+from flexspline.fit.requirements import require_one_unit
 from flexspline.logs.derive import differentiate
 from flexspline.logs.log import Log
 from flexspline.orders import FoundOrder
+from flexspline.prepared import Preparation
 from flexspline.simulator.record import Simulated
 
 __all__ = ["Study", "study_of"]
@@ -125,6 +127,9 @@ def study_of(
     lowpass_hz: float | None,
     threads: int,
     exclude: Iterable[str] = (),
+    preparations: Sequence[Preparation] = (),
+    inputs: Sequence[Log] | None = None,
+    counted: Sequence[NDArray[np.bool_]] | None = None,
     simulated: Simulated | None = None,
 ) -> Study:
     """Make logs ready for the base and every effect that they could show beside it.
@@ -136,13 +141,22 @@ def study_of(
     InputError
         As `fit`, for the base alone; for a name in `exclude` that is no effect or is in the base.
     """
+    require_one_unit(base, target, known_load)
     problem_of(
-        logs, base, target, known_load=known_load, lowpass_hz=lowpass_hz, threads=threads,
+        logs,
+        base,
+        target,
+        known_load=known_load,
+        lowpass_hz=lowpass_hz,
+        threads=threads,
+        preparations=preparations,
+        inputs=inputs,
+        counted=counted,
         simulated=simulated,
-    )  # fmt: skip
-    logs = [_with_motion(log) for log in logs]
-    effects, reasons = possible(base, logs, target, known_load, exclude)
-    kept = [e for e in effects if _finite(e, logs, reasons)]
+    )
+    inputs = [_with_motion(log) for log in (logs if inputs is None else inputs)]
+    effects, reasons = possible(base, inputs, target, known_load, exclude)
+    kept = [e for e in effects if _finite(e, inputs, reasons)]
     problem = problem_of(
         logs,
         [*base, *kept],
@@ -150,6 +164,9 @@ def study_of(
         known_load=known_load,
         lowpass_hz=lowpass_hz,
         threads=threads,
+        preparations=preparations,
+        inputs=inputs,
+        counted=counted,
         simulated=simulated,
     )
     runs = tuple(replace(run, stretches=run.unbroken) for run in problem.runs)

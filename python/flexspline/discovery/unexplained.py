@@ -64,7 +64,7 @@ def leftover_of(ceiling: Ceiling, work: Working) -> Leftover:
         if best is None:
             break
         above += best[1]
-        overlap.take(best[0])
+        overlap.take([best[0]])
     return _summary(overlap, work, above)
 
 
@@ -124,10 +124,11 @@ def _survival(overlap: Overlap, work: Working, carriers: set[str]) -> dict[str, 
     """
     ceiling, own = overlap.ceiling, np.arange(overlap.own - 1)
     load = ceiling.problem.known_load
-    for k, group in enumerate(ceiling.groups):
-        one = len(group.channels) == 1 and channel_told(group.channels[0], load) in carriers
-        if one and k not in overlap.chosen:
-            overlap.take(k)
+    alone = [k for k, group in enumerate(ceiling.groups) if len(group.channels) == 1]
+    carrying = [k for k in alone if channel_told(ceiling.groups[k].channels[0], load) in carriers]
+    beside = [k for k in carrying if k not in overlap.chosen]
+    if beside:
+        overlap.take(beside)
     table = overlap.table()
     taken = [ceiling.groups[k] for k in overlap.chosen]
     everything = np.arange(len(own), len(table.total) - 1)

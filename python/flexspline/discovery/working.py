@@ -84,6 +84,13 @@ class Working:
         kept = np.where(made.held, made.coefficients, values)
         return replace(made, coefficients=kept)
 
+    def plain(self, name: str) -> Working:
+        """Return the model without one effect of its base."""
+        if name not in [e.name for e in self.effects[: self.base]]:
+            return self
+        made = replace(self, base=self.base - 1)
+        return made.having([e for e in self.effects if e.name != name])
+
     def holding(self, name: str, value: float) -> Working:
         """Return the model with one coefficient more that is not fitted."""
         return replace(self, fixed={**self.fixed, name: value}).having(self.effects)

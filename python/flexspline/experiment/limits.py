@@ -179,14 +179,21 @@ def _load_rate(problem: Problem) -> float:
 def _warming(problem: Problem) -> float:
     logs = [run.log for run in problem.runs if "temperature" in run.log]
     rates = [np.ptp(log["temperature"]) / max(log.duration, 1e-9) for log in logs]
-    return float(max(rates, default=0.0))
+    return float(max((rate for rate in rates if np.isfinite(rate)), default=0.0))
 
 
 def _range(problem: Problem, channel: str) -> Range:
-    every = np.concatenate([run.log[channel] for run in problem.runs])
-    return float(every.min()), float(every.max())
+    every = _finite(problem, channel)
+    return (float(every.min()), float(every.max())) if len(every) else (0.0, 0.0)
 
 
 def _size(problem: Problem, channel: str, share: float) -> float:
-    parts = [np.abs(run.log[channel]) for run in problem.runs if channel in run.log]
-    return float(np.quantile(np.concatenate(parts), share)) if parts else 0.0
+    every = _finite(problem, channel)
+    return float(np.quantile(np.abs(every), share)) if len(every) else 0.0
+
+
+def _finite(problem: Problem, channel: str) -> Array:
+    """All values that a channel has: one that no effect reads may lack some, (n,)."""
+    parts = [run.log[channel] for run in problem.runs if channel in run.log]
+    every = np.concatenate([np.empty(0), *parts])
+    return np.asarray(every[np.isfinite(every)])

@@ -16,25 +16,32 @@ from scipy.linalg import solve_toeplitz
 from scipy.signal import freqz
 
 from flexspline.discovery.whitening import Whitening
+from flexspline.logs.local_fit import WIDEST
 
 __all__ = ["at_coarser_rate"]
 
 FAST = 100.0  # Hz, what a planned run is looked at with
 SLOW = 50.0
 POINTS = 1 << 14
+MARGIN = 1e-6  # of a rate, that the steps of a planned run's clock are rounded by at most
 
 
-def at_coarser_rate(whitening: Whitening, rate: float, keep: bool) -> tuple[Whitening, float]:
+def at_coarser_rate(
+    whitening: Whitening, rate: float, keep: bool, lowpass: float | None = None
+) -> tuple[Whitening, float]:
     """Return the noise and the rate [Hz] that a planned run is judged with.
 
     Parameters
     ----------
     rate : Hz, of the recorded runs.
     keep : stay at that rate, for ripple that a coarser one would not follow.
+    lowpass : Hz, that the planned run is looked at with, as the recorded ones were; None: none.
     """
     news = rate / whitening.decimation
-    if keep or news < 2.0 * FAST:
-        rows = whitening.decimation if keep else max(1, int(np.ceil(min(SLOW, rate) / news)))
+    least = 0.0 if lowpass is None else (1.0 + MARGIN) * lowpass / WIDEST
+    if keep or news < 2.0 * FAST or least > FAST:
+        slowest = max(min(SLOW, rate), least)
+        rows = whitening.decimation if keep else max(1, int(np.ceil(slowest / news)))
         return Whitening(whitening.denominator, whitening.variance, rows), news * rows
     every = int(news / FAST)
     order = max(whitening.order, 1)

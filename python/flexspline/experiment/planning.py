@@ -169,7 +169,9 @@ def _bench(problem: Problem, layout: Layout, whitening: Whitening, reads: Sequen
     logs = [run.log for run in problem.runs]
     motor = motor_of(logs, problem.known_load) if "motor_torque" in reads else None
     rate = float(np.median([log.rate for log in logs]))
-    coarse, slower = at_coarser_rate(whitening, rate, keep="motor_position" in reads)
+    coarse, slower = at_coarser_rate(
+        whitening, rate, keep="motor_position" in reads, lowpass=problem.lowpass
+    )
     trust = trust_of(problem, layout.work, whitening)
     before = recorded(layout, problem, whitening, trust)
     return Bench(problem, layout, coarse, trust, slower, motor, before)

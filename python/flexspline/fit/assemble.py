@@ -114,10 +114,9 @@ def _units(problem: Problem, made: Estimate) -> list[str]:
     """Unit of each coefficient, in the order of `names`."""
     load, terms = problem.known_load, [t for e in made.linear.effects for t in e.terms]
     units = [unit_in(term.unit, problem.target, load) for term in terms]
-    place = problem.place(made.linear.effects)
     ordered = [""] * len(made.names)
-    for run in place:
-        for column, at in enumerate(run):
+    for number in range(len(problem.runs)):
+        for column, at in enumerate(problem.place(made.linear.effects, number)):
             ordered[at] = units[column]
     return ordered
 
@@ -214,8 +213,8 @@ def _parameter(
 
 def _shared(problem: Problem, made: Estimate) -> Array:
     """Coefficients in the order of the effects' terms; offsets of runs become their mean."""
-    place = problem.place(made.linear.effects)
-    return np.asarray(np.mean([made.linear.coefficients[run] for run in place], axis=0))
+    places = [problem.place(made.linear.effects, k) for k in range(len(problem.runs))]
+    return np.asarray(np.mean([made.linear.coefficients[place] for place in places], axis=0))
 
 
 def _record(
@@ -240,6 +239,11 @@ def _record(
             "filtered": made.denominator is not None,
         },
         "lowpass": problem.lowpass,
+        **(
+            {"prepared": [p.to_json() for p in problem.preparations]}
+            if problem.preparations
+            else {}
+        ),
         "channels": channels,
         "validity": {
             name: [

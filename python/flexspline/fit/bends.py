@@ -92,7 +92,7 @@ def bent(
 
 def _sides(found: LinearFit, problem: Problem, shape: ShapeParameter) -> tuple[list[Effect], Array]:
     """Effects with a shape to either side, and the weights of their columns in the bend."""
-    place = problem.place(found.effects)[0]
+    place = problem.place(found.effects, 0)
     ends = np.cumsum([0, *(len(effect.terms) for effect in found.effects)])
     middle = shape.value(found.effects)
     both = np.clip(middle * np.exp([-STEP, STEP]), shape.info.lower, shape.info.upper)

@@ -116,6 +116,7 @@ def fit(
     from flexspline.fit.assemble import assembled
     from flexspline.fit.estimate import Given, estimate
     from flexspline.fit.problem import problem_of
+    from flexspline.fit.requirements import require_apart, require_one_unit
     from flexspline.fit.ripple import with_found_orders
     from flexspline.logs.log import Log
 
@@ -129,6 +130,7 @@ def fit(
             raise InputError(
                 f"logs holds a {type(run).__name__}; give logs, as read_log makes them"
             )
+    require_apart(runs)
     chosen = with_orders(effects, orders or {})
     foreign = simulation is not None or simulated_torque is not None
     if by != "regression" or controller is not None or free_controller:
@@ -147,6 +149,7 @@ def fit(
         return _by_simulation(chosen, runs, target, settings, regression, bounds or {}, into)
     if known_load is None:
         chosen = [e.without_load() for e in chosen]
+    require_one_unit(chosen, target, known_load)
     simulated: Simulated | None = None
     remarks: tuple[str, ...] = ()
     if foreign:

@@ -145,7 +145,7 @@ def _carried(problem: Problem, effects: Sequence[Effect]) -> NDArray[np.intp]:
     """Which coefficients make a load."""
     owners = [effect for effect in effects for _ in effect.terms]
     columns = [k for k, owner in enumerate(owners) if owner.info.carries_load]
-    return np.asarray(problem.place(effects)[0][columns], dtype=np.intp)
+    return np.asarray(problem.place(effects, 0)[columns], dtype=np.intp)
 
 
 def _stands(load: Array, made: Array) -> bool:

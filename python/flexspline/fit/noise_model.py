@@ -92,7 +92,12 @@ class NoiseModel:
 
     @property
     def memory(self) -> float:
-        """Rows per piece of news: peak of the spectrum over its mean; (1+φ)/(1-φ) for AR(1)."""
+        """Rows per piece of news: peak of the spectrum over its mean; (1+φ)/(1-φ) for AR(1).
+
+        1 where there is no noise.
+        """
+        if not self.variance > 0.0:
+            return 1.0
         response = np.abs(np.fft.rfft(self.denominator, _FREQUENCIES)) ** -2.0
         return float(response.max()) * self.innovation_variance / self.variance
 

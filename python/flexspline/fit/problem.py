@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
-from functools import lru_cache, reduce
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from itertools import pairwise
-from operator import add
 from typing import Any
 
 import numpy as np
@@ -22,11 +21,12 @@ from flexspline.fit.requirements import (
     require_finite,
     require_load,
 )
-from flexspline.fit.sums import Sums
+from flexspline.fit.sums import Sums, joined
 from flexspline.logs.derive import LowPass, lowpass
 from flexspline.logs.local_fit import require_bandwidth
 from flexspline.logs.log import Log
-from flexspline.logs.segments import runs
+from flexspline.logs.segments import runs, true_ranges
+from flexspline.prepared import Preparation, prepared
 from flexspline.signals import channels_for, core_channels, target_of
 from flexspline.simulator.record import Simulated, simulation_of
 
@@ -44,9 +44,10 @@ KEPT = 24  # filtered effects of each run
 class Run:
     """One log made ready: channels for the core, the target, and the pieces without gaps.
 
-    `channels`: name -> (N,) in SI units, "known_load" among them. `target`: (N,), y.
-    `unbroken`: row ranges [first, last) without a gap. `stretches`: the rows of these that count;
-    the beginning may be left out, where an effect still depends on what came before the run.
+    `log`: with its inputs prepared; the target is that of the log as recorded. `channels`: name ->
+    (N,) in SI units, "known_load" among them. `target`: (N,), y. `unbroken`: row ranges
+    [first, last) without a gap. `stretches`: the rows of these that count; the beginning may be
+    left out, where an effect still depends on what came before the run.
     `low_pass`: of the target, for the rows; None without one.
     """
 
@@ -75,8 +76,10 @@ class Problem:
     """Runs that one model explains.
 
     `gear`: effective ratio, output spline and whether the motor's angle is measured, as
-    `_core.Design` takes them. `lowpass`: Hz, on target and rows alike, or None. `simulated`: the
-    foreign simulation whose prediction is taken off every target, or None.
+    `_core.Design` takes them. `lowpass`: Hz, on target and rows alike, or None. `preparations`: of
+    the channels that rows read. `centred`: whether an offset of each run is taken out of target and
+    rows (`offsets.py`).
+    `simulated`: the foreign simulation whose prediction is taken off every target, or None.
     """
 
     runs: tuple[Run, ...]
@@ -87,24 +90,24 @@ class Problem:
     threads: int
     block_rows: int
     offset_per_run: bool = False
+    preparations: tuple[Preparation, ...] = ()
+    centred: bool = False
     simulated: Simulated | None = None
     kept: dict[Any, Array] = field(default_factory=dict, compare=False, repr=False)
     remembered: _core.Remembered = field(
         default_factory=_core.Remembered, compare=False, repr=False
     )
 
-    def place(self, effects: Sequence[Effect]) -> list[NDArray[np.intp]]:
-        """Number of the parameter behind each column of the core, an array (P,) for each run.
+    def place(self, effects: Sequence[Effect], number: int) -> NDArray[np.intp]:
+        """Number of the parameter behind each column of the core for a run, (P,).
 
         One offset for each run stands behind all other parameters.
         """
-        count = sum(len(effect.terms) for effect in effects)
+        columns = np.arange(sum(len(effect.terms) for effect in effects))
         at = _offset_column(effects) if self.offset_per_run else None
         if at is None:
-            return [np.arange(count)] * len(self.runs)
-        columns = np.arange(count)
-        shared = columns - (columns > at)
-        return [np.where(columns == at, count - 1 + r, shared) for r in range(len(self.runs))]
+            return columns
+        return np.where(columns == at, len(columns) - 1 + number, columns - (columns > at))
 
     def design(self, effects: Sequence[Effect]) -> _core.Design:
         return _core.Design([effect.for_core() for effect in effects], **self.gear)
@@ -130,7 +133,8 @@ class Problem:
         design = self.design(effects)
         nothing = np.empty(0)
         pieces = []
-        for number, (run, place) in enumerate(zip(self.runs, self.place(effects), strict=True)):
+        for number, run in enumerate(self.runs):
+            place = self.place(effects, number)
             blocks = run.blocks(self.block_rows)
             weight = None if weights is None else weights[number]
             off = nothing if held is None or not held.any() else held[place]
@@ -159,7 +163,7 @@ class Problem:
             pieces.append(Sums(high, low, lengths, label))
             if self.offset_per_run:
                 pieces[-1] = pieces[-1].spread(place, self.parameters(effects))
-        return reduce(add, pieces)
+        return joined(pieces)
 
     @property
     def decimation(self) -> int:
@@ -171,7 +175,7 @@ class Problem:
 
     def parameters(self, effects: Sequence[Effect]) -> int:
         """How many coefficients there are."""
-        return max(int(place.max(initial=-1)) for place in self.place(effects)) + 1
+        return int(self.place(effects, len(self.runs) - 1).max(initial=-1)) + 1
 
     def rows(self, effects: Sequence[Effect], number: int, load: Array) -> Array:
         """Low-passed design matrix of a whole run, (N, P).
@@ -207,7 +211,7 @@ class Problem:
 
     def predict_run(self, effects: Sequence[Effect], coefficients: Array, number: int) -> Array:
         """Rows times coefficients of one run, (N,)."""
-        run, place = self.runs[number], self.place(effects)[number]
+        run, place = self.runs[number], self.place(effects, number)
         values = self.design(effects).predict(run.channels, len(run), coefficients[place])
         return self.smooth(run, np.asarray(values))
 
@@ -228,9 +232,16 @@ def problem_of(
     lowpass_hz: float | None,
     threads: int,
     offset_per_run: bool = False,
+    preparations: Sequence[Preparation] = (),
+    inputs: Sequence[Log] | None = None,
+    counted: Sequence[NDArray[np.bool_]] | None = None,
     simulated: Simulated | None = None,
 ) -> Problem:
     """Make logs ready for a fit of these effects to this target, or to what a simulation leaves.
+
+    `preparations`: how channels are made that the rows read; the target is that of the logs as
+    they are. `inputs`: these logs with the channels so made, where rows were taken out since.
+    `counted`: rows (N,) of each log that count; None for all.
 
     Raises
     ------
@@ -242,15 +253,22 @@ def problem_of(
     require_load(effects, known_load)
     if offset_per_run and "offset" not in [effect.name for effect in effects]:
         raise InputError("offset_per_run needs the effect 'offset'; add it to the effects")
-    gear = gear_for(logs, target, effects)
-    made = [_run(log, effects, target, known_load, lowpass_hz, simulated) for log in logs]
+    gear = gear_for(logs, target, effects, known_load)
+    inputs = [*inputs] if inputs is not None else [prepared(log, preparations) for log in logs]
+    made = [
+        _run(*both, effects, target, known_load, lowpass_hz, simulated)
+        for both in zip(logs, inputs, strict=True)
+    ]
+    if counted is not None:
+        made = [_cut(run, rows) for run, rows in zip(made, counted, strict=True)]
     require_change(target, [run.target for run in made])
     rate = float(np.median([run.log.rate for run in made]))
-    counted = sum(run.counted for run in made)
-    block = max(round(SECONDS_A_BLOCK * rate), counted // MOST_BLOCKS, 1)
+    rows = sum(run.counted for run in made)
+    block = max(round(SECONDS_A_BLOCK * rate), rows // MOST_BLOCKS, 1)
     problem = Problem(
-        tuple(made), target, gear, known_load, lowpass_hz, threads, block, offset_per_run, simulated
-    )
+        tuple(made), target, gear, known_load, lowpass_hz, threads, block, offset_per_run,
+        preparations=tuple(preparations), simulated=simulated,
+    )  # fmt: skip
     return settled(problem, effects)
 
 
@@ -268,8 +286,19 @@ def _offset_column(effects: Sequence[Effect]) -> int | None:
     return names.index("offset") if "offset" in names else None
 
 
+def _cut(run: Run, counted: NDArray[np.bool_]) -> Run:
+    """The run with the rows that count; what an effect remembers goes on through the others."""
+    pieces = [
+        (first + int(a), first + int(b))
+        for first, last in run.stretches
+        for a, b in true_ranges(counted[first:last])
+    ]
+    return replace(run, unbroken=tuple(pieces), stretches=tuple(pieces)) if pieces else run
+
+
 def _run(
     log: Log,
+    made: Log,
     effects: Sequence[Effect],
     target: str,
     known_load: str | None,
@@ -278,10 +307,10 @@ def _run(
 ) -> Run:
     if len(log) < 2:
         raise InputError(f"log '{log.name}': one row is no run; leave it out or record longer")
-    log = channels_for(log, effects, known_load)
     y = target_of(log, target, known_load)
     if simulated is not None:
         y = y - simulation_of(log, simulated, known_load)
+    log = channels_for(made, effects, known_load)
     channels = core_channels(log, effects, known_load)
     require_finite(log, {**channels, target: y})
     stretches = [(int(first), int(last)) for first, last in runs(log["time"])]

@@ -13,7 +13,15 @@ from flexspline.errors import InputError, listed
 from flexspline.logs.log import Log
 from flexspline.signals import gear_of
 
-__all__ = ["IMAGINABLE", "gear_for", "require_change", "require_finite", "require_load"]
+__all__ = [
+    "IMAGINABLE",
+    "gear_for",
+    "require_apart",
+    "require_change",
+    "require_finite",
+    "require_load",
+    "require_one_unit",
+]
 
 Array = NDArray[np.float64]
 
@@ -42,6 +50,21 @@ def require_finite(log: Log, columns: Mapping[str, Array]) -> None:
             )
 
 
+def require_apart(logs: Sequence[Log]) -> None:
+    """Refuse a run that is there twice: it would be held out and fitted at once."""
+    seen: dict[tuple[object, ...], list[Log]] = {}
+    for number, log in enumerate(logs):
+        ends = tuple((name, log[name][[0, -1]].tobytes()) for name in log.channels)
+        alike = seen.setdefault((len(log), ends), [])
+        for other in alike:
+            if all(np.array_equal(log[name], other[name], equal_nan=True) for name in log.channels):
+                raise InputError(
+                    f"run {number + 1} of {len(logs)}, '{log.name}', holds the same values as the "
+                    f"run '{other.name}': a run counts once; leave one of them out"
+                )
+        alike.append(log)
+
+
 def require_change(target: str, columns: Sequence[Array]) -> None:
     """Refuse a target, (N,) for each run, that is one number throughout."""
     if all(np.all(values == columns[0][0]) for values in columns):
@@ -49,6 +72,24 @@ def require_change(target: str, columns: Sequence[Array]) -> None:
             f"the target {target} is {columns[0][0]:.6g} in every row of all logs: there is "
             "nothing to explain; check the wiring and the column map, or record runs with motion "
             "and load"
+        )
+
+
+def require_one_unit(effects: Sequence[Effect], target: str, known_load: str | None) -> None:
+    """Refuse effects of a load that would be a sum of Nm and A.
+
+    The load is the known one and that of the model's own inertia and gravity (spec/effects.md,
+    "Load"), which of a motor current is in A.
+    """
+    if target != "motor_current" or known_load is None:
+        return
+    own = [effect.name for effect in effects if effect.info.carries_load]
+    readers = [e.name for e in effects if "load" in e.reads and e.name not in NEED_KNOWN_LOAD]
+    if own and readers:
+        raise InputError(
+            f"effect '{readers[0]}' reads the load, which would be {known_load} in Nm and "
+            f"{listed(own)} of motor_current in A; give the target motor_torque and "
+            "--torque-constant, or leave one of them out"
         )
 
 
@@ -70,9 +111,15 @@ def require_load(effects: Sequence[Effect], known_load: str | None) -> None:
             )
 
 
-def gear_for(logs: Sequence[Log], target: str, effects: Sequence[Effect]) -> dict[str, Any]:
-    """Return the gear that all logs agree on, as `_core.Design` takes it."""
-    for key in ("joint", "gear_ratio", "output_spline", "pole_pairs", "slots"):
+def gear_for(
+    logs: Sequence[Log], target: str, effects: Sequence[Effect], known_load: str | None = None
+) -> dict[str, Any]:
+    """Return the gear that all logs agree on, as `_core.Design` takes it.
+
+    `known_load`: the channel that is taken off the target; off a current by one torque constant.
+    """
+    scale = ["torque_constant"] if target == "motor_current" and known_load is not None else []
+    for key in ("joint", "gear_ratio", "output_spline", "pole_pairs", "slots", *scale):
         values = list(dict.fromkeys(log.facts.get(key, "unknown") for log in logs))
         if len(values) > 1:
             raise InputError(

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from functools import reduce
-from operator import add
 
 import numpy as np
 
@@ -12,7 +10,7 @@ from flexspline import _core
 from flexspline.effects import Effect, effect, require_effects
 from flexspline.errors import InputError
 from flexspline.fit.requirements import gear_for, require_finite, require_load
-from flexspline.fit.sums import Sums
+from flexspline.fit.sums import Sums, joined
 from flexspline.logs.log import Log
 from flexspline.signals import channels_for, core_channels, target_of
 
@@ -78,4 +76,4 @@ def accumulate(
         pieces.append(Sums(high[None], low.reshape(-1, *high.shape), rows, label))
     if not pieces:
         raise InputError("there is no log to sum over; give at least one")
-    return reduce(add, pieces)
+    return joined(pieces)

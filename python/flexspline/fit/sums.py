@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from flexspline import _core
 
-__all__ = ["Solution", "Sums", "solve"]
+__all__ = ["Solution", "Sums", "joined", "solve"]
 
 Array = NDArray[np.float64]
 
@@ -42,13 +42,7 @@ class Sums:
 
     def __add__(self, other: Sums) -> Sums:
         """Blocks of both, one after the other."""
-        low = np.concatenate([self.low, other.low])
-        return Sums(
-            np.concatenate([self.high, other.high]),
-            low if self.exact and other.exact else low[:0],
-            np.concatenate([self.rows, other.rows]),
-            np.concatenate([self.run, other.run]),
-        )
+        return joined([self, other])
 
     def columns(self, chosen: Sequence[int]) -> Sums:
         """Return the sums of some columns of X, with the target."""
@@ -104,6 +98,17 @@ class Solution:
         """(P, rank): V/s of the scaled factor; rows @ basis are orthonormal columns."""
         _, singular, right = np.linalg.svd(self.factor / self.lengths, full_matrices=False)
         return np.asarray(right.T / singular / self.lengths[:, None])
+
+
+def joined(parts: Sequence[Sums]) -> Sums:
+    """Blocks of all, one after the other."""
+    low = np.concatenate([part.low for part in parts])
+    return Sums(
+        np.concatenate([part.high for part in parts]),
+        low if all(part.exact for part in parts) else low[:0],
+        np.concatenate([part.rows for part in parts]),
+        np.concatenate([part.run for part in parts]),
+    )
 
 
 def solve(high: Array, low: Array) -> Solution:

@@ -79,7 +79,7 @@ class Tangent:
     def _rows(self, number: int, first: int, last: int) -> Array:
         """Columns of the free coefficients, of the shapes, and the prediction: (n, F + S + 1)."""
         run = self.problem.runs[number]
-        place = self.problem.place(self.effects)[number]
+        place = self.problem.place(self.effects, number)
         coefficients = self.coefficients[place]
         channels = {name: data[first:last] for name, data in run.channels.items()}
         size = last - first

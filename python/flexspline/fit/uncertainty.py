@@ -97,8 +97,10 @@ class Uncertainty:
     def effective_samples(self) -> float:
         """Independent samples that would know the mean as well: N γ_0 / (long-run variance).
 
-        More than N where the noise swings and averages out.
+        More than N where the noise swings and averages out; N where there is none.
         """
+        if not self.noise.long_run_variance > 0.0:
+            return float(self.rows)
         return self.rows * self.noise.variance / self.noise.long_run_variance
 
     @property

@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 
 from flexspline import _core
 from flexspline.errors import InputError, listed
+from flexspline.fit.requirements import require_one_unit
 from flexspline.forward.servo import PositionServo
 from flexspline.forward.start import motor_offset, require_finite, start_of
 from flexspline.logs.log import Log
 from flexspline.logs.read import with_motor_torque
 from flexspline.logs.segments import runs
 from flexspline.model import Model, Part
-from flexspline.signals import gear_of
+from flexspline.signals import gear_of, torque_of_current
 
 __all__ = ["DriveInputs", "drive_inputs", "require_movable"]
 
@@ -128,7 +129,8 @@ def drive_inputs(
         initial angle, or has rows without a value in one of them.
     """
     part = model.part(target)
-    model.require_gear(log)
+    require_one_unit(part.effects, part.target, part.known_load)
+    model.require_scales(log, part)
     log = _with_facts(model, with_motor_torque(log))
     servo = controller.for_log(log) if controller is not None else None
     columns = _columns(part, log, servo)
@@ -145,7 +147,7 @@ def drive_inputs(
         motor_offset(part, log),
         gear_of(log.facts, False),
         _drive_factor(part, log),
-        float(part.target == "motor_torque" and part.known_load is not None),
+        _load_factor(part, log),
         hold,
         np.asarray(log["output_position"]),
     )
@@ -235,6 +237,14 @@ def _drive_factor(part: Part, log: Log) -> float:
             "give gear_ratio"
         )
     return log.effective_ratio
+
+
+def _load_factor(part: Part, log: Log) -> float:
+    if part.known_load is None:
+        return 0.0
+    if part.target == "motor_current":
+        return 1.0 / torque_of_current(log, part.known_load)
+    return 1.0
 
 
 def _stretches(log: Log, horizon: float | None) -> NDArray[np.intp]:

@@ -7,7 +7,7 @@ import re
 from collections.abc import Mapping
 from typing import Any, Final
 
-from flexspline.errors import InputError
+from flexspline.errors import InputError, printable
 
 __all__ = ["Fact", "checked_facts", "parsed_fact"]
 
@@ -27,7 +27,8 @@ def checked_facts(facts: Mapping[str, Any], label: str) -> dict[str, Fact]:
     facts : mapping of str to str, float or int
         `gear_ratio` [–] and `torque_constant` [Nm/A] are positive numbers, `pole_pairs` and
         `slots` positive whole numbers, `output_spline` is "circular" or "flex", `name`
-        and `joint` are text. Everything else is free. None means "not known" and is left out.
+        and `joint` are text, which is kept to one line that a terminal can show. Everything else
+        is free. None means "not known" and is left out.
     label : str
         What an error calls the log, such as its file name.
 
@@ -57,7 +58,7 @@ def parsed_fact(text: str) -> Fact:
 
 def _checked(key: str, value: Any, label: str) -> Fact:
     if key in TEXTS:
-        return str(value)
+        return printable(str(value))
     if key in POSITIVE:
         return _positive(key, value, label)
     if key in COUNTS:

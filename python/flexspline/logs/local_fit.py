@@ -19,6 +19,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,9 +53,18 @@ TOGETHER = 16
 MOST_WEIGHTS = 4_000_000
 """Numbers that are kept for a run with uneven steps, 48 MB."""
 
+WIDEST = 0.25
+"""Bandwidth of a log, as a share of its rate, at most."""
+
 WIDE = 40.0
 """Half lengths of more median steps than this go through a cubic spline to an even grid: its
 error is below 1e-4 there, and the work does not grow with the window."""
+
+
+def response(frequency: NDArray[np.float64], bandwidth: Any) -> NDArray[np.float64]:
+    """Gain of a smoother with -3 dB at `bandwidth` [Hz] at frequencies [Hz]: (1 + s) exp(-s)."""
+    s = 0.5 * (2.0 * np.pi * frequency * WIDTH / bandwidth) ** 2
+    return np.asarray((1.0 + s) * np.exp(-s))
 
 
 @dataclass(frozen=True)
@@ -267,8 +277,8 @@ def _neighbour(
 
 def require_bandwidth(bandwidth: float, rate: float, what: str) -> None:
     """Refuse a bandwidth [Hz] that a log of this rate [Hz] cannot have."""
-    if not 0 < bandwidth <= rate / 4:
+    if not 0 < bandwidth <= WIDEST * rate:
         raise InputError(
             f"{what}: a bandwidth of {bandwidth:.4g} Hz does not suit a rate of {rate:.4g} Hz; "
-            f"choose one above 0 and up to {rate / 4:.4g} Hz (a quarter of the rate)."
+            f"choose one above 0 and up to {WIDEST * rate:.4g} Hz (a quarter of the rate)."
         )

@@ -60,6 +60,24 @@ def runs(time: NDArray[np.float64], gap: float | None = None) -> NDArray[np.intp
     return np.stack((edges[:-1], edges[1:]), axis=1)
 
 
+def at_rest(log: Log) -> NDArray[np.bool_]:
+    """Rows in which the output certainly stands still, shape (N,); none where that is not told.
+
+    Its position, and its velocity where that is recorded, keep their values over three rows, and
+    the velocity is next to nothing.
+    """
+    if "output_position" not in log or len(log) < 3:
+        return np.zeros(len(log), dtype=bool)
+    if "output_velocity" in log:
+        speed = np.abs(log["output_velocity"])
+        still = speed <= 0.01 * float(np.nanquantile(speed, 0.99))
+    else:
+        still = np.ones(len(log), dtype=bool)
+    same = np.diff(log["output_position"]) == 0.0
+    kept = np.append(same, True) | np.insert(same, 0, True)
+    return np.asarray(still & kept)
+
+
 def gaps(log: Log, gap: float | None = None) -> tuple[Segment, ...]:
     """The places where rows are missing: the last row before and the first row behind each gap."""
     breaks = runs(log["time"], gap)[1:, 0]

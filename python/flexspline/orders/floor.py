@@ -125,8 +125,9 @@ def block_floor(
 
 
 def surprise(ratio: NDArray[np.float64], support: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return x = M ln(1 + z / M), unit exponential for noise alone, shape as `ratio`."""
-    return np.asarray(support * np.log1p(ratio / support), dtype=np.float64)
+    """Return x = M ln(1 + z / M), unit exponential for noise alone, 0 at M = 0; as `ratio`."""
+    known = np.where(support > 0.0, support, 1.0)
+    return np.where(support > 0.0, known * np.log1p(ratio / known), 0.0)
 
 
 def chance_in_scan(

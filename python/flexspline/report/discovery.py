@@ -12,6 +12,7 @@ from flexspline.files import atomic_write
 from flexspline.report.content import known_groups, parameter_lines
 from flexspline.report.discovery_content import (
     best_rivals,
+    channel_rows,
     discovery_call,
     effect_lines,
     estimator_sentence,
@@ -89,6 +90,7 @@ def write_discovery_report(made: Discovery, path: str | os.PathLike[str]) -> Non
             if made.plan is None
             else ReportFigure(inline_svg(made.plan.plot(), "run to record next"), PLAN),
             tables=shrunk_tables(made),
+            channels=channel_rows(made),
             searched=searched_sentence(made),
             estimator=estimator_sentence(made),
             lines=parameter_lines(made.fit),

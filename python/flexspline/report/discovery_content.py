@@ -6,10 +6,12 @@ from collections.abc import Sequence
 from itertools import groupby
 from typing import TYPE_CHECKING
 
+from flexspline.discovery.freedom import DIRECTIONS
 from flexspline.discovery.shrunk import telling
 from flexspline.errors import listed
+from flexspline.logs.channels import CHANNELS
 from flexspline.report.content import ParameterLine, parameter_lines
-from flexspline.report.numbers import decimals_for, short
+from flexspline.report.numbers import decimals_for, plus_minus, short
 from flexspline.report.verdict import TARGET_WORDS
 
 if TYPE_CHECKING:
@@ -18,8 +20,9 @@ if TYPE_CHECKING:
     from flexspline.discovery.result import Discovery, Found
     from flexspline.discovery.shrunk import Slice
 
-__all__ = ["best_rivals", "discovery_call", "effect_lines", "estimator_sentence", "faults_told",
-           "headlines", "remarks", "searched_sentence", "shrunk_tables", "verdict"]  # fmt: skip
+__all__ = ["best_rivals", "channel_rows", "discovery_call", "effect_lines", "estimator_sentence",
+           "faults_told", "headlines", "remarks", "searched_sentence", "shrunk_tables",
+           "verdict"]  # fmt: skip
 
 MOST_RIVALS = 3
 GRAVE = "Faults of the data, to be mended first"
@@ -70,6 +73,68 @@ def verdict(made: Discovery) -> str:
     )
 
 
+def rows_sentence(made: Discovery) -> str:
+    """Return how many rows were left out, and why; "" where none was."""
+    left = {why: count for why, count in made.rows.items() if why != "used"}
+    if not left:
+        return ""
+    total = sum(made.rows.values())
+    told = listed([f"{count} {why}" for why, count in left.items()])
+    return f"{made.rows['used']} of {total} rows were used; left out: {told}."
+
+
+def channel_rows(made: Discovery) -> list[tuple[str, str, str, str, str]]:
+    """Return channel with unit, noise, quantum, bandwidth and how the rows read it, for a table."""
+    used = {p.channel: p.how for p in made.fit.part.preparations}
+    made_of = [p for p in made.fit.part.preparations if p.channel not in
+               {noise.channel for noise in made.inputs}]  # fmt: skip
+    told = [
+        (
+            f"{noise.channel} [{CHANNELS[noise.channel].unit}]",
+            short(noise.noise),
+            short(noise.quantum) if noise.quantum else "–",
+            f"{noise.bandwidth:.3g}" if noise.noisy else f"above {noise.bandwidth:.3g}",
+            used.get(noise.channel, "as recorded"),
+        )
+        for noise in made.inputs
+    ]
+    return told + [
+        (f"{p.channel} [{CHANNELS[p.channel].unit}]", "–", "–", "–", p.how) for p in made_of
+    ]
+
+
+def inputs_sentence(made: Discovery) -> str:
+    """Return how noisy channels were prepared for the rows; "" where none was."""
+    ways = made.fit.part.preparations
+    if not ways:
+        return ""
+    told = listed([f"{way.channel} {way.how}" for way in ways], most=len(ways))
+    return f"Rows read {told}, zero phase: above that these channels carry noise alone."
+
+
+def directions_sentence(made: Discovery) -> str:
+    """Return how friction differs between directions, where the search gave it that freedom."""
+    if DIRECTIONS in made.base_effects:
+        return ""
+    told = [
+        f"{p.name.split('.')[1]} by {plus_minus(2.0 * p.value, 2.0 * p.standard_error)} {p.unit}"
+        for p in made.fit.parameters
+        if p.name.startswith(f"{DIRECTIONS}.") and abs(p.value) > 2.0 * p.standard_error
+    ]
+    if not told:
+        return ""
+    return f"Friction differs between directions, forward less backward: {listed(told)}."
+
+
+def also_seen_sentences(made: Discovery) -> list[str]:
+    """Return a sentence for each effect that is real but too small to matter."""
+    return [
+        f"{one.effect}: {short(one.rmse_before)} to {short(one.rmse_after)} {made.unit} held out, "
+        f"{100.0 * one.share_of_gap:.2g} % of what closes (t = {one.t:.1f})"
+        for one in made.also_seen
+    ]
+
+
 def faults_told(made: Discovery) -> list[tuple[str, list[str]]]:
     """Return the faults of the data under a heading each for those that matter and the others.
 
@@ -112,6 +177,12 @@ def remarks(made: Discovery) -> list[str]:
             f"Taken back: {listed(made.doubted)}, which {verbs} functions without a name explain "
             f"better{hold}."
         )
+    if made.also_seen:
+        told = listed(also_seen_sentences(made), most=len(made.also_seen))
+        said.append(f"Also seen, too small to matter and no part of the model: {told}.")
+    if sentence := directions_sentence(made):
+        said.append(sentence)
+    said += [sentence for sentence in (rows_sentence(made), inputs_sentence(made)) if sentence]
     if made.motion is not None and made.found and made.by != "simulation":
         said.append(
             f"Driven forward through {made.validated_by} that no fit saw, the model "

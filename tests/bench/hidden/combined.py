@@ -7,10 +7,11 @@ it: of what remains, no single effect explains more than half of its variance in
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 from hidden.forms import FORMS
 
-__all__ = ["ALONE", "EXCLUDED", "PAIRS", "TRIPLES"]
+__all__ = ["ALONE", "EXCLUDED", "OF_CURRENT", "PAIRS", "TRIPLES", "Combined"]
 
 Names = tuple[str, ...]
 
@@ -126,3 +127,71 @@ EXCLUDED: Mapping[str, Mapping[str, Names]] = {
     },
 }
 """By target, the effect that is hidden and what is taken out beside it."""
+
+
+@dataclass(frozen=True)
+class Combined:
+    """What is hidden in the runs of a target: effects alone and together, and what has no name."""
+
+    alone: Names
+    pairs: tuple[Names, ...]
+    triples: tuple[Names, ...]
+    excluded: Mapping[str, Names]
+    unknown: Names
+
+
+OF_CURRENT = Combined(
+    alone=(
+        "offset",
+        "coulomb_friction",
+        "viscous_friction",
+        "nonlinear_viscous_friction",
+        "stribeck_friction",
+        "presliding_friction",
+        "load_dependent_friction",
+        "position_dependent_friction",
+        "inertia",
+        "gravity",
+        "output_ripple",
+        "wave_generator_ripple",
+        "speed_dependent_ripple",
+        "cogging",
+    ),
+    pairs=(
+        ("offset", "coulomb_friction"),
+        ("stribeck_friction", "load_dependent_friction"),
+        ("nonlinear_viscous_friction", "position_dependent_friction"),
+        ("wave_generator_ripple", "cogging"),
+        ("output_ripple", "stribeck_friction"),
+        ("inertia", "gravity"),
+        ("presliding_friction", "load_dependent_friction"),
+        ("viscous_friction", "wave_generator_ripple"),
+    ),
+    triples=(
+        ("stribeck_friction", "load_dependent_friction", "wave_generator_ripple"),
+        ("nonlinear_viscous_friction", "output_ripple", "cogging"),
+        ("presliding_friction", "viscous_friction", "output_ripple"),
+    ),
+    excluded={
+        name: FRICTION_AND_RIPPLE[name]
+        for name in (
+            "stribeck_friction",
+            "presliding_friction",
+            "load_dependent_friction",
+            "position_dependent_friction",
+            "output_ripple",
+            "wave_generator_ripple",
+            "cogging",
+        )
+    },
+    unknown=(
+        "a bump at an angle",
+        "even in speed",
+        "power",
+        "squared acceleration",
+        "acceleration times angle",
+        "viscosity by angle",
+        "one way only",
+    ),
+)
+"""Of a robot's current: what a known load or a temperature would have to show is not hidden."""

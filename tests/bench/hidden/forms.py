@@ -67,7 +67,9 @@ FRICTION: Mapping[str, Form] = {
 SENSOR: Mapping[str, Form] = {
     **FRICTION,
     "temperature_drift": lambda s: _warm(s, 0.03),
-    "thermal_gradient_drift": lambda s: s.temperature - lagged(lagged(s.temperature, 1.5), 0.3),
+    "thermal_gradient_drift": lambda s: (
+        s.temperature - lagged(lagged(s.temperature, 1.5, s.rate), 0.3, s.rate)
+    ),
     "time_drift": lambda s: -np.expm1(-s.time / 20.0),
     "gain_error": lambda s: s.load * (1.0 + 0.004 * np.abs(s.load)),
     "gain_temperature_dependence": lambda s: s.load * _warm(s, 0.02),
@@ -76,7 +78,7 @@ SENSOR: Mapping[str, Form] = {
     ),
     "torque_hysteresis": lambda s: -bouc_wen(s.load, 2.0),
     "motor_crosstalk": lambda s: s.motor_torque * (1.0 + 0.1 * np.abs(s.motor_torque)),
-    "sensor_lag": lambda s: lagged(lagged(s.load, 0.012), 0.005) - s.load,
+    "sensor_lag": lambda s: lagged(lagged(s.load, 0.012, s.rate), 0.005, s.rate) - s.load,
 }
 
 DRIVE: Mapping[str, Form] = {

@@ -8,8 +8,6 @@ fitted by generalised least squares in the true noise; what `discover` made pred
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -47,9 +45,9 @@ def _counts(target: str, log: Log) -> NDArray[np.bool_]:
 
 def base_rows_of(made: Made, number: int) -> Array:
     """Rows and bend of the base in a run, (N, B)."""
-    logs: Sequence[Log] = (*made.logs, *made.held_out)
-    columns = [base_rows(e, made.scenes[number], logs[number]) for e in made.base]
-    return np.column_stack([np.empty((len(logs[number]), 0)), *columns])
+    log = made.exact[number]
+    columns = [base_rows(e, made.scenes[number], log) for e in made.base]
+    return np.column_stack([np.empty((len(log), 0)), *columns])
 
 
 def _squares(made: Made, columns: list[Array], truth: Array, counts: NDArray[np.bool_]) -> float:

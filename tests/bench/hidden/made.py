@@ -11,17 +11,20 @@ from flexspline.logs.log import Log
 from hidden.cases import Case
 from hidden.forms import FORMS, RIPPLE, Form
 from hidden.noise import NOISES
+from hidden.recorder import Recorder
 from hidden.rig import EXCITATIONS, JOINTS, Array, Scene, scene
 from hidden.size import Sizing, Term, sized
 from hidden.unknown import UNKNOWN
 
-__all__ = ["HELD_OUT", "Made", "base_of", "made_of"]
+__all__ = ["HELD_OUT", "IN_TORSION", "Made", "base_of", "forms_in", "known_of", "made_of",
+           "noise_of"]  # fmt: skip
 
 HELD_OUT = 3  # runs that nobody fits
 OFF = 0.09  # of a term: what its form misses, in the cases of a mismatch
 IN_TORSION = 0.1  # rad of noise at the motor for one Nm
 FRICTION = ("offset", "coulomb_friction", "viscous_friction", "inertia")
 BASES = {"sensor_torque": FRICTION, "motor_torque": FRICTION,
+         "motor_current": (*FRICTION, "gravity"),
          "torsion": ("offset", "mesh_compliance")}  # fmt: skip
 
 
@@ -32,6 +35,9 @@ class Made:
     `scenes`: of all runs, those held out last. `terms`: each hidden term at its size, arrays (N,)
     of all runs. `clean`: base and hidden terms without the noise; `measured`: with it. `t_base`: t
     of each term beside the base and the other terms alone; `closest`: the rival that leaves least.
+
+    Of a recorded case: `logs` are recorded, `held_out` exact and `unseen` the same runs recorded;
+    `small`: effects that are there besides.
     """
 
     base: tuple[Effect, ...]
@@ -44,6 +50,14 @@ class Made:
     sizing: Sizing
     t_base: dict[str, float]
     closest: dict[str, str]
+    small: tuple[str, ...] = ()
+    recorder: Recorder | None = None
+    unseen: tuple[Log, ...] = ()
+
+    @property
+    def exact(self) -> tuple[Log, ...]:
+        """All runs with channels as they are, not as they were recorded."""
+        return (*self.sizing.logs, *self.held_out)
 
 
 def base_of(case: Case) -> tuple[Effect, ...]:
@@ -61,17 +75,17 @@ def made_of(case: Case) -> Made:
     restless = case.level * case.restless
     scenes = [scene(joint, case.excitation, case.seed, k, restless) for k in range(runs + HELD_OUT)]
     base, level = base_of(case), case.level * (IN_TORSION if case.target == "torsion" else 1.0)
-    known = [_known(case, s) for s in scenes]
+    known = [known_of(case, s) for s in scenes]
     logs = [_log(case.target, s, y, k) for k, (s, y) in enumerate(zip(scenes, known, strict=True))]
     sizing = Sizing(case.target, base, scenes[:runs], logs[:runs], NOISES[case.noise], level,
                     case.excluded)  # fmt: skip
-    raw = {name: [form(s) for s in scenes] for name, form in _forms(case).items()}
+    raw = {name: [form(s) for s in scenes] for name, form in forms_in(case).items()}
     if case.kind == "mismatch":
         raw = {name: sizing.off_by(OFF, name, term, logs) for name, term in raw.items()}
     sizes = sized(sizing, raw, case.size, rivals_out=case.kind != "mismatch")
     terms = {name: [sizes[name].factor * x for x in term] for name, term in raw.items()}
     clean = [y + sum(term[k] for term in terms.values()) for k, y in enumerate(known)]
-    measured = [y + _noise(case, level, k, len(y)) for k, y in enumerate(clean)]
+    measured = [y + noise_of(case, level, k, len(y)) for k, y in enumerate(clean)]
     made = [
         _log(case.target, s, y, k) for k, (s, y) in enumerate(zip(scenes, measured, strict=True))
     ]
@@ -89,17 +103,20 @@ def made_of(case: Case) -> Made:
     )
 
 
-def _noise(case: Case, level: float, number: int, rows: int) -> Array:
-    generator = np.random.default_rng([20261121, case.seed, number, 99])
+def noise_of(case: Case, level: float, number: int, rows: int, draw: int = 0) -> Array:
+    """Noise of a run in the target, (N,); the first draw is the one in the log."""
+    generator = np.random.default_rng([20261121, case.seed, number, 99 + draw])
     return NOISES[case.noise].drawn(generator, rows, level)
 
 
-def _forms(case: Case) -> dict[str, Form]:
-    forms = {name: FORMS[case.target][name] for name in case.hidden}
-    return {**forms, case.unknown: UNKNOWN[case.target][case.unknown]} if case.unknown else forms
+def forms_in(case: Case) -> dict[str, Form]:
+    """What is hidden, by its name."""
+    target = {"motor_current": "motor_torque"}.get(case.target, case.target)
+    forms = {name: FORMS[target][name] for name in case.hidden}
+    return {**forms, case.unknown: UNKNOWN[target][case.unknown]} if case.unknown else forms
 
 
-def _known(case: Case, s: Scene) -> Array:
+def known_of(case: Case, s: Scene) -> Array:
     """The base of a run without what is hidden of it, (N,)."""
     own, hidden = s.joint, case.hidden
     if case.target == "torsion":

@@ -27,7 +27,10 @@ EXCITATIONS = {"swings": 5, "moves": 5, "tied": 3}
 
 @dataclass(frozen=True)
 class Joint:
-    """A joint's base: Nm, Nm·s/rad, kg·m² and rad/s at the output; stiffness in Nm/rad there."""
+    """A joint's base: Nm, Nm·s/rad, kg·m² and rad/s at the output; stiffness in Nm/rad there.
+
+    `link`: gravity of what a robot's joint carries, Nm; `torque_constant`: Nm/A at the motor.
+    """
 
     gear_ratio: float
     output_spline: str
@@ -39,11 +42,18 @@ class Joint:
     width: float
     stiffness: float
     mesh_shape: float
+    link: float
+    torque_constant: float
 
     @property
     def ratio(self) -> float:
         """Ñ, turns of the motor per turn of the output."""
         return self.gear_ratio + (self.output_spline == "circular")
+
+    @property
+    def drive(self) -> float:
+        """Nm at the output for one ampere."""
+        return self.ratio * self.torque_constant
 
     @property
     def facts(self) -> dict[str, str | float | int]:
@@ -55,8 +65,8 @@ class Joint:
 
 
 JOINTS: Mapping[str, Joint] = {
-    "small": Joint(100.0, "circular", 7, -0.12, 0.3, 0.15, 0.02, 0.03, 26431.0, 0.0487),
-    "large": Joint(50.0, "flex", 10, 0.4, 1.1, 0.55, 0.12, 0.012, 9800.0, 0.08),
+    "small": Joint(100.0, "circular", 7, -0.12, 0.3, 0.15, 0.02, 0.03, 26431.0, 0.0487, 4.0, 0.04),
+    "large": Joint(50.0, "flex", 10, 0.4, 1.1, 0.55, 0.12, 0.012, 9800.0, 0.08, 10.0, 0.1),
 }
 
 
@@ -66,6 +76,7 @@ class Scene:
 
     `beta`: θ against the other spline, the angle of the second pair that turns with the motor.
     `transmitted`: load and inertia, what the gear carries. `measured_velocity`: v with jitter.
+    `rate`: of its rows, Hz.
     """
 
     joint: Joint
@@ -77,6 +88,7 @@ class Scene:
     temperature: Array
     motor_torque: Array
     measured_velocity: Array = field(repr=False)
+    rate: float = RATE
 
     @property
     def theta(self) -> Array:
@@ -125,7 +137,16 @@ class Scene:
         }
 
 
-def scene(joint: Joint, excitation: str, seed: int, number: int, restless: float = 0.0) -> Scene:
+def scene(
+    joint: Joint,
+    excitation: str,
+    seed: int,
+    number: int,
+    restless: float = 0.0,
+    *,
+    rate: float = RATE,
+    seconds: float = SECONDS,
+) -> Scene:
     """Return run `number` of a seed.
 
     `restless`: Nm that the noise of the measured velocity makes of friction where the joint rests.
@@ -133,7 +154,7 @@ def scene(joint: Joint, excitation: str, seed: int, number: int, restless: float
     generator = np.random.default_rng(
         [20261121, seed, number, sorted(EXCITATIONS).index(excitation)]
     )
-    time = np.arange(round(RATE * SECONDS)) / RATE
+    time = np.arange(round(rate * seconds)) / rate
     path = {"swings": _swings, "moves": _moves, "tied": _sine}[excitation]
     q, v, a = path(generator, time)
     shift = generator.uniform(0, 2 * np.pi, 6)
@@ -148,7 +169,7 @@ def scene(joint: Joint, excitation: str, seed: int, number: int, restless: float
         temperature = generator.uniform(18, 36) + warming + np.sin(0.4 * time + shift[4])
     jitter = generator.normal(size=len(time)) * restless * joint.width / joint.coulomb
     motor = free + load / joint.ratio
-    return Scene(joint, time, q, v, a, load, temperature, motor, v + jitter)
+    return Scene(joint, time, q, v, a, load, temperature, motor, v + jitter, rate)
 
 
 def _swings(generator: np.random.Generator, time: Array) -> tuple[Array, Array, Array]:

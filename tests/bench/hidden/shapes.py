@@ -37,9 +37,9 @@ def _rising(way: Array, start: float) -> Array:
     return np.asarray(np.where(line < 0.0, line, bend))
 
 
-def lagged(values: Array, seconds: float) -> Array:
-    """Values (N,) behind a first-order lag that had settled before the first."""
-    share = -np.expm1(-1.0 / (RATE * seconds))
+def lagged(values: Array, seconds: float, rate: float = RATE) -> Array:
+    """Values (N,) at a rate [Hz] behind a first-order lag that had settled before the first."""
+    share = -np.expm1(-1.0 / (rate * seconds))
     start = [(1.0 - share) * values[0]]
     return np.asarray(lfilter([share], [1.0, share - 1.0], values, zi=start)[0])
 

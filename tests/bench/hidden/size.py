@@ -30,6 +30,8 @@ __all__ = ["Size", "Sizing", "Term", "base_rows", "rows_of", "sized"]
 
 Term = list[Array]
 SAME = 0.06  # 3 / 50: at full size t = 3 is left
+LATER = {"direction_dependent_friction"}
+"""Effects that the catalogue got since: no size of the frozen cases moves with them."""
 DEPENDENT = 1e-10  # of a column's squares
 
 
@@ -44,7 +46,10 @@ class Size:
 
 @dataclass(frozen=True)
 class Sizing:
-    """The runs, and the noise they have, in which terms are measured."""
+    """The runs, and the noise they have, in which terms are measured.
+
+    `disturbing`: columns of each run, (N, K), that a term stands beside as it does beside the base.
+    """
 
     target: str
     base: tuple[Effect, ...]
@@ -53,6 +58,7 @@ class Sizing:
     noise: Noise
     level: float
     excluded: tuple[str, ...] = ()
+    disturbing: Sequence[Array] = ()
 
     def whitened(self, columns: Sequence[Array]) -> Array:
         """Columns of all runs as white noise of variance one sees them, (N, C)."""
@@ -67,12 +73,15 @@ class Sizing:
         for effect in self.base:
             own = [base_rows(effect, s, log) for s, log in zip(self.scenes, self.logs, strict=True)]
             columns = [np.column_stack(both) for both in zip(columns, own, strict=True)]
+        if self.disturbing:
+            columns = [np.column_stack(both) for both in zip(columns, self.disturbing, strict=True)]
         return self.whitened(columns)
 
     @cached_property
     def rivals(self) -> dict[Effect, Array]:
         """Every effect that may be missing, in each of its forms, whitened, (N, R)."""
-        taken = {e.name for e in self.base} | set(self.excluded)
+        taken = {e.name for e in self.base} | set(self.excluded) | LATER
+        taken |= {"sensor_lag"} if self.target != "sensor_torque" else set()
         names = [n for n, info in CATALOGUE.items()
                  if TARGETS[self.target] in info.targets and n not in taken]  # fmt: skip
         forms = [form for name in names for form in forms_of(name, self.scenes[0].joint)]

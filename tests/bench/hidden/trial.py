@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -15,9 +15,12 @@ from flexspline.discovery.result import Discovery
 from flexspline.effects import Effect
 from hidden.cases import Case
 from hidden.gap import closed
+from hidden.laws import unseen_errors
 from hidden.made import Made, made_of
+from hidden.recorded import UnreachableError, recorded
 from hidden.rig import LOAD
 from hidden.rivals import forms_of
+from hidden.verdict import judged_recorded, short_lists
 
 __all__ = [
     "ALIAS",
@@ -25,6 +28,7 @@ __all__ = [
     "judged",
     "left_beside",
     "outcome_of",
+    "outcome_recorded",
     "plain_case",
     "stands_for",
     "timed",
@@ -41,6 +45,14 @@ class Outcome:
     `t_base`: of each hidden term beside the base alone; `closest`: its nearest rival. `means`:
     the hidden effect that each name stands for, "" for a wrong one. `right`: see `judged`.
     `unexplained`: share of the gap, or None. `closed`: share of what the true forms close.
+    `seconds`: of processor time.
+
+    Of recorded cases also: `undealt`, the largest t of each term where the size is out of reach
+    (nothing is tried then); `wrong`, whether any name or fault is; `also_seen`; `small`, what was
+    there besides; `rmse` of each name, before and after it as `discover` reports them; `unseen`,
+    the same on runs that nobody saw, with the difference of squares in its standard errors
+    (`laws.py`); `told`, whether a coefficient of the name is more than two standard errors from
+    zero; `error`, what `discover` or its model raised.
     """
 
     case: Case
@@ -56,6 +68,14 @@ class Outcome:
     right: bool
     closed: float | None
     seconds: float
+    undealt: dict[str, float] = field(default_factory=dict)
+    wrong: bool = False
+    also_seen: tuple[str, ...] = ()
+    small: tuple[str, ...] = ()
+    rmse: tuple[tuple[float, float], ...] = ()
+    unseen: tuple[tuple[float, float, float], ...] = ()
+    told: tuple[bool, ...] = ()
+    error: str = ""
 
     def to_json(self) -> dict[str, Any]:
         """Return plain values."""
@@ -65,7 +85,8 @@ class Outcome:
     def from_json(cls, plain: dict[str, Any]) -> Outcome:
         """Return the outcome that `to_json` wrote."""
         own = {name: value for name, value in plain.items() if name != "key"}
-        lists = {"names", "aliases", "confidences", "regressors", "means", "faults"}
+        lists = {"names", "aliases", "confidences", "regressors", "means", "faults", "also_seen",
+                 "small", "rmse", "unseen", "told"}  # fmt: skip
         values = {name: _tuples(v) if name in lists else v for name, v in own.items()}
         values["case"] = plain_case(own["case"])
         return cls(**values)
@@ -82,17 +103,43 @@ def _tuples(value: Any) -> Any:
 
 def tried(case: Case) -> Outcome:
     """Run one case through `discover`."""
+    if case.recorder != "exact":
+        return _tried_recorded(case)
     made = made_of(case)
     return outcome_of(case, made, *timed(case, made))
 
 
+def _tried_recorded(case: Case) -> Outcome:
+    try:
+        made = recorded(case)
+    except UnreachableError as reason:
+        return _silent(case, undealt=reason.largest)
+    try:
+        return outcome_recorded(case, made, *timed(case, made))
+    except Exception as error:  # what a user would see is an outcome, and the next case goes on
+        return _silent(case, made=made, error=f"{type(error).__name__}: {error}")
+
+
+def _silent(
+    case: Case,
+    *,
+    made: Made | None = None,
+    undealt: dict[str, float] | None = None,
+    error: str = "",
+) -> Outcome:
+    """The outcome of a case that was not dealt, or that ended in an error."""
+    return Outcome(case, made.t_base if made else {}, made.closest if made else {}, (), (), (), (),
+                   (), None, (), False, None, 0.0, undealt=undealt or {}, error=error)  # fmt: skip
+
+
 def timed(case: Case, made: Made) -> tuple[Discovery, float]:
-    """Return what is found, and the seconds it took."""
-    begun = time.perf_counter()
+    """Return what is found, and the seconds of processor time it took."""
+    begun = time.process_time()
+    load = LOAD if LOAD in made.logs[0] else None
     found = flexspline.discover(
-        made.base, made.logs, target=case.target, known_load=LOAD, exclude=case.excluded
+        made.base, made.logs, target=case.target, known_load=load, exclude=case.excluded
     )
-    return found, time.perf_counter() - begun
+    return found, time.process_time() - begun
 
 
 def outcome_of(case: Case, made: Made, found: Discovery, seconds: float) -> Outcome:
@@ -120,6 +167,40 @@ def outcome_of(case: Case, made: Made, found: Discovery, seconds: float) -> Outc
         closed=closed(made, found.model) if case.nameable else None,
         seconds=seconds,
     )
+
+
+def outcome_recorded(case: Case, made: Made, found: Discovery, seconds: float) -> Outcome:
+    """Judge what was found in a recorded case."""
+    assert made.recorder is not None
+    fitted = {e.name: e for e in found.model.part(case.target).effects}
+    aliases = short_lists([o.indistinguishable_from for o in found.found])
+    verdict = judged_recorded(
+        case,
+        made.recorder,
+        made.small,
+        found.names,
+        aliases,
+        stands_for(case, made, [fitted[n] for n in found.names], aliases),
+        found.unexplained is not None,
+        found.data_faults,
+    )
+    return replace(
+        outcome_of(case, made, found, seconds),
+        means=verdict.means,
+        wrong=verdict.wrong,
+        right=verdict.right,
+        also_seen=tuple(one.effect for one in getattr(found, "also_seen", ())),
+        small=made.small,
+        rmse=tuple((one.rmse_before, one.rmse_after) for one in found.found),
+        unseen=unseen_errors(made, found),
+        told=tuple(_told(found, name) for name in found.names),
+    )
+
+
+def _told(found: Discovery, name: str) -> bool:
+    """Whether a coefficient of an effect is more than two standard errors from zero."""
+    own = [p for p in found.parameters(name) if p.kind == "coefficient"]
+    return bool(any(abs(p.value) > 2.0 * p.standard_error for p in own))
 
 
 def judged(case: Case, means: tuple[str, ...], unexplained: bool) -> bool:

@@ -8,6 +8,7 @@
 #include "flexspline/effects/cogging.hpp"
 #include "flexspline/effects/coulomb_friction.hpp"
 #include "flexspline/effects/coulomb_friction_per_direction.hpp"
+#include "flexspline/effects/direction_dependent_friction.hpp"
 #include "flexspline/effects/gain_error.hpp"
 #include "flexspline/effects/gain_temperature_dependence.hpp"
 #include "flexspline/effects/gravity.hpp"
@@ -46,6 +47,7 @@ using Catalogue = Combine<            //
     CoulombFriction<S>,               //
     CoulombFrictionPerDirection<S>,   //
     ViscousFriction<S>,               //
+    DirectionDependentFriction<S>,    //
     NonlinearViscousFriction<S>,      //
     StribeckFriction<S>,              //
     PreslidingFriction<S>,            //

@@ -5,7 +5,7 @@
 
 namespace flexspline {
 
-/// A sensor that reads the torque of a moment ago.
+/// A sensor, or a drive, whose torque is recorded later than the load.
 ///
 ///   τ = −c s,     t_s ds/dt = dτ_load/dt − s
 ///
@@ -19,7 +19,7 @@ struct SensorLag {
   using Slope = LaggedSlope<S>;
 
   static constexpr std::string_view name = "sensor_lag";
-  static constexpr std::string_view targets = "S";
+  static constexpr std::string_view targets = "SM";
   static constexpr std::string_view signature =
       "the residual follows how fast the load changes, against it";
   static constexpr std::string_view source = "first-order lag and Padé's form of a delay";

@@ -10,7 +10,8 @@ namespace flexspline {
 ///
 /// Its row is the known load alone, never the motor's torque, which is what is explained: friction
 /// and inertia come out scaled by the same 1 + c, which no run can tell from their size. Linear in
-/// c; needs a known load. Where the target is a current, c is the load's share of it, 1 / (Ñ k_t).
+/// c; needs a known load. Where the target is a current, c is 1 / (Ñ k_t) of the true constant less
+/// that of the constant that the load was taken off with.
 /// Source: full_range_torque_estimation (2): the drive's torque is taken as known.
 template <typename S>
 struct TorqueConstantError {

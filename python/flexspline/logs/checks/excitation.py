@@ -143,6 +143,7 @@ EFFECTS: dict[str, Asked] = {
     "coulomb_friction": Asked(MOVES, (both_directions,)),
     "coulomb_friction_per_direction": Asked(MOVES, (both_directions,)),
     "viscous_friction": Asked(MOVES, (speeds(1.5),)),
+    "direction_dependent_friction": Asked(MOVES, (both_directions, speeds(1.5))),
     "nonlinear_viscous_friction": Asked(MOVES, (speeds(3.0),)),
     "stribeck_friction": Asked(MOVES, (both_directions, low_speeds)),
     "presliding_friction": Asked(ANGLE, (both_directions,)),

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from flexspline.logs.checks.findings import Finding
 from flexspline.logs.log import Log
-from flexspline.logs.segments import median_step, true_ranges
+from flexspline.logs.segments import at_rest, median_step, true_ranges
 
 DROP_STEPS = 1.75
 """A step of more median steps than this has lost at least one sample."""
@@ -106,7 +106,7 @@ def repeated_rows(log: Log) -> Iterator[Finding]:
     same = {c: np.diff(log[c]) == 0 for c in log.channels if c != "time"}
     if len(log) < 10 or not same:
         return
-    stuck = np.logical_and.reduce(list(same.values()))
+    stuck = np.logical_and.reduce(list(same.values())) & ~at_rest(log)[1:]
     lively = any(np.mean(s[~stuck]) < LIVELY for s in same.values()) if not stuck.all() else False
     ranges = true_ranges(stuck)
     if not lively or np.count_nonzero(stuck) < STUCK_ROWS:

@@ -11,7 +11,7 @@ from flexspline.logs.channels import CHANNELS
 from flexspline.logs.checks.findings import Finding
 from flexspline.logs.grain import quantum, white_noise
 from flexspline.logs.log import Log
-from flexspline.logs.segments import true_ranges
+from flexspline.logs.segments import at_rest, true_ranges
 
 CONDITIONS = ("enabled", "supply_voltage", "temperature", "motor_temperature", "commanded_position")
 """Channels that may well stay constant in a run."""
@@ -52,13 +52,17 @@ def constant(log: Log) -> Iterator[Finding]:
 
 
 def clipped(log: Log) -> Iterator[Finding]:
-    """Values that pile up at the largest or smallest: far more often than at the levels beside."""
+    """Values that pile up at the largest or smallest: far more often than at the levels beside.
+
+    Where the joint rests a coarse channel keeps its value with reason.
+    """
+    resting = at_rest(log)
     for channel in MEASURED:
         if channel not in log:
             continue
         values = log[channel]
         for limit in {float(np.nanmax(values)), float(np.nanmin(values))}:
-            at = values == limit
+            at = (values == limit) & ~resting
             count = int(np.count_nonzero(at))
             if not max(10, 0.0005 * len(log)) <= count < 0.5 * len(log):
                 continue

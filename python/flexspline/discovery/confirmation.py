@@ -1,0 +1,202 @@
+"""What a name has to show before it is the answer: in the fit that is returned, and held out.
+
+A search weighs evidence in the metric of the noise, where a row's own error may count for much. A
+reader asks two plain questions, and a name that fails one of them is withdrawn:
+
+    Is it significant in the final fit?     Wald's test of its coefficients together, p < 0.05
+    Does it lower the held-out error?       in the unit of the target; where its t exceeds 16, by
+                                            more than two standard errors over blocks of rows
+
+Of several names, one that closes less than half a per cent of what all of them close held out (a
+fourteenth in RMS) is real but too small to matter: it is listed as also seen and is no part of the
+model. Blocks are longer than the residual's memory (two seconds at least).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.stats import chi2
+
+from flexspline.discovery.analysis import Analysis
+from flexspline.discovery.evidence import equivalent_t
+from flexspline.discovery.forms import owned_gain
+from flexspline.discovery.heldout import HeldOut, held_out, plain_rows
+from flexspline.discovery.refit import refitted
+from flexspline.discovery.working import Working
+from flexspline.effects import Effect
+from flexspline.fit.names import coefficient_names
+from flexspline.fit.result import Fit
+
+__all__ = ["AlsoSeen", "Confirmed", "Shown", "confirmed", "significance"]
+
+SIGNIFICANT = 0.05  # p of Wald's test
+CERTAIN = 16.0  # t above which the held-out error must fall by more than chance
+ERRORS = 2.0  # standard errors of the fall of the held-out error
+SMALL = 0.005  # of what all names close held out: less is too small to matter
+
+
+@dataclass(frozen=True)
+class AlsoSeen:
+    """An effect that is real in these runs, but too small to matter beside what is named.
+
+    `rmse_before`, `rmse_after`: held out, without and with it beside all names, in the target's
+    unit. `t`: as `Found.t`. `share_of_gap`: of what all names and it close held out.
+    """
+
+    effect: str
+    rmse_before: float
+    rmse_after: float
+    t: float
+    share_of_gap: float
+
+
+@dataclass(frozen=True)
+class Shown:
+    """What one name shows in the fit that is returned and on rows held out.
+
+    `p`: of Wald's test. `fall`, `error`: of the held-out mean square when the name joins the
+    others, and its standard error. `share`: of what all names close. `rmse`: without it, with it.
+    """
+
+    effect: Effect
+    p: float
+    t: float
+    fall: float
+    error: float
+    share: float
+    rmse: tuple[float, float]
+
+    @property
+    def withdrawn(self) -> str:
+        """Why it is no answer, "" where it is one."""
+        if not self.p < SIGNIFICANT:
+            return "not significant in the final fit"
+        if self.fall <= 0.0 or (self.t > CERTAIN and self.fall < ERRORS * self.error):
+            return "does not lower the held-out error"
+        return ""
+
+
+@dataclass(frozen=True)
+class Confirmed:
+    """The analysis with the names that hold, what each shows, the fit of its model.
+
+    `also_seen`: effects that are real but too small to matter.
+    """
+
+    made: Analysis
+    fit: Fit
+    shown: Mapping[str, Shown]
+    also_seen: tuple[AlsoSeen, ...]
+
+
+def confirmed(made: Analysis, fitted: Callable[[Working], Fit], base: Sequence[str]) -> Confirmed:
+    """Withdraw names until each of them holds.
+
+    Parameters
+    ----------
+    fitted : makes the fit to return of a model.
+    base : effects that the caller gave; what else the base was given for its form is withdrawn
+        too where it is not significant.
+    """
+    small: list[AlsoSeen] = []
+    while True:
+        fit = fitted(made.final)
+        shown = _all_shown(made, fit)
+        failing = [one for one in shown if one.withdrawn]
+        if failing:
+            worst = max(failing, key=lambda one: (one.p, -one.share))
+            made.searcher.refused[worst.effect.name] = worst.withdrawn
+        else:
+            little = [one for one in shown if one.share < SMALL] if len(shown) > 1 else []
+            freed = {e.name for e in made.base.effects} - {*base}
+            idle = [name for name in freed if not significance(fit, name) < SIGNIFICANT]
+            if not little and idle:
+                made = made.without(idle[0])
+                continue
+            if not little:
+                by_name = {one.effect.name: one for one in shown}
+                made = _in_order(made)
+                fit = fitted(made.final) if len(shown) > 1 else fit
+                return Confirmed(made, fit, by_name, tuple(small))
+            worst = min(little, key=lambda one: one.share)
+            if worst.fall > ERRORS * worst.error:
+                small.append(AlsoSeen(worst.effect.name, *worst.rmse, worst.t, worst.share))
+            else:
+                made.searcher.refused[worst.effect.name] = "too small to be seen held out"
+        made = made.without(worst.effect.name)
+
+
+def significance(fit: Fit, name: str) -> float:
+    """Return p of Wald's test that all fitted coefficients of an effect are zero; 1 of none."""
+    known = fit.part.record["covariance"]["names"]
+    terms = {n for n in coefficient_names(fit.part.effects) if n.split(".")[0] == name}
+    values = {p.name: p.value for p in fit.parameters}
+    at = [k for k, own in enumerate(known) if own in terms]
+    if not at:
+        return 1.0
+    beta = np.array([values[known[k]] for k in at])
+    spread = fit.covariance[np.ix_(at, at)]
+    scale = np.sqrt(np.maximum(np.diag(spread), 1e-300))
+    told = np.linalg.lstsq(spread / np.outer(scale, scale), beta / scale, rcond=1e-10)[0]
+    return float(chi2.sf(float((beta / scale) @ told), len(at)))
+
+
+def _all_shown(made: Analysis, fit: Fit) -> list[Shown]:
+    if not made.final.named:
+        return []
+    problem, final = made.study.problem, made.final
+    plain = plain_rows(problem, final)
+
+    def left(work: Working) -> HeldOut:
+        return held_out(problem, refitted(problem, work, plain)[0], plain)
+
+    whole, base = left(final), left(made.base)
+    gap = base.rmse**2 - whole.rmse**2
+    dictionary = made.searcher.study.dictionary(final, made.searcher.whitening)
+    shown = []
+    for effect in final.named:
+        rest = left(final.having([e for e in final.effects if e.name != effect.name]))
+        fall, error = _fall(rest, whole, problem.block_rows)
+        t = equivalent_t(owned_gain(dictionary, effect.name), len(effect.terms))
+        share = fall / gap if gap > 0.0 else 1.0
+        p = significance(fit, effect.name)
+        shown.append(Shown(effect, p, t, fall, error, share, (rest.rmse, whole.rmse)))
+    return shown
+
+
+def _in_order(made: Analysis) -> Analysis:
+    """The names in the order in which each closes most of what is left on rows held out."""
+    problem, final = made.study.problem, made.final
+    if len(final.named) < 2:
+        return made
+    plain = plain_rows(problem, final)
+    chosen, rest = [*final.effects[: final.base]], [*final.named]
+    while len(rest) > 1:
+        errors = []
+        for effect in rest:
+            work, _ = refitted(problem, final.having([*chosen, effect]), plain)
+            errors.append(held_out(problem, work, plain).rmse)
+        chosen.append(rest.pop(int(np.argmin(errors))))
+    ordered = [*chosen, *rest]
+    if ordered == [*final.effects]:
+        return made
+    return replace(made, final=made.searcher.fitted(final.having(ordered))[0])
+
+
+def _fall(before: HeldOut, after: HeldOut, rows: int) -> tuple[float, float]:
+    """How much the held-out mean square falls, and its standard error over blocks of rows."""
+    means, counts = [], []
+    for old, new in zip(before.residuals, after.residuals, strict=True):
+        both = np.isfinite(old) & np.isfinite(new)
+        fall = old[both] ** 2 - new[both] ** 2
+        for part in np.array_split(fall, max(1, round(len(fall) / rows))):
+            if len(part):
+                means.append(float(part.mean()))
+                counts.append(len(part))
+    mean = float(np.average(means, weights=counts))
+    if len(means) < 2:
+        return mean, np.inf
+    return mean, float(np.std(means, ddof=1) / np.sqrt(len(means)))

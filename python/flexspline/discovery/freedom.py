@@ -1,0 +1,72 @@
+"""What a base is given beside its effects: freedom of its form, and of the recorder, not names.
+
+Gears, seals and preloaded bearings brake by some per cent more one way than the other. A base of
+odd friction leaves an even part |v| of it, which is plain in long runs and looks like whatever is
+slow. And a load cell has a clock and a filter of its own: where it is late by a millisecond, the
+known load that is taken off the target leaves as much as friction does at a reversal. So the search
+gives the base both freedoms, and what stays in the model is what is significant in the final fit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from flexspline.effects import Effect
+from flexspline.logs.channel_noise import ChannelNoise
+from flexspline.logs.log import Log
+
+__all__ = ["DIRECTIONS", "LAG", "freedoms", "held_of", "with_freedoms"]
+
+DIRECTIONS, LAG = "direction_dependent_friction", "sensor_lag"
+FRICTION = ("coulomb_friction", "viscous_friction")
+BOTH_WAYS = 0.1  # of the rows go each way at least, for a difference between directions
+
+
+def freedoms(
+    base: Sequence[Effect],
+    target: str,
+    known_load: str | None,
+    logs: Sequence[Log],
+    noise: Mapping[str, ChannelNoise],
+) -> tuple[str, ...]:
+    """Return the names of what the base is given; `noise`: of each channel."""
+    if target == "torsion":
+        return ()
+    names = {effect.name for effect in base}
+    found = [DIRECTIONS] if names & {*FRICTION} and _both_ways(logs) else []
+    if known_load in noise and noise[str(known_load)].noisy:
+        found.append(LAG)
+    return tuple(name for name in found if name not in names)
+
+
+def with_freedoms(base: Sequence[Effect], given: Sequence[str]) -> list[Effect]:
+    """Return the base with these effects behind it; all friction of a model has one width."""
+    widths = [e.shapes["direction_width"] for e in base if "direction_width" in e.shapes]
+    made = [*base]
+    for name in given:
+        effect = Effect(name)
+        if widths and "direction_width" in effect.shapes:
+            effect = effect.with_shapes(direction_width=widths[0])
+        made.append(effect)
+    return made
+
+
+def held_of(effects: Sequence[Effect]) -> dict[str, float]:
+    """Return what is held of the freedoms: beside no offset, a level of the base would be one."""
+    names = {effect.name for effect in effects}
+    return {} if "offset" in names or DIRECTIONS not in names else {f"{DIRECTIONS}.level": 0.0}
+
+
+def _both_ways(logs: Sequence[Log]) -> bool:
+    signs = []
+    for log in logs:
+        if "output_velocity" in log:
+            signs.append(np.sign(log["output_velocity"]))
+        elif "output_position" in log:
+            signs.append(np.sign(np.diff(log["output_position"])))
+        else:
+            return False
+    ways = np.concatenate(signs)
+    return bool(min(np.mean(ways > 0.0), np.mean(ways < 0.0)) >= BOTH_WAYS)

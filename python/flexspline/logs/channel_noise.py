@@ -1,0 +1,142 @@
+"""How noisy a channel is: its quantum, its noise floor, and up to where its signal exceeds it.
+
+The power spectral density of a recorded channel is that of its signal S(f), which falls steeply
+(motions, loads and temperatures have a bandwidth), and that of what the recorder adds, N, which is
+flat: quantisation of a signal that moves over many steps (Widrow 1956) and electronic noise. N is
+the level of the highest octave; the bandwidth is the highest frequency with S > N: below it the
+channel speaks, above it only its noise does. The best smoother for a derivative of order k is the
+one whose response G loses and lets pass the least,
+
+    ∫ (2πf)^2k [(1 − G)² S + G² N] df,
+
+which is where a Wiener filter, S / (S + N), would end too.
+
+Spectra are averaged over segments (Welch 1967) of the second differences, whose own spectrum is
+flat enough for no leakage to hide the floor, and divided by the gain of these differences.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import make_interp_spline
+from scipy.ndimage import minimum_filter1d
+from scipy.signal import welch
+
+from flexspline.logs.grain import quantum
+from flexspline.logs.local_fit import response
+from flexspline.logs.log import Log
+from flexspline.logs.segments import median_step, runs
+
+__all__ = ["ChannelNoise", "channel_noise"]
+
+Array = NDArray[np.float64]
+
+SECONDS = 4.0  # of a segment: it resolves a quarter of a hertz, far below any bandwidth sought
+SHORTEST = 64  # rows of a run that is looked at
+DIFFERENCES = 2
+BESIDE = 3  # neighbours in frequency that exceed the floor together: one alone is chance
+EVEN = 1e-3  # of a step, by which times may be off to count as even
+HIGHEST, WIDTHS = 0.24, 60  # of the rate, what a smoother of a few rows can do; how many are tried
+NEGLIGIBLE = 1e-7  # noise over the spread of a channel: what a file of eight digits has itself
+
+
+@dataclass(frozen=True)
+class ChannelNoise:
+    """What a recorder added to one channel of some runs, in the unit of the channel.
+
+    Parameters
+    ----------
+    channel : its name.
+    quantum : step of its quantisation, 0 where none is seen.
+    noise : RMS of the noise floor over the whole band.
+    bandwidth : Hz, highest frequency at which the signal exceeds the floor.
+    rate : Hz, of the runs; the slowest of them.
+    spread : RMS of the channel around its mean.
+    density : power spectral density S + N (F,), unit²/Hz, at `frequencies` (F,), Hz.
+    """
+
+    channel: str
+    quantum: float
+    noise: float
+    bandwidth: float
+    rate: float
+    spread: float
+    frequencies: Array = field(repr=False, compare=False)
+    density: Array = field(repr=False, compare=False)
+
+    @property
+    def noisy(self) -> bool:
+        """Whether there is a band in which the channel carries noise alone, more than rounding."""
+        return self.bandwidth < 0.25 * self.rate and self.noise > NEGLIGIBLE * self.spread
+
+    def within(self, bandwidth: float, derivative: int = 0) -> float:
+        """RMS of the noise below `bandwidth` [Hz] in a derivative of the channel, unit / s^k."""
+        order = 2 * derivative + 1
+        density = 2.0 * self.noise**2 / self.rate
+        slope = (2.0 * np.pi) ** derivative
+        return float(slope * np.sqrt(density * bandwidth**order / order))
+
+    def smoother(self, derivative: int = 0) -> float:
+        """-3 dB [Hz] of the smoother that tells a derivative of the channel best."""
+        floor = 2.0 * self.noise**2 / self.rate
+        excess = np.maximum(self.density - floor, 0.0)
+        signal = np.where(self.frequencies <= self.bandwidth, excess, 0.0)
+        weight = self.frequencies ** (2 * derivative) * np.gradient(self.frequencies)
+        widths = np.geomspace(self.frequencies[0], HIGHEST * self.rate, WIDTHS)
+        gains = response(self.frequencies, widths[:, None])
+        errors = ((1.0 - gains) ** 2 * signal + gains**2 * floor) @ weight
+        return float(f"{widths[np.argmin(errors)]:.6g}")
+
+
+def channel_noise(logs: Sequence[Log], channel: str) -> ChannelNoise | None:
+    """Return the noise of a channel over all runs, None where no run is long enough to tell.
+
+    Parameters
+    ----------
+    logs : runs that all have the channel, of finite values; time strictly increasing.
+    """
+    rate = min(log.rate for log in logs)
+    frequencies = np.geomspace(2.0 / SECONDS, 0.45 * rate, 80)
+    densities, weights = [], []
+    for log in logs:
+        time, values = log["time"], log[channel]
+        for first, last in runs(time):
+            if last - first >= SHORTEST and 0.45 * rate > 4 * DIFFERENCES / SECONDS:
+                densities.append(_density(time[first:last], values[first:last], frequencies))
+                weights.append(last - first)
+    if not densities:
+        return None
+    density = np.average(densities, axis=0, weights=weights)
+    floor = float(np.median(density[frequencies > 0.5 * frequencies[-1]]))
+    exceeds = minimum_filter1d((density > 2.0 * floor).astype(int), BESIDE, mode="nearest")
+    above = np.flatnonzero(exceeds)
+    bandwidth = float(frequencies[above[-1]] if above.size else frequencies[0])
+    return ChannelNoise(
+        channel,
+        max(quantum(log[channel]) for log in logs),
+        float(np.sqrt(0.5 * floor * rate)),
+        bandwidth,
+        rate,
+        float(np.sqrt(np.mean([np.var(log[channel]) for log in logs]))),
+        frequencies,
+        density,
+    )
+
+
+def _density(time: Array, values: Array, frequencies: Array) -> Array:
+    """Power spectral density of an unbroken run at frequencies [Hz], unit²/Hz; local medians."""
+    step = median_step(time)
+    if np.max(np.abs(np.diff(time) - step)) > EVEN * step:
+        even = np.arange(time[0], time[-1], step)
+        values = np.asarray(make_interp_spline(time, values, k=3)(even))
+    rough = np.diff(values, n=DIFFERENCES)
+    length = min(len(rough), round(SECONDS / step))
+    at, raw = welch(rough, 1.0 / step, "blackmanharris", length, detrend="linear")
+    raw = raw[1:] / (2.0 * np.sin(np.pi * at[1:] * step)) ** (2 * DIFFERENCES)
+    edges = np.searchsorted(at[1:], np.outer([1.0 / 1.25, 1.25], frequencies))
+    made = [np.median(raw[min(low, len(raw) - 1) : max(high, low + 1)]) for low, high in edges.T]
+    return np.asarray(made)

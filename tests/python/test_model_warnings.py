@@ -1,0 +1,232 @@
+"""What `export` and `predict` say of a model that should not be trusted as it stands."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from cli_calls import call
+
+import flexspline
+from flexspline.effects import Effect, effect
+from flexspline.errors import FlexsplineWarning, InputError
+from flexspline.export import export
+from flexspline.logs.convert import write_log
+from flexspline.logs.log import Log
+from flexspline.model import PART_OF, Model, Part
+from flexspline.model_warnings import part_warnings, range_warnings
+
+TIME = np.arange(400) * 1e-2
+FACTS = {"gear_ratio": 100.0, "output_spline": "circular"}
+
+
+def entry(name: str, value: float, error: float | None, **more: Any) -> dict[str, Any]:
+    known = {"kind": "coefficient", "state": "fitted", "unit": "Nm", "determined": True}
+    return {"name": name, "value": value, "standard_error": error, **known, **more}
+
+
+def part(target: str, values: dict[Effect, list[float]], **record: Any) -> Part:
+    every = np.array([value for some in values.values() for value in some])
+    return Part(target, tuple(values), every, None, record)
+
+
+def model(made: Part) -> Model:
+    return Model({PART_OF[made.target]: made}, FACTS)
+
+
+def run(velocity: np.ndarray, **columns: np.ndarray) -> Log:
+    position = np.cumsum(velocity) * 1e-2
+    known = {"time": TIME, "output_position": position, "output_velocity": velocity, **columns}
+    return Log.from_arrays(facts={"name": "run 7", **FACTS}, **known)
+
+
+SLOW = run(np.sin(TIME))
+VISCOUS = effect("viscous_friction")
+SOUND = part(
+    "motor_torque",
+    {VISCOUS: [0.5]},
+    parameters=[entry("viscous_friction.viscosity", 0.5, 0.01)],
+    validity={"output_velocity": [-1.0, 1.0]},
+)
+
+
+def test_a_sound_model_within_its_ranges_is_not_warned_of(tmp_path: Path) -> None:
+    assert model(SOUND).predict(SLOW).warnings == ()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        export(model(SOUND), tmp_path / "joint.hpp", strict=True)
+
+
+@pytest.mark.parametrize(
+    ("made", "says"),
+    [
+        (effect("viscous_friction"), "viscous_friction.viscosity = -0.1 .* negative damping"),
+        (effect("inertia"), "inertia.inertia = -0.1 .* negative inertia"),
+        (effect("coulomb_friction"), "coulomb_friction.level = -0.1 Nm is negative friction"),
+    ],
+)
+def test_a_drive_that_gives_energy_is_named_and_a_sensor_is_not(made: Effect, says: str) -> None:
+    drive = part("motor_torque", {made: [-0.1]})
+    with pytest.raises(InputError, match=says):
+        export(model(drive), "/nowhere/joint.hpp", strict=True)
+    assert part_warnings(part("motor_torque", {made: [0.0]})) == []
+    assert part_warnings(part("sensor_torque", {made: [-0.1]})) == []
+
+
+@pytest.mark.parametrize(("values", "warned"), [([1.0, -1.0], 0), ([1.0, 1.2], 1), ([0.9, 0.5], 0)])
+def test_friction_per_direction_has_half_the_difference_as_its_level(
+    values: list[float], warned: int
+) -> None:
+    made = part("motor_current", {effect("coulomb_friction_per_direction"): values})
+    assert len(part_warnings(made)) == warned
+
+
+def test_a_current_has_its_own_unit() -> None:
+    (said,) = part_warnings(part("motor_current", {VISCOUS: [-0.1]}))
+    assert "A·s/rad" in said
+
+
+@pytest.mark.parametrize(
+    ("value", "error", "state", "warned"),
+    [
+        (0.5, 0.24, "fitted", False),
+        (0.5, 0.26, "fitted", True),
+        (0.5, None, "fixed", False),
+        (0.5, 9.0, "fixed", False),
+        (0.5, None, "not determined", True),
+        (0.5, None, "fitted", False),
+    ],
+)
+def test_a_term_that_may_as_well_be_zero_is_named(
+    value: float, error: float | None, state: str, warned: bool
+) -> None:
+    known = [entry("viscous_friction.viscosity", value, error, state=state)]
+    said = part_warnings(part("sensor_torque", {VISCOUS: [value]}, parameters=known))
+    assert len(said) == warned
+    assert all("viscous_friction.viscosity" in one and "not significant" in one for one in said)
+
+
+def test_an_order_counts_as_a_whole() -> None:
+    ripple = effect("output_ripple", orders=[2, 3])
+    names = [f"output_ripple.{term.name}" for term in ripple.terms]
+    values = [0.0, 0.5, 0.1, 0.1]  # the sine of order 2 is large, its cosine is nothing
+    known = [entry(name, value, 0.1) for name, value in zip(names, values, strict=True)]
+    spread = {"names": names, "matrix": (0.01 * np.eye(4)).tolist()}
+    made = part("sensor_torque", {ripple: values}, parameters=known, covariance=spread)
+    (said,) = part_warnings(made)
+    assert "output_ripple order 3;" in said and "order 2" not in said
+
+
+@pytest.mark.parametrize("matrix", [[], [[1.0], [0.0]], [[0.0, 0.0], [0.0, 0.0]], [[1.0, 0.0]]])
+def test_a_covariance_that_says_nothing_of_an_order_is_not_held_against_it(
+    matrix: list[list[float]],
+) -> None:
+    ripple = effect("output_ripple", orders=[2])
+    names = [f"output_ripple.{term.name}" for term in ripple.terms]
+    spread = {"names": names, "matrix": matrix}
+    assert part_warnings(part("sensor_torque", {ripple: [0.1, 0.1]}, covariance=spread)) == []
+
+
+def test_a_shape_at_its_bound_is_named() -> None:
+    known = [entry("stribeck_velocity", 2.0, None, kind="shape", state="at upper bound")]
+    (said,) = part_warnings(part("sensor_torque", {VISCOUS: [0.5]}, parameters=known))
+    assert "stribeck_velocity (upper bound)" in said
+
+
+def test_rows_outside_of_the_runs_of_the_fit_are_counted() -> None:
+    fast = run(np.r_[np.full(390, 0.5), np.full(10, 1.6)])
+    (said,) = model(SOUND).predict(fast).warnings
+    assert said.startswith("log 'run 7': 10 of 400 rows lie outside of what the model")
+    assert "output_velocity from 1.6 to 1.6 rad/s (fitted from -1 to 1)" in said
+
+
+@pytest.mark.parametrize(("beyond", "warned"), [(0.09, 0), (0.11, 1)])
+def test_the_noise_of_a_reading_at_the_edge_is_no_extrapolation(beyond: float, warned: int) -> None:
+    assert len(range_warnings(SOUND, run(np.full(400, 1.0 + beyond)))) == warned
+    assert len(range_warnings(SOUND, run(np.full(400, -1.0 - beyond)))) == warned
+
+
+@pytest.mark.parametrize(
+    ("ends", "angle", "warned"),
+    [
+        ((0.0, 1.0), 0.5, 0),
+        ((0.0, 1.0), 0.5 + 8.0 * np.pi, 0),
+        ((0.0, 1.0), 0.5 - 4.0 * np.pi, 0),
+        ((0.0, 1.0), 3.0, 1),
+        ((0.0, 1.0), -0.1, 1),
+        ((6.2, 7.2), 0.5, 0),
+        ((6.2, 7.2), 1.5, 1),
+        ((0.0, 7.0), 3.0, 0),
+    ],
+)
+def test_an_angle_is_inside_in_every_turn(
+    ends: tuple[float, float], angle: float, warned: int
+) -> None:
+    known = {"output_position": list(ends)}
+    made = part("sensor_torque", {effect("gravity"): [1.0, 1.0]}, validity=known)
+    log = Log.from_arrays(time=[0.0, 1.0], output_position=[angle, angle])
+    assert len(range_warnings(made, log)) == warned
+
+
+def test_a_channel_that_no_effect_reads_does_not_count() -> None:
+    made = part("sensor_torque", {VISCOUS: [0.5]}, validity={"temperature": [20.0, 21.0]})
+    assert range_warnings(made, run(np.sin(TIME), temperature=np.full(400, 60.0))) == []
+
+
+def weak_model(folder: Path) -> tuple[Path, Path]:
+    """A model that three things speak against, and a run beyond its ranges."""
+    known = [entry("viscous_friction.viscosity", -0.1, 0.2), entry("x", 1.0, None, kind="shape")]
+    known[1]["state"] = "at lower bound"
+    ranges = {"output_velocity": [-0.1, 0.1]}
+    made = part("motor_torque", {VISCOUS: [-0.1]}, parameters=known, validity=ranges)
+    model(made).save(folder / "model.json")
+    write_log(SLOW, folder / "run.csv")
+    return folder / "model.json", folder / "run.csv"
+
+
+def test_predict_says_a_sentence_a_line_and_strict_refuses(tmp_path: Path) -> None:
+    joint, log = weak_model(tmp_path)
+    out = tmp_path / "out.csv"
+    done = call("predict", "--model", joint, log, "--out", out)
+    assert done.exit_code == 0 and out.is_file() and done.stdout.count("\n") == 1
+    lines = done.stderr.splitlines()
+    assert len(lines) == 4 and all(line.startswith("flexspline: warning: ") for line in lines)
+    for line, word in zip(lines, ("damping", "significant", "bound", "rows lie"), strict=True):
+        assert word in line
+    out.unlink()
+    refused = call("predict", "--model", joint, log, "--out", out, "--strict")
+    assert refused.exit_code == 2 and refused.stderr.count("\n") == 1 and not out.exists()
+    assert "3 more" in refused.stderr
+
+
+@pytest.mark.parametrize("form", ["header", "json", "binary"])
+def test_export_says_a_sentence_a_line_and_strict_refuses(tmp_path: Path, form: str) -> None:
+    joint, _ = weak_model(tmp_path)
+    out = tmp_path / "joint.out"
+    done = call("export", "--model", joint, "--format", form, "--out", out)
+    assert done.exit_code == 0 and out.is_file()
+    assert done.stderr.count("flexspline: warning: ") == done.stderr.count("\n") == 3
+    out.unlink()
+    refused = call("export", "--model", joint, "--format", form, "--out", out, "--strict")
+    assert refused.exit_code == 2 and refused.stderr.count("\n") == 1 and not out.exists()
+
+
+def test_export_warns_in_python_too(tmp_path: Path) -> None:
+    joint, _ = weak_model(tmp_path)
+    with pytest.warns(FlexsplineWarning, match="negative damping"):
+        export(Model.load(joint), tmp_path / "joint.hpp")
+
+
+def test_a_fit_that_ends_well_makes_a_model_without_a_warning() -> None:
+    rng = np.random.default_rng(5)
+    v = np.sin(3.0 * TIME)
+    log = run(v, sensor_torque=0.5 * v + 0.01 * rng.normal(size=len(v)))
+    fit = flexspline.fit(["viscous_friction"], log, "sensor_torque", checks=False)
+    assert fit.model.predict(log).warnings == ()
+    both = flexspline.fit(["offset", "viscous_friction"], log, "sensor_torque", checks=False)
+    weak = [p.name for p in both.parameters if p.kind == "coefficient" and not p.significant]
+    said = both.model.predict(log).warnings
+    assert len(said) == bool(weak) and all(name in said[0] for name in weak)

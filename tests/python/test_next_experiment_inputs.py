@@ -1,0 +1,73 @@
+"""The run to record next is computed from logs as they come: short pieces, any low pass."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from fit_logs import motion
+from numpy.typing import NDArray
+
+import flexspline
+from flexspline import Plan
+from flexspline.discovery.whitening import Whitening
+from flexspline.experiment.noise import at_coarser_rate
+from flexspline.logs.local_fit import require_bandwidth
+from flexspline.logs.log import Log
+
+LOAD = "reference_torque"
+Array = NDArray[np.float64]
+
+
+def loaded(seed: int, rate: float, seconds: float, alone: int = 0) -> Log:
+    """A run whose sensor reads 2 % too much; the last `alone` rows lie behind a gap.
+
+    Velocity and acceleration are not recorded.
+    """
+    samples = int(rate * seconds)
+    channels = motion(seed, samples, rate)
+    time = channels["time"].copy()
+    load = 3.0 * np.sin(0.7 * time + seed)
+    torque = 1.02 * load + 0.1 + 0.01 * np.random.default_rng(seed).normal(size=samples)
+    time[samples - alone :] += 5.0
+    return Log.from_arrays(
+        facts={"name": f"run{seed}"},
+        time=time,
+        output_position=channels["output_position"],
+        sensor_torque=torque,
+        **{LOAD: load},
+    )
+
+
+def planned(logs: list[Log], lowpass: float | None = None) -> Plan:
+    model = flexspline.fit(
+        ["offset", "gain_error"], logs, "sensor_torque", known_load=LOAD, lowpass=lowpass,
+        checks=False,
+    )  # fmt: skip
+    made = flexspline.next_experiment(model, ("gain_error", "sensor_nonlinearity"), logs)
+    assert made is not None
+    return made
+
+
+def test_a_row_without_a_velocity_is_no_limit_of_the_next_run() -> None:
+    whole, cut = (planned([loaded(k, 100.0, 20.0, alone) for k in range(2)]) for alone in (0, 1))
+    assert cut.bounds.velocity == pytest.approx(whole.bounds.velocity, rel=0.02)
+    assert cut.bounds.acceleration == pytest.approx(whole.bounds.acceleration, rel=0.02)
+    assert np.isfinite(cut.log["output_position"]).all()
+
+
+@pytest.mark.parametrize("keep", [False, True])
+@pytest.mark.parametrize("rate", [100.0, 500.0, 1000.0])
+@pytest.mark.parametrize("share", [0.004, 0.04, 0.044, 0.12, 0.24, 0.25])
+def test_a_low_pass_that_suits_a_log_suits_the_rate_of_the_next_run(
+    share: float, rate: float, keep: bool
+) -> None:
+    cutoff = share * rate
+    decimation = max(1, int(rate / (2.5 * cutoff)))  # as of `Problem`
+    noise = Whitening(np.array([1.0, -0.5]), 1.0, decimation)
+    _, slower = at_coarser_rate(noise, rate, keep, cutoff)
+    require_bandwidth(cutoff, slower, "the planned run")
+
+
+def test_a_run_is_planned_behind_a_low_pass_of_a_fast_log() -> None:
+    made = planned([loaded(k, 500.0, 6.0) for k in range(2)], 22.0)
+    assert made.expected > made.now
