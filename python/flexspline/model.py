@@ -172,7 +172,7 @@ class Model:
         inputs = channels_for(inputs, part.effects, part.known_load, load_needed=False)
         predicted = self._evaluate(part, inputs, part.coefficients)
         if part.simulated is not None:
-            predicted = predicted + simulation_of(log, part.simulated, part.known_load)
+            predicted = predicted + simulation_of(log, part.target, part.simulated, part.known_load)
         if lowpass_hz is not None:
             predicted = lowpass(predicted, log["time"], lowpass_hz).values
             measured = lowpass(measured, log["time"], lowpass_hz).values

@@ -73,6 +73,24 @@ def test_a_simulation_with_the_load_in_it_gives_the_same_correction(
     assert np.std(other.model.predict(log).residual) < 1.3 * np.std(noise(9, ROWS))
 
 
+@pytest.mark.parametrize("holds_load", [True, False])
+def test_of_a_current_the_load_is_taken_off_in_amperes(holds_load: bool) -> None:
+    log = run(1)
+    per_ampere = 0.1 * 101.0  # Ñ k_t
+    says = (log["simulated_torque"] + holds_load * log[LOAD]) / per_ampere
+    current = (log["sensor_torque"]) / per_ampere
+    log = log.with_columns({"motor_current": current, "simulated_torque": says}, note="in A")
+    log = log.with_facts({"torque_constant": 0.1})
+    fit = flexspline.fit(
+        ["offset"], log, "motor_current", known_load=LOAD, simulated_torque="simulated_torque"
+    )
+    left = log["sensor_torque"] - log[LOAD] - run(1)["simulated_torque"]
+    assert fit.part.simulated is not None and fit.part.simulated.holds_load is holds_load
+    assert fit.runs[0].measured == pytest.approx(left / per_ampere, abs=1e-12)
+    made = fit.model.predict(log)
+    assert made.measured == pytest.approx((log["sensor_torque"] - log[LOAD]) / per_ampere)
+
+
 def test_files_on_their_own_clocks_give_what_columns_give(found: flexspline.Discovery) -> None:
     logs = runs(named=False)
     files = [on_own_clock(log) for log in logs]

@@ -309,7 +309,7 @@ def _run(
         raise InputError(f"log '{log.name}': one row is no run; leave it out or record longer")
     y = target_of(log, target, known_load)
     if simulated is not None:
-        y = y - simulation_of(log, simulated, known_load)
+        y = y - simulation_of(log, target, simulated, known_load)
     log = channels_for(made, effects, known_load)
     channels = core_channels(log, effects, known_load)
     require_finite(log, {**channels, target: y})

@@ -201,6 +201,8 @@ def remarks(made: Discovery) -> list[str]:
 
 def estimator_sentence(made: Discovery) -> str:
     """Return by which estimator the parameters were found."""
+    if made.by == "simulation":
+        return "Parameters are those whose simulated motion misses the measured one least."
     if not made.fit.generalised:
         return "Parameters are those of least squares."
     return (
@@ -231,13 +233,13 @@ def headlines(made: Discovery) -> list[tuple[str, str]]:
     rows = [("base model, RMSE held out", f"{short(made.base_rmse)} {unit}")]
     if made.found:
         rows.append(("extended model, RMSE held out", f"{short(made.final_rmse)} {unit}"))
-    rows.append(
-        ("noise floor: what these channels do not explain", f"{short(made.noise_floor)} {unit}")
-    )
+    simulated = made.by == "simulation"
+    floor = "what the encoder resolves" if simulated else "what these channels do not explain"
+    rows.append((f"noise floor: {floor}", f"{short(made.noise_floor)} {unit}"))
     if made.found and made.gap_closed == made.gap_closed:
         closed = f"{100.0 * min(made.gap_closed, 1.0):.0f} % of its mean square"
         rows.append(("gap above the floor that is closed", closed))
-    if made.motion is not None:
+    if made.motion is not None and not simulated:
         rows.append((f"{_channel(made.motion)} of a forward simulation, RMSE", _motion(made)))
     return rows
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from flexspline.errors import InputError
 from flexspline.logs.log import Log
+from flexspline.signals import torque_of_current
 
 __all__ = ["SIMULATED", "Simulated", "SimulatedFile", "simulation_of"]
 
@@ -73,7 +74,7 @@ class Simulated:
         return cls(content["column"], content["own_files"], content["holds_load"], tuple(files))
 
 
-def simulation_of(log: Log, simulated: Simulated, known_load: str | None) -> Array:
+def simulation_of(log: Log, target: str, simulated: Simulated, known_load: str | None) -> Array:
     """Return what the simulation says of y, (N,), in the target's unit.
 
     Raises
@@ -89,4 +90,5 @@ def simulation_of(log: Log, simulated: Simulated, known_load: str | None) -> Arr
     says = np.asarray(log[SIMULATED])
     if known_load is None or not simulated.holds_load:
         return says
-    return np.asarray(says - log[known_load])
+    unit = torque_of_current(log, known_load) if target == "motor_current" else 1.0
+    return np.asarray(says - log[known_load] / unit)
