@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.effects import unit_in
+from flexspline.effects import Effect, unit_in
 from flexspline.fit.derived import sign_warnings
 from flexspline.fit.estimate import Estimate, counts_of, residuals_of
 from flexspline.fit.estimate_errors import uncertainty_of
 from flexspline.fit.identifiability import Confounded, confounded_groups
 from flexspline.fit.loops import loop_warnings
 from flexspline.fit.memory import memory_warnings
+from flexspline.fit.offsets import offset_parameters
 from flexspline.fit.problem import Problem
 from flexspline.fit.result import Fit, FittedRun, Parameter
 from flexspline.fit.scores import scores_of
@@ -34,7 +35,12 @@ LOOSE = 1.0  # a shape whose error is larger than itself is not determined
 
 
 def assembled(
-    problem: Problem, made: Estimate, into: Model | None, warnings: Sequence[str], orders: Any
+    problem: Problem,
+    made: Estimate,
+    into: Model | None,
+    warnings: Sequence[str],
+    orders: Any,
+    offset: tuple[int, Effect] | None = None,
 ) -> Fit:
     """Put everything together that a user sees of a fit.
 
@@ -43,12 +49,22 @@ def assembled(
     into : model that receives the part, or None for a new one.
     warnings : sentences of the checks; those of the fit are added.
     orders : the order analysis that chose orders, or None.
+    offset : where these were taken out, the effect of which each run has its own and its place
+        among the effects; else None.
     """
     uncertainty, validation = together(
         problem.threads, lambda: uncertainty_of(made), lambda: cross_validate(made)
     )
     confounded = _confounded(problem, made, uncertainty)
     parameters = _parameters(problem, made, uncertainty, confounded)
+    effects, values = made.linear.effects, _shared(problem, made)
+    if offset is not None:
+        own = offset_parameters(problem, made, uncertainty, offset[1])
+        parameters = (*parameters[: len(made.names)], *own, *parameters[len(made.names) :])
+        before = effects[: offset[0]]
+        mean = float(np.mean([p.value for p in own]))
+        values = np.insert(values, sum(len(e.terms) for e in before), mean)
+        effects = (*before, offset[1], *effects[offset[0] :])
     residuals = residuals_of(problem, made.linear)
     scores = scores_of(problem, residuals, validation.residuals)
     runs = tuple(
@@ -64,8 +80,8 @@ def assembled(
     record["validated"] = validated
     part = Part(
         problem.target,
-        made.linear.effects,
-        _shared(problem, made),
+        effects,
+        values,
         problem.known_load,
         plain_json(record),
         problem.simulated,

@@ -134,7 +134,9 @@ def estimate(
 def noise_of(made: Estimate) -> NoiseModel:
     """Return the model of the noise around an estimate."""
     decimation = made.tangent.problem.decimation
-    return noise_model(made.tangent.some(read_of(made)), made.basis, decimation=decimation)
+    offsets = made.tangent.problem.centred
+    chunks = made.tangent.some(read_of(made))
+    return noise_model(chunks, made.basis, decimation=decimation, offsets=offsets)
 
 
 def read_of(made: Estimate) -> int:

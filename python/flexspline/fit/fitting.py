@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -115,6 +116,7 @@ def fit(
     """
     from flexspline.fit.assemble import assembled
     from flexspline.fit.estimate import Given, estimate
+    from flexspline.fit.offsets import OFFSET, taken_out
     from flexspline.fit.problem import problem_of
     from flexspline.fit.requirements import require_apart, require_one_unit
     from flexspline.fit.ripple import with_found_orders
@@ -160,18 +162,22 @@ def fit(
         remarks = tuple(remark.sentence for remark in taken.remarks)
     warnings = _checked(runs, chosen, target, known_load) if checks else []
     given = Given(fixed or {}, bounds or {}, priors or {}, robust == "huber")
+    centred = offset_per_run and taken_out(chosen, runs, given)
+    at = [e.name for e in chosen].index(OFFSET) if centred else 0
+    offset = (at, chosen.pop(at)) if centred else None
 
     def problem(these: Sequence[Effect]) -> Problem:
-        return problem_of(
+        made = problem_of(
             runs,
             these,
             target,
             known_load=known_load,
             lowpass_hz=lowpass,
             threads=threads,
-            offset_per_run=offset_per_run,
+            offset_per_run=offset_per_run and not centred,
             simulated=simulated,
         )
+        return replace(made, centred=centred)
 
     with tqdm(desc="solving", unit=" solves", disable=not progress, leave=False, delay=1.0) as bar:
         chosen, found, said = with_found_orders(chosen, problem)
@@ -180,7 +186,7 @@ def fit(
         made = estimate(posed, chosen, given, bar.update)
         posed, made = _settled(posed, made, given, bar.update)
         bar.set_description("errors and validation")
-        return assembled(posed, made, into, [*remarks, *warnings, *said], found)
+        return assembled(posed, made, into, [*remarks, *warnings, *said], found, offset)
 
 
 def fit_near(
@@ -307,9 +313,10 @@ def _settled(
 
 def _require_rows(problem: Problem, effects: Sequence[Effect]) -> None:
     rows = sum(run.counted for run in problem.runs)
-    needed = ROWS_A_PARAMETER * problem.parameters(effects) + 20
+    parameters = problem.parameters(effects) + problem.centred * len(problem.runs)
+    needed = ROWS_A_PARAMETER * parameters + 20
     if rows < needed:
         raise InputError(
-            f"the logs have {rows} rows that count, but {problem.parameters(effects)} "
+            f"the logs have {rows} rows that count, but {parameters} "
             f"coefficients need {needed} at least; record longer runs or leave effects out"
         )

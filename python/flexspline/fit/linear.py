@@ -170,7 +170,8 @@ def _double_is_enough(
     for combination in solution.null_space.T:
         full = np.zeros(problem.parameters(effects))
         full[free] = combination
-        rest = sum(float(part @ part) for part in problem.predict(effects, full))
+        parts = (problem.combined(effects, full, k) for k in range(len(problem.runs)))
+        rest = sum(float(part @ part) for part in parts)
         rest += float(np.sum((prior_rows @ combination) ** 2))
         if np.sqrt(rest) > DEPENDENT * np.max(np.abs(combination) * solution.lengths):
             return False

@@ -12,6 +12,17 @@ prior: with z_t = [x_t, r_t] (row and residual), C_ij = Σ_t z_{t-i} z_{t-j}ᵀ,
     Q_ij = uᵀ C_ij u + σ² tr(M_xx⁻¹ C_ij,xx)      (expected products of the *noise*)
     φ    = the least-squares solution with Q      (and again)
 
+Where each stretch has an offset o of its own, taken out of the rows, these are missing data too:
+given β, o is N(m / A(1), σ² / (n A(1)²)) with m the mean of the whitened residual over the n rows
+of the stretch, and A(1) = Σ a_i. With D_ij = Σ n m_i m_jᵀ over the R stretches, m_i the mean of
+z_{t-i}, the work stays that of the other terms:
+
+    M(φ) = Σ_ij a_i a_j (C_ij − D_ij),     n − P − R degrees of freedom
+    Q_ij = <C_ij − d_i − d_j + d> + R σ² / A(1)²
+    d_i  = Σ_j a_j D_ij / A(1),     d = Σ_i a_i d_i / A(1)
+
+with <·> the expectation that makes Q of C above.
+
 One pass collects C. Likelihoods are conditional on the first p rows of every stretch of samples.
 
 Sources: Patterson & Thompson 1971 (restricted likelihood), Cooper & Thompson 1977 (ARMA), Dempster,
@@ -38,6 +49,7 @@ _FIRST_ORDER = 8
 _LARGEST_SUMS = 2_000_000  # numbers in C, 16 MB
 _LONGEST_ITERATION = 100
 _RIDGE = 1e-13
+_LEAST_GAIN = 1e-6  # of A(1), by which offsets are divided: noise as slow as that is an offset
 _FREQUENCIES = 1 << 14
 
 
@@ -151,7 +163,7 @@ def pieces(
 
 def noise_model(
     chunks: Chunks, basis: Array, *, max_order: int = 32, every: int = 1, decimation: int = 1,
-    floor: float = 0.0,
+    floor: float = 0.0, offsets: bool = False,
 ) -> NoiseModel:  # fmt: skip
     """Fit the noise to the residual of a least-squares fit, in one pass over the data or a few.
 
@@ -168,6 +180,7 @@ def noise_model(
     decimation : use one row of so many: floor(rate / (2.5 f_c)) for a target and rows that were
         low-passed at f_c, as above f_c there is nothing left that a model could hold on to.
     floor : white noise counted in as well, as a share of the residual's mean square.
+    offsets : an offset of each stretch was fitted and taken out of the rows.
 
     Raises
     ------
@@ -177,12 +190,13 @@ def noise_model(
     top = max(1, min(max_order, isqrt(_LARGEST_SUMS) // (parameters + 1) - 1))
     order, before, best = min(_FIRST_ORDER, top), 0, None
     while True:
-        products, samples = _collect(chunks, basis, order, every, decimation)
+        products, samples = _collect(chunks, basis, order, every, decimation, offsets)
         if best is not None and samples < 0.9 * before:
             return best
-        products[range(order + 1), range(order + 1), -1, -1] += floor * products[0, 0, -1, -1]
-        _require_usable(products, samples - parameters, order)
-        best, before = _restricted_fit(products, samples, parameters, decimation), samples
+        sums, fitted = products.sums, parameters + products.offsets
+        sums[range(order + 1), range(order + 1), -1, -1] += floor * sums[0, 0, -1, -1]
+        _require_usable(sums, samples - fitted, order)
+        best, before = _restricted_fit(products, samples, fitted, decimation), samples
         if best.order < 0.75 * order or order == top or samples < 40 * order:
             return best
         order = min(2 * order, top)
@@ -198,21 +212,62 @@ def _require_usable(products: Array, degrees: int, order: int) -> None:
         raise InputError("A residual or a row of the fit is not finite; check the logs for NaN.")
 
 
+@dataclass(frozen=True)
+class _Products:
+    """`sums`: C, (p+1, p+1, K, K). `means`: D, the same. `offsets`: R, how many were taken out."""
+
+    sums: Array
+    means: Array
+    offsets: int
+
+    def up_to(self, order: int) -> _Products:
+        """The same of a lower order."""
+        kept = slice(order + 1)
+        return _Products(self.sums[kept, kept], self.means[kept, kept], self.offsets)
+
+
+class _Means:
+    """Σ n m_i m_jᵀ over stretches, m_i the mean (K,) of z_{t-i} over the n rows of one."""
+
+    def __init__(self, order: int, width: int) -> None:
+        self.products = np.zeros((order + 1, order + 1, width, width))
+        self.stretches = 0
+        self._total, self._rows = np.zeros((order + 1, width)), 0
+
+    def add(self, z: Array) -> None:
+        """Rows (n + p, K) of a stretch, the first p of which were counted before."""
+        order, count = len(self._total) - 1, len(z)
+        self._total += [z[order - i : count - i].sum(axis=0) for i in range(order + 1)]
+        self._rows += count - order
+
+    def close(self) -> None:
+        """End of a stretch."""
+        if self._rows:
+            self.products += np.einsum("ik,jl->ijkl", self._total, self._total) / self._rows
+            self.stretches += 1
+        self._total, self._rows = np.zeros_like(self._total), 0
+
+
 def _collect(
-    chunks: Chunks, basis: Array, order: int, every: int, decimation: int
-) -> tuple[Array, int]:
-    """The sums C of all stretches and how many rows are in them."""
+    chunks: Chunks, basis: Array, order: int, every: int, decimation: int, offsets: bool
+) -> tuple[_Products, int]:
+    """The sums of all stretches and how many rows are in them."""
     width = basis.shape[1] + 1
-    products = np.zeros((order + 1, order + 1, width, width))
+    products, means = np.zeros((order + 1, order + 1, width, width)), _Means(order, width)
     samples, tail = 0, np.empty((0, width))
     for starts, rows, noise, slope in pieces(chunks, basis, decimation, every):
         z = np.column_stack([rows * slope[:, None], noise])
+        if starts:
+            means.close()
         z = z if starts else np.concatenate([tail, z])
         if len(z) > order:
             products += lagged_products(z, order)
             samples += len(z) - order
+            if offsets:
+                means.add(z)
         tail = z[max(0, len(z) - order) :]
-    return products, samples
+    means.close()
+    return _Products(products, means.products, means.stretches), samples
 
 
 def lagged_products(z: Array, order: int) -> Array:
@@ -233,11 +288,13 @@ def lagged_products(z: Array, order: int) -> Array:
     return products
 
 
-def _restricted_fit(products: Array, samples: int, parameters: int, decimation: int) -> NoiseModel:
+def _restricted_fit(
+    products: _Products, samples: int, parameters: int, decimation: int
+) -> NoiseModel:
     """Choose the order with the expected products of the largest one, then fit that order."""
     degrees = samples - parameters
     order = _choose_order(_iterate(products, degrees)[1], samples)
-    products = products[: order + 1, : order + 1]
+    products = products.up_to(order)
     phi, expected = _iterate(products, degrees)
     variance = _expected_products(phi, products, degrees)[1]
     known = np.asarray(variance * np.linalg.pinv(expected[1:, 1:], hermitian=True), np.float64)
@@ -245,24 +302,30 @@ def _restricted_fit(products: Array, samples: int, parameters: int, decimation: 
     return NoiseModel(_stationary(phi, samples), variance, spread, samples, parameters, decimation)
 
 
-def _expected_products(phi: Array, products: Array, degrees: int) -> tuple[Array, float]:
+def _expected_products(phi: Array, products: _Products, degrees: int) -> tuple[Array, float]:
     """Q and σ² of the E-step at φ."""
-    a, width = np.append(1.0, -phi), products.shape[2]
-    flat = products.reshape(len(a) ** 2, width**2)
-    whitened = (np.outer(a, a).ravel() @ flat).reshape(width, width)
+    a, width = np.append(1.0, -phi), products.sums.shape[2]
+    flat, means = (x.reshape(len(a) ** 2, width**2) for x in (products.sums, products.means))
+    whitened = (np.outer(a, a).ravel() @ (flat - means)).reshape(width, width)
     terms = whitened[:-1, :-1]
-    rounding = _RIDGE * np.trace(products[0, 0, :-1, :-1])
+    rounding = _RIDGE * np.trace(products.sums[0, 0, :-1, :-1])
     inverse = np.linalg.inv(terms + rounding * np.eye(width - 1))
     u = np.append(-inverse @ whitened[:-1, -1], 1.0)
     variance = float(u @ whitened @ u) / degrees
     weight = np.outer(u, u)
     weight[:-1, :-1] += variance * inverse
-    return (flat @ weight.ravel()).reshape(len(a), len(a)), variance
+    expected = (flat @ weight.ravel()).reshape(len(a), len(a))
+    if products.offsets:
+        gain = max(float(a.sum()), _LEAST_GAIN)
+        across = (means @ weight.ravel()).reshape(len(a), len(a)) @ a / gain
+        known = float(a @ across) / gain + products.offsets * variance / gain**2
+        expected = expected - across[:, None] - across[None, :] + known
+    return expected, variance
 
 
-def _iterate(products: Array, degrees: int) -> tuple[Array, Array]:
+def _iterate(products: _Products, degrees: int) -> tuple[Array, Array]:
     """EM from the plain least-squares coefficients until a step is 1/1000 of their error."""
-    phi = _solve(products[:, :, -1, -1])
+    phi = _solve(products.sums[:, :, -1, -1])
     for _ in range(_LONGEST_ITERATION):
         expected, variance = _expected_products(phi, products, degrees)
         step = _solve(expected) - phi
@@ -286,7 +349,7 @@ def _choose_order(expected: Array, samples: int) -> int:
     return int(np.argmin(scores))
 
 
-def _coefficient_covariance(phi: Array, products: Array, degrees: int, known: Array) -> Array:
+def _coefficient_covariance(phi: Array, products: _Products, degrees: int, known: Array) -> Array:
     """σ² Q⁻¹, if the noise were known, widened by what EM says the terms hid: (I - DM)⁻¹."""
     centre = _solve(_expected_products(phi, products, degrees)[0])
     rate = np.empty_like(known)

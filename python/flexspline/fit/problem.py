@@ -37,6 +37,7 @@ Array = NDArray[np.float64]
 SECONDS_A_BLOCK = 2.0
 MOST_BLOCKS = 400
 CHUNK = 1 << 15
+ROUNDING = 1e-12  # of a column's size: what is left of one that is constant in a run
 KEPT = 24  # filtered effects of each run
 
 
@@ -65,6 +66,19 @@ class Run:
     def counted(self) -> int:
         """Rows that count."""
         return sum(last - first for first, last in self.stretches)
+
+    def mean(self, values: Array) -> Array:
+        """Mean of values (N,) or (N, K) over the rows that count."""
+        total = sum(values[first:last].sum(axis=0) for first, last in self.stretches)
+        return np.asarray(total / max(self.counted, 1))
+
+    def centred(self, values: Array) -> Array:
+        """Values (N,) or (N, K) less their mean; zero where nothing but rounding is left."""
+        rest = values - self.mean(values)
+        parts = [slice(first, last) for first, last in self.stretches]
+        size = np.max([np.abs(values[part]).max(axis=0) for part in parts], axis=0, initial=0.0)
+        left = np.max([np.abs(rest[part]).max(axis=0) for part in parts], axis=0, initial=0.0)
+        return np.where(left > ROUNDING * size, rest, 0.0)
 
     def blocks(self, length: int) -> list[tuple[int, int]]:
         """Cut the stretches into blocks of about `length` rows, none shorter than half."""
@@ -139,7 +153,7 @@ class Problem:
             weight = None if weights is None else weights[number]
             off = nothing if held is None or not held.any() else held[place]
             carried = load[place] if load.size else nothing
-            if self.lowpass is None:
+            if self.lowpass is None and not self.centred:
                 high, low = design.accumulate(
                     run.channels,
                     run.target,
@@ -154,6 +168,8 @@ class Problem:
             else:
                 rows = self.rows(effects, number, carried)
                 target = run.target - rows @ off if off.size else run.target
+                if self.centred:
+                    rows, target = run.centred(rows), run.centred(target)
                 if weight is not None and exact:
                     root = np.sqrt(weight)
                     rows, target, weight = rows * root[:, None], target * root, None
@@ -184,6 +200,8 @@ class Problem:
         changes are kept, the last few of each effect.
         """
         run = self.runs[number]
+        if self.lowpass is None:
+            return np.asarray(self.design(effects).rows(run.channels, len(run), load))
         columns = [np.empty((len(run), 0))]
         for k, effect in enumerate(effects):
             if "load" in effect.reads:
@@ -210,10 +228,17 @@ class Problem:
         return [self.predict_run(effects, coefficients, k) for k in range(len(self.runs))]
 
     def predict_run(self, effects: Sequence[Effect], coefficients: Array, number: int) -> Array:
-        """Rows times coefficients of one run, (N,)."""
+        """Rows times coefficients of one run, (N,), and its own offset where that is taken out."""
+        values = self.combined(effects, coefficients, number)
+        run = self.runs[number]
+        return values + run.mean(run.target) if self.centred else values
+
+    def combined(self, effects: Sequence[Effect], weights: Array, number: int) -> Array:
+        """Rows of one run, as they are fitted, times weights: (N,)."""
         run, place = self.runs[number], self.place(effects, number)
-        values = self.design(effects).predict(run.channels, len(run), coefficients[place])
-        return self.smooth(run, np.asarray(values))
+        values = self.design(effects).predict(run.channels, len(run), weights[place])
+        values = self.smooth(run, np.asarray(values))
+        return run.centred(values) if self.centred else values
 
     def pieces(self) -> Iterator[tuple[int, int, int]]:
         """Run number and row range of pieces small enough to hold a design matrix of."""

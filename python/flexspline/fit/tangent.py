@@ -107,8 +107,17 @@ class Tangent:
     def _whole_runs(self) -> bool:
         """Whether rows need all rows before them: filters and memory do."""
         remembers = any(effect.info.remembers for effect in self.effects)
-        return remembers or self.problem.lowpass is not None
+        return remembers or self.problem.lowpass is not None or self.problem.centred
 
-    def _whole_run(self, number: int) -> Array:
+    def whole(self, number: int) -> Array:
+        """Columns of `_rows` of a whole run, low-passed as the target is."""
         run = self.problem.runs[number]
         return self.problem.smooth(run, self._rows(number, 0, len(run)))
+
+    def _whole_run(self, number: int) -> Array:
+        run, rows = self.problem.runs[number], self.whole(number)
+        if not self.problem.centred:
+            return rows
+        rows = run.centred(rows)
+        rows[:, -1] += run.mean(run.target)
+        return rows
