@@ -49,7 +49,8 @@ def log(seed: int, rows: int, gap: int | None = None, jitter: float = 0.0) -> Lo
     time = channels["time"] + jitter * generator.uniform(-1.0, 1.0, rows) * 1e-3
     time[gap or rows :] += 3.0
     kept = {k: v for k, v in channels.items() if k not in ("late_load", "fine_angle")}
-    return Log.from_arrays(facts={**FACTS, "name": f"run {seed}"}, **{**kept, "time": time})
+    facts = {**FACTS, "torque_constant": 0.1, "name": f"run {seed}"}
+    return Log.from_arrays(facts=facts, **{**kept, "time": time})
 
 
 def study(logs: list[Log], target: str = "sensor_torque", cutoff: float | None = None) -> Study:

@@ -79,13 +79,13 @@ WRONG = {
     "NaN in a channel": (BASE, lambda: spoilt("output_velocity"), {}, ["output_velocity", "117"]),
     "logs of two gears": (
         BASE,
-        lambda: [log_of(gear_ratio=100.0), log_of(gear_ratio=50.0)],
+        lambda: [log_of(gear_ratio=100.0), log_of(1500, gear_ratio=50.0)],
         {},
         ["gear_ratio", "100", "50"],
     ),
     "logs of two joints": (
         BASE,
-        lambda: [log_of(joint="A1"), log_of(joint="A2")],
+        lambda: [log_of(joint="A1"), log_of(1500, joint="A2")],
         {},
         ["joint", "A1", "A2"],
     ),
@@ -204,7 +204,7 @@ WRONG = {
     ),
     "an offset per run of no offset": (
         BASE[1:],
-        lambda: [log_of(), log_of()],
+        lambda: [log_of(), log_of(1500)],
         {"offset_per_run": True},
         ["offset_per_run", "add"],
     ),
@@ -266,7 +266,8 @@ def test_a_fit_of_no_effects_has_no_parameters_and_leaves_the_target(options):
 
 
 def test_a_fit_of_no_effects_is_saved_and_read_again(tmp_path):
-    fit = flexspline.fit([], [log_of(name="a"), log_of(name="b")], "sensor_torque", checks=False)
+    logs = [log_of(name="a"), log_of(1500, name="b")]
+    fit = flexspline.fit([], logs, "sensor_torque", checks=False)
     fit.model.save(tmp_path / "model.json")
     again = flexspline.Model.load(tmp_path / "model.json")
     assert again.part().effects == ()
