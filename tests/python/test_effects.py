@@ -72,7 +72,7 @@ def test_every_effect_of_the_specification_has_its_targets():
         "sensor_nonlinearity": "S",
         "torque_hysteresis": "S",
         "motor_crosstalk": "S",
-        "sensor_lag": "S",
+        "sensor_lag": "SM",
         "torque_constant_error": "M",
         "backlash": "D",
         "temperature_dependent_stiffness": "D",

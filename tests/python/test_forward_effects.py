@@ -27,6 +27,7 @@ BASE: Given = [
 SIZES = {
     "offset": [0.7],
     "coulomb_friction_per_direction": [1.2, -0.8],
+    "direction_dependent_friction": [0.3, 0.2],
     "nonlinear_viscous_friction": [0.4, 0.1],
     "stribeck_friction": [0.8],
     "presliding_friction": [0.4, 0.3, 0.2, 0.1],
@@ -43,7 +44,9 @@ SIZES = {
     "coulomb_friction": [1.5],
     "inertia": [0.5],
 }
-OF_DRIVES = sorted(name for name, info in CATALOGUE.items() if "M" in info.targets)
+OF_DRIVES = sorted(
+    name for name, info in CATALOGUE.items() if "M" in info.targets and name != "sensor_lag"
+)  # a recorder's delay drives no joint
 
 
 def chosen(name: str) -> tuple[flexspline.Effect, list[float]]:

@@ -92,18 +92,22 @@ class Confirmed:
     also_seen: tuple[AlsoSeen, ...]
 
 
-def confirmed(made: Analysis, fitted: Callable[[Working], Fit], base: Sequence[str]) -> Confirmed:
+def confirmed(
+    made: Analysis, fitted: Callable[[Working, bool], Fit], base: Sequence[str]
+) -> Confirmed:
     """Withdraw names until each of them holds.
 
     Parameters
     ----------
-    fitted : makes the fit to return of a model.
+    fitted : makes the fit of a model, with its shapes fitted too or as the search left them. The
+        names are put to the test in fits of the second kind, and those that hold in the first.
     base : effects that the caller gave; what else the base was given for its form is withdrawn
         too where it is not significant.
     """
     small: list[AlsoSeen] = []
+    whole = False
     while True:
-        fit = fitted(made.final)
+        fit = fitted(made.final, whole)
         shown = _all_shown(made, fit)
         failing = [one for one in shown if one.withdrawn]
         if failing:
@@ -116,10 +120,11 @@ def confirmed(made: Analysis, fitted: Callable[[Working], Fit], base: Sequence[s
             if not little and idle:
                 made = made.without(idle[0])
                 continue
+            if not little and not whole:
+                made, whole = _in_order(made), True
+                continue
             if not little:
                 by_name = {one.effect.name: one for one in shown}
-                made = _in_order(made)
-                fit = fitted(made.final) if len(shown) > 1 else fit
                 return Confirmed(made, fit, by_name, tuple(small))
             worst = min(little, key=lambda one: one.share)
             if worst.fall > ERRORS * worst.error:
@@ -141,7 +146,8 @@ def significance(fit: Fit, name: str) -> float:
     spread = fit.covariance[np.ix_(at, at)]
     scale = np.sqrt(np.maximum(np.diag(spread), 1e-300))
     told = np.linalg.lstsq(spread / np.outer(scale, scale), beta / scale, rcond=1e-10)[0]
-    return float(chi2.sf(float((beta / scale) @ told), len(at)))
+    wald = float((beta / scale) @ told)
+    return float(chi2.sf(wald, len(at))) if np.isfinite(wald) else 0.0  # there is no noise at all
 
 
 def _all_shown(made: Analysis, fit: Fit) -> list[Shown]:

@@ -31,8 +31,11 @@ def freedoms(
     logs: Sequence[Log],
     noise: Mapping[str, ChannelNoise],
 ) -> tuple[str, ...]:
-    """Return the names of what the base is given; `noise`: of each channel."""
-    if target == "torsion":
+    """Return the names of what the base is given; `noise`: of each channel.
+
+    Nothing where no channel is noisy: such runs come from a simulation, whose friction is odd.
+    """
+    if target == "torsion" or not any(one.noisy for one in noise.values()):
         return ()
     names = {effect.name for effect in base}
     found = [DIRECTIONS] if names & {*FRICTION} and _both_ways(logs) else []
