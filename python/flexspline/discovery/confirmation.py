@@ -33,6 +33,7 @@ from flexspline.fit.result import Fit
 __all__ = ["AlsoSeen", "Confirmed", "Shown", "confirmed", "significance"]
 
 SIGNIFICANT = 0.05  # p of Wald's test
+EXACT = 1e-12  # of a coefficient: an error that is rounding
 CERTAIN = 16.0  # t above which the held-out error must fall by more than chance
 ERRORS = 2.0  # standard errors of the fall of the held-out error
 SMALL = 0.005  # of what all names close held out: less is too small to matter
@@ -145,9 +146,10 @@ def significance(fit: Fit, name: str) -> float:
     beta = np.array([values[known[k]] for k in at])
     spread = fit.covariance[np.ix_(at, at)]
     scale = np.sqrt(np.maximum(np.diag(spread), 1e-300))
+    if np.all(scale <= EXACT * np.abs(beta)):
+        return 0.0  # runs without noise
     told = np.linalg.lstsq(spread / np.outer(scale, scale), beta / scale, rcond=1e-10)[0]
-    wald = float((beta / scale) @ told)
-    return float(chi2.sf(wald, len(at))) if np.isfinite(wald) else 0.0  # there is no noise at all
+    return float(chi2.sf(float((beta / scale) @ told), len(at)))
 
 
 def _all_shown(made: Analysis, fit: Fit) -> list[Shown]:
