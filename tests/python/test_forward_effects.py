@@ -46,8 +46,6 @@ SIZES = {
 }
 LATE = "sensor_lag"  # a delay of the recorder, which drives no joint
 OF_DRIVES = sorted(n for n, info in CATALOGUE.items() if "M" in info.targets and n != LATE)
-    name for name, info in CATALOGUE.items() if "M" in info.targets and name != "sensor_lag"
-)  # a recorder's delay drives no joint
 
 
 def chosen(name: str) -> tuple[flexspline.Effect, list[float]]:
