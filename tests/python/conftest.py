@@ -31,9 +31,6 @@ OPEN = {
     "test_discovery_search.py::test_a_slow_cause_without_a_name_is_not_taken_for_noise",
     "test_missing_effect_full_range.py::test_the_gap_shrinks_in_prediction_when_it_is_cold_and_when_it_is_hot",
     "test_missing_effect_zhang.py::test_hysteresis_of_the_sensor_is_named_under_load_and_unload",
-    "test_noise_free.py::test_nothing_is_missing_in_what_is_exact[4-exact to the bit, beside an offset]",  # noqa: E501
-    "test_discovery_sheet.py::test_sums_of_every_effect_equal_those_of_plain_rows[motor_current]",
-    "test_discovery_sheet.py::test_candidates_of_these_tests_are_all_effects_that_remember",
 }
 """Names that changed when discover began to prepare its inputs (issue 15): to be examined one by
 one. None of them is a bound that was moved; each fails or passes as it stands."""
