@@ -28,7 +28,6 @@ OPEN = {
     "test_discover_measured.py::test_presliding_of_iiwa_joints_5_and_7_and_friction_over_the_angle",
     "test_discover_measured.py::test_friction_of_the_xl330_grows_with_its_load_first_of_all",
     "test_discovery_evidence.py::test_a_small_effect_is_named_that_is_told_from_chance_by[902-42]",
-    "test_discovery_search.py::test_a_slow_cause_without_a_name_is_not_taken_for_noise",
     "test_missing_effect_full_range.py::test_the_gap_shrinks_in_prediction_when_it_is_cold_and_when_it_is_hot",
     "test_missing_effect_zhang.py::test_hysteresis_of_the_sensor_is_named_under_load_and_unload",
 }

@@ -277,7 +277,7 @@ class _Recorded:
 
         ways, start = way.preparations, way.start
         made = cls._made(runs, start.target, ways)
-        if start.target == "torsion" or not any(w.channel == "output_velocity" for w in ways):
+        if start.target == "torsion" or not any(w.channel == "output_position" for w in ways):
             return made
         further = cls._made(runs, start.target, coarser(ways))
         base = [effect for effect in start.effects if effect.harmonics or not effect.ripple]

@@ -20,6 +20,7 @@ from flexspline.logs.log import Log
 __all__ = ["DIRECTIONS", "LAG", "freedoms", "held_of", "with_freedoms"]
 
 DIRECTIONS, LAG = "direction_dependent_friction", "sensor_lag"
+ANGLE = "output_position"
 FRICTION = ("coulomb_friction", "viscous_friction")
 BOTH_WAYS = 0.1  # of the rows go each way at least, for a difference between directions
 
@@ -33,9 +34,11 @@ def freedoms(
 ) -> tuple[str, ...]:
     """Return the names of what the base is given; `noise`: of each channel.
 
-    Nothing where no channel is noisy: such runs come from a simulation, whose friction is odd.
+    Nothing where neither the angle nor the known load is noisy: such runs come from a simulation,
+    whose friction is odd. The noise of the target tells nothing of that.
     """
-    if target == "torsion" or not any(one.noisy for one in noise.values()):
+    recorded = [noise[name] for name in {ANGLE, known_load or ANGLE} if name in noise]
+    if target == "torsion" or not any(one.noisy for one in recorded):
         return ()
     names = {effect.name for effect in base}
     found = [DIRECTIONS] if names & {*FRICTION} and _both_ways(logs) else []
