@@ -138,9 +138,10 @@ using D = double;
 }  // namespace
 
 TEST_CASE("columns and sums of a design have the bits of the plain rows: friction") {
-  check_equal(Model<D, Offset<D>, CoulombFriction<D>, ViscousFriction<D>,
-                    NonlinearViscousFriction<D>, StribeckFriction<D>>{},
-              50);
+  check_equal(
+      Model<D, Offset<D>, CoulombFriction<D>, ViscousFriction<D>, NonlinearViscousFriction<D>,
+            StribeckFriction<D>, DirectionDependentFriction<D>>{},
+      50);
   check_equal(Model<D, CoulombFrictionPerDirection<D>, TemperatureDrift<D>>{}, 51);
 }
 

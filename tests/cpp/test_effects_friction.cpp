@@ -39,6 +39,33 @@ TEST_CASE_TEMPLATE("friction is odd in velocity", S, float, double) {
   check_odd_in_velocity<S>(LoadDependentFriction<S>{});
 }
 
+TEST_CASE_TEMPLATE("friction that differs between the directions is even in velocity", S, float,
+                   double) {
+  std::mt19937_64 random(21);
+  const DirectionDependentFriction<S> effect;
+  for (int i = 0; i < 1000; ++i) {
+    auto at = i % 2 == 0 ? usual_sample<S>(random) : any_sample<S>(random);
+    const auto forward = effect.row(at);
+    at.output_velocity = -at.output_velocity;
+    CHECK(effect.row(at) == forward);
+  }
+}
+
+TEST_CASE_TEMPLATE("beside level and viscosity it is what forward exceeds the mean by", S, float,
+                   double) {
+  const S level = S(3), viscosity = S(0.5), more = S(0.25), steeper = S(0.125);
+  for (const S speed : {S(0.25), S(1), S(8)}) {
+    for (const S way : {S(1), S(-1)}) {
+      const S v = way * speed;
+      const Row<S, 2> row = row_at_velocity<S>(DirectionDependentFriction<S>{}, v);
+      const S torque = level * row_at_velocity<S>(CoulombFriction<S>{}, v)[0] +
+                       viscosity * row_at_velocity<S>(ViscousFriction<S>{}, v)[0] + more * row[0] +
+                       steeper * row[1];
+      CHECK(torque == way * (level + way * more + (viscosity + way * steeper) * speed));
+    }
+  }
+}
+
 TEST_CASE_TEMPLATE("friction is zero at standstill", S, float, double) {
   const auto check = [](const auto& effect) {
     for (const S value : row_at_velocity<S>(effect, 0)) CHECK(value == S(0));
@@ -48,6 +75,7 @@ TEST_CASE_TEMPLATE("friction is zero at standstill", S, float, double) {
   check(NonlinearViscousFriction<S>{});
   check(StribeckFriction<S>{});
   check(LoadDependentFriction<S>{});
+  check(DirectionDependentFriction<S>{});
   CHECK(row_at_velocity<S>(CoulombFrictionPerDirection<S>{}, 0) == Row<S, 2>{S(0.5), S(0.5)});
 }
 
@@ -58,6 +86,8 @@ TEST_CASE_TEMPLATE("far above its width the direction is one", S, float, double)
     CHECK(row_at_velocity<S>(CoulombFrictionPerDirection<S>{}, v) == Row<S, 2>{S(1), S(0)});
     CHECK(row_at_velocity<S>(CoulombFrictionPerDirection<S>{}, -v) == Row<S, 2>{S(0), S(1)});
     CHECK(row_at_velocity<S>(LoadDependentFriction<S>{}, v)[0] == S(40));
+    CHECK(row_at_velocity<S>(DirectionDependentFriction<S>{}, v) == Row<S, 2>{S(1), v});
+    CHECK(row_at_velocity<S>(DirectionDependentFriction<S>{}, -v) == Row<S, 2>{S(1), v});
   }
 }
 
@@ -68,6 +98,20 @@ TEST_CASE_TEMPLATE("the two directions add up to one", S, float, double) {
     const auto row = row_at_velocity<S>(CoulombFrictionPerDirection<S>{}, velocity);
     CHECK(math::absolute(row[0] + row[1] - 1) <= std::numeric_limits<S>::epsilon());
   }
+}
+
+TEST_CASE_TEMPLATE("within its width the difference between the directions fades with the square",
+                   S, float, double) {
+  const DirectionDependentFriction<S> effect{S(0.25)};
+  const double at_width = std::tanh(1.0);
+  for (const S v : {S(0.25), S(-0.25)}) {
+    const Row<S, 2> row = row_at_velocity<S>(effect, v);
+    CHECK(double(row[0]) == doctest::Approx(at_width * at_width).epsilon(1e-6));
+    CHECK(double(row[1]) == doctest::Approx(0.25 * at_width).epsilon(1e-6));
+  }
+  const Row<S, 2> slow = row_at_velocity<S>(effect, S(0.0025));
+  CHECK(double(slow[0]) == doctest::Approx(1e-4).epsilon(1e-3));
+  CHECK(double(slow[1]) == doctest::Approx(2.5e-5).epsilon(1e-3));
 }
 
 TEST_CASE_TEMPLATE("Stribeck friction has faded far above its velocity", S, float, double) {

@@ -29,6 +29,7 @@ def one_speed() -> Log:
     ("effect", "words"),
     [
         ("coulomb_friction", "100 % of the moving rows go one way"),
+        ("direction_dependent_friction", "100 % of the moving rows go one way"),
         ("stribeck_friction", "go one way"),
         ("viscous_friction", "a factor of 1.5 is needed"),
         ("nonlinear_viscous_friction", "a factor of 3 is needed"),
@@ -143,6 +144,7 @@ def test_a_rich_run_excites_the_usual_effects() -> None:
     usual = (
         "offset",
         "coulomb_friction",
+        "direction_dependent_friction",
         "viscous_friction",
         "stribeck_friction",
         "inertia",

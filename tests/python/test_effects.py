@@ -62,6 +62,7 @@ def test_the_effects_that_remember_are_those_of_path_and_lag():
 
 def test_every_effect_of_the_specification_has_its_targets():
     targets = {
+        "direction_dependent_friction": "SM",
         "presliding_friction": "SM",
         "temperature_dependent_friction": "SM",
         "position_dependent_friction": "SM",
@@ -111,6 +112,7 @@ def test_the_rows_are_the_formulas_of_the_papers():
             1 / (1 + np.exp(-2 * v / 0.03)),
             1 / (1 + np.exp(2 * v / 0.03)),
         ],
+        effect("direction_dependent_friction", direction_width=0.03): [direction**2, v * direction],
         effect("viscous_friction"): [v],
         effect("nonlinear_viscous_friction"): [v * np.abs(v), v**3],
         effect("stribeck_friction", direction_width=0.03, stribeck_velocity=0.5): [

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 import flexspline
 from flexspline import _core
 from flexspline.effects import CATALOGUE, effect
+from flexspline.errors import InputError
 from flexspline.forward import drive_inputs
 from flexspline.logs.log import Log
 from flexspline.model import Model, Part
@@ -95,6 +96,40 @@ def test_the_torque_that_moved_it_is_what_the_model_predicts_of_the_motion(name:
     most = float(np.max(np.abs(made["acceleration"])))
     missed = 260.0 * 2.0 * most * 1e-6 / 8.0 if CATALOGUE[name].remembers else 0.0
     assert np.max(np.abs(found.residual[counts])) < 1e-9 + missed
+
+
+def test_a_joint_that_brakes_more_one_way_runs_and_sticks_as_its_directions_say() -> None:
+    """(3 + 0.5) + (2 + 0.25) v forward, (3 - 0.5) + (2 - 0.25) |v| backward; at rest as much."""
+    more = effect("direction_dependent_friction", direction_width=SHARP)
+    model = drive([
+        ("inertia", [0.1]),
+        (effect("coulomb_friction", direction_width=SHARP), [3.0]),
+        ("viscous_friction", [2.0]),
+        (more, [0.5, 0.25]),
+    ])  # fmt: skip
+    time = np.arange(0.0, 4.0, 1e-3)
+    for torque, speed in ((8.0, 4.5 / 2.25), (-6.0, -3.5 / 1.75), (3.4, 0.0), (-2.4, 0.0)):
+        made = driven(model, run_of(time, np.full(len(time), torque)), steps=2)
+        assert made["velocity"][-1] == pytest.approx(speed, abs=1e-6), torque
+    assert driven(model, run_of(time, np.full(len(time), -2.6)))["velocity"][-1] < -0.05
+
+
+@pytest.mark.parametrize(
+    ("target", "load"), [("motor_torque", "reference_torque"), ("motor_current", None)]
+)
+def test_a_delay_of_the_recorder_is_refused_in_one_sentence(target: str, load: str | None) -> None:
+    effects = (effect("inertia"), effect(LATE))
+    part = Part(target, effects, np.array([0.5, 0.002]), load)
+    model = Model({"drive": part}, FACTS)
+    log = rich(3).with_facts({"torque_constant": 0.1})
+    log = log.with_columns({"motor_current": log["motor_torque"] / 0.1}, note="simulated")
+    for refused in (
+        lambda: flexspline.simulate(model, log),
+        lambda: flexspline.fit(effects, log, target, known_load=load, by="simulation"),
+    ):
+        with pytest.raises(InputError, match=rf"{LATE} of the {target} part.*repair shift") as said:
+            refused()
+        assert "\n" not in str(said.value)
 
 
 def test_presliding_friction_is_elastic_until_it_slips() -> None:

@@ -130,6 +130,7 @@ def confirmed(
             worst = min(little, key=lambda one: one.share)
             if worst.fall > ERRORS * worst.error:
                 small.append(AlsoSeen(worst.effect.name, *worst.rmse, worst.t, worst.share))
+                made.searcher.refused.pop(worst.effect.name, None)  # of an earlier step
             else:
                 made.searcher.refused[worst.effect.name] = "too small to be seen held out"
         made = made.without(worst.effect.name)

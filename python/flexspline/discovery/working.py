@@ -77,7 +77,7 @@ class Working:
     def having(self, effects: Sequence[Effect]) -> Working:
         """Return a model of other effects that keeps the coefficients of those in both."""
         old = dict(zip(coefficient_names(self.effects), self.coefficients, strict=True))
-        lost = {e.name for e in self.named} - {e.name for e in effects}
+        lost = {e.name for e in self.effects} - {e.name for e in effects}
         fixed = {n: v for n, v in self.fixed.items() if n.split(".")[0] not in lost}
         made = working(effects, self.base, fixed)
         values = [old.get(n, v) for n, v in zip(_names(effects), made.coefficients, strict=True)]

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline import _core
+from flexspline.effects import Effect
 from flexspline.errors import InputError, listed
 from flexspline.fit.requirements import require_one_unit
 from flexspline.forward.servo import PositionServo
@@ -20,7 +21,7 @@ from flexspline.logs.segments import runs
 from flexspline.model import Model, Part
 from flexspline.signals import gear_of, torque_of_current
 
-__all__ = ["DriveInputs", "drive_inputs", "require_movable"]
+__all__ = ["DriveInputs", "drive_inputs", "require_movable", "require_no_delay"]
 
 Array = NDArray[np.float64]
 
@@ -126,9 +127,10 @@ def drive_inputs(
     ------
     InputError
         Where the log lacks the motor's torque (or the command), an input of an effect, or the
-        initial angle, or has rows without a value in one of them.
+        initial angle, or has rows without a value in one of them; and as `require_no_delay`.
     """
     part = model.part(target)
+    require_no_delay(part.effects, part.target)
     require_one_unit(part.effects, part.target, part.known_load)
     model.require_scales(log, part)
     log = _with_facts(model, with_motor_torque(log))
@@ -179,6 +181,22 @@ def require_movable(part: Part) -> None:
             f"the model's {part.target} part has {said}, so it cannot be driven forward; fit it "
             "with the effect inertia on runs that accelerate"
         )
+
+
+def require_no_delay(effects: Sequence[Effect], target: str) -> None:
+    """Refuse a drive with an effect of the load's past: a delay of the recorder moves no joint.
+
+    Raises
+    ------
+    InputError
+    """
+    for effect in effects:
+        if effect.info.remembers and "load" in effect.reads:
+            raise InputError(
+                f"the effect {effect.name} of the {target} part is a delay of the recorded load, "
+                "which moves no joint, so the part cannot be driven forward; leave it out and move "
+                "the late channel with the repair shift instead"
+            )
 
 
 _NAMED = {

@@ -14,10 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.errors import InputError
+from flexspline.logs.grain import quantum
 from flexspline.logs.log import Log
 
 GAP_STEPS = 2.5
 """A step longer than this many median steps is a gap: filters start again behind it."""
+
+CREEP = 4.0
+"""Quanta over a repeated position and the rows beside it that slow motion makes: two each way."""
 
 
 @dataclass(frozen=True)
@@ -63,19 +67,28 @@ def runs(time: NDArray[np.float64], gap: float | None = None) -> NDArray[np.intp
 def at_rest(log: Log) -> NDArray[np.bool_]:
     """Rows in which the output certainly stands still, shape (N,); none where that is not told.
 
-    Its position, and its velocity where that is recorded, keep their values over three rows, and
-    the velocity is next to nothing.
+    Its position keeps its value from row to row, and its velocity is next to nothing. Where no
+    velocity is recorded, the position must not catch up behind those rows either, as it does when
+    the recorder stood still and the joint did not.
     """
     if "output_position" not in log or len(log) < 3:
         return np.zeros(len(log), dtype=bool)
+    position = log["output_position"]
+    steps = np.abs(np.diff(position))
+    same = steps == 0.0
     if "output_velocity" in log:
         speed = np.abs(log["output_velocity"])
-        still = speed <= 0.01 * float(np.nanquantile(speed, 0.99))
+        slow = speed <= 0.01 * float(np.nanquantile(speed, 0.99))
     else:
-        still = np.ones(len(log), dtype=bool)
-    same = np.diff(log["output_position"]) == 0.0
-    kept = np.append(same, True) | np.insert(same, 0, True)
-    return np.asarray(still & kept)
+        slow = np.ones(len(log), dtype=bool)
+        first, last = true_ranges(same).T
+        before, behind = np.maximum(first - 1, 0), np.minimum(last + 1, len(log) - 1)
+        least = 0.01 * float(np.nanquantile(steps, 0.99)) * (behind - before)
+        way = np.abs(position[behind] - position[before])
+        still = way <= np.maximum(least, CREEP * quantum(position))
+        same[same] = np.repeat(still, last - first)
+    kept = np.append(same, False) | np.insert(same, 0, False)
+    return np.asarray(slow & kept)
 
 
 def gaps(log: Log, gap: float | None = None) -> tuple[Segment, ...]:

@@ -11,7 +11,7 @@ from tqdm import tqdm
 
 from flexspline.effects import Effect
 from flexspline.errors import InputError, listed
-from flexspline.forward.drive import DriveInputs, drive_inputs
+from flexspline.forward.drive import DriveInputs, drive_inputs, require_no_delay
 from flexspline.logs.derive import differentiate
 from flexspline.output_error.cost import Cost
 from flexspline.output_error.errors import errors_of
@@ -134,6 +134,7 @@ def require_drive(effects: Sequence[Effect], target: str) -> None:
             "by='simulation' needs the effect inertia, without which nothing can be driven "
             f"forward; the effects are {listed(names) or 'none'}; add it"
         )
+    require_no_delay(effects, target)
 
 
 def require_motion(logs: Sequence[Log]) -> None:

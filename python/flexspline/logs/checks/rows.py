@@ -100,14 +100,17 @@ def dropped_samples(log: Log) -> Iterator[Finding]:
 def repeated_rows(log: Log) -> Iterator[Finding]:
     """Rows in which no lively channel differs from the row before: a recorder that stood still.
 
-    Lively is a channel that otherwise hardly ever repeats a value; one at least must exist, for a
-    joint at rest with coarse encoders repeats its values with good reason.
+    Lively is a channel that hardly ever repeats a value in other rows; one at least must exist, for
+    a joint at rest with coarse encoders repeats its values with good reason. Rows in which it
+    certainly rests count as neither.
     """
     same = {c: np.diff(log[c]) == 0 for c in log.channels if c != "time"}
     if len(log) < 10 or not same:
         return
-    stuck = np.logical_and.reduce(list(same.values())) & ~at_rest(log)[1:]
-    lively = any(np.mean(s[~stuck]) < LIVELY for s in same.values()) if not stuck.all() else False
+    rest = at_rest(log)[1:]
+    stuck = np.logical_and.reduce(list(same.values())) & ~rest
+    others = ~stuck & ~rest
+    lively = others.any() and any(np.mean(s[others]) < LIVELY for s in same.values())
     ranges = true_ranges(stuck)
     if not lively or np.count_nonzero(stuck) < STUCK_ROWS:
         return

@@ -1,0 +1,323 @@
+"""What a name has to show before it is the answer, and what a base is given beside its effects."""
+
+from __future__ import annotations
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from fit_logs import WIDTH, motion, simulated
+from numpy.typing import NDArray
+from recorded_joint import LOAD, VISCOUS, base, exact, recorded, runs
+from scipy.stats import chi2
+
+import flexspline
+from flexspline.discovery import confirmation
+from flexspline.discovery.confirmation import ERRORS, SMALL, Shown, significance
+from flexspline.discovery.freedom import DIRECTIONS, LAG, freedoms, held_of, with_freedoms
+from flexspline.discovery.result import Discovery
+from flexspline.effects import Effect, effect
+from flexspline.fit.result import Fit
+from flexspline.logs.log import Log
+from flexspline.prepared import noise_of_channels
+
+Array = NDArray[np.float64]
+
+LATE = 1.5e-3  # s
+FORWARD = 0.15  # by which viscous friction forward exceeds that backward, of their mean
+WITHOUT_VISCOUS = [e for e in base() if e.name != "viscous_friction"]
+
+
+def of_the_load(factor: float, c: dict[str, Array]) -> Array:
+    """Friction that grows with the load, Nm."""
+    return np.asarray(factor * np.abs(c[LOAD]) * np.tanh(c["output_velocity"] / WIDTH))
+
+
+def one_sided(c: dict[str, Array]) -> Array:
+    """What viscous friction has more of forward, and less of backward, Nm."""
+    return np.asarray(0.5 * FORWARD * VISCOUS * np.abs(c["output_velocity"]))
+
+
+def found(effects: list[Effect], logs: list[Log], target: str = "sensor_torque") -> Discovery:
+    return flexspline.discover(effects, logs, target=target, known_load=LOAD)
+
+
+def value_of(made: Fit, name: str) -> tuple[float, float]:
+    (one,) = (p for p in made.parameters if p.name == name)
+    return one.value, one.standard_error
+
+
+# ------------------------------------------------------------------------------ Wald's test
+
+
+@cache
+def fitted() -> Fit:
+    effects = [*base(), effect("nonlinear_viscous_friction"), effect("gravity")]
+    return flexspline.fit(effects, runs(2), "sensor_torque", known_load=LOAD, checks=False)
+
+
+@pytest.mark.parametrize("name", ["viscous_friction", "nonlinear_viscous_friction", "gravity"])
+def test_significance_is_walds_test(name: str) -> None:
+    made = fitted()
+    known = made.part.record["covariance"]["names"]
+    at = [k for k, n in enumerate(known) if n.split(".")[0] == name]
+    beta = np.array([value_of(made, known[k])[0] for k in at])
+    spread = made.covariance[np.ix_(at, at)]
+    by_hand = chi2.sf(beta @ np.linalg.inv(spread) @ beta, len(at))
+    assert len(at) == (1 if name == "viscous_friction" else 2)
+    assert significance(made, name) == pytest.approx(by_hand, rel=1e-6, abs=1e-300)
+
+
+def test_what_is_not_there_is_significant_as_rarely_as_it_should_be() -> None:
+    made = fitted()
+    assert significance(made, "viscous_friction") < 1e-12
+    assert min(significance(made, n) for n in ("nonlinear_viscous_friction", "gravity")) > 1e-3
+    assert significance(made, "cogging") == 1.0
+
+
+def test_an_exact_coefficient_is_significant() -> None:
+    effects, values = ["offset", "viscous_friction"], np.array([0.5, 0.25])
+    log = simulated(effects, values, motion(0))
+    made = flexspline.fit(effects, log, "sensor_torque", checks=False)
+    assert significance(made, "viscous_friction") == 0.0
+    assert significance(made, "offset") == 0.0
+
+
+# ------------------------------------------------------------------------------ withdrawn
+
+
+def shown(**more: Any) -> Shown:
+    usual = {"p": 0.0, "t": 10.0, "fall": 1.0, "error": 0.1, "share": 0.5, "rmse": (2.0, 1.0)}
+    return Shown(effect("gravity"), **{**usual, **more})
+
+
+@pytest.mark.parametrize(
+    ("more", "why"),
+    [
+        ({}, ""),
+        ({"p": 0.049}, ""),
+        ({"p": 0.05}, "not significant in the final fit"),
+        ({"p": float("nan")}, "not significant in the final fit"),
+        ({"fall": 0.0}, "does not lower the held-out error"),
+        ({"fall": -1.0}, "does not lower the held-out error"),
+        ({"t": 16.0, "error": 1.0}, ""),  # below t = 16 chance may hide its fall
+        ({"t": 16.1, "error": 0.51}, "does not lower the held-out error"),
+        ({"t": 16.1, "error": 0.49}, ""),
+    ],
+)
+def test_a_name_is_withdrawn_for_one_of_two_reasons(more: dict[str, float], why: str) -> None:
+    assert shown(**more).withdrawn == why
+
+
+class Made:
+    """An analysis of names, as far as `confirmed` asks it."""
+
+    def __init__(self, names: list[str], given: list[str], refused: dict[str, str]) -> None:
+        self.names, self.given = names, given
+        self.searcher = SimpleNamespace(refused=refused)
+
+    @property
+    def base(self) -> SimpleNamespace:
+        return SimpleNamespace(effects=[Effect(name) for name in self.given])
+
+    @property
+    def final(self) -> SimpleNamespace:
+        return SimpleNamespace(named=[Effect(name) for name in self.names])
+
+    def without(self, name: str) -> Made:
+        left = ([n for n in names if n != name] for names in (self.names, self.given))
+        return Made(*left, self.searcher.refused)
+
+
+def confirmed(
+    monkeypatch: pytest.MonkeyPatch, each: dict[str, dict[str, float]], **idle: float
+) -> tuple[confirmation.Confirmed, dict[str, str], list[bool]]:
+    """What is confirmed of names that show `each`; `idle`: p of what the base was given."""
+    asked: list[bool] = []
+
+    def all_shown(made: Any, fit: Any) -> list[Shown]:
+        usual = {"p": 0.0, "t": 9.0, "fall": 1.0, "error": 0.1, "share": 0.5, "rmse": (2.0, 1.0)}
+        return [Shown(Effect(name), **{**usual, **each[name]}) for name in made.names]
+
+    def fit(final: Any, whole: bool) -> Any:
+        asked.append(whole)
+        return SimpleNamespace()
+
+    monkeypatch.setattr(confirmation, "_all_shown", all_shown)
+    monkeypatch.setattr(confirmation, "_in_order", lambda made: made)
+    monkeypatch.setattr(confirmation, "significance", lambda fit, name: idle[name])
+    refused: dict[str, str] = {}
+    made = Made([*each], ["offset", *idle], refused)
+    return confirmation.confirmed(made, fit, ["offset"]), refused, asked  # type: ignore[arg-type]
+
+
+def test_names_that_fail_are_withdrawn_and_said_to_be(monkeypatch: pytest.MonkeyPatch) -> None:
+    each = {"viscous_friction": {}, "gravity": {"p": 0.3}, "inertia": {"fall": -1.0, "p": 1e-9}}
+    held, refused, asked = confirmed(monkeypatch, each)
+    assert [*held.shown] == ["viscous_friction"] and held.also_seen == ()
+    assert refused == {
+        "gravity": "not significant in the final fit",
+        "inertia": "does not lower the held-out error",
+    }
+    assert asked[-1] is True  # with the shapes fitted too, once the names hold
+
+
+def test_what_is_real_but_small_is_also_seen_and_what_may_be_chance_is_not(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    little = 0.9 * SMALL
+    each = {
+        "viscous_friction": {},
+        "gravity": {"share": little, "fall": 1.1 * ERRORS * 0.1},
+        "inertia": {"share": little, "fall": 0.9 * ERRORS * 0.1},
+    }
+    held, refused, _ = confirmed(monkeypatch, each)
+    assert [*held.shown] == ["viscous_friction"]
+    assert [one.effect for one in held.also_seen] == ["gravity"]
+    assert held.also_seen[0].share_of_gap == little
+    assert refused == {"inertia": "too small to be seen held out"}
+
+
+def test_the_only_name_is_never_too_small(monkeypatch: pytest.MonkeyPatch) -> None:
+    held, refused, _ = confirmed(monkeypatch, {"gravity": {"share": 0.1 * SMALL}})
+    assert [*held.shown] == ["gravity"] and not refused and held.also_seen == ()
+
+
+def test_what_the_base_was_given_stays_where_it_is_significant(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    held, refused, _ = confirmed(monkeypatch, {}, **{DIRECTIONS: 0.01, LAG: 0.06})
+    assert [e.name for e in held.made.base.effects] == ["offset", DIRECTIONS]
+    assert refused == {}
+
+
+def test_the_fall_of_the_error_has_its_spread_over_blocks_of_rows() -> None:
+    before = SimpleNamespace(residuals=[np.sqrt([3.0] * 4 + [5.0] * 4), np.array([2.0, np.nan])])
+    after = SimpleNamespace(residuals=[np.ones(8), np.array([1.0, 1.0])])
+    mean, error = confirmation._fall(before, after, 4)  # type: ignore[arg-type]
+    means = np.array([2.0, 4.0, 3.0])  # of blocks of 4, 4 and 1 rows
+    assert mean == pytest.approx((4 * 2.0 + 4 * 4.0 + 3.0) / 9.0)
+    assert error == pytest.approx(np.std(means, ddof=1) / np.sqrt(3.0))
+    one = SimpleNamespace(residuals=[np.ones(3)])
+    assert confirmation._fall(one, one, 10) == (0.0, np.inf)  # type: ignore[arg-type]
+
+
+# ------------------------------------------------------------------------------ on short runs
+
+
+@pytest.mark.parametrize(
+    ("factor", "names"),
+    [
+        (0.04, ("viscous_friction", "load_dependent_friction")),
+        (0.25, ("load_dependent_friction", "viscous_friction")),
+    ],
+)
+def test_names_stand_in_the_order_of_what_they_close_held_out(
+    factor: float, names: tuple[str, ...]
+) -> None:
+    made = found(WITHOUT_VISCOUS, runs(added=lambda c: of_the_load(factor, c)))
+    assert made.names == names
+    value, error = value_of(made.fit, "load_dependent_friction.factor")
+    assert abs(value - factor) < 4.0 * error < 0.05 * factor
+    errors = [made.base_rmse, *(one.rmse_after for one in made.found)]
+    assert errors == sorted(errors, reverse=True)
+    assert all(one.coefficients_p < 0.05 and one.share_of_gap > SMALL for one in made.found)
+
+
+def test_a_small_effect_is_seen_and_no_part_of_the_model() -> None:
+    made = found(WITHOUT_VISCOUS, runs(added=lambda c: of_the_load(0.004, c)))
+    assert made.names == ("viscous_friction",)
+    (little,) = made.also_seen
+    assert little.effect == "load_dependent_friction" and 0.0 < little.share_of_gap < SMALL
+    assert little.rmse_after < little.rmse_before
+    assert little.effect not in [e.name for e in made.fit.part.effects]
+    assert little.effect not in made.refused and little.effect in str(made)
+
+
+@pytest.mark.parametrize("target", ["sensor_torque", "motor_torque"])
+def test_a_late_load_cell_is_a_fault_with_its_size_and_no_name(target: str) -> None:
+    made = found(base(), runs(target=target, late=LATE), target)
+    assert made.names == () and made.unexplained is None
+    faults = [f for f in made.data_faults if f.name == "load_delay"]
+    assert [f.run for f in faults] == [f"run{k}" for k in range(5)]
+    for fault in faults:
+        assert fault.channel == LOAD and fault.unit == "s"
+        assert fault.size == pytest.approx(LATE, rel=0.05)
+        assert f"shift={LOAD}:" in fault.sentence
+    assert LAG not in [e.name for e in made.fit.part.effects]
+    assert made.final_rmse < 0.012  # the target's own noise is 0.01 Nm
+
+
+def test_friction_that_differs_between_directions_is_reported_and_names_nothing() -> None:
+    made = found(base(), runs(added=one_sided))
+    assert made.names == () and made.also_seen == () and made.unexplained is None
+    assert DIRECTIONS in [e.name for e in made.fit.part.effects]
+    value, error = value_of(made.fit, f"{DIRECTIONS}.viscosity")
+    assert abs(value - 0.5 * FORWARD * VISCOUS) < 4.0 * error < 0.1 * value
+    assert DIRECTIONS in str(made) or DIRECTIONS in str(made.fit)
+    assert DIRECTIONS not in made.base_effects
+
+
+def test_nothing_is_added_to_a_base_that_is_whole() -> None:
+    made = found(base(), runs())
+    assert made.names == () and made.data_faults == ()
+    assert [e.name for e in made.fit.part.effects] == [e.name for e in base()]
+
+
+@pytest.mark.parametrize("differs", [False, True])
+def test_beside_no_offset_the_level_is_held(differs: bool) -> None:
+    made = found(base()[1:], runs(offset=False, added=one_sided if differs else None))
+    effects = [e.name for e in made.fit.part.effects]
+    assert made.names == () and (DIRECTIONS in effects) == differs
+    if differs:
+        states = {p.name: p.state for p in made.fit.parameters}
+        assert states[f"{DIRECTIONS}.level"] == "fixed"
+        assert value_of(made.fit, f"{DIRECTIONS}.level")[0] == 0.0
+        assert value_of(made.fit, f"{DIRECTIONS}.viscosity")[0] == pytest.approx(
+            0.5 * FORWARD * VISCOUS, rel=0.05
+        )
+
+
+# ------------------------------------------------------------------------------ freedoms
+
+
+def freedoms_of(logs: list[Log], effects: list[Effect], target: str, load: str | None):
+    return freedoms(effects, target, load, logs, noise_of_channels(logs))
+
+
+def test_freedom_is_given_to_friction_both_ways_and_to_a_noisy_load_cell() -> None:
+    logs = runs(2)
+    assert freedoms_of(logs, base(), "sensor_torque", LOAD) == (DIRECTIONS, LAG)
+    assert freedoms_of(logs, base(), "motor_torque", None) == (DIRECTIONS,)
+    assert freedoms_of(logs, [effect("inertia")], "sensor_torque", LOAD) == (LAG,)
+    assert freedoms_of(logs, base(), "torsion", LOAD) == ()
+    whole = [*base(), effect(DIRECTIONS), effect(LAG)]
+    assert freedoms_of(logs, whole, "sensor_torque", LOAD) == ()
+
+
+def test_runs_that_go_one_way_have_no_freedom_of_direction() -> None:
+    def one_way(log: Log) -> Log:
+        rising = 2.0 * log["time"] + 0.1 * np.sin(log["time"])
+        noise = np.random.default_rng(1).normal(0.0, 1e-5, len(log))
+        return log.with_columns({"output_position": rising + noise}, note="one way")
+
+    logs = [one_way(recorded(seed)) for seed in range(2)]
+    assert freedoms_of(logs, base(), "sensor_torque", LOAD) == (LAG,)
+    back = logs[0].with_columns({"output_position": -logs[0]["output_position"]}, note="back")
+    assert DIRECTIONS in freedoms_of([logs[0], back], base(), "sensor_torque", LOAD)
+
+
+def test_exact_runs_are_given_nothing() -> None:
+    logs = [Log.from_arrays(**exact(seed), sensor_torque=exact(seed)[LOAD]) for seed in range(2)]
+    assert freedoms_of(logs, base(), "sensor_torque", LOAD) == ()
+
+
+def test_what_a_base_is_given_has_its_width_and_stands_behind_it() -> None:
+    made = with_freedoms(base(), (DIRECTIONS, LAG))
+    assert [e.name for e in made[-2:]] == [DIRECTIONS, LAG]
+    assert made[-2].shapes["direction_width"] == WIDTH
+    assert held_of(made) == {}
+    assert held_of(made[1:]) == {f"{DIRECTIONS}.level": 0.0}
+    assert held_of(base()[1:]) == {}
