@@ -1,5 +1,7 @@
 #include <doctest/doctest.h>
 
+#include <limits>
+
 #include "random_samples.hpp"
 
 using namespace flexspline;
@@ -85,6 +87,25 @@ TEST_CASE_TEMPLATE("a lag follows a ramp by its time, whatever the period", S, f
     typename SensorLag<S>::State fresh;
     CHECK(effect.row(at, fresh)[0] == S(0));
   }
+}
+
+TEST_CASE_TEMPLATE("a lag begins anew behind a load near the largest number", S, float, double) {
+  SensorLag<S> effect;
+  typename SensorLag<S>::State state;
+  Sample<S> at;
+  at.period = S(0.001);
+  at.load = std::numeric_limits<S>::lowest();  // finite, and a sample later an infinite slope
+  CHECK(effect.row(at, state)[0] == S(0));
+  at.load = std::numeric_limits<S>::infinity();
+  auto broken = state;
+  CHECK_FALSE(math::is_finite(effect.row(at, broken)[0]));
+  at.load = S(2);
+  CHECK(effect.row(at, state)[0] == S(0));
+  typename SensorLag<S>::State fresh;
+  effect.row(at, fresh);
+  at.load = S(2.5);
+  CHECK(effect.row(at, state)[0] == effect.row(at, fresh)[0]);
+  CHECK(effect.row(at, state)[0] < S(0));
 }
 
 TEST_CASE_TEMPLATE("heat that spreads slowly is followed in float as well as in double", S, float,

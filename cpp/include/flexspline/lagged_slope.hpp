@@ -4,7 +4,9 @@
 ///
 /// τ s is how far a lag of τ is behind u: the step is exact where u goes straight from sample to
 /// sample. With τ far below the period t, s is the plain difference. The first sample starts with
-/// s = 0, as if u had stood still before; `unknown` is the share of s that still hangs on this.
+/// s = 0, as if u had stood still before; `unknown` is the share of s that still hangs on this. A
+/// finite u from which the slope overflows starts it anew: what is remembered is near the largest
+/// number, and would keep the slope infinite for ever.
 ///
 /// The sum carries its rounding on (Kahan 1965): in float the small steps of a lag of minutes at
 /// 1 kHz would else be lost.
@@ -38,6 +40,10 @@ struct LaggedSlope {
     }
     const S change = share * ((value - state.last) / period - state.slope) - state.lost;
     const S slope = state.slope + change;
+    if (!math::is_finite(slope) && math::is_finite(value)) [[unlikely]] {
+      state = {value, S(0), S(0), S(1), true};
+      return;
+    }
     state.lost = (slope - state.slope) - change;
     state.slope = slope;
     state.unknown = math::clamp(state.unknown * (S(1) - share), S(1e-6), S(1));
