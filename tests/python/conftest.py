@@ -5,6 +5,9 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+# a process of tests for each processor: threads of BLAS besides would wait for each other
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 import measured
 import pytest
 

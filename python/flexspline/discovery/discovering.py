@@ -96,15 +96,8 @@ def discover(
     generalised least squares in the noise's memory where that agrees with plain least squares as
     for a right model, by plain least squares otherwise (`fit/generalised.py`).
     """
-    from flexspline.discovery.assemble import assembled
-    from flexspline.discovery.faults import data_faults, late_load, with_measured_ratio
-    from flexspline.discovery.freedom import LAG, freedoms
-    from flexspline.discovery.grades import graded
-    from flexspline.discovery.rest import moving
-    from flexspline.discovery.steady import steadied
     from flexspline.fit.requirements import require_apart
     from flexspline.logs.log import Log
-    from flexspline.prepared import noise_of_channels, preparations_for
 
     runs = [logs] if isinstance(logs, Log) else list(logs)
     if not runs:
@@ -120,6 +113,32 @@ def discover(
         model_or_effects, runs, target, known_load, simulation, simulated_torque
     )
     start = _start(base, target, known_load, fixed or {})
+    with threadpool_limits(1, user_api="blas"):  # tables are thin: threads of BLAS would only wait
+        return _discovered(
+            start, runs, of_base, lowpass, orders or {}, exclude, limits, progress, threads
+        )
+
+
+def _discovered(
+    start: _Start,
+    runs: list[Log],
+    of_base: tuple[DataFault, ...],
+    lowpass: float | None,
+    orders: Mapping[str, Sequence[int]],
+    exclude: Iterable[str],
+    limits: Limits | None,
+    progress: bool,
+    threads: int,
+) -> Discovery:
+    """`discover` by regression, `of_base`: what is wrong with the base."""
+    from flexspline.discovery.assemble import assembled
+    from flexspline.discovery.faults import data_faults, late_load, with_measured_ratio
+    from flexspline.discovery.freedom import LAG, freedoms
+    from flexspline.discovery.grades import graded
+    from flexspline.discovery.rest import moving
+    from flexspline.discovery.steady import steadied
+    from flexspline.prepared import noise_of_channels, preparations_for
+
     faults = data_faults(runs, start.effects, start.target, start.known_load, threads)
     faults = (*of_base, *faults)
     runs, faults = with_measured_ratio(runs, faults, start.target)
@@ -140,29 +159,27 @@ def discover(
         ways = (*steady, *ways)
 
     style = {"bar_format": "{desc}{elapsed}", "leave": False, "delay": 1.0}
-    alone = threadpool_limits(1 if threads > 1 else None, user_api="blas")  # cores have work enough
-    with alone, tqdm(desc="discovering", disable=not progress, **style) as bar:
+    with tqdm(desc="discovering", disable=not progress, **style) as bar:
 
         def say(what: str) -> None:
             bar.update()
             bar.set_description(what)
 
-        way = _Way(start, lowpass, orders or {}, tuple(ways), threads, say)
+        way = _Way(start, lowpass, orders, tuple(ways), threads, say)
         excluded = [*exclude]
         free = freedoms(start.effects, start.target, start.known_load, runs, inputs)
         free = tuple(name for name in free if name not in excluded)
-        held = _searched(_Recorded.of(runs, way), way, excluded, free)
+        recorded = _Recorded.of(runs, way)
+        held = _searched(recorded, way, excluded, free)
         late = late_load(held.made, runs) if LAG in free else None
         if late is not None:
             runs, told = late
             noisy = (*noisy, *told)
             excluded.append(LAG)  # of two delays only the difference is seen, and it is taken out
-            free = tuple(name for name in free if name != LAG)
-            held = _searched(_Recorded.of(runs, way), way, excluded, free)
-        elif LAG in free and LAG in [e.name for e in held.made.base.effects]:
-            free = tuple(name for name in free if name != LAG)  # it is the sensor's: to be named
-            held = _searched(_Recorded.of(runs, way), way, excluded, free)
-        recorded = _Recorded.of(runs, way)
+            recorded = _Recorded.of(runs, way)
+        if late is not None or (LAG in free and LAG in [e.name for e in held.made.base.effects]):
+            free = tuple(name for name in free if name != LAG)  # or to be named
+            held = _searched(recorded, way, excluded, free)
         rows = _rows(runs, recorded.logs, held.made)
         found = replace(
             assembled(held, faults + noisy, tuple(inputs.values()), rows, limits),
