@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
 from types import SimpleNamespace
 from typing import Any
@@ -11,6 +12,7 @@ import pytest
 from fit_logs import WIDTH, motion, simulated
 from numpy.typing import NDArray
 from recorded_joint import LOAD, VISCOUS, base, exact, recorded, runs
+from scipy.signal import lfilter
 from scipy.stats import chi2
 
 import flexspline
@@ -132,9 +134,15 @@ class Made:
 
 
 def confirmed(
-    monkeypatch: pytest.MonkeyPatch, each: dict[str, dict[str, float]], **idle: float
+    monkeypatch: pytest.MonkeyPatch,
+    each: dict[str, dict[str, float]],
+    chance: tuple[str, ...] = (),
+    **idle: float,
 ) -> tuple[confirmation.Confirmed, dict[str, str], list[bool]]:
-    """What is confirmed of names that show `each`; `idle`: p of what the base was given."""
+    """What is confirmed of names that show `each`; `idle`: p of what the base was given.
+
+    `chance`: which of that lowers the held-out error by no more than chance.
+    """
     asked: list[bool] = []
 
     def all_shown(made: Any, fit: Any) -> list[Shown]:
@@ -148,6 +156,7 @@ def confirmed(
     monkeypatch.setattr(confirmation, "_all_shown", all_shown)
     monkeypatch.setattr(confirmation, "_in_order", lambda made: made)
     monkeypatch.setattr(confirmation, "significance", lambda fit, name: idle[name])
+    monkeypatch.setattr(confirmation, "_lowers", lambda made, name: name not in chance)
     refused: dict[str, str] = {}
     made = Made([*each], ["offset", *idle], refused)
     return confirmation.confirmed(made, fit, ["offset"]), refused, asked  # type: ignore[arg-type]
@@ -191,17 +200,37 @@ def test_what_the_base_was_given_stays_where_it_is_significant(
     held, refused, _ = confirmed(monkeypatch, {}, **{DIRECTIONS: 0.01, LAG: 0.06})
     assert [e.name for e in held.made.base.effects] == ["offset", DIRECTIONS]
     assert refused == {}
+    held, _, _ = confirmed(monkeypatch, {}, (DIRECTIONS,), **{DIRECTIONS: 0.01, LAG: 0.01})
+    assert [e.name for e in held.made.base.effects] == ["offset", LAG]
 
 
-def test_the_fall_of_the_error_has_its_spread_over_blocks_of_rows() -> None:
-    before = SimpleNamespace(residuals=[np.sqrt([3.0] * 4 + [5.0] * 4), np.array([2.0, np.nan])])
-    after = SimpleNamespace(residuals=[np.ones(8), np.array([1.0, 1.0])])
-    mean, error = confirmation._fall(before, after, 4)  # type: ignore[arg-type]
-    means = np.array([2.0, 4.0, 3.0])  # of blocks of 4, 4 and 1 rows
-    assert mean == pytest.approx((4 * 2.0 + 4 * 4.0 + 3.0) / 9.0)
-    assert error == pytest.approx(np.std(means, ddof=1) / np.sqrt(3.0))
-    one = SimpleNamespace(residuals=[np.ones(3)])
-    assert confirmation._fall(one, one, 10) == (0.0, np.inf)  # type: ignore[arg-type]
+def held(*residuals: Sequence[float]) -> Any:
+    return SimpleNamespace(residuals=[np.array(part, dtype=float) for part in residuals])
+
+
+def test_the_fall_of_the_held_out_error_is_that_of_its_squares() -> None:
+    before = held(np.sqrt([3.0] * 4 + [5.0] * 4), [2.0, np.nan])
+    after = held(np.ones(8), [1.0, 1.0])
+    fall, error = confirmation._fall(before, after, 4)
+    assert fall == pytest.approx((4 * 2.0 + 4 * 4.0 + 3.0) / 9.0)
+    sums = [4 * 2.0 * (np.sqrt(3.0) - 1.0), 4 * 2.0 * (np.sqrt(5.0) - 1.0), 2.0]
+    assert error == pytest.approx(np.linalg.norm(sums) / 9.0)
+    one = held(np.ones(3))
+    assert confirmation._fall(one, one, 10) == (0.0, np.inf)
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.9])
+def test_the_error_of_the_fall_is_its_spread_over_draws_of_the_noise(memory: float) -> None:
+    """Both of a motion that shows the effect in one tenth of the rows alone, and of slow noise."""
+    rows, effect, draws = 4000, np.zeros(4000), []
+    effect[:400] = 0.5 * np.sin(np.arange(400) / 20.0)
+    rng = np.random.default_rng(7)
+    for _ in range(400):
+        noise = lfilter([np.sqrt(1.0 - memory**2)], [1.0, -memory], rng.normal(size=rows))
+        draws.append(confirmation._fall(held(noise + effect), held(noise), 50))
+    falls, errors = np.transpose(draws)
+    assert np.mean(falls) == pytest.approx(np.mean(effect**2), rel=0.1)
+    assert np.sqrt(np.mean(errors**2)) == pytest.approx(np.std(falls), rel=0.15)
 
 
 # ------------------------------------------------------------------------------ on short runs
@@ -318,6 +347,7 @@ def test_what_a_base_is_given_has_its_width_and_stands_behind_it() -> None:
     made = with_freedoms(base(), (DIRECTIONS, LAG))
     assert [e.name for e in made[-2:]] == [DIRECTIONS, LAG]
     assert made[-2].shapes["direction_width"] == WIDTH
-    assert held_of(made) == {}
-    assert held_of(made[1:]) == {f"{DIRECTIONS}.level": 0.0}
-    assert held_of(base()[1:]) == {}
+    assert held_of(made, (DIRECTIONS, LAG)) == {f"{LAG}.smoothing_time": 1e-4}  # a difference
+    assert held_of(made, (DIRECTIONS,)) == {}  # a lag that is named is fitted whole
+    assert held_of(made[1:], (DIRECTIONS,)) == {f"{DIRECTIONS}.level": 0.0}
+    assert held_of(base()[1:], ()) == {}

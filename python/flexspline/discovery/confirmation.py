@@ -5,7 +5,7 @@ reader asks two plain questions, and a name that fails one of them is withdrawn:
 
     Is it significant in the final fit?     Wald's test of its coefficients together, p < 0.05
     Does it lower the held-out error?       in the unit of the target; where its t exceeds 16, by
-                                            more than two standard errors over blocks of rows
+                                            more than two standard errors
 
 Of several names, one that closes less than half a per cent of what all of them close held out (a
 fourteenth in RMS) is real but too small to matter: it is listed as also seen and is no part of the
@@ -28,6 +28,7 @@ from flexspline.discovery.refit import refitted
 from flexspline.discovery.working import Working
 from flexspline.effects import Effect
 from flexspline.fit.names import coefficient_names
+from flexspline.fit.problem import Problem
 from flexspline.fit.result import Fit
 
 __all__ = ["AlsoSeen", "Confirmed", "Shown", "confirmed", "significance"]
@@ -103,7 +104,7 @@ def confirmed(
     fitted : makes the fit of a model, with its shapes fitted too or as the search left them. The
         names are put to the test in fits of the second kind, and those that hold in the first.
     base : effects that the caller gave; what else the base was given for its form is withdrawn
-        too where it is not significant.
+        too where it is not significant, or lowers the held-out error by no more than chance.
     """
     small: list[AlsoSeen] = []
     whole = False
@@ -117,8 +118,12 @@ def confirmed(
         else:
             little = [one for one in shown if one.share < SMALL] if len(shown) > 1 else []
             freed = {e.name for e in made.base.effects} - {*base}
-            idle = [name for name in freed if not significance(fit, name) < SIGNIFICANT]
-            if not little and idle:
+            idle = [
+                name
+                for name in sorted(freed)
+                if not (significance(fit, name) < SIGNIFICANT and _lowers(made, name))
+            ]
+            if idle and not little:
                 made = made.without(idle[0])
                 continue
             if not little and not whole:
@@ -157,11 +162,7 @@ def _all_shown(made: Analysis, fit: Fit) -> list[Shown]:
     if not made.final.named:
         return []
     problem, final = made.study.problem, made.final
-    plain = plain_rows(problem, final)
-
-    def left(work: Working) -> HeldOut:
-        return held_out(problem, refitted(problem, work, plain)[0], plain)
-
+    left = _left_by(problem, final)
     whole, base = left(final), left(made.base)
     gap = base.rmse**2 - whole.rmse**2
     dictionary = made.searcher.study.dictionary(final, made.searcher.whitening)
@@ -176,18 +177,29 @@ def _all_shown(made: Analysis, fit: Fit) -> list[Shown]:
     return shown
 
 
+def _lowers(made: Analysis, name: str) -> bool:
+    """Whether what the base was given lowers the held-out error by more than chance."""
+    problem, final = made.study.problem, made.final
+    left = _left_by(problem, final)
+    fall, error = _fall(left(final.plain(name)), left(final), problem.block_rows)
+    return fall > ERRORS * error
+
+
+def _left_by(problem: Problem, final: Working) -> Callable[[Working], HeldOut]:
+    """What models leave of rows held out that are weighed as the final model leaves them."""
+    plain = plain_rows(problem, final)
+    return lambda work: held_out(problem, refitted(problem, work, plain)[0], plain)
+
+
 def _in_order(made: Analysis) -> Analysis:
     """The names in the order in which each closes most of what is left on rows held out."""
     problem, final = made.study.problem, made.final
     if len(final.named) < 2:
         return made
-    plain = plain_rows(problem, final)
+    left = _left_by(problem, final)
     chosen, rest = [*final.effects[: final.base]], [*final.named]
     while len(rest) > 1:
-        errors = []
-        for effect in rest:
-            work, _ = refitted(problem, final.having([*chosen, effect]), plain)
-            errors.append(held_out(problem, work, plain).rmse)
+        errors = [left(final.having([*chosen, effect])).rmse for effect in rest]
         chosen.append(rest.pop(int(np.argmin(errors))))
     ordered = [*chosen, *rest]
     if ordered == [*final.effects]:
@@ -196,16 +208,19 @@ def _in_order(made: Analysis) -> Analysis:
 
 
 def _fall(before: HeldOut, after: HeldOut, rows: int) -> tuple[float, float]:
-    """How much the held-out mean square falls, and its standard error over blocks of rows."""
-    means, counts = [], []
+    """How much the held-out mean square falls, and its standard error.
+
+    With s the difference of both predictions and e what is left after, s² + 2 s e is the fall of a
+    row. Chance is in the second term alone: its sums over blocks, longer than the memory of e, are
+    independent and have no mean of their own.
+    """
+    total, sums, count = 0.0, list[float](), 0
     for old, new in zip(before.residuals, after.residuals, strict=True):
         both = np.isfinite(old) & np.isfinite(new)
-        fall = old[both] ** 2 - new[both] ** 2
-        for part in np.array_split(fall, max(1, round(len(fall) / rows))):
-            if len(part):
-                means.append(float(part.mean()))
-                counts.append(len(part))
-    mean = float(np.average(means, weights=counts))
-    if len(means) < 2:
-        return mean, np.inf
-    return mean, float(np.std(means, ddof=1) / np.sqrt(len(means)))
+        gain, left = old[both] - new[both], new[both]
+        total += float(gain @ (gain + 2.0 * left))
+        parts = np.array_split(2.0 * gain * left, max(1, round(len(gain) / rows)))
+        sums += [float(part.sum()) for part in parts if len(part)]
+        count += len(gain)
+    chance = float(np.linalg.norm(sums)) if len(sums) > 1 else np.inf
+    return total / count, chance / count

@@ -59,10 +59,19 @@ def with_freedoms(base: Sequence[Effect], given: Sequence[str]) -> list[Effect]:
     return made
 
 
-def held_of(effects: Sequence[Effect]) -> dict[str, float]:
-    """Return what is held of the freedoms: beside no offset, a level of the base would be one."""
-    names = {effect.name for effect in effects}
-    return {} if "offset" in names or DIRECTIONS not in names else {f"{DIRECTIONS}.level": 0.0}
+def held_of(effects: Sequence[Effect], given: Sequence[str]) -> dict[str, float]:
+    """Return what is held of the freedoms `given` to these effects.
+
+    Beside no offset, a level of the base would be one. A delay of the load is seen in its slope at
+    once: over what time the slope is taken is not looked for.
+    """
+    held: dict[str, float] = {}
+    names = {effect.name: effect for effect in effects}
+    if DIRECTIONS in names and "offset" not in names:
+        held[f"{DIRECTIONS}.level"] = 0.0
+    if LAG in names and LAG in given:
+        held |= {f"{LAG}.{shape.name}": shape.lower for shape in names[LAG].fitted_shapes}
+    return held
 
 
 def _both_ways(logs: Sequence[Log]) -> bool:

@@ -22,6 +22,7 @@ ROUNDS = 12
 FARTHEST = 0.7  # of a shape's logarithm in one step
 STANDS = 1e-2  # of the squares over σ², in χ²
 HALVINGS = 3
+NOWHERE = 1e-9  # of a shape's logarithm: it stands at a bound
 TOLD = 4.0  # in χ², by which a shape's value has to be better than the one it starts from
 SCANNED = 6  # values of a shape, from bound to bound
 ROUNDING = 1e-13  # of the squares of what a difference is made of
@@ -62,6 +63,8 @@ def refitted(problem: Problem, work: Working, whitening: Whitening) -> tuple[Wor
         move = np.clip(step, -FARTHEST, FARTHEST)
         for _ in range(HALVINGS):
             trial = work.at(work.logarithms + move)
+            if np.allclose(trial.logarithms, work.logarithms, rtol=0.0, atol=NOWHERE):
+                break
             made, reached, ahead = coefficients_of(problem, trial, whitening)
             if reached < squares:
                 work, squares, step = made, reached, ahead
