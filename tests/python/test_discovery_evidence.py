@@ -120,7 +120,6 @@ def small(number: int, deal: int) -> Outcome:
     [
         (593, 42),  # Stribeck friction between two shapes that are screened
         (578, 42),  # springs that only their sign tells from chance
-        (902, 42),  # a kinematic error beside a mesh of thirty times its size
         (581, 42),  # friction over the angle, most of it of the first order
     ],
 )

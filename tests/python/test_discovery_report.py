@@ -190,6 +190,14 @@ def test_a_t_that_would_do_is_doubted_where_the_names_are_not_told_apart(
     assert ("if inertia is right, which these runs do not bear out" in said) is doubted
 
 
+@pytest.mark.parametrize("reached", [0.02, float("inf")])
+def test_a_parameter_that_a_run_makes_no_better_known_is_said_to_be_so(reached: float) -> None:
+    outlook = Outlook(("inertia.inertia",), 0.02, reached, "kg m²", 0.0, None)
+    said = plan_sentence(60.0, "strokes", [outlook], 1, own_load=False)
+    assert "No run within these limits makes inertia" in said and "(now ± 0.02)" in said
+    assert "inf" not in said
+
+
 @pytest.mark.parametrize(("worse", "arrow"), [(1.5, False), (30.0, True)])
 def test_what_got_worse_is_on_the_axes_of_the_map_or_said_to_be_above(
     worse: float, arrow: bool

@@ -94,18 +94,22 @@ def test_an_effect_that_is_no_candidate_gets_no_other_name() -> None:
     assert {LOAD, "output_velocity"} <= set(made.unexplained.depends_on)
 
 
+STRONG = (200.0, 200.0, 12.0, 50.0, 1.0, 0.0, 0)  # regressors of a name, as `features` has them
+
+
 @pytest.mark.parametrize(
     ("better", "worse"),
     [
-        ((200.0, 12.0, 50.0, 1.0, 0.0, 0), (30.0, 12.0, 20.0, 1.0, 0.0, 0)),
-        ((200.0, 12.0, 50.0, 1.0, 0.0, 0), (200.0, 12.0, 50.0, 0.2, 0.0, 0)),
-        ((200.0, 12.0, 50.0, 1.0, 0.0, 0), (200.0, 12.0, 50.0, 1.0, 30.0, 0)),
-        ((200.0, 12.0, 50.0, 1.0, 0.0, 0), (200.0, 12.0, 50.0, 1.0, 0.0, 2)),
+        (STRONG, (30.0, 30.0, 12.0, 20.0, 1.0, 0.0, 0)),
+        (STRONG, (200.0, 30.0, 12.0, 50.0, 1.0, 0.0, 0)),  # the final fit bears out less
+        (STRONG, (200.0, 200.0, 12.0, 50.0, 0.2, 0.0, 0)),
+        (STRONG, (200.0, 200.0, 12.0, 50.0, 1.0, 30.0, 0)),
+        (STRONG, (200.0, 200.0, 12.0, 50.0, 1.0, 0.0, 2)),
     ],
 )
 def test_weaker_evidence_is_never_stated_with_more_confidence(
-    better: tuple[float, float, float, float, float, int],
-    worse: tuple[float, float, float, float, float, int],
+    better: tuple[float, float, float, float, float, float, int],
+    worse: tuple[float, float, float, float, float, float, int],
 ) -> None:
     assert len(features(*better)) == len(FEATURES)
     assert confidence(features(*better)) > confidence(features(*worse))

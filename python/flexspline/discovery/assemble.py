@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from flexspline.discovery.aliases import Rival, rivals_of
 from flexspline.discovery.analysis import Analysis
 from flexspline.discovery.confidence import confidence, features
-from flexspline.discovery.confirmation import Confirmed, Shown
+from flexspline.discovery.confirmation import Confirmed, wald
 from flexspline.discovery.driven import driven_apart
 from flexspline.discovery.evidence import equivalent_t, price
 from flexspline.discovery.faults import DataFault
@@ -53,7 +53,7 @@ def assembled(
     steps = list(in_order(problem.threads, lambda one: one.rmse, _ends_kept(left)))
     unexplained, floor = _unexplained(made, plain, steps)
     found = [
-        _found(made, held.shown[effect.name], steps[number], steps[number + 1])
+        _found(held, effect, steps[number], steps[number + 1])
         for number, effect in enumerate(made.final.named)
     ]
     pairs = [(one.effect, rival.effect) for one in found for rival in one.rivals if rival.alias]
@@ -140,17 +140,20 @@ def _unexplained(
     return Unexplained(float(min(share, 1.0)), tuple(made.leftover.channels)), floor
 
 
-def _found(made: Analysis, shown: Shown, before: float, after: float) -> Found:
-    work, searcher, effect = made.final, made.searcher, shown.effect
+def _found(held: Confirmed, effect: Effect, before: float, after: float) -> Found:
+    """A name with its evidence: no more than both the search and the final fit bear out."""
+    made, shown = held.made, held.shown[effect.name]
+    work, searcher = made.final, made.searcher
     rivals = rivals_of(searcher, work, effect)
     dictionary = searcher.study.dictionary(work, searcher.whitening)
     gain = owned_gain(dictionary, effect.name)
-    t = equivalent_t(gain, len(effect.terms))
+    squares, count = wald(held.fit, effect.name)
+    t = min(equivalent_t(gain, len(effect.terms)), equivalent_t(squares, count))
     aliases = tuple(rival.name for rival in rivals if rival.alias)
     best = max((r.gain for r in rivals if not r.alias), default=0.0)
     survives = made.leftover.survives.get(effect.name, 1.0)
     cost = price(len(effect.terms), 1.0, len(dictionary.candidates))
-    regressors = features(gain, cost, best, survives, made.leftover.gain, len(aliases))
+    regressors = features(gain, squares, cost, best, survives, made.leftover.gain, len(aliases))
     own = next(e for e in work.effects if e.name == effect.name)
     parts = contribution(made.part.problem, work, effect.name)
     return Found(

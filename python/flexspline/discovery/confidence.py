@@ -30,10 +30,13 @@ MOST_LEFT = 0.2
 
 
 def features(
-    gain: float, price: float, rival: float, survives: float, left: float, aliases: int
+    gain: float, told: float, price: float, rival: float, survives: float, left: float, aliases: int
 ) -> tuple[float, ...]:
-    """Return the regressors of one name: gains in χ², see the head of this file."""
-    evidence = np.log1p(max(gain - price, 0.0))
+    """Return the regressors of one name: gains in χ², see the head of this file.
+
+    `told`: by Wald's test in the final fit; evidence is no more than that, either.
+    """
+    evidence = np.log1p(max(min(gain, told) - price, 0.0))
     lead = np.log1p(max(gain - rival, 0.0))
     beside = min(left / max(gain, 1e-300), MOST_LEFT)
     share = float(np.clip(survives, 0.0, 1.0))

@@ -28,10 +28,9 @@ from flexspline.discovery.refit import refitted
 from flexspline.discovery.working import Working
 from flexspline.effects import Effect
 from flexspline.fit.names import coefficient_names
-from flexspline.fit.problem import Problem
 from flexspline.fit.result import Fit
 
-__all__ = ["AlsoSeen", "Confirmed", "Shown", "confirmed", "significance"]
+__all__ = ["AlsoSeen", "Confirmed", "Shown", "confirmed", "significance", "wald"]
 
 SIGNIFICANT = 0.05  # p of Wald's test
 EXACT = 1e-12  # of a coefficient: an error that is rounding
@@ -117,13 +116,11 @@ def confirmed(
             made.searcher.refused[worst.effect.name] = worst.withdrawn
         else:
             little = [one for one in shown if one.share < SMALL] if len(shown) > 1 else []
-            freed = {e.name for e in made.base.effects} - {*base}
-            idle = [
-                name
-                for name in sorted(freed)
-                if not (significance(fit, name) < SIGNIFICANT and _lowers(made, name))
-            ]
-            if idle and not little:
+            freed = [e.name for e in made.base.effects if e.name not in base and not little]
+            idle = [name for name in freed if not significance(fit, name) < SIGNIFICANT]
+            if not whole:
+                idle += [name for name in freed if name not in idle and not _lowers(made, name)]
+            if idle:
                 made = made.without(idle[0])
                 continue
             if not little and not whole:
@@ -143,26 +140,34 @@ def confirmed(
 
 def significance(fit: Fit, name: str) -> float:
     """Return p of Wald's test that all fitted coefficients of an effect are zero; 1 of none."""
+    return float(chi2.sf(*wald(fit, name)))
+
+
+def wald(fit: Fit, name: str) -> tuple[float, int]:
+    """Return Wald's χ² of all fitted coefficients of an effect, and how many they are.
+
+    ∞ of coefficients without error; 0 and 1 where none is fitted.
+    """
     known = fit.part.record["covariance"]["names"]
     terms = {n for n in coefficient_names(fit.part.effects) if n.split(".")[0] == name}
     values = {p.name: p.value for p in fit.parameters}
     at = [k for k, own in enumerate(known) if own in terms]
     if not at:
-        return 1.0
+        return 0.0, 1
     beta = np.array([values[known[k]] for k in at])
     spread = fit.covariance[np.ix_(at, at)]
     scale = np.sqrt(np.maximum(np.diag(spread), 1e-300))
     if np.all(scale <= EXACT * np.abs(beta)):
-        return 0.0  # runs without noise
+        return np.inf, len(at)  # runs without noise
     told = np.linalg.lstsq(spread / np.outer(scale, scale), beta / scale, rcond=1e-10)[0]
-    return float(chi2.sf(float((beta / scale) @ told), len(at)))
+    return float((beta / scale) @ told), len(at)
 
 
 def _all_shown(made: Analysis, fit: Fit) -> list[Shown]:
     if not made.final.named:
         return []
     problem, final = made.study.problem, made.final
-    left = _left_by(problem, final)
+    left = _left_by(made)
     whole, base = left(final), left(made.base)
     gap = base.rmse**2 - whole.rmse**2
     dictionary = made.searcher.study.dictionary(final, made.searcher.whitening)
@@ -179,24 +184,24 @@ def _all_shown(made: Analysis, fit: Fit) -> list[Shown]:
 
 def _lowers(made: Analysis, name: str) -> bool:
     """Whether what the base was given lowers the held-out error by more than chance."""
-    problem, final = made.study.problem, made.final
-    left = _left_by(problem, final)
-    fall, error = _fall(left(final.plain(name)), left(final), problem.block_rows)
+    left = _left_by(made)
+    rest, whole = left(made.final.plain(name)), left(made.final)
+    fall, error = _fall(rest, whole, made.study.problem.block_rows)
     return fall > ERRORS * error
 
 
-def _left_by(problem: Problem, final: Working) -> Callable[[Working], HeldOut]:
-    """What models leave of rows held out that are weighed as the final model leaves them."""
-    plain = plain_rows(problem, final)
+def _left_by(made: Analysis) -> Callable[[Working], HeldOut]:
+    """What models leave of rows held out, weighed as the final model leaves them."""
+    problem, plain = made.study.problem, plain_rows(made.study.problem, made.final)
     return lambda work: held_out(problem, refitted(problem, work, plain)[0], plain)
 
 
 def _in_order(made: Analysis) -> Analysis:
     """The names in the order in which each closes most of what is left on rows held out."""
-    problem, final = made.study.problem, made.final
+    final = made.final
     if len(final.named) < 2:
         return made
-    left = _left_by(problem, final)
+    left = _left_by(made)
     chosen, rest = [*final.effects[: final.base]], [*final.named]
     while len(rest) > 1:
         errors = [left(final.having([*chosen, effect])).rmse for effect in rest]

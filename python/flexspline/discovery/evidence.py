@@ -95,6 +95,8 @@ def equivalent_t(gain: float, columns: int) -> float:
     """Return the |t| of a normal number that is as surprising as a χ² of so many columns."""
     if gain < LARGE:
         return float(norm.isf(0.5 * chi2.sf(max(gain, 0.0), columns)))
+    if gain == np.inf:
+        return np.inf
     half = 0.5 * columns
     log_p = -0.5 * gain + (half - 1.0) * np.log(0.5 * gain) - gammaln(half)
     return float(np.sqrt(-2.0 * log_p - np.log(-np.pi * log_p)))

@@ -41,7 +41,8 @@ class Found:
     indistinguishable_from : effects that explain these runs as well, within the noise.
     where : where it acts.
     evidence : one sentence.
-    t : |t| of a normal number that is as surprising as what it gains.
+    t : |t| of a normal number that is as surprising as what it gains in the search, or as its
+        coefficients in the final fit, whichever is less.
     rivals : the best candidates in its place, the best first.
     regressors : what the confidence is made of (`discovery/confidence.py`).
     coefficients_p : p of Wald's test that all its coefficients are zero in the final fit.

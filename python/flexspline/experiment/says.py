@@ -62,6 +62,9 @@ def _now(one: Outlook) -> str:
 
 def _open(one: Outlook, run: str | None) -> str:
     best = f"the best, {run}, reaches" if run else "this one reaches"
+    if one.parameter and not one.expected < one.now:
+        said = f"No run within these limits makes {one.names[0]} known better ({_now(one)})"
+        return f"{said}{_doubled(one, '± ')}."
     if one.parameter:
         reached = f"± {short(one.expected)} {one.unit} ({_now(one)})"
         said = f"No run within these limits determines {one.names[0]}: {best} {reached}"
