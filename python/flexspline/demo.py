@@ -1,22 +1,22 @@
 """`flexspline demo`: from runs that hide an effect to a model on the controller, told in lines.
 
-The search for the hidden effect is a plain loop: each effect of the catalogue that is not in the
-model is added by itself, and what counts is the error on runs that the fit never saw.
+The runs come through a laboratory's recorder (`rigs/recorder.py`), and `discover` finds what hides.
 """
 
 from __future__ import annotations
 
 import os
 import textwrap
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from flexspline.demo_device import run_exported
-from flexspline.effects import CATALOGUE, Effect, effect
+from flexspline.discovery.discovering import discover
+from flexspline.discovery.result import Discovery
+from flexspline.effects import Effect, effect
 from flexspline.export import export
 from flexspline.files import whole_folder
 from flexspline.fit.fitting import fit
@@ -25,11 +25,10 @@ from flexspline.logs.checks import check
 from flexspline.logs.convert import write_log
 from flexspline.logs.log import Log, Source
 from flexspline.logs.read import read_log
-from flexspline.plot.canvas import PlainFigure, titled
-from flexspline.plot.residuals import residual_over
+from flexspline.rigs.recorder import Recorder
 from flexspline.rigs.sensor import SPEEDS, Rig, Truth, sensor_rig
 
-__all__ = ["BASE", "Demo", "demo", "most_helpful"]
+__all__ = ["BASE", "Demo", "demo"]
 
 Say = Callable[[str], object]
 
@@ -45,15 +44,7 @@ BASE = (
 TARGET = "sensor_torque"
 TRAINING, HELD_OUT = 4, 2  # runs
 SECONDS, RATE = 24.0, 200.0
-LEAST_GAIN = 0.05  # of the error on unseen runs; less is no discovery
 SAME_SPEED = 0.1  # share by which a row's speed may differ from the one commanded
-NEEDS_A_LOAD = (
-    "gain_error",
-    "gain_temperature_dependence",
-    "sensor_nonlinearity",
-    "torque_hysteresis",
-    "sensor_lag",
-)
 
 
 @dataclass(frozen=True)
@@ -73,7 +64,7 @@ def demo(
 
     Parameters
     ----------
-    out : folder that receives runs, model, report, figures and header, whole or not at all.
+    out : folder that receives runs, model, report, figure and header, whole or not at all.
     seed : of the simulated rig.
     say : gets the lines of the story, one after the other.
 
@@ -83,7 +74,9 @@ def demo(
         Where `out` cannot be written.
     """
     with whole_folder(out, last="model.json") as draft:
-        rig = sensor_rig(TRAINING + HELD_OUT, duration=SECONDS, rate=RATE, seed=seed)
+        rig = sensor_rig(
+            TRAINING + HELD_OUT, duration=SECONDS, rate=RATE, seed=seed, recorder=Recorder()
+        )
         logs = _recorded(rig, draft, Path(out), say)
         training, unseen = logs[:TRAINING], logs[TRAINING:]
         say(f"\n3. Fit today's model to runs 1 to {TRAINING}:\n{_names(BASE)}.")
@@ -91,35 +84,16 @@ def demo(
         before = unseen_rmse(base, unseen)
         say(f"   RMSE {base.rmse:.4f} Nm on these, {before:.4f} Nm on runs {_held_out()}, unseen.")
         _say_where(base, say)
-        final, found = _extended(base, training, say)
+        say("\n4. Ask discover what it lacks, on the same runs:\n")
+        found = discover(base.model, training)
+        say(str(found))
+        final = found.fit
         after = unseen_rmse(final, unseen)
         _say_result(final, rig.truth, before, after, say)
-        _leave(base, final, draft)
-        say(f"\n7. {run_exported(draft / 'joint.hpp', final.model, unseen[0])}")
+        _leave(found, draft)
+        say(f"\n6. {run_exported(draft / 'joint.hpp', final.model, unseen[0])}")
     _say_files(Path(out), say)
-    return Demo(found, before, after, final)
-
-
-def most_helpful(now: Fit, logs: Sequence[Log], say: Say) -> tuple[str, Fit] | None:
-    """Return the effect that lowers the error on unseen runs most, and its fit.
-
-    None where the best lowers it by less than `LEAST_GAIN`.
-    """
-    trials = {}
-    for name in _candidates(now.part.effects, logs):
-        trial = fit([*now.part.effects, effect(name)], logs, TARGET, checks=False)
-        trials[name] = trial
-        gain = 1.0 - trial.cv_rmse / now.cv_rmse
-        say(f"   + {name:<28} {now.cv_rmse:.4f} -> {trial.cv_rmse:.4f} Nm  ({-gain:+.1%})")
-    ranked = sorted(trials, key=lambda name: trials[name].cv_rmse)
-    if not ranked or trials[ranked[0]].cv_rmse > (1.0 - LEAST_GAIN) * now.cv_rmse:
-        return None
-    best = ranked[0]
-    say(f"   => {best} was missing: {CATALOGUE[best].signature}.")
-    if len(ranked) > 1:
-        behind = trials[ranked[1]].cv_rmse / trials[best].cv_rmse - 1.0
-        say(f"      {ranked[1]} comes next, {behind:.0%} behind on unseen runs.")
-    return best, trials[best]
+    return Demo(found.names, before, after, final)
 
 
 def unseen_rmse(made: Fit, logs: Iterable[Log]) -> float:
@@ -136,7 +110,7 @@ def _recorded(rig: Rig, draft: Path, out: Path, say: Say) -> list[Log]:
         f"{min(SPEEDS):g} to {max(SPEEDS):g} rad/s.\n"
         f"   Put in:\n{_names(truth.model.part(TARGET).effects)},\n"
         f"   and what hides among them: presliding ({truth.presliding_level:g} Nm), "
-        f"encoder steps, coloured noise ({truth.noise:g} Nm)."
+        f"coloured noise ({truth.noise:g} Nm).\n{_recorder_line(Recorder())}"
     )
     logs = []
     for log in rig.logs:
@@ -150,6 +124,15 @@ def _recorded(rig: Rig, draft: Path, out: Path, say: Say) -> list[Log]:
     for finding in findings:
         say(f"   {finding.severity}: {finding.sentence}")
     return logs
+
+
+def _recorder_line(recorder: Recorder) -> str:
+    return (
+        f"   The recorder adds: encoders of {recorder.output_bits} and {recorder.motor_bits} bit, "
+        f"velocity through {recorder.velocity_bandwidth:g} Hz\n"
+        f"   with {recorder.velocity_noise:g} rad/s of noise, torque {recorder.torque_noise:g} Nm, "
+        f"temperature {recorder.temperature_noise:g} K, jitter {recorder.jitter * 1e6:g} µs."
+    )
 
 
 def _named_after(log: Log, draft: Path, out: Path) -> Log:
@@ -175,37 +158,9 @@ def _bar(torque: float) -> int:
     return round(abs(torque) / 0.002)
 
 
-def _extended(base: Fit, logs: Sequence[Log], say: Say) -> tuple[Fit, tuple[str, ...]]:
-    """Add effects, one after the other, until none helps clearly."""
-    found: tuple[str, ...] = ()
-    now = base
-    say("\n4. Add each missing effect by itself; RMSE on the run left out of its fit:")
-    while (step := most_helpful(now, logs, say)) is not None:
-        name, now = step
-        found = (*found, name)
-        say(f"\n5. With {name} in the model, does anything else help?")
-    say(f"   No effect gains {LEAST_GAIN:.0%} or more: stop.")
-    return now, found
-
-
-def _candidates(effects: Sequence[Effect], logs: Sequence[Log]) -> list[str]:
-    """Effects that act on the sensor, can be read from these logs, and are not in the model."""
-    known = {effect.name for effect in effects} | set(NEEDS_A_LOAD)
-    channels = {*logs[0].channels, "output_acceleration", "load"}
-    return [
-        info.name
-        for info in CATALOGUE.values()
-        if "S" in info.targets
-        and info.name not in known
-        and not any(info.name.startswith(name) for name in known)  # another form of one in it
-        and not info.pairs  # orders belong to an owner, and this joint has no poles to own them
-        and channels.issuperset(info.reads)
-    ]
-
-
 def _say_result(final: Fit, truth: Truth, before: float, after: float, say: Say) -> None:
     say(
-        f"\n6. Runs {_held_out()}, unseen: RMSE {before:.4f} Nm before, {after:.4f} Nm after "
+        f"\n5. Runs {_held_out()}, unseen: RMSE {before:.4f} Nm before, {after:.4f} Nm after "
         f"({after / before - 1:+.0%}); the noise alone: {truth.noise:.4f} Nm."
     )
     say(f"   {'parameter':<43} {'fit':>8}   error {'true':>9}  unit")
@@ -221,24 +176,11 @@ def _say_result(final: Fit, truth: Truth, before: float, after: float, say: Say)
     )
 
 
-def _leave(base: Fit, final: Fit, draft: Path) -> None:
-    _figure(base, final).savefig(draft / "before_after.png", dpi=110)
-    final.report(draft / "report.html")
-    final.model.save(draft / "model.json")
-    export(final.model, draft / "joint.hpp", format="header")
-
-
-def _figure(base: Fit, final: Fit) -> Figure:
-    """Residual over velocity and over time, without the effects found and with them."""
-    figure = PlainFigure(11.0, 7.0)
-    limit = 4.0 * base.rmse
-    for row, (made, title) in enumerate(((base, "before"), (final, "after"))):
-        for column, channel in enumerate(("output_velocity", "time")):
-            axes = figure.add_subplot(2, 2, 2 * row + column + 1)
-            residual_over(made, channel, axes)
-            axes.set_ylim(-limit, limit)
-            titled(axes, f"{title}: RMSE {made.rmse:.4f} Nm")
-    return figure
+def _leave(found: Discovery, draft: Path) -> None:
+    found.plot().savefig(draft / "before_after.png", dpi=110)
+    found.report(draft / "report.html")
+    found.model.save(draft / "model.json")
+    export(found.model, draft / "joint.hpp", format="header")
 
 
 def _say_files(out: Path, say: Say) -> None:

@@ -14,6 +14,7 @@ from flexspline.cpp_text import include
 from flexspline.export import namespace_of
 from flexspline.logs.log import Log
 from flexspline.model import Model
+from flexspline.prepared import prepared
 from flexspline.signals import channels_for, core_channels
 
 __all__ = ["run_exported"]
@@ -21,6 +22,7 @@ __all__ = ["run_exported"]
 COMPILERS = ("c++", "g++", "clang++")
 FLAGS = ("-std=c++20", "-O2", "-ffp-contract=off")
 SECONDS = 120.0
+SMOOTHED = "\n   Both read inputs smoothed without delay; the header smooths nothing by itself."
 ANGLES = ("output_position", "motor_position")
 
 PROGRAM = """\
@@ -62,7 +64,8 @@ def run_exported(header: Path, model: Model, log: Log) -> str:
     if compiler is None:
         return f"Not compiled: no C++ compiler here ({', '.join(COMPILERS)})."
     part = model.part()
-    ready = channels_for(log, part.effects, part.known_load)
+    inputs = prepared(log, part.preparations)
+    ready = channels_for(inputs, part.effects, part.known_load)
     channels = core_channels(ready, part.effects, part.known_load)
     with tempfile.TemporaryDirectory() as folder:
         source = Path(folder) / "main.cpp"
@@ -77,14 +80,14 @@ def run_exported(header: Path, model: Model, log: Log) -> str:
         rows = np.column_stack(list(channels.values()))
         ran = _run([str(device)], "\n".join(map(repr, rows.ravel().tolist())))
     torque = np.array(ran.stdout.split(), dtype=np.float64)
-    expected = model.predict(ready).predicted
+    expected = model.predict(log).predicted
     if torque.shape != expected.shape:
         return f"The compiled program stopped after {len(torque)} of {len(expected)} samples."
     largest = float(np.abs(torque - expected).max())
     return (
         f"Compiled joint.hpp with {Path(compiler).name} and ran {len(torque)} samples of "
         f"{log.name} through it:\n   the largest difference from predict is "
-        f"{largest:.2g} {part.unit}."
+        f"{largest:.2g} {part.unit}.{SMOOTHED if part.preparations else ''}"
     )
 
 

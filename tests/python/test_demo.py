@@ -34,9 +34,10 @@ def test_the_hidden_effect_is_named_and_added(told: tuple[Result, Path]) -> None
     result, out = told
     assert result.exit_code == 0, result.stderr
     assert result.stderr == ""
-    assert "=> stribeck_friction was missing" in result.stdout
+    assert "lacks stribeck_friction" in result.stdout
     effects = [effect.name for effect in Model.load(out / "model.json").part().effects]
     assert effects == [*(effect.name for effect in BASE), "stribeck_friction"]
+    assert "\n2. " not in result.stdout.split("4. Ask discover")[1].split("5. Runs")[0]
 
 
 def test_the_gap_on_unseen_runs_closes_to_the_noise(told: tuple[Result, Path]) -> None:

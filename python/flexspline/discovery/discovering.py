@@ -132,7 +132,13 @@ def _discovered(
 ) -> Discovery:
     """`discover` by regression, `of_base`: what is wrong with the base."""
     from flexspline.discovery.assemble import assembled
-    from flexspline.discovery.faults import data_faults, late_load, with_measured_ratio
+    from flexspline.discovery.faults import (
+        SENSOR,
+        data_faults,
+        late_load,
+        lead_of,
+        with_measured_ratio,
+    )
     from flexspline.discovery.freedom import LAG, freedoms
     from flexspline.discovery.grades import graded
     from flexspline.discovery.rest import moving
@@ -177,8 +183,11 @@ def _discovered(
             noisy = (*noisy, *told)
             excluded.append(LAG)  # of two delays only the difference is seen, and it is taken out
             recorded = _Recorded.of(runs, way)
-        if late is not None or (LAG in free and LAG in [e.name for e in held.made.base.effects]):
-            free = tuple(name for name in free if name != LAG)  # or to be named
+        lags = LAG in free and start.target in SENSOR and lead_of(held.made.base) < 0.0
+        if late is not None or lags:
+            free = tuple(
+                name for name in free if name != LAG
+            )  # it may be the sensor's: to be named
             held = _searched(recorded, way, excluded, free)
         rows = _rows(runs, recorded.logs, held.made)
         found = replace(

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flexspline.discovery.forms import owned_gain
 from flexspline.discovery.freedom import LAG
 from flexspline.effects import Effect
 from flexspline.fit.fitting import NO_TORSION
@@ -17,8 +18,9 @@ from flexspline.logs.repairs import move_earlier
 
 if TYPE_CHECKING:
     from flexspline.discovery.analysis import Analysis
+    from flexspline.discovery.working import Working
 
-__all__ = ["DataFault", "data_faults", "late_load", "with_measured_ratio"]
+__all__ = ["SENSOR", "DataFault", "data_faults", "late_load", "lead_of", "with_measured_ratio"]
 
 RATIO = "gear_ratio"
 SENSOR = ("sensor_torque",)
@@ -100,6 +102,12 @@ def with_measured_ratio(
     return mended, tuple(told)
 
 
+def lead_of(work: Working) -> float:
+    """Return by how much the sensor of a model is ahead of its load, s; 0 without a lag."""
+    owners = [e.name for e in work.effects for _ in e.terms]
+    return -float(work.coefficients[owners.index(LAG)]) if LAG in owners else 0.0
+
+
 def late_load(
     made: Analysis, logs: Sequence[Log]
 ) -> tuple[list[Log], tuple[DataFault, ...]] | None:
@@ -107,18 +115,17 @@ def late_load(
 
     A sensor cannot read a torque before it is there: where its lag comes out negative, the channel
     of the known load is late by that much more than the sensor. Between the torque of a drive and
-    the load cell any delay is one of the recorder. None where there is none, or where so much is
-    left unexplained that it may be that.
+    the load cell any delay is one of the recorder. None where there is none, or where what is left
+    without a name explains more than the delay does, and may be what makes it.
     """
-    if made.leftover.groups and not made.final.named:
-        return None
-    problem = made.study.problem
-    owners = [e.name for e in made.final.effects for _ in e.terms]
-    at = [k for k, owner in enumerate(owners) if owner == LAG]
-    late = -float(made.final.coefficients[at[0]]) if at else 0.0
+    problem, late = made.study.problem, lead_of(made.final)
     load = problem.known_load
-    if load is None or late == 0.0 or (problem.target == "sensor_torque" and late < 0.0):
+    if load is None or late == 0.0 or (problem.target in SENSOR and late < 0.0):
         return None
+    if made.leftover.groups and not made.final.named:
+        dictionary = made.searcher.study.dictionary(made.final, made.searcher.whitening)
+        if made.leftover.gain > owned_gain(dictionary, LAG):
+            return None
     channel = load if late > 0.0 else problem.target
     why = ", which cannot read a torque before it is there" if problem.target in SENSOR else ""
     moved = [move_earlier(log, load, late) for log in logs]

@@ -57,6 +57,7 @@ LOOPS = (SPRINGS, "torsional_hysteresis")
 VARYING = "position_dependent_friction"
 
 WIDTH = "direction_width"
+LAG = "sensor_lag"
 ONE_WAY = 1e-3  # of the rows, below which runs do not go the other way
 SLOW, CHANGED = 0.1, 0.9  # share of slow rows, in which a change of direction is over by so much
 
@@ -87,6 +88,8 @@ def impossible(work: Working, name: str, problem: Problem) -> str:
     if name == STRIBECK and (why := _not_fading(work, problem)):
         return why
     values = _values(work, name)
+    if name == LAG and problem.known_load is not None and values[0] < 0.0:
+        return "a sensor cannot read a torque before it is there"
     if problem.target not in DRIVES or problem.simulated is not None:
         return ""
     if name in DISSIPATES and values[0] < 0.0:

@@ -25,6 +25,7 @@ from flexspline.errors import InputError
 from flexspline.logs.derive import differentiate
 from flexspline.logs.log import Log
 from flexspline.model import Model, Part
+from flexspline.rigs.recorder import Recorder
 
 __all__ = ["FACTS", "Rig", "Truth", "play", "sensor_rig"]
 
@@ -81,7 +82,14 @@ class Rig:
     truth: Truth
 
 
-def sensor_rig(runs: int = 6, *, duration: float = 24.0, rate: float = 500.0, seed: int = 1) -> Rig:
+def sensor_rig(
+    runs: int = 6,
+    *,
+    duration: float = 24.0,
+    rate: float = 500.0,
+    seed: int = 1,
+    recorder: Recorder | None = None,
+) -> Rig:
     """Return a rig with a torque sensor, without load, driven both ways at several speeds.
 
     Parameters
@@ -90,6 +98,7 @@ def sensor_rig(runs: int = 6, *, duration: float = 24.0, rate: float = 500.0, se
     duration : of one run, s.
     rate : samples per second, Hz.
     seed : of noise, angles, temperatures and the order of speeds; the same seed gives the same rig.
+    recorder : what takes the runs; None: encoders, and their zero-phase derivative for velocity.
 
     Returns
     -------
@@ -110,7 +119,8 @@ def sensor_rig(runs: int = 6, *, duration: float = 24.0, rate: float = 500.0, se
     truth = _truth()
     generators = np.random.default_rng(seed).spawn(runs)
     return Rig(
-        tuple(_run(k, truth, duration, rate, rng) for k, rng in enumerate(generators)), truth
+        tuple(_run(k, truth, duration, rate, rng, recorder) for k, rng in enumerate(generators)),
+        truth,
     )
 
 
@@ -134,7 +144,14 @@ def _truth() -> Truth:
     return Truth(Model({"sensor": part}, dict(FACTS)), 0.02, 400.0, 0.015, 0.9)
 
 
-def _run(number: int, truth: Truth, duration: float, rate: float, rng: np.random.Generator) -> Log:
+def _run(
+    number: int,
+    truth: Truth,
+    duration: float,
+    rate: float,
+    rng: np.random.Generator,
+    recorder: Recorder | None,
+) -> Log:
     time = np.arange(round(duration * rate)) / rate
     velocity = _velocity(time, rng)
     position = cumulative_trapezoid(velocity, time, initial=0.0) + rng.uniform(0.0, 2 * np.pi)
@@ -153,7 +170,9 @@ def _run(number: int, truth: Truth, duration: float, rate: float, rng: np.random
     slip = truth.presliding_level / truth.presliding_stiffness
     torque = torque + truth.presliding_stiffness * (position - play(position, slip))
     torque = torque + _noise(truth, len(time), rng)
-    return _measured(motion, torque, rng)
+    return (
+        _measured(motion, torque, rng) if recorder is None else recorder.record(motion, torque, rng)
+    )
 
 
 def _measured(motion: Log, torque: Array, rng: np.random.Generator) -> Log:
