@@ -299,7 +299,7 @@ class _Recorded:
 
     @classmethod
     def of(cls, runs: Sequence[Log], way: _Way) -> _Recorded:
-        from flexspline.discovery.resolution import coarser, resolved
+        from flexspline.discovery.resolution import away_from_ends, coarser, resolved
 
         ways, start = way.preparations, way.start
         made = cls._made(runs, start.target, ways)
@@ -311,7 +311,11 @@ class _Recorded:
         def posed(effects: Sequence[Effect], coarse: bool) -> Problem:
             return way.problem(further if coarse else made, effects)
 
-        return replace(made, counted=resolved(base, start.fixed, posed))
+        inside = [away_from_ends(a, b, ways) for a, b in zip(runs, made.logs, strict=True)]
+        made = replace(made, counted=inside)
+        further = replace(further, counted=inside)
+        told = resolved(base, start.fixed, posed)
+        return replace(made, counted=[a & b for a, b in zip(inside, told, strict=True)])
 
     @classmethod
     def _made(cls, runs: Sequence[Log], target: str, ways: Sequence[Preparation]) -> _Recorded:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +15,7 @@ from flexspline.discovery.working import Working
 from flexspline.fit.names import coefficient_names
 from flexspline.fit.problem import Problem
 
-__all__ = ["coefficients_of", "mixed", "refitted", "started"]
+__all__ = ["coefficients_of", "freed", "mixed", "refitted", "started"]
 
 Array = NDArray[np.float64]
 
@@ -34,8 +35,27 @@ def started(problem: Problem, work: Working, whitening: Whitening) -> tuple[Work
 
     A shape that these rows do not tell stays where it is, not at whichever bound rounding prefers.
     """
+    return _scanned(problem, work, whitening, range(len(work.searched)))
+
+
+def freed(problem: Problem, work: Working, whitening: Whitening) -> tuple[Working, float]:
+    """Return the model at its optimum, each shape that stands at a bound looked for anew.
+
+    A model that lacked something may have driven it there, and along the tangent there is no way
+    back: beside what was missing, the bound is a second optimum.
+    """
+    bounds = np.array([[np.log(s.info.lower), np.log(s.info.upper)] for s in work.searched])
+    here = work.logarithms[:, None]
+    at = np.flatnonzero(np.isclose(here, bounds.reshape(-1, 2), atol=NOWHERE).any(axis=1))
+    return _scanned(problem, work, whitening, at.tolist())
+
+
+def _scanned(
+    problem: Problem, work: Working, whitening: Whitening, numbers: Iterable[int]
+) -> tuple[Working, float]:
     told = TOLD / max(sum(run.counted for run in problem.runs), 1)
-    for number, shape in enumerate(work.searched):
+    for number in numbers:
+        shape = work.searched[number]
         ends = np.log([shape.info.lower, shape.info.upper])
         here = work.logarithms
         trials = []

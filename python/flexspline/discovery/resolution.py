@@ -7,6 +7,9 @@ is smoothed at half its bandwidth? Where that is more than the noise of the targ
 not say what the model should predict, and the rows do not count.
 
 The model that is asked is the base with Coulomb and viscous friction, which turn over fastest.
+
+Near the ends of a recording a smoother has rows on one side only, and its derivatives are many
+times as noisy there as elsewhere: within its reach the rows do not count either.
 """
 
 from __future__ import annotations
@@ -25,7 +28,7 @@ from flexspline.fit.problem import Problem
 from flexspline.logs.log import Log
 from flexspline.prepared import Preparation
 
-__all__ = ["coarser", "resolved"]
+__all__ = ["away_from_ends", "coarser", "resolved"]
 
 Array = NDArray[np.float64]
 Masks = list[NDArray[np.bool_]]
@@ -33,6 +36,8 @@ Masks = list[NDArray[np.bool_]]
 HALF = 0.5  # of the bandwidth: what a smoother that is off by an octave would tell
 FASTEST = ("coulomb_friction", "viscous_friction")
 MOTION = ("output_position", "output_velocity", "output_acceleration")
+REACH = 1.0  # over the bandwidth: how far a smoother's rows lie on both sides
+LEAST = 0.5  # of a run: where less would count, all of it does
 SHORT = 0.05  # s: the noise of the target is what it differs by after so long, in the median
 
 
@@ -42,6 +47,14 @@ def coarser(ways: Sequence[Preparation]) -> tuple[Preparation, ...]:
         replace(way, bandwidth=HALF * way.bandwidth) if way.channel in MOTION else way
         for way in ways
     )
+
+
+def away_from_ends(recorded: Log, log: Log, ways: Sequence[Preparation]) -> NDArray[np.bool_]:
+    """Return which rows (N,) of a part of a recording no end of it blurs."""
+    reach = max((REACH / way.bandwidth for way in ways if way.channel in MOTION), default=0.0)
+    first, last = recorded["time"][[0, -1]]
+    inside = (log["time"] >= first + reach) & (log["time"] <= last - reach)
+    return inside if np.mean(inside) >= LEAST else np.ones(len(log), dtype=bool)
 
 
 def resolved(
