@@ -71,7 +71,8 @@ def test_friction_that_fades_is_named_with_its_size_and_closes_the_gap() -> None
 def test_the_gap_closes_where_the_friction_acts() -> None:
     table = found("stribeck").before_after().loc["speed"]
     slow, fast = table.iloc[0], table.iloc[-1]
-    assert slow["final"] < 0.8 * slow["base"]
+    floor = found("nothing").before_after().loc["speed"].iloc[0]["final"]  # the rig's own noise
+    assert slow["base"] ** 2 - slow["final"] ** 2 > 0.9 * (slow["base"] ** 2 - floor**2) > 0.0
     assert fast["final"] / fast["base"] > slow["final"] / slow["base"] + 0.05
 
 

@@ -128,9 +128,7 @@ def analysed(
     at_first = leftover.net
     closed = _closes(looked_at, whitening, base, final, leftover)
     while True:
-        little = [e.name for e in final.named]
-        if closed:
-            little = _closing_little(looked_at, base, final)
+        little = _closing_little(looked_at, base, final) if closed else None
         stand_in = _stand_in(searcher, final, leftover, at_first, little)
         if stand_in is None:
             break
@@ -210,20 +208,26 @@ def _share_closed(
 
 
 def _stand_in(
-    searcher: Searcher, work: Working, leftover: Leftover, at_first: float, little: Sequence[str]
+    searcher: Searcher,
+    work: Working,
+    leftover: Leftover,
+    at_first: float,
+    little: Sequence[str] | None,
 ) -> str | None:
     """The named effect that most clearly stands in for something else, if one does.
 
     `at_first`: what was left before any name was taken back, in χ²; a name that was is part of
     what is left now, and no reason to take back those that explain something else. `little`: of
-    names that close nearly all of the gap, those that close next to nothing; else all names.
+    names that close nearly all of the gap, those that close next to nothing: they may be part of
+    anything larger that is left. None where the names do not close it.
     """
     if not leftover.groups or not work.named:
         return None
     dictionary = searcher.study.dictionary(work, searcher.whitening)
     shares = {e.name: leftover.net / max(owned_gain(dictionary, e.name), 1e-300)
-              for e in work.named if e.name in little}  # fmt: skip
-    small = OVERWHELMING * leftover.net / max(at_first, 1e-300)
+              for e in work.named if little is None or e.name in little}  # fmt: skip
+    larger = OVERWHELMING if little is None else 1.0
+    small = larger * leftover.net / max(at_first, 1e-300)
     doubted = [n for n, share in shares.items() if share > small
                or (share > LARGE and leftover.survives[n] < SURROGATE)]  # fmt: skip
     return max(doubted, key=lambda name: shares[name], default=None)

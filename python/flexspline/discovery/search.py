@@ -98,9 +98,14 @@ class Searcher:
         return work, squares, steps
 
     def fitted(self, work: Working) -> tuple[Working, float]:
-        """Refit a model on the rows that its memory allows, all its springs of one sign."""
+        """Refit a model on the rows that its memory allows, all its springs of one sign.
+
+        A shape that stands at a bound is looked for anew beside names; without one nothing has
+        changed for it, and a first look at the noise needs no second optimum.
+        """
         problem, target = self.study.problem, self.study.target
-        work, squares = freed(problem, work, self.whitening)
+        fit = freed if work.named and not self.limits.lax else refitted
+        work, squares = fit(problem, work, self.whitening)
         while spring := driving_spring(work, target):
             work, squares = refitted(problem, work.holding(spring, 0.0), self.whitening)
         return work, squares
