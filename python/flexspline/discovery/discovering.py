@@ -35,6 +35,8 @@ if TYPE_CHECKING:  # what is heavy is imported where it is used
 
 __all__ = ["discover"]
 
+CLOCK_ROUNDS = 3  # searches until the delay of a load stands beside the names
+
 
 def discover(
     model_or_effects: Model | str | Effect | Iterable[str | Effect] | None,
@@ -133,16 +135,16 @@ def _discovered(
     """`discover` by regression, `of_base`: what is wrong with the base."""
     from flexspline.discovery.assemble import assembled
     from flexspline.discovery.faults import (
-        SENSOR,
         data_faults,
-        late_load,
         lead_of,
+        load_delays,
         with_measured_ratio,
     )
     from flexspline.discovery.freedom import LAG, freedoms
     from flexspline.discovery.grades import graded
     from flexspline.discovery.rest import moving
     from flexspline.discovery.steady import steadied
+    from flexspline.logs.repairs import move_earlier
     from flexspline.prepared import noise_of_channels, preparations_for
 
     faults = data_faults(runs, start.effects, start.target, start.known_load, threads)
@@ -177,18 +179,13 @@ def _discovered(
         free = tuple(name for name in free if name not in excluded)
         recorded = _Recorded.of(runs, way)
         held = _searched(recorded, way, excluded, free)
-        late = late_load(held.made, runs) if LAG in free else None
-        if late is not None:
-            runs, told = late
-            noisy = (*noisy, *told)
-            excluded.append(LAG)  # of two delays only the difference is seen, and it is taken out
-            recorded = _Recorded.of(runs, way)
-        lags = LAG in free and start.target in SENSOR and lead_of(held.made.base) < 0.0
-        if late is not None or lags:
-            free = tuple(
-                name for name in free if name != LAG
-            )  # it may be the sensor's: to be named
-            held = _searched(recorded, way, excluded, free)
+        recorded, held, delay = _on_one_clock(runs, recorded, held, way, excluded, free)
+        if delay and start.known_load is not None:
+            noisy = (*noisy, *load_delays(runs, start.target, start.known_load, delay))
+            runs = [move_earlier(log, start.known_load, delay) for log in runs]
+        elif lead_of(held.made.final):
+            others = tuple(name for name in free if name != LAG)
+            held = _searched(recorded, way, excluded, others)  # it may be the sensor's: to be named
         rows = _rows(runs, recorded.logs, held.made)
         found = replace(
             assembled(held, faults + noisy, tuple(inputs.values()), rows, limits),
@@ -376,6 +373,41 @@ def _searched(runs: _Recorded, way: _Way, exclude: Sequence[str], free: Sequence
         return fit_near(posed, work.effects, known, limited, start.model, priors, general=True)
 
     return confirmed(made, fitted, [effect.name for effect in start.effects])
+
+
+def _on_one_clock(
+    runs: Sequence[Log],
+    recorded: _Recorded,
+    held: Confirmed,
+    way: _Way,
+    exclude: Sequence[str],
+    free: Sequence[str],
+) -> tuple[_Recorded, Confirmed, float]:
+    """Move a late load to where it belongs, and look for names anew, until none is left, s.
+
+    What a delay is depends on the names beside it, and names on the delay. One that is smaller than
+    the step that led to it is not known, and nothing is moved.
+    """
+    from flexspline.discovery.faults import late_by
+    from flexspline.discovery.freedom import LAG
+    from flexspline.logs.repairs import move_earlier
+
+    load, delay = way.start.known_load, 0.0
+    if LAG not in free or load is None:
+        return recorded, held, 0.0
+    others = [name for name in free if name != LAG]
+    for _ in range(CLOCK_ROUNDS):
+        late = late_by(held.made, moved=delay != 0.0)
+        if not late:
+            return recorded, held, delay
+        delay += late
+        if abs(delay) < 0.5 * abs(late):
+            delay = 0.0
+            break
+        recorded = _Recorded.of([move_earlier(log, load, delay) for log in runs], way)
+        held = _searched(recorded, way, exclude, free)
+    recorded = recorded if delay else _Recorded.of(runs, way)
+    return recorded, _searched(recorded, way, [*exclude, LAG], others), delay
 
 
 @dataclass(frozen=True)

@@ -8,21 +8,31 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexspline.discovery.forms import owned_gain
+from flexspline.discovery.forms import missed, owned_gain
 from flexspline.discovery.freedom import LAG
 from flexspline.effects import Effect
 from flexspline.fit.fitting import NO_TORSION
 from flexspline.logs.checks import check
+from flexspline.logs.checks.gear import measured_gear
 from flexspline.logs.log import Log
-from flexspline.logs.repairs import move_earlier
 
 if TYPE_CHECKING:
     from flexspline.discovery.analysis import Analysis
     from flexspline.discovery.working import Working
 
-__all__ = ["SENSOR", "DataFault", "data_faults", "late_load", "lead_of", "with_measured_ratio"]
+__all__ = [
+    "SENSOR",
+    "DataFault",
+    "data_faults",
+    "late_by",
+    "lead_of",
+    "load_delays",
+    "with_measured_ratio",
+]
 
 RATIO = "gear_ratio"
+ENCODER_DELAY = "encoder_delay"
+TOLD = 4.0  # standard errors of a delay between encoders, as in the check of one run
 SENSOR = ("sensor_torque",)
 TWISTED = 0.01  # of the ratio: more than this no torsion makes of it
 WHOLE = 0.05  # from a whole number, which a ratio of teeth mostly is
@@ -76,7 +86,25 @@ def data_faults(
                       f"{log.name}: {f.sentence} {f.remedy}".rstrip())
             for f in findings.faults
         ]  # fmt: skip
+    if any(f.name == ENCODER_DELAY for f in found) and not _late_alike(logs):
+        found = [f for f in found if f.name != ENCODER_DELAY]
     return tuple(found)
+
+
+def _late_alike(logs: Sequence[Log]) -> bool:
+    """Whether one encoder is late by the same in all runs, as a recorder makes it.
+
+    What differs from run to run is torsion that comes round with the motion: the scatter of the
+    runs is part of the error of their mean.
+    """
+    gears = [gear for log in logs if (gear := measured_gear(log)) is not None]
+    if len(gears) < 2:
+        return True
+    delay = np.array([gear.delay for gear in gears])
+    weight = np.array([max(gear.delay_error, 1e-12) for gear in gears]) ** -2.0
+    mean = np.average(delay, weights=weight)
+    scatter = np.average((delay - mean) ** 2, weights=weight) / (len(delay) - 1)
+    return bool(abs(mean) > TOLD * np.sqrt(max(1.0 / weight.sum(), scatter)))
 
 
 def with_measured_ratio(
@@ -108,28 +136,32 @@ def lead_of(work: Working) -> float:
     return -float(work.coefficients[owners.index(LAG)]) if LAG in owners else 0.0
 
 
-def late_load(
-    made: Analysis, logs: Sequence[Log]
-) -> tuple[list[Log], tuple[DataFault, ...]] | None:
-    """Return the runs with a late load cell moved to where it belongs, and the fault of each.
+def late_by(made: Analysis, moved: bool) -> float:
+    """Return by how much the known load is later than the target, s; 0 where nothing says so.
 
     A sensor cannot read a torque before it is there: where its lag comes out negative, the channel
     of the known load is late by that much more than the sensor. Between the torque of a drive and
-    the load cell any delay is one of the recorder. None where there is none, or where what is left
-    without a name explains more than the delay does, and may be what makes it.
+    the load cell any delay is one of the recorder, and so is what is left of one that was taken out
+    (`moved`). 0 where what is left without a name explains more than the delay does, or the forms
+    of the names may miss as much: that may be what makes it.
     """
     problem, late = made.study.problem, lead_of(made.final)
-    load = problem.known_load
-    if load is None or late == 0.0 or (problem.target in SENSOR and late < 0.0):
-        return None
-    if made.leftover.groups and not made.final.named:
-        dictionary = made.searcher.study.dictionary(made.final, made.searcher.whitening)
-        if made.leftover.gain > owned_gain(dictionary, LAG):
-            return None
-    channel = load if late > 0.0 else problem.target
-    why = ", which cannot read a torque before it is there" if problem.target in SENSOR else ""
-    moved = [move_earlier(log, load, late) for log in logs]
-    told = [
+    if problem.known_load is None or late == 0.0:
+        return 0.0
+    if problem.target in SENSOR and late < 0.0 and not moved:
+        return 0.0
+    named = made.final.named
+    dictionary = made.searcher.study.dictionary(made.final, made.searcher.whitening)
+    other = missed(dictionary, named, Effect(LAG)) if named else made.leftover.gain
+    return late if owned_gain(dictionary, LAG) > other else 0.0
+
+
+def load_delays(logs: Sequence[Log], target: str, load: str, late: float) -> tuple[DataFault, ...]:
+    """Return the fault of each run whose known load is late by so much against the target, s."""
+    channel, other = (load, target) if late > 0.0 else (target, load)
+    why = ", which cannot read a torque before it is there" if target in SENSOR else ""
+    size = 1e3 * abs(late)
+    return tuple(
         DataFault(
             log.name,
             "load_delay",
@@ -137,10 +169,9 @@ def late_load(
             abs(late),
             "s",
             (0, len(log)),
-            f"{log.name}: {channel} is {1e3 * abs(late):.3g} ms late against "
-            f"{problem.target if channel == load else load}{why}; names are looked for with {load} "
-            f"moved by that much. Ask for the repair shift={channel}:{abs(late):.3g}.",
+            f"{log.name}: {channel} is {size:.3g} ms late against {other}{why}; names are looked "
+            f"for with {load} moved by that much. Ask for the repair "
+            f"shift={channel}:{abs(late):.3g}.",
         )
         for log in logs
-    ]
-    return moved, tuple(told)
+    )

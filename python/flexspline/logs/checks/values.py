@@ -74,7 +74,9 @@ def clipped(log: Log) -> Iterator[Finding]:
             usual = _usual_count(values, limit)
             if np.max(ranges[:, 1] - ranges[:, 0]) < 3 or count < 10 * usual:
                 continue
-            if count < TURNING * _beside(values, limit):
+            beside = _beside(values, limit)
+            slowing = max(beside / usual, 1.0)  # what is cut off does not slow down before
+            if count < TURNING * slowing * beside:
                 continue
             unit = CHANNELS[channel].unit
             yield Finding(
