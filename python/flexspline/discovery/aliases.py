@@ -24,6 +24,7 @@ from flexspline.discovery.search import Searcher, freedom
 from flexspline.discovery.table import Columns, Table
 from flexspline.discovery.working import Working
 from flexspline.effects import Effect
+from flexspline.fit.ripple import FOLLOWER, LEADERS
 
 __all__ = ["Rival", "rivals_of", "simplest"]
 
@@ -130,6 +131,7 @@ def simplest(searcher: Searcher, work: Working) -> Working:
 
     A rival that only the folds do not tell from it is an alias, but no equal.
     """
+    work = _leading(searcher, work)
     for effect in work.named:
         equals = [r.effect for r in rivals_of(searcher, work, effect) if r.by_t or r.inside]
         for plain in sorted(equals, key=freedom):
@@ -141,6 +143,27 @@ def simplest(searcher: Searcher, work: Working) -> Working:
                 work = trial
                 break
     return work
+
+
+def _leading(searcher: Searcher, work: Working) -> Working:
+    """Replace ripple that changes with speed by its plain kinds where they explain as much.
+
+    It holds the orders of all of them, and with a resonance far away it is their sum.
+    """
+    follower = next((e for e in work.named if e.name == FOLLOWER), None)
+    if follower is None:
+        return work
+    rest = [e for e in work.effects if e is not follower]
+    plain = [
+        candidate.variants[0].with_orders(orders)
+        for candidate in searcher.study.candidates(rest)
+        if candidate.name in LEADERS
+        and (orders := [h for h in candidate.variants[0].harmonics if h in follower.harmonics])
+    ]
+    trial, squares = searcher.fitted(work.having([*rest, *plain]))
+    _, left = searcher.fitted(work)
+    _, without = searcher.fitted(work.having(rest))
+    return trial if plain and squares - left < SAME * (without - left) else work
 
 
 def _behind(

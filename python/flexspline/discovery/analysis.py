@@ -15,7 +15,7 @@ from flexspline.discovery.forms import owned_gain
 from flexspline.discovery.heldout import held_out, plain_rows
 from flexspline.discovery.nameless import nameless_of
 from flexspline.discovery.noise import first_whitening, restricted_whitening
-from flexspline.discovery.refit import solved_at, started
+from flexspline.discovery.refit import at_upper_bound, solved_at, started
 from flexspline.discovery.search import Limits, Searcher, Step, ranked
 from flexspline.discovery.sheet import Sheet
 from flexspline.discovery.study import Study
@@ -100,7 +100,8 @@ def analysed(
     whole, study = study, study.thinned()
     say("base model")
     plain = Whitening(np.ones(1), 1.0, study.problem.decimation)
-    base, _ = started(study.problem, working(effects, len(effects), fixed), plain)
+    given = working(effects, len(effects), fixed)
+    base, _ = started(study.problem, given, plain)
     say("looking for orders")
     study.scan(base)
     say("noise")
@@ -113,7 +114,7 @@ def analysed(
     whitening = restricted_whitening(study.problem, lax, beside)
     searcher = Searcher(study, whitening, Limits(), say)
     base, _ = searcher.fitted(base)
-    final, _, steps = searcher.run(base)
+    final, steps = _searched(searcher, base, given)
     if study is not whole:
         say("all rows")
         whole.orders = study.orders
@@ -141,6 +142,26 @@ def analysed(
         whole, study, base, final, searcher, tuple(steps), leftover, tuple(doubted), ceiling,
         1.0 / share,
     )  # fmt: skip
+
+
+def _searched(searcher: Searcher, base: Working, given: Working) -> tuple[Working, list[Step]]:
+    """The names beside a base, and the steps there.
+
+    What a base lacks may drive the width of a change of direction to its upper bound, where it
+    makes up for it: a first search holds such shapes as they were given, a second one frees them.
+    """
+    held = {s.name: s.value(given.effects) for s in given.searched}
+    held = {name: held[name] for name in at_upper_bound(base)}
+    if not held:
+        final, _, steps = searcher.run(base)
+        return final, steps
+    start = working(base.effects, base.base, {**base.fixed, **held})
+    final, _, steps = searcher.run(start)
+    if not final.named:
+        return base, []
+    free = working(final.effects, final.base, base.fixed)
+    final, _, more = searcher.run(free)
+    return final, [*steps, *more]
 
 
 def _known(problem: Problem, effects: Sequence[Effect]) -> Problem:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -15,7 +14,7 @@ from flexspline.discovery.working import Working
 from flexspline.fit.names import coefficient_names
 from flexspline.fit.problem import Problem
 
-__all__ = ["coefficients_of", "freed", "mixed", "refitted", "started"]
+__all__ = ["at_upper_bound", "coefficients_of", "mixed", "refitted", "started"]
 
 Array = NDArray[np.float64]
 
@@ -35,27 +34,8 @@ def started(problem: Problem, work: Working, whitening: Whitening) -> tuple[Work
 
     A shape that these rows do not tell stays where it is, not at whichever bound rounding prefers.
     """
-    return _scanned(problem, work, whitening, range(len(work.searched)))
-
-
-def freed(problem: Problem, work: Working, whitening: Whitening) -> tuple[Working, float]:
-    """Return the model at its optimum, each shape that stands at a bound looked for anew.
-
-    A model that lacked something may have driven it there, and along the tangent there is no way
-    back: beside what was missing, the bound is a second optimum.
-    """
-    bounds = np.array([[np.log(s.info.lower), np.log(s.info.upper)] for s in work.searched])
-    here = work.logarithms[:, None]
-    at = np.flatnonzero(np.isclose(here, bounds.reshape(-1, 2), atol=NOWHERE).any(axis=1))
-    return _scanned(problem, work, whitening, at.tolist())
-
-
-def _scanned(
-    problem: Problem, work: Working, whitening: Whitening, numbers: Iterable[int]
-) -> tuple[Working, float]:
     told = TOLD / max(sum(run.counted for run in problem.runs), 1)
-    for number in numbers:
-        shape = work.searched[number]
+    for number, shape in enumerate(work.searched):
         ends = np.log([shape.info.lower, shape.info.upper])
         here = work.logarithms
         trials = []
@@ -67,6 +47,13 @@ def _scanned(
         best = min(trials, key=lambda trial: trial[0])
         work = best[1] if best[0] < (1.0 - told) * trials[0][0] else trials[0][1]
     return refitted(problem, work, whitening)
+
+
+def at_upper_bound(work: Working) -> list[str]:
+    """Return the shapes that stand there: such a shape has lost what it shapes."""
+    upper = np.log([s.info.upper for s in work.searched])
+    there = np.isclose(work.logarithms, upper, atol=NOWHERE)
+    return [shape.name for shape, at in zip(work.searched, there, strict=True) if at]
 
 
 def refitted(problem: Problem, work: Working, whitening: Whitening) -> tuple[Working, float]:

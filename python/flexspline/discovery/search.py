@@ -29,7 +29,7 @@ from flexspline.discovery.grids import SHARED
 from flexspline.discovery.heldout import held_out, plain_rows
 from flexspline.discovery.physics import LOOPS, driving_spring, impossible
 from flexspline.discovery.predictive import foretold_gain
-from flexspline.discovery.refit import freed, refitted
+from flexspline.discovery.refit import refitted
 from flexspline.discovery.scores import Offer, offers
 from flexspline.discovery.study import Study
 from flexspline.discovery.whitening import Whitening
@@ -98,14 +98,9 @@ class Searcher:
         return work, squares, steps
 
     def fitted(self, work: Working) -> tuple[Working, float]:
-        """Refit a model on the rows that its memory allows, all its springs of one sign.
-
-        A shape that stands at a bound is looked for anew beside names; without one nothing has
-        changed for it, and a first look at the noise needs no second optimum.
-        """
+        """Refit a model on the rows that its memory allows, all its springs of one sign."""
         problem, target = self.study.problem, self.study.target
-        fit = freed if work.named and not self.limits.lax else refitted
-        work, squares = fit(problem, work, self.whitening)
+        work, squares = refitted(problem, work, self.whitening)
         while spring := driving_spring(work, target):
             work, squares = refitted(problem, work.holding(spring, 0.0), self.whitening)
         return work, squares
