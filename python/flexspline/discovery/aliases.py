@@ -33,6 +33,7 @@ REFITTED = 60.0  # χ² that it keeps on the grid, up to which a rival's shapes 
 MOST = 4
 NEARLY = 0.85  # of the named effect's gain, for a rival that only the folds may tell from it
 FOLDS_DIFFER = 2.0  # standard errors of the difference over folds, up to which they do not
+COGGING = "cogging"
 EXPLAINS = 0.5  # of what the named effect gains, that a rival gains in its place at least
 
 
@@ -131,7 +132,6 @@ def simplest(searcher: Searcher, work: Working) -> Working:
 
     A rival that only the folds do not tell from it is an alias, but no equal.
     """
-    work = _leading(searcher, work)
     for effect in work.named:
         equals = [r.effect for r in rivals_of(searcher, work, effect) if r.by_t or r.inside]
         for plain in sorted(equals, key=freedom):
@@ -142,7 +142,7 @@ def simplest(searcher: Searcher, work: Working) -> Working:
             if not impossible(trial, plain.name, searcher.study.problem):
                 work = trial
                 break
-    return work
+    return _leading(searcher, work)
 
 
 def _leading(searcher: Searcher, work: Working) -> Working:
@@ -154,12 +154,11 @@ def _leading(searcher: Searcher, work: Working) -> Working:
     if follower is None:
         return work
     rest = [e for e in work.effects if e is not follower]
-    plain = [
-        candidate.variants[0].with_orders(orders)
-        for candidate in searcher.study.candidates(rest)
-        if candidate.name in LEADERS
-        and (orders := [h for h in candidate.variants[0].harmonics if h in follower.harmonics])
-    ]
+    offered = {c.name: c.variants[0] for c in searcher.study.candidates(rest) if c.name in LEADERS}
+    teeth = set(offered[COGGING].harmonics) if COGGING in offered else set()
+    of_leader = {name: [h for h in follower.harmonics if (h in teeth) == (name == COGGING)]
+                 for name in offered}  # fmt: skip
+    plain = [offered[name].with_orders(own) for name, own in of_leader.items() if own]
     trial, squares = searcher.fitted(work.having([*rest, *plain]))
     _, left = searcher.fitted(work)
     _, without = searcher.fitted(work.having(rest))

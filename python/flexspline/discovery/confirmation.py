@@ -8,8 +8,9 @@ reader asks two plain questions, and a name that fails one of them is withdrawn:
                                             more than two standard errors
 
 Of several names, one that closes less than half a per cent of what all of them close held out (a
-fourteenth in RMS) is real but too small to matter: it is listed as also seen and is no part of the
-model. Blocks are longer than the residual's memory (two seconds at least).
+fourteenth in RMS), with a tenth of the t of the largest at most, is real but too small to matter:
+it is listed as also seen and is no part of the model. Ripple that is small in RMS may be as plain
+as the rest, beside slow noise. Blocks are longer than the residual's memory (two seconds at least).
 """
 
 from __future__ import annotations
@@ -37,6 +38,7 @@ EXACT = 1e-12  # of a coefficient: an error that is rounding
 CERTAIN = 16.0  # t above which the held-out error must fall by more than chance
 ERRORS = 2.0  # standard errors of the fall of the held-out error
 SMALL = 0.005  # of what all names close held out: less is too small to matter
+PLAIN = 0.1  # of the largest t of all names: what exceeds it is not too small, however little it is
 
 
 @dataclass(frozen=True)
@@ -115,7 +117,7 @@ def confirmed(
             worst = max(failing, key=lambda one: (one.p, -one.share))
             made.searcher.refused[worst.effect.name] = worst.withdrawn
         else:
-            little = [one for one in shown if one.share < SMALL] if len(shown) > 1 else []
+            little = _too_small(shown)
             freed = [e.name for e in made.base.effects if e.name not in base and not little]
             idle = [name for name in freed if not significance(fit, name) < SIGNIFICANT]
             if not whole:
@@ -136,6 +138,13 @@ def confirmed(
             else:
                 made.searcher.refused[worst.effect.name] = "too small to be seen held out"
         made = made.without(worst.effect.name)
+
+
+def _too_small(shown: Sequence[Shown]) -> list[Shown]:
+    """Those of several names that are too small to matter beside the others."""
+    largest = max((one.t for one in shown), default=0.0)
+    little = [one for one in shown if one.share < SMALL and one.t < PLAIN * largest]
+    return little if len(shown) > 1 else []
 
 
 def significance(fit: Fit, name: str) -> float:
