@@ -123,7 +123,10 @@ def confirmed(
             if not whole:
                 idle += [name for name in freed if name not in idle and not _lowers(made, name)]
             if idle:
-                made = made.without(idle[0])
+                rival = _rival(made, shown, idle[0])
+                if rival:
+                    made.searcher.refused[rival] = f"{idle[0]} explains as much"
+                made = made.without(rival or idle[0])
                 continue
             if not little and not whole:
                 made, whole = _in_order(made), True
@@ -189,6 +192,14 @@ def _all_shown(made: Analysis, fit: Fit) -> list[Shown]:
         p = significance(fit, effect.name)
         shown.append(Shown(effect, p, t, fall, error, share, (rest.rmse, whole.rmse)))
     return shown
+
+
+def _rival(made: Analysis, shown: Sequence[Shown], freedom: str) -> str:
+    """A name that does not lower the held-out error beyond chance, and is all that makes what the
+    base was given idle; "" for none.
+    """
+    weak = [one.effect.name for one in shown if one.fall < ERRORS * one.error]
+    return next((name for name in weak if _lowers(made.without(name), freedom)), "")
 
 
 def _lowers(made: Analysis, name: str) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -32,6 +33,7 @@ __all__ = [
 
 RATIO = "gear_ratio"
 ENCODER_DELAY = "encoder_delay"
+SIGN = "torque_sign"  # that of a recorder: at least half of the runs have to show it
 TOLD = 4.0  # standard errors of a delay between encoders, as in the check of one run
 SENSOR = ("sensor_torque",)
 TWISTED = 0.01  # of the ratio: more than this no torsion makes of it
@@ -88,7 +90,9 @@ def data_faults(
         ]  # fmt: skip
     if any(f.name == ENCODER_DELAY for f in found) and not _late_alike(logs):
         found = [f for f in found if f.name != ENCODER_DELAY]
-    return tuple(found)
+    flipped = Counter(f.channel for f in found if f.name == SIGN)
+    rare = [channel for channel, runs in flipped.items() if 2 * runs < len(logs)]
+    return tuple(f for f in found if not (f.name == SIGN and f.channel in rare))
 
 
 def _late_alike(logs: Sequence[Log]) -> bool:
