@@ -91,6 +91,19 @@ def test_a_channel_that_is_clipped_in_motion_is_clipped_beside_a_rest(velocity: 
     assert found(columns) == ["clipped_channel"]
 
 
+@pytest.mark.parametrize("flatness", [4, 6, 8])
+def test_a_current_that_levels_off_is_not_clipped(flatness: int) -> None:
+    """It stays at its last quantum as long as no parabola would, and slows down on the way."""
+    time = np.arange(2400) / RATE
+    turning = np.abs((time / 4.0) % 1.0 - 0.5) * 2.0
+    current = coarse(3.0 - 2.0 * turning**flatness, 0.01)
+    columns = {"time": time, "output_position": coarse(np.sin(1.3 * time), ENCODER)}
+    assert np.sum(current == current.max()) > 500
+    assert found({**columns, "motor_current": current}) == []
+    cut = np.maximum(current, 1.6)
+    assert found({**columns, "motor_current": cut}) == ["clipped_channel"]
+
+
 def test_a_motion_of_a_quantum_a_row_repeats_rows_with_reason() -> None:
     time = np.arange(2000) / RATE
     slow = 0.7 * ENCODER * np.arange(1000)

@@ -16,6 +16,7 @@ from flexspline.fit.fitting import NO_TORSION
 from flexspline.logs.checks import check
 from flexspline.logs.checks.gear import measured_gear
 from flexspline.logs.log import Log
+from flexspline.logs.segments import median_step
 
 if TYPE_CHECKING:
     from flexspline.discovery.analysis import Analysis
@@ -33,6 +34,7 @@ __all__ = [
 
 RATIO = "gear_ratio"
 ENCODER_DELAY = "encoder_delay"
+HALF_A_ROW = 0.5  # more than that a run may be late by alone: another clock
 SIGN = "torque_sign"  # that of a recorder: at least half of the runs have to show it
 TOLD = 4.0  # standard errors of a delay between encoders, as in the check of one run
 SENSOR = ("sensor_torque",)
@@ -89,7 +91,8 @@ def data_faults(
             for f in findings.faults
         ]  # fmt: skip
     if any(f.name == ENCODER_DELAY for f in found) and not _late_alike(logs):
-        found = [f for f in found if f.name != ENCODER_DELAY]
+        row = {log.name: median_step(log["time"]) for log in logs}
+        found = [f for f in found if f.name != ENCODER_DELAY or f.size > HALF_A_ROW * row[f.run]]
     flipped = Counter(f.channel for f in found if f.name == SIGN)
     rare = [channel for channel, runs in flipped.items() if 2 * runs < len(logs)]
     return tuple(f for f in found if not (f.name == SIGN and f.channel in rare))
@@ -98,8 +101,8 @@ def data_faults(
 def _late_alike(logs: Sequence[Log]) -> bool:
     """Whether one encoder is late by the same in all runs, as a recorder makes it.
 
-    What differs from run to run is torsion that comes round with the motion: the scatter of the
-    runs is part of the error of their mean.
+    A part of a row that differs from run to run is torsion that comes round with the motion: the
+    scatter of the runs is part of the error of their mean.
     """
     gears = [gear for log in logs if (gear := measured_gear(log)) is not None]
     if len(gears) < 2:

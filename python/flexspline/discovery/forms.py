@@ -63,7 +63,8 @@ def missed(dictionary: Dictionary, named: Sequence[Effect], other: Effect) -> fl
 
 
 def _missed_by(dictionary: Dictionary, named: Effect, other: Effect) -> float:
-    share = SAME if set(other.reads) <= set(named.reads) else _share(named)
+    bends = bool(other.reads) and set(other.reads) <= set(named.reads)  # a constant bends nothing
+    share = SAME if bends else _share(named)
     return share * owned_gain(dictionary, named.name)
 
 
