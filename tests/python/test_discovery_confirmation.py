@@ -17,7 +17,7 @@ from scipy.stats import chi2
 
 import flexspline
 from flexspline.discovery import confirmation
-from flexspline.discovery.confirmation import ERRORS, SMALL, Shown, significance
+from flexspline.discovery.confirmation import ERRORS, PLAIN, SMALL, Shown, significance
 from flexspline.discovery.freedom import DIRECTIONS, LAG, freedoms, held_of, with_freedoms
 from flexspline.discovery.result import Discovery
 from flexspline.effects import Effect, effect
@@ -178,7 +178,7 @@ def test_what_is_real_but_small_is_also_seen_and_what_may_be_chance_is_not(
 ) -> None:
     little = 0.9 * SMALL
     each = {
-        "viscous_friction": {},
+        "viscous_friction": {"t": 1.1 * 9.0 / PLAIN},
         "gravity": {"share": little, "fall": 1.1 * ERRORS * 0.1},
         "inertia": {"share": little, "fall": 0.9 * ERRORS * 0.1},
     }
@@ -187,6 +187,46 @@ def test_what_is_real_but_small_is_also_seen_and_what_may_be_chance_is_not(
     assert [one.effect for one in held.also_seen] == ["gravity"]
     assert held.also_seen[0].share_of_gap == little
     assert refused == {"inertia": "too small to be seen held out"}
+
+
+def test_what_is_as_plain_as_the_rest_is_never_too_small(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ripple beside slow noise: next to nothing in RMS, and hundreds of standard errors."""
+    each = {"viscous_friction": {"t": 400.0}, "cogging": {"share": 0.1 * SMALL, "t": 41.0}}
+    held, refused, _ = confirmed(monkeypatch, each)
+    assert [*held.shown] == [*each] and not refused and held.also_seen == ()
+
+
+@pytest.mark.parametrize(("more", "first"), [(0.0, True), (0.5, False)])
+def test_a_weak_name_goes_before_the_freedom_that_explains_as_much(
+    monkeypatch: pytest.MonkeyPatch, more: float, first: bool
+) -> None:
+    """`more`: by how much the name beside the freedom's place closes more than the freedom."""
+    lowers = {"both": 0.0, "freedom": 0.0, "name": -more, "none": 1.0}
+
+    class Model(SimpleNamespace):
+        def plain(self, _: str) -> str:
+            return "name" if self.names else "none"
+
+        def __str__(self) -> str:
+            return "both" if self.names else "freedom"
+
+    class Two(Made):
+        @property
+        def final(self) -> Any:
+            return Model(names=self.names, named=[Effect(name) for name in self.names])
+
+        def without(self, name: str) -> Two:
+            return Two([n for n in self.names if n != name], self.given, {})
+
+    monkeypatch.setattr(confirmation, "_left_by", lambda made: lambda work: lowers[str(work)])
+    monkeypatch.setattr(confirmation, "_fall", lambda before, after, rows: (before - after, 0.1))
+    made = Two(["gravity"], ["offset", LAG], {})
+    made.study = SimpleNamespace(problem=SimpleNamespace(block_rows=1))  # type: ignore[attr-defined]
+    weak = Shown(Effect("gravity"), 0.0, 9.0, 0.1, 0.1, 0.5, (2.0, 1.0))
+    rival = confirmation._rival(made, [weak], LAG)  # type: ignore[arg-type]
+    assert rival == ("gravity" if first else "")
+    sure = Shown(Effect("gravity"), 0.0, 9.0, 1.0, 0.1, 0.5, (2.0, 1.0))
+    assert confirmation._rival(made, [sure], LAG) == ""  # type: ignore[arg-type]
 
 
 def test_the_only_name_is_never_too_small(monkeypatch: pytest.MonkeyPatch) -> None:

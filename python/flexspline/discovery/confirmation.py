@@ -196,26 +196,39 @@ def _all_shown(made: Analysis, fit: Fit) -> list[Shown]:
 
 def _rival(made: Analysis, shown: Sequence[Shown], freedom: str) -> str:
     """A name that does not lower the held-out error beyond chance, and is all that makes what the
-    base was given idle; "" for none.
+    base was given idle: beside the others that explains as much held out. "" for none.
     """
-    weak = [one.effect.name for one in shown if one.fall < ERRORS * one.error]
-    return next((name for name in weak if _lowers(made.without(name), freedom)), "")
+    weak = [one for one in shown if one.fall < ERRORS * one.error]
+    if not weak:
+        return ""
+    left, rows = _left_by(made), made.study.problem.block_rows
+    named = left(made.final.plain(freedom))
+    for one in weak:
+        given = made.without(one.effect.name).final
+        without, beside = left(given.plain(freedom)), left(given)
+        fall, error = _fall(without, beside, rows)
+        more, chance = _fall(beside, named, rows)
+        if fall > ERRORS * error and more < ERRORS * chance:
+            return one.effect.name
+    return ""
 
 
 def _lowers(made: Analysis, name: str) -> bool:
-    """Whether what the base was given lowers the held-out error beyond chance, and on each fold.
+    """Whether what the base was given lowers the held-out error beyond chance.
 
-    It is given to every base, so it may stand in for what only some of the runs show.
+    It is given to every base, and may stand in for what only some of the runs show: the scatter of
+    the folds is part of the error.
     """
-    left = _left_by(made)
+    left, rows = _left_by(made), made.study.problem.block_rows
     before, after = left(made.final.plain(name)), left(made.final)
-    fall, error = _fall(before, after, made.study.problem.block_rows)
+    fall, error = _fall(before, after, rows)
     squares = [
-        (old[f.first : f.last] ** 2 - new[f.first : f.last] ** 2)
+        float(np.nansum(before.residuals[f.run][at] ** 2 - after.residuals[f.run][at] ** 2))
         for f in after.folds
-        for old, new in [(before.residuals[f.run], after.residuals[f.run])]
+        for at in [slice(f.first, f.last)]
     ]
-    return fall > ERRORS * error and all(np.nansum(part) >= 0.0 for part in squares)
+    scatter = float(np.std(squares, ddof=1) / np.mean(squares) / np.sqrt(len(squares)))
+    return fall > ERRORS * max(error, abs(scatter) * fall)
 
 
 def _left_by(made: Analysis) -> Callable[[Working], HeldOut]:
@@ -241,7 +254,7 @@ def _in_order(made: Analysis) -> Analysis:
 
 
 def _fall(before: HeldOut, after: HeldOut, rows: int) -> tuple[float, float]:
-    """How much the held-out mean square falls, and its standard error.
+    """How much the held-out mean square falls, and its standard error; `rows`: of a block.
 
     With s the difference of both predictions and e what is left after, s² + 2 s e is the fall of a
     row. Chance is in the second term alone: its sums over blocks, longer than the memory of e, are
@@ -252,8 +265,8 @@ def _fall(before: HeldOut, after: HeldOut, rows: int) -> tuple[float, float]:
         both = np.isfinite(old) & np.isfinite(new)
         gain, left = old[both] - new[both], new[both]
         total += float(gain @ (gain + 2.0 * left))
-        parts = np.array_split(2.0 * gain * left, max(1, round(len(gain) / rows)))
-        sums += [float(part.sum()) for part in parts if len(part)]
+        blocks = np.array_split(2.0 * gain * left, max(1, round(len(gain) / rows)))
+        sums += [float(block.sum()) for block in blocks if len(block)]
         count += len(gain)
     chance = float(np.linalg.norm(sums)) if len(sums) > 1 else np.inf
     return total / count, chance / count

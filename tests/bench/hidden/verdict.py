@@ -48,7 +48,8 @@ def judged_recorded(
 
     Parameters
     ----------
-    small : effects that are there besides: right behind all hidden ones, and never missed.
+    small : effects that are there besides: right behind all hidden ones, themselves or as a
+        declared alias, and never missed.
     means : the hidden effect that each name stands for, "" for none (`trial.stands_for`).
 
     A sensor lag is right where the load cell is late and the name declares a delay as its alias.
@@ -61,7 +62,7 @@ def judged_recorded(
     complete = bool(case.nameable) and set(means) - {""} == set(case.nameable)
     for k, name in enumerate(names):
         late = recorder.load_delay > 0.0 and any("delay" in alias for alias in aliases[k])
-        behind = complete and k > last and name in small
+        behind = complete and k > last and not {name, *aliases[k]}.isdisjoint(small)
         if not means[k] and (behind or (name == "sensor_lag" and late)):
             told[k] = name
     wrong = "" in told or not all(real_fault(case, recorder, fault) for fault in faults)
