@@ -179,10 +179,12 @@ def _discovered(
         free = tuple(name for name in free if name not in excluded)
         recorded = _Recorded.of(runs, way)
         held = _searched(recorded, way, excluded, free)
-        recorded, held, delay = _on_one_clock(runs, recorded, held, way, excluded, free)
-        if delay and start.known_load is not None:
-            noisy = (*noisy, *load_delays(runs, start.target, start.known_load, delay))
-            runs = [move_earlier(log, start.known_load, delay) for log in runs]
+        delay, load = 0.0, start.known_load
+        if load in inputs and inputs[load].noisy and (LAG in free or start.target == "torsion"):
+            recorded, held, delay = _on_one_clock(runs, load, recorded, held, way, excluded, free)
+        if delay and load is not None:
+            noisy = (*noisy, *load_delays(runs, start.target, load, delay))
+            runs = [move_earlier(log, load, delay) for log in runs]
         elif lead_of(held.made.final):
             others = tuple(name for name in free if name != LAG)
             held = _searched(recorded, way, excluded, others)  # it may be the sensor's: to be named
@@ -377,6 +379,7 @@ def _searched(runs: _Recorded, way: _Way, exclude: Sequence[str], free: Sequence
 
 def _on_one_clock(
     runs: Sequence[Log],
+    load: str,
     recorded: _Recorded,
     held: Confirmed,
     way: _Way,
@@ -392,10 +395,7 @@ def _on_one_clock(
     from flexspline.discovery.freedom import LAG
     from flexspline.logs.repairs import move_earlier
 
-    load, delay = way.start.known_load, 0.0
-    if LAG not in free or load is None:
-        return recorded, held, 0.0
-    others = [name for name in free if name != LAG]
+    delay, others = 0.0, [name for name in free if name != LAG]
     for _ in range(CLOCK_ROUNDS):
         late = late_by(held.made, moved=delay != 0.0)
         if not late:

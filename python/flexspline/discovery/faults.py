@@ -11,6 +11,7 @@ import numpy as np
 
 from flexspline.discovery.forms import missed, owned_gain
 from flexspline.discovery.freedom import LAG
+from flexspline.discovery.table import solved, tabulated
 from flexspline.effects import Effect
 from flexspline.fit.fitting import NO_TORSION
 from flexspline.logs.checks import check
@@ -152,6 +153,8 @@ def late_by(made: Analysis, moved: bool) -> float:
     (`moved`). 0 where what is left without a name explains more than the delay does, or the forms
     of the names may miss as much: that may be what makes it.
     """
+    if made.study.problem.target == "torsion":
+        return _late_behind_torsion(made)
     problem, late = made.study.problem, lead_of(made.final)
     if problem.known_load is None or late == 0.0:
         return 0.0
@@ -163,11 +166,39 @@ def late_by(made: Analysis, moved: bool) -> float:
     return late if owned_gain(dictionary, LAG) > other else 0.0
 
 
+def _late_behind_torsion(made: Analysis) -> float:
+    """The delay of a load whose torsion the model predicts, s; 0 where the runs do not tell one.
+
+    A load that is late by δ predicts p(t − δ): what is left follows δ dp/dt, beside the columns of
+    the model with all its names, those that were taken back included. The delay of a recorder is
+    the same in all folds: their scatter is part of its error.
+    """
+    problem, searcher = made.study.problem, made.searcher
+    taken = {step.effect.name: step.effect for step in made.steps}
+    back = [taken[name] for name in made.doubted if name in taken]
+    work, _ = searcher.fitted(made.final.having([*made.final.effects, *back]))
+    parts = []
+    for number, run in enumerate(problem.runs):
+        rows, target = work.rows(problem, number)
+        slope = np.gradient(work.predict(problem, number), run.log["time"])
+        parts.append((np.column_stack([rows, slope]), target))
+    table = tabulated(problem, parts, searcher.whitening)
+    model = np.arange(len(table.total) - 2)
+    left = np.append(-solved(table.total, model), [0.0, 1.0])
+    own = np.append(-solved(table.total[:-1, :-1], model), [1.0, 0.0])
+    weight = np.maximum([own @ fold @ own for fold in table.folds], 1e-300)
+    told = np.array([own @ fold @ left for fold in table.folds]) / weight
+    late = float(np.average(told, weights=weight))
+    scatter = float(np.average((told - late) ** 2, weights=weight)) / max(len(told) - 1, 1)
+    error = float(np.sqrt(max(1.0 / weight.sum(), scatter)))
+    return late if abs(late) > TOLD * error else 0.0
+
+
 def load_delays(logs: Sequence[Log], target: str, load: str, late: float) -> tuple[DataFault, ...]:
     """Return the fault of each run whose known load is late by so much against the target, s."""
-    channel, other = (load, target) if late > 0.0 else (target, load)
+    channel, other = (load, target) if late > 0.0 or target == "torsion" else (target, load)
     why = ", which cannot read a torque before it is there" if target in SENSOR else ""
-    size = 1e3 * abs(late)
+    size, early = 1e3 * abs(late), channel == load and late < 0.0
     return tuple(
         DataFault(
             log.name,
@@ -176,9 +207,9 @@ def load_delays(logs: Sequence[Log], target: str, load: str, late: float) -> tup
             abs(late),
             "s",
             (0, len(log)),
-            f"{log.name}: {channel} is {size:.3g} ms late against {other}{why}; names are looked "
-            f"for with {load} moved by that much. Ask for the repair "
-            f"shift={channel}:{abs(late):.3g}.",
+            f"{log.name}: {channel} is {size:.3g} ms {'early' if early else 'late'} against "
+            f"{other}{why}; names are looked for with {load} moved by that much. "
+            f"Ask for the repair shift={channel}:{late if early else abs(late):.3g}.",
         )
         for log in logs
     )
