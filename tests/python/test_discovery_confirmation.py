@@ -197,7 +197,7 @@ def test_what_is_as_plain_as_the_rest_is_never_too_small(monkeypatch: pytest.Mon
 
 
 @pytest.mark.parametrize(("more", "first"), [(0.0, True), (0.5, False)])
-def test_a_weak_name_goes_before_the_freedom_that_explains_as_much(
+def test_a_name_goes_before_the_freedom_that_explains_as_much(
     monkeypatch: pytest.MonkeyPatch, more: float, first: bool
 ) -> None:
     """`more`: by how much the name beside the freedom's place closes more than the freedom."""
@@ -222,11 +222,9 @@ def test_a_weak_name_goes_before_the_freedom_that_explains_as_much(
     monkeypatch.setattr(confirmation, "_fall", lambda before, after, rows: (before - after, 0.1))
     made = Two(["gravity"], ["offset", LAG], {})
     made.study = SimpleNamespace(problem=SimpleNamespace(block_rows=1))  # type: ignore[attr-defined]
-    weak = Shown(Effect("gravity"), 0.0, 9.0, 0.1, 0.1, 0.5, (2.0, 1.0))
-    rival = confirmation._rival(made, [weak], LAG)  # type: ignore[arg-type]
+    rival = confirmation._rival(made, [shown()], LAG)  # type: ignore[arg-type]
     assert rival == ("gravity" if first else "")
-    sure = Shown(Effect("gravity"), 0.0, 9.0, 1.0, 0.1, 0.5, (2.0, 1.0))
-    assert confirmation._rival(made, [sure], LAG) == ""  # type: ignore[arg-type]
+    assert confirmation._rival(made, [], LAG) == ""  # type: ignore[arg-type]
 
 
 def test_the_only_name_is_never_too_small(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -195,20 +195,22 @@ def _all_shown(made: Analysis, fit: Fit) -> list[Shown]:
 
 
 def _rival(made: Analysis, shown: Sequence[Shown], freedom: str) -> str:
-    """A name that does not lower the held-out error beyond chance, and is all that makes what the
-    base was given idle: beside the others that explains as much held out. "" for none.
+    """A name that is all that makes what the base was given idle, and no better; "" for none.
+
+    Beside the others either closes as much held out: then nothing is named.
     """
-    weak = [one for one in shown if one.fall < ERRORS * one.error]
-    if not weak:
+    if not shown:
         return ""
     left, rows = _left_by(made), made.study.problem.block_rows
     named = left(made.final.plain(freedom))
-    for one in weak:
+    for one in shown:
         given = made.without(one.effect.name).final
-        without, beside = left(given.plain(freedom)), left(given)
-        fall, error = _fall(without, beside, rows)
+        beside = left(given)
         more, chance = _fall(beside, named, rows)
-        if fall > ERRORS * error and more < ERRORS * chance:
+        if more >= ERRORS * chance:
+            continue
+        fall, error = _fall(left(given.plain(freedom)), beside, rows)
+        if fall > ERRORS * error:
             return one.effect.name
     return ""
 

@@ -369,7 +369,7 @@ def _searched(runs: _Recorded, way: _Way, exclude: Sequence[str], free: Sequence
     def fitted(work: Working, shapes: bool) -> Fit:
         posed = way.problem(runs, work.effects)
         limited, priors = _bounds(work, start), _priors(work, posed, start)
-        known = {**start.fixed, **held_of(work.effects, free)}
+        known = {**start.fixed, **held_of(work.effects[: work.base], free)}
         if not shapes:
             known |= {s.name: s.value(work.effects) for s in shapes_of(work.effects)}
         return fit_near(posed, work.effects, known, limited, start.model, priors, general=True)
