@@ -21,6 +21,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import chi2
 
+from flexspline.discovery.aliases import NEARLY
 from flexspline.discovery.analysis import Analysis
 from flexspline.discovery.evidence import equivalent_t
 from flexspline.discovery.forms import owned_gain
@@ -195,9 +196,9 @@ def _all_shown(made: Analysis, fit: Fit) -> list[Shown]:
 
 
 def _rival(made: Analysis, shown: Sequence[Shown], freedom: str) -> str:
-    """A name that is all that makes what the base was given idle, and no better; "" for none.
+    """A name that is all that makes what the base was given idle, and hardly better; "" for none.
 
-    Beside the others either closes as much held out: then nothing is named.
+    Beside the others either closes nearly as much held out: then nothing is named.
     """
     if not shown:
         return ""
@@ -207,10 +208,9 @@ def _rival(made: Analysis, shown: Sequence[Shown], freedom: str) -> str:
         given = made.without(one.effect.name).final
         beside = left(given)
         more, chance = _fall(beside, named, rows)
-        if more >= ERRORS * chance:
-            continue
         fall, error = _fall(left(given.plain(freedom)), beside, rows)
-        if fall > ERRORS * error:
+        nearly = more < ERRORS * chance or fall > NEARLY * (fall + more)
+        if fall > ERRORS * error and nearly:
             return one.effect.name
     return ""
 
