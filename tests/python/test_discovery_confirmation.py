@@ -202,29 +202,23 @@ def test_a_name_goes_before_the_freedom_that_explains_as_much(
 ) -> None:
     """`more`: by how much the name beside the freedom's place closes more than the freedom."""
     lowers = {"both": 0.0, "freedom": 0.0, "name": -more, "none": 1.0}
+    without = {"both": "name", "freedom": "none"}
 
     class Model(SimpleNamespace):
-        def plain(self, _: str) -> str:
-            return "name" if self.names else "none"
+        named = effects = (Effect("gravity"),)
 
-        def __str__(self) -> str:
-            return "both" if self.names else "freedom"
+        def plain(self, _: str) -> Model:
+            return Model(what=without[self.what])
 
-    class Two(Made):
-        @property
-        def final(self) -> Any:
-            return Model(names=self.names, named=[Effect(name) for name in self.names])
+        def having(self, effects: Sequence[Effect]) -> Model:
+            assert effects == []
+            return Model(what="freedom")
 
-        def without(self, name: str) -> Two:
-            return Two([n for n in self.names if n != name], self.given, {})
-
-    monkeypatch.setattr(confirmation, "_left_by", lambda made: lambda work: lowers[str(work)])
+    monkeypatch.setattr(confirmation, "_left_by", lambda made: lambda work: lowers[work.what])
     monkeypatch.setattr(confirmation, "_fall", lambda before, after, rows: (before - after, 0.1))
-    made = Two(["gravity"], ["offset", LAG], {})
-    made.study = SimpleNamespace(problem=SimpleNamespace(block_rows=1))  # type: ignore[attr-defined]
-    rival = confirmation._rival(made, [shown()], LAG)  # type: ignore[arg-type]
-    assert rival == ("gravity" if first else "")
-    assert confirmation._rival(made, [], LAG) == ""  # type: ignore[arg-type]
+    study = SimpleNamespace(problem=SimpleNamespace(block_rows=1))
+    made: Any = SimpleNamespace(final=Model(what="both"), study=study)
+    assert confirmation._rival(made, LAG) == ("gravity" if first else "")
 
 
 def test_the_only_name_is_never_too_small(monkeypatch: pytest.MonkeyPatch) -> None:

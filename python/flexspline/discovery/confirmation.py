@@ -109,7 +109,7 @@ def confirmed(
         too where it is not significant, or lowers the held-out error by no more than chance.
     """
     small: list[AlsoSeen] = []
-    whole = False
+    made, whole = _settled(made, base), False
     while True:
         fit = fitted(made.final, whole)
         shown = _all_shown(made, fit)
@@ -121,13 +121,8 @@ def confirmed(
             little = _too_small(shown)
             freed = [e.name for e in made.base.effects if e.name not in base and not little]
             idle = [name for name in freed if not significance(fit, name) < SIGNIFICANT]
-            if not whole:
-                idle += [name for name in freed if name not in idle and not _lowers(made, name)]
             if idle:
-                rival = _rival(made, shown, idle[0])
-                if rival:
-                    made.searcher.refused[rival] = f"{idle[0]} explains as much"
-                made = made.without(rival or idle[0])
+                made = _without_freedom(made, idle[0])
                 continue
             if not little and not whole:
                 made, whole = _in_order(made), True
@@ -195,23 +190,44 @@ def _all_shown(made: Analysis, fit: Fit) -> list[Shown]:
     return shown
 
 
-def _rival(made: Analysis, shown: Sequence[Shown], freedom: str) -> str:
+def _settled(made: Analysis, base: Sequence[str]) -> Analysis:
+    """Take out what the base was given, where it lowers the held-out error by no more than chance.
+
+    It needs no fit, and comes before the names are put to the test.
+    """
+    while True:
+        freed = [e.name for e in made.base.effects if e.name not in base]
+        idle = next((name for name in freed if not _lowers(made, name)), None)
+        if idle is None:
+            return made
+        made = _without_freedom(made, idle)
+
+
+def _without_freedom(made: Analysis, idle: str) -> Analysis:
+    """Take out an idle freedom of the base, or the name that makes it so."""
+    rival = _rival(made, idle)
+    if rival:
+        made.searcher.refused[rival] = f"{idle} explains as much"
+    return made.without(rival or idle)
+
+
+def _rival(made: Analysis, freedom: str) -> str:
     """A name that is all that makes what the base was given idle, and hardly better; "" for none.
 
     Beside the others either closes nearly as much held out: then nothing is named.
     """
-    if not shown:
+    if not made.final.named:
         return ""
-    left, rows = _left_by(made), made.study.problem.block_rows
-    named = left(made.final.plain(freedom))
-    for one in shown:
-        given = made.without(one.effect.name).final
+    left, final, rows = _left_by(made), made.final, made.study.problem.block_rows
+    named = left(final.plain(freedom))
+    for effect in final.named:
+        given = final.having([e for e in final.effects if e.name != effect.name])
         beside = left(given)
         more, chance = _fall(beside, named, rows)
         fall, error = _fall(left(given.plain(freedom)), beside, rows)
         nearly = more < ERRORS * chance or fall > NEARLY * (fall + more)
         if fall > ERRORS * error and nearly:
-            return one.effect.name
+            return effect.name
     return ""
 
 

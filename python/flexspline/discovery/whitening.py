@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz
+from scipy.ndimage import correlate1d
 
 from flexspline.fit.problem import Run
 
@@ -65,8 +66,9 @@ class Whitening:
 
     def filter(self, columns: Array, out: Array) -> None:
         """Filter columns (N, C) of consecutive rows into `out`, (N − order, C)."""
-        for column, white in zip(columns.T, out.T, strict=True):
-            white[:] = np.convolve(column, self.denominator, mode="valid")
+        late = len(self.denominator) // 2
+        made = correlate1d(columns, self.denominator[::-1], axis=0, mode="constant")
+        out[:] = made[late : late + len(out)]
 
 
 def rough_whitening(residuals: Sequence[Array], runs: Sequence[Run], decimation: int) -> Whitening:
