@@ -6,7 +6,8 @@ that raises it by less than a hundredth is worth knowing, and no reason to doubt
     noise, delay of a velocity   r: prediction with the velocity as recorded less with the right one
     rows that repeat others      r: each is wrong by one step of the target, √(share · mean step²)
 
-What another fault makes of the target is not known, and it counts as grave.
+What another fault makes of the target is not known, and it counts as grave. Where the rows read a
+velocity that is derived from a position, the recorded one has made nothing of what is found.
 """
 
 from __future__ import annotations
@@ -64,10 +65,22 @@ class _Look:
         if makes is None or not np.isfinite(makes):
             return fault
         grave = bool(np.hypot(self.floor, makes) > (1.0 + SMALL) * self.floor)
-        unit = self.fit.unit
+        unit, source = self.fit.unit, self._read_instead(fault)
         said = f"It makes {short(makes)} {unit} RMS, the noise floor is {short(self.floor)} {unit}"
         said += "." if grave else ": too little to matter."
+        if source:
+            said = (
+                f"Names are looked for with a velocity derived from {source}; as recorded it makes "
+                f"{short(makes)} {unit} RMS, the noise floor is {short(self.floor)} {unit}."
+            )
+            grave = False
         return replace(fault, makes=makes, grave=grave, sentence=f"{fault.sentence} {said}")
+
+    def _read_instead(self, fault: DataFault) -> str:
+        """The position that a velocity is derived from where a fault is one of the velocity's."""
+        sources = {p.channel: p.source for p in self.fit.part.preparations}
+        source = sources.get(VELOCITY, VELOCITY)
+        return source if fault.channel == VELOCITY and source != VELOCITY else ""
 
     def _makes(self, fault: DataFault) -> float | None:
         own = [log for log in self.logs if log.name == fault.run]

@@ -1,0 +1,73 @@
+"""The known load is put on the clock of the target, and names beside it stand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from recorded_joint import base
+from recorded_joint import runs as joint_runs
+from test_hidden_in_torsion import dead_zone, mesh
+from torsion_logs import C_M, LOAD, log_of, noise, stiffness_run
+
+import flexspline
+from flexspline.discovery.refit import at_upper_bound
+from flexspline.discovery.working import working
+from flexspline.effects import effect
+from flexspline.logs.log import Log
+
+Array = NDArray[np.float64]
+
+BASE = ["offset", effect("mesh_compliance", mesh_shape=C_M)]
+OUTPUT, MOTOR = 2.0 * np.pi / 2**22, 2.0 * np.pi / 2**15  # rad, quanta of the encoders
+CELL = 0.02  # Nm, noise of the load cell
+
+
+def torsion_run(seed: int, *, late: float, hidden: bool) -> Log:
+    """A gear under load, with a recorder's quanta and noise; the load cell is late, s."""
+    c, generator = stiffness_run(seed, 6000), np.random.default_rng([seed, 61])
+    torsion = 0.02 + mesh(c) + (dead_zone(c) if hidden else 0.0) + noise(seed, 6000)
+    c["output_position"] = OUTPUT * np.round(c["output_position"] / OUTPUT)
+    c[LOAD] = np.interp(c["time"] - late, c["time"], c[LOAD]) + generator.normal(0.0, CELL, 6000)
+    log = log_of(c, torsion, f"run{seed}")
+    motor = MOTOR * np.round(log["motor_position"] / MOTOR)
+    return log.with_columns({"motor_position": motor}, note="quanta of the motor's encoder")
+
+
+@pytest.mark.parametrize("hidden", [False, True])
+@pytest.mark.parametrize("late", [4e-3, -4e-3, 0.0])
+def test_a_load_that_is_late_behind_the_torsion_is_a_fault_and_no_name(
+    late: float, hidden: bool
+) -> None:
+    logs = [torsion_run(seed, late=late, hidden=hidden) for seed in range(4)]
+    made = flexspline.discover(BASE, logs, target="torsion", known_load=LOAD)
+    assert made.names == (("backlash",) if hidden else ()) and made.unexplained is None
+    faults = [f for f in made.data_faults if f.name == "load_delay"]
+    assert len(faults) == (4 if late else 0)
+    for fault in faults:
+        assert fault.size == pytest.approx(abs(late), rel=0.1)
+        assert ("early" if late < 0.0 else "late") in fault.sentence
+        assert f"shift={LOAD}:{'-' if late < 0.0 else ''}0.00" in fault.sentence
+
+
+def test_plain_ripple_and_cogging_are_said_and_not_ripple_that_changes_with_speed() -> None:
+    """One effect holds the orders of both, and with a resonance far away it is their sum."""
+
+    def ripple(c: dict[str, Array]) -> Array:
+        motor = 101.0 * c["output_position"]
+        return np.asarray(0.2 * np.cos(2.0 * motor + 0.3) + 0.1 * np.sin(14.0 * motor))
+
+    def fine(log: Log) -> Log:
+        return log.with_facts({"pole_pairs": 7, "name": log.name})
+
+    logs = [fine(log) for log in joint_runs(4, added=ripple, target="motor_torque")]
+    made = flexspline.discover(base(), logs, target="motor_torque", known_load=LOAD)
+    assert set(made.names) == {"wave_generator_ripple", "cogging"}
+
+
+def test_a_shape_at_its_upper_bound_is_told() -> None:
+    effects = [effect("coulomb_friction", direction_width=0.5), effect("viscous_friction")]
+    assert at_upper_bound(working(effects, 2, {})) == ["direction_width"]
+    effects[0] = effect("coulomb_friction", direction_width=0.4)
+    assert at_upper_bound(working(effects, 2, {})) == []
+    assert at_upper_bound(working(effects[1:], 1, {})) == []
