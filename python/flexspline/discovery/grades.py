@@ -7,7 +7,8 @@ that raises it by less than a hundredth is worth knowing, and no reason to doubt
     rows that repeat others      r: each is wrong by one step of the target, √(share · mean step²)
 
 What another fault makes of the target is not known, and it counts as grave. Where the rows read a
-velocity that is derived from a position, the recorded one has made nothing of what is found.
+velocity that is derived from a position, the recorded one has made nothing of what is found: it
+matters to whoever reads it, and the sentence says so.
 """
 
 from __future__ import annotations
@@ -73,7 +74,6 @@ class _Look:
                 f"Names are looked for with a velocity derived from {source}; as recorded it makes "
                 f"{short(makes)} {unit} RMS, the noise floor is {short(self.floor)} {unit}."
             )
-            grave = False
         return replace(fault, makes=makes, grave=grave, sentence=f"{fault.sentence} {said}")
 
     def _read_instead(self, fault: DataFault) -> str:
