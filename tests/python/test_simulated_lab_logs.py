@@ -17,6 +17,7 @@ from flexspline.logs.log import Log
 from flexspline.logs.read import with_motor_torque
 
 LOAD = "reference_torque"
+DIFFERENCE = 0.485 - 0.741  # Nm, Coulomb friction forward less backward
 VISCOUS = 1.5811  # Nm·s/rad, README.md of the data
 LOADED, FACTOR, NEAR = "load_dependent_friction", 0.08, 0.004  # of the load
 
@@ -44,6 +45,10 @@ def test_viscous_friction_is_named_alone_and_with_its_size(
     (made,) = (p for p in found.fit.parameters if p.name.split(".")[0] == "viscous_friction")
     assert abs(made.value - VISCOUS) < min(4.0 * made.standard_error, 0.01 * VISCOUS)
     assert found.found[0].rmse_after < 0.1 * found.found[0].rmse_before
+    levels = {p.name: p for p in found.fit.parameters}
+    level = levels["direction_dependent_friction.level"]  # half of Coulomb friction's difference
+    assert abs(level.value - DIFFERENCE / 2.0) < 4.0 * level.standard_error
+    assert found.final_rmse < 0.038
 
 
 @cache

@@ -19,6 +19,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from flexspline.discovery.aliases import NEARLY
@@ -33,6 +34,8 @@ from flexspline.fit.names import coefficient_names
 from flexspline.fit.result import Fit
 
 __all__ = ["AlsoSeen", "Confirmed", "Shown", "confirmed", "significance", "wald"]
+
+Array = NDArray[np.float64]
 
 SIGNIFICANT = 0.05  # p of Wald's test
 EXACT = 1e-12  # of a coefficient: an error that is rounding
@@ -234,19 +237,22 @@ def _rival(made: Analysis, freedom: str) -> str:
 def _lowers(made: Analysis, name: str) -> bool:
     """Whether what the base was given lowers the held-out error beyond chance.
 
-    It is given to every base, and may stand in for what only some of the runs show: the scatter of
-    the folds is part of the error.
+    It is given to every base, and may be what one of the runs shows for another reason: it has to
+    do so without the fold that shows it most, too.
     """
     left, rows = _left_by(made), made.study.problem.block_rows
     before, after = left(made.final.plain(name)), left(made.final)
-    fall, error = _fall(before, after, rows)
-    squares = [
-        float(np.nansum(before.residuals[f.run][at] ** 2 - after.residuals[f.run][at] ** 2))
-        for f in after.folds
-        for at in [slice(f.first, f.last)]
+    parts = [
+        (before.residuals[fold.run][at], after.residuals[fold.run][at])
+        for fold in after.folds
+        for at in [slice(fold.first, fold.last)]
     ]
-    scatter = float(np.std(squares, ddof=1) / np.mean(squares) / np.sqrt(len(squares)))
-    return fall > ERRORS * max(error, abs(scatter) * fall)
+    most = max(
+        range(len(parts)), key=lambda k: float(np.nansum(parts[k][0] ** 2 - parts[k][1] ** 2))
+    )
+    others = [part for k, part in enumerate(parts) if k != most]
+    falls = (_fall_of(parts, rows), _fall_of(others, rows))
+    return all(fall > ERRORS * error for fall, error in falls)
 
 
 def _left_by(made: Analysis) -> Callable[[Working], HeldOut]:
@@ -272,14 +278,19 @@ def _in_order(made: Analysis) -> Analysis:
 
 
 def _fall(before: HeldOut, after: HeldOut, rows: int) -> tuple[float, float]:
-    """How much the held-out mean square falls, and its standard error; `rows`: of a block.
+    """How much the held-out mean square falls, and its standard error; `rows`: of a block."""
+    return _fall_of(list(zip(before.residuals, after.residuals, strict=True)), rows)
+
+
+def _fall_of(parts: Sequence[tuple[Array, Array]], rows: int) -> tuple[float, float]:
+    """The same of residuals (N,) before and after, NaN where a row does not count.
 
     With s the difference of both predictions and e what is left after, s² + 2 s e is the fall of a
     row. Chance is in the second term alone: its sums over blocks, longer than the memory of e, are
     independent and have no mean of their own.
     """
     total, sums, count = 0.0, list[float](), 0
-    for old, new in zip(before.residuals, after.residuals, strict=True):
+    for old, new in parts:
         both = np.isfinite(old) & np.isfinite(new)
         gain, left = old[both] - new[both], new[both]
         total += float(gain @ (gain + 2.0 * left))
@@ -287,4 +298,4 @@ def _fall(before: HeldOut, after: HeldOut, rows: int) -> tuple[float, float]:
         sums += [float(block.sum()) for block in blocks if len(block)]
         count += len(gain)
     chance = float(np.linalg.norm(sums)) if len(sums) > 1 else np.inf
-    return total / count, chance / count
+    return total / max(count, 1), chance / max(count, 1)
