@@ -159,10 +159,12 @@ def _leading(searcher: Searcher, work: Working) -> Working:
     of_leader = {name: [h for h in follower.harmonics if (h in teeth) == (name == COGGING)]
                  for name in offered}  # fmt: skip
     plain = [offered[name].with_orders(own) for name, own in of_leader.items() if own]
+    if not plain:
+        return work
     trial, squares = searcher.fitted(work.having([*rest, *plain]))
     _, left = searcher.fitted(work)
     _, without = searcher.fitted(work.having(rest))
-    return trial if plain and squares - left < SAME * (without - left) else work
+    return trial if squares - left < SAME * (without - left) else work
 
 
 def _behind(
