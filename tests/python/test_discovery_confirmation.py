@@ -138,19 +138,16 @@ def confirmed(
     each: dict[str, dict[str, float]],
     chance: tuple[str, ...] = (),
     **idle: float,
-) -> tuple[confirmation.Confirmed, dict[str, str], list[bool]]:
+) -> tuple[confirmation.Confirmed, dict[str, str]]:
     """What is confirmed of names that show `each`; `idle`: p of what the base was given.
 
     `chance`: which of that lowers the held-out error by no more than chance.
     """
-    asked: list[bool] = []
-
     def all_shown(made: Any, fit: Any) -> list[Shown]:
         usual = {"p": 0.0, "t": 9.0, "fall": 1.0, "error": 0.1, "share": 0.5, "rmse": (2.0, 1.0)}
         return [Shown(Effect(name), **{**usual, **each[name]}) for name in made.names]
 
-    def fit(final: Any, whole: bool) -> Any:
-        asked.append(whole)
+    def fit(final: Any) -> Any:
         return SimpleNamespace()
 
     monkeypatch.setattr(confirmation, "_all_shown", all_shown)
@@ -159,18 +156,17 @@ def confirmed(
     monkeypatch.setattr(confirmation, "_lowers", lambda made, name: name not in chance)
     refused: dict[str, str] = {}
     made = Made([*each], ["offset", *idle], refused)
-    return confirmation.confirmed(made, fit, ["offset"]), refused, asked  # type: ignore[arg-type]
+    return confirmation.confirmed(made, fit, ["offset"]), refused  # type: ignore[arg-type]
 
 
 def test_names_that_fail_are_withdrawn_and_said_to_be(monkeypatch: pytest.MonkeyPatch) -> None:
     each = {"viscous_friction": {}, "gravity": {"p": 0.3}, "inertia": {"fall": -1.0, "p": 1e-9}}
-    held, refused, asked = confirmed(monkeypatch, each)
+    held, refused = confirmed(monkeypatch, each)
     assert [*held.shown] == ["viscous_friction"] and held.also_seen == ()
     assert refused == {
         "gravity": "not significant in the final fit",
         "inertia": "does not lower the held-out error",
     }
-    assert asked[-1] is True  # with the shapes fitted too, once the names hold
 
 
 def test_what_is_real_but_small_is_also_seen_and_what_may_be_chance_is_not(
@@ -182,7 +178,7 @@ def test_what_is_real_but_small_is_also_seen_and_what_may_be_chance_is_not(
         "gravity": {"share": little, "fall": 1.1 * ERRORS * 0.1},
         "inertia": {"share": little, "fall": 0.9 * ERRORS * 0.1},
     }
-    held, refused, _ = confirmed(monkeypatch, each)
+    held, refused = confirmed(monkeypatch, each)
     assert [*held.shown] == ["viscous_friction"]
     assert [one.effect for one in held.also_seen] == ["gravity"]
     assert held.also_seen[0].share_of_gap == little
@@ -192,7 +188,7 @@ def test_what_is_real_but_small_is_also_seen_and_what_may_be_chance_is_not(
 def test_what_is_as_plain_as_the_rest_is_never_too_small(monkeypatch: pytest.MonkeyPatch) -> None:
     """Ripple beside slow noise: next to nothing in RMS, and hundreds of standard errors."""
     each = {"viscous_friction": {"t": 400.0}, "cogging": {"share": 0.1 * SMALL, "t": 41.0}}
-    held, refused, _ = confirmed(monkeypatch, each)
+    held, refused = confirmed(monkeypatch, each)
     assert [*held.shown] == [*each] and not refused and held.also_seen == ()
 
 
@@ -214,25 +210,26 @@ def test_a_name_goes_before_the_freedom_that_explains_as_much(
             assert effects == []
             return Model(what="freedom")
 
-    monkeypatch.setattr(confirmation, "_left_by", lambda made: lambda work: lowers[work.what])
     monkeypatch.setattr(confirmation, "_fall", lambda before, after, rows: (before - after, 0.1))
     study = SimpleNamespace(problem=SimpleNamespace(block_rows=1))
-    made: Any = SimpleNamespace(final=Model(what="both"), study=study)
+    made: Any = SimpleNamespace(
+        final=Model(what="both"), study=study, left_by=lambda work: lowers[work.what]
+    )
     assert confirmation._rival(made, LAG) == ("gravity" if first else "")
 
 
 def test_the_only_name_is_never_too_small(monkeypatch: pytest.MonkeyPatch) -> None:
-    held, refused, _ = confirmed(monkeypatch, {"gravity": {"share": 0.1 * SMALL}})
+    held, refused = confirmed(monkeypatch, {"gravity": {"share": 0.1 * SMALL}})
     assert [*held.shown] == ["gravity"] and not refused and held.also_seen == ()
 
 
 def test_what_the_base_was_given_stays_where_it_is_significant(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    held, refused, _ = confirmed(monkeypatch, {}, **{DIRECTIONS: 0.01, LAG: 0.06})
+    held, refused = confirmed(monkeypatch, {}, **{DIRECTIONS: 0.01, LAG: 0.06})
     assert [e.name for e in held.made.base.effects] == ["offset", DIRECTIONS]
     assert refused == {}
-    held, _, _ = confirmed(monkeypatch, {}, (DIRECTIONS,), **{DIRECTIONS: 0.01, LAG: 0.01})
+    held, _ = confirmed(monkeypatch, {}, (DIRECTIONS,), **{DIRECTIONS: 0.01, LAG: 0.01})
     assert [e.name for e in held.made.base.effects] == ["offset", LAG]
 
 

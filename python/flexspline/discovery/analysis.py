@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,10 +14,10 @@ from flexspline.discovery.aliases import simplest
 from flexspline.discovery.ceiling import Ceiling
 from flexspline.discovery.evidence import gain_of
 from flexspline.discovery.forms import owned_gain
-from flexspline.discovery.heldout import held_out, plain_rows
+from flexspline.discovery.heldout import HeldOut, held_out, plain_rows
 from flexspline.discovery.nameless import nameless_of
 from flexspline.discovery.noise import first_whitening, restricted_whitening
-from flexspline.discovery.refit import at_upper_bound, solved_at, started
+from flexspline.discovery.refit import at_upper_bound, refitted, solved_at, started
 from flexspline.discovery.search import Limits, Searcher, Step, ranked
 from flexspline.discovery.sheet import Sheet
 from flexspline.discovery.study import Study
@@ -38,7 +40,11 @@ LARGE = 0.12  # times a name's gain that these functions gain beside it, to cast
 LITTLE = 0.05  # of the gap that the names close in the target's unit: less is no second name
 CLOSED = 0.8  # of the gap's mean square on left-out folds, for names that are not doubted
 CLOSED_IN_NOISE = 0.5  # of the same as the noise sees it, for names that close it for the eye
-CEILING = (30_000, 2_000)  # rows for functions without a name, and of one stretch
+CEILING = (10_000, 1_000)  # rows for functions without a name, and of one stretch: what matters
+# there is far above its noise
+
+
+MOST_LEFT = 4  # models whose held-out rows are kept: base and final are asked for again and again
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +52,7 @@ class Analysis:
     """Base and final model, the search that led there, and what is left.
 
     `part`: the study of the rows that were searched first, all of them where they are few.
-    `ceiling`: functions without a name, on `looked_at` of all rows, a share.
+    `ceiling`: functions without a name, on the share `looked_at` of all rows.
     `doubted`: names that only stood in for a cause without a name, and were taken back.
     """
 
@@ -73,13 +79,30 @@ class Analysis:
         return replace(self, final=final, leftover=leftover)
 
     @property
-    def free(self) -> float:
-        """Share of the rows on which functions without a name were looked at."""
-        return self.ceiling.taken * self.looked_at
-
-    @property
     def whitening(self) -> Whitening:
         return self.searcher.whitening
+
+    @cached_property
+    def plain(self) -> Whitening:
+        """Rows as a user sees them, weighed by what the final model leaves."""
+        return plain_rows(self.study.problem, self.final)
+
+    @cached_property
+    def _left(self) -> dict[Any, HeldOut]:
+        return {}
+
+    def left_by(self, work: Working) -> HeldOut:
+        """Return what a model refitted to the rows as they are leaves of those held out."""
+        key = work.effects, work.base, tuple(sorted(work.fixed.items()))
+        found = self._left.pop(key, None)
+        if found is None:
+            problem = self.study.problem
+            made, _ = refitted(problem, work, self.plain)
+            found = held_out(problem, made, self.plain)
+        self._left[key] = found
+        if len(self._left) > MOST_LEFT:  # each holds as many numbers as there are rows
+            del self._left[next(iter(self._left))]
+        return found
 
     @property
     def searched(self) -> float:

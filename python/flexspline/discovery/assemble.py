@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +15,7 @@ from flexspline.discovery.driven import driven_apart
 from flexspline.discovery.evidence import equivalent_t, price
 from flexspline.discovery.faults import DataFault
 from flexspline.discovery.forms import owned_gain
-from flexspline.discovery.heldout import HeldOut, held_out, plain_rows
-from flexspline.discovery.refit import refitted
+from flexspline.discovery.heldout import HeldOut, held_out
 from flexspline.discovery.result import Discovery, Found, Unexplained
 from flexspline.discovery.shrunk import HeldRun
 from flexspline.discovery.table import by_runs
@@ -29,7 +27,6 @@ from flexspline.errors import listed
 from flexspline.experiment.limits import Limits
 from flexspline.experiment.planning import planned
 from flexspline.logs.channel_noise import ChannelNoise
-from flexspline.parallel import in_order
 
 __all__ = ["assembled"]
 
@@ -48,10 +45,9 @@ def assembled(
 ) -> Discovery:
     """Put everything together that a user sees; `limits`: of the run to record next."""
     made, fit, problem = held.made, held.fit, held.made.study.problem
-    plain = plain_rows(problem, made.final)
-    left = [held_out(problem, refitted(problem, work, plain)[0], plain) for work in _nested(made)]
-    steps = list(in_order(problem.threads, lambda one: one.rmse, _ends_kept(left)))
-    unexplained, floor = _unexplained(made, plain, steps)
+    left = [made.left_by(work) for work in _nested(made)]
+    steps = [one.rmse for one in left]
+    unexplained, floor = _unexplained(made, made.plain, steps)
     found = [
         _found(held, effect, steps[number], steps[number + 1])
         for number, effect in enumerate(made.final.named)
@@ -80,14 +76,8 @@ def assembled(
         also_seen=held.also_seen,
         inputs=inputs,
         rows=rows,
-        searched={"names": made.searched, "functions": made.free},
+        searched={"names": made.searched, "functions": made.looked_at},
     )
-
-
-def _ends_kept(left: Sequence[HeldOut]) -> Iterator[HeldOut]:
-    """What is left by each model; copies of all but the ends, which keep no rows."""
-    for number, one in enumerate(left):
-        yield one if number in (0, len(left) - 1) else replace(one)
 
 
 def _runs(made: Analysis, before: HeldOut, after: HeldOut) -> tuple[HeldRun, ...]:

@@ -1,12 +1,11 @@
 """The most that functions without a name could explain: their products, made once for a noise.
 
-Models come and go while a cause is looked for, the functions stay. Of logs too long to hold them,
-blocks that lie evenly over all runs are looked at: what matters here is far above its noise.
+Models come and go while a cause is looked for, the functions stay.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -15,20 +14,17 @@ from numpy.typing import NDArray
 from flexspline.discovery.evidence import gain_of
 from flexspline.discovery.nameless import Nameless, nameless_of
 from flexspline.discovery.stretches import fold_blocks
-from flexspline.discovery.table import SINGULAR, Table
+from flexspline.discovery.table import SINGULAR, Columns, Table
 from flexspline.discovery.values import values_of
 from flexspline.discovery.whitening import Whitening
 from flexspline.discovery.working import Working
-from flexspline.fit.problem import Problem, Run
+from flexspline.fit.problem import Problem
 from flexspline.parallel import in_order
 
 __all__ = ["Ceiling", "Overlap"]
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
-
-MOST_ROWS = 40_000
-BLOCK = 2_000
 
 
 class Ceiling:
@@ -55,13 +51,7 @@ class Ceiling:
             for at in self.at
         ]
 
-    @property
-    def taken(self) -> float:
-        """Share of the rows that are looked at."""
-        rows = sum(r.counted for r in self.problem.runs) // self.whitening.decimation
-        return 1.0 / _step(rows)
-
-    def part(self, fold: tuple[int, int, int], at: slice) -> Array:
+    def part(self, fold: tuple[int, int, int], at: slice | Columns) -> Array:
         """Columns of some functions on the rows of a fold."""
         number, first, last = fold
         return self.columns[number][first:last, at]
@@ -79,47 +69,50 @@ class Ceiling:
 class Overlap:
     """Products over σ² of a model's columns M with themselves and with all functions, by fold.
 
-    `inside`: (F, 1 + M, 1 + M), the target first. `across`: (F, C, 1 + M). Functions that are
-    taken join M.
+    `inside`: (F, 1 + M, 1 + M), the target first. `across`: (F, C, 1 + M) but for columns that
+    have just joined: what they have in common with all functions is added up when it is asked for.
+    Functions that are taken join M.
     """
 
     def __init__(self, ceiling: Ceiling, columns: list[Array]) -> None:
         self.ceiling, self.chosen = ceiling, list[int]()
-        self._columns = columns
         self.inside = self._scaled([part.T @ part for part in columns])
-        every = slice(0, ceiling.columns[0].shape[1])
-        self.across = self._scaled(
-            [
-                ceiling.part(f, every).T @ part
-                for f, part in zip(ceiling.folds, columns, strict=True)
-            ]
-        )
+        self.across = np.empty((len(columns), ceiling.at[-1].stop, 0))
+        self.joined = columns
         self.own = columns[0].shape[1]
 
     def _scaled(self, products: list[Array]) -> Array:
         return np.array(products) / self.ceiling.whitening.variance
 
+    def _with(self, columns: list[Array], at: slice | Columns) -> Array:
+        """Products (F, C', c) of some functions with columns (n, c) of each fold."""
+        folds = zip(self.ceiling.folds, columns, strict=True)
+        return self._scaled([self.ceiling.part(f, at).T @ part for f, part in folds])
+
     def take(self, groups: Sequence[int]) -> None:
-        """Let functions join the model: the columns of all are read once."""
-        folds = self.ceiling.folds
-        new = [
-            np.column_stack([self.ceiling.part(f, self._place(k)) for k in groups]) for f in folds
-        ]
-        every = slice(0, self.across.shape[1])
-        across = self._scaled(
-            [self.ceiling.part(f, every).T @ part for f, part in zip(folds, new, strict=True)]
-        )
+        """Let functions join the model."""
         at = np.concatenate([np.arange(a.start, a.stop) for a in map(self._place, groups)])
-        self.inside = np.array([_bordered(i, a[at], b[at]) for i, a, b in
-                                zip(self.inside, self.across, across, strict=True)])  # fmt: skip
-        self.across = np.concatenate([self.across, across], axis=2)
+        new = [self.ceiling.part(fold, at) for fold in self.ceiling.folds]
+        both = np.concatenate([self.across[:, at], self._with(self.joined, at)], axis=2)
+        inside = zip(self.inside, both, self._with(new, at), strict=True)
+        self.inside = np.array([_bordered(*parts) for parts in inside])
+        pairs = zip(self.joined, new, strict=True)
+        self.joined = [np.column_stack(pair) for pair in pairs]
         self.chosen += groups
+
+    def _caught_up(self) -> None:
+        """Add up what columns that have joined have in common with all functions."""
+        if self.joined[0].shape[1]:
+            new = self._with(self.joined, slice(0, self.across.shape[1]))
+            self.across = np.concatenate([self.across, new], axis=2)
+            self.joined = [part[:, :0] for part in self.joined]
 
     def _place(self, group: int) -> slice:
         return self.ceiling.at[group]
 
     def gains(self) -> list[tuple[float, int]]:
         """Squares over σ² that each group explains beside the model, and columns seen."""
+        self._caught_up()
         inside, across = self.inside.sum(axis=0), self.across.sum(axis=0)
         model = np.arange(1, len(inside))
         scale = np.sqrt(np.maximum(np.diag(inside)[1:], 1e-300))
@@ -139,6 +132,7 @@ class Overlap:
         """Products of [model, functions taken, a group, y] by fold."""
         inside = self.inside
         if group is not None:
+            self._caught_up()
             at = self.ceiling.at[group]
             inside = np.array([_bordered(i, a[at], b) for i, a, b in
                                zip(inside, self.across, self.ceiling.blocks[group],
@@ -161,16 +155,16 @@ def _whitened(
 ) -> tuple[Array, Rows]:
     """Filtered functions of a run, (n, C), and the rows that they belong to."""
     run, lead = problem.runs[number], whitening.order
-    pieces = _looked_at(problem, whitening, run)
+    pieces = whitening.taken(run)
     made = np.empty((sum(len(rows) - lead for rows in pieces), at[-1].stop), order="F")
 
     def filtered(piece: tuple[int, Rows]) -> None:
         first, rows = piece
         whole = slice(int(rows[0]), int(rows[-1]) + 1)
         values = values_of(problem, number, whole)
+        every = _columns(problem, run.log["time"][whole], values, groups, at)
         out = made[first : first + len(rows) - lead]
-        for part, those in _parts(problem, run.log["time"][whole], values, groups, at):
-            whitening.filter(part[:: whitening.decimation], out[:, those])
+        whitening.filter(every[:: whitening.decimation], out)
 
     firsts = np.cumsum([0, *(len(rows) - lead for rows in pieces)])[:-1].tolist()
     for _ in in_order(problem.threads, filtered, zip(firsts, pieces, strict=True)):
@@ -179,35 +173,19 @@ def _whitened(
     return made, np.concatenate(kept)
 
 
-def _looked_at(problem: Problem, whitening: Whitening, run: Run) -> list[Rows]:
-    """Rows of the blocks of a run that are looked at, each with what starts the filter."""
-    lead = whitening.order
-    step = _step(sum(r.counted for r in problem.runs) // whitening.decimation)
-    pieces = []
-    for rows in whitening.taken(run):
-        starts = range(0, len(rows), BLOCK * step) if step > 1 else (0,)
-        size = BLOCK if step > 1 else len(rows)
-        pieces += [rows[max(k - lead, 0) : k + size] for k in starts]
-    return [rows for rows in pieces if len(rows) > 2 * lead + 2]
-
-
-def _step(rows: int) -> int:
-    """One block of how many is looked at."""
-    return max(1, -(-rows // MOST_ROWS))
-
-
-def _parts(
+def _columns(
     problem: Problem,
     time: Array,
     values: Mapping[str, Array],
     groups: Sequence[Nameless],
     at: Sequence[slice],
-) -> Iterator[tuple[Array, slice]]:
-    """Functions of some rows and their places: a group's at a time, behind a low pass all."""
-    made = (group.columns(values) for group in groups)
+) -> Array:
+    """All functions of some rows (n, C), behind the low pass."""
+    made = np.empty((len(time), at[-1].stop), order="F")
+    for group, those in zip(groups, at, strict=True):
+        made[:, those] = group.columns(values)
     if problem.lowpass is None:
-        yield from zip(made, at, strict=True)
-        return
+        return made
     from flexspline.logs.derive import lowpass
 
-    yield lowpass(np.column_stack([*made]), time, problem.lowpass).values, slice(None)
+    return lowpass(made, time, problem.lowpass).values

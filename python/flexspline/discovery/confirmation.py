@@ -26,8 +26,7 @@ from flexspline.discovery.aliases import NEARLY
 from flexspline.discovery.analysis import Analysis
 from flexspline.discovery.evidence import equivalent_t
 from flexspline.discovery.forms import owned_gain
-from flexspline.discovery.heldout import HeldOut, held_out, plain_rows
-from flexspline.discovery.refit import refitted
+from flexspline.discovery.heldout import HeldOut
 from flexspline.discovery.working import Working
 from flexspline.effects import Effect
 from flexspline.fit.names import coefficient_names
@@ -100,21 +99,20 @@ class Confirmed:
 
 
 def confirmed(
-    made: Analysis, fitted: Callable[[Working, bool], Fit], base: Sequence[str]
+    made: Analysis, fitted: Callable[[Working], Fit], base: Sequence[str]
 ) -> Confirmed:
     """Withdraw names until each of them holds.
 
     Parameters
     ----------
-    fitted : makes the fit of a model, with its shapes fitted too or as the search left them. The
-        names are put to the test in fits of the second kind, and those that hold in the first.
+    fitted : makes the fit of a model.
     base : effects that the caller gave; what else the base was given for its form is withdrawn
         too where it is not significant, or lowers the held-out error by no more than chance.
     """
     small: list[AlsoSeen] = []
-    made, whole = _settled(made, base), False
+    made = _in_order(_settled(made, base))
     while True:
-        fit = fitted(made.final, whole)
+        fit = fitted(made.final)
         shown = _all_shown(made, fit)
         failing = [one for one in shown if one.withdrawn]
         if failing:
@@ -126,9 +124,6 @@ def confirmed(
             idle = [name for name in freed if not significance(fit, name) < SIGNIFICANT]
             if idle:
                 made = _without_freedom(made, idle[0])
-                continue
-            if not little and not whole:
-                made, whole = _in_order(made), True
                 continue
             if not little:
                 by_name = {one.effect.name: one for one in shown}
@@ -178,7 +173,7 @@ def _all_shown(made: Analysis, fit: Fit) -> list[Shown]:
     if not made.final.named:
         return []
     problem, final = made.study.problem, made.final
-    left = _left_by(made)
+    left = made.left_by
     whole, base = left(final), left(made.base)
     gap = base.rmse**2 - whole.rmse**2
     dictionary = made.searcher.study.dictionary(final, made.searcher.whitening)
@@ -221,7 +216,7 @@ def _rival(made: Analysis, freedom: str) -> str:
     """
     if not made.final.named:
         return ""
-    left, final, rows = _left_by(made), made.final, made.study.problem.block_rows
+    left, final, rows = made.left_by, made.final, made.study.problem.block_rows
     named = left(final.plain(freedom))
     for effect in final.named:
         given = final.having([e for e in final.effects if e.name != effect.name])
@@ -240,7 +235,7 @@ def _lowers(made: Analysis, name: str) -> bool:
     It is given to every base, and may be what one of the runs shows for another reason: it has to
     do so without the fold that shows it most, too.
     """
-    left, rows = _left_by(made), made.study.problem.block_rows
+    left, rows = made.left_by, made.study.problem.block_rows
     before, after = left(made.final.plain(name)), left(made.final)
     parts = [
         (before.residuals[fold.run][at], after.residuals[fold.run][at])
@@ -255,18 +250,12 @@ def _lowers(made: Analysis, name: str) -> bool:
     return all(fall > ERRORS * error for fall, error in falls)
 
 
-def _left_by(made: Analysis) -> Callable[[Working], HeldOut]:
-    """What models leave of rows held out, weighed as the final model leaves them."""
-    problem, plain = made.study.problem, plain_rows(made.study.problem, made.final)
-    return lambda work: held_out(problem, refitted(problem, work, plain)[0], plain)
-
-
 def _in_order(made: Analysis) -> Analysis:
     """The names in the order in which each closes most of what is left on rows held out."""
     final = made.final
     if len(final.named) < 2:
         return made
-    left = _left_by(made)
+    left = made.left_by
     chosen, rest = [*final.effects[: final.base]], [*final.named]
     while len(rest) > 1:
         errors = [left(final.having([*chosen, effect])).rmse for effect in rest]

@@ -337,7 +337,6 @@ def _searched(runs: _Recorded, way: _Way, exclude: Sequence[str], free: Sequence
     from flexspline.discovery.freedom import held_of, with_freedoms
     from flexspline.discovery.study import study_of
     from flexspline.fit.fitting import fit, fit_near, with_orders
-    from flexspline.fit.names import shapes_of
     from flexspline.simulator.record import SIMULATED
 
     start = way.start
@@ -366,12 +365,10 @@ def _searched(runs: _Recorded, way: _Way, exclude: Sequence[str], free: Sequence
     made = analysed(study, effects, fixed, way.say)
     way.say("errors and validation")
 
-    def fitted(work: Working, shapes: bool) -> Fit:
+    def fitted(work: Working) -> Fit:
         posed = way.problem(runs, work.effects)
         limited, priors = _bounds(work, start), _priors(work, posed, start)
         known = {**start.fixed, **held_of(work.effects[: work.base], free)}
-        if not shapes:
-            known |= {s.name: s.value(work.effects) for s in shapes_of(work.effects)}
         return fit_near(posed, work.effects, known, limited, start.model, priors, general=True)
 
     return confirmed(made, fitted, [effect.name for effect in start.effects])

@@ -14,7 +14,7 @@ from flexspline.discovery.dictionary import Columned, Dictionary, columned
 from flexspline.discovery.pools import joined, order_pools, scanned
 from flexspline.discovery.sheet import Sheet
 from flexspline.discovery.stretches import edges_of
-from flexspline.discovery.thinning import thinned
+from flexspline.discovery.thinning import rows_of, thinned
 from flexspline.discovery.whitening import Whitening
 from flexspline.discovery.working import Working
 from flexspline.effects import UNITS, Effect
@@ -32,7 +32,8 @@ __all__ = ["Study", "study_of"]
 Array = NDArray[np.float64]
 Orders = tuple[FoundOrder, ...]
 
-FIRST = (120_000, 1 << 12)  # rows that a first search looks at, and of one stretch of them
+FIRST = (30_000, 120_000)  # rows that a first search looks at: a third of all between these
+STRETCH = 1 << 12  # rows of one stretch of them
 
 
 @dataclass
@@ -67,7 +68,7 @@ class Study:
 
     def thinned(self) -> Study:
         """The same for a part of long logs; itself for others."""
-        part = thinned(self.problem, *FIRST)
+        part = thinned(self.problem, int(np.clip(rows_of(self.problem) // 3, *FIRST)), STRETCH)
         return self if part is self.problem else replace(self, problem=part, last=None, known={})
 
     def candidates(self, model: Sequence[Effect]) -> list[Candidate]:

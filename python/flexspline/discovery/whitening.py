@@ -65,10 +65,13 @@ class Whitening:
         return made, np.concatenate(at)
 
     def filter(self, columns: Array, out: Array) -> None:
-        """Filter columns (N, C) of consecutive rows into `out`, (N − order, C)."""
+        """Filter columns (N, C) of consecutive rows into `out`, (N − order, C).
+
+        Both are fastest where a column's rows lie side by side in memory.
+        """
         late = len(self.denominator) // 2
-        made = correlate1d(columns, self.denominator[::-1], axis=0, mode="constant")
-        out[:] = made[late : late + len(out)]
+        made = correlate1d(columns.T, self.denominator[::-1], axis=1, mode="constant")
+        out.T[:] = made[:, late : late + len(out)]
 
 
 def rough_whitening(residuals: Sequence[Array], runs: Sequence[Run], decimation: int) -> Whitening:
