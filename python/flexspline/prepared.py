@@ -152,6 +152,9 @@ def _motion(noise: Mapping[str, ChannelNoise]) -> Iterable[Preparation]:
     """The output's motion: derivatives first, since they are those of the position as recorded."""
     position, velocity = noise.get(POSITION), noise.get(VELOCITY)
     if position is None or not position.noisy:
+        if velocity is not None and velocity.noisy:  # an angle without noise tells it better
+            told = velocity.smoother() if position is None else position.smoother(1)
+            yield Preparation(VELOCITY, VELOCITY if position is None else POSITION, told)
         return
     source = POSITION
     if velocity is not None:

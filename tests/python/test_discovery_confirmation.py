@@ -143,6 +143,7 @@ def confirmed(
 
     `chance`: which of that lowers the held-out error by no more than chance.
     """
+
     def all_shown(made: Any, fit: Any) -> list[Shown]:
         usual = {"p": 0.0, "t": 9.0, "fall": 1.0, "error": 0.1, "share": 0.5, "rmse": (2.0, 1.0)}
         return [Shown(Effect(name), **{**usual, **each[name]}) for name in made.names]

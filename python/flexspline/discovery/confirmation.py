@@ -98,9 +98,7 @@ class Confirmed:
     also_seen: tuple[AlsoSeen, ...]
 
 
-def confirmed(
-    made: Analysis, fitted: Callable[[Working], Fit], base: Sequence[str]
-) -> Confirmed:
+def confirmed(made: Analysis, fitted: Callable[[Working], Fit], base: Sequence[str]) -> Confirmed:
     """Withdraw names until each of them holds.
 
     Parameters

@@ -142,8 +142,6 @@ def _discovered(
     )
     from flexspline.discovery.freedom import LAG, freedoms
     from flexspline.discovery.grades import graded
-    from flexspline.discovery.rest import moving
-    from flexspline.discovery.steady import steadied
     from flexspline.logs.repairs import move_earlier
     from flexspline.prepared import noise_of_channels, preparations_for
 
@@ -152,19 +150,6 @@ def _discovered(
     runs, faults = with_measured_ratio(runs, faults, start.target)
     inputs = noise_of_channels(runs)
     ways = preparations_for(inputs, start.target, start.known_load)
-    noisy: tuple[DataFault, ...] = ()
-    if not any(way.channel == "output_velocity" for way in ways):
-        _, noisy, steady = steadied(
-            runs,
-            start.effects,
-            start.target,
-            start.known_load,
-            start.fixed,
-            lambda log: moving(log, start.target),
-            threads,
-            start.simulated,
-        )
-        ways = (*steady, *ways)
 
     style = {"bar_format": "{desc}{elapsed}", "leave": False, "delay": 1.0}
     with tqdm(desc="discovering", disable=not progress, **style) as bar:
@@ -183,14 +168,14 @@ def _discovered(
         if load in inputs and inputs[load].noisy and (LAG in free or start.target == "torsion"):
             recorded, held, delay = _on_one_clock(runs, load, recorded, held, way, excluded, free)
         if delay and load is not None:
-            noisy = (*noisy, *load_delays(runs, start.target, load, delay))
+            faults = (*faults, *load_delays(runs, start.target, load, delay))
             runs = [move_earlier(log, load, delay) for log in runs]
         elif lead_of(held.made.final):
             others = tuple(name for name in free if name != LAG)
             held = _searched(recorded, way, excluded, others)  # it may be the sensor's: to be named
         rows = _rows(runs, recorded.logs, held.made)
         found = replace(
-            assembled(held, faults + noisy, tuple(inputs.values()), rows, limits),
+            assembled(held, faults, tuple(inputs.values()), rows, limits),
             base_effects=tuple(effect.name for effect in start.effects),
         )
         judged = graded(found.data_faults, recorded.logs, found.fit, found.noise_floor)

@@ -3,7 +3,7 @@
 A fault of size r [target's unit, RMS] beside a floor σ raises the error from σ to √(σ² + r²). One
 that raises it by less than a hundredth is worth knowing, and no reason to doubt a name.
 
-    noise, delay of a velocity   r: prediction with the velocity as recorded less with the right one
+    delay of a velocity          r: prediction with the velocity as recorded less with the right one
     rows that repeat others      r: each is wrong by one step of the target, √(share · mean step²)
 
 What another fault makes of the target is not known, and it counts as grave. Where the rows read a
@@ -25,7 +25,6 @@ from flexspline.fit.result import Fit
 from flexspline.logs.log import Log
 from flexspline.logs.repairs import move_earlier
 from flexspline.model import Model
-from flexspline.prepared import prepared
 from flexspline.report.numbers import short
 from flexspline.signals import target_of
 
@@ -45,7 +44,7 @@ def graded(
     Parameters
     ----------
     logs : the runs as recorded, the rows that count.
-    fit : of the extended model; its preparations tell a velocity's noise.
+    fit : of the extended model.
     floor : noise floor, in the unit of the target.
     """
     look = _Look(tuple(logs), fit, floor)
@@ -87,8 +86,6 @@ class _Look:
         if len(own) != 1:
             return None
         log = own[0]
-        if fault.name == "velocity_noise":
-            return self._moved(log, prepared(log, self.fit.part.preparations))
         if fault.name == "velocity_delay" and fault.channel == VELOCITY:
             return self._moved(log, move_earlier(log, VELOCITY, fault.size))
         if fault.name == "repeated_rows":

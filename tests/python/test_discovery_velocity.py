@@ -1,4 +1,4 @@
-"""A velocity's noise is found as a fault before friction is named for it. A second together."""
+"""A noisy velocity is derived from the angle before friction is named for it. A second together."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 import flexspline
+from flexspline.discovery.faults import DataFault
 from flexspline.discovery.grades import graded
-from flexspline.discovery.steady import steadied
 from flexspline.effects import effect
 from flexspline.header import header_text
 from flexspline.logs.log import Log
-from flexspline.prepared import Preparation
+from flexspline.prepared import Preparation, noise_of_channels, preparations_for, prepared
 
 RATE, WIDTH, LEVEL = 200.0, 0.03, 0.4
 BASE = (effect("offset"), effect("coulomb_friction"), effect("viscous_friction"))
@@ -40,12 +40,14 @@ def run(seed: int, noise: float) -> Log:
     )
 
 
-def looked_at(noise: float) -> tuple[list[Log], list[Log], int]:
-    logs = [run(seed, noise) for seed in range(4)]
-    made, faults, ways = steadied(logs, BASE, "sensor_torque", None, {}, lambda log: log)
-    assert {fault.name for fault in faults} <= {"velocity_noise"}
-    assert len(ways) == (1 if faults else 0)
-    return logs, made, len(faults)
+def made_ready(noise: float, *without: str) -> tuple[list[Log], list[Log]]:
+    """Runs as recorded, and as the rows read them."""
+    logs = [
+        Log.from_arrays(**{n: log[n] for n in log.channels if n not in without})
+        for log in (run(seed, noise) for seed in range(4))
+    ]
+    ways = preparations_for(noise_of_channels(logs), "sensor_torque", None)
+    return logs, [prepared(log, ways) for log in logs]
 
 
 def off(logs: list[Log]) -> float:
@@ -55,16 +57,16 @@ def off(logs: list[Log]) -> float:
     return float(np.sqrt(np.mean([(log["output_velocity"] - v) ** 2 for log, v in pairs])))
 
 
-def test_a_noisy_velocity_is_a_fault_and_a_steadier_one_is_taken() -> None:
-    logs, made, faults = looked_at(0.004)
-    assert faults == 4
-    assert off(made) < 0.5 * off(logs)
-    assert all("output_velocity" in log.history[-1] for log in made)
+@pytest.mark.parametrize(("without", "left"), [((), 0.1), (("output_position",), 0.5)])
+def test_a_noisy_velocity_comes_from_the_angle_or_is_smoothed(
+    without: tuple[str, ...], left: float
+) -> None:
+    logs, made = made_ready(0.004, *without)
+    assert off(made) < left * off(logs)
 
 
 def test_a_smooth_velocity_stays_as_it_is() -> None:
-    logs, made, faults = looked_at(0.0)
-    assert faults == 0
+    logs, made = made_ready(0.0)
     assert all(a is b for a, b in zip(logs, made, strict=True))
 
 
@@ -109,16 +111,18 @@ def test_a_velocity_that_is_missing_in_a_row_is_missing_there_alone() -> None:
 
 @pytest.mark.parametrize("floor", [0.1, 10.0])
 def test_a_fault_matters_by_the_torque_it_makes_beside_the_noise_floor(floor: float) -> None:
-    made = found()
-    logs = [run(seed, 0.004) for seed in range(4)]
-    plain = [replace(fault, makes=None, grave=True) for fault in made.data_faults]
-    one = graded(plain, logs, made.fit, 1.0)[0]
+    """A late velocity: what the prediction moves by when the velocity is moved to its place."""
+    log, fit, late = run(0, 0.0), found().fit, 0.02
+    fault = DataFault(log.name, "velocity_delay", "output_velocity", late, "s", (0, len(log)), "")
+    (one,) = graded([fault], [log], fit, 1.0)
     assert one.makes is not None
-    moved = made.model.predict(logs[0]).predicted - recorded(made.model).predict(logs[0]).predicted
-    assert one.makes == pytest.approx(float(np.sqrt(np.mean(moved**2))), rel=1e-9)
-    assert graded(plain, logs, made.fit, floor * one.makes)[0].grave is (floor < 1.0)
-    title = "to be mended first" if made.data_faults[0].grave else "too little to matter"
-    assert title in str(made)
+    rows = round(late * RATE)
+    moved = log.with_columns(
+        {"output_velocity": np.roll(log["output_velocity"], -rows)}, note="earlier"
+    )
+    both = [recorded(found().model).predict(each).predicted[:-rows] for each in (log, moved)]
+    assert one.makes == pytest.approx(float(np.sqrt(np.mean((both[0] - both[1]) ** 2))), rel=1e-6)
+    assert graded([fault], [log], fit, floor * one.makes)[0].grave is (floor < 1.0)
 
 
 def recorded(model: flexspline.Model) -> flexspline.Model:
