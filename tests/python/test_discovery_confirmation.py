@@ -17,9 +17,10 @@ from scipy.stats import chi2
 
 import flexspline
 from flexspline.discovery import confirmation
-from flexspline.discovery.confirmation import ERRORS, PLAIN, SMALL, Shown, significance
+from flexspline.discovery.confirmation import ERRORS, Shown, significance
 from flexspline.discovery.freedom import DIRECTIONS, LAG, freedoms, held_of, with_freedoms
 from flexspline.discovery.result import Discovery
+from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect, effect
 from flexspline.fit.result import Fit
 from flexspline.logs.log import Log
@@ -99,8 +100,8 @@ def shown(**more: Any) -> Shown:
     ("more", "why"),
     [
         ({}, ""),
-        ({"p": 0.049}, ""),
-        ({"p": 0.05}, "not significant in the final fit"),
+        ({"p": 0.99 * SETTINGS.alpha}, ""),
+        ({"p": SETTINGS.alpha}, "not significant in the final fit"),
         ({"p": float("nan")}, "not significant in the final fit"),
         ({"fall": 0.0}, "does not lower the held-out error"),
         ({"fall": -1.0}, "does not lower the held-out error"),
@@ -173,9 +174,9 @@ def test_names_that_fail_are_withdrawn_and_said_to_be(monkeypatch: pytest.Monkey
 def test_what_is_real_but_small_is_also_seen_and_what_may_be_chance_is_not(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    little = 0.9 * SMALL
+    little = 0.9 * SETTINGS.form
     each = {
-        "viscous_friction": {"t": 1.1 * 9.0 / PLAIN},
+        "viscous_friction": {"t": 1.1 * 9.0 / SETTINGS.little},
         "gravity": {"share": little, "fall": 1.1 * ERRORS * 0.1},
         "inertia": {"share": little, "fall": 0.9 * ERRORS * 0.1},
     }
@@ -188,7 +189,7 @@ def test_what_is_real_but_small_is_also_seen_and_what_may_be_chance_is_not(
 
 def test_what_is_as_plain_as_the_rest_is_never_too_small(monkeypatch: pytest.MonkeyPatch) -> None:
     """Ripple beside slow noise: next to nothing in RMS, and hundreds of standard errors."""
-    each = {"viscous_friction": {"t": 400.0}, "cogging": {"share": 0.1 * SMALL, "t": 41.0}}
+    each = {"viscous_friction": {"t": 400.0}, "cogging": {"share": 0.1 * SETTINGS.form, "t": 41.0}}
     held, refused = confirmed(monkeypatch, each)
     assert [*held.shown] == [*each] and not refused and held.also_seen == ()
 
@@ -220,7 +221,7 @@ def test_a_name_goes_before_the_freedom_that_explains_as_much(
 
 
 def test_the_only_name_is_never_too_small(monkeypatch: pytest.MonkeyPatch) -> None:
-    held, refused = confirmed(monkeypatch, {"gravity": {"share": 0.1 * SMALL}})
+    held, refused = confirmed(monkeypatch, {"gravity": {"share": 0.1 * SETTINGS.form}})
     assert [*held.shown] == ["gravity"] and not refused and held.also_seen == ()
 
 
@@ -282,14 +283,17 @@ def test_names_stand_in_the_order_of_what_they_close_held_out(
     assert abs(value - factor) < 4.0 * error < 0.05 * factor
     errors = [made.base_rmse, *(one.rmse_after for one in made.found)]
     assert errors == sorted(errors, reverse=True)
-    assert all(one.coefficients_p < 0.05 and one.share_of_gap > SMALL for one in made.found)
+    assert all(
+        one.coefficients_p < SETTINGS.alpha and one.share_of_gap > SETTINGS.form
+        for one in made.found
+    )
 
 
 def test_a_small_effect_is_seen_and_no_part_of_the_model() -> None:
     made = found(WITHOUT_VISCOUS, runs(added=lambda c: of_the_load(0.004, c)))
     assert made.names == ("viscous_friction",)
     (little,) = made.also_seen
-    assert little.effect == "load_dependent_friction" and 0.0 < little.share_of_gap < SMALL
+    assert little.effect == "load_dependent_friction" and 0.0 < little.share_of_gap < SETTINGS.form
     assert little.rmse_after < little.rmse_before
     assert little.effect not in [e.name for e in made.fit.part.effects]
     assert little.effect not in made.refused and little.effect in str(made)

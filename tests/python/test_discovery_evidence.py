@@ -16,8 +16,9 @@ from hidden.cases import cases
 from hidden.trial import Outcome, tried
 
 from flexspline.discovery.cone import cone_gain, cone_price
-from flexspline.discovery.evidence import ALPHA, evidence_of, price
+from flexspline.discovery.evidence import evidence_of, price
 from flexspline.discovery.physics import one_signed
+from flexspline.discovery.settings import SETTINGS
 
 Array = np.ndarray
 
@@ -90,8 +91,8 @@ def test_a_mass_of_a_drive_has_one_sign_and_of_a_sensor_either() -> None:
         )
         for target in ("motor_torque", "sensor_torque")
     )
-    assert sensor == price(1, 1.0, 20) == pytest.approx(chi2.isf(ALPHA / 20, 1))
-    assert drive == pytest.approx(chi2.isf(2.0 * ALPHA / 20, 1))
+    assert sensor == price(1, 1.0, 20) == pytest.approx(chi2.isf(SETTINGS.alpha / 20, 1))
+    assert drive == pytest.approx(chi2.isf(2.0 * SETTINGS.alpha / 20, 1))
 
 
 def test_the_first_order_of_a_series_may_pay_alone() -> None:

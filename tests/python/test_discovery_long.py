@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from hidden_logs import LOAD, friction_of, log_of, noise, rich_run
 
 import flexspline
 from flexspline.discovery import study
+from flexspline.discovery.settings import SETTINGS
 from flexspline.discovery.thinning import rows_of, thinned
 
 BASE = ("offset", "coulomb_friction", "viscous_friction", "inertia")
@@ -47,7 +49,7 @@ def test_evidence_of_a_log_searched_in_part_is_that_of_all_rows(
         return flexspline.discover(BASE, long_log(), target="sensor_torque", known_load=LOAD)
 
     whole = found()
-    monkeypatch.setattr(study, "FIRST", (3000, 300))
+    monkeypatch.setattr(study, "SETTINGS", replace(SETTINGS, rows=1000))
     in_part = found()
     names = [one.effect for one in whole.found]
     assert "load_dependent_friction" in names

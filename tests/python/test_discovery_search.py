@@ -9,9 +9,10 @@ import pytest
 from hidden_logs import LOAD, friction_of, log_of, noise, rich_run
 
 import flexspline
-from flexspline.discovery.confidence import FEATURES, confidence, features
+from flexspline.discovery.confidence import confidence
 from flexspline.discovery.predictive import foretold_gain
 from flexspline.discovery.result import Discovery
+from flexspline.discovery.settings import SETTINGS
 from flexspline.discovery.table import Table
 from flexspline.logs.log import Log
 
@@ -94,22 +95,25 @@ def test_an_effect_that_is_no_candidate_gets_no_other_name() -> None:
     assert {LOAD, "output_velocity"} <= set(made.unexplained.depends_on)
 
 
-STRONG = (200.0, 200.0, 12.0, 50.0, 1.0, 0.0, 0)  # regressors of a name, as `features` has them
+STRONG = (200.0, 60.0, 1.0, 0.0, 0)  # as `confidence` takes them
 
 
 @pytest.mark.parametrize(
-    ("better", "worse"),
+    "worse",
     [
-        (STRONG, (30.0, 30.0, 12.0, 20.0, 1.0, 0.0, 0)),
-        (STRONG, (200.0, 30.0, 12.0, 50.0, 1.0, 0.0, 0)),  # the final fit bears out less
-        (STRONG, (200.0, 200.0, 12.0, 50.0, 0.2, 0.0, 0)),
-        (STRONG, (200.0, 200.0, 12.0, 50.0, 1.0, 30.0, 0)),
-        (STRONG, (200.0, 200.0, 12.0, 50.0, 1.0, 0.0, 2)),
+        (30.0, 2.0, 1.0, 0.0, 0),
+        (200.0, 2.0, 1.0, 0.0, 0),  # the final fit bears out less
+        (200.0, 60.0, 0.2, 0.0, 0),
+        (200.0, 60.0, 1.0, 30.0, 0),
+        (200.0, 60.0, 1.0, 0.0, 2),
     ],
 )
 def test_weaker_evidence_is_never_stated_with_more_confidence(
-    better: tuple[float, float, float, float, float, float, int],
-    worse: tuple[float, float, float, float, float, float, int],
+    worse: tuple[float, float, float, float, int],
 ) -> None:
-    assert len(features(*better)) == len(FEATURES)
-    assert confidence(features(*better)) > confidence(features(*worse))
+    assert 1.0 - SETTINGS.alpha == confidence(*STRONG) > confidence(*worse)
+
+
+def test_of_equal_names_none_is_likelier_than_its_share() -> None:
+    assert confidence(200.0, 60.0, 1.0, 0.0, 1) == pytest.approx(1.0 / 2.0)
+    assert confidence(200.0, 60.0, 1.0, 0.0, 2) == pytest.approx(1.0 / 3.0)

@@ -316,7 +316,7 @@ def test_there_are_as_many_recorded_cases_as_are_asked_for(recorder: str) -> Non
 
 
 def test_the_table_of_a_class_has_its_bars_and_counts_what_was_not_dealt() -> None:
-    plain = {"t_base": {}, "closest": {}, "regressors": (), "faults": (), "unexplained": None,
+    plain = {"t_base": {}, "closest": {}, "faults": (), "unexplained": None,
              "closed": 0.95, "seconds": 2.0}  # fmt: skip
     right = Outcome(ROBOT, names=("gravity",), aliases=((),), confidences=(0.9,),
                     means=("gravity",), right=True, rmse=((2.0, 1.0),), told=(True,),

@@ -16,22 +16,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexspline.discovery.evidence import gain_of
-from flexspline.discovery.forms import SAME, owned_gain
+from flexspline.discovery.forms import owned_gain
 from flexspline.discovery.physics import impossible
 from flexspline.discovery.predictive import foretold_gain
 from flexspline.discovery.scores import Offer, offers
 from flexspline.discovery.search import Searcher, freedom
+from flexspline.discovery.settings import SETTINGS, TINY
 from flexspline.discovery.table import Columns, Table
 from flexspline.discovery.working import Working
 from flexspline.effects import Effect
 from flexspline.fit.ripple import FOLLOWER, LEADERS
+from flexspline.report.numbers import percent
 
 __all__ = ["Rival", "rivals_of", "simplest"]
 
-LEFT = 3.0  # |t| that the named effect keeps beside an alias at most
-REFITTED = 60.0  # χ² that it keeps on the grid, up to which a rival's shapes are refitted
-MOST = 4
-NEARLY = 0.85  # of the named effect's gain, for a rival that only the folds may tell from it
 FOLDS_DIFFER = 2.0  # standard errors of the difference over folds, up to which they do not
 COGGING = "cogging"
 EXPLAINS = 0.5  # of what the named effect gains, that a rival gains in its place at least
@@ -66,25 +64,25 @@ class Rival:
     @property
     def by_t(self) -> bool:
         """Whether the named effect leaves next to nothing beside it."""
-        return self.left < LEFT and self.gain >= EXPLAINS * self.own
+        return self.left < SETTINGS.told and self.gain >= EXPLAINS * self.own
 
     @property
     def by_folds(self) -> bool:
         """Whether it explains nearly as much, and left-out folds do not tell which is better."""
         same = self.left**2 < EXPLAINS * self.own
-        return same and self.gain >= NEARLY * self.own and self.behind < FOLDS_DIFFER
+        return same and self.gain >= SETTINGS.most * self.own and self.behind < FOLDS_DIFFER
 
     @property
     def share(self) -> float:
         """Of what the named effect explains, what it explains in its place; at most one."""
-        return float(min(self.gain / max(self.own, 1e-300), 1.0))
+        return float(min(self.gain / max(self.own, TINY), 1.0))
 
     def why(self, named: str, folds: str) -> str:
         """Return which rule makes it an alias; `folds`: what was left out, runs or blocks."""
         if self.by_t:
             return f"beside it {named} keeps t = {self.left:.1f}"
         return (
-            f"it explains {100.0 * self.share:.0f} % as much, and left-out {folds} do not tell "
+            f"it explains {percent(self.share)} as much, and left-out {folds} do not tell "
             f"which is better, although {named} keeps t = {self.left:.1f} beside it"
         )
 
@@ -96,7 +94,7 @@ class Rival:
         of friction that follows the load. That it fits better, with more numbers, is a matter of
         form as long as it is no more than a form may miss.
         """
-        return self.adds < LEFT and self.gain >= (1.0 - SAME) * self.own
+        return self.adds < SETTINGS.told and self.gain >= (1.0 - SETTINGS.bends) * self.own
 
 
 def rivals_of(searcher: Searcher, work: Working, effect: Effect) -> list[Rival]:
@@ -115,7 +113,7 @@ def rivals_of(searcher: Searcher, work: Working, effect: Effect) -> list[Rival]:
     found = []
     for rank, (kept, offer) in enumerate(sorted(made, key=lambda pair: pair[0])):
         gain = offer.gain
-        if rank < MOST and kept < REFITTED and gain >= EXPLAINS * own:
+        if rank < SETTINGS.tried and kept < EXPLAINS * own <= gain:
             kept, gain, trial = _refitted(searcher, work, effect, offer, kept)
             if impossible(trial, offer.effect.name, searcher.study.problem):
                 continue
@@ -164,7 +162,7 @@ def _leading(searcher: Searcher, work: Working) -> Working:
     trial, squares = searcher.fitted(work.having([*rest, *plain]))
     _, left = searcher.fitted(work)
     _, without = searcher.fitted(work.having(rest))
-    return trial if squares - left < SAME * (without - left) else work
+    return trial if squares - left < SETTINGS.bends * (without - left) else work
 
 
 def _behind(
@@ -173,7 +171,7 @@ def _behind(
     """Standard errors by which a rival is worse on left-out folds; columns and gain of both."""
     more = foretold_gain(table, rest, *named) - foretold_gain(table, rest, *other)
     spread = float(np.std(more, ddof=1) * np.sqrt(len(more)))
-    return float(more.sum() / max(spread, 1e-300))
+    return float(more.sum() / max(spread, TINY))
 
 
 def _refitted(

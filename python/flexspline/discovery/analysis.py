@@ -19,6 +19,7 @@ from flexspline.discovery.nameless import nameless_of
 from flexspline.discovery.noise import first_whitening, restricted_whitening
 from flexspline.discovery.refit import at_upper_bound, refitted, solved_at, started
 from flexspline.discovery.search import Limits, Searcher, Step, ranked
+from flexspline.discovery.settings import SETTINGS, TINY
 from flexspline.discovery.sheet import Sheet
 from flexspline.discovery.study import Study
 from flexspline.discovery.thinning import rows_of, thinned
@@ -33,18 +34,8 @@ __all__ = ["Analysis", "analysed"]
 
 Array = NDArray[np.float64]
 
-SURROGATE = 0.4  # of its gain that a name keeps beside functions without a name, to be no stand-in
-OVERWHELMING = 5.0  # times a name's gain that is left: the name may be a small part of it
 MOST_KEPT = 0.5  # of each run's rows that stay at least, where those of unknown past are left out
-LARGE = 0.12  # times a name's gain that these functions gain beside it, to cast doubt on it
-LITTLE = 0.05  # of the gap that the names close in the target's unit: less is no second name
-CLOSED = 0.8  # of the gap's mean square on left-out folds, for names that are not doubted
 CLOSED_IN_NOISE = 0.5  # of the same as the noise sees it, for names that close it for the eye
-CEILING = (10_000, 1_000)  # rows for functions without a name, and of one stretch: what matters
-# there is far above its noise
-
-
-MOST_LEFT = 4  # models whose held-out rows are kept: base and final are asked for again and again
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +91,7 @@ class Analysis:
             made, _ = refitted(problem, work, self.plain)
             found = held_out(problem, made, self.plain)
         self._left[key] = found
-        if len(self._left) > MOST_LEFT:  # each holds as many numbers as there are rows
+        if len(self._left) > SETTINGS.tried:  # each holds as many numbers as there are rows
             del self._left[next(iter(self._left))]
         return found
 
@@ -132,7 +123,7 @@ def analysed(
     lax, _, _ = Searcher(study, first, Limits(lax=True), say).run(base)
     study.problem = _known(study.problem, lax.effects)
     study.scan(lax)
-    looked_at = thinned(whole.problem, *CEILING)
+    looked_at = thinned(whole.problem, SETTINGS.rows, round(SETTINGS.little * SETTINGS.rows))
     beside = leftover_of(Ceiling(looked_at, first), lax).groups
     whitening = restricted_whitening(study.problem, lax, beside)
     searcher = Searcher(study, whitening, Limits(), say)
@@ -231,10 +222,10 @@ def _closes(
     if not leftover.groups or not final.named:
         return False
     seen = _share_closed(problem, whitening, base, final, leftover)
-    if seen is None or not CLOSED_IN_NOISE <= seen < CLOSED:
-        return seen is not None and seen >= CLOSED
+    if seen is None or not CLOSED_IN_NOISE <= seen < SETTINGS.most:
+        return seen is not None and seen >= SETTINGS.most
     plain = _share_closed(problem, plain_rows(problem, final), base, final, leftover)
-    return plain is None or plain >= CLOSED
+    return plain is None or plain >= SETTINGS.most
 
 
 def _share_closed(
@@ -248,7 +239,7 @@ def _share_closed(
     floor = held_out(problem, final, whitening, leftover.groups).squares
     if floor >= after:
         return None
-    return (before - after) / max(before - floor, 1e-300)
+    return (before - after) / max(before - floor, TINY)
 
 
 def _stand_in(
@@ -268,12 +259,13 @@ def _stand_in(
     if not leftover.groups or not work.named:
         return None
     dictionary = searcher.study.dictionary(work, searcher.whitening)
-    shares = {e.name: leftover.net / max(owned_gain(dictionary, e.name), 1e-300)
+    shares = {e.name: leftover.net / max(owned_gain(dictionary, e.name), TINY)
               for e in work.named if little is None or e.name in little}  # fmt: skip
-    larger = OVERWHELMING if little is None else 1.0
-    small = larger * leftover.net / max(at_first, 1e-300)
+    larger = SETTINGS.overwhelming if little is None else 1.0
+    small = larger * leftover.net / max(at_first, TINY)
     doubted = [n for n, share in shares.items() if share > small
-               or (share > LARGE and leftover.survives[n] < SURROGATE)]  # fmt: skip
+               or (share > SETTINGS.little
+                   and leftover.survives[n] < SETTINGS.stand_in)]  # fmt: skip
     return max(doubted, key=lambda name: shares[name], default=None)
 
 
@@ -285,6 +277,6 @@ def _closing_little(problem: Problem, base: Working, final: Working) -> list[str
     for effect in final.named:
         rest, _ = solved_at(problem, final.having([e for e in final.effects if e != effect]), plain)
         opened = held_out(problem, rest, plain).squares - after
-        if opened < LITTLE * (before - after):
+        if opened < SETTINGS.bends * (before - after):
             found.append(effect.name)
     return found

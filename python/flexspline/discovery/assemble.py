@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from flexspline.discovery.aliases import Rival, rivals_of
 from flexspline.discovery.analysis import Analysis
-from flexspline.discovery.confidence import confidence, features
+from flexspline.discovery.confidence import confidence
 from flexspline.discovery.confirmation import Confirmed, wald
 from flexspline.discovery.driven import driven_apart
 from flexspline.discovery.evidence import equivalent_t, price
@@ -17,6 +17,7 @@ from flexspline.discovery.faults import DataFault
 from flexspline.discovery.forms import owned_gain
 from flexspline.discovery.heldout import HeldOut, held_out
 from flexspline.discovery.result import Discovery, Found, Unexplained
+from flexspline.discovery.settings import SETTINGS
 from flexspline.discovery.shrunk import HeldRun
 from flexspline.discovery.table import by_runs
 from flexspline.discovery.where import contribution, where
@@ -27,13 +28,11 @@ from flexspline.errors import listed
 from flexspline.experiment.limits import Limits
 from flexspline.experiment.planning import planned
 from flexspline.logs.channel_noise import ChannelNoise
+from flexspline.report.numbers import percent
 
 __all__ = ["assembled"]
 
 Array = NDArray[np.float64]
-
-BESIDE = 5  # rivals that are kept with a name, and all its aliases
-SEEN = 0.05  # of the first gap: less is neither a second name nor unexplained
 
 
 def assembled(
@@ -121,7 +120,7 @@ def _unexplained(
         for work, beside in ((made.base, ()), (made.final, ()), (made.final, groups))
     )
     share = (last - least) / (first - least) if min(first, last) > least else made.leftover.share
-    if share < SEEN:
+    if share < SETTINGS.bends:
         return None, steps[-1]
     floor = held_out(problem, made.final, plain, groups).rmse
     if made.part is not made.study:
@@ -140,23 +139,22 @@ def _found(held: Confirmed, effect: Effect, before: float, after: float) -> Foun
     squares, count = wald(held.fit, effect.name)
     t = min(equivalent_t(gain, len(effect.terms)), equivalent_t(squares, count))
     aliases = tuple(rival.name for rival in rivals if rival.alias)
-    best = max((r.gain for r in rivals if not r.alias), default=0.0)
     survives = made.leftover.survives.get(effect.name, 1.0)
     cost = price(len(effect.terms), 1.0, len(dictionary.candidates))
-    regressors = features(gain, squares, cost, best, survives, made.leftover.gain, len(aliases))
     own = next(e for e in work.effects if e.name == effect.name)
     parts = contribution(made.part.problem, work, effect.name)
     return Found(
         effect=effect.name,
         rmse_before=before,
         rmse_after=after,
-        confidence=confidence(regressors),
+        confidence=confidence(
+            gain, min(gain, squares) - cost, survives, made.leftover.gain, len(aliases)
+        ),
         indistinguishable_from=aliases,
         where=where(made.part.problem, own, parts),
         evidence=_evidence(made, effect, t, rivals, (before, after)),
         t=t,
-        rivals=tuple(r for k, r in enumerate(rivals) if k < BESIDE or r.alias),
-        regressors=regressors,
+        rivals=tuple(r for k, r in enumerate(rivals) if k < SETTINGS.tried or r.alias),
         coefficients_p=shown.p,
         share_of_gap=float(np.clip(shown.share, -1.0, 1.0)),
     )
@@ -178,8 +176,8 @@ def _evidence(
     )
     others = [r for r in rivals if not r.alias]
     if others:
-        share = 100.0 * others[0].share
-        said += f"; the next best in its place, {others[0].name}, explains {share:.0f} % of that"
+        best, share = others[0].name, percent(others[0].share)
+        said += f"; the next best in its place, {best}, explains {share} of that"
     told = [f"{r.name} ({r.why(effect.name, what)})" for r in rivals if r.alias]
     if told:
         said += f"; these runs do not tell it from {listed(told, most=len(told))}"

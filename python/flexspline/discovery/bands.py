@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dct
 
+from flexspline.discovery.settings import SETTINGS
 from flexspline.logs.log import Log
 from flexspline.logs.segments import median_step, runs, true_ranges
 from flexspline.orders.parts import effective_ratio, output_angle
@@ -24,11 +25,10 @@ __all__ = ["frequency_bands", "order_bands"]
 
 Array = NDArray[np.float64]
 
-HIGH_HZ = 10.0  # where the rate shows it; a power of ten below otherwise
-HIGH_ORDER = 10.0
-SHORTEST = 64  # rows of a stretch in one direction
+DECADE = 1.0 / SETTINGS.little
+HIGH_HZ = HIGH_ORDER = DECADE  # where the rate shows it; a power of ten below otherwise
 LEAST_ANGLE = 0.5  # rad of the same
-MOVES = 0.3  # of the usual speed, from which a row belongs to such a stretch
+MOVES = 0.5  # of the largest speed but for a tenth, from which a row belongs to such a stretch
 
 
 def frequency_bands(
@@ -47,8 +47,8 @@ def frequency_bands(
     list of (label, RMS of each model, in the unit of the residuals)
     """
     rate = 1.0 / max(median_step(log["time"]) for log in logs)
-    high = min(HIGH_HZ, 10.0 ** np.floor(np.log10(0.35 * rate)))
-    edges = [0.0, 0.1 * high, high, np.inf]
+    high = min(HIGH_HZ, DECADE ** np.floor(np.log10(0.5 * SETTINGS.most * rate)))
+    edges = [0.0, high / DECADE, high, np.inf]
     labels = [f"below {edges[1]:g} Hz", f"{edges[1]:g} to {high:g} Hz", f"above {high:g} Hz"]
     made = [_banded(_in_time(logs, values), edges) for values in residuals]
     return [(label, [sizes[k] for sizes in made]) for k, label in enumerate(labels)]
@@ -65,7 +65,7 @@ def order_bands(
     if not all("output_position" in log and "output_velocity" in log for log in logs):
         return []
     ratio = effective_ratio(logs[0].facts)
-    high = 0.5 * ratio if ratio is not None and ratio > 2.0 * HIGH_ORDER else 5.0 * HIGH_ORDER
+    high = 0.5 * ratio if ratio is not None and ratio > 2.0 * HIGH_ORDER else 0.5 * HIGH_ORDER**2
     edges = [0.0, HIGH_ORDER, high, np.inf]
     labels = [f"below order {HIGH_ORDER:g}", f"orders {HIGH_ORDER:g} to {high:g}",
               f"above order {high:g}"]  # fmt: skip
@@ -100,14 +100,14 @@ def _in_angle(logs: Sequence[Log], residuals: Sequence[Array]) -> Iterator[tuple
     """Orders of the cosines, and the values at even angles, of each stretch in one direction."""
     for log, values in zip(logs, residuals, strict=True):
         angle, velocity = output_angle(log), log["output_velocity"]
-        moving = MOVES * float(np.nanquantile(np.abs(velocity), 0.9))
+        moving = MOVES * float(np.nanquantile(np.abs(velocity), SETTINGS.most))
         good = np.isfinite(angle) & np.isfinite(values)
         for first, last in runs(log["time"]):
             for way in (1.0, -1.0):
                 ahead = (way * velocity > moving) & good
                 for a, b in true_ranges(ahead[first:last]) + first:
                     turned = np.maximum.accumulate(way * (angle[a:b] - angle[a]))
-                    if b - a < SHORTEST or turned[-1] < LEAST_ANGLE:
+                    if b - a < SETTINGS.lines or turned[-1] < LEAST_ANGLE:
                         continue
                     even = np.linspace(0.0, turned[-1], b - a)
                     yield (

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from flexspline.discovery.evidence import gain_of
 from flexspline.discovery.nameless import Nameless, nameless_of
+from flexspline.discovery.settings import TINY
 from flexspline.discovery.stretches import fold_blocks
 from flexspline.discovery.table import SINGULAR, Columns, Table
 from flexspline.discovery.values import values_of
@@ -115,7 +116,7 @@ class Overlap:
         self._caught_up()
         inside, across = self.inside.sum(axis=0), self.across.sum(axis=0)
         model = np.arange(1, len(inside))
-        scale = np.sqrt(np.maximum(np.diag(inside)[1:], 1e-300))
+        scale = np.sqrt(np.maximum(np.diag(inside)[1:], TINY))
         inverse = np.linalg.pinv(inside[1:, 1:] / np.outer(scale, scale), SINGULAR, hermitian=True)
         towards = inverse @ (inside[model, 0] / scale)
         made = []

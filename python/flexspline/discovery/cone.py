@@ -12,7 +12,7 @@ Silvapulle & Sen 2005, Constrained Statistical Inference, section 3.4.
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import cache
 from itertools import combinations
 
 import numpy as np
@@ -20,13 +20,12 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq, nnls
 from scipy.special import chdtrc, chdtri
 
+from flexspline.discovery.settings import SETTINGS, TINY
+from flexspline.discovery.table import SINGULAR
+
 __all__ = ["cone_gain", "cone_price"]
 
 Array = NDArray[np.float64]
-
-DRAWS, SEED = 1000, 20261122  # for the weights
-SINGULAR = 1e-9  # of the largest eigenvalue: directions that the columns do not have
-APART = 1e-9  # of columns of length one, which may be the same
 
 
 def cone_gain(products: Array, pulls: Array, either: bool) -> float:
@@ -34,9 +33,9 @@ def cone_gain(products: Array, pulls: Array, either: bool) -> float:
 
     `products`: (K, K) of the columns, over σ². `pulls`: (K,), products of columns and target.
     """
-    scale = np.sqrt(np.maximum(np.diag(products), 1e-300))
+    scale = np.sqrt(np.maximum(np.diag(products), TINY))
     values, vectors = np.linalg.eigh(products / np.outer(scale, scale))
-    seen = values > SINGULAR * max(float(values.max()), 1e-300)
+    seen = values > SINGULAR * max(float(values.max()), TINY)
     root = np.sqrt(values[seen])[:, None] * vectors[:, seen].T
     along = vectors[:, seen].T @ (pulls / scale) / np.sqrt(values[seen])
     sides = (along, -along) if either else (along,)
@@ -59,8 +58,8 @@ def cone_price(products: Array, share: float, either: bool) -> float:
 def _weights(products: Array) -> Array:
     """How often 0, 1, … K of the coefficients are positive where nothing is there, (K + 1,)."""
     count = len(products)
-    scale = np.sqrt(np.maximum(np.diag(products), 1e-300))
-    within = products / np.outer(scale, scale) + APART * np.eye(count)
+    scale = np.sqrt(np.maximum(np.diag(products), TINY))
+    within = products / np.outer(scale, scale) + SINGULAR * np.eye(count)
     values, vectors = np.linalg.eigh(within)
     pulls = (_normal(count) * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
     weights = np.zeros(count + 1)
@@ -70,11 +69,11 @@ def _weights(products: Array) -> Array:
             left = pulls.T - within[:, chosen] @ beta
             left[chosen] = 0.0
             weights[size] += np.sum((beta > 0.0).all(axis=0) & (left <= 0.0).all(axis=0))
-    weights /= DRAWS
+    weights /= len(pulls)
     weights[0] = max(1.0 - weights.sum(), 0.0)
     return weights
 
 
-@lru_cache(maxsize=8)
+@cache
 def _normal(count: int) -> Array:
-    return np.random.default_rng(SEED).normal(size=(DRAWS, count))
+    return np.random.default_rng(0).normal(size=(round(SETTINGS.little * SETTINGS.rows), count))

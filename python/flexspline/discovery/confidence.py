@@ -1,49 +1,32 @@
-"""How likely a name is right, as a number between 0 and 1.
+"""How likely a name is right: its weight among all that may stand behind what it explains.
 
-    p = 1 / (1 + exp(−x · b)),    at most HIGHEST
+    p = 1 / (1 + n + (1 − s) + l + exp(−e / 2)),    at most 1 − α
 
-with regressors x: 1; ln(1 + e), e the gain over its price in χ²; ln(1 + m), m the lead over the
-best rival that is no alias; the share of the gain that functions without a name leave it; what
-they explain beside it, over its own gain; and the number of its aliases.
-
-The coefficients b are a logistic model's, fitted to 330 names (319 right) that were given in 482
-random cases of single, two, three, unknown and no causes, all three targets, by
-
-    python tests/bench/calibrate_confidence.py first/cases.jsonl ...
-
-and drawn weakly towards those of 280 names that earlier versions of the search gave, of which more
-were wrong. On the 740 names of the 1107 frozen cases, which it never saw: stated 0.33, right 0.33
-of 3; 0.67, 0.80 of 10; 0.87, 0.79 of 28; 0.93, 0.96 of 116; 0.99, 0.99 of 583. The lead told
-nothing beyond the rest.
+Besides the name, of weight one, there are its n aliases, each as good; a cause without a name, as
+far as functions of the channels take its gain from it (a share 1 − s) and leave as much beside it
+(l, over its gain); and chance, by what the name gains above its price, e in χ². Weights of
+explanations that runs cannot tell apart are equal: p is rather too low than too high.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-__all__ = ["FEATURES", "confidence", "features"]
+from flexspline.discovery.settings import SETTINGS, TINY
 
-FEATURES = ("constant", "evidence", "lead", "survives", "left beside", "aliases")
-COEFFICIENTS = (0.456, 0.477, 0.0, 0.929, -6.286, -1.234)
-LOWEST, HIGHEST = 0.02, 0.99
-MOST_LEFT = 0.2
+__all__ = ["confidence"]
 
 
-def features(
-    gain: float, told: float, price: float, rival: float, survives: float, left: float, aliases: int
-) -> tuple[float, ...]:
-    """Return the regressors of one name: gains in χ², see the head of this file.
+def confidence(gain: float, above: float, survives: float, left: float, aliases: int) -> float:
+    """Return the probability that a name is right; gains in χ², see the head of this file.
 
-    `told`: by Wald's test in the final fit; evidence is no more than that, either.
+    Parameters
+    ----------
+    gain, above : what the name gains, and that above its price, by search and final fit.
+    survives : share of its gain that it keeps beside functions without a name.
+    left : gain of these beside it.
+    aliases : how many names explain the runs as well.
     """
-    evidence = np.log1p(max(min(gain, told) - price, 0.0))
-    lead = np.log1p(max(gain - rival, 0.0))
-    beside = min(left / max(gain, 1e-300), MOST_LEFT)
-    share = float(np.clip(survives, 0.0, 1.0))
-    return (1.0, float(evidence), float(lead), share, float(beside), float(aliases))
-
-
-def confidence(regressors: tuple[float, ...]) -> float:
-    """Return the probability that a name with these regressors is right."""
-    score = float(np.dot(COEFFICIENTS, regressors))
-    return float(np.clip(1.0 / (1.0 + np.exp(-score)), LOWEST, HIGHEST))
+    chance = np.exp(-0.5 * max(above, 0.0))
+    nameless = 1.0 - float(np.clip(survives, 0.0, 1.0)) + left / max(gain, TINY)
+    return float(min(1.0 / (1.0 + aliases + nameless + chance), 1.0 - SETTINGS.alpha))

@@ -3,12 +3,12 @@
 A search weighs evidence in the metric of the noise, where a row's own error may count for much. A
 reader asks two plain questions, and a name that fails one of them is withdrawn:
 
-    Is it significant in the final fit?     Wald's test of its coefficients together, p < 0.05
+    Is it significant in the final fit?     Wald's test of its coefficients together, p < α
     Does it lower the held-out error?       in the unit of the target; where its t exceeds 16, by
                                             more than two standard errors
 
-Of several names, one that closes less than half a per cent of what all of them close held out (a
-fourteenth in RMS), with a tenth of the t of the largest at most, is real but too small to matter:
+Of several names, one that closes less than a form may miss of what all of them close held out,
+with a tenth of the t of the largest at most, is real but too small to matter:
 it is listed as also seen and is no part of the model. Ripple that is small in RMS may be as plain
 as the rest, beside slow noise. Blocks are longer than the residual's memory (two seconds at least).
 """
@@ -22,11 +22,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from flexspline.discovery.aliases import NEARLY
 from flexspline.discovery.analysis import Analysis
 from flexspline.discovery.evidence import equivalent_t
 from flexspline.discovery.forms import owned_gain
 from flexspline.discovery.heldout import HeldOut
+from flexspline.discovery.settings import SETTINGS, TINY
 from flexspline.discovery.working import Working
 from flexspline.effects import Effect
 from flexspline.fit.names import coefficient_names
@@ -36,12 +36,7 @@ __all__ = ["AlsoSeen", "Confirmed", "Shown", "confirmed", "significance", "wald"
 
 Array = NDArray[np.float64]
 
-SIGNIFICANT = 0.05  # p of Wald's test
-EXACT = 1e-12  # of a coefficient: an error that is rounding
-CERTAIN = 16.0  # t above which the held-out error must fall by more than chance
 ERRORS = 2.0  # standard errors of the fall of the held-out error
-SMALL = 0.005  # of what all names close held out: less is too small to matter
-PLAIN = 0.1  # of the largest t of all names: what exceeds it is not too small, however little it is
 
 
 @dataclass(frozen=True)
@@ -78,9 +73,9 @@ class Shown:
     @property
     def withdrawn(self) -> str:
         """Why it is no answer, "" where it is one."""
-        if not self.p < SIGNIFICANT:
+        if not self.p < SETTINGS.alpha:
             return "not significant in the final fit"
-        if self.fall <= 0.0 or (self.t > CERTAIN and self.fall < ERRORS * self.error):
+        if self.fall <= 0.0 or (self.t > SETTINGS.certain and self.fall < ERRORS * self.error):
             return "does not lower the held-out error"
         return ""
 
@@ -119,7 +114,7 @@ def confirmed(made: Analysis, fitted: Callable[[Working], Fit], base: Sequence[s
         else:
             little = _too_small(shown)
             freed = [e.name for e in made.base.effects if e.name not in base and not little]
-            idle = [name for name in freed if not significance(fit, name) < SIGNIFICANT]
+            idle = [name for name in freed if not significance(fit, name) < SETTINGS.alpha]
             if idle:
                 made = _without_freedom(made, idle[0])
                 continue
@@ -138,7 +133,8 @@ def confirmed(made: Analysis, fitted: Callable[[Working], Fit], base: Sequence[s
 def _too_small(shown: Sequence[Shown]) -> list[Shown]:
     """Those of several names that are too small to matter beside the others."""
     largest = max((one.t for one in shown), default=0.0)
-    little = [one for one in shown if one.share < SMALL and one.t < PLAIN * largest]
+    plain = SETTINGS.little * largest
+    little = [one for one in shown if one.share < SETTINGS.form and one.t < plain]
     return little if len(shown) > 1 else []
 
 
@@ -160,10 +156,11 @@ def wald(fit: Fit, name: str) -> tuple[float, int]:
         return 0.0, 1
     beta = np.array([values[known[k]] for k in at])
     spread = fit.covariance[np.ix_(at, at)]
-    scale = np.sqrt(np.maximum(np.diag(spread), 1e-300))
-    if np.all(scale <= EXACT * np.abs(beta)):
+    scale = np.sqrt(np.maximum(np.diag(spread), TINY))
+    if np.all(scale <= SETTINGS.singular * np.abs(beta)):
         return np.inf, len(at)  # runs without noise
-    told = np.linalg.lstsq(spread / np.outer(scale, scale), beta / scale, rcond=1e-10)[0]
+    scaled = spread / np.outer(scale, scale)
+    told = np.linalg.lstsq(scaled, beta / scale, rcond=SETTINGS.singular)[0]
     return float((beta / scale) @ told), len(at)
 
 
@@ -221,7 +218,7 @@ def _rival(made: Analysis, freedom: str) -> str:
         beside = left(given)
         more, chance = _fall(beside, named, rows)
         fall, error = _fall(left(given.plain(freedom)), beside, rows)
-        nearly = more < ERRORS * chance or fall > NEARLY * (fall + more)
+        nearly = more < ERRORS * chance or fall > SETTINGS.most * (fall + more)
         if fall > ERRORS * error and nearly:
             return effect.name
     return ""

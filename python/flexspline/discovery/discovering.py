@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
+from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect, effect
 from flexspline.errors import InputError
 
@@ -34,8 +35,6 @@ if TYPE_CHECKING:  # what is heavy is imported where it is used
     from flexspline.simulator.record import Simulated
 
 __all__ = ["discover"]
-
-CLOCK_ROUNDS = 3  # searches until the delay of a load stands beside the names
 
 
 def discover(
@@ -230,7 +229,9 @@ def _by_simulation(
     from flexspline.output_error.regression import with_servo_torque
 
     effects = with_orders(start.effects, orders)
-    settings = simulation_settings(controller, free_controller, 2, 4, 0, threads, progress)
+    settings = simulation_settings(
+        controller, free_controller, 2, SETTINGS.tried, 0, threads, progress
+    )
     law = settings.controller
     driven = [log if law is None else with_servo_torque(log, law, start.target) for log in runs]
     faults = data_faults(driven, effects, start.target, start.known_load, threads)
@@ -378,7 +379,7 @@ def _on_one_clock(
     from flexspline.logs.repairs import move_earlier
 
     delay, others = 0.0, [name for name in free if name != LAG]
-    for _ in range(CLOCK_ROUNDS):
+    for _ in range(SETTINGS.tried - 1):
         late = late_by(held.made, moved=delay != 0.0)
         if not late:
             return recorded, held, delay

@@ -13,7 +13,7 @@ smaller: the first may pay alone, at the price of half a chance.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,15 +22,13 @@ from scipy.stats import chi2, norm
 
 from flexspline.discovery.cone import cone_gain, cone_price
 from flexspline.discovery.physics import VARYING
+from flexspline.discovery.settings import SETTINGS, TINY
 from flexspline.discovery.table import SINGULAR, Columns
 
-__all__ = ["ALPHA", "Evidence", "equivalent_t", "evidence_of", "gain_of", "price"]
+__all__ = ["Evidence", "equivalent_t", "evidence_of", "gain_of", "price"]
 
 Array = NDArray[np.float64]
 
-ALPHA = 0.01  # that logs which hide nothing get a name
-UNSEEN = 1e-7  # of a column's squares that the model leaves: nothing is seen of it
-LARGE = 600.0  # χ² above which its tail is taken from the asymptotic series
 FIRST = {VARYING: 2}
 """Columns of the first order of a series."""
 
@@ -81,22 +79,21 @@ def evidence_of(name: str, signs: int, left: Array, columns: Columns, raw: Array
     return Evidence(gain, max(seen, 1), signs, None, first)
 
 
-@lru_cache(maxsize=4096)  # a search asks for few of them, very often
+@cache  # a search asks for few of them, very often
 def price(columns: int, forms: float, rivals: int) -> float:
     """Return the χ² that the best of `rivals` reaches by chance in a share α of all logs."""
     return float(chi2.isf(_share(forms, rivals), columns))
 
 
 def _share(forms: float, rivals: int) -> float:
-    return ALPHA / max(rivals, 1) / max(forms, 1.0)
+    return SETTINGS.alpha / max(rivals, 1) / max(forms, 1.0)
 
 
 def equivalent_t(gain: float, columns: int) -> float:
     """Return the |t| of a normal number that is as surprising as a χ² of so many columns."""
-    if gain < LARGE:
-        return float(norm.isf(0.5 * chi2.sf(max(gain, 0.0), columns)))
-    if gain == np.inf:
-        return np.inf
+    tail = float(chi2.sf(max(gain, 0.0), columns))
+    if tail > TINY or gain == np.inf:
+        return float(norm.isf(0.5 * tail))
     half = 0.5 * columns
     log_p = -0.5 * gain + (half - 1.0) * np.log(0.5 * gain) - gammaln(half)
     return float(np.sqrt(-2.0 * log_p - np.log(-np.pi * log_p)))
@@ -104,9 +101,10 @@ def equivalent_t(gain: float, columns: int) -> float:
 
 def gain_of(left: Array, columns: Columns, raw: Array) -> tuple[float, int]:
     """Squares over σ² that columns explain of what the model leaves, and how many are seen."""
-    scale = np.sqrt(np.maximum(raw[columns], 1e-300))
+    scale = np.sqrt(np.maximum(raw[columns], TINY))
     products = left[np.ix_(columns, columns)] / np.outer(scale, scale)
     values, vectors = np.linalg.eigh(products)
-    seen = (values > UNSEEN) & (values > SINGULAR * max(float(values.max()), 1e-300))
+    least = max(SINGULAR / SETTINGS.negligible, SINGULAR * float(values.max(initial=0.0)))
+    seen = values > least
     along = vectors[:, seen].T @ (left[columns, -1] / scale)
     return float(np.sum(along**2 / values[seen])), int(seen.sum())

@@ -8,9 +8,11 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.constants import milli
 
 from flexspline.discovery.forms import missed, owned_gain
 from flexspline.discovery.freedom import LAG
+from flexspline.discovery.settings import SETTINGS, TINY
 from flexspline.discovery.table import solved, tabulated
 from flexspline.effects import Effect
 from flexspline.fit.fitting import NO_TORSION
@@ -37,10 +39,7 @@ RATIO = "gear_ratio"
 ENCODER_DELAY = "encoder_delay"
 HALF_A_ROW = 0.5  # more than that a run may be late by alone: another clock
 SIGN = "torque_sign"  # that of a recorder: at least half of the runs have to show it
-TOLD = 4.0  # standard errors of a delay between encoders, as in the check of one run
 SENSOR = ("sensor_torque",)
-TWISTED = 0.01  # of the ratio: more than this no torsion makes of it
-WHOLE = 0.05  # from a whole number, which a ratio of teeth mostly is
 NO_TWIST = tuple(name for name in NO_TORSION if name != RATIO)
 
 
@@ -109,10 +108,10 @@ def _late_alike(logs: Sequence[Log]) -> bool:
     if len(gears) < 2:
         return True
     delay = np.array([gear.delay for gear in gears])
-    weight = np.array([max(gear.delay_error, 1e-12) for gear in gears]) ** -2.0
+    weight = np.array([max(gear.delay_error, TINY) for gear in gears]) ** -2.0
     mean = np.average(delay, weights=weight)
     scatter = np.average((delay - mean) ** 2, weights=weight) / (len(delay) - 1)
-    return bool(abs(mean) > TOLD * np.sqrt(max(1.0 / weight.sum(), scatter)))
+    return bool(abs(mean) > SETTINGS.told * np.sqrt(max(1.0 / weight.sum(), scatter)))
 
 
 def with_measured_ratio(
@@ -129,7 +128,8 @@ def with_measured_ratio(
     if target != "torsion" or not shown or stated is None:
         return list(logs), tuple(faults)
     ratio = float(np.median(shown))
-    if abs(ratio / stated - 1.0) < TWISTED and abs(ratio - round(ratio)) > WHOLE:
+    near = abs(ratio / stated - 1.0) < SETTINGS.negligible
+    if near and abs(ratio - round(ratio)) > SETTINGS.bends:
         return list(logs), tuple(faults)
     circular = logs[0].facts.get("output_spline") == "circular"
     said = f"What follows is with {ratio:.5g} turns of the motor side per turn of the output."
@@ -186,19 +186,19 @@ def _late_behind_torsion(made: Analysis) -> float:
     model = np.arange(len(table.total) - 2)
     left = np.append(-solved(table.total, model), [0.0, 1.0])
     own = np.append(-solved(table.total[:-1, :-1], model), [1.0, 0.0])
-    weight = np.maximum([own @ fold @ own for fold in table.folds], 1e-300)
+    weight = np.maximum([own @ fold @ own for fold in table.folds], TINY)
     told = np.array([own @ fold @ left for fold in table.folds]) / weight
     late = float(np.average(told, weights=weight))
     scatter = float(np.average((told - late) ** 2, weights=weight)) / max(len(told) - 1, 1)
     error = float(np.sqrt(max(1.0 / weight.sum(), scatter)))
-    return late if abs(late) > TOLD * error else 0.0
+    return late if abs(late) > SETTINGS.told * error else 0.0
 
 
 def load_delays(logs: Sequence[Log], target: str, load: str, late: float) -> tuple[DataFault, ...]:
     """Return the fault of each run whose known load is late by so much against the target, s."""
     channel, other = (load, target) if late > 0.0 or target == "torsion" else (target, load)
     why = ", which cannot read a torque before it is there" if target in SENSOR else ""
-    size, early = 1e3 * abs(late), channel == load and late < 0.0
+    size, early = abs(late) / milli, channel == load and late < 0.0
     return tuple(
         DataFault(
             log.name,

@@ -18,6 +18,7 @@ from flexspline.discovery.evidence import evidence_of, gain_of
 from flexspline.discovery.nameless import Nameless, channel_told, nameless_of
 from flexspline.discovery.physics import LOOPS, WIDTH, one_signed
 from flexspline.discovery.scores import Offer
+from flexspline.discovery.settings import SETTINGS
 from flexspline.discovery.study import Study
 from flexspline.discovery.table import tabulated
 from flexspline.discovery.whitening import Whitening
@@ -25,13 +26,9 @@ from flexspline.discovery.working import Working
 from flexspline.effects import Effect
 from flexspline.fit.problem import Problem
 
-__all__ = ["SAME", "missed", "owned_gain", "owned_price", "pays_beside_forms", "undecided"]
+__all__ = ["missed", "owned_gain", "owned_price", "pays_beside_forms", "undecided"]
 
-LEFTOVER = 0.007  # of the gain of a name: below, it may be what its form misses
-SAME = 0.05  # the same for a candidate that reads nothing else: it may bend what the name shows
-REMEMBERED = 0.03  # the same of an effect with memory, whose loops have more ways to differ
 SUSPECTED = 0.5  # of a gain, that a form may miss, to be freed before that gain is believed
-FREED = 1.25  # times its price, that an effect has to gain beside freed forms: functions are few
 SAME_CAUSE = 0.5  # of an offer's gain, that another one leaves of it, to explain most of the same
 
 
@@ -64,7 +61,7 @@ def missed(dictionary: Dictionary, named: Sequence[Effect], other: Effect) -> fl
 
 def _missed_by(dictionary: Dictionary, named: Effect, other: Effect) -> float:
     bends = bool(other.reads) and set(other.reads) <= set(named.reads)  # a constant bends nothing
-    share = SAME if bends else _share(named)
+    share = SETTINGS.bends if bends else _share(named)
     return share * owned_gain(dictionary, named.name)
 
 
@@ -114,7 +111,7 @@ def pays_beside_forms(
     left = table.without(np.setdiff1d(np.arange(len(table.total) - 1), columns))
     signs = one_signed(effect.name, dictionary.target)
     told = evidence_of(effect.name, signs, left, columns, np.diag(table.total))
-    return told.gain >= FREED * told.price(1.0, len(dictionary.candidates))
+    return told.gain >= SETTINGS.freed * told.price(1.0, len(dictionary.candidates))
 
 
 def _functions(problem: Problem, effect: Effect) -> list[Nameless]:
@@ -135,4 +132,4 @@ def _functions(problem: Problem, effect: Effect) -> list[Nameless]:
 
 def _share(named: Effect) -> float:
     """Of the gain of a named effect, what its form may miss."""
-    return REMEMBERED if named.info.remembers else LEFTOVER
+    return SETTINGS.memory if named.info.remembers else SETTINGS.form

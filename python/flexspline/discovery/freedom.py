@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect
 from flexspline.logs.channel_noise import ChannelNoise
 from flexspline.logs.log import Log
@@ -22,7 +23,6 @@ __all__ = ["DIRECTIONS", "LAG", "freedoms", "held_of", "with_freedoms"]
 DIRECTIONS, LAG = "direction_dependent_friction", "sensor_lag"
 ANGLE = "output_position"
 FRICTION = ("coulomb_friction", "viscous_friction")
-BOTH_WAYS = 0.1  # of the rows go each way at least, for a difference between directions
 
 
 def freedoms(
@@ -84,4 +84,4 @@ def _both_ways(logs: Sequence[Log]) -> bool:
         else:
             return False
     ways = np.concatenate(signs)
-    return bool(min(np.mean(ways > 0.0), np.mean(ways < 0.0)) >= BOTH_WAYS)
+    return bool(min(np.mean(ways > 0.0), np.mean(ways < 0.0)) >= SETTINGS.little)

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.discovery.faults import DataFault
+from flexspline.discovery.settings import SETTINGS
 from flexspline.errors import InputError
 from flexspline.fit.result import Fit
 from flexspline.logs.log import Log
@@ -32,7 +33,6 @@ __all__ = ["graded"]
 
 Array = NDArray[np.float64]
 
-SMALL = 0.01  # of the error, by which a fault raises it that does not matter
 VELOCITY = "output_velocity"
 
 
@@ -64,7 +64,7 @@ class _Look:
             makes = None
         if makes is None or not np.isfinite(makes):
             return fault
-        grave = bool(np.hypot(self.floor, makes) > (1.0 + SMALL) * self.floor)
+        grave = bool(np.hypot(self.floor, makes) > (1.0 + SETTINGS.negligible) * self.floor)
         unit, source = self.fit.unit, self._read_instead(fault)
         said = f"It makes {short(makes)} {unit} RMS, the noise floor is {short(self.floor)} {unit}"
         said += "." if grave else ": too little to matter."

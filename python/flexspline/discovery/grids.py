@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect, ShapeInfo
 from flexspline.fit.problem import Problem
 
@@ -23,9 +24,7 @@ Array = NDArray[np.float64]
 SHARED = ("direction_width", "mesh_shape")
 """One for the whole model: what the model has is taken."""
 
-POINTS = {0: 1, 1: 6, 2: 4}
-SHARE = (0.004, 1.2)  # of the largest value of a channel
-SEEN = (0.3, 3.0)  # of an order's largest frequency: a resonance beyond bends nothing that is seen
+SEEN = (0.5, 2.0)  # of an order's largest frequency: a resonance beyond bends nothing that is seen
 UNIT_CHANNELS = {
     "rad/s": ("output_velocity",),
     "Nm": ("known_load",),
@@ -39,7 +38,7 @@ def shaped(effect: Effect, model: tuple[Effect, ...], problem: Problem) -> list[
     own = {name: value for name, value in known.items() if name in effect.shapes}
     effect = effect.with_shapes(**own)
     free = [s for s in effect.fitted_shapes if s.name not in own]
-    count = POINTS.get(len(free), 3)
+    count = max(SETTINGS.points - 2 * max(len(free) - 1, 0), 2)
     grids = [_grid(effect, shape, problem, count) for shape in free]
     names = [shape.name for shape in free]
     return [
@@ -72,7 +71,7 @@ def _range(effect: Effect, shape: ShapeInfo, problem: Problem) -> tuple[float, f
         if sizes and max(sizes) > 0.0:
             if effect.ripple:
                 return _resonance(effect, max(sizes))
-            return SHARE[0] * max(sizes), SHARE[1] * max(sizes)
+            return 0.5 * SETTINGS.negligible * max(sizes), max(sizes)
     return shape.lower, shape.upper
 
 
@@ -85,6 +84,6 @@ def _resonance(effect: Effect, speed: float) -> tuple[float, float]:
 def _size(values: Array, unit: str) -> float:
     """The largest without the outermost per cent; of angles half the way from end to end."""
     if unit != "rad":
-        return float(np.quantile(np.abs(values), 0.995))
-    low, high = np.quantile(values, (0.005, 0.995))
+        return float(np.quantile(np.abs(values), 1.0 - 0.5 * SETTINGS.negligible))
+    low, high = np.quantile(values, (0.5 * SETTINGS.negligible, 1.0 - 0.5 * SETTINGS.negligible))
     return float(max(high - low, 0.0)) / 2.0

@@ -14,6 +14,7 @@ from flexspline.discovery.evidence import gain_of
 from flexspline.discovery.nameless import Nameless
 from flexspline.discovery.predictive import prior_of
 from flexspline.discovery.refit import solved_at
+from flexspline.discovery.settings import SETTINGS, TINY
 from flexspline.discovery.sheet import Sheet
 from flexspline.discovery.stretches import edges_of
 from flexspline.discovery.table import inverse_of, left_by, solved, tabulated
@@ -26,7 +27,6 @@ __all__ = ["Fold", "HeldOut", "held_out", "plain_rows"]
 Array = NDArray[np.float64]
 
 BESIDE = "functions without a name"
-EXACT = 1e-12  # of the target's squares: what a fit leaves that leaves nothing
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +133,7 @@ def plain_rows(problem: Problem, work: Working) -> Whitening:
     _, squares = solved_at(problem, replace(work, base=len(work.effects)), rows)
     count = sum(len(at) for run in problem.runs for at in rows.taken(run))
     whole = sum(float(run.target @ run.target) for run in problem.runs)
-    return replace(rows, variance=max(squares, EXACT * whole, EXACT**2) / max(count, 1))
+    return replace(rows, variance=max(squares, SETTINGS.singular**2 * whole, TINY) / max(count, 1))
 
 
 def _folds(problem: Problem, work: Working, betas: Sequence[Array]) -> Iterator[Fold]:

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.discovery.past import names_of_past
+from flexspline.discovery.settings import SETTINGS, TINY
 from flexspline.discovery.values import DIRECTION, RATE, ROUND, values_of
 from flexspline.fit.problem import Problem
 
@@ -29,12 +30,9 @@ Values = Mapping[str, Array]
 Basis = Callable[[Values], Array]
 
 TURN = 2.0 * np.pi
-FINE, VARYING, COARSE = 20, 16, 5
-ORDERS, PAIRED_ORDERS, LINES = 16, 4, 48
-POWERS = ((1,), (2,), (3,))
+POWERS = tuple((power,) for power in range(1, SETTINGS.tried))
 CROSSED = ((1, 1), (2, 1), (1, 2))
 NAMELESS = "nameless"  # what a problem keeps of it
-SAMPLED = 7  # one row of so many tells of the spread of a channel
 TOLD = {ROUND: "motor_position", DIRECTION: "output_velocity"}
 
 
@@ -74,10 +72,11 @@ def _nameless(sample: Values) -> tuple[list[Nameless], list[Nameless]]:
     made += [_powers(sample, both, CROSSED) for both in combinations(scaled, 2)]
     if ROUND in sample:
         made += [_waves(sample, name) for name in scaled]
-        made += [Nameless((ROUND,), _turning(ROUND, [k]), 2) for k in range(1, LINES + 1)]
+        made += [Nameless((ROUND,), _turning(ROUND, [k]), 2) for k in range(1, SETTINGS.lines + 1)]
     for name in (name for name in straight if name not in ("time", RATE)):
         made += [_varying(sample, name, other) for other in scaled if other != name]
-    coarse = {name: _hats_of(sample, name, COARSE) for name in straight if name != "time"}
+    few = SETTINGS.tried + 1
+    coarse = {name: _hats_of(sample, name, few) for name in straight if name != "time"}
     return alone, made + [
         Nameless((a, b), _product(coarse[a][0], coarse[b][0]), coarse[a][1] * coarse[b][1])
         for a, b in combinations(coarse, 2)
@@ -85,11 +84,11 @@ def _nameless(sample: Values) -> tuple[list[Nameless], list[Nameless]]:
 
 
 def _sample(problem: Problem) -> dict[str, Array]:
-    """Every seventh row of all runs, made a window at a time."""
+    """Every fourth row of all runs, made a window at a time."""
     made = [
-        {name: values[::SAMPLED] for name, values in values_of(problem, number, rows).items()}
+        {name: v[:: SETTINGS.tried] for name, v in values_of(problem, number, rows).items()}
         for number, run in enumerate(problem.runs)
-        for rows in windows(len(run), SAMPLED << 15)
+        for rows in windows(len(run), SETTINGS.tried * SETTINGS.rows)
     ]
     return {name: np.concatenate([values[name] for values in made]) for name in made[0]}
 
@@ -102,10 +101,10 @@ def windows(size: int, step: int) -> Iterator[slice]:
 def _fine(sample: Values, name: str) -> tuple[Basis, int]:
     """All functions of one channel: periodic over a turn of an angle that turns, else hats."""
     if name == ROUND:
-        return _turning(name, range(1, ORDERS + 1)), 2 * ORDERS
+        return _turning(name, range(1, SETTINGS.functions + 1)), 2 * SETTINGS.functions
     if name == "output_position" and np.ptp(sample[name]) > TURN:
-        return _turning(name, range(1, FINE // 2 + 1)), 2 * (FINE // 2)
-    return _hats_of(sample, name, FINE)
+        return _turning(name, range(1, SETTINGS.functions // 2 + 1)), SETTINGS.functions
+    return _hats_of(sample, name, SETTINGS.functions)
 
 
 def _hats_of(sample: Values, name: str, count: int) -> tuple[Basis, int]:
@@ -136,12 +135,12 @@ def _powers(
 def _waves(sample: Values, name: str) -> Nameless:
     """Low orders of the motor's angle that grow with a channel."""
     middle, spread = _scale(sample[name], name)
-    turning = _turning(ROUND, range(1, PAIRED_ORDERS + 1))
+    turning = _turning(ROUND, range(1, SETTINGS.tried + 1))
 
     def columns(values: Values) -> Array:
         return np.asarray(turning(values) * ((values[name] - middle) / spread)[:, None])
 
-    return Nameless((ROUND, name), columns, 2 * PAIRED_ORDERS)
+    return Nameless((ROUND, name), columns, 2 * SETTINGS.tried)
 
 
 def _memory(name: str) -> Nameless:
@@ -152,7 +151,7 @@ def _memory(name: str) -> Nameless:
 
 def _varying(sample: Values, name: str, other: str) -> Nameless:
     """A channel times every function of another: a coefficient that varies with it."""
-    hats, count = _hats_of(sample, name, VARYING)
+    hats, count = _hats_of(sample, name, SETTINGS.functions)
     middle, spread = _scale(sample[other], other)
 
     def columns(values: Values) -> Array:
@@ -164,20 +163,22 @@ def _varying(sample: Values, name: str, other: str) -> Nameless:
 def _scale(values: Array, name: str) -> tuple[float, float]:
     """Middle and spread; what has a sign counts from zero."""
     signed = name in ("output_velocity", "output_acceleration", RATE, DIRECTION)
-    low, high = np.quantile(values, (0.01, 0.99))
+    low, high = np.quantile(values, (SETTINGS.negligible, 1.0 - SETTINGS.negligible))
     middle = 0.0 if signed else 0.5 * float(low + high)
-    return middle, max(float(np.abs(values - middle).max()), 1e-300)
+    return middle, max(float(np.abs(values - middle).max()), TINY)
 
 
 def _knots(values: Array, count: int, both_ways: bool) -> Array:
     """Between the quantiles of the values; of a velocity, the same on both sides of zero."""
     if both_ways:
-        speeds = np.quantile(np.abs(values), np.linspace(0.15, 0.995, count // 2))
+        inside = np.linspace(SETTINGS.little, 1.0 - SETTINGS.negligible, count // 2)
+        speeds = np.quantile(np.abs(values), inside)
         knots = np.concatenate([-speeds[::-1], [0.0], speeds])
     else:
-        knots = np.quantile(values, np.linspace(0.005, 0.995, count))
-    span = float(knots[-1] - knots[0])
-    return np.asarray(knots[np.concatenate([[True], np.diff(knots) > 1e-3 * span])])
+        inside = np.linspace(SETTINGS.negligible, 1.0 - SETTINGS.negligible, count)
+        knots = np.quantile(values, inside)
+    least = SETTINGS.little * SETTINGS.negligible * float(knots[-1] - knots[0])
+    return np.asarray(knots[np.concatenate([[True], np.diff(knots) > least])])
 
 
 def _hats(values: Array, knots: Array) -> Array:

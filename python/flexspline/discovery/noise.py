@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.discovery.nameless import Nameless
+from flexspline.discovery.settings import SETTINGS, TINY
 from flexspline.discovery.sheet import Sheet
 from flexspline.discovery.table import solved, tabulated
 from flexspline.discovery.whitening import Whitening, rough_whitening
@@ -28,11 +29,6 @@ from flexspline.fit.problem import Problem
 __all__ = ["first_whitening", "restricted_whitening"]
 
 Array = NDArray[np.float64]
-
-LONG = 1_000_000  # rows from which one piece of several is read
-LARGEST_ORDER = 16
-ROUNDING = 1e-9  # of the target's RMS that is white noise at least: simulated logs have no other
-FORMS = 1e-2  # of the residual's mean square that is white at least: no form is exact to less
 
 
 def first_whitening(problem: Problem, sheet: Sheet) -> Whitening:
@@ -70,10 +66,10 @@ def restricted_whitening(
     noise = noise_model(
         chunks,
         _basis(chunks),
-        max_order=LARGEST_ORDER,
-        every=max(1, rows // LONG),
+        max_order=SETTINGS.functions,
+        every=max(1, rows // round(SETTINGS.rows / SETTINGS.negligible)),
         decimation=problem.decimation,
-        floor=FORMS,
+        floor=SETTINGS.negligible,
     )
     made = Whitening(noise.denominator, noise.innovation_variance, problem.decimation)
     return _above_rounding(problem, made)
@@ -82,7 +78,7 @@ def restricted_whitening(
 def _above_rounding(problem: Problem, noise: Whitening) -> Whitening:
     """The noise, or white noise of the size of rounding where there is less than that."""
     squares = [float(run.target @ run.target) for run in problem.runs]
-    floor = ROUNDING**2 * sum(squares) / sum(len(run) for run in problem.runs)
+    floor = SETTINGS.singular**2 * sum(squares) / sum(len(run) for run in problem.runs)
     if noise.variance > floor:
         return noise
     return Whitening(np.ones(1), floor, noise.decimation)
@@ -91,7 +87,7 @@ def _above_rounding(problem: Problem, noise: Whitening) -> Whitening:
 def _basis(chunks: Callable[[], Iterator[Chunk]]) -> Array:
     """Directions that the rows determine, (F + S, K), with rows @ basis orthonormal."""
     products = np.asarray(sum(chunk.rows.T @ chunk.rows for chunk in chunks()))
-    scale = np.sqrt(np.maximum(np.diag(products), 1e-300))
+    scale = np.sqrt(np.maximum(np.diag(products), TINY))
     values, vectors = np.linalg.eigh(products / np.outer(scale, scale))
-    seen = values > 1e-10 * values[-1]
+    seen = values > SETTINGS.singular * values[-1]
     return np.asarray(vectors[:, seen] / np.sqrt(values[seen]) / scale[:, None])

@@ -4,7 +4,7 @@ Any linear cause with memory is a sum of first-order lags of its channel x with 
 
     T dz/dt + z = x,     z = x at the start
 
-Some T, in geometric steps from two samples to a third of the longest run, stand for all: heat that
+Some T, in geometric steps from two samples to half of the longest run, stand for all: heat that
 flows, a filter, a sensor that creeps. They tell an unknown cause with memory from slow noise.
 """
 
@@ -16,14 +16,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from flexspline.discovery.settings import SETTINGS
 from flexspline.logs.segments import median_step, runs
 
 __all__ = ["MOST_ROWS", "names_of_past", "past_of"]
 
 Array = NDArray[np.float64]
 
-LAGS = 6
-MOST_ROWS = 500_000  # of a run: beyond, its past is not looked at, to save memory
+MOST_ROWS = round(SETTINGS.rows / SETTINGS.negligible)
+"""Of a run: beyond, its past is not looked at, to save memory."""
 BEHIND = " behind lag "
 
 
@@ -34,9 +35,8 @@ def past_of(
     step = median_step(time)
     made = {}
     for name in (name for name in names if name in values):
-        for late, lag in zip(
-            names_of_past(name), np.geomspace(2.0 * step, longest / 3.0, LAGS), strict=True
-        ):
+        lags = np.geomspace(2.0 * step, 0.5 * longest, SETTINGS.points)
+        for late, lag in zip(names_of_past(name), lags, strict=True):
             parts = [_lagged(values[name][a:b], step / lag) for a, b in runs(time)]
             made[late] = np.concatenate(parts)
     return made
@@ -44,7 +44,7 @@ def past_of(
 
 def names_of_past(name: str) -> list[str]:
     """Names of a channel behind each lag."""
-    return [f"{name}{BEHIND}{number + 1}" for number in range(LAGS)]
+    return [f"{name}{BEHIND}{number + 1}" for number in range(SETTINGS.points)]
 
 
 def _lagged(values: Array, share: float) -> Array:

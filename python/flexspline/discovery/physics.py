@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from flexspline.discovery.settings import SETTINGS
 from flexspline.discovery.working import Working
 from flexspline.fit.names import Bounds
 from flexspline.fit.problem import Problem
@@ -48,7 +49,6 @@ DISSIPATES = (
 """One coefficient that a drive has with a positive sign alone."""
 
 STRIBECK = "stribeck_friction"
-FADED = 0.7  # of the largest speed, by which the extra friction of a start is down to 1/e
 
 SPRINGS = "presliding_friction"
 LOOPS = (SPRINGS, "torsional_hysteresis")
@@ -58,11 +58,8 @@ VARYING = "position_dependent_friction"
 
 WIDTH = "direction_width"
 LAG = "sensor_lag"
-ONE_WAY = 1e-3  # of the rows, below which runs do not go the other way
-SLOW, CHANGED = 0.1, 0.9  # share of slow rows, in which a change of direction is over by so much
 
 DRIVES = ("motor_torque", "motor_current")
-BOTH_WAYS = 0.1  # of the rows go each way at least, for a difference between directions
 POSITIVE_MASS = ("inertia",)
 
 
@@ -107,9 +104,9 @@ def _bent_one_way(work: Working, name: str, problem: Problem) -> str:
     if WIDTH not in shapes:
         return ""
     velocity = np.concatenate([run.log["output_velocity"] for run in problem.runs])
-    if min(np.mean(velocity > 0.0), np.mean(velocity < 0.0)) >= ONE_WAY:
+    if min(np.mean(velocity > 0.0), np.mean(velocity < 0.0)) >= SETTINGS.negligible:
         return ""
-    if np.tanh(np.quantile(np.abs(velocity), SLOW) / shapes[WIDTH]) >= CHANGED:
+    if np.tanh(np.quantile(np.abs(velocity), SETTINGS.little) / shapes[WIDTH]) >= SETTINGS.most:
         return ""
     return "no run changes direction, and its change of direction would reach into their speeds"
 
@@ -120,7 +117,7 @@ def _not_fading(work: Working, problem: Problem) -> str:
     (shapes,) = (e.shapes for e in work.effects if e.name == STRIBECK)
     if shapes["stribeck_velocity"] < shapes["direction_width"]:
         return "it would fade before the direction of motion has changed"
-    if shapes["stribeck_velocity"] > FADED * fastest:
+    if shapes["stribeck_velocity"] > SETTINGS.most * fastest:
         return "it would not fade within the speeds of these runs"
     return ""
 
@@ -166,7 +163,7 @@ def _friction(problem: Problem) -> float:
         target = np.concatenate([run.target for run in problem.runs])
         velocity = np.concatenate([run.log["output_velocity"] for run in problem.runs])
         ways = [target[side] for side in (velocity > 0.0, velocity < 0.0)]
-        both = min(len(way) for way in ways) >= BOTH_WAYS * len(target)
+        both = min(len(way) for way in ways) >= SETTINGS.little * len(target)
         kept["friction"] = (
             0.5 * abs(float(ways[0].mean() - ways[1].mean()))
             if both

@@ -13,19 +13,19 @@ from typing import Any
 import numpy as np
 
 from flexspline import _core
+from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import CATALOGUE, Effect, Harmonic
 from flexspline.errors import InputError
 from flexspline.fit.ripple import CORE_PAIRS, FOLLOWER, LEADERS
 from flexspline.logs.log import Log
 from flexspline.orders import FoundOrder, find_orders
-from flexspline.orders.parts import Candidate, Pair, owner, pairs
+from flexspline.orders.parts import Candidate as OrderCandidate
+from flexspline.orders.parts import Pair, owner, pairs
 
 __all__ = ["joined", "order_pools", "scanned"]
 
-LOW = (1, 2, 3, 4)
 GRAVITY = (1, "output_on_housing")
 FACTS = ("pole_pairs", "slots")
-MOST = 10  # orders of a scan that are tried
 
 
 def scanned(logs: Sequence[Log], residuals: Sequence[Any], unit: str) -> tuple[FoundOrder, ...]:
@@ -39,7 +39,7 @@ def scanned(logs: Sequence[Log], residuals: Sequence[Any], unit: str) -> tuple[F
 def joined(before: tuple[FoundOrder, ...], after: tuple[FoundOrder, ...]) -> tuple[FoundOrder, ...]:
     """Return the orders of two scans, each once, the strongest of each scan first."""
     known = {(line.order, line.pair) for line in before}
-    return before[:MOST] + tuple(f for f in after if (f.order, f.pair) not in known)
+    return before[: SETTINGS.names] + tuple(f for f in after if (f.order, f.pair) not in known)
 
 
 def order_pools(
@@ -64,13 +64,13 @@ def order_pools(
     for order, pair in [*low, *_of_facts(facts)]:
         name = "kinematic_error" if target == "torsion" else _owner(order, pair, facts)
         _add(own, name, (order, CORE_PAIRS[pair.name]), taken)
-    for line in found[: 2 * MOST]:
+    for line in found[: 2 * SETTINGS.names]:
         if isinstance(line.order, int) and line.pair:
             name = "kinematic_error" if target == "torsion" else line.effect
             name = "output_ripple" if name == "gravity" else name
             _add(own, name, (line.order, CORE_PAIRS[line.pair]), taken)
     leading = [h for e in model if e.name in LEADERS for h in e.harmonics]
-    seen = [(f.order, CORE_PAIRS[f.pair]) for f in found[:3]
+    seen = [(f.order, CORE_PAIRS[f.pair]) for f in found[: SETTINGS.tried]
             if f.effect in LEADERS and isinstance(f.order, int) and f.pair]  # fmt: skip
     own[FOLLOWER] = list(dict.fromkeys([*leading, *seen]))
     return {name: _allowed(name, own[name]) for name in names if own.get(name)}
@@ -96,7 +96,7 @@ def _low(facts: Mapping[str, Any]) -> list[tuple[int, Pair]]:
             continue
         if (pair.motor, pair.output) not in [(p.motor, p.output) for p in kept]:
             kept.append(pair)
-    return [(order, pair) for pair in kept for order in LOW]
+    return [(order, pair) for pair in kept for order in range(1, SETTINGS.tried + 1)]
 
 
 def _of_facts(facts: Mapping[str, Any]) -> list[tuple[int, Pair]]:
@@ -108,5 +108,5 @@ def _of_facts(facts: Mapping[str, Any]) -> list[tuple[int, Pair]]:
 
 
 def _owner(order: int, pair: Pair, facts: Mapping[str, Any]) -> str:
-    name, _ = owner(Candidate(order, pair, order * pair.turns), facts, alone=False)
+    name, _ = owner(OrderCandidate(order, pair, order * pair.turns), facts, alone=False)
     return name

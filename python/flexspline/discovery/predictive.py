@@ -15,13 +15,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from flexspline.discovery.settings import SETTINGS, TINY
 from flexspline.discovery.table import Columns, Table
 
 __all__ = ["foretold_gain", "prior_of"]
 
 Array = NDArray[np.float64]
 
-FIRM = 1e-8  # of a column's squares: what keeps columns apart that depend on each other
+FIRM = SETTINGS.singular
+"""Of a column's squares: what keeps columns apart that depend on each other."""
 
 
 def foretold_gain(table: Table, model: Columns, beside: Columns, gain: float) -> Array:
@@ -43,7 +45,7 @@ def _foretold(table: Table, columns: Columns, ridge: Array) -> Array:
     total = table.total
     picked = np.append(columns, len(total) - 1)
     total, folds = total[np.ix_(picked, picked)], table.folds[:, picked][:, :, picked]
-    scale = np.sqrt(np.maximum(np.diag(total)[:-1], 1e-300))
+    scale = np.sqrt(np.maximum(np.diag(total)[:-1], TINY))
     whole = _mass(total, scale, ridge)
     return np.array([whole - _mass(total - fold, scale, ridge) for fold in folds])
 
@@ -52,6 +54,6 @@ def _mass(products: Array, scale: Array, ridge: Array) -> float:
     """bᵀ A⁻¹ b − ln |A|."""
     inside = products[:-1, :-1] / np.outer(scale, scale) + np.diag(ridge)
     values, vectors = np.linalg.eigh(inside)
-    values = np.maximum(values, 0.1 * FIRM)
+    values = np.maximum(values, SETTINGS.little * FIRM)
     along = vectors.T @ (products[:-1, -1] / scale)
     return float(np.sum(along**2 / values) - np.sum(np.log(values)))

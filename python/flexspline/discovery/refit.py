@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.discovery.physics import varying
+from flexspline.discovery.settings import SETTINGS
 from flexspline.discovery.table import solved, tabulated
 from flexspline.discovery.whitening import Whitening
 from flexspline.discovery.working import Working
@@ -18,15 +19,9 @@ __all__ = ["at_upper_bound", "coefficients_of", "mixed", "refitted", "started"]
 
 Array = NDArray[np.float64]
 
-ROUNDS = 12
-FARTHEST = 0.7  # of a shape's logarithm in one step
-STANDS = 1e-2  # of the squares over σ², in χ²
-HALVINGS = 3
-NOWHERE = 1e-9  # of a shape's logarithm: it stands at a bound
-TOLD = 4.0  # in χ², by which a shape's value has to be better than the one it starts from
-SCANNED = 6  # values of a shape, from bound to bound
-ROUNDING = 1e-13  # of the squares of what a difference is made of
-LOAD_ROUNDS = 3  # solves until the load that inertia and gravity make stands
+LOAD_ROUNDS = SETTINGS.tried - 1  # solves until the load that inertia and gravity make stands
+FARTHEST = float(np.log(2.0))  # of a shape's logarithm in one step
+ROUNDING = SETTINGS.singular * np.sqrt(SETTINGS.singular)  # of squares: a difference's own
 
 
 def started(problem: Problem, work: Working, whitening: Whitening) -> tuple[Working, float]:
@@ -34,12 +29,12 @@ def started(problem: Problem, work: Working, whitening: Whitening) -> tuple[Work
 
     A shape that these rows do not tell stays where it is, not at whichever bound rounding prefers.
     """
-    told = TOLD / max(sum(run.counted for run in problem.runs), 1)
+    told = SETTINGS.told / max(sum(run.counted for run in problem.runs), 1)
     for number, shape in enumerate(work.searched):
         ends = np.log([shape.info.lower, shape.info.upper])
         here = work.logarithms
         trials = []
-        for value in (here[number], *np.linspace(ends[0], ends[1], SCANNED)):
+        for value in (here[number], *np.linspace(ends[0], ends[1], SETTINGS.points)):
             moved = here.copy()
             moved[number] = value
             made, squares = solved_at(problem, work.at(moved), whitening)
@@ -52,7 +47,7 @@ def started(problem: Problem, work: Working, whitening: Whitening) -> tuple[Work
 def at_upper_bound(work: Working) -> list[str]:
     """Return the shapes that stand there: such a shape has lost what it shapes."""
     upper = np.log([s.info.upper for s in work.searched])
-    there = np.isclose(work.logarithms, upper, atol=NOWHERE)
+    there = np.isclose(work.logarithms, upper, atol=SETTINGS.singular)
     return [shape.name for shape, at in zip(work.searched, there, strict=True) if at]
 
 
@@ -63,21 +58,21 @@ def refitted(problem: Problem, work: Working, whitening: Whitening) -> tuple[Wor
     bound or bends nothing stays where it is.
     """
     work, squares, step = coefficients_of(problem, work, whitening)
-    for _ in range(ROUNDS if len(work.searched) else 0):
+    for _ in range(SETTINGS.functions if len(work.searched) else 0):
         if not step.any():
             break
         before = squares
         move = np.clip(step, -FARTHEST, FARTHEST)
-        for _ in range(HALVINGS):
+        for _ in range(SETTINGS.tried):
             trial = work.at(work.logarithms + move)
-            if np.allclose(trial.logarithms, work.logarithms, rtol=0.0, atol=NOWHERE):
+            if np.allclose(trial.logarithms, work.logarithms, rtol=0.0, atol=SETTINGS.singular):
                 break
             made, reached, ahead = coefficients_of(problem, trial, whitening)
             if reached < squares:
                 work, squares, step = made, reached, ahead
                 break
-            move = 0.4 * move
-        if before - squares < STANDS:
+            move = 0.5 * move
+        if before - squares < SETTINGS.negligible:
             break
     return work, squares
 
@@ -106,7 +101,7 @@ def coefficients_of(
     full = mixed(total, slopes @ work.coefficients)
     both = solved(full, np.arange(len(full) - 1))
     ahead = squares - float(full[-1, -1] - full[:-1, -1] @ both)
-    return work, squares, both[len(work.free) :] * (ahead >= STANDS)
+    return work, squares, both[len(work.free) :] * (ahead >= SETTINGS.negligible)
 
 
 def mixed(total: Array, weights: Array) -> Array:

@@ -19,8 +19,11 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import norm
 
 from flexspline.discovery.refit import started
+from flexspline.discovery.rest import SECONDS
+from flexspline.discovery.settings import SETTINGS
 from flexspline.discovery.whitening import Whitening
 from flexspline.discovery.working import working
 from flexspline.effects import Effect
@@ -38,7 +41,6 @@ FASTEST = ("coulomb_friction", "viscous_friction")
 MOTION = ("output_position", "output_velocity", "output_acceleration")
 REACH = 1.0  # over the bandwidth: how far a smoother's rows lie on both sides
 LEAST = 0.5  # of a run: where less would count, all of it does
-SHORT = 0.05  # s: the noise of the target is what it differs by after so long, in the median
 
 
 def coarser(ways: Sequence[Preparation]) -> tuple[Preparation, ...]:
@@ -82,5 +84,9 @@ def resolved(
 
 def _noise(log: Log, residual: Array) -> float:
     """Standard deviation of what a model leaves, from its median change after a short time."""
-    lag = max(1, min(round(SHORT * log.rate), len(residual) - 1))
-    return float(np.median(np.abs(residual[lag:] - residual[:-lag])) / 0.6745 / np.sqrt(2.0))
+    lag = max(1, min(round(SETTINGS.little * SECONDS * log.rate), len(residual) - 1))
+    return float(
+        np.median(np.abs(residual[lag:] - residual[:-lag]))
+        / norm.isf(SETTINGS.quarter)
+        / np.sqrt(2.0)
+    )

@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, maximum_filter1d, minimum_filter1d
 
+from flexspline.discovery.settings import SETTINGS
 from flexspline.logs.log import Log
 
 __all__ = ["DRIVES", "moving", "resting"]
 
 SECONDS = 0.5
-SHARE, FAST = 0.01, 0.99  # of the way that this share of the rows does not exceed
 DRIVES = ("motor_torque", "motor_current")
 
 
@@ -26,9 +26,9 @@ def resting(log: Log) -> NDArray[np.bool_]:
     if "output_position" not in log or log.rate * log.duration < 2.0:
         return np.zeros(len(log), dtype=bool)
     angle = log["output_position"]
-    width = max(3, round(SECONDS * log.rate)) | 1
+    width = max(2, round(SECONDS * log.rate)) | 1
     way = maximum_filter1d(angle, width) - minimum_filter1d(angle, width)
-    middle = way <= SHARE * np.quantile(way, FAST)
+    middle = way <= SETTINGS.negligible * np.quantile(way, 1.0 - SETTINGS.negligible)
     return np.asarray(binary_dilation(middle, np.ones(2 * width + 1, dtype=bool)))
 
 

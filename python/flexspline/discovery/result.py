@@ -44,7 +44,6 @@ class Found:
     t : |t| of a normal number that is as surprising as what it gains in the search, or as its
         coefficients in the final fit, whichever is less.
     rivals : the best candidates in its place, the best first.
-    regressors : what the confidence is made of (`discovery/confidence.py`).
     coefficients_p : p of Wald's test that all its coefficients are zero in the final fit.
     share_of_gap : of what all names close held out, what is lost without it, −1 … 1.
     """
@@ -58,7 +57,6 @@ class Found:
     evidence: str
     t: float
     rivals: tuple[Rival, ...]
-    regressors: tuple[float, ...]
     coefficients_p: float = 0.0
     share_of_gap: float = 1.0
 

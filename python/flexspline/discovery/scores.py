@@ -15,6 +15,7 @@ from flexspline.discovery.candidates import Candidate
 from flexspline.discovery.dictionary import Dictionary
 from flexspline.discovery.evidence import evidence_of, gain_of, price
 from flexspline.discovery.physics import one_signed
+from flexspline.discovery.settings import SETTINGS, TINY
 from flexspline.discovery.table import Columns
 from flexspline.effects import Effect
 
@@ -22,7 +23,6 @@ __all__ = ["Offer", "offers"]
 
 Array = NDArray[np.float64]
 
-PARTED = 0.01  # of an order's squares that no other holds: below, large ones cancel each other
 SHAPE_PRICE = 2.0  # χ² that a shape takes for itself when it is fitted
 
 
@@ -108,6 +108,6 @@ def _orders(
 
 def _parted(left: Array, columns: Columns, raw: Array) -> bool:
     """Whether every mix of these columns keeps a share of its squares beside the model."""
-    scale = np.sqrt(np.maximum(raw[columns], 1e-300))
+    scale = np.sqrt(np.maximum(raw[columns], TINY))
     products = left[np.ix_(columns, columns)] / np.outer(scale, scale)
-    return float(np.linalg.eigvalsh(products)[0]) >= PARTED
+    return float(np.linalg.eigvalsh(products)[0]) >= SETTINGS.negligible

@@ -31,6 +31,7 @@ from flexspline.discovery.physics import LOOPS, driving_spring, impossible
 from flexspline.discovery.predictive import foretold_gain
 from flexspline.discovery.refit import refitted
 from flexspline.discovery.scores import Offer, offers
+from flexspline.discovery.settings import SETTINGS
 from flexspline.discovery.study import Study
 from flexspline.discovery.whitening import Whitening
 from flexspline.discovery.working import Working
@@ -38,16 +39,9 @@ from flexspline.effects import Effect
 
 __all__ = ["Limits", "Searcher", "Step", "freedom", "ranked"]
 
-MOST_NAMES = 8
 HELD_OUT = 0.5  # of its gain above its price that an effect must have on left-out folds
-EVERYWHERE = 0.25  # the same of an effect that gains on each of them
 REACH = 0.5  # of its price, that an offer has to gain for its shape to be looked for in between
-REFITTED = 4  # offers whose shapes are refitted before one is chosen
-NEAR = 0.8  # of the best offer's gain, to be among these
-WORSE = 1.005  # times the error on left-out runs, which an effect may not exceed; what is small
-# in slow noise lowers it by less than the noise varies
 LEFT_OF_FORM = "no more than what the form of a named effect misses"
-COLUMN_SHARE = 0.01  # of the gain that each further column or shape has to explain
 
 
 @dataclass(frozen=True)
@@ -55,7 +49,7 @@ class Limits:
     """How strict a search is. `lax`: for a first look, without the floors."""
 
     lax: bool = False
-    most: int = MOST_NAMES
+    most: int = SETTINGS.names
 
 
 @dataclass(frozen=True)
@@ -120,7 +114,7 @@ class Searcher:
 
     def _foretells_less(self, work: Working, other: Working, metric: Whitening) -> bool:
         made, before = (held_out(self.study.problem, one, metric) for one in (work, other))
-        return made.worse_than(before, WORSE)
+        return made.worse_than(before, 1.0 + 0.5 * SETTINGS.negligible)
 
     def pruned(self, work: Working) -> Working:
         """Drop names that do not pay their price beside the others, on left-out folds too."""
@@ -146,12 +140,13 @@ class Searcher:
             o for o in ranked if self._worthy(o, dictionary, floor[o.effect.name], work, ranked)
         ]
         while worthy:
-            near = [o for o in worthy if o.gain >= NEAR * worthy[0].gain][:REFITTED]
+            near = [o for o in worthy if o.gain >= SETTINGS.most * worthy[0].gain][: SETTINGS.tried]
             made = [self._tried(o, work, squares, floor[o.effect.name]) for o in near]
             trials = [trial for trial in made if trial is not None]
             if trials:
-                chosen, left, offer, gain = max(trials, key=lambda t: _ranked(t[3], t[2]))
-                return chosen, left, Step(offer.effect, gain, offer.price, tuple(ranked[:6]))
+                chosen, left, offer, gain = max(trials, key=lambda t: _ranked(t[-1], t[2]))
+                beside = tuple(ranked[: SETTINGS.tried])
+                return chosen, left, Step(offer.effect, gain, offer.price, beside)
             worthy = [o for o in worthy if o not in near]
         return None
 
@@ -224,7 +219,7 @@ class Searcher:
             )
             return False
         foretold = foretold_gain(dictionary.table, dictionary.model, offer.columns, offer.gain)
-        share = EVERYWHERE if foretold.min() > 0.0 else HELD_OUT
+        share = SETTINGS.quarter if foretold.min() > 0.0 else HELD_OUT
         if float(foretold.sum()) < share * offer.net:
             self.refused[offer.effect.name] = "does not hold on left-out runs"
             return False
@@ -263,7 +258,7 @@ class Searcher:
                 continue
             swapped = [best.effect if e.name == effect.name else e for e in work.effects]
             trial, left = self.fitted(work.having(swapped))
-            margin = COLUMN_SHARE * own * max(freedom(best.effect) - freedom(effect), 0)
+            margin = SETTINGS.negligible * own * max(freedom(best.effect) - freedom(effect), 0)
             better = left + best.price + margin < squares + floor
             if better and not impossible(trial, best.effect.name, self.study.problem):
                 work, squares = trial, left
@@ -276,7 +271,7 @@ def _rank(offer: Offer) -> float:
 
 def ranked(gain: float, effect: Effect) -> float:
     """Gain, less a share of it for every column and shape beyond the first."""
-    return gain * (1.0 - COLUMN_SHARE * (freedom(effect) - 1))
+    return gain * (1.0 - SETTINGS.negligible * (freedom(effect) - 1))
 
 
 def _ranked(gain: float, offer: Offer) -> float:

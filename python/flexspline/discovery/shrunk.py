@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.discovery.bands import frequency_bands, order_bands
+from flexspline.discovery.settings import SETTINGS
 from flexspline.fit.scores import LEAST_ROWS, bands, groups
 from flexspline.logs.log import Log
 
@@ -22,7 +23,6 @@ __all__ = ["HeldRun", "Slice", "slices", "telling"]
 
 Array = NDArray[np.float64]
 
-LOAD_BANDS = 3
 GROUPS = (
     "all", "run", "reversals", "direction", "speed", "temperature", "load", "frequency", "order"
 )  # fmt: skip
@@ -104,7 +104,7 @@ def _parts(
     if all(load is not None for load in loads):
         size = np.concatenate([np.abs(load[c]) for load, c in zip(loads, counts, strict=True)
                                if load is not None])  # fmt: skip
-        yield from bands("load", size, LOAD_BANDS, "Nm")
+        yield from bands("load", size, SETTINGS.tried - 1, "Nm")
 
 
 def _of_rows(group: str, label: str, mask: NDArray[np.bool_], before: Array, after: Array) -> Slice:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from flexspline.discovery.settings import SETTINGS
 from flexspline.discovery.whitening import Whitening
 from flexspline.fit.problem import Problem
 from flexspline.fit.validation import RUNS_NEEDED, run_edges
@@ -29,7 +30,7 @@ Array = NDArray[np.float64]
 Stretch = tuple[int, int, Array]
 """Rows [first, last), and the weights (2h + 1,) of the low pass around each; none: (0,)."""
 
-CHUNK = 1 << 15  # rows of which functions without a name are made at once
+CHUNK = 2 * SETTINGS.rows  # of which functions without a name are made at once
 
 
 def by_runs(problem: Problem) -> bool:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from flexspline.discovery.candidates import Candidate, candidates_for, possible
 from flexspline.discovery.dictionary import Columned, Dictionary, columned
 from flexspline.discovery.pools import joined, order_pools, scanned
+from flexspline.discovery.settings import SETTINGS
 from flexspline.discovery.sheet import Sheet
 from flexspline.discovery.stretches import edges_of
 from flexspline.discovery.thinning import rows_of, thinned
@@ -31,9 +32,6 @@ __all__ = ["Study", "study_of"]
 
 Array = NDArray[np.float64]
 Orders = tuple[FoundOrder, ...]
-
-FIRST = (30_000, 120_000)  # rows that a first search looks at: a third of all between these
-STRETCH = 1 << 12  # rows of one stretch of them
 
 
 @dataclass
@@ -68,7 +66,9 @@ class Study:
 
     def thinned(self) -> Study:
         """The same for a part of long logs; itself for others."""
-        part = thinned(self.problem, int(np.clip(rows_of(self.problem) // 3, *FIRST)), STRETCH)
+        share = round(0.5 * SETTINGS.bends * rows_of(self.problem))
+        enough = max(share, (SETTINGS.tried - 1) * SETTINGS.rows)
+        part = thinned(self.problem, enough, SETTINGS.rows // 2)
         return self if part is self.problem else replace(self, problem=part, last=None, known={})
 
     def candidates(self, model: Sequence[Effect]) -> list[Candidate]:

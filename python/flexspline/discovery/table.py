@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline import _core
+from flexspline.discovery.settings import SETTINGS, TINY
 from flexspline.discovery.sheet import Sheet
 from flexspline.discovery.stretches import by_runs, edges_of, fold_blocks
 from flexspline.discovery.whitening import Whitening
@@ -29,7 +30,7 @@ __all__ = ["Table", "by_runs", "inverse_of", "left_by", "solved", "tabulated"]
 Array = NDArray[np.float64]
 Columns = NDArray[np.intp]
 
-SINGULAR = 1e-9  # of the largest eigenvalue of scaled products: what lies below is dependent
+SINGULAR = SETTINGS.singular
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +89,7 @@ def _inverse(products: Array, model: Columns) -> tuple[Array, Array]:
     scale = np.sqrt(np.maximum(products[model, model], 0.0))
     scale = np.where(scale > 0.0, scale, 1.0)
     values, vectors = np.linalg.eigh(products[np.ix_(model, model)] / np.outer(scale, scale))
-    seen = values > SINGULAR * max(float(values.max(initial=0.0)), 1e-300)
+    seen = values > SINGULAR * max(float(values.max(initial=0.0)), TINY)
     return (vectors[:, seen] / values[seen]) @ vectors[:, seen].T, scale
 
 

@@ -12,11 +12,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 from flexspline import _core
+from flexspline.discovery.settings import SETTINGS
 from flexspline.fit.problem import Problem, Run
 
 __all__ = ["rows_of", "thinned"]
 
-LEAD = 1 << 14  # rows
+LEAD = 2 * SETTINGS.rows
 
 
 def rows_of(problem: Problem) -> int:

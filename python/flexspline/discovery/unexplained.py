@@ -9,18 +9,15 @@ import numpy as np
 from scipy.stats import chi2
 
 from flexspline.discovery.ceiling import Ceiling, Overlap
-from flexspline.discovery.evidence import ALPHA, gain_of
+from flexspline.discovery.evidence import gain_of
 from flexspline.discovery.nameless import Nameless, channel_told
 from flexspline.discovery.predictive import foretold_gain
+from flexspline.discovery.settings import SETTINGS, TINY
 from flexspline.discovery.table import Columns, Table, solved
 from flexspline.discovery.values import ROUND
 from flexspline.discovery.working import Working
 
 __all__ = ["Leftover", "kept", "leftover_of"]
-
-MOST = 4
-HELD_OUT = 0.25  # of a function's gain that it must keep on left-out folds
-CARRIES = 0.15  # of the whole gain that hangs on a channel, for the channel to be named
 
 
 @dataclass(frozen=True)
@@ -51,7 +48,7 @@ class Leftover:
     def channels(self) -> list[str]:
         """Those that carry it, the most important first."""
         order = sorted(self.carried, key=lambda name: -self.carried[name])
-        told = [n for n in order if self.carried[n] >= CARRIES * max(self.gain, 1e-300)]
+        told = [n for n in order if self.carried[n] >= SETTINGS.little * max(self.gain, TINY)]
         return told or order[:1]
 
 
@@ -59,7 +56,7 @@ def leftover_of(ceiling: Ceiling, work: Working) -> Leftover:
     """Find the functions without a name that still gain beside a model."""
     overlap = ceiling.beside(work)
     above = 0.0
-    while len(overlap.chosen) < MOST:
+    while len(overlap.chosen) < SETTINGS.tried:
         best = _best(overlap)
         if best is None:
             break
@@ -72,7 +69,7 @@ def _best(overlap: Overlap) -> tuple[int, float] | None:
     """The next functions, with their gain above its price."""
     gains = overlap.gains()
     scored = [
-        (gain - chi2.isf(ALPHA / len(gains), max(seen, 1)), gain, k)
+        (gain - chi2.isf(SETTINGS.alpha / len(gains), max(seen, 1)), gain, k)
         for k, (gain, seen) in enumerate(gains)
         if k not in overlap.chosen
     ]
@@ -82,7 +79,7 @@ def _best(overlap: Overlap) -> tuple[int, float] | None:
         table = overlap.table(k)
         every = np.arange(len(table.total) - 1)
         own = len(every) - overlap.ceiling.groups[k].count
-        if foretold_gain(table, every[:own], every[own:], gain).sum() > HELD_OUT * gain:
+        if foretold_gain(table, every[:own], every[own:], gain).sum() > SETTINGS.quarter * gain:
             return k, net
     return None
 
@@ -103,7 +100,7 @@ def _summary(overlap: Overlap, work: Working, net: float) -> Leftover:
         kept = np.concatenate([np.empty(0, dtype=np.intp), *rest])
         without = gain_of(table.without(own), kept, raw)[0] if len(rest) else 0.0
         carried[name] = gain - without
-    share = net / max(net + _named_gain(table, work), 1e-300)
+    share = net / max(net + _named_gain(table, work), TINY)
     survives = _survival(overlap, work, set(carried))
     return Leftover(tuple(groups), gain, net, share, carried, survives)
 
@@ -155,5 +152,5 @@ def kept(table: Table, mine: Columns, others: Columns, functions: Columns) -> fl
     gain = float(beta @ alone[mine, -1])
     along = float(beta @ beside[mine, -1])
     squares = float(beta @ beside[np.ix_(mine, mine)] @ beta)
-    scale = float(np.clip(along / max(squares, 1e-300), 0.0, 1.0))
-    return (2.0 * scale * along - scale**2 * squares) / max(gain, 1e-300)
+    scale = float(np.clip(along / max(squares, TINY), 0.0, 1.0))
+    return (2.0 * scale * along - scale**2 * squares) / max(gain, TINY)

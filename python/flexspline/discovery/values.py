@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.discovery.past import MOST_ROWS, past_of
+from flexspline.discovery.settings import SETTINGS, TINY
 from flexspline.fit.problem import Problem, Run
 from flexspline.orders.parts import effective_ratio
 
@@ -15,7 +16,6 @@ __all__ = ["DIRECTION", "RATE", "ROUND", "values_of"]
 
 Array = NDArray[np.float64]
 
-DIRECTION_WIDTH = 0.03  # of the largest speed
 HIDDEN = {
     "sensor_torque": ("sensor_torque", "sensor_voltage"),
     "motor_torque": ("motor_torque", "motor_current", "duty", "supply_voltage"),
@@ -40,7 +40,7 @@ def values_of(problem: Problem, number: int, rows: slice) -> dict[str, Array]:
     if problem.known_load in found:
         made[RATE] = _rate(run.log[problem.known_load], run.log["time"], rows)
     if "output_velocity" in found:
-        width = max(DIRECTION_WIDTH * _fastest(problem), 1e-300)
+        width = max(SETTINGS.bends * _fastest(problem), TINY)
         made[DIRECTION] = np.tanh(made["output_velocity"] / width)
     if effective_ratio(run.log.facts) is not None and "output_position" in found:
         made[ROUND] = _motor_angle(run, rows)

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from flexspline.discovery.settings import SETTINGS, TINY
 from flexspline.discovery.sheet import Sheet
 from flexspline.discovery.stretches import edges_of
 from flexspline.discovery.working import Working
@@ -19,9 +20,6 @@ __all__ = ["contribution", "where"]
 
 Array = NDArray[np.float64]
 
-HOLDS = 0.8  # of its squares that the place holds
-NARROW = 0.6  # of the rows that the place has at most
-SIDES = 0.15  # of the squares that the smaller direction has at least, to be in both
 REVERSALS = {
     "coulomb_friction": "a jump at each reversal",
     "presliding_friction": "built up anew after each reversal",
@@ -115,9 +113,9 @@ def _place(
         return ""
     order = np.argsort(values, kind="stable")
     held = np.cumsum(squares[order]) / squares.sum()
-    low = int(np.searchsorted(held, HOLDS))
-    high = len(held) - 1 - int(np.searchsorted(held, 1.0 - HOLDS))
-    if min(low, high) > NARROW * len(held):
+    low = int(np.searchsorted(held, SETTINGS.most))
+    high = len(held) - 1 - int(np.searchsorted(held, 1.0 - SETTINGS.most))
+    if min(low, high) > 0.5 * len(held):
         return ""
     name = "" if channel == "output_velocity" else f"{words} "
     if low <= high:
@@ -130,7 +128,7 @@ def _sides(problem: Problem, counted: Array, squares: Array) -> str:
     if not sides:
         return ""
     forward, backward = (float(squares[side].sum()) for side in sides)
-    if min(forward, backward) >= SIDES * max(forward + backward, 1e-300):
+    if min(forward, backward) >= SETTINGS.little * max(forward + backward, TINY):
         return "both directions"
     return "forward" if forward > backward else "backward"
 

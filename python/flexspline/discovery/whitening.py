@@ -15,13 +15,12 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz
 from scipy.ndimage import correlate1d
 
+from flexspline.discovery.settings import SETTINGS, TINY
 from flexspline.fit.problem import Run
 
 __all__ = ["Whitening", "rough_whitening"]
 
 Array = NDArray[np.float64]
-
-LARGEST_ORDER = 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +78,7 @@ def rough_whitening(residuals: Sequence[Array], runs: Sequence[Run], decimation:
 
     A first guess, from a residual that everything was taken out of.
     """
-    lags, rows = np.zeros(LARGEST_ORDER + 1), 0
+    lags, rows = np.zeros(SETTINGS.functions + 1), 0
     plain = Whitening(np.ones(1), 1.0, decimation)
     for residual, run in zip(residuals, runs, strict=True):
         for at in plain.taken(run):
@@ -87,11 +86,11 @@ def rough_whitening(residuals: Sequence[Array], runs: Sequence[Run], decimation:
             lags += [float(part[k:] @ part[: max(len(part) - k, 0)]) for k in range(len(lags))]
             rows += len(part)
     lags = lags / max(rows, 1)
-    lags[0] = max(lags[0] * (1.0 + 1e-9), np.finfo(float).tiny)
+    lags[0] = max(lags[0] * (1.0 + SETTINGS.singular), TINY)
     best = (np.inf, np.ones(1), lags[0])
-    for order in range(LARGEST_ORDER + 1):
+    for order in range(SETTINGS.functions + 1):
         phi = solve_toeplitz(lags[:order], lags[1 : order + 1]) if order else np.empty(0)
-        variance = max(float(lags[0] - phi @ lags[1 : order + 1]), 1e-12 * lags[0])
+        variance = max(float(lags[0] - phi @ lags[1 : order + 1]), SETTINGS.singular * lags[0])
         score = rows * np.log(variance) + 2.0 * (order + 1) * rows / max(rows - order - 2, 1)
         if score < best[0]:
             best = (score, np.append(1.0, -phi), variance)

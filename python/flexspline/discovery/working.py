@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.discovery.nameless import Nameless
+from flexspline.discovery.settings import SETTINGS
 from flexspline.discovery.sheet import Shares, Sheet
 from flexspline.effects import Effect
 from flexspline.fit.names import ShapeParameter, coefficient_names, resolve, shapes_of
@@ -26,7 +27,7 @@ __all__ = ["Working", "working"]
 
 Array = NDArray[np.float64]
 
-STEP = 1e-3  # of a shape's logarithm, for the central difference
+STEP = SETTINGS.little * SETTINGS.negligible  # of a shape's logarithm, for the central difference
 
 
 @dataclass(frozen=True, eq=False)

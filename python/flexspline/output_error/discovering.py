@@ -141,7 +141,6 @@ def _found(step: Step, fit: Fit, units: str) -> Found:
         evidence=evidence,
         t=step.t,
         rivals=(),
-        regressors=(),
     )
 
 

@@ -7,7 +7,7 @@ import re
 
 from uncertainties import ufloat
 
-__all__ = ["decimals_for", "plus_minus", "short", "short_names", "truncated"]
+__all__ = ["decimals_for", "percent", "plus_minus", "short", "short_names", "truncated"]
 
 FINEST = 1e-6  # an error below this part of its value is shown as "below"
 
@@ -29,6 +29,11 @@ def plus_minus(value: float, error: float) -> str:
 def short(value: float, digits: int = 3) -> str:
     """Return a value to so many digits, "–" where there is none."""
     return f"{value:.{digits}g}" if math.isfinite(value) else "–"
+
+
+def percent(share: float) -> str:
+    """Return a share in whole per cent, such as "57 %"."""
+    return f"{share:.0%}".replace("%", " %")
 
 
 def decimals_for(size: float) -> int:

@@ -61,7 +61,6 @@ class Outcome:
     names: tuple[str, ...]
     aliases: tuple[tuple[str, ...], ...]
     confidences: tuple[float, ...]
-    regressors: tuple[tuple[float, ...], ...]
     means: tuple[str, ...]
     unexplained: float | None
     faults: tuple[str, ...]
@@ -85,7 +84,7 @@ class Outcome:
     def from_json(cls, plain: dict[str, Any]) -> Outcome:
         """Return the outcome that `to_json` wrote."""
         own = {name: value for name, value in plain.items() if name != "key"}
-        lists = {"names", "aliases", "confidences", "regressors", "means", "faults", "also_seen",
+        lists = {"names", "aliases", "confidences", "means", "faults", "also_seen",
                  "small", "rmse", "unseen", "told"}  # fmt: skip
         values = {name: _tuples(v) if name in lists else v for name, v in own.items()}
         values["case"] = plain_case(own["case"])
@@ -129,7 +128,7 @@ def _silent(
 ) -> Outcome:
     """The outcome of a case that was not dealt, or that ended in an error."""
     return Outcome(case, made.t_base if made else {}, made.closest if made else {}, (), (), (), (),
-                   (), None, (), False, None, 0.0, undealt=undealt or {}, error=error)  # fmt: skip
+                   None, (), False, None, 0.0, undealt=undealt or {}, error=error)  # fmt: skip
 
 
 def timed(case: Case, made: Made) -> tuple[Discovery, float]:
@@ -159,7 +158,6 @@ def outcome_of(case: Case, made: Made, found: Discovery, seconds: float) -> Outc
         names=found.names,
         aliases=tuple(one.indistinguishable_from for one in found.found),
         confidences=tuple(one.confidence for one in found.found),
-        regressors=tuple(getattr(one, "regressors", ()) for one in found.found),
         means=means,
         unexplained=left,
         faults=tuple(fault.name for fault in found.data_faults),

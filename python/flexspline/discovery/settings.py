@@ -1,0 +1,76 @@
+"""The numbers that decide what `discover` says, each with its source.
+
+What halving and doubling each of them does to the names of the benchmark is printed by
+
+    python tests/bench/settings_table.py --class robot --out DIR
+
+No measured joint has set any of them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+__all__ = ["SETTINGS", "TINY", "Settings"]
+
+TINY = float(np.finfo(float).tiny)  # in the place of a nothing that something is divided by
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Shares are of one; counts are of columns, rows or candidates.
+
+    Parameters
+    ----------
+    alpha : level of every test: that logs which hide nothing get a name, that a coefficient is
+        zero. The bar of the benchmark is two per cent.
+    singular : of the largest eigenvalue of scaled products: below, columns depend on each other;
+        and of any quantity, that is rounding. Squares have half the digits of a double.
+    negligible : of squares, times or rows, that matters to nobody: an error that it raises is the
+        same to three digits. White noise beneath all noise, since no form is exact to less.
+    form : of its gain, that the form of a name misses: bearings' and gears' forms are known to
+        some per cent, whose squares these are.
+    memory : the same of an effect with memory, whose loops have more ways to differ.
+    bends : the same for a candidate that reads nothing but the name's channels and may bend it; and
+        of a gap, what is no second name.
+    little, most : of anything: a small part of it, nearly all of it.
+    quarter : of what a candidate gains, to be kept where it is looked at anew.
+    stand_in : of its gain, that a name keeps beside functions of the channels, to be no stand-in.
+    freed : times its price, that an effect gains beside freed forms: functions are few.
+    overwhelming : times its gain, that is left beside a name: the name may be a part of that.
+    told : standard errors up to which two are not told apart.
+    certain : t above which held-out errors fall by more than chance: of a name, in the report's
+        own law.
+    names : that one search takes at most.
+    tried : the best so many are looked at more closely; orders of a part that are tried unasked.
+    points : values of one shape that are screened, and lags of a channel.
+    functions : of one channel, and lags of a noise.
+    lines : orders of the motor's angle that are looked at one by one.
+    rows : on which functions without a name are looked at.
+    """
+
+    alpha: float = 0.01
+    singular: float = 1e-9
+    negligible: float = 0.01
+    form: float = 0.007
+    memory: float = 0.03
+    bends: float = 0.05
+    little: float = 0.1
+    most: float = 0.8
+    quarter: float = 0.25
+    stand_in: float = 0.4
+    freed: float = 1.25
+    overwhelming: float = 5.0
+    told: float = 3.0
+    certain: float = 16.0
+    names: int = 8
+    tried: int = 4
+    points: int = 6
+    functions: int = 16
+    lines: int = 48
+    rows: int = 10_000
+
+
+SETTINGS = Settings()
