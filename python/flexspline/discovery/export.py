@@ -87,6 +87,7 @@ def discovery_json(made: Discovery) -> str:
                 "sentence": fault.sentence,
                 "makes": None if fault.makes is None else _number(fault.makes),
                 "grave": fault.grave,
+                "left_out": fault.left_out,
             }
             for fault in made.data_faults
         ],
