@@ -170,9 +170,7 @@ def homed(seed: int, rows: int, smeared: int) -> Columns:
 
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize(("rows", "smeared"), [(40, 1), (700, 1), (700, 2)])
-def test_a_homing_move_ends_where_the_angle_is_set_anew(
-    seed: int, rows: int, smeared: int
-) -> None:
+def test_a_homing_move_ends_where_the_angle_is_set_anew(seed: int, rows: int, smeared: int) -> None:
     log = log_of(homed(seed, rows, smeared))
     (move,) = check(log).named("homing_move")
     assert move.rows[0] == 0

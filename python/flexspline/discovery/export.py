@@ -94,6 +94,10 @@ def discovery_json(made: Discovery) -> str:
         "unexplained": None
         if left is None
         else {"share_of_variance": left.share_of_variance, "depends_on": list(left.depends_on)},
+        "dependences": [
+            {"channel": one.channel, "of": one.of, "left": one.left, "sentence": one.sentence}
+            for one in made.dependences
+        ],
         "next_experiment": made.next_experiment,
         "not_tried": dict(made.not_tried),
         "refused": dict(made.refused),

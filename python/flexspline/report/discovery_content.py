@@ -192,6 +192,7 @@ def remarks(made: Discovery) -> list[str]:
         )
     if made.fit.generalised:
         said.append(estimator_sentence(made))
+    said += [one.sentence for one in made.dependences]
     if made.next_experiment:
         said.append(f"Next: {made.next_experiment}")
     if min(made.searched.values()) < 1.0:
