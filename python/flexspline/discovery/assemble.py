@@ -126,7 +126,10 @@ def _tied(made: Analysis) -> tuple[Dependence, ...]:
             channels["load"] = np.sum([part[number] for part in carried], axis=0)
         rows = np.concatenate([np.arange(first, last) for first, last in run.stretches])
         seen.append({c: values[rows] for c, values in channels.items()})
-    return dependences(seen, {"load": name})
+    found = dependences(seen, {"load": name})
+    trivial = ("load", "output_acceleration")  # what an inertia of the model carries
+    known = problem.known_load is not None
+    return tuple(one for one in found if known or (one.channel, one.of) != trivial)
 
 
 def _nested(made: Analysis) -> list[Working]:

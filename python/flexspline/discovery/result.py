@@ -100,7 +100,8 @@ class Discovery:
         and fitted on all rows, and on which "functions" without a name were; 1 of short logs.
     also_seen : effects that are real but too small to matter, and no part of the model.
     inputs : noise of each channel of the runs; how they were prepared stands in the model.
-    rows : how many are "used", and how many are left out by reason, such as "at rest".
+    rows : how many are "used", and how many are left out by reason, such as "at rest" or "in a
+        stuck tail".
     fit : of the extended model.
     runs : measured and predicted values of base and extended model, on folds no fit saw.
     motion : both driven forward through these folds; None where the model cannot be simulated.

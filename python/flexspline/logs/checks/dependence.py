@@ -32,7 +32,6 @@ PAIRS = {
     ("load", SPEED): "with another load at the same speeds",
     ("load", ACCELERATION): "with a load that does not come from acceleration, such as a weight,",
     ("load", "temperature"): "with the same load, cold and warm,",
-    ("load", "time"): "with the load in another order in time",
     ("temperature", "time"): "that begins warm, or cools down,",
     (ACCELERATION, ANGLE): "through the same angles at another frequency",
     (SPEED, ANGLE): "through the same angles at other speeds",

@@ -328,7 +328,7 @@ def _jumps(log: Log, channel: str) -> list[tuple[int, int]]:
         own = float(np.sum(np.abs(np.diff(angle[first - 1 : last]))))
         stays = abs(behind - before) > 0.5 * own
         if last - first <= JUMP_ROWS and stays and min(first, len(angle) - last) >= LEAST:
-            made.append((int(first), _settled(log, channel, int(last), top)))
+            made.append((int(first), _settled(log, channel, int(last) - 1, top)))
     if not made or top == 0.0:
         return []
     kept = np.diff(angle)[~fast[1:]]
