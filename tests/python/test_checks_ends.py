@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from flexspline.logs import Log
 from flexspline.logs.checks import check
+from flexspline.logs.checks.ends import drive_disabled, homing_move, stuck_tail
 from flexspline.logs.left_out import only_experiments
 from flexspline.logs.segments import true_ranges
 
@@ -18,7 +19,7 @@ Array = NDArray[np.float64]
 Columns = dict[str, Array]
 
 RATE = 200.0
-NAMES = ("stuck_tail", "homing_move", "drive_disabled")
+LOOKS = (stuck_tail, homing_move, drive_disabled)
 TAIL = 300  # rows
 SEEDS = range(4)
 
@@ -53,8 +54,7 @@ def log_of(columns: Columns) -> Log:
 
 
 def findings(log: Log) -> list[str]:
-    found = check(log)
-    return [name for name in NAMES for _ in found.named(name)]
+    return [one.name for look in LOOKS for one in look(log)]
 
 
 def frozen(columns: Columns, *channels: str) -> Columns:
@@ -78,7 +78,7 @@ def test_a_tail_that_is_stuck_while_the_joint_moves_is_found(
     seed: int, channels: tuple[str, ...]
 ) -> None:
     log = log_of(frozen(recorded(seed), *channels))
-    (tail,) = check(log).named("stuck_tail")
+    (tail,) = stuck_tail(log)
     first, last = tail.rows
     assert last == len(log)
     assert abs(first - (len(log) - TAIL)) <= 60  # a coarse position may have stood there before
@@ -172,7 +172,7 @@ def homed(seed: int, rows: int, smeared: int) -> Columns:
 @pytest.mark.parametrize(("rows", "smeared"), [(40, 1), (700, 1), (700, 2)])
 def test_a_homing_move_ends_where_the_angle_is_set_anew(seed: int, rows: int, smeared: int) -> None:
     log = log_of(homed(seed, rows, smeared))
-    (move,) = check(log).named("homing_move")
+    (move,) = homing_move(log)
     assert move.rows[0] == 0
     assert rows - 1 <= move.rows[1] <= rows + smeared + 2
     assert move.size == pytest.approx(0.8, abs=0.2)

@@ -10,7 +10,7 @@ moves, and stays there.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -73,7 +73,12 @@ def drive_disabled(log: Log) -> Iterator[Finding]:
                 yield _disabled(log, "enabled", int(first), int(last), "enabled is 0")
         return
     for channel in TORQUES:
-        if channel in log and log[channel][-1] == 0.0 and _dead(log, channel):
+        if (
+            channel in log
+            and log[channel][-1] == 0.0
+            and _still(log[channel])
+            and _dead(log, channel)
+        ):
             first = _tail(log[channel]).first - 1  # the first zero is no sample either
             yield _disabled(log, channel, first, len(log), f"{channel} is exactly 0, to the end")
             return
@@ -81,10 +86,11 @@ def drive_disabled(log: Log) -> Iterator[Finding]:
 
 def stuck_tail(log: Log) -> Iterator[Finding]:
     """The last sample, repeated to the end of the log by some channels or all, in motion."""
-    found = [c for c in MEASURED if c in log and _dead(log, c)]
-    found = [c for c in found if not (c in TORQUES and log[c][-1] == 0.0)]
-    found += [c for c in POSITIONS if c in log and _left_behind(log, c)]
-    found += [c for p, c in VELOCITY.items() if c in log and p in log and _not_that_of(log, c, p)]
+    still = [c for c in log.channels if _still(log[c])]
+    off = [c for c in TORQUES if c in still and log[c][-1] == 0.0]
+    found = [c for c in MEASURED if c in still and c not in off and _dead(log, c)]
+    found += [c for c in POSITIONS if c in still and _left_behind(log, c)]
+    found += [c for p, c in VELOCITY.items() if c in still and _not_that_of(log, c, p)]
     first = min((_tail(log[c]).first for c in found), default=len(log))
     whole = _all_stop(log)
     if whole is not None and whole <= first + 1:
@@ -156,19 +162,33 @@ def _disabled(log: Log, channel: str, first: int, last: int, why: str) -> Findin
 
 @dataclass(frozen=True)
 class _Tail:
-    """Rows from `first` on repeat the row before it; `longest` repetition before, share of them."""
+    """Rows from `first` on repeat the row before it.
+
+    `longest`: repetition before, in rows; `share` of such rows there, of `counted` ones.
+    """
 
     first: int
     length: int
     longest: int
     share: float
+    counted: int
 
 
-def _tail(values: Array) -> _Tail:
+def _still(values: Array) -> bool:
+    """Whether a channel keeps its value over the last rows: the others need no further look."""
+    return len(values) > LEAST and bool(np.all(values[-LEAST - 1 :] == values[-1]))
+
+
+def _tail(values: Array, moving: NDArray[np.bool_] | None = None) -> _Tail:
+    """The tail of a channel, beside repetitions where the joint moves; None: everywhere."""
     same = np.diff(values) == 0.0
     fresh = np.flatnonzero(~same)
     first = int(fresh[-1]) + 2 if fresh.size else 1  # the last fresh sample is sound
-    return _summed(same, min(first, len(values)))
+    if moving is None:
+        return _summed(same, min(first, len(values)))
+    counted = int(moving[1:first].sum())
+    tail = _summed(same & moving[1:], min(first, len(values)))
+    return replace(tail, share=tail.share * first / max(counted, 1), counted=counted)
 
 
 def _summed(same: NDArray[np.bool_], first: int) -> _Tail:
@@ -177,15 +197,15 @@ def _summed(same: NDArray[np.bool_], first: int) -> _Tail:
     ranges = true_ranges(before)
     longest = int(np.max(ranges[:, 1] - ranges[:, 0], initial=0))
     share = float(np.mean(before)) if before.size else 1.0
-    return _Tail(first, len(same) + 1 - first, longest, share)
+    return _Tail(first, len(same) + 1 - first, longest, share, before.size)
 
 
 def _unlikely(tail: _Tail, rows: int) -> bool:
     """Whether neither the grain of the channel nor chance makes `rows` repetitions on end."""
-    if tail.first <= BEFORE or rows < max(LEAST, LONGER * tail.longest):
+    if tail.counted <= BEFORE or rows < max(LEAST, LONGER * tail.longest):
         return False
-    share = max(tail.share, 1.0 / tail.first)
-    return share < 1.0 and np.log(tail.first) + rows * np.log(share) < np.log(CHANCE)
+    share = max(tail.share, 1.0 / tail.counted)
+    return bool(share < 1.0 and np.log(tail.counted) + rows * np.log(share) < np.log(CHANCE))
 
 
 def _noisy(values: Array, first: int) -> bool:
@@ -222,32 +242,37 @@ def _recorded(log: Log, channel: str) -> Array | None:
 
 
 def _dead(log: Log, channel: str) -> bool:
-    """Whether a channel with noise keeps one value to the end, though the joint moves there."""
+    """Whether a channel keeps one value to the end, though the joint moves there.
+
+    Its noise tells, or a reversal, in which the friction turns round. What is known of a load may
+    well be held through that.
+    """
     values = log[channel]
-    tail = _tail(values)
-    if not _unlikely(tail, tail.length) or not _noisy(values, tail.first):
-        return False
-    limits = float(np.min(values)), float(np.max(values))
-    if (
-        values[-1] in limits
-        and values[-1] != 0.0
-        and (values[: tail.first - 1] == values[-1]).any()
-    ):
+    last, first = values[-1], _tail(values).first
+    at_limit = last in (np.min(values), np.max(values)) and last != 0.0
+    if at_limit and (values[: first - 1] == last).sum() > 1:
         return False  # clipped
-    moves = [_moving(_speed(log, position)) for position in POSITIONS]
-    if all(one is None for one in moves):
-        moves = [_moving(_recorded(log, velocity)) for velocity in VELOCITY.values()]
-    rows = max((int(m[tail.first + LEAST :].sum()) for m in moves if m is not None), default=0)
-    return _unlikely(tail, rows)
+    speeds = [_speed(log, position) for position in POSITIONS]
+    if all(one is None for one in speeds):
+        speeds = [_recorded(log, velocity) for velocity in VELOCITY.values()]
+    for speed in speeds:
+        moving = _moving(speed)
+        if speed is None or moving is None:
+            continue
+        behind = slice(first + LEAST, None)
+        fast = speed[behind][moving[behind]]
+        told = _noisy(values, first)
+        if channel != "reference_torque" and fast.size:
+            told = told or fast.min() < 0.0 < fast.max()
+        if told and _unlikely(_tail(values, moving), fast.size):
+            return True
+    return False
 
 
 def _left_behind(log: Log, channel: str) -> bool:
     """Whether an angle stays to the end where its velocity or the other encoder goes on."""
-    values = log[channel]
+    values, time = log[channel], log["time"]
     tail = _tail(values)
-    if not _unlikely(tail, tail.length):
-        return False
-    time = log["time"]
     rows = slice(int(np.searchsorted(time, time[tail.first - 1] + WITHIN)), None)  # it may be late
     (other,) = (position for position in POSITIONS if position != channel)
     ratio = log.effective_ratio or 1.0
@@ -255,7 +280,9 @@ def _left_behind(log: Log, channel: str) -> bool:
     ways = [(_recorded(log, VELOCITY[channel]), 1.0), (_speed(log, other), factor)]
     for speed, scale in ways:
         moving = _moving(speed)
-        if speed is None or moving is None or not _unlikely(tail, int(moving[rows].sum())):
+        if speed is None or moving is None:
+            continue
+        if not _unlikely(_tail(values, moving), int(moving[rows].sum())):
             continue
         way = abs(scale * float(np.trapezoid(np.where(moving, speed, 0.0)[rows], time[rows])))
         if way > 50.0 * quantum(values):
@@ -266,9 +293,10 @@ def _left_behind(log: Log, channel: str) -> bool:
 def _not_that_of(log: Log, channel: str, position: str) -> bool:
     """Whether a velocity keeps one value to the end that its position contradicts."""
     values, speed = log[channel], _speed(log, position)
-    tail = _tail(values)
-    if speed is None or not _unlikely(tail, tail.length):
+    moving = _moving(speed)
+    if speed is None or moving is None:
         return False
+    tail = _tail(values, moving)
     top = float(np.quantile(np.abs(speed), 0.99))
     off = np.abs(speed[tail.first + LEAST :] - values[-1]) >= MOVES * top
     return _unlikely(tail, int(off.sum()))
@@ -277,7 +305,7 @@ def _not_that_of(log: Log, channel: str, position: str) -> bool:
 def _all_stop(log: Log) -> int | None:
     """First row from which no measured channel changes though the joint moves; None without."""
     channels = [c for c in log.channels if c != "time" and c not in CONDITIONS]
-    if not channels or len(log) <= 2 * BEFORE:
+    if not channels or len(log) <= 2 * BEFORE or not all(_still(log[c]) for c in channels):
         return None
     same = {c: np.diff(log[c]) == 0.0 for c in channels}
     every = np.logical_and.reduce(list(same.values()))
@@ -298,16 +326,20 @@ def _all_stop(log: Log) -> int | None:
         moving = _moving(speed)
         if speed is None or moving is None or not moving[first - 1]:
             continue
-        if any(_noisy(log[c], first) for c in lively) or _abrupt(speed, first):
+        if any(_noisy(log[c], first) for c in lively) or _abrupt(log, position, first):
             return first
     return None
 
 
-def _abrupt(speed: Array, first: int) -> bool:
+def _abrupt(log: Log, channel: str, first: int) -> bool:
     """Whether a joint that stops there changes its speed more than anywhere before."""
-    before = speed[LEAST:first]
-    change = np.abs(before[LEAST:] - before[:-LEAST])
-    return bool(abs(speed[first - 1]) > np.max(change, initial=0.0))
+    angle = unwrapped(log[channel])[:first]
+    for rows in (JUMP_ROWS, LEAST):
+        way = angle[rows:] - angle[:-rows]
+        change = np.abs(way[rows:] - way[:-rows])
+        if abs(way[-1]) > np.max(change, initial=0.0):
+            return True
+    return False
 
 
 def _jumps(log: Log, channel: str) -> list[tuple[int, int]]:
@@ -319,7 +351,7 @@ def _jumps(log: Log, channel: str) -> list[tuple[int, int]]:
     if step <= 0.0:
         return []
     speed = np.abs(np.diff(angle)) / np.maximum(np.diff(time), step)
-    top = float(np.sort(speed)[-1 - JUMPS])
+    top = float(np.partition(speed, -1 - JUMPS)[-1 - JUMPS])
     fast = np.insert(speed > JUMP * top, 0, False)
     made: list[tuple[int, int]] = []
     for first, last in true_ranges(fast):
