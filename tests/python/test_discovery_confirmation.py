@@ -228,10 +228,10 @@ def test_the_only_name_is_never_too_small(monkeypatch: pytest.MonkeyPatch) -> No
 def test_what_the_base_was_given_stays_where_it_is_significant(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    held, refused = confirmed(monkeypatch, {}, **{DIRECTIONS: 0.01, LAG: 0.06})
+    held, refused = confirmed(monkeypatch, {}, **{DIRECTIONS: 0.0, LAG: SETTINGS.alpha})
     assert [e.name for e in held.made.base.effects] == ["offset", DIRECTIONS]
     assert refused == {}
-    held, _ = confirmed(monkeypatch, {}, (DIRECTIONS,), **{DIRECTIONS: 0.01, LAG: 0.01})
+    held, _ = confirmed(monkeypatch, {}, (DIRECTIONS,), **{DIRECTIONS: 0.0, LAG: 0.0})
     assert [e.name for e in held.made.base.effects] == ["offset", LAG]
 
 

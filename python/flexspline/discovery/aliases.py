@@ -42,7 +42,8 @@ class Rival:
     `gain`: what it explains there, and `own` what the named effect explains, in χ². `left`: |t|
     that the named effect keeps beside it, and `adds` what it keeps beside the named effect.
     `behind`: how much worse it is on left-out folds, in standard errors of the difference from
-    fold to fold.
+    fold to fold. `tied`: the two channels, one of which each of them reads, if in these runs one
+    is nearly a function of the other; else empty.
     """
 
     effect: Effect
@@ -51,6 +52,7 @@ class Rival:
     left: float
     adds: float
     behind: float
+    tied: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
@@ -59,7 +61,12 @@ class Rival:
     @property
     def alias(self) -> bool:
         """Whether these runs do not tell it from the named effect."""
-        return self.by_t or self.by_folds
+        return self.by_t or self.by_folds or self.by_tie
+
+    @property
+    def by_tie(self) -> bool:
+        """Whether it explains nearly as much by a channel that is nearly a function of another."""
+        return bool(self.tied) and self.gain >= SETTINGS.most * self.own
 
     @property
     def by_t(self) -> bool:
@@ -81,6 +88,11 @@ class Rival:
         """Return which rule makes it an alias; `folds`: what was left out, runs or blocks."""
         if self.by_t:
             return f"beside it {named} keeps t = {self.left:.1f}"
+        if self.by_tie and not self.by_folds:
+            return (
+                f"it explains {percent(self.share)} as much, and {self.tied[0]} is nearly a "
+                f"function of {self.tied[1]} in these runs"
+            )
         return (
             f"it explains {percent(self.share)} as much, and left-out {folds} do not tell "
             f"which is better, although {named} keeps t = {self.left:.1f} beside it"

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,11 +29,14 @@ from flexspline.errors import listed
 from flexspline.experiment.limits import Limits
 from flexspline.experiment.planning import planned
 from flexspline.logs.channel_noise import ChannelNoise
+from flexspline.logs.checks.dependence import Dependence, dependences
 from flexspline.report.numbers import percent
 
 __all__ = ["assembled"]
 
 Array = NDArray[np.float64]
+
+READ = ("time", "output_position", "output_velocity", "output_acceleration", "temperature")
 
 
 def assembled(
@@ -47,8 +51,9 @@ def assembled(
     left = [made.left_by(work) for work in _nested(made)]
     steps = [one.rmse for one in left]
     unexplained, floor = _unexplained(made, made.plain, steps)
+    tied = _tied(made)
     found = [
-        _found(held, effect, steps[number], steps[number + 1])
+        _found(held, effect, steps[number], steps[number + 1], tied)
         for number, effect in enumerate(made.final.named)
     ]
     pairs = [(one.effect, rival.effect) for one in found for rival in one.rivals if rival.alias]
@@ -76,6 +81,7 @@ def assembled(
         inputs=inputs,
         rows=rows,
         searched={"names": made.searched, "functions": made.looked_at},
+        dependences=tied,
     )
 
 
@@ -93,6 +99,28 @@ def _runs(made: Analysis, before: HeldOut, after: HeldOut) -> tuple[HeldRun, ...
             problem.runs, before.residuals, after.residuals, loads, strict=True
         )
     )
+
+
+def _tied(made: Analysis) -> tuple[Dependence, ...]:
+    """Channels that are nearly a function of each other; the load that is known, or the model's."""
+    problem, final = made.study.problem, made.final
+    own = [e.name for e in final.effects if e.info.carries_load]
+    carried = [contribution(problem, final, name) for name in own]
+    name = problem.known_load or "the load of the model"
+    seen = []
+    for number, run in enumerate(problem.runs):
+        channels = {c: run.log[c] for c in READ if c in run.log}
+        channels["time"] = channels["time"] - channels["time"][0]
+        if "known_load" in run.channels:
+            channels["load"] = run.channels["known_load"]
+        elif own and problem.known_load is None:
+            channels["load"] = np.sum([part[number] for part in carried], axis=0)
+        rows = np.concatenate([np.arange(first, last) for first, last in run.stretches])
+        seen.append({c: values[rows] for c, values in channels.items()})
+    found = dependences(seen, {"load": name})
+    trivial = ("load", "output_acceleration")  # what an inertia of the model carries
+    known = problem.known_load is not None
+    return tuple(one for one in found if known or (one.channel, one.of) != trivial)
 
 
 def _nested(made: Analysis) -> list[Working]:
@@ -129,11 +157,13 @@ def _unexplained(
     return Unexplained(float(min(share, 1.0)), tuple(made.leftover.channels)), floor
 
 
-def _found(held: Confirmed, effect: Effect, before: float, after: float) -> Found:
+def _found(
+    held: Confirmed, effect: Effect, before: float, after: float, tied: Sequence[Dependence]
+) -> Found:
     """A name with its evidence: no more than both the search and the final fit bear out."""
     made, shown = held.made, held.shown[effect.name]
     work, searcher = made.final, made.searcher
-    rivals = rivals_of(searcher, work, effect)
+    rivals = [_with_tie(rival, effect, tied) for rival in rivals_of(searcher, work, effect)]
     dictionary = searcher.study.dictionary(work, searcher.whitening)
     gain = owned_gain(dictionary, effect.name)
     squares, count = wald(held.fit, effect.name)
@@ -158,6 +188,12 @@ def _found(held: Confirmed, effect: Effect, before: float, after: float) -> Foun
         coefficients_p=shown.p,
         share_of_gap=float(np.clip(shown.share, -1.0, 1.0)),
     )
+
+
+def _with_tie(rival: Rival, effect: Effect, tied: Sequence[Dependence]) -> Rival:
+    """The rival that reads a channel which these runs hardly tell from one of the effect's."""
+    own = (one.said for one in tied if one.swapped(effect.info.reads, rival.effect.info.reads))
+    return replace(rival, tied=next(own, ()))
 
 
 def _evidence(

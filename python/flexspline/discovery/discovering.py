@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -29,6 +30,7 @@ if TYPE_CHECKING:  # what is heavy is imported where it is used
     from flexspline.fit.problem import Problem
     from flexspline.fit.result import Fit
     from flexspline.forward.servo import PositionServo
+    from flexspline.logs.left_out import Kept
     from flexspline.logs.log import Log
     from flexspline.model import Model
     from flexspline.prepared import Preparation
@@ -92,7 +94,9 @@ def discover(
 
     Notes
     -----
-    Rows at rest say nothing of a drive and are left out (`discovery/rest.py`). How names are
+    Stuck tails, homing moves and rows in which a drive is off are left out first, and said to be
+    (`logs/left_out.py`). Rows at rest say nothing of a drive and are left out
+    (`discovery/rest.py`). How names are
     chosen: `discovery/search.py`; what evidence is: `discovery/evidence.py`. The model is fitted by
     generalised least squares in the noise's memory where that agrees with plain least squares as
     for a right model, by plain least squares otherwise (`fit/generalised.py`).
@@ -141,11 +145,14 @@ def _discovered(
     )
     from flexspline.discovery.freedom import LAG, freedoms
     from flexspline.discovery.grades import graded
+    from flexspline.logs.left_out import only_experiments
     from flexspline.logs.repairs import move_earlier
     from flexspline.prepared import noise_of_channels, preparations_for
 
+    recordings = only_experiments(runs, start.target)
+    runs = [one.log for one in recordings]
     faults = data_faults(runs, start.effects, start.target, start.known_load, threads)
-    faults = (*of_base, *faults)
+    faults = (*of_base, *_cut(recordings, faults))
     runs, faults = with_measured_ratio(runs, faults, start.target)
     inputs = noise_of_channels(runs)
     ways = preparations_for(inputs, start.target, start.known_load)
@@ -172,7 +179,7 @@ def _discovered(
         elif lead_of(held.made.final):
             others = tuple(name for name in free if name != LAG)
             held = _searched(recorded, way, excluded, others)  # it may be the sensor's: to be named
-        rows = _rows(runs, recorded.logs, held.made)
+        rows = _rows(recordings, recorded.logs, held.made)
         found = replace(
             assembled(held, faults, tuple(inputs.values()), rows, limits),
             base_effects=tuple(effect.name for effect in start.effects),
@@ -225,9 +232,12 @@ def _by_simulation(
     """What a drive lacks by the motion that it makes."""
     from flexspline.discovery.faults import data_faults
     from flexspline.fit.fitting import simulation_settings, with_orders
+    from flexspline.logs.left_out import only_experiments
     from flexspline.output_error.discovering import discover_by_simulation
     from flexspline.output_error.regression import with_servo_torque
 
+    recordings = only_experiments(runs, "output_position")  # a servo's law knows when it is off
+    runs = [one.log for one in recordings]
     effects = with_orders(start.effects, orders)
     settings = simulation_settings(
         controller, free_controller, 2, SETTINGS.tried, 0, threads, progress
@@ -237,10 +247,12 @@ def _by_simulation(
     faults = data_faults(driven, effects, start.target, start.known_load, threads)
     style = {"bar_format": "{desc}{elapsed}", "leave": False, "delay": 1.0}
     with tqdm(desc="discovering", disable=not progress, **style) as bar:
-        return discover_by_simulation(
+        found = discover_by_simulation(
             effects, runs, start.target, start.known_load, start.fixed, exclude, settings,
-            start.model, faults, bar.set_description,
+            start.model, _cut(recordings, faults), bar.set_description,
         )  # fmt: skip
+    left = _counts(recordings)
+    return replace(found, rows={"used": sum(map(len, runs)), **left}) if left else found
 
 
 @dataclass(frozen=True)
@@ -455,12 +467,41 @@ def _start(
     return _Start(tuple(effects), target, known_load, fixed, None)
 
 
-def _rows(given: Sequence[Log], moving: Sequence[Log], made: Analysis) -> dict[str, int]:
+def _cut(recordings: Sequence[Kept], faults: Sequence[DataFault]) -> tuple[DataFault, ...]:
+    """What was left out before anything was searched, then faults, in rows of the recordings."""
+    from flexspline.discovery.faults import DataFault
+
+    cut = [
+        DataFault(one.run, f.name, f.channel, f.size, f.unit, f.rows, one.sentence,
+                  grave=False, left_out=True)
+        for kept in recordings for one in kept.left for f in (one.finding,)
+    ]  # fmt: skip
+    moved = []
+    for fault in faults:
+        own = [kept for kept in recordings if kept.log.name == fault.run and kept.left]
+        rows = own[0].as_recorded(fault.rows) if own else fault.rows
+        said = fault.sentence
+        if rows[0] != fault.rows[0]:
+            said += f" Its rows count from row {own[0].rows[0]}, the first that was not left out."
+        moved.append(replace(fault, rows=rows, sentence=said))
+    return (*cut, *moved)
+
+
+def _counts(recordings: Sequence[Kept]) -> Counter[str]:
+    """How many rows were left out before anything was searched, by reason."""
+    counts: Counter[str] = Counter()
+    for one in (one for kept in recordings for one in kept.left):
+        counts[one.reason] += one.rows
+    return counts
+
+
+def _rows(recordings: Sequence[Kept], moving: Sequence[Log], made: Analysis) -> dict[str, int]:
     """How many rows the model was fitted to, and how many were left out for which reason."""
     used = sum(run.counted for run in made.study.problem.runs)
-    recorded, left = (sum(map(len, logs)) for logs in (given, moving))
+    recorded, left = sum(len(kept.rows) for kept in recordings), sum(map(len, moving))
     found = {
         "used": used,
+        **_counts(recordings),
         "at rest": recorded - left,
         "where the motion is not resolved, or what came before is not known": left - used,
     }

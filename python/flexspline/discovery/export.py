@@ -87,12 +87,17 @@ def discovery_json(made: Discovery) -> str:
                 "sentence": fault.sentence,
                 "makes": None if fault.makes is None else _number(fault.makes),
                 "grave": fault.grave,
+                "left_out": fault.left_out,
             }
             for fault in made.data_faults
         ],
         "unexplained": None
         if left is None
         else {"share_of_variance": left.share_of_variance, "depends_on": list(left.depends_on)},
+        "dependences": [
+            {"channel": one.channel, "of": one.of, "left": one.left, "sentence": one.sentence}
+            for one in made.dependences
+        ],
         "next_experiment": made.next_experiment,
         "not_tried": dict(made.not_tried),
         "refused": dict(made.refused),

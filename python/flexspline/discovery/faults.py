@@ -48,7 +48,8 @@ class DataFault:
     """A fault of one run: `name` of the check, channel, size in `unit`, rows [first, last).
 
     `makes`: RMS of what it makes of the target, in its unit, None where that is not known. `grave`:
-    whether it matters beside the noise floor (`grades.py`).
+    whether it matters beside the noise floor (`grades.py`). `left_out`: these rows were left out of
+    all that follows.
     """
 
     run: str
@@ -60,6 +61,7 @@ class DataFault:
     sentence: str
     makes: float | None = None
     grave: bool = True
+    left_out: bool = False
 
 
 def data_faults(

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from flexspline.discovery.disagreement import Disagreement
     from flexspline.experiment.plan import Plan
     from flexspline.logs.channel_noise import ChannelNoise
+    from flexspline.logs.checks.dependence import Dependence
     from flexspline.simulator.record import Simulated
 
 __all__ = ["Discovery", "Found", "Unexplained"]
@@ -97,10 +98,12 @@ class Discovery:
         and fitted on all rows, and on which "functions" without a name were; 1 of short logs.
     also_seen : effects that are real but too small to matter, and no part of the model.
     inputs : noise of each channel of the runs; how they were prepared stands in the model.
-    rows : how many are "used", and how many are left out by reason, such as "at rest".
+    rows : how many are "used", and how many are left out by reason, such as "at rest" or "in a
+        stuck tail".
     fit : of the extended model.
     runs : measured and predicted values of base and extended model, on folds no fit saw.
     motion : both driven forward through these folds; None where the model cannot be simulated.
+    dependences : channels that are nearly a function of another in these runs.
     by : "regression" of the target; or "simulation": all errors are of the output's angle, rad.
     not_tried : why effects were no candidates, by name. `refused`: why candidates that gained
         were not taken. `doubted`: names that only stood in for an unexplained cause.
@@ -129,6 +132,7 @@ class Discovery:
     rows: Mapping[str, int] = field(default_factory=dict)
     by: str = "regression"
     searched: Mapping[str, float] = field(default_factory=lambda: {"names": 1.0, "functions": 1.0})
+    dependences: tuple[Dependence, ...] = ()
 
     @property
     def model(self) -> Model:

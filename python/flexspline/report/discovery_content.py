@@ -26,6 +26,7 @@ __all__ = ["best_rivals", "channel_rows", "discovery_call", "effect_lines", "est
 
 MOST_RIVALS = 3
 GRAVE = "Faults of the data, to be mended first"
+LEFT_OUT = "Left out of the runs, before anything was searched"
 SMALL = "Seen in the data, too little to matter here"
 
 _TITLES = {
@@ -136,14 +137,15 @@ def also_seen_sentences(made: Discovery) -> list[str]:
 
 
 def faults_told(made: Discovery) -> list[tuple[str, list[str]]]:
-    """Return the faults of the data under a heading each for those that matter and the others.
+    """Return the faults of the data under a heading each: rows left out, what matters, the others.
 
     What several runs share is told once, of the run where it is largest.
     """
-    told = []
+    cut = [fault.sentence for fault in made.data_faults if fault.left_out]
+    told = [(LEFT_OUT, cut)] if cut else []
     for title, grave in ((GRAVE, True), (SMALL, False)):
         alike: dict[tuple[str, str], list[DataFault]] = {}
-        for fault in (f for f in made.data_faults if f.grave is grave):
+        for fault in (f for f in made.data_faults if f.grave is grave and not f.left_out):
             alike.setdefault((fault.name, fault.channel), []).append(fault)
         if alike:
             told.append((title, [_together(faults) for faults in alike.values()]))
@@ -190,6 +192,7 @@ def remarks(made: Discovery) -> list[str]:
         )
     if made.fit.generalised:
         said.append(estimator_sentence(made))
+    said += [one.sentence for one in made.dependences]
     if made.next_experiment:
         said.append(f"Next: {made.next_experiment}")
     if min(made.searched.values()) < 1.0:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from flexspline.logs.checks.ends import drive_disabled, homing_move, stuck_tail
 from flexspline.logs.checks.excitation import excitation
 from flexspline.logs.checks.findings import Finding, Findings, Severity, sorted_findings
 from flexspline.logs.checks.gear import Gear, gear, measured_gear
@@ -27,6 +28,9 @@ CHECKS = (
     clipped,
     wrapped,
     start_transient,
+    homing_move,
+    stuck_tail,
+    drive_disabled,
     velocity_of_position,
     gear,
     torque,

@@ -1,0 +1,378 @@
+"""Rows at the ends of a log that belong to no experiment: stuck tails, homing moves, a drive off.
+
+A stuck tail repeats its last sample while the joint moves on: another channel shows the motion, or
+the joint would have stopped, and its noise with it, from one row to the next. A joint that comes
+to rest repeats its values with reason, and so does one whose drive never had noise: such rows are
+no finding. A homing move ends where the angle is set anew: it jumps faster than the joint ever
+moves, and stays there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexspline.errors import listed
+from flexspline.logs.checks.findings import Finding
+from flexspline.logs.checks.rows import LIVELY
+from flexspline.logs.checks.values import CONDITIONS, MEASURED, unwrapped
+from flexspline.logs.checks.velocity import WITHIN
+from flexspline.logs.grain import quantum, white_noise
+from flexspline.logs.log import Log
+from flexspline.logs.segments import median_step, true_ranges
+
+__all__ = ["drive_disabled", "homing_move", "stuck_tail"]
+
+Array = NDArray[np.float64]
+
+DISABLED, HOMING, STUCK = "drive_disabled", "homing_move", "stuck_tail"
+
+LEAST = 10
+"""Rows: a shorter tail does no harm, and speeds are taken over as many."""
+
+BEFORE = 50
+"""Rows before a tail that show whether a channel has noise up to it."""
+
+LONGER = 3.0
+"""Times the longest repetition elsewhere in the log, which a coarse channel makes with reason."""
+
+CHANCE = 1e-6
+"""Probability that a tail is chance, over all rows in which one could begin."""
+
+NOISY = 1.0 / 3.0
+"""Share of rows in which a channel turns: white noise does in 2/3 of them, noise that an integrator
+made in 1/2, smooth motion in next to none."""
+
+MOVES = 0.1
+"""Of the speed that 99 % of the rows do not exceed: a joint that is faster moves, whatever bias its
+velocity has."""
+
+JUMP = 10.0
+"""Times the top speed elsewhere: to go that fast and stop within `JUMP_ROWS` no joint is able."""
+
+JUMP_ROWS = 3
+JUMPS = 8  # rows that jumps may take in a log
+POSITIONS = ("output_position", "motor_position")
+VELOCITY = {"output_position": "output_velocity", "motor_position": "motor_velocity"}
+TORQUES = ("motor_torque", "motor_current")
+
+
+def drive_disabled(log: Log) -> Iterator[Finding]:
+    """Rows in which the drive is off, in a log in which it is on elsewhere: no fault of a sensor.
+
+    `enabled` tells; without it a torque of exactly zero up to the end, while the joint moves.
+    """
+    if "enabled" in log:
+        off = log["enabled"] < 0.5
+        if not off.all():
+            for first, last in true_ranges(off):
+                yield _disabled(log, "enabled", int(first), int(last), "enabled is 0")
+        return
+    for channel in TORQUES:
+        if (
+            channel in log
+            and log[channel][-1] == 0.0
+            and _still(log[channel])
+            and _dead(log, channel)
+        ):
+            first = _tail(log[channel]).first - 1  # the first zero is no sample either
+            yield _disabled(log, channel, first, len(log), f"{channel} is exactly 0, to the end")
+            return
+
+
+def stuck_tail(log: Log) -> Iterator[Finding]:
+    """The last sample, repeated to the end of the log by some channels or all, in motion."""
+    still = [c for c in log.channels if _still(log[c])]
+    off = [c for c in TORQUES if c in still and log[c][-1] == 0.0]
+    found = [c for c in MEASURED if c in still and c not in off and _dead(log, c)]
+    found += [c for c in POSITIONS if c in still and _left_behind(log, c)]
+    found += [c for p, c in VELOCITY.items() if c in still and _not_that_of(log, c, p)]
+    first = min((_tail(log[c]).first for c in found), default=len(log))
+    whole = _all_stop(log)
+    if whole is not None and whole <= first + 1:
+        first, found = whole, []
+    if first == len(log):
+        return
+    count = len(log) - first
+    seconds = float(log["time"][-1] - log["time"][first - 1])
+    what = listed(found) if found else "every measured channel"
+    yield Finding(
+        STUCK,
+        "fault",
+        found[0] if len(found) == 1 else "all",
+        (first, len(log)),
+        seconds,
+        "s",
+        f"{what} repeat{'s' if len(found) < 2 else ''} the last sample in the last {count} rows, "
+        f"{first} to {len(log)} ({seconds:.3g} s), while the joint moves: the recorder is stuck.",
+        "Leave these rows out, or record again.",
+    )
+
+
+def homing_move(log: Log) -> Iterator[Finding]:
+    """The lesser part of a log before or behind a jump of an angle, where it was set anew."""
+    for channel in POSITIONS:
+        jumps = _jumps(log, channel)
+        if not jumps:
+            continue
+        edges = [(0, 0), *jumps, (len(log), len(log))]
+        parts = [(a[1], b[0]) for a, b in pairwise(edges)]
+        first, last = max(parts, key=lambda part: part[1] - part[0])
+        if 2 * (last - first) <= len(log):
+            continue
+        angle = unwrapped(log[channel])
+        for begin, end in ((0, first), (last, len(log))):
+            inside = [jump for jump in jumps if begin <= jump[0] <= end]
+            if begin == end or not inside:
+                continue
+            row = (inside[-1] if begin == 0 else inside[0])[0]
+            size = float(angle[min(row + 1, len(angle) - 1)] - angle[max(row - 2, 0)])
+            yield Finding(
+                HOMING,
+                "fault",
+                channel,
+                (begin, end),
+                size,
+                "rad",
+                f"{channel} jumps by {size:.4g} rad in row {row}, faster than the joint ever "
+                f"moves elsewhere: the angle was set anew (homing, index search). Rows {begin} to "
+                f"{end} count from another zero.",
+                "Leave these rows out.",
+            )
+        return
+
+
+def _disabled(log: Log, channel: str, first: int, last: int, why: str) -> Finding:
+    time = log["time"]
+    return Finding(
+        DISABLED,
+        "note",
+        channel,
+        (first, last),
+        float(time[last - 1] - time[first]),
+        "s",
+        f"the drive is off in rows {first} to {last}: {why}.",
+        "These rows say nothing of a drive.",
+    )
+
+
+@dataclass(frozen=True)
+class _Tail:
+    """Rows from `first` on repeat the row before it.
+
+    `longest`: repetition before, in rows; `share` of such rows there, of `counted` ones.
+    """
+
+    first: int
+    length: int
+    longest: int
+    share: float
+    counted: int
+
+
+def _still(values: Array) -> bool:
+    """Whether a channel keeps its value over the last rows: the others need no further look."""
+    return len(values) > LEAST and bool(np.all(values[-LEAST - 1 :] == values[-1]))
+
+
+def _tail(values: Array, moving: NDArray[np.bool_] | None = None) -> _Tail:
+    """The tail of a channel, beside repetitions where the joint moves; None: everywhere."""
+    same = np.diff(values) == 0.0
+    fresh = np.flatnonzero(~same)
+    first = int(fresh[-1]) + 2 if fresh.size else 1  # the last fresh sample is sound
+    if moving is None:
+        return _summed(same, min(first, len(values)))
+    counted = int(moving[1:first].sum())
+    tail = _summed(same & moving[1:], min(first, len(values)))
+    return replace(tail, share=tail.share * first / max(counted, 1), counted=counted)
+
+
+def _summed(same: NDArray[np.bool_], first: int) -> _Tail:
+    """Of `same`, whether a row repeats the one before it, from row 1 on."""
+    before = same[: max(first - 1, 0)]
+    ranges = true_ranges(before)
+    longest = int(np.max(ranges[:, 1] - ranges[:, 0], initial=0))
+    share = float(np.mean(before)) if before.size else 1.0
+    return _Tail(first, len(same) + 1 - first, longest, share, before.size)
+
+
+def _unlikely(tail: _Tail, rows: int) -> bool:
+    """Whether neither the grain of the channel nor chance makes `rows` repetitions on end."""
+    if tail.counted <= BEFORE or rows < max(LEAST, LONGER * tail.longest):
+        return False
+    share = max(tail.share, 1.0 / tail.counted)
+    return bool(share < 1.0 and np.log(tail.counted) + rows * np.log(share) < np.log(CHANCE))
+
+
+def _noisy(values: Array, first: int) -> bool:
+    """Whether the rows before `first` go up and down as noise does."""
+    steps = np.diff(values[max(first - BEFORE, 0) : first])
+    return bool(np.mean(steps[1:] * steps[:-1] < 0.0) > NOISY)
+
+
+def _speed(log: Log, channel: str) -> Array | None:
+    """Speed of an angle over `LEAST` rows ending at each row; None where that is but noise."""
+    if channel not in log or not np.isfinite(log[channel]).all() or len(log) <= 2 * BEFORE:
+        return None
+    angle, time = unwrapped(log[channel]), log["time"]
+    took = np.maximum(time[LEAST:] - time[:-LEAST], 1e-12)
+    speed = np.zeros(len(angle))
+    speed[LEAST:] = (angle[LEAST:] - angle[:-LEAST]) / took
+    grain = max(50.0 * quantum(angle), 20.0 * white_noise(angle))
+    return speed if float(np.ptp(angle)) > grain else None
+
+
+def _moving(speed: Array | None) -> NDArray[np.bool_] | None:
+    if speed is None:
+        return None
+    size = np.abs(speed)
+    top = float(np.quantile(size, 0.99))
+    return np.asarray(size >= MOVES * top) if top > 0.0 else None
+
+
+def _recorded(log: Log, channel: str) -> Array | None:
+    """A velocity as it was recorded, if it is finite."""
+    if channel not in log or not np.isfinite(log[channel]).all():
+        return None
+    return log[channel]
+
+
+def _dead(log: Log, channel: str) -> bool:
+    """Whether a channel keeps one value to the end, though the joint moves there.
+
+    Its noise tells, or a reversal, in which the friction turns round. What is known of a load may
+    well be held through that.
+    """
+    values = log[channel]
+    last, first = values[-1], _tail(values).first
+    at_limit = last in (np.min(values), np.max(values)) and last != 0.0
+    if at_limit and (values[: first - 1] == last).sum() > 1:
+        return False  # clipped
+    speeds = [_speed(log, position) for position in POSITIONS]
+    if all(one is None for one in speeds):
+        speeds = [_recorded(log, velocity) for velocity in VELOCITY.values()]
+    for speed in speeds:
+        moving = _moving(speed)
+        if speed is None or moving is None:
+            continue
+        behind = slice(first + LEAST, None)
+        fast = speed[behind][moving[behind]]
+        told = _noisy(values, first)
+        if channel != "reference_torque" and fast.size:
+            told = told or fast.min() < 0.0 < fast.max()
+        if told and _unlikely(_tail(values, moving), fast.size):
+            return True
+    return False
+
+
+def _left_behind(log: Log, channel: str) -> bool:
+    """Whether an angle stays to the end where its velocity or the other encoder goes on."""
+    values, time = log[channel], log["time"]
+    tail = _tail(values)
+    rows = slice(int(np.searchsorted(time, time[tail.first - 1] + WITHIN)), None)  # it may be late
+    (other,) = (position for position in POSITIONS if position != channel)
+    ratio = log.effective_ratio or 1.0
+    factor = ratio if channel == "motor_position" else 1.0 / ratio
+    ways = [(_recorded(log, VELOCITY[channel]), 1.0), (_speed(log, other), factor)]
+    for speed, scale in ways:
+        moving = _moving(speed)
+        if speed is None or moving is None:
+            continue
+        if not _unlikely(_tail(values, moving), int(moving[rows].sum())):
+            continue
+        way = abs(scale * float(np.trapezoid(np.where(moving, speed, 0.0)[rows], time[rows])))
+        if way > 50.0 * quantum(values):
+            return True
+    return False
+
+
+def _not_that_of(log: Log, channel: str, position: str) -> bool:
+    """Whether a velocity keeps one value to the end that its position contradicts."""
+    values, speed = log[channel], _speed(log, position)
+    moving = _moving(speed)
+    if speed is None or moving is None:
+        return False
+    tail = _tail(values, moving)
+    top = float(np.quantile(np.abs(speed), 0.99))
+    off = np.abs(speed[tail.first + LEAST :] - values[-1]) >= MOVES * top
+    return _unlikely(tail, int(off.sum()))
+
+
+def _all_stop(log: Log) -> int | None:
+    """First row from which no measured channel changes though the joint moves; None without."""
+    channels = [c for c in log.channels if c != "time" and c not in CONDITIONS]
+    if not channels or len(log) <= 2 * BEFORE or not all(_still(log[c]) for c in channels):
+        return None
+    same = {c: np.diff(log[c]) == 0.0 for c in channels}
+    every = np.logical_and.reduce(list(same.values()))
+    fresh = np.flatnonzero(~every)
+    first = int(fresh[-1]) + 2 if fresh.size else 1
+    tail = _summed(every, min(first, len(log)))
+    if tail.length < 1 or not _unlikely(tail, tail.length):
+        return None
+    lively = [c for c in channels if np.mean(same[c][: first - 1]) < LIVELY]
+    if not lively:
+        return None
+    for velocity in VELOCITY.values():
+        moving = _moving(_recorded(log, velocity))
+        if moving is not None and moving[first:].all():
+            return first
+    for position in POSITIONS:
+        speed = _speed(log, position)
+        moving = _moving(speed)
+        if speed is None or moving is None or not moving[first - 1]:
+            continue
+        if any(_noisy(log[c], first) for c in lively) or _abrupt(log, position, first):
+            return first
+    return None
+
+
+def _abrupt(log: Log, channel: str, first: int) -> bool:
+    """Whether a joint that stops there changes its speed more than anywhere before."""
+    angle = unwrapped(log[channel])[:first]
+    for rows in (JUMP_ROWS, LEAST):
+        way = angle[rows:] - angle[:-rows]
+        change = np.abs(way[rows:] - way[:-rows])
+        if abs(way[-1]) > np.max(change, initial=0.0):
+            return True
+    return False
+
+
+def _jumps(log: Log, channel: str) -> list[tuple[int, int]]:
+    """Rows [first, last) of each jump of an angle: what is before it, and behind, is sound."""
+    if channel not in log or not np.isfinite(log[channel]).all() or len(log) <= 2 * BEFORE:
+        return []
+    angle, time = unwrapped(log[channel]), log["time"]
+    step = median_step(time)
+    if step <= 0.0:
+        return []
+    speed = np.abs(np.diff(angle)) / np.maximum(np.diff(time), step)
+    top = float(np.partition(speed, -1 - JUMPS)[-1 - JUMPS])
+    fast = np.insert(speed > JUMP * top, 0, False)
+    made: list[tuple[int, int]] = []
+    for first, last in true_ranges(fast):
+        before = float(np.median(angle[max(first - LEAST, 0) : first]))
+        behind = float(np.median(angle[last : last + LEAST]))
+        own = float(np.sum(np.abs(np.diff(angle[first - 1 : last]))))
+        stays = abs(behind - before) > 0.5 * own
+        if last - first <= JUMP_ROWS and stays and min(first, len(angle) - last) >= LEAST:
+            made.append((int(first), _settled(log, channel, int(last) - 1, top)))
+    if not made or top == 0.0:
+        return []
+    kept = np.diff(angle)[~fast[1:]]
+    path = np.concatenate(([0.0], np.cumsum(kept)))
+    grain = max(50.0 * quantum(path), 20.0 * white_noise(path))
+    return made if float(np.ptp(path)) > grain else []
+
+
+def _settled(log: Log, channel: str, row: int, top: float) -> int:
+    """First row from `row` on in which the recorded velocity is none of the jump."""
+    velocity = _recorded(log, VELOCITY[channel])
+    if velocity is None:
+        return row
+    slow = np.flatnonzero(np.abs(velocity[row:]) <= 2.0 * top)
+    return row + int(slow[0]) if slow.size else row
