@@ -5,22 +5,21 @@ Models come and go while a cause is looked for, the functions stay.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.discovery.evidence import gain_of
-from flexspline.discovery.nameless import Nameless, nameless_of
+from flexspline.discovery.nameless import nameless_of
 from flexspline.discovery.settings import TINY
+from flexspline.discovery.sheet import Sheet
 from flexspline.discovery.stretches import fold_blocks
 from flexspline.discovery.table import SINGULAR, Columns, Table
-from flexspline.discovery.values import values_of
 from flexspline.discovery.whitening import Whitening
 from flexspline.discovery.working import Working
 from flexspline.fit.problem import Problem
-from flexspline.parallel import in_order
 
 __all__ = ["Ceiling", "Overlap"]
 
@@ -39,12 +38,13 @@ class Ceiling:
         self.groups = nameless_of(problem)
         ends = np.cumsum([0, *(group.count for group in self.groups)])
         self.at = [slice(a, b) for a, b in pairwise(ends.tolist())]
-        self.rows, self.columns = [], []
+        sheet = Sheet((), np.empty(0), (), np.empty(0), tuple(self.groups))
+        self.rows, self.columns = list[Rows](), list[Array]()
         self.folds: list[tuple[int, int, int]] = []
         for number in range(len(problem.runs)):
-            columns, rows = _whitened(problem, whitening, self.groups, self.at, number)
+            white, rows = sheet.white(problem, whitening, number)
             self.rows.append(rows)
-            self.columns.append(columns)
+            self.columns.append(white[:, :-1])
             self.folds += [(number, a, b) for a, b in fold_blocks(problem, number, rows)]
         self.blocks = [
             np.array([self.part(f, at).T @ self.part(f, at) for f in self.folds])
@@ -145,48 +145,3 @@ class Overlap:
 
 def _bordered(inside: Array, across: Array, block: Array) -> Array:
     return np.block([[inside, across.T], [across, block]])
-
-
-def _whitened(
-    problem: Problem,
-    whitening: Whitening,
-    groups: Sequence[Nameless],
-    at: Sequence[slice],
-    number: int,
-) -> tuple[Array, Rows]:
-    """Filtered functions of a run, (n, C), and the rows that they belong to."""
-    run, lead = problem.runs[number], whitening.order
-    pieces = whitening.taken(run)
-    made = np.empty((sum(len(rows) - lead for rows in pieces), at[-1].stop), order="F")
-
-    def filtered(piece: tuple[int, Rows]) -> None:
-        first, rows = piece
-        whole = slice(int(rows[0]), int(rows[-1]) + 1)
-        values = values_of(problem, number, whole)
-        every = _columns(problem, run.log["time"][whole], values, groups, at)
-        out = made[first : first + len(rows) - lead]
-        whitening.filter(every[:: whitening.decimation], out)
-
-    firsts = np.cumsum([0, *(len(rows) - lead for rows in pieces)])[:-1].tolist()
-    for _ in in_order(problem.threads, filtered, zip(firsts, pieces, strict=True)):
-        pass
-    kept = [rows[lead:] for rows in pieces] or [np.empty(0, dtype=np.intp)]
-    return made, np.concatenate(kept)
-
-
-def _columns(
-    problem: Problem,
-    time: Array,
-    values: Mapping[str, Array],
-    groups: Sequence[Nameless],
-    at: Sequence[slice],
-) -> Array:
-    """All functions of some rows (n, C), behind the low pass."""
-    made = np.empty((len(time), at[-1].stop), order="F")
-    for group, those in zip(groups, at, strict=True):
-        made[:, those] = group.columns(values)
-    if problem.lowpass is None:
-        return made
-    from flexspline.logs.derive import lowpass
-
-    return lowpass(made, time, problem.lowpass).values

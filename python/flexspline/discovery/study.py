@@ -66,7 +66,8 @@ class Study:
 
     def thinned(self) -> Study:
         """The same for a part of long logs; itself for others."""
-        share = round(0.5 * SETTINGS.bends * rows_of(self.problem))
+        news = rows_of(self.problem) // self.problem.decimation
+        share = round(0.5 * SETTINGS.bends * news)
         enough = max(share, (SETTINGS.tried - 1) * SETTINGS.rows)
         part = thinned(self.problem, enough, SETTINGS.rows // 2)
         return self if part is self.problem else replace(self, problem=part, last=None, known={})

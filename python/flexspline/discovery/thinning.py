@@ -28,8 +28,10 @@ def rows_of(problem: Problem) -> int:
 def thinned(problem: Problem, enough: int, stretch: int) -> Problem:
     """Return the problem with about `enough` of its rows, in pieces of about `stretch`.
 
-    Itself where it has less than twice as many.
+    Itself where it has less than twice as many. Behind a low pass one row of several is news: it
+    is these that are counted.
     """
+    enough, stretch = enough * problem.decimation, stretch * problem.decimation
     share = rows_of(problem) // enough
     if share < 2:
         return problem
