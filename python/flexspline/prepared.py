@@ -12,7 +12,7 @@ never smoothed.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -156,6 +156,10 @@ def learned(
     noise = noise_of_channels(logs)
     if bandwidth == np.inf:
         return noise, ()
+    position, velocity = noise.get(POSITION), noise.get(VELOCITY)
+    if position is not None and velocity is not None and _quieter(velocity, position):
+        late = _lateness(logs, position.smoother(1))
+        noise[VELOCITY] = replace(velocity, delay=late)
     return noise, preparations_for(noise, target, known_load, bandwidth)
 
 
@@ -199,12 +203,7 @@ def _motion(noise: Mapping[str, ChannelNoise], bandwidth: float | None) -> Itera
     position, velocity = noise.get(POSITION), noise.get(VELOCITY)
     if position is None or not (position.noisy or bandwidth is not None):
         return
-    source = POSITION
-    if velocity is not None:
-        band = min(position.bandwidth, velocity.bandwidth)
-        if velocity.within(band) < QUIETER * position.within(band, 1):
-            source = VELOCITY
-    if source == VELOCITY and velocity is not None:
+    if velocity is not None and _quieter(velocity, position):
         yield Preparation(ACCELERATION, VELOCITY, bandwidth or velocity.smoother(1))
         if velocity.noisy or bandwidth is not None:
             yield Preparation(VELOCITY, VELOCITY, bandwidth or velocity.smoother())
@@ -212,3 +211,28 @@ def _motion(noise: Mapping[str, ChannelNoise], bandwidth: float | None) -> Itera
         yield Preparation(ACCELERATION, POSITION, bandwidth or position.smoother(2))
         yield Preparation(VELOCITY, POSITION, bandwidth or position.smoother(1))
     yield Preparation(POSITION, POSITION, bandwidth or position.smoother())
+
+
+def _quieter(velocity: ChannelNoise, position: ChannelNoise) -> bool:
+    """Whether a recorded velocity, with its delay, is nearer to the motion than a derivative is."""
+    band = min(position.bandwidth, velocity.bandwidth)
+    late = velocity.delay * velocity.slope
+    return bool(np.hypot(velocity.within(band), late) < QUIETER * position.within(band, 1))
+
+
+def _lateness(logs: Sequence[Log], bandwidth: float) -> float:
+    """By how much the recorded velocity is later than the position's derivative, s.
+
+    A velocity that is late by d falls short of the derivative by d times the acceleration, both
+    seen through the same smoother.
+    """
+    products, squares = 0.0, 0.0
+    for log in logs:
+        made = differentiate(log, bandwidth=bandwidth)
+        smooth = lowpass_log(log, bandwidth, (VELOCITY,))
+        short = made[VELOCITY] - smooth[VELOCITY]
+        seen = np.isfinite(short) & np.isfinite(made[ACCELERATION])
+        slope = made[ACCELERATION][seen]
+        products += float(short[seen] @ slope)
+        squares += float(slope @ slope)
+    return products / squares if squares > 0.0 else 0.0

@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 
 from flexspline.comparison.velocity import velocity_noise, with_motion
 from flexspline.errors import InputError
+from flexspline.logs.channel_noise import ChannelNoise
 from flexspline.logs.log import Log
 from flexspline.logs.segments import median_step
 from flexspline.model import Model, Part
 from flexspline.part import PART_OF
-from flexspline.prepared import prepared
+from flexspline.prepared import Preparation, learned, prepared
 from flexspline.signals import target_of
 
 __all__ = ["LOADS", "Compared", "ComparedRun", "load_of", "load_source_of", "located", "predicted"]
@@ -60,7 +61,8 @@ class Compared:
     `simulated`: by forward simulation. `lowpass`: Hz, or None. `load_source`: where the load of
     the runs is from, in words; `load_unit` where that is the model. `floor`: noise of what is
     measured, where that is known; None where it is to be estimated. `foreign`: the simulation
-    that is the base, in words; "" without one. `notes`: sentences on it.
+    that is the base, in words; "" without one. `notes`: sentences on it. `inputs`: noise of each
+    channel; `preparations`: how the model read them; `bandwidth`: Hz, as it was asked for.
     """
 
     runs: tuple[ComparedRun, ...]
@@ -73,12 +75,21 @@ class Compared:
     floor: float | None = None
     foreign: str = ""
     notes: tuple[str, ...] = ()
+    inputs: tuple[ChannelNoise, ...] = ()
+    preparations: tuple[Preparation, ...] = ()
+    bandwidth: float | None = None
 
 
 def predicted(
-    model: Model, logs: Sequence[Log], target: str | None, lowpass: float | None
+    model: Model,
+    logs: Sequence[Log],
+    target: str | None,
+    lowpass: float | None,
+    bandwidth: float | None = None,
 ) -> Compared:
     """Return measured and predicted y of every run.
+
+    `bandwidth`: see `compare`.
 
     Raises
     ------
@@ -86,13 +97,19 @@ def predicted(
         Where a log lacks the target or a channel that an effect reads.
     """
     part = model.part(target)
-    logs = [prepared(log, part.preparations) for log in logs]
+    noise, ways = learned(logs, part.target, part.known_load, bandwidth)
+    if bandwidth is None and "prepared" in part.record:
+        ways = part.preparations
+    if ways != part.preparations:
+        part = part.preparing(ways)
+        model = replace(model, parts={**model.parts, PART_OF[part.target]: part})
     source = load_source_of(part, logs)
     runs = tuple(_predicted_run(model, part, log, lowpass, source) for log in logs)
     foreign = part.simulated.words if part.simulated is not None else ""
     return Compared(
-        runs, part.target, part.unit, False, lowpass, source, part.unit, foreign=foreign
-    )
+        runs, part.target, part.unit, False, lowpass, source, part.unit, foreign=foreign,
+        inputs=tuple(noise.values()), preparations=tuple(ways), bandwidth=bandwidth,
+    )  # fmt: skip
 
 
 def _predicted_run(
@@ -105,7 +122,7 @@ def _predicted_run(
             f"log '{log.name}': no row has a measured and a predicted {part.target}; "
             "look for channels without values"
         )
-    log = with_motion(log)
+    log = with_motion(prepared(log, part.preparations))
     load = load_of(model, part, log, source)
     return located(model, part, log, made.measured, made.predicted, lowpass, load)
 

@@ -81,15 +81,15 @@ def assembled(
     scores = scores_of(problem, residuals, held_out_residuals)
     runs = tuple(
         FittedRun(run.log, run.target, run.target - residual, held_out, counts_of(run))
-        for run, residual, held_out in zip(
-            problem.runs, residuals, held_out_residuals, strict=True
-        )
+        for run, residual, held_out in zip(problem.runs, residuals, held_out_residuals, strict=True)
     )
     covariance = uncertainty.covariance
     validated = {"by": validation.by, "folds": validation.folds}
     record = _record(problem, made, parameters, confounded, uncertainty)
     record["scores"] = [asdict(s) for s in scores]
     record["validated"] = validated
+    if not problem.preparations and any(one.noisy for one in inputs):
+        record["prepared"] = []  # as recorded on purpose: nothing is to be learned anew
     if delay is not None:
         record["delay"] = asdict(delay)
     part = Part(

@@ -125,7 +125,7 @@ def fit(
     `Fit.confounded`). By simulation: Ljung 1999, System identification, output-error models.
     """
     from flexspline.fit.assemble import assembled
-    from flexspline.fit.estimate import Estimate, Given, estimate
+    from flexspline.fit.estimate import Given, estimate
     from flexspline.fit.late_load import beside_delay, can_be_late
     from flexspline.fit.offsets import OFFSET, taken_out
     from flexspline.fit.problem import problem_of
@@ -179,6 +179,7 @@ def fit(
     offset = (at, chosen.pop(at)) if centred else None
 
     noise, ways = learned(runs, target, known_load, bandwidth)
+    ways = _read_by(chosen, known_load, ways)
     fine = [prepared(log, ways) for log in runs]
 
     def posed_on(
@@ -218,7 +219,21 @@ def fit(
             made, late = beside_delay(posed, made, again)
         bar.set_description("errors and validation")
         said = [*remarks, *warnings, *said]
-        return assembled(posed, made, into, said, found, offset, tuple(noise.values()), late)
+        inputs = tuple(noise.values())
+        whole = assembled(posed, made, into, said, found, offset, inputs, late)
+        return replace(whole, bandwidth=bandwidth)
+
+
+def _read_by(
+    effects: Sequence[Effect], known_load: str | None, ways: Sequence[Preparation]
+) -> tuple[Preparation, ...]:
+    """The preparations of channels that rows of these effects read."""
+    read = {channel for effect in effects for channel in effect.reads}
+    if "motor_position" in read:  # without a motor encoder it is made of the output's
+        read.add("output_position")
+    if known_load is not None:
+        read.add(known_load)
+    return tuple(way for way in ways if way.channel in read)
 
 
 def _resolved(
@@ -232,14 +247,21 @@ def _resolved(
     """Which rows the recorder resolves, see `resolution.py`; None for all of exact runs."""
     from flexspline.fit.estimate import Given, estimate
     from flexspline.fit.resolution import away_from_ends, coarser, resolved_rows, with_fastest
-    from flexspline.prepared import POSITION, prepared
+    from flexspline.prepared import MOTION, VELOCITY, prepared
 
-    if target == "torsion" or not any(way.channel == POSITION for way in ways):
+    if target == "torsion" or not any(way.channel == VELOCITY for way in ways):
         return None
     inside = [away_from_ends(log, log, ways) for log in runs]
     these = with_fastest([e for e in effects if e.harmonics or not e.ripple])
     exact = posed(fine, these, inside)
-    blurred = posed([prepared(log, coarser(ways)) for log in runs], these, inside)
+    motion = [way for way in coarser(ways) if way.channel in MOTION]
+    coarse = [
+        one.with_columns(
+            {w.channel: made[w.channel] for w in motion}, note="motion further smoothed"
+        )
+        for one, made in ((one, prepared(log, motion)) for one, log in zip(fine, runs, strict=True))
+    ]
+    blurred = posed(coarse, these, inside)
     made = estimate(exact, these, Given({}, {}, {}, False), lambda: None).linear
     both = [problem.predict(made.effects, made.coefficients) for problem in (exact, blurred)]
     told = resolved_rows(exact, list(zip(*both, strict=True)))

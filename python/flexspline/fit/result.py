@@ -118,6 +118,7 @@ class Fit:
     inputs : noise of each channel of the runs; how they were prepared stands in the model.
     delay : of the known load behind the target, beside which the parameters were found; None where
         the load is exact, or an effect is such a delay.
+    bandwidth : Hz, of the output's motion, as it was asked for; None: as the runs tell.
     """
 
     model: Model
@@ -138,6 +139,7 @@ class Fit:
     simulation: SimulationFit | None = None
     inputs: tuple[ChannelNoise, ...] = ()
     delay: Delay | None = None
+    bandwidth: float | None = None
 
     @property
     def part(self) -> Part:
