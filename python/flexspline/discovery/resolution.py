@@ -36,4 +36,5 @@ def resolved(
     plain = Whitening(np.ones(1), 1.0, fine.decimation)
     work, _ = started(fine, working(effects, len(effects), fixed), plain)
     both = [(work.predict(fine, k), work.predict(coarse, k)) for k in range(len(fine.runs))]
-    return resolved_rows(fine, both)
+    runs = fine.runs
+    return resolved_rows([run.log for run in runs], [run.target for run in runs], both)

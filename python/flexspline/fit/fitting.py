@@ -264,7 +264,8 @@ def _resolved(
     blurred = posed(coarse, these, inside)
     made = estimate(exact, these, Given({}, {}, {}, False), lambda: None).linear
     both = [problem.predict(made.effects, made.coefficients) for problem in (exact, blurred)]
-    told = resolved_rows(exact, list(zip(*both, strict=True)))
+    measured = [run.target for run in exact.runs]
+    told = resolved_rows(runs, measured, list(zip(*both, strict=True)))
     return [a & b for a, b in zip(inside, told, strict=True)]
 
 

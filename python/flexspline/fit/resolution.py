@@ -21,7 +21,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.effects import Effect
-from flexspline.fit.problem import Problem
 from flexspline.logs.log import Log
 from flexspline.prepared import MOTION, Preparation
 
@@ -59,23 +58,22 @@ def with_fastest(base: Sequence[Effect]) -> list[Effect]:
     return [*base, *(Effect(name) for name in FASTEST if name not in names)]
 
 
-def resolved_rows(problem: Problem, predicted: Sequence[tuple[Array, Array]]) -> Masks:
+def resolved_rows(
+    logs: Sequence[Log], measured: Sequence[Array], predicted: Sequence[tuple[Array, Array]]
+) -> Masks:
     """Return which rows of each run count, (N,).
 
     Parameters
     ----------
+    measured : target of each run, (N,).
     predicted : of each run, with the motion as it is prepared and smoothed further, (N,) both.
     """
-    noise = float(
-        np.median([
-            _noise(run.log, run.target - told)
-            for run, (told, _) in zip(problem.runs, predicted, strict=True)
-        ])
-    )  # fmt: skip
+    left = [y - told for y, (told, _) in zip(measured, predicted, strict=True)]
+    noise = float(np.median([_noise(log, rest) for log, rest in zip(logs, left, strict=True)]))
     return [np.abs(told - other) <= noise for told, other in predicted]
 
 
 def _noise(log: Log, residual: Array) -> float:
     """Standard deviation of what a model leaves, from its median change after a short time."""
     lag = max(1, min(round(SHORT * log.rate), len(residual) - 1))
-    return float(np.median(np.abs(residual[lag:] - residual[:-lag])) / 0.6745 / np.sqrt(2.0))
+    return float(np.nanmedian(np.abs(residual[lag:] - residual[:-lag])) / 0.6745 / np.sqrt(2.0))
