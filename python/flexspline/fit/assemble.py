@@ -45,6 +45,7 @@ def assembled(
     offset: tuple[int, Effect] | None = None,
     inputs: tuple[ChannelNoise, ...] = (),
     late: LateLoad | None = None,
+    as_recorded: bool = False,
 ) -> Fit:
     """Put everything together that a user sees of a fit.
 
@@ -58,6 +59,7 @@ def assembled(
     inputs : noise of each channel of the runs.
     late : the delay of the load beside which the estimate was made, or None. What it makes of the
         target stays in the residuals.
+    as_recorded : whether noisy channels are read as recorded, for the user asked for that.
     """
     (uncertainty, delay), validation = together(
         problem.threads, lambda: _errors(made, late), lambda: cross_validate(made)
@@ -88,8 +90,8 @@ def assembled(
     record = _record(problem, made, parameters, confounded, uncertainty)
     record["scores"] = [asdict(s) for s in scores]
     record["validated"] = validated
-    if not problem.preparations and any(one.noisy for one in inputs):
-        record["prepared"] = []  # as recorded on purpose: nothing is to be learned anew
+    if as_recorded:
+        record["prepared"] = []
     if delay is not None:
         record["delay"] = asdict(delay)
     part = Part(

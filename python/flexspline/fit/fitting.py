@@ -132,7 +132,7 @@ def fit(
     from flexspline.fit.requirements import require_apart, require_one_unit
     from flexspline.fit.ripple import with_found_orders
     from flexspline.logs.log import Log
-    from flexspline.prepared import learned, prepared
+    from flexspline.prepared import learned, preparations_for, prepared
 
     if robust not in (None, "huber"):
         raise InputError(f"robust is {robust!r}; give 'huber' or None")
@@ -220,7 +220,8 @@ def fit(
         bar.set_description("errors and validation")
         said = [*remarks, *warnings, *said]
         inputs = tuple(noise.values())
-        whole = assembled(posed, made, into, said, found, offset, inputs, late)
+        raw = bandwidth == math.inf and bool(preparations_for(noise, target, known_load))
+        whole = assembled(posed, made, into, said, found, offset, inputs, late, raw)
         return replace(whole, bandwidth=bandwidth)
 
 
