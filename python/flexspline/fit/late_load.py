@@ -66,13 +66,13 @@ class Beside:
 
     def some(self, every: int) -> Chunks:
         """Return what gives one chunk of `every`, as `Tangent.some`."""
+        return lambda: (chunk for _, _, chunk in self.pieces(every))
 
-        def chunks() -> Iterator[Chunk]:
-            for number, rows, chunk in self.tangent.pieces(every):
-                wide = np.column_stack([chunk.rows, self.columns[number][rows]])
-                yield replace(chunk, rows=wide)
-
-        return chunks
+    def pieces(self, every: int = 1) -> Iterator[tuple[int, slice, Chunk]]:
+        """Run number, rows and chunk of each piece, as `Tangent.pieces`."""
+        for number, rows, chunk in self.tangent.pieces(every):
+            wide = np.column_stack([chunk.rows, self.columns[number][rows]])
+            yield number, rows, replace(chunk, rows=wide)
 
 
 def can_be_late(problem: Problem, effects: Sequence[str]) -> bool:
