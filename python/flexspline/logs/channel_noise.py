@@ -36,7 +36,7 @@ __all__ = ["ChannelNoise", "channel_noise"]
 Array = NDArray[np.float64]
 
 SECONDS = 4.0  # of a segment: it resolves a quarter of a hertz, far below any bandwidth sought
-SHORTEST = 64  # rows of a run that is looked at
+SHORTEST = 128  # rows of a run that is looked at: in shorter ones leakage passes for noise
 DIFFERENCES = 2
 BESIDE = 3  # neighbours in frequency that exceed the floor together: one alone is chance
 EVEN = 1e-3  # of a step, by which times may be off to count as even
