@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -70,6 +70,10 @@ class Part:
     def preparations(self) -> tuple[Preparation, ...]:
         """How channels are to be made before the effects read them."""
         return preparations_of(self.record)
+
+    def preparing(self, ways: Iterable[Preparation]) -> Part:
+        """Return the part whose effects read channels made in these ways."""
+        return replace(self, record={**self.record, "prepared": [way.to_json() for way in ways]})
 
 
 def part_to_json(part: Part) -> dict[str, Any]:

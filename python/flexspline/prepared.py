@@ -12,23 +12,34 @@ never smoothed.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from flexspline.errors import InputError
 from flexspline.logs.channel_noise import ChannelNoise, channel_noise
 from flexspline.logs.derive import differentiate, lowpass_log
+from flexspline.logs.local_fit import require_bandwidth
 from flexspline.logs.log import Log
 
-__all__ = ["Preparation", "noise_of_channels", "preparations_for", "preparations_of", "prepared"]
+__all__ = [
+    "MOTION",
+    "Preparation",
+    "learned",
+    "noise_of_channels",
+    "preparations_for",
+    "preparations_of",
+    "prepared",
+]
 
 POSITION, VELOCITY, ACCELERATION = (
     "output_position",
     "output_velocity",
     "output_acceleration",
 )
+MOTION = (POSITION, VELOCITY, ACCELERATION)
 INPUTS = ("motor_position", "temperature", "motor_temperature")
 OF_THE_MOTOR = ("motor_torque", "motor_current")  # inputs where they are not the target
 QUIETER = 0.5  # of the noise of a derivative, for a recorded velocity to be used instead: it may
@@ -117,6 +128,41 @@ def prepared(log: Log, preparations: Iterable[Preparation]) -> Log:
 _MADE: WeakKeyDictionary[Log, dict[tuple[Preparation, ...], Log]] = WeakKeyDictionary()
 
 
+def learned(
+    logs: Sequence[Log],
+    target: str,
+    known_load: str | None,
+    bandwidth: float | None = None,
+) -> tuple[dict[str, ChannelNoise], tuple[Preparation, ...]]:
+    """Return the noise of each channel, and how the inputs of a model are made from them.
+
+    Parameters
+    ----------
+    bandwidth : Hz, -3 dB of the output's motion; None: what tells each derivative best; infinity:
+        every channel is read as recorded.
+
+    Raises
+    ------
+    InputError
+        For a bandwidth that does not suit the rate of a log.
+    """
+    if bandwidth is not None and not bandwidth > 0.0:
+        raise InputError(
+            f"bandwidth is {bandwidth!r}; give Hz above 0, or infinity for channels as recorded"
+        )
+    if bandwidth is not None and np.isfinite(bandwidth):
+        for log in logs:
+            require_bandwidth(bandwidth, log.rate, f"log '{log.name}', motion of the output")
+    noise = noise_of_channels(logs)
+    if bandwidth == np.inf:
+        return noise, ()
+    position, velocity = noise.get(POSITION), noise.get(VELOCITY)
+    if position is not None and velocity is not None and _quieter(velocity, position):
+        late = _lateness(logs, position.smoother(1))
+        noise[VELOCITY] = replace(velocity, delay=late)
+    return noise, preparations_for(noise, target, known_load, bandwidth)
+
+
 def noise_of_channels(logs: Sequence[Log]) -> dict[str, ChannelNoise]:
     """Return the noise of each channel that all runs have with finite values, by its name."""
     shared = [name for name in logs[0].channels if name != "time"]
@@ -129,7 +175,10 @@ def noise_of_channels(logs: Sequence[Log]) -> dict[str, ChannelNoise]:
 
 
 def preparations_for(
-    noise: Mapping[str, ChannelNoise], target: str, known_load: str | None
+    noise: Mapping[str, ChannelNoise],
+    target: str,
+    known_load: str | None,
+    bandwidth: float | None = None,
 ) -> tuple[Preparation, ...]:
     """Return how the inputs of a model are made from channels with this noise.
 
@@ -138,8 +187,9 @@ def preparations_for(
     noise : by channel, see `noise_of_channels`.
     target : it is never smoothed, nor what it is made of beside the rows.
     known_load : channel of τ_load that the rows read, or None.
+    bandwidth : Hz, -3 dB of all of the output's motion; None: what tells each derivative best.
     """
-    made = list(_motion(noise))
+    made = list(_motion(noise, bandwidth))
     drive = target in ("motor_torque", "motor_current")
     inputs = (*INPUTS, *(() if drive else OF_THE_MOTOR), *([known_load] if known_load else []))
     for name in (n for n in inputs if n in noise):
@@ -148,24 +198,45 @@ def preparations_for(
     return tuple(made)
 
 
-def _motion(noise: Mapping[str, ChannelNoise]) -> Iterable[Preparation]:
+def _motion(noise: Mapping[str, ChannelNoise], bandwidth: float | None) -> Iterable[Preparation]:
     """The output's motion: derivatives first, since they are those of the position as recorded."""
     position, velocity = noise.get(POSITION), noise.get(VELOCITY)
-    if position is None or not position.noisy:
+    if position is None or not (position.noisy or bandwidth is not None):
         if velocity is not None and velocity.noisy:  # an angle without noise tells it better
             told = velocity.smoother() if position is None else position.smoother(1)
-            yield Preparation(VELOCITY, VELOCITY if position is None else POSITION, told)
+            source = VELOCITY if position is None else POSITION
+            yield Preparation(VELOCITY, source, bandwidth or told)
         return
-    source = POSITION
-    if velocity is not None:
-        band = min(position.bandwidth, velocity.bandwidth)
-        if velocity.within(band) < QUIETER * position.within(band, 1):
-            source = VELOCITY
-    if source == VELOCITY and velocity is not None:
-        yield Preparation(ACCELERATION, VELOCITY, velocity.smoother(1))
-        if velocity.noisy:
-            yield Preparation(VELOCITY, VELOCITY, velocity.smoother())
+    if velocity is not None and _quieter(velocity, position):
+        yield Preparation(ACCELERATION, VELOCITY, bandwidth or velocity.smoother(1))
+        if velocity.noisy or bandwidth is not None:
+            yield Preparation(VELOCITY, VELOCITY, bandwidth or velocity.smoother())
     else:
-        yield Preparation(ACCELERATION, POSITION, position.smoother(2))
-        yield Preparation(VELOCITY, POSITION, position.smoother(1))
-    yield Preparation(POSITION, POSITION, position.smoother())
+        yield Preparation(ACCELERATION, POSITION, bandwidth or position.smoother(2))
+        yield Preparation(VELOCITY, POSITION, bandwidth or position.smoother(1))
+    yield Preparation(POSITION, POSITION, bandwidth or position.smoother())
+
+
+def _quieter(velocity: ChannelNoise, position: ChannelNoise) -> bool:
+    """Whether a recorded velocity, with its delay, is nearer to the motion than a derivative is."""
+    band = min(position.bandwidth, velocity.bandwidth)
+    late = velocity.delay * velocity.slope
+    return bool(np.hypot(velocity.within(band), late) < QUIETER * position.within(band, 1))
+
+
+def _lateness(logs: Sequence[Log], bandwidth: float) -> float:
+    """By how much the recorded velocity is later than the position's derivative, s.
+
+    A velocity that is late by d falls short of the derivative by d times the acceleration, both
+    seen through the same smoother.
+    """
+    products, squares = 0.0, 0.0
+    for log in logs:
+        made = differentiate(log, bandwidth=bandwidth)
+        smooth = lowpass_log(log, bandwidth, (VELOCITY,))
+        short = made[VELOCITY] - smooth[VELOCITY]
+        seen = np.isfinite(short) & np.isfinite(made[ACCELERATION])
+        slope = made[ACCELERATION][seen]
+        products += float(short[seen] @ slope)
+        squares += float(slope @ slope)
+    return products / squares if squares > 0.0 else 0.0

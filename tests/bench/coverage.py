@@ -1,6 +1,7 @@
 """Do 95 % intervals cover the truth? Simulated logs of a joint in noise with memory.
 
     python tests/bench/coverage.py [logs per case] [part of the case's name]
+    python tests/bench/coverage.py --class lab [sets of runs] [deal]      (see lab_coverage.py)
 
 prints, per case, the least, the median and the largest coverage over the parameters for our
 intervals, for naive ones (white noise) and for Newey–West (Bartlett weights, the usual
@@ -218,6 +219,11 @@ CASES = (
 
 
 def main() -> None:
+    if sys.argv[1:3] == ["--class", "lab"]:
+        import lab_coverage
+
+        lab_coverage.main(sys.argv[3:])
+        return
     logs = int(sys.argv[1]) if len(sys.argv) > 1 else 1000
     wanted = sys.argv[2] if len(sys.argv) > 2 else ""
     print(f"{'':34s} {'ours':^17s} {'naive':^17s} {'Newey–West':^17s} short  error ratio")

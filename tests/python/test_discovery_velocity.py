@@ -145,5 +145,7 @@ def test_an_estimate_reads_the_velocity_as_the_joint_does_and_says_so() -> None:
 def test_a_comparison_is_of_what_the_model_predicts() -> None:
     made, log = found().model, run(0, 0.004)
     residual = made.predict(log).residual
-    rmse = flexspline.compare(made, log).rmse
-    assert rmse == pytest.approx(float(np.sqrt(np.mean(residual**2))), rel=1e-9)
+    compared = flexspline.compare(made, log)
+    rows = np.isfinite(compared.runs[0].residual)  # but those that the recorder does not resolve
+    assert rows.mean() > 0.95
+    assert compared.rmse == pytest.approx(float(np.sqrt(np.mean(residual[rows] ** 2))), rel=1e-9)

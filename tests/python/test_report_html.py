@@ -69,6 +69,7 @@ def test_the_report_is_small_and_has_all_sections(page: str) -> None:
         "figures",
         "shares",
         "trust",
+        "channels",
         "logs",
         "again",
     ]

@@ -7,7 +7,15 @@ from pathlib import Path
 import click
 
 from flexspline.cli.help import Taught, repairs
-from flexspline.cli.options import controller, known_load, lowpass, reading, simulation, target
+from flexspline.cli.options import (
+    bandwidth,
+    controller,
+    known_load,
+    lowpass,
+    reading,
+    simulation,
+    target,
+)
 from flexspline.cli.runs import Reading, on_terminal, simulations
 from flexspline.errors import InputError
 from flexspline.files import atomic_write, whole_folder
@@ -32,6 +40,7 @@ __all__ = ["compare"]
 @controller
 @known_load
 @lowpass
+@bandwidth
 @reading()
 def compare(
     runs: tuple[str, ...],
@@ -45,6 +54,7 @@ def compare(
     controller: str | None,
     known_load: str | None,
     lowpass: float | None,
+    bandwidth: float | None,
     reading: Reading,
 ) -> None:
     """Say where a model, or any simulation, and runs disagree, and how far above the noise.
@@ -86,6 +96,7 @@ def compare(
             logs,
             target=target,
             lowpass=lowpass,
+            bandwidth=bandwidth,
             simulated=simulated,
             simulation=simulations(simulation, simulated_torque, motion=simulated_motion),
             simulated_torque=simulated_torque,

@@ -9,6 +9,7 @@ import click
 
 from flexspline.cli.help import Taught, effects_by_target, repairs
 from flexspline.cli.options import (
+    bandwidth,
     fixed,
     known_load,
     lowpass,
@@ -61,6 +62,7 @@ def _numbers(text: str) -> tuple[float, ...]:
 @click.option("--out", required=True, metavar="DIR", help="Folder for what is found.")
 @known_load
 @lowpass
+@bandwidth
 @orders
 @fixed
 @click.option(
@@ -130,6 +132,7 @@ def discover(
             simulation=simulations(simulation, simulated_torque),
             simulated_torque=simulated_torque,
             lowpass=options["lowpass"],
+            bandwidth=options["bandwidth"],
             orders=options["orders"],
             fixed=options["fix"],
             exclude=[n.strip() for n in (options["exclude"] or "").split(",") if n.strip()],

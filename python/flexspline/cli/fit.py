@@ -10,6 +10,7 @@ import click
 from flexspline import fit as fit_effects
 from flexspline.cli.help import Taught, effects_by_target, repairs
 from flexspline.cli.options import (
+    bandwidth,
     fixed,
     known_load,
     lowpass,
@@ -47,6 +48,7 @@ def _prior(text: str) -> tuple[float, float]:
 @click.option("--into", metavar="MODEL.json", help="Add this part to a model of the same joint.")
 @known_load
 @lowpass
+@bandwidth
 @orders
 @fixed
 @click.option(
@@ -137,6 +139,7 @@ def fit(
             target,
             known_load=options["known_load"],
             lowpass=options["lowpass"],
+            bandwidth=options["bandwidth"],
             orders=options["orders"],
             fixed=options["fix"],
             bounds=options["bound"],

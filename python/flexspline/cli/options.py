@@ -13,6 +13,7 @@ from flexspline.effects import TARGETS, effect
 from flexspline.errors import InputError
 
 __all__ = [
+    "bandwidth",
     "controller",
     "fixed",
     "known_load",
@@ -127,6 +128,21 @@ def lowpass(command: Command) -> Command:
         type=positive,
         metavar="HZ",
         help="Zero-phase low pass, on the target and on every row alike.",
+    )(command)
+
+
+def _bandwidth(ctx: click.Context, param: click.Parameter, text: str | None) -> float | None:
+    return math.inf if text == "none" else None if text is None else positive(text)
+
+
+def bandwidth(command: Command) -> Command:
+    """--bandwidth HZ"""
+    return click.option(
+        "--bandwidth",
+        metavar="HZ",
+        callback=_bandwidth,
+        help="To which the motion of the output is smoothed before the model reads it; by default "
+        "as the noise of the channels tells. none: all channels as recorded.",
     )(command)
 
 

@@ -48,6 +48,9 @@ def assembled(compared: Compared, made: Analysis, facts: Mapping[str, Any]) -> C
         dict(facts),
         compared.foreign,
         compared.notes,
+        compared.inputs,
+        compared.preparations,
+        compared.bandwidth,
     )
 
 

@@ -25,6 +25,7 @@ def compare(
     *,
     target: str | None = None,
     lowpass: float | None = None,
+    bandwidth: float | None = None,
     simulated: bool = False,
     controller: PositionServo | None = None,
     simulation: Log | Sequence[Log] | None = None,
@@ -41,6 +42,10 @@ def compare(
     logs : one or several runs of its joint.
     target : which part, where the model has several.
     lowpass : Hz; zero phase, on measured and predicted alike.
+    bandwidth : Hz, -3 dB to which the motion of the output is smoothed before the model reads it.
+        None: channels are made as in the runs that the model was fitted to, or where it says
+        nothing of that, noisy ones as these runs tell (`Comparison.inputs`); ``float("inf")``: all
+        are read as recorded.
     simulated : compare a forward simulation (see `flexspline.simulate`) instead of the prediction:
         of a drive or a torsion the output's angle, of a sensor its reading.
     controller : the servo law that drives the simulation, where the motor torque is not measured.
@@ -86,6 +91,8 @@ def compare(
     _require_one_base(model, foreign, simulated, simulation, simulated_torque, simulated_motion)
     if (simulated or simulated_motion) and lowpass is not None:
         raise InputError("a low pass is for predictions; leave lowpass out where simulated")
+    if (simulated or simulated_motion) and bandwidth is not None:
+        raise InputError("a bandwidth is for predictions; leave bandwidth out where simulated")
     with tqdm(desc="predicting", total=4, disable=not progress, leave=False, delay=1.0) as bar:
 
         def say(what: str) -> None:
@@ -107,7 +114,7 @@ def compare(
             compared = (
                 by_simulation(model, runs, target, controller)
                 if simulated
-                else predicted(model, runs, target, lowpass)
+                else predicted(model, runs, target, lowpass, bandwidth)
             )
         compared = replace(compared, notes=(*compared.notes, *notes))
         made = analysed(compared, say)

@@ -13,6 +13,7 @@ import jsonschema
 from flexspline import __version__
 from flexspline.comparison.bands import OrderPeak
 from flexspline.comparison.says import floor_sentence
+from flexspline.report.inputs import bandwidth_used, inputs_json
 
 if TYPE_CHECKING:
     from flexspline.comparison.result import Comparison
@@ -50,6 +51,8 @@ def comparison_json(made: Comparison) -> str:
         "noise": asdict(made.memory),
         "simulation": made.foreign or None,
         "notes": list(made.notes),
+        "inputs": inputs_json(made.inputs, made.preparations),
+        "bandwidth_hz": bandwidth_used(made.preparations),
     }
     jsonschema.Draft202012Validator(_schema()).validate(content)
     return json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"

@@ -17,7 +17,9 @@ if TYPE_CHECKING:
     import pandas
     from matplotlib.figure import Figure
 
+    from flexspline.logs.channel_noise import ChannelNoise
     from flexspline.orders import OrderAnalysis
+    from flexspline.prepared import Preparation
 
 __all__ = ["Comparison", "Follows", "Remembered"]
 
@@ -75,6 +77,9 @@ class Comparison:
     spectrum : of the residual over the output's orders, or None where it does not turn.
     foreign : the foreign simulation that is the base, in words; "" without one.
     notes : sentences on it: rows of which it says nothing, delays.
+    inputs : noise of each channel of the runs; of a prediction.
+    preparations : how channels were made before the model read them.
+    bandwidth : Hz, of the output's motion, as it was asked for; None: as model or runs tell.
     """
 
     what: str
@@ -95,6 +100,9 @@ class Comparison:
     facts: Mapping[str, Any]
     foreign: str = ""
     notes: tuple[str, ...] = ()
+    inputs: tuple[ChannelNoise, ...] = ()
+    preparations: tuple[Preparation, ...] = ()
+    bandwidth: float | None = None
 
     @property
     def rmse(self) -> float:

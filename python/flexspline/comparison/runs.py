@@ -5,7 +5,7 @@ Prediction and forward simulation both end here; whatever follows does not know 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,11 +13,13 @@ from numpy.typing import NDArray
 
 from flexspline.comparison.velocity import velocity_noise, with_motion
 from flexspline.errors import InputError
+from flexspline.fit.resolution import away_from_ends, coarser, resolved_rows
+from flexspline.logs.channel_noise import ChannelNoise
 from flexspline.logs.log import Log
 from flexspline.logs.segments import median_step
 from flexspline.model import Model, Part
 from flexspline.part import PART_OF
-from flexspline.prepared import prepared
+from flexspline.prepared import VELOCITY, Preparation, learned, prepared
 from flexspline.signals import target_of
 
 __all__ = ["LOADS", "Compared", "ComparedRun", "load_of", "load_source_of", "located", "predicted"]
@@ -60,7 +62,8 @@ class Compared:
     `simulated`: by forward simulation. `lowpass`: Hz, or None. `load_source`: where the load of
     the runs is from, in words; `load_unit` where that is the model. `floor`: noise of what is
     measured, where that is known; None where it is to be estimated. `foreign`: the simulation
-    that is the base, in words; "" without one. `notes`: sentences on it.
+    that is the base, in words; "" without one. `notes`: sentences on it. `inputs`: noise of each
+    channel; `preparations`: how the model read them; `bandwidth`: Hz, as it was asked for.
     """
 
     runs: tuple[ComparedRun, ...]
@@ -73,12 +76,21 @@ class Compared:
     floor: float | None = None
     foreign: str = ""
     notes: tuple[str, ...] = ()
+    inputs: tuple[ChannelNoise, ...] = ()
+    preparations: tuple[Preparation, ...] = ()
+    bandwidth: float | None = None
 
 
 def predicted(
-    model: Model, logs: Sequence[Log], target: str | None, lowpass: float | None
+    model: Model,
+    logs: Sequence[Log],
+    target: str | None,
+    lowpass: float | None,
+    bandwidth: float | None = None,
 ) -> Compared:
     """Return measured and predicted y of every run.
+
+    `bandwidth`: see `compare`.
 
     Raises
     ------
@@ -86,17 +98,62 @@ def predicted(
         Where a log lacks the target or a channel that an effect reads.
     """
     part = model.part(target)
-    logs = [prepared(log, part.preparations) for log in logs]
+    noise, ways = learned(logs, part.target, part.known_load, bandwidth)
+    if bandwidth is None and "prepared" in part.record:
+        ways = part.preparations
+    if ways != part.preparations:
+        part = part.preparing(ways)
+        model = replace(model, parts={**model.parts, PART_OF[part.target]: part})
     source = load_source_of(part, logs)
-    runs = tuple(_predicted_run(model, part, log, lowpass, source) for log in logs)
+    own = _noise_left(noise, ways)
+    runs = tuple(_predicted_run(model, part, log, lowpass, source, own) for log in logs)
+    notes: tuple[str, ...] = ()
+    if part.target != "torsion" and any(way.channel == VELOCITY for way in ways):
+        runs, notes = _resolved(model, part, logs, lowpass, runs)
     foreign = part.simulated.words if part.simulated is not None else ""
     return Compared(
-        runs, part.target, part.unit, False, lowpass, source, part.unit, foreign=foreign
+        runs, part.target, part.unit, False, lowpass, source, part.unit, foreign=foreign,
+        notes=notes, inputs=tuple(noise.values()), preparations=tuple(ways), bandwidth=bandwidth,
+    )  # fmt: skip
+
+
+def _resolved(
+    model: Model,
+    part: Part,
+    logs: Sequence[Log],
+    lowpass: float | None,
+    runs: Sequence[ComparedRun],
+) -> tuple[tuple[ComparedRun, ...], tuple[str, ...]]:
+    """The runs without rows whose motion the recorder does not resolve, and how many these are.
+
+    `part`, `lowpass`: by which the model's predictions were made.
+    """
+    further = part.preparing(coarser(part.preparations))
+    blurred = replace(model, parts={**model.parts, PART_OF[part.target]: further})
+    both = [
+        (run.modelled, blurred.predict(log, part.target, lowpass_hz=lowpass).predicted)
+        for run, log in zip(runs, logs, strict=True)
+    ]
+    told = resolved_rows(logs, [run.measured for run in runs], both)
+    made = []
+    for run, log, rows in zip(runs, logs, told, strict=True):
+        counted = rows & away_from_ends(log, log, part.preparations)
+        made.append(replace(run, modelled=np.where(counted, run.modelled, np.nan)))
+    left = sum(
+        int(np.isfinite(a.residual).sum() - np.isfinite(b.residual).sum())
+        for a, b in zip(runs, made, strict=True)
+    )
+    if not left:
+        return tuple(runs), ()
+    whole = sum(map(len, logs))
+    return tuple(made), (
+        f"{left} of {whole} rows are not compared: there, at reversals and at the ends of runs, "
+        "the recorder does not resolve the motion.",
     )
 
 
 def _predicted_run(
-    model: Model, part: Part, log: Log, lowpass: float | None, source: str
+    model: Model, part: Part, log: Log, lowpass: float | None, source: str, noise: float
 ) -> ComparedRun:
     made = model.predict(log, part.target, lowpass_hz=lowpass)
     if not np.isfinite(made.residual).any():
@@ -105,9 +162,17 @@ def _predicted_run(
             f"log '{log.name}': no row has a measured and a predicted {part.target}; "
             "look for channels without values"
         )
-    log = with_motion(log)
+    log = with_motion(prepared(log, part.preparations))
     load = load_of(model, part, log, source)
-    return located(model, part, log, made.measured, made.predicted, lowpass, load)
+    return located(model, part, log, made.measured, made.predicted, lowpass, load, noise)
+
+
+def _noise_left(noise: Mapping[str, ChannelNoise], ways: Sequence[Preparation]) -> float:
+    """What smoothing leaves of the velocity's noise, rad/s: it is no longer white there."""
+    for way in ways:
+        if way.channel == VELOCITY and way.source in noise:
+            return noise[way.source].within(way.bandwidth, int(way.source != VELOCITY))
+    return 0.0
 
 
 def located(
@@ -118,13 +183,15 @@ def located(
     modelled: Array,
     lowpass: float | None,
     load: Array | None,
+    smoothed: float = 0.0,
 ) -> ComparedRun:
     """Return a run with what locates a disagreement, and what its velocity's noise does to it.
 
-    `part`: of the model, whose friction the noise goes through. Others as in `ComparedRun`.
+    `part`: of the model, whose friction the noise goes through. `smoothed`: noise that is left of a
+    smoothed velocity, rad/s. Others as in `ComparedRun`.
     """
     log = with_motion(log)
-    noise = velocity_noise(log)
+    noise = max(velocity_noise(log), smoothed)
     doubt = _doubt(model, part, log, noise)
     if lowpass is not None:  # white noise keeps this share of its size
         doubt = doubt * min(1.0, (2.0 * lowpass * median_step(log["time"])) ** 0.5)

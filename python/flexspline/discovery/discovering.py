@@ -48,6 +48,7 @@ def discover(
     simulation: Log | Sequence[Log] | None = None,
     simulated_torque: str | None = None,
     lowpass: float | None = None,
+    bandwidth: float | None = None,
     orders: Mapping[str, Sequence[int]] | None = None,
     fixed: Mapping[str, float] | None = None,
     exclude: Iterable[str] = (),
@@ -72,6 +73,8 @@ def discover(
     simulation, simulated_torque : what any simulator predicts of the target, as for `compare`: it
         is the base, and what is found is what it lacks.
     lowpass : Hz; zero phase, on the target and on every row alike.
+    bandwidth : Hz, -3 dB to which the motion of the output is smoothed before rows read it; None:
+        as the runs tell; ``float("inf")``: all channels as recorded. See `fit`.
     orders : {"output_ripple": [1, 2]} of the base; found where they are not given.
     fixed : parameters that are not fitted, as for `fit`.
     exclude : names of effects that are known not to be there; none of them is a candidate.
@@ -109,7 +112,7 @@ def discover(
         raise InputError("there is no log to look at; give at least one")
     require_apart(runs)
     if by != "regression" or controller is not None or free_controller:
-        _require_simulation(by, simulation, simulated_torque, lowpass)
+        _require_simulation(by, simulation, simulated_torque, lowpass, bandwidth)
         return _by_simulation(
             _driven(model_or_effects, target, known_load, fixed or {}), runs, orders or {},
             exclude, controller, free_controller, threads, progress,
@@ -120,8 +123,9 @@ def discover(
     start = _start(base, target, known_load, fixed or {})
     with threadpool_limits(1, user_api="blas"):  # tables are thin: threads of BLAS would only wait
         return _discovered(
-            start, runs, of_base, lowpass, orders or {}, exclude, limits, progress, threads
-        )
+            start, runs, of_base, lowpass, bandwidth, orders or {}, exclude, limits, progress,
+            threads,
+        )  # fmt: skip
 
 
 def _discovered(
@@ -129,6 +133,7 @@ def _discovered(
     runs: list[Log],
     of_base: tuple[DataFault, ...],
     lowpass: float | None,
+    bandwidth: float | None,
     orders: Mapping[str, Sequence[int]],
     exclude: Iterable[str],
     limits: Limits | None,
@@ -147,15 +152,14 @@ def _discovered(
     from flexspline.discovery.grades import graded
     from flexspline.logs.left_out import only_experiments
     from flexspline.logs.repairs import move_earlier
-    from flexspline.prepared import noise_of_channels, preparations_for
+    from flexspline.prepared import learned
 
     recordings = only_experiments(runs, start.target)
     runs = [one.log for one in recordings]
     faults = data_faults(runs, start.effects, start.target, start.known_load, threads)
     faults = (*of_base, *_cut(recordings, faults))
     runs, faults = with_measured_ratio(runs, faults, start.target)
-    inputs = noise_of_channels(runs)
-    ways = preparations_for(inputs, start.target, start.known_load)
+    inputs, ways = learned(runs, start.target, start.known_load, bandwidth)
 
     style = {"bar_format": "{desc}{elapsed}", "leave": False, "delay": 1.0}
     with tqdm(desc="discovering", disable=not progress, **style) as bar:
@@ -189,7 +193,11 @@ def _discovered(
 
 
 def _require_simulation(
-    by: str, simulation: object, simulated_torque: str | None, lowpass: float | None
+    by: str,
+    simulation: object,
+    simulated_torque: str | None,
+    lowpass: float | None,
+    bandwidth: float | None,
 ) -> None:
     if by not in ("regression", "simulation"):
         raise InputError(f"by is {by!r}; give 'regression' or 'simulation'")
@@ -201,6 +209,8 @@ def _require_simulation(
         )
     if lowpass is not None:
         raise InputError("by='simulation' compares the motion as it is; leave lowpass out")
+    if bandwidth is not None:
+        raise InputError("by='simulation' compares the motion as it is; leave bandwidth out")
 
 
 def _driven(
@@ -342,7 +352,7 @@ def _searched(runs: _Recorded, way: _Way, exclude: Sequence[str], free: Sequence
     if any(e.ripple and not e.harmonics for e in effects):
         effects = fit(
             effects, runs.logs, start.target, known_load=start.known_load, lowpass=way.lowpass,
-            fixed=start.fixed, checks=False, threads=way.threads,
+            fixed=start.fixed, checks=False, threads=way.threads, bandwidth=float("inf"),
             simulated_torque=SIMULATED if start.simulated else None,
         ).part.effects  # fmt: skip
     effects = with_freedoms(effects, free)

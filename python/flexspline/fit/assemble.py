@@ -14,14 +14,16 @@ from flexspline.fit.derived import sign_warnings
 from flexspline.fit.estimate import Estimate, counts_of, residuals_of
 from flexspline.fit.estimate_errors import uncertainty_of
 from flexspline.fit.identifiability import Confounded, confounded_groups
+from flexspline.fit.late_load import LateLoad
 from flexspline.fit.loops import loop_warnings
 from flexspline.fit.memory import memory_warnings
 from flexspline.fit.offsets import offset_parameters
 from flexspline.fit.problem import Problem
-from flexspline.fit.result import Fit, FittedRun, Parameter
+from flexspline.fit.result import Delay, Fit, FittedRun, Parameter
 from flexspline.fit.scores import scores_of
 from flexspline.fit.uncertainty import Uncertainty
 from flexspline.fit.validation import cross_validate
+from flexspline.logs.channel_noise import ChannelNoise
 from flexspline.model import Model, Part
 from flexspline.parallel import together
 from flexspline.plain import plain_json
@@ -41,6 +43,9 @@ def assembled(
     warnings: Sequence[str],
     orders: Any,
     offset: tuple[int, Effect] | None = None,
+    inputs: tuple[ChannelNoise, ...] = (),
+    late: LateLoad | None = None,
+    as_recorded: bool = False,
 ) -> Fit:
     """Put everything together that a user sees of a fit.
 
@@ -51,10 +56,19 @@ def assembled(
     orders : the order analysis that chose orders, or None.
     offset : where these were taken out, the effect of which each run has its own and its place
         among the effects; else None.
+    inputs : noise of each channel of the runs.
+    late : the delay of the load beside which the estimate was made, or None. What it makes of the
+        target stays in the residuals.
+    as_recorded : whether noisy channels are read as recorded, for the user asked for that.
     """
-    uncertainty, validation = together(
-        problem.threads, lambda: uncertainty_of(made), lambda: cross_validate(made)
+    (uncertainty, delay), validation = together(
+        problem.threads, lambda: _errors(made, late), lambda: cross_validate(made)
     )
+    held_out_residuals = validation.residuals
+    if late is not None:
+        held_out_residuals = tuple(
+            residual + late.of(k) for k, residual in enumerate(validation.residuals)
+        )
     confounded = _confounded(problem, made, uncertainty)
     parameters = _parameters(problem, made, uncertainty, confounded)
     effects, values = made.linear.effects, _shared(problem, made)
@@ -66,18 +80,20 @@ def assembled(
         values = np.insert(values, sum(len(e.terms) for e in before), mean)
         effects = (*before, offset[1], *effects[offset[0] :])
     residuals = residuals_of(problem, made.linear)
-    scores = scores_of(problem, residuals, validation.residuals)
+    scores = scores_of(problem, residuals, held_out_residuals)
     runs = tuple(
         FittedRun(run.log, run.target, run.target - residual, held_out, counts_of(run))
-        for run, residual, held_out in zip(
-            problem.runs, residuals, validation.residuals, strict=True
-        )
+        for run, residual, held_out in zip(problem.runs, residuals, held_out_residuals, strict=True)
     )
     covariance = uncertainty.covariance
     validated = {"by": validation.by, "folds": validation.folds}
     record = _record(problem, made, parameters, confounded, uncertainty)
     record["scores"] = [asdict(s) for s in scores]
     record["validated"] = validated
+    if as_recorded:
+        record["prepared"] = []
+    if delay is not None:
+        record["delay"] = asdict(delay)
     part = Part(
         problem.target,
         effects,
@@ -104,8 +120,24 @@ def assembled(
         exact=made.linear.exact,
         condition=made.linear.solution.condition,
         orders=orders,
+        inputs=inputs,
+        delay=delay,
     )
     return replace(found, warnings=(*found.warnings, *sign_warnings(found), *loop_warnings(found)))
+
+
+def _errors(made: Estimate, late: LateLoad | None) -> tuple[Uncertainty, Delay | None]:
+    """Errors of the parameters, and the delay of the load with its own."""
+    if late is None:
+        return uncertainty_of(made), None
+    whole = uncertainty_of(made, late.columns)
+    freedom = whole.degrees_of_freedom
+    shape = replace(whole, basis=whole.basis[:-1], degrees_of_freedom=freedom[:-1])
+    error = float(whole.standard_errors[-1])
+    counts = [counts_of(run) for run in made.tangent.problem.runs]
+    makes = np.concatenate([late.of(k)[rows] for k, rows in enumerate(counts)])
+    rms = float(np.sqrt(np.mean(makes**2)))
+    return shape, Delay(late.channel, late.seconds, error, rms)
 
 
 def _confounded(problem: Problem, made: Estimate, uncertainty: Uncertainty) -> list[Confounded]:

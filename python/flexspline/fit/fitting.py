@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -14,6 +15,9 @@ from flexspline.effects import Effect, effect
 from flexspline.errors import InputError
 
 if TYPE_CHECKING:  # what is heavy is imported where it is used: `flexspline --help` is quick
+    import numpy as np
+    from numpy.typing import NDArray
+
     from flexspline.fit.estimate import Estimate, Given
     from flexspline.fit.names import Bounds
     from flexspline.fit.problem import Problem
@@ -22,6 +26,7 @@ if TYPE_CHECKING:  # what is heavy is imported where it is used: `flexspline --h
     from flexspline.logs.log import Log
     from flexspline.model import Model
     from flexspline.output_error.settings import Settings
+    from flexspline.prepared import Preparation
     from flexspline.simulator.record import Simulated
 
 __all__ = ["fit", "fit_near", "simulation_settings", "with_orders"]
@@ -39,6 +44,7 @@ def fit(
     *,
     known_load: str | None = None,
     lowpass: float | None = None,
+    bandwidth: float | None = None,
     orders: Mapping[str, Sequence[int]] | None = None,
     fixed: Mapping[str, float] | None = None,
     bounds: Mapping[str, Bounds] | None = None,
@@ -69,6 +75,10 @@ def fit(
     known_load : channel that holds τ_load [Nm], such as "reference_torque". Without it a
         reference channel is left unused.
     lowpass : Hz; zero phase, on the target and on every row alike.
+    bandwidth : Hz, -3 dB to which the motion of the output is smoothed before rows read it. None:
+        the runs tell how noisy each channel is, and noisy ones are smoothed to what tells them
+        best (`Fit.inputs`); exact ones are read as recorded. ``float("inf")``: all channels are
+        read as recorded, whatever their noise.
     orders : {"output_ripple": [1, 2, 4]}; a ripple effect without orders gets those that the
         order analysis finds in the residual of the others.
     fixed : {"inertia": 0.02}: parameters that are not fitted, by "effect.term", shape name, or
@@ -116,11 +126,13 @@ def fit(
     """
     from flexspline.fit.assemble import assembled
     from flexspline.fit.estimate import Given, estimate
+    from flexspline.fit.late_load import beside_delay, can_be_late
     from flexspline.fit.offsets import OFFSET, taken_out
     from flexspline.fit.problem import problem_of
     from flexspline.fit.requirements import require_apart, require_one_unit
     from flexspline.fit.ripple import with_found_orders
     from flexspline.logs.log import Log
+    from flexspline.prepared import learned, preparations_for, prepared
 
     if robust not in (None, "huber"):
         raise InputError(f"robust is {robust!r}; give 'huber' or None")
@@ -140,10 +152,10 @@ def fit(
             raise InputError(
                 "by='simulation' drives the effects alone; leave the foreign simulation out"
             )
-        _require_simulation(by, priors, offset_per_run)
+        _require_simulation(by, priors, offset_per_run, bandwidth)
         regression = partial(
             fit, chosen, target=target, known_load=known_load, lowpass=lowpass, fixed=fixed,
-            bounds=bounds, robust=robust, checks=checks, threads=threads,
+            bounds=bounds, robust=robust, checks=checks, threads=threads, bandwidth=math.inf,
         )  # fmt: skip
         settings = simulation_settings(
             controller, free_controller, starts, folds, seed, threads, progress
@@ -166,7 +178,13 @@ def fit(
     at = [e.name for e in chosen].index(OFFSET) if centred else 0
     offset = (at, chosen.pop(at)) if centred else None
 
-    def problem(these: Sequence[Effect]) -> Problem:
+    noise, ways = learned(runs, target, known_load, bandwidth)
+    ways = _read_by(chosen, known_load, ways)
+    fine = [prepared(log, ways) for log in runs]
+
+    def posed_on(
+        inputs: Sequence[Log], these: Sequence[Effect], rows: Sequence[NDArray[np.bool_]] | None
+    ) -> Problem:
         made = problem_of(
             runs,
             these,
@@ -175,9 +193,20 @@ def fit(
             lowpass_hz=lowpass,
             threads=threads,
             offset_per_run=offset_per_run and not centred,
+            preparations=ways,
+            inputs=inputs,
+            counted=rows,
             simulated=simulated,
         )
         return replace(made, centred=centred)
+
+    counted = _resolved(runs, fine, chosen, ways, target, posed_on)
+
+    def problem(these: Sequence[Effect]) -> Problem:
+        return posed_on(fine, these, counted)
+
+    def again(problem: Problem, made: Estimate) -> Estimate:
+        return estimate(problem, made.linear.effects, given, bar.update, near=True)
 
     with tqdm(desc="solving", unit=" solves", disable=not progress, leave=False, delay=1.0) as bar:
         chosen, found, said = with_found_orders(chosen, problem)
@@ -185,8 +214,60 @@ def fit(
         _require_rows(posed, chosen)
         made = estimate(posed, chosen, given, bar.update)
         posed, made = _settled(posed, made, given, bar.update)
+        late = None
+        if can_be_late(posed, [e.name for e in chosen]):
+            made, late = beside_delay(posed, made, again)
         bar.set_description("errors and validation")
-        return assembled(posed, made, into, [*remarks, *warnings, *said], found, offset)
+        said = [*remarks, *warnings, *said]
+        inputs = tuple(noise.values())
+        raw = bandwidth == math.inf and bool(preparations_for(noise, target, known_load))
+        whole = assembled(posed, made, into, said, found, offset, inputs, late, raw)
+        return replace(whole, bandwidth=bandwidth)
+
+
+def _read_by(
+    effects: Sequence[Effect], known_load: str | None, ways: Sequence[Preparation]
+) -> tuple[Preparation, ...]:
+    """The preparations of channels that rows of these effects read."""
+    read = {channel for effect in effects for channel in effect.reads}
+    if "motor_position" in read:  # without a motor encoder it is made of the output's
+        read.add("output_position")
+    if known_load is not None:
+        read.add(known_load)
+    return tuple(way for way in ways if way.channel in read)
+
+
+def _resolved(
+    runs: Sequence[Log],
+    fine: Sequence[Log],
+    effects: Sequence[Effect],
+    ways: Sequence[Preparation],
+    target: str,
+    posed: Callable[[Sequence[Log], Sequence[Effect], list[NDArray[np.bool_]] | None], Problem],
+) -> list[NDArray[np.bool_]] | None:
+    """Which rows the recorder resolves, see `resolution.py`; None for all of exact runs."""
+    from flexspline.fit.estimate import Given, estimate
+    from flexspline.fit.resolution import away_from_ends, coarser, resolved_rows, with_fastest
+    from flexspline.prepared import MOTION, VELOCITY, prepared
+
+    if target == "torsion" or not any(way.channel == VELOCITY for way in ways):
+        return None
+    inside = [away_from_ends(log, log, ways) for log in runs]
+    these = with_fastest([e for e in effects if e.harmonics or not e.ripple])
+    exact = posed(fine, these, inside)
+    motion = [way for way in coarser(ways) if way.channel in MOTION]
+    coarse = [
+        one.with_columns(
+            {w.channel: made[w.channel] for w in motion}, note="motion further smoothed"
+        )
+        for one, made in ((one, prepared(log, motion)) for one, log in zip(fine, runs, strict=True))
+    ]
+    blurred = posed(coarse, these, inside)
+    made = estimate(exact, these, Given({}, {}, {}, False), lambda: None).linear
+    both = [problem.predict(made.effects, made.coefficients) for problem in (exact, blurred)]
+    measured = [run.target for run in exact.runs]
+    told = resolved_rows(runs, measured, list(zip(*both, strict=True)))
+    return [a & b for a, b in zip(inside, told, strict=True)]
 
 
 def fit_near(
@@ -226,13 +307,17 @@ def fit_near(
     return assembled(problem, made, into, [], None)
 
 
-def _require_simulation(by: str, priors: object, offset_per_run: bool) -> None:
+def _require_simulation(
+    by: str, priors: object, offset_per_run: bool, bandwidth: float | None
+) -> None:
     if by not in ("regression", "simulation"):
         raise InputError(f"by is {by!r}; give 'regression' or 'simulation'")
     if by == "regression":
         raise InputError("a controller drives a simulation; give by='simulation' or leave it out")
     if priors:
         raise InputError("by='simulation' takes no priors; fix or bound the parameter instead")
+    if bandwidth is not None and bandwidth != math.inf:
+        raise InputError("by='simulation' compares the motion as it is; leave bandwidth out")
     if offset_per_run:
         raise InputError("by='simulation' takes one offset for all runs; leave offset_per_run out")
 

@@ -49,7 +49,8 @@ class Run:
     (N,) in SI units, "known_load" among them. `target`: (N,), y. `unbroken`: row ranges
     [first, last) without a gap. `stretches`: the rows of these that count; the beginning may be
     left out, where an effect still depends on what came before the run.
-    `low_pass`: of the target, for the rows; None without one.
+    `low_pass`: of the target, for the rows; None without one. `whole`: `unbroken` before rows were
+    left out that do not count: through these time, and the noise, go on. None where none were.
     """
 
     log: Log
@@ -58,6 +59,7 @@ class Run:
     unbroken: tuple[tuple[int, int], ...]
     stretches: tuple[tuple[int, int], ...]
     low_pass: LowPass | None = None
+    whole: tuple[tuple[int, int], ...] | None = None
 
     def __len__(self) -> int:
         return len(self.target)
@@ -318,7 +320,10 @@ def _cut(run: Run, counted: NDArray[np.bool_]) -> Run:
         for first, last in run.stretches
         for a, b in true_ranges(counted[first:last])
     ]
-    return replace(run, unbroken=tuple(pieces), stretches=tuple(pieces)) if pieces else run
+    if not pieces:
+        return run
+    rows = tuple(pieces)
+    return replace(run, unbroken=rows, stretches=rows, whole=run.whole or run.unbroken)
 
 
 def _run(

@@ -20,9 +20,10 @@ from flexspline.model import Model, Part, Prediction
 if TYPE_CHECKING:
     import pandas
 
+    from flexspline.logs.channel_noise import ChannelNoise
     from flexspline.output_error.result import SimulationFit
 
-__all__ = ["Fit", "FittedRun", "Parameter"]
+__all__ = ["Delay", "Fit", "FittedRun", "Parameter"]
 
 Array = NDArray[np.float64]
 
@@ -82,6 +83,19 @@ class FittedRun:
 
 
 @dataclass(frozen=True)
+class Delay:
+    """By how much a channel is later than the target, s, with its standard error.
+
+    `rmse`: what that makes of the residual, in the unit of the target.
+    """
+
+    channel: str
+    seconds: float
+    standard_error: float
+    rmse: float
+
+
+@dataclass(frozen=True)
 class Fit:
     """The result of `fit`: prints as a verdict, one line for each term.
 
@@ -101,6 +115,10 @@ class Fit:
     orders : the analysis that found the orders of ripple effects, or None.
     simulation : of a fit by simulation: how far the motion is missed, and how it was searched.
         The parameters, errors and `folds` are then those of the motion, `noise` the regression's.
+    inputs : noise of each channel of the runs; how they were prepared stands in the model.
+    delay : of the known load behind the target, beside which the parameters were found; None where
+        the load is exact, or an effect is such a delay.
+    bandwidth : Hz, of the output's motion, as it was asked for; None: as the runs tell.
     """
 
     model: Model
@@ -119,6 +137,9 @@ class Fit:
     condition: float
     orders: Any
     simulation: SimulationFit | None = None
+    inputs: tuple[ChannelNoise, ...] = ()
+    delay: Delay | None = None
+    bandwidth: float | None = None
 
     @property
     def part(self) -> Part:

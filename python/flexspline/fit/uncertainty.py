@@ -141,6 +141,7 @@ def parameter_uncertainty(
     noise: NoiseModel,
     prior: Prior | None = None,
     counted: int | None = None,
+    left_out: int = 0,
 ) -> Uncertainty:
     """Covariance of least-squares coefficients under the noise model, in one pass.
 
@@ -150,6 +151,7 @@ def parameter_uncertainty(
     noise : the fitted model.
     prior : pseudo-rows that were part of the problem, if any.
     counted : rows of the whole problem, where the chunks are an even part of it; else None.
+    left_out : rows of nothing among the chunks, through which the noise goes on.
 
     Cost: O(N P (K + p)). Memory: a few times one chunk.
     """
@@ -159,6 +161,7 @@ def parameter_uncertainty(
             sums.close()
         sums.add(columns, residual, slope)
     sums.close()
+    sums.rows -= left_out
     times = 1.0 if counted is None else counted / sums.rows
     bread, meat = times * sums.bread, times * noise.innovation_variance * sums.meat
     naive = times * sums.squares / max(sums.rows - noise.parameters, 1) * sums.white

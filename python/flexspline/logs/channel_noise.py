@@ -36,7 +36,7 @@ __all__ = ["ChannelNoise", "channel_noise"]
 Array = NDArray[np.float64]
 
 SECONDS = 4.0  # of a segment: it resolves a quarter of a hertz, far below any bandwidth sought
-SHORTEST = 64  # rows of a run that is looked at
+SHORTEST = 128  # rows of a run that is looked at: in shorter ones leakage passes for noise
 DIFFERENCES = 2
 BESIDE = 3  # neighbours in frequency that exceed the floor together: one alone is chance
 EVEN = 1e-3  # of a step, by which times may be off to count as even
@@ -57,6 +57,7 @@ class ChannelNoise:
     rate : Hz, of the runs; the slowest of them.
     spread : RMS of the channel around its mean.
     density : power spectral density S + N (F,), unit²/Hz, at `frequencies` (F,), Hz.
+    delay : s, by which it is later than the channel that it is compared with; 0 where it was not.
     """
 
     channel: str
@@ -67,11 +68,20 @@ class ChannelNoise:
     spread: float
     frequencies: Array = field(repr=False, compare=False)
     density: Array = field(repr=False, compare=False)
+    delay: float = 0.0
 
     @property
     def noisy(self) -> bool:
         """Whether there is a band in which the channel carries noise alone, more than rounding."""
         return self.bandwidth < 0.25 * self.rate and self.noise > NEGLIGIBLE * self.spread
+
+    @property
+    def slope(self) -> float:
+        """RMS of how fast the signal changes, unit / s."""
+        floor = 2.0 * self.noise**2 / self.rate
+        signal = np.where(self.frequencies <= self.bandwidth, self.density - floor, 0.0)
+        weight = (2.0 * np.pi * self.frequencies) ** 2 * np.gradient(self.frequencies)
+        return float(np.sqrt(np.maximum(signal, 0.0) @ weight))
 
     def within(self, bandwidth: float, derivative: int = 0) -> float:
         """RMS of the noise below `bandwidth` [Hz] in a derivative of the channel, unit / s^k."""

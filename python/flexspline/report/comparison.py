@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import textwrap
 from typing import TYPE_CHECKING, Any
@@ -18,6 +19,7 @@ from flexspline.report.comparison_content import (
     worst_rows,
 )
 from flexspline.report.html import templates
+from flexspline.report.inputs import input_rows, smoothed_rows
 from flexspline.report.numbers import short
 
 if TYPE_CHECKING:
@@ -37,8 +39,16 @@ def comparison_text(made: Comparison) -> str:
         [x for k, said in enumerate(followed(made), start=1) for x in _wrapped(f"{k}. {said}")],
         _table(order_rows(made)) if made.orders else [],
         _wrapped(floor_sentence(made)),
+        _channels(made),
     ]
     return "\n\n".join("\n".join(block) for block in blocks if block)
+
+
+def _channels(made: Comparison) -> list[str]:
+    """Noisy channels as the model read them; nothing of exact runs."""
+    read = [way.channel for way in made.preparations]
+    rows = smoothed_rows(made.inputs, made.preparations, read)
+    return ["Noisy channels:", *_table(rows)] if rows else []
 
 
 def comparison_html(made: Comparison) -> str:
@@ -70,6 +80,8 @@ def write_comparison_report(made: Comparison, path: str | os.PathLike[str]) -> N
             spectra=charts[1:],
             panels=len(panels(made)),
             tables=band_tables(made),
+            channels=input_rows(made.inputs, made.preparations),
+            delay="",
             logs=_logs(made),
             call=_call(made),
         )
@@ -154,6 +166,9 @@ def _call(made: Comparison) -> str:
         given.append("simulated_motion=True" if made.simulated else "simulated_torque=column")
     if made.lowpass is not None:
         given.append(f"lowpass={made.lowpass!r}")
+    if made.bandwidth is not None:
+        told = f"{made.bandwidth!r}" if math.isfinite(made.bandwidth) else "float('inf')"
+        given.append(f"bandwidth={told}")
     if made.simulated and not foreign:
         given.append("simulated=True")
     return f"comparison = flexspline.compare({', '.join(given)})"

@@ -29,9 +29,9 @@ MOST_ORDERS = 8
 
 
 def base_told(made: Comparison) -> list[str]:
-    """Return what there is to say of a foreign simulation that is the base; nothing without one."""
+    """Return what there is to say of a foreign simulation that is the base, and of the rows."""
     if not made.foreign:
-        return []
+        return [*made.notes]
     return [f"The base is what a simulation says: {made.foreign}.", *made.notes]
 
 

@@ -91,6 +91,7 @@ def write_discovery_report(made: Discovery, path: str | os.PathLike[str]) -> Non
             else ReportFigure(inline_svg(made.plan.plot(), "run to record next"), PLAN),
             tables=shrunk_tables(made),
             channels=channel_rows(made),
+            delay="",
             searched=searched_sentence(made),
             estimator=estimator_sentence(made),
             lines=parameter_lines(made.fit),

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 from flexspline.discovery.freedom import DIRECTIONS
 from flexspline.discovery.shrunk import telling
 from flexspline.errors import listed
-from flexspline.logs.channels import CHANNELS
 from flexspline.report.content import ParameterLine, parameter_lines
+from flexspline.report.inputs import input_rows
 from flexspline.report.numbers import decimals_for, plus_minus, short
 from flexspline.report.verdict import TARGET_WORDS
 
@@ -84,24 +84,9 @@ def rows_sentence(made: Discovery) -> str:
     return f"{made.rows['used']} of {total} rows were used; left out: {told}."
 
 
-def channel_rows(made: Discovery) -> list[tuple[str, str, str, str, str]]:
+def channel_rows(made: Discovery) -> list[tuple[str, ...]]:
     """Return channel with unit, noise, quantum, bandwidth and how the rows read it, for a table."""
-    used = {p.channel: p.how for p in made.fit.part.preparations}
-    made_of = [p for p in made.fit.part.preparations if p.channel not in
-               {noise.channel for noise in made.inputs}]  # fmt: skip
-    told = [
-        (
-            f"{noise.channel} [{CHANNELS[noise.channel].unit}]",
-            short(noise.noise),
-            short(noise.quantum) if noise.quantum else "–",
-            f"{noise.bandwidth:.3g}" if noise.noisy else f"above {noise.bandwidth:.3g}",
-            used.get(noise.channel, "as recorded"),
-        )
-        for noise in made.inputs
-    ]
-    return told + [
-        (f"{p.channel} [{CHANNELS[p.channel].unit}]", "–", "–", "–", p.how) for p in made_of
-    ]
+    return input_rows(made.inputs, made.fit.part.preparations)
 
 
 def inputs_sentence(made: Discovery) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -85,6 +86,9 @@ def python_call(fit: Fit) -> str:
         lines.append(f"simulated_torque={fit.part.simulated.column!r}")
     if fit.lowpass is not None:
         lines.append(f"lowpass={fit.lowpass!r}")
+    if fit.bandwidth is not None:
+        told = f"{fit.bandwidth!r}" if math.isfinite(fit.bandwidth) else "float('inf')"
+        lines.append(f"bandwidth={told}")
     orders = {e.name: _orders(e) for e in fit.part.effects if e.harmonics}
     fixed = {p.name: p.value for p in fit.parameters if p.state == "fixed"}
     priors = {p.name: p.prior for p in fit.parameters if p.prior is not None}

@@ -13,6 +13,7 @@ from flexspline import __version__
 from flexspline.files import atomic_write
 from flexspline.report.content import known_groups, parameter_lines
 from flexspline.report.facts import log_facts, model_facts, python_call
+from flexspline.report.inputs import delay_sentence, input_rows
 from flexspline.report.numbers import short
 from flexspline.report.shares import shares
 from flexspline.report.tables import grouped_scores, score_rows
@@ -55,6 +56,8 @@ def write_report(fit: Fit, path: str | os.PathLike[str]) -> None:
             figures=report_figures(fit),
             shares=[(name, short(size), 100.0 * size / largest) for name, size in made.items()],
             orders="" if fit.orders is None else str(fit.orders),
+            channels=input_rows(fit.inputs, fit.part.preparations),
+            delay=delay_sentence(fit.delay, fit.unit),
             logs=log_facts(fit),
             facts=model_facts(fit),
             call=python_call(fit),

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from flexspline.report.content import ParameterLine, known_groups, parameter_lines
+from flexspline.report.inputs import delay_sentence, smoothed_rows
 from flexspline.report.tables import score_rows
 from flexspline.report.verdict import TARGET_WORDS, trust, verdict
 
@@ -27,6 +28,7 @@ def fit_text(fit: Fit) -> str:
         _parameters(parameter_lines(fit)),
         _known(fit),
         _trust(fit),
+        _channels(fit),
         _motion(fit),
         _scores(fit),
         _warnings(fit),
@@ -78,6 +80,16 @@ def _known(fit: Fit) -> list[str]:
 
 def _trust(fit: Fit) -> list[str]:
     return [line for sentence in trust(fit) for line in _wrapped(sentence)]
+
+
+def _channels(fit: Fit) -> list[str]:
+    """Noisy channels as the rows read them, and how late the load is; nothing of exact runs."""
+    read = [*fit.part.record.get("channels", ()), fit.part.known_load or ""]
+    rows = smoothed_rows(fit.inputs, fit.part.preparations, read)
+    if not rows:
+        return []
+    said = delay_sentence(fit.delay, fit.unit)
+    return ["Noisy channels:", *_aligned(rows), *(_wrapped(said) if said else [])]
 
 
 def _motion(fit: Fit) -> list[str]:
