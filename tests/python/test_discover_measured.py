@@ -116,8 +116,8 @@ def test_the_sensor_of_the_kinova_has_two_four_and_eight_of_its_own_ring() -> No
     (ring,) = [e for e in made.fit.part.effects if e.name == "output_ripple"]
     assert {2, 4, 8} <= {order for order, _ in ring.harmonics}
     (of_motor,) = [e for e in made.fit.part.effects if e.name == "speed_dependent_ripple"]
-    assert {order for order, _ in of_motor.harmonics} == {2, 7}
-    assert made.final_rmse < 0.06 < 0.1 < made.base_rmse
+    assert {order for order, _ in of_motor.harmonics} >= {2, 7}
+    assert made.final_rmse < 0.056 < 0.1 < made.base_rmse
 
 
 @pytest.mark.parametrize(("joint", "speed"), [(1, "p3"), (2, "p1"), (5, "p1"), (7, "p5")])

@@ -17,7 +17,7 @@ from flexspline.discovery.table import solved, tabulated
 from flexspline.effects import Effect
 from flexspline.fit.fitting import NO_TORSION
 from flexspline.logs.checks import check
-from flexspline.logs.checks.gear import measured_gear
+from flexspline.logs.checks.gear import TOLD, measured_gear
 from flexspline.logs.log import Log
 from flexspline.logs.segments import median_step
 
@@ -113,7 +113,7 @@ def _late_alike(logs: Sequence[Log]) -> bool:
     weight = np.array([max(gear.delay_error, TINY) for gear in gears]) ** -2.0
     mean = np.average(delay, weights=weight)
     scatter = np.average((delay - mean) ** 2, weights=weight) / (len(delay) - 1)
-    return bool(abs(mean) > SETTINGS.told * np.sqrt(max(1.0 / weight.sum(), scatter)))
+    return bool(abs(mean) > TOLD * np.sqrt(max(1.0 / weight.sum(), scatter)))
 
 
 def with_measured_ratio(
@@ -193,7 +193,7 @@ def _late_behind_torsion(made: Analysis) -> float:
     late = float(np.average(told, weights=weight))
     scatter = float(np.average((told - late) ** 2, weights=weight)) / max(len(told) - 1, 1)
     error = float(np.sqrt(max(1.0 / weight.sum(), scatter)))
-    return late if abs(late) > SETTINGS.told * error else 0.0
+    return late if abs(late) > TOLD * error else 0.0
 
 
 def load_delays(logs: Sequence[Log], target: str, load: str, late: float) -> tuple[DataFault, ...]:

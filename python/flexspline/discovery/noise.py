@@ -66,7 +66,7 @@ def restricted_whitening(
     noise = noise_model(
         chunks,
         _basis(chunks),
-        max_order=SETTINGS.functions,
+        max_order=SETTINGS.lags,
         every=max(1, rows // round(SETTINGS.rows / SETTINGS.negligible)),
         decimation=problem.decimation,
         floor=SETTINGS.negligible,

@@ -39,7 +39,9 @@ def scanned(logs: Sequence[Log], residuals: Sequence[Any], unit: str) -> tuple[F
 def joined(before: tuple[FoundOrder, ...], after: tuple[FoundOrder, ...]) -> tuple[FoundOrder, ...]:
     """Return the orders of two scans, each once, the strongest of each scan first."""
     known = {(line.order, line.pair) for line in before}
-    return before[: SETTINGS.names] + tuple(f for f in after if (f.order, f.pair) not in known)
+    return before[: SETTINGS.functions // 2] + tuple(
+        f for f in after if (f.order, f.pair) not in known
+    )
 
 
 def order_pools(
@@ -64,13 +66,13 @@ def order_pools(
     for order, pair in [*low, *_of_facts(facts)]:
         name = "kinematic_error" if target == "torsion" else _owner(order, pair, facts)
         _add(own, name, (order, CORE_PAIRS[pair.name]), taken)
-    for line in found[: 2 * SETTINGS.names]:
+    for line in found[: SETTINGS.functions]:
         if isinstance(line.order, int) and line.pair:
             name = "kinematic_error" if target == "torsion" else line.effect
             name = "output_ripple" if name == "gravity" else name
             _add(own, name, (line.order, CORE_PAIRS[line.pair]), taken)
     leading = [h for e in model if e.name in LEADERS for h in e.harmonics]
-    seen = [(f.order, CORE_PAIRS[f.pair]) for f in found[: SETTINGS.tried]
+    seen = [(f.order, CORE_PAIRS[f.pair]) for f in found[: SETTINGS.tried - 1]
             if f.effect in LEADERS and isinstance(f.order, int) and f.pair]  # fmt: skip
     own[FOLLOWER] = list(dict.fromkeys([*leading, *seen]))
     return {name: _allowed(name, own[name]) for name in names if own.get(name)}

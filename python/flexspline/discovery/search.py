@@ -219,7 +219,7 @@ class Searcher:
             )
             return False
         foretold = foretold_gain(dictionary.table, dictionary.model, offer.columns, offer.gain)
-        share = SETTINGS.quarter if foretold.min() > 0.0 else HELD_OUT
+        share = 0.5**2 if foretold.min() > 0.0 else HELD_OUT
         if float(foretold.sum()) < share * offer.net:
             self.refused[offer.effect.name] = "does not hold on left-out runs"
             return False

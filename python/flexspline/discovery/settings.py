@@ -36,7 +36,6 @@ class Settings:
     bends : the same for a candidate that reads nothing but the name's channels and may bend it; and
         of a gap, what is no second name.
     little, most : of anything: a small part of it, nearly all of it.
-    quarter : of what a candidate gains, to be kept where it is looked at anew.
     stand_in : of its gain, that a name keeps beside functions of the channels, to be no stand-in.
     freed : times its price, that an effect gains beside freed forms: functions are few.
     overwhelming : times its gain, that is left beside a name: the name may be a part of that.
@@ -46,7 +45,8 @@ class Settings:
     names : that one search takes at most.
     tried : the best so many are looked at more closely; orders of a part that are tried unasked.
     points : values of one shape that are screened, and lags of a channel.
-    functions : of one channel, and lags of a noise.
+    functions : of one channel; orders that a scan has found and are tried.
+    lags : of a noise with memory, at most.
     lines : orders of the motor's angle that are looked at one by one.
     rows : on which functions without a name are looked at.
     """
@@ -59,7 +59,6 @@ class Settings:
     bends: float = 0.05
     little: float = 0.1
     most: float = 0.8
-    quarter: float = 0.25
     stand_in: float = 0.4
     freed: float = 1.25
     overwhelming: float = 5.0
@@ -68,7 +67,8 @@ class Settings:
     names: int = 8
     tried: int = 4
     points: int = 6
-    functions: int = 16
+    functions: int = 20
+    lags: int = 16
     lines: int = 48
     rows: int = 10_000
 

@@ -79,7 +79,7 @@ def _best(overlap: Overlap) -> tuple[int, float] | None:
         table = overlap.table(k)
         every = np.arange(len(table.total) - 1)
         own = len(every) - overlap.ceiling.groups[k].count
-        if foretold_gain(table, every[:own], every[own:], gain).sum() > SETTINGS.quarter * gain:
+        if foretold_gain(table, every[:own], every[own:], gain).sum() > 0.5**2 * gain:
             return k, net
     return None
 

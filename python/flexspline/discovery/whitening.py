@@ -78,7 +78,7 @@ def rough_whitening(residuals: Sequence[Array], runs: Sequence[Run], decimation:
 
     A first guess, from a residual that everything was taken out of.
     """
-    lags, rows = np.zeros(SETTINGS.functions + 1), 0
+    lags, rows = np.zeros(SETTINGS.lags + 1), 0
     plain = Whitening(np.ones(1), 1.0, decimation)
     for residual, run in zip(residuals, runs, strict=True):
         for at in plain.taken(run):
@@ -88,7 +88,7 @@ def rough_whitening(residuals: Sequence[Array], runs: Sequence[Run], decimation:
     lags = lags / max(rows, 1)
     lags[0] = max(lags[0] * (1.0 + SETTINGS.singular), TINY)
     best = (np.inf, np.ones(1), lags[0])
-    for order in range(SETTINGS.functions + 1):
+    for order in range(SETTINGS.lags + 1):
         phi = solve_toeplitz(lags[:order], lags[1 : order + 1]) if order else np.empty(0)
         variance = max(float(lags[0] - phi @ lags[1 : order + 1]), SETTINGS.singular * lags[0])
         score = rows * np.log(variance) + 2.0 * (order + 1) * rows / max(rows - order - 2, 1)

@@ -31,6 +31,7 @@ TWIST = 0.005
 LEAST_TRAVEL = 10 * TWIST
 """rad of the output, below which the motor's angle says more of torsion than of the ratio."""
 
+TOLD = 4.0  # standard errors of a delay between encoders, from which it is one
 DIRECTION = 0.001
 """Half width of the change of direction, as a share of the 95 % speed."""
 
@@ -91,7 +92,7 @@ def gear(log: Log) -> Iterator[Finding]:
         )
     yield from _ratio(log, abs(found.ratio), found.ratio_error, travel)
     step = median_step(log["time"])
-    if abs(found.delay) > max(4 * found.delay_error, 0.05 * step):
+    if abs(found.delay) > max(TOLD * found.delay_error, 0.05 * step):
         which = "output_position" if found.delay > 0 else "motor_position"
         yield Finding(
             "encoder_delay",
