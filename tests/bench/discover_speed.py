@@ -33,11 +33,9 @@ from scipy.signal import lfilter
 
 import flexspline
 from flexspline.discovery import discovering
-from flexspline.discovery.sheet import Sheet
-from flexspline.discovery.study import Study, study_of
-from flexspline.discovery.table import tabulated
-from flexspline.discovery.whitening import Whitening
-from flexspline.discovery.working import working
+from flexspline.discovery.gram import Sheet, Whitening, tabulated
+from flexspline.discovery.model import working
+from flexspline.discovery.search import Study, study_of
 
 Array = NDArray[np.float64]
 

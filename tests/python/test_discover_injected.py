@@ -15,7 +15,7 @@ import pytest
 from measured import KINOVA_SPEEDS, kinova, two_encoder, ur10e
 
 import flexspline
-from flexspline.discovery.rest import moving
+from flexspline.discovery.faults import moving
 from flexspline.effects import Effect, effect
 from flexspline.logs.checks.gear import measured_gear
 from flexspline.logs.log import Log

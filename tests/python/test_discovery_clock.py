@@ -11,8 +11,7 @@ from test_hidden_in_torsion import dead_zone, mesh
 from torsion_logs import C_M, LOAD, log_of, noise, stiffness_run
 
 import flexspline
-from flexspline.discovery.refit import at_upper_bound
-from flexspline.discovery.working import working
+from flexspline.discovery.model import at_upper_bound, working
 from flexspline.effects import effect
 from flexspline.logs.log import Log
 

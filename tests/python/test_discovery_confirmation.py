@@ -17,8 +17,8 @@ from scipy.stats import chi2
 
 import flexspline
 from flexspline.discovery import confirmation
+from flexspline.discovery.candidates import DIRECTIONS, LAG, freedoms, held_of, with_freedoms
 from flexspline.discovery.confirmation import ERRORS, Shown, significance
-from flexspline.discovery.freedom import DIRECTIONS, LAG, freedoms, held_of, with_freedoms
 from flexspline.discovery.result import Discovery
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect, effect

@@ -15,9 +15,8 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "bench"))
 from hidden.cases import cases
 from hidden.trial import Outcome, tried
 
-from flexspline.discovery.cone import cone_gain, cone_price
-from flexspline.discovery.evidence import evidence_of, price
-from flexspline.discovery.physics import one_signed
+from flexspline.discovery.evidence import cone_gain, cone_price, evidence_of, price
+from flexspline.discovery.model import one_signed
 from flexspline.discovery.settings import SETTINGS
 
 Array = np.ndarray

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from hidden_logs import LOAD, friction_of, log_of, rich_run
 
-from flexspline.discovery.study import Study, study_of
+from flexspline.discovery.search import Study, study_of
 from flexspline.effects import effect
 from flexspline.errors import InputError
 

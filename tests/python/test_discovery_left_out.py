@@ -11,7 +11,7 @@ from confounded_logs import RIGS
 from recorded_joint import LOAD, base, recorded
 
 import flexspline
-from flexspline.discovery.aliases import Rival
+from flexspline.discovery.analysis import Rival
 from flexspline.discovery.result import Discovery
 from flexspline.effects import effect
 from flexspline.logs.log import Log

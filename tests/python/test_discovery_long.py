@@ -11,9 +11,9 @@ from fit_logs import WIDTH
 from hidden_logs import LOAD, friction_of, log_of, noise, rich_run
 
 import flexspline
-from flexspline.discovery import study
+from flexspline.discovery import search
+from flexspline.discovery.search import rows_of, thinned
 from flexspline.discovery.settings import SETTINGS
-from flexspline.discovery.thinning import rows_of, thinned
 
 BASE = ("offset", "coulomb_friction", "viscous_friction", "inertia")
 
@@ -26,7 +26,7 @@ def long_log() -> flexspline.Log:
 
 
 def test_parts_of_a_long_log_lie_evenly_over_all_of_it() -> None:
-    made = study.study_of(
+    made = search.study_of(
         [flexspline.effect(name) for name in BASE],
         [long_log()],
         "sensor_torque",
@@ -49,7 +49,7 @@ def test_evidence_of_a_log_searched_in_part_is_that_of_all_rows(
         return flexspline.discover(BASE, long_log(), target="sensor_torque", known_load=LOAD)
 
     whole = found()
-    monkeypatch.setattr(study, "SETTINGS", replace(SETTINGS, rows=1000))
+    monkeypatch.setattr(search, "SETTINGS", replace(SETTINGS, rows=1000))
     in_part = found()
     names = [one.effect for one in whole.found]
     assert "load_dependent_friction" in names

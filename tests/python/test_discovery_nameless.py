@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from hidden_logs import LOAD, log_of, rich_run
 
-from flexspline.discovery.aliases import Rival
-from flexspline.discovery.nameless import columns_of, nameless_of
-from flexspline.discovery.past import names_of_past, past_of
-from flexspline.discovery.table import Table
+from flexspline.discovery.analysis import Rival
+from flexspline.discovery.flexible import columns_of, nameless_of, names_of_past, past_of
+from flexspline.discovery.gram import Table
 from flexspline.discovery.unexplained import kept
 from flexspline.effects import effect
 from flexspline.fit.problem import Problem, problem_of
@@ -63,7 +62,7 @@ def test_the_past_begins_anew_behind_a_gap_and_forgets_at_its_own_pace() -> None
     values = np.where(np.arange(800) < 200, 0.0, np.where(np.arange(800) < 400, 1.0, 5.0))
     made = past_of(time, {"temperature": values}, ["temperature", "absent"], 30.0)
     assert list(made) == names_of_past("temperature")
-    for late, lag in zip(made.values(), np.geomspace(0.02, 10.0, len(made)), strict=True):
+    for late, lag in zip(made.values(), np.geomspace(0.02, 15.0, len(made)), strict=True):
         assert late[:200] == pytest.approx(0.0)
         assert late[200 + 99] == pytest.approx(-np.expm1(-1.0 / lag), abs=1e-9)
         assert late[400:] == pytest.approx(5.0)

@@ -8,10 +8,16 @@ import numpy as np
 import pytest
 
 import flexspline
-from flexspline.discovery.physics import driving_spring, impossible, spring_bounds, varying
-from flexspline.discovery.refit import refitted
-from flexspline.discovery.whitening import Whitening
-from flexspline.discovery.working import Working, working
+from flexspline.discovery.gram import Whitening
+from flexspline.discovery.model import (
+    Working,
+    driving_spring,
+    impossible,
+    refitted,
+    spring_bounds,
+    varying,
+    working,
+)
 from flexspline.fit.problem import Problem, problem_of
 from flexspline.logs.log import Log
 

@@ -12,10 +12,9 @@ import pytest
 from hidden_logs import LOAD, friction_of, log_of, noise, rich_run
 
 import flexspline
-from flexspline.discovery.aliases import Rival
-from flexspline.discovery.bands import frequency_bands, order_bands
+from flexspline.discovery.analysis import Rival
 from flexspline.discovery.result import Discovery
-from flexspline.discovery.shrunk import HeldRun, slices, telling
+from flexspline.discovery.slices import HeldRun, frequency_bands, order_bands, slices, telling
 from flexspline.experiment.plan import Outlook
 from flexspline.experiment.says import plan_sentence
 from flexspline.logs.log import Log

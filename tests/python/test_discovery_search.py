@@ -9,11 +9,10 @@ import pytest
 from hidden_logs import LOAD, friction_of, log_of, noise, rich_run
 
 import flexspline
-from flexspline.discovery.confidence import confidence
-from flexspline.discovery.predictive import foretold_gain
-from flexspline.discovery.result import Discovery
+from flexspline.discovery.evidence import foretold_gain
+from flexspline.discovery.gram import Table
+from flexspline.discovery.result import Discovery, confidence
 from flexspline.discovery.settings import SETTINGS
-from flexspline.discovery.table import Table
 from flexspline.logs.log import Log
 
 BASE = ["offset", "coulomb_friction", "viscous_friction", "inertia"]

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 import flexspline
-from flexspline.discovery.faults import DataFault
-from flexspline.discovery.grades import graded
+from flexspline.discovery.faults import DataFault, graded
 from flexspline.effects import effect
 from flexspline.header import header_text
 from flexspline.logs.log import Log

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 import flexspline
 from flexspline import Plan
-from flexspline.discovery.whitening import Whitening
+from flexspline.discovery.gram import Whitening
 from flexspline.experiment.noise import at_coarser_rate
 from flexspline.logs.local_fit import require_bandwidth
 from flexspline.logs.log import Log

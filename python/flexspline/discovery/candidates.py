@@ -1,4 +1,24 @@
-"""What may be missing: every effect of the catalogue that acts on the target and has its channels.
+"""What may be missing: effects in several shapes, orders of ripple, freedoms of the base.
+
+What a base is given beside its effects: freedom of its form, and of the recorder, not names.
+
+Gears, seals and preloaded bearings brake by some per cent more one way than the other. A base of
+odd friction leaves an even part |v| of it, which is plain in long runs and looks like whatever is
+slow. And a load cell has a clock and a filter of its own: where it is late by a millisecond, the
+known load that is taken off the target leaves as much as friction does at a reversal. So the search
+gives the base both freedoms, and what stays in the model is what is significant in the final fit.
+
+Where a shape may lie in these runs: a few values to screen, spread over what the data show.
+
+A Stribeck speed lies among the speeds of the runs, the width of a loop among its turns, a time
+constant between two samples and half a run, a resonance among the orders times the speeds. Where
+nothing tells, the bounds of the catalogue do.
+
+Orders that a ripple effect may have: the low ones of its pairs, those of facts, those found.
+
+Low orders are few and known beforehand, so that one of them needs less evidence than a peak of a
+scan over thousands; what the scan finds in the residual is added. Each order has the owner that
+`effects.md` gives it, and the same angle is counted once.
 
 A candidate is an effect in several shapes, of which one is right at most; a ripple effect is a
 pool of orders (its atoms), of which several may be. Which effects are no candidates is said, with
@@ -7,19 +27,269 @@ the reason.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
+from typing import Any
 
-from flexspline.discovery.freedom import DIRECTIONS, LAG
-from flexspline.discovery.grids import shaped
-from flexspline.effects import CATALOGUE, TARGETS, Effect, Harmonic
+import numpy as np
+from numpy.typing import NDArray
+
+from flexspline import _core
+from flexspline.discovery.settings import SETTINGS
+from flexspline.effects import CATALOGUE, TARGETS, Effect, Harmonic, ShapeInfo
 from flexspline.errors import InputError
 from flexspline.fit.problem import Problem
 from flexspline.fit.requirements import gear_for, require_load, require_one_unit
+from flexspline.fit.ripple import CORE_PAIRS, FOLLOWER, LEADERS
+from flexspline.logs.channel_noise import ChannelNoise
 from flexspline.logs.log import Log
+from flexspline.orders import FoundOrder, find_orders
+from flexspline.orders.parts import Candidate as OrderCandidate
+from flexspline.orders.parts import Pair, owner, pairs
 from flexspline.signals import channels_for
 
-__all__ = ["Candidate", "candidates_for", "possible"]
+__all__ = [
+    "DIRECTIONS",
+    "LAG",
+    "Candidate",
+    "candidates_for",
+    "freedoms",
+    "held_of",
+    "joined",
+    "order_pools",
+    "possible",
+    "scanned",
+    "shaped",
+    "with_freedoms",
+]
+
+DIRECTIONS, LAG = "direction_dependent_friction", "sensor_lag"
+ANGLE = "output_position"
+FRICTION = ("coulomb_friction", "viscous_friction")
+
+
+def freedoms(
+    base: Sequence[Effect],
+    target: str,
+    known_load: str | None,
+    logs: Sequence[Log],
+    noise: Mapping[str, ChannelNoise],
+) -> tuple[str, ...]:
+    """Return the names of what the base is given; `noise`: of each channel.
+
+    Nothing where neither the angle nor the known load is noisy: such runs come from a simulation,
+    whose friction is odd. The noise of the target tells nothing of that.
+    """
+    recorded = [noise[name] for name in {ANGLE, known_load or ANGLE} if name in noise]
+    if target == "torsion" or not any(one.noisy for one in recorded):
+        return ()
+    names = {effect.name for effect in base}
+    found = [DIRECTIONS] if names & {*FRICTION} and _both_ways(logs) else []
+    if known_load in noise and noise[str(known_load)].noisy:
+        found.append(LAG)
+    return tuple(name for name in found if name not in names)
+
+
+def with_freedoms(base: Sequence[Effect], given: Sequence[str]) -> list[Effect]:
+    """Return the base with these effects behind it; all friction of a model has one width."""
+    widths = [e.shapes["direction_width"] for e in base if "direction_width" in e.shapes]
+    made = [*base]
+    for name in given:
+        effect = Effect(name)
+        if widths and "direction_width" in effect.shapes:
+            effect = effect.with_shapes(direction_width=widths[0])
+        made.append(effect)
+    return made
+
+
+def held_of(effects: Sequence[Effect], given: Sequence[str]) -> dict[str, float]:
+    """Return what is held of the freedoms `given` to these effects.
+
+    Beside no offset, a level of the base would be one. A delay of the load is seen in its slope at
+    once: over what time the slope is taken is not looked for.
+    """
+    held: dict[str, float] = {}
+    names = {effect.name: effect for effect in effects}
+    if DIRECTIONS in names and "offset" not in names:
+        held[f"{DIRECTIONS}.level"] = 0.0
+    if LAG in names and LAG in given:
+        held |= {f"{LAG}.{shape.name}": shape.lower for shape in names[LAG].fitted_shapes}
+    return held
+
+
+def _both_ways(logs: Sequence[Log]) -> bool:
+    signs = []
+    for log in logs:
+        if "output_velocity" in log:
+            signs.append(np.sign(log["output_velocity"]))
+        elif "output_position" in log:
+            signs.append(np.sign(np.diff(log["output_position"])))
+        else:
+            return False
+    ways = np.concatenate(signs)
+    return bool(min(np.mean(ways > 0.0), np.mean(ways < 0.0)) >= SETTINGS.little)
+
+
+Array = NDArray[np.float64]
+
+SHARED = ("direction_width", "mesh_shape")
+"""One for the whole model: what the model has is taken."""
+
+SEEN = (0.5, 2.0)  # of an order's largest frequency: a resonance beyond bends nothing that is seen
+UNIT_CHANNELS = {
+    "rad/s": ("output_velocity",),
+    "Nm": ("known_load",),
+    "rad": ("output_position", "motor_position"),
+}
+
+
+def shaped(effect: Effect, model: tuple[Effect, ...], problem: Problem) -> list[Effect]:
+    """Return the effect with each combination of shapes that is worth screening."""
+    known = {name: e.shapes[name] for e in model for name in SHARED if name in e.shapes}
+    own = {name: value for name, value in known.items() if name in effect.shapes}
+    effect = effect.with_shapes(**own)
+    free = [s for s in effect.fitted_shapes if s.name not in own]
+    count = max(SETTINGS.points - 2 * max(len(free) - 1, 0), 2)
+    grids = [_grid(effect, shape, problem, count) for shape in free]
+    names = [shape.name for shape in free]
+    return [
+        effect.with_shapes(**dict(zip(names, values, strict=True))) for values in product(*grids)
+    ]
+
+
+def _grid(effect: Effect, shape: ShapeInfo, problem: Problem, count: int) -> list[float]:
+    kept: dict[Any, Any] = problem.kept  # a long log is read once for a range
+    key = ("range", effect.name, effect.reads, effect.harmonics, shape.name)
+    if key not in kept:
+        kept[key] = _range(effect, shape, problem)
+    low, high = kept[key]
+    low, high = max(low, shape.lower), min(high, shape.upper)
+    if not low < high:
+        return [float(np.clip(shape.default, shape.lower, shape.upper))]
+    inside = np.clip(np.geomspace(low, high, count), shape.lower, shape.upper)
+    return [float(value) for value in inside]
+
+
+def _range(effect: Effect, shape: ShapeInfo, problem: Problem) -> tuple[float, float]:
+    if shape.unit == "s":
+        step = min(1.0 / run.log.rate for run in problem.runs)
+        return 2.0 * step, 0.5 * max(run.log.duration for run in problem.runs)
+    wanted = UNIT_CHANNELS.get(shape.unit, ())
+    reads = ("known_load" if name == "load" else name for name in effect.reads)
+    for name in (name for name in reads if name in wanted):
+        found = [run.channels[name] for run in problem.runs if name in run.channels]
+        sizes = [_size(values, shape.unit) for values in found]
+        if sizes and max(sizes) > 0.0:
+            if effect.ripple:
+                return _resonance(effect, max(sizes))
+            return 0.5 * SETTINGS.negligible * max(sizes), max(sizes)
+    return shape.lower, shape.upper
+
+
+def _resonance(effect: Effect, speed: float) -> tuple[float, float]:
+    """Where a resonance bends one of the orders at one of the speeds, in order × rad/s."""
+    orders = [order for order, _ in effect.harmonics] or [1]
+    return SEEN[0] * min(orders) * speed, SEEN[1] * max(orders) * speed
+
+
+def _size(values: Array, unit: str) -> float:
+    """The largest without the outermost per cent; of angles half the way from end to end."""
+    if unit != "rad":
+        return float(np.quantile(np.abs(values), 1.0 - 0.5 * SETTINGS.negligible))
+    low, high = np.quantile(values, (0.5 * SETTINGS.negligible, 1.0 - 0.5 * SETTINGS.negligible))
+    return float(max(high - low, 0.0)) / 2.0
+
+
+GRAVITY = (1, "output_on_housing")
+FACTS = ("pole_pairs", "slots")
+
+
+def scanned(logs: Sequence[Log], residuals: Sequence[Any], unit: str) -> tuple[FoundOrder, ...]:
+    """Return the orders that stand out of residuals, (N,) for each log; none without motion."""
+    try:
+        return find_orders(logs, residuals, unit=unit).found
+    except InputError:
+        return ()
+
+
+def joined(before: tuple[FoundOrder, ...], after: tuple[FoundOrder, ...]) -> tuple[FoundOrder, ...]:
+    """Return the orders of two scans, each once, the strongest of each scan first."""
+    known = {(line.order, line.pair) for line in before}
+    return before[: SETTINGS.functions // 2] + tuple(
+        f for f in after if (f.order, f.pair) not in known
+    )
+
+
+def order_pools(
+    names: Sequence[str],
+    facts: Mapping[str, Any],
+    found: Sequence[FoundOrder],
+    model: Sequence[Effect],
+    target: str,
+    span: float,
+) -> dict[str, tuple[Harmonic, ...]]:
+    """Return the orders to try for each ripple effect.
+
+    An effect that follows others (a resonance of their ripple) has the orders that these have in
+    the model, or the strongest found. `span`: rad that the output goes from end to end; of a low
+    order half a period has to be seen, or it is an offset and a slope.
+    """
+    own: dict[str, list[Harmonic]] = {}
+    taken = {h for e in model for h in e.harmonics if e.name != FOLLOWER}
+    taken |= {GRAVITY for e in model if e.name == "gravity"}
+    seen_of = {pair: span * abs(pair.turns) for pair in pairs(facts)}
+    low = [(k, pair) for k, pair in _low(facts) if not k * seen_of[pair] < np.pi]
+    for order, pair in [*low, *_of_facts(facts)]:
+        name = "kinematic_error" if target == "torsion" else _owner(order, pair, facts)
+        _add(own, name, (order, CORE_PAIRS[pair.name]), taken)
+    for line in found[: SETTINGS.functions]:
+        if isinstance(line.order, int) and line.pair:
+            name = "kinematic_error" if target == "torsion" else line.effect
+            name = "output_ripple" if name == "gravity" else name
+            _add(own, name, (line.order, CORE_PAIRS[line.pair]), taken)
+    leading = [h for e in model if e.name in LEADERS for h in e.harmonics]
+    seen = [(f.order, CORE_PAIRS[f.pair]) for f in found[: SETTINGS.tried - 1]
+            if f.effect in LEADERS and isinstance(f.order, int) and f.pair]  # fmt: skip
+    own[FOLLOWER] = list(dict.fromkeys([*leading, *seen]))
+    return {name: _allowed(name, own[name]) for name in names if own.get(name)}
+
+
+def _allowed(name: str, orders: list[Harmonic]) -> tuple[Harmonic, ...]:
+    known = CATALOGUE[name].pairs
+    return tuple(h for h in orders if h[1] in known)[: _core.max_harmonics]
+
+
+def _add(
+    own: dict[str, list[Harmonic]], name: str, harmonic: Harmonic, taken: set[Harmonic]
+) -> None:
+    if harmonic not in taken and harmonic not in own.setdefault(name, []):
+        own[name].append(harmonic)
+
+
+def _low(facts: Mapping[str, Any]) -> list[tuple[int, Pair]]:
+    """Low orders of every pair whose angle is another than those before."""
+    kept: list[Pair] = []
+    for pair in pairs(facts):
+        if pair.motor and pair.turns != pair.turns:
+            continue
+        if (pair.motor, pair.output) not in [(p.motor, p.output) for p in kept]:
+            kept.append(pair)
+    return [(order, pair) for pair in kept for order in range(1, SETTINGS.tried + 1)]
+
+
+def _of_facts(facts: Mapping[str, Any]) -> list[tuple[int, Pair]]:
+    motor = [pair for pair in pairs(facts) if pair.name == "motor_stator"]
+    counts = [int(facts[name]) for name in FACTS if facts.get(name)]
+    if "gear_ratio" not in facts:
+        return []
+    return [(k * count, pair) for pair in motor for count in counts if count > 1 for k in (1, 2)]
+
+
+def _owner(order: int, pair: Pair, facts: Mapping[str, Any]) -> str:
+    name, _ = owner(OrderCandidate(order, pair, order * pair.turns), facts, alone=False)
+    return name
+
 
 PAIRED = {
     "coulomb_friction_per_direction": ("coulomb_friction", "offset"),

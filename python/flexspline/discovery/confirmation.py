@@ -23,11 +23,10 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from flexspline.discovery.analysis import Analysis
-from flexspline.discovery.evidence import equivalent_t
-from flexspline.discovery.forms import owned_gain
-from flexspline.discovery.heldout import HeldOut
+from flexspline.discovery.evidence import HeldOut, equivalent_t
+from flexspline.discovery.model import Working
+from flexspline.discovery.search import owned_gain
 from flexspline.discovery.settings import SETTINGS, TINY
-from flexspline.discovery.working import Working
 from flexspline.effects import Effect
 from flexspline.fit.names import coefficient_names
 from flexspline.fit.result import Fit

@@ -23,8 +23,8 @@ if TYPE_CHECKING:  # what is heavy is imported where it is used
     from flexspline.discovery.analysis import Analysis
     from flexspline.discovery.confirmation import Confirmed
     from flexspline.discovery.faults import DataFault
+    from flexspline.discovery.model import Working
     from flexspline.discovery.result import Discovery
-    from flexspline.discovery.working import Working
     from flexspline.experiment.limits import Limits
     from flexspline.fit.names import Bounds
     from flexspline.fit.problem import Problem
@@ -99,7 +99,7 @@ def discover(
     -----
     Stuck tails, homing moves and rows in which a drive is off are left out first, and said to be
     (`logs/left_out.py`). Rows at rest say nothing of a drive and are left out
-    (`discovery/rest.py`). How names are
+    (`discovery/faults.py`). How names are
     chosen: `discovery/search.py`; what evidence is: `discovery/evidence.py`. The model is fitted by
     generalised least squares in the noise's memory where that agrees with plain least squares as
     for a right model, by plain least squares otherwise (`fit/generalised.py`).
@@ -142,14 +142,14 @@ def _discovered(
 ) -> Discovery:
     """`discover` by regression, `of_base`: what is wrong with the base."""
     from flexspline.discovery.assemble import assembled
+    from flexspline.discovery.candidates import LAG, freedoms
     from flexspline.discovery.faults import (
         data_faults,
+        graded,
         lead_of,
         load_delays,
         with_measured_ratio,
     )
-    from flexspline.discovery.freedom import LAG, freedoms
-    from flexspline.discovery.grades import graded
     from flexspline.logs.left_out import only_experiments
     from flexspline.logs.repairs import move_earlier
     from flexspline.prepared import learned
@@ -306,7 +306,7 @@ class _Recorded:
 
     @classmethod
     def of(cls, runs: Sequence[Log], way: _Way) -> _Recorded:
-        from flexspline.discovery.resolution import away_from_ends, coarser, resolved
+        from flexspline.discovery.faults import away_from_ends, coarser, resolved
 
         ways, start = way.preparations, way.start
         made = cls._made(runs, start.target, ways)
@@ -326,7 +326,7 @@ class _Recorded:
 
     @classmethod
     def _made(cls, runs: Sequence[Log], target: str, ways: Sequence[Preparation]) -> _Recorded:
-        from flexspline.discovery.rest import moving
+        from flexspline.discovery.faults import moving
         from flexspline.prepared import prepared
 
         return cls(
@@ -338,12 +338,12 @@ class _Recorded:
 def _searched(runs: _Recorded, way: _Way, exclude: Sequence[str], free: Sequence[str]) -> Confirmed:
     """The names that hold beside the base, in the model that is fitted to all rows that count.
 
-    `free`: what the base is given beside its effects (`freedom.py`).
+    `free`: what the base is given beside its effects (`freedoms`).
     """
     from flexspline.discovery.analysis import analysed
+    from flexspline.discovery.candidates import held_of, with_freedoms
     from flexspline.discovery.confirmation import confirmed
-    from flexspline.discovery.freedom import held_of, with_freedoms
-    from flexspline.discovery.study import study_of
+    from flexspline.discovery.search import study_of
     from flexspline.fit.fitting import fit, fit_near, with_orders
     from flexspline.simulator.record import SIMULATED
 
@@ -396,8 +396,8 @@ def _on_one_clock(
     What a delay is depends on the names beside it, and names on the delay. One that is smaller than
     the step that led to it is not known, and nothing is moved.
     """
+    from flexspline.discovery.candidates import LAG
     from flexspline.discovery.faults import late_by
-    from flexspline.discovery.freedom import LAG
     from flexspline.logs.repairs import move_earlier
 
     delay, others = 0.0, [name for name in free if name != LAG]
@@ -520,7 +520,7 @@ def _rows(recordings: Sequence[Kept], moving: Sequence[Log], made: Analysis) -> 
 
 def _bounds(final: Working, start: _Start) -> dict[str, Bounds]:
     """What physics allows of the parameters, but for those that the user fixed."""
-    from flexspline.discovery.physics import spring_bounds
+    from flexspline.discovery.model import spring_bounds
 
     allowed = spring_bounds(final, start.target)
     return {name: limits for name, limits in allowed.items() if name not in start.fixed}
@@ -528,7 +528,7 @@ def _bounds(final: Working, start: _Start) -> dict[str, Bounds]:
 
 def _priors(final: Working, problem: Problem, start: _Start) -> dict[str, tuple[float, float]]:
     """What physics says of the size of parameters, but of those that the user fixed."""
-    from flexspline.discovery.physics import varying
+    from flexspline.discovery.model import varying
 
     sizes = varying(final, problem)
     return {name: (0.0, size) for name, size in sizes.items() if name not in start.fixed}

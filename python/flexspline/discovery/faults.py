@@ -1,39 +1,129 @@
-"""Faults of the data, looked for before any physics."""
+"""Rows that do not count, and faults of the data: looked for before any physics.
+
+Rows where the joint rests: there the friction of a drive is whatever the load asks for.
+
+Friction that sticks is undetermined within its level, so what a model leaves of the motor torque
+at rest names nothing, however large it is. A joint rests where its angle stays for half a second
+within a hundredth of the way that it covers at speed in that time; a reversal is no rest. With it
+go a quarter of a second before, in which a stop may come from a brake, and a quarter after.
+
+Rows that a search may count: those in which the recorder resolves the motion (`fit/resolution`).
+
+The model that is asked is the base with the friction that turns over fastest.
+
+How much a fault of the data matters: what it makes of the target, against the noise floor.
+
+A fault of size r [target's unit, RMS] beside a floor σ raises the error from σ to √(σ² + r²). One
+that raises it by less than a hundredth is worth knowing, and no reason to doubt a name.
+
+    delay of a velocity          r: prediction with the velocity as recorded less with the right one
+    rows that repeat others      r: each is wrong by one step of the target, √(share · mean step²)
+
+What another fault makes of the target is not known, and it counts as grave. Where the rows read a
+velocity that is derived from a position, the recorded one has made nothing of what is found: it
+matters to whoever reads it, and the sentence says so.
+"""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.constants import milli
+from scipy.ndimage import binary_dilation, maximum_filter1d, minimum_filter1d
 
-from flexspline.discovery.forms import missed, owned_gain
-from flexspline.discovery.freedom import LAG
+from flexspline.discovery.candidates import LAG
+from flexspline.discovery.gram import Whitening, solved, tabulated
+from flexspline.discovery.model import started, working
+from flexspline.discovery.search import missed, owned_gain
 from flexspline.discovery.settings import SETTINGS, TINY
-from flexspline.discovery.table import solved, tabulated
 from flexspline.effects import Effect
+from flexspline.errors import InputError
 from flexspline.fit.fitting import NO_TORSION
+from flexspline.fit.problem import Problem
+from flexspline.fit.resolution import away_from_ends, coarser, resolved_rows, with_fastest
+from flexspline.fit.result import Fit
 from flexspline.logs.checks import check
 from flexspline.logs.checks.gear import TOLD, measured_gear
 from flexspline.logs.log import Log
+from flexspline.logs.repairs import move_earlier
 from flexspline.logs.segments import median_step
+from flexspline.model import Model
+from flexspline.report.numbers import short
+from flexspline.signals import target_of
 
 if TYPE_CHECKING:
     from flexspline.discovery.analysis import Analysis
-    from flexspline.discovery.working import Working
+    from flexspline.discovery.model import Working
 
 __all__ = [
+    "DRIVES",
     "SENSOR",
     "DataFault",
+    "away_from_ends",
+    "coarser",
     "data_faults",
+    "graded",
     "late_by",
     "lead_of",
     "load_delays",
+    "moving",
+    "resolved",
+    "resting",
     "with_measured_ratio",
 ]
+
+SECONDS = 0.5
+DRIVES = ("motor_torque", "motor_current")
+
+
+def resting(log: Log) -> NDArray[np.bool_]:
+    """Return where the joint of a log rests, (N,); nowhere if the log has no joint angle."""
+    if "output_position" not in log or log.rate * log.duration < 2.0:
+        return np.zeros(len(log), dtype=bool)
+    angle = log["output_position"]
+    width = max(2, round(SECONDS * log.rate)) | 1
+    way = maximum_filter1d(angle, width) - minimum_filter1d(angle, width)
+    middle = way <= SETTINGS.negligible * np.quantile(way, 1.0 - SETTINGS.negligible)
+    return np.asarray(binary_dilation(middle, np.ones(2 * width + 1, dtype=bool)))
+
+
+def moving(log: Log, target: str, *, as_in: Log | None = None) -> Log:
+    """Return the rows of a drive's log in which the joint moves, and all rows of other logs.
+
+    `as_in`: the log of the same rows that tells where; None: `log` itself.
+    """
+    if target not in DRIVES:
+        return log
+    still = resting(log if as_in is None else as_in)
+    if not still.any() or still.all():
+        return log
+    return log.rows(~still, note=f"{int(still.sum())} rows at rest left out")
+
+
+def resolved(
+    base: Sequence[Effect],
+    fixed: Mapping[str, float],
+    posed: Callable[[Sequence[Effect], bool], Problem],
+) -> list[NDArray[np.bool_]]:
+    """Return which rows of each run count, (N,).
+
+    Parameters
+    ----------
+    posed : makes the problem of effects, with the motion as it is prepared or smoothed further.
+    """
+    effects = with_fastest(base)
+    fine, coarse = posed(effects, False), posed(effects, True)
+    plain = Whitening(np.ones(1), 1.0, fine.decimation)
+    work, _ = started(fine, working(effects, len(effects), fixed), plain)
+    both = [(work.predict(fine, k), work.predict(coarse, k)) for k in range(len(fine.runs))]
+    runs = fine.runs
+    return resolved_rows([run.log for run in runs], [run.target for run in runs], both)
+
 
 RATIO = "gear_ratio"
 ENCODER_DELAY = "encoder_delay"
@@ -48,7 +138,7 @@ class DataFault:
     """A fault of one run: `name` of the check, channel, size in `unit`, rows [first, last).
 
     `makes`: RMS of what it makes of the target, in its unit, None where that is not known. `grave`:
-    whether it matters beside the noise floor (`grades.py`). `left_out`: these rows were left out of
+    whether it matters beside the noise floor (`graded`). `left_out`: these rows were left out of
     all that follows.
     """
 
@@ -215,3 +305,79 @@ def load_delays(logs: Sequence[Log], target: str, load: str, late: float) -> tup
         )
         for log in logs
     )
+
+
+Array = NDArray[np.float64]
+
+VELOCITY = "output_velocity"
+
+
+def graded(
+    faults: Sequence[DataFault], logs: Sequence[Log], fit: Fit, floor: float
+) -> tuple[DataFault, ...]:
+    """Return the faults with what each makes of the target, and whether that matters.
+
+    Parameters
+    ----------
+    logs : the runs as recorded, the rows that count.
+    fit : of the extended model.
+    floor : noise floor, in the unit of the target.
+    """
+    look = _Look(tuple(logs), fit, floor)
+    return tuple(look.graded(fault) for fault in faults)
+
+
+@dataclass(frozen=True)
+class _Look:
+    logs: tuple[Log, ...]
+    fit: Fit
+    floor: float
+
+    def graded(self, fault: DataFault) -> DataFault:
+        try:
+            makes = self._makes(fault)
+        except InputError:  # where the fault cannot be taken off, its size is not known
+            makes = None
+        if makes is None or not np.isfinite(makes):
+            return fault
+        grave = bool(np.hypot(self.floor, makes) > (1.0 + SETTINGS.negligible) * self.floor)
+        unit, source = self.fit.unit, self._read_instead(fault)
+        said = f"It makes {short(makes)} {unit} RMS, the noise floor is {short(self.floor)} {unit}"
+        said += "." if grave else ": too little to matter."
+        if source:
+            said = (
+                f"Names are looked for with a velocity derived from {source}; as recorded it makes "
+                f"{short(makes)} {unit} RMS, the noise floor is {short(self.floor)} {unit}."
+            )
+        return replace(fault, makes=makes, grave=grave, sentence=f"{fault.sentence} {said}")
+
+    def _read_instead(self, fault: DataFault) -> str:
+        """The position that a velocity is derived from where a fault is one of the velocity's."""
+        sources = {p.channel: p.source for p in self.fit.part.preparations}
+        source = sources.get(VELOCITY, VELOCITY)
+        return source if fault.channel == VELOCITY and source != VELOCITY else ""
+
+    def _makes(self, fault: DataFault) -> float | None:
+        own = [log for log in self.logs if log.name == fault.run]
+        if len(own) != 1:
+            return None
+        log = own[0]
+        if fault.name == "velocity_delay" and fault.channel == VELOCITY:
+            return self._moved(log, move_earlier(log, VELOCITY, fault.size))
+        if fault.name == "repeated_rows":
+            steps = np.diff(target_of(log, self.fit.target, self.fit.part.known_load))
+            return float(np.sqrt(fault.size / len(log) * np.mean(steps**2)))
+        return None
+
+    def _moved(self, log: Log, mended: Log) -> float:
+        """RMS by which the prediction changes with a mended channel, on the rows that both have."""
+        both = [self._predicted(one) for one in (log, mended)]
+        _, first, second = np.intersect1d(log["time"], mended["time"], return_indices=True)
+        return float(np.sqrt(np.nanmean((both[0][first] - both[1][second]) ** 2)))
+
+    def _predicted(self, log: Log) -> Array:
+        """The prediction with the channels as they are, low-passed as the fit's rows were."""
+        part = self.fit.part
+        record = {name: value for name, value in part.record.items() if name != "prepared"}
+        plain: Model = self.fit.model.with_part(replace(part, record=record), {})
+        return plain.predict(log, part.target, lowpass_hz=self.fit.lowpass).predicted

@@ -1,23 +1,245 @@
-"""What is left that no name explains, and the channels that carry it."""
+"""What no name explains: the noise that evidence is measured by, and flexible functions.
+
+The noise that evidence is measured by, in two steps.
+
+A hidden effect that is slow looks like slow noise to a model of the base's residual, and would be
+filtered away with it. So the first noise is that of a residual from which everything known was
+taken out, and too white; the second is the restricted likelihood's (`fit/noise_model.py`) beside
+whatever a lax search with the first has found, among names and among functions without one.
+
+Many recorders smooth what they record. Little is left of it at high frequencies, and noise without
+a floor would weigh that little above all else: a form that is off by a thousandth there would count
+for more than half of the friction at a reversal. So some of what is left is white in any case.
+
+The most that functions without a name could explain: their products, made once for a noise.
+
+Models come and go while a cause is looked for, the functions stay.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from flexspline.discovery.ceiling import Ceiling, Overlap
-from flexspline.discovery.evidence import gain_of
-from flexspline.discovery.nameless import Nameless, channel_told
-from flexspline.discovery.predictive import foretold_gain
+from flexspline.discovery.evidence import foretold_gain, gain_of
+from flexspline.discovery.flexible import ROUND, Nameless, channel_told, nameless_of
+from flexspline.discovery.gram import (
+    SINGULAR,
+    Columns,
+    Sheet,
+    Table,
+    Whitening,
+    fold_blocks,
+    rough_whitening,
+    solved,
+    tabulated,
+)
+from flexspline.discovery.model import Working
 from flexspline.discovery.settings import SETTINGS, TINY
-from flexspline.discovery.table import Columns, Table, solved
-from flexspline.discovery.values import ROUND
-from flexspline.discovery.working import Working
+from flexspline.fit.noise_model import Chunk, noise_model
+from flexspline.fit.problem import Problem
 
-__all__ = ["Leftover", "kept", "leftover_of"]
+__all__ = [
+    "Ceiling",
+    "Leftover",
+    "Overlap",
+    "first_whitening",
+    "kept",
+    "leftover_of",
+    "restricted_whitening",
+]
+
+Array = NDArray[np.float64]
+
+
+def first_whitening(problem: Problem, sheet: Sheet) -> Whitening:
+    """Noise of what all columns leave of the target."""
+    plain = Whitening(np.ones(1), 1.0, problem.decimation)
+    table = tabulated(problem, sheet, plain)
+    beta = solved(table.total, np.arange(sheet.width))
+    residuals = sheet.left_over(problem, [beta] * len(table.folds))
+    return _above_rounding(problem, rough_whitening(residuals, problem.runs, problem.decimation))
+
+
+def restricted_whitening(
+    problem: Problem, work: Working, beside: Sequence[Nameless] = ()
+) -> Whitening:
+    """Noise beside a model and functions without a name, what both swallow of it accounted for.
+
+    It starts from the residual of plain least squares beside all of them: from the model's own
+    residual, what only the functions explain would begin as slow noise, and remain it. Not so
+    where the target was low-passed: what the functions leave there is a narrow band, whose inverse
+    lifts what the low pass has left above its cut-off over all else.
+    """
+    sheet = work.sheet(functions=beside)
+    beta = np.append(work.coefficients[work.free], np.zeros(sheet.width - len(work.free)))
+    if problem.lowpass is None:
+        plain = Whitening(np.ones(1), 1.0, problem.decimation)
+        beta = solved(tabulated(problem, sheet, plain).total, np.arange(sheet.width))
+
+    def chunks() -> Iterator[Chunk]:
+        for starts, made in sheet.pieces(problem):
+            begun = np.zeros(len(made), dtype=bool)
+            begun[0] = starts
+            yield Chunk(made[:, :-1], made[:, -1] - made[:, :-1] @ beta, begun, None)
+
+    rows = sum(run.counted for run in problem.runs)
+    noise = noise_model(
+        chunks,
+        _basis(chunks),
+        max_order=SETTINGS.lags,
+        every=max(1, rows // round(SETTINGS.rows / SETTINGS.negligible)),
+        decimation=problem.decimation,
+        floor=SETTINGS.negligible,
+    )
+    made = Whitening(noise.denominator, noise.innovation_variance, problem.decimation)
+    return _above_rounding(problem, made)
+
+
+def _above_rounding(problem: Problem, noise: Whitening) -> Whitening:
+    """The noise, or white noise of the size of rounding where there is less than that."""
+    squares = [float(run.target @ run.target) for run in problem.runs]
+    floor = SETTINGS.singular**2 * sum(squares) / sum(len(run) for run in problem.runs)
+    if noise.variance > floor:
+        return noise
+    return Whitening(np.ones(1), floor, noise.decimation)
+
+
+def _basis(chunks: Callable[[], Iterator[Chunk]]) -> Array:
+    """Directions that the rows determine, (F + S, K), with rows @ basis orthonormal."""
+    products = np.asarray(sum(chunk.rows.T @ chunk.rows for chunk in chunks()))
+    scale = np.sqrt(np.maximum(np.diag(products), TINY))
+    values, vectors = np.linalg.eigh(products / np.outer(scale, scale))
+    seen = values > SETTINGS.singular * values[-1]
+    return np.asarray(vectors[:, seen] / np.sqrt(values[seen]) / scale[:, None])
+
+
+Rows = NDArray[np.intp]
+
+
+class Ceiling:
+    """Functions of all channels and pairs of them, as a noise sees them.
+
+    `blocks`: products (F, C, C) over σ² of each of the `groups`, by fold.
+    """
+
+    def __init__(self, problem: Problem, whitening: Whitening) -> None:
+        self.problem, self.whitening = problem, whitening
+        self.groups = nameless_of(problem)
+        ends = np.cumsum([0, *(group.count for group in self.groups)])
+        self.at = [slice(a, b) for a, b in pairwise(ends.tolist())]
+        sheet = Sheet((), np.empty(0), (), np.empty(0), tuple(self.groups))
+        self.rows, self.columns = list[Rows](), list[Array]()
+        self.folds: list[tuple[int, int, int]] = []
+        for number in range(len(problem.runs)):
+            white, rows = sheet.white(problem, whitening, number)
+            self.rows.append(rows)
+            self.columns.append(white[:, :-1])
+            self.folds += [(number, a, b) for a, b in fold_blocks(problem, number, rows)]
+        self.blocks = [
+            np.array([self.part(f, at).T @ self.part(f, at) for f in self.folds])
+            / whitening.variance
+            for at in self.at
+        ]
+
+    def part(self, fold: tuple[int, int, int], at: slice | Columns) -> Array:
+        """Columns of some functions on the rows of a fold."""
+        number, first, last = fold
+        return self.columns[number][first:last, at]
+
+    def beside(self, work: Working) -> Overlap:
+        """Return the functions beside the columns and shapes of a model."""
+        sheet, made = work.sheet(), []
+        for number in range(len(self.problem.runs)):
+            white, at = sheet.white(self.problem, self.whitening, number)
+            white = np.roll(white, 1, axis=1)  # the target first
+            made.append(white[np.searchsorted(at, self.rows[number])])
+        return Overlap(self, [made[number][first:last] for number, first, last in self.folds])
+
+
+class Overlap:
+    """Products over σ² of a model's columns M with themselves and with all functions, by fold.
+
+    `inside`: (F, 1 + M, 1 + M), the target first. `across`: (F, C, 1 + M) but for columns that
+    have just joined: what they have in common with all functions is added up when it is asked for.
+    Functions that are taken join M.
+    """
+
+    def __init__(self, ceiling: Ceiling, columns: list[Array]) -> None:
+        self.ceiling, self.chosen = ceiling, list[int]()
+        self.inside = self._scaled([part.T @ part for part in columns])
+        self.across = np.empty((len(columns), ceiling.at[-1].stop, 0))
+        self.joined = columns
+        self.own = columns[0].shape[1]
+
+    def _scaled(self, products: list[Array]) -> Array:
+        return np.array(products) / self.ceiling.whitening.variance
+
+    def _with(self, columns: list[Array], at: slice | Columns) -> Array:
+        """Products (F, C', c) of some functions with columns (n, c) of each fold."""
+        folds = zip(self.ceiling.folds, columns, strict=True)
+        return self._scaled([self.ceiling.part(f, at).T @ part for f, part in folds])
+
+    def take(self, groups: Sequence[int]) -> None:
+        """Let functions join the model."""
+        at = np.concatenate([np.arange(a.start, a.stop) for a in map(self._place, groups)])
+        new = [self.ceiling.part(fold, at) for fold in self.ceiling.folds]
+        both = np.concatenate([self.across[:, at], self._with(self.joined, at)], axis=2)
+        inside = zip(self.inside, both, self._with(new, at), strict=True)
+        self.inside = np.array([_bordered(*parts) for parts in inside])
+        pairs = zip(self.joined, new, strict=True)
+        self.joined = [np.column_stack(pair) for pair in pairs]
+        self.chosen += groups
+
+    def _caught_up(self) -> None:
+        """Add up what columns that have joined have in common with all functions."""
+        if self.joined[0].shape[1]:
+            new = self._with(self.joined, slice(0, self.across.shape[1]))
+            self.across = np.concatenate([self.across, new], axis=2)
+            self.joined = [part[:, :0] for part in self.joined]
+
+    def _place(self, group: int) -> slice:
+        return self.ceiling.at[group]
+
+    def gains(self) -> list[tuple[float, int]]:
+        """Squares over σ² that each group explains beside the model, and columns seen."""
+        self._caught_up()
+        inside, across = self.inside.sum(axis=0), self.across.sum(axis=0)
+        model = np.arange(1, len(inside))
+        scale = np.sqrt(np.maximum(np.diag(inside)[1:], TINY))
+        inverse = np.linalg.pinv(inside[1:, 1:] / np.outer(scale, scale), SINGULAR, hermitian=True)
+        towards = inverse @ (inside[model, 0] / scale)
+        made = []
+        for at, block in zip(self.ceiling.at, self.ceiling.blocks, strict=True):
+            total, own = block.sum(axis=0), across[at, 1:] / scale
+            left = np.empty((len(total), len(total) + 1))
+            left[:, :-1] = total - own @ inverse @ own.T
+            left[:, -1] = across[at, 0] - own @ towards
+            square = np.vstack([left, np.append(left[:, -1], 0.0)])
+            made.append(gain_of(square, np.arange(len(total)), np.diag(total)))
+        return made
+
+    def table(self, group: int | None = None) -> Table:
+        """Products of [model, functions taken, a group, y] by fold."""
+        inside = self.inside
+        if group is not None:
+            self._caught_up()
+            at = self.ceiling.at[group]
+            inside = np.array([_bordered(i, a[at], b) for i, a, b in
+                               zip(inside, self.across, self.ceiling.blocks[group],
+                                   strict=True)])  # fmt: skip
+        order = np.append(np.arange(1, inside.shape[1]), 0)
+        rows = [last - first for _, first, last in self.ceiling.folds]
+        return Table(inside[:, order][:, :, order], np.array(rows, dtype=np.int64))
+
+
+def _bordered(inside: Array, across: Array, block: Array) -> Array:
+    return np.block([[inside, across.T], [across, block]])
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,8 @@ from flexspline.errors import InputError, listed
 from flexspline.experiment.limits import Limits
 
 if TYPE_CHECKING:  # what is heavy is imported where it is used
+    from flexspline.discovery.model import Working
     from flexspline.discovery.result import Discovery
-    from flexspline.discovery.working import Working
     from flexspline.experiment.plan import Plan
     from flexspline.fit.problem import Problem
     from flexspline.fit.result import Fit
@@ -62,8 +62,8 @@ def next_experiment(
     (of a known load) and temperature are taken to be what a rig can set; give limits of two equal
     numbers for what cannot.
     """
-    from flexspline.discovery.noise import restricted_whitening
     from flexspline.discovery.result import Discovery
+    from flexspline.discovery.unexplained import restricted_whitening
     from flexspline.experiment.planning import planned
     from flexspline.fit.result import Fit
     from flexspline.logs.log import Log
@@ -122,7 +122,7 @@ def _prepared(
     part: Part, rivals: Sequence[Effect], logs: Sequence[Log], lowpass: float | None
 ) -> tuple[Problem, Working]:
     """Runs made ready for a model and rivals, and the model with its coefficients."""
-    from flexspline.discovery.working import working
+    from flexspline.discovery.model import working
     from flexspline.fit.problem import problem_of
 
     if not logs:

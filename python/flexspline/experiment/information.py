@@ -18,9 +18,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.discovery.table import Columns, left_by
-from flexspline.discovery.whitening import Whitening
-from flexspline.discovery.working import Working
+from flexspline.discovery.gram import Columns, Whitening, left_by
+from flexspline.discovery.model import Working
 from flexspline.effects import CATALOGUE, Effect
 from flexspline.experiment.trust import Trust
 from flexspline.fit.names import coefficient_names

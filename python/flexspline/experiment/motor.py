@@ -8,9 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.discovery.refit import started
-from flexspline.discovery.whitening import Whitening
-from flexspline.discovery.working import Working, working
+from flexspline.discovery.gram import Whitening
+from flexspline.discovery.model import Working, started, working
 from flexspline.effects import effect
 from flexspline.fit.problem import problem_of
 from flexspline.logs.log import Log

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.linalg import solve_toeplitz
 from scipy.signal import freqz
 
-from flexspline.discovery.whitening import Whitening
+from flexspline.discovery.gram import Whitening
 from flexspline.logs.local_fit import WIDEST
 
 __all__ = ["at_coarser_rate"]

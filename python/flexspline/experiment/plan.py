@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 __all__ = ["ENOUGH", "TAKEN", "Outlook", "Plan"]
 
 ENOUGH = 3.0  # |t| above which two causes are no aliases
-TAKEN = 0.84  # of a named effect's gain: below NEARLY (`discovery/aliases.py`)
+TAKEN = 0.84  # of a named effect's gain: below NEARLY (`discovery/analysis.py`)
 TIGHTER = 3.0  # times the standard error falls at least, for a parameter that was undetermined
 
 

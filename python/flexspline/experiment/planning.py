@@ -14,8 +14,8 @@ from flexspline.experiment.plan import Outlook, Plan
 from flexspline.experiment.words import short
 
 if TYPE_CHECKING:  # what is heavy is imported where it is used
-    from flexspline.discovery.whitening import Whitening
-    from flexspline.discovery.working import Working
+    from flexspline.discovery.gram import Whitening
+    from flexspline.discovery.model import Working
     from flexspline.experiment.information import Layout, Question, Rivalry
     from flexspline.experiment.search import Bench, Scored
     from flexspline.fit.problem import Problem
@@ -180,8 +180,8 @@ def _bench(problem: Problem, layout: Layout, whitening: Whitening, reads: Sequen
 def _rivalry(
     problem: Problem, work: Working, whitening: Whitening, named: str, rival: Effect
 ) -> Rivalry:
-    from flexspline.discovery.grids import SHARED, shaped
-    from flexspline.discovery.refit import refitted
+    from flexspline.discovery.candidates import SHARED, shaped
+    from flexspline.discovery.model import refitted
     from flexspline.experiment.information import Rivalry
 
     others = [e for e in work.effects if e.name != named]

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from flexspline.discovery.whitening import Whitening
+from flexspline.discovery.gram import Whitening
 from flexspline.experiment.family import kinds_for
 from flexspline.experiment.information import Layout, Question, products
 from flexspline.experiment.limits import Bounds

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.discovery.whitening import Whitening
-from flexspline.discovery.working import Working
+from flexspline.discovery.gram import Whitening
+from flexspline.discovery.model import Working
 from flexspline.fit.problem import Problem
 from flexspline.logs.log import Log
 

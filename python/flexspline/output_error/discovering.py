@@ -17,10 +17,9 @@ from flexspline.comparison.result import Comparison
 from flexspline.comparison.runs import Compared, ComparedRun
 from flexspline.comparison.simulated import resolution
 from flexspline.comparison.velocity import velocity_noise, with_motion
-from flexspline.discovery.driven import DrivenRun, Motion
 from flexspline.discovery.faults import DataFault
-from flexspline.discovery.result import Discovery, Found, Unexplained
-from flexspline.discovery.shrunk import HeldRun
+from flexspline.discovery.result import Discovery, DrivenRun, Found, Motion, Unexplained
+from flexspline.discovery.slices import HeldRun
 from flexspline.effects import Effect
 from flexspline.errors import InputError, listed
 from flexspline.fit.result import Fit

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from flexspline.discovery.shrunk import telling
+from flexspline.discovery.slices import telling
 from flexspline.errors import InputError
 from flexspline.plot.canvas import (
     GREY,
@@ -28,9 +28,8 @@ from flexspline.plot.orders import spectrum_over
 from flexspline.plot.thin import outline
 
 if TYPE_CHECKING:
-    from flexspline.discovery.driven import DrivenRun
-    from flexspline.discovery.result import Discovery
-    from flexspline.discovery.shrunk import Slice
+    from flexspline.discovery.result import Discovery, DrivenRun
+    from flexspline.discovery.slices import Slice
 
 __all__ = [
     "driven_forward",

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from itertools import groupby
 from typing import TYPE_CHECKING
 
-from flexspline.discovery.freedom import DIRECTIONS
-from flexspline.discovery.shrunk import telling
+from flexspline.discovery.candidates import DIRECTIONS
+from flexspline.discovery.slices import telling
 from flexspline.errors import listed
 from flexspline.report.content import ParameterLine, parameter_lines
 from flexspline.report.inputs import input_rows
@@ -15,10 +15,9 @@ from flexspline.report.numbers import decimals_for, plus_minus, short
 from flexspline.report.verdict import TARGET_WORDS
 
 if TYPE_CHECKING:
-    from flexspline.discovery.driven import Motion
     from flexspline.discovery.faults import DataFault
-    from flexspline.discovery.result import Discovery, Found
-    from flexspline.discovery.shrunk import Slice
+    from flexspline.discovery.result import Discovery, Found, Motion
+    from flexspline.discovery.slices import Slice
 
 __all__ = ["best_rivals", "channel_rows", "discovery_call", "effect_lines", "estimator_sentence",
            "faults_told", "headlines", "remarks", "searched_sentence", "shrunk_tables",

@@ -13,10 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import qr
 
-from flexspline.discovery.refit import started
-from flexspline.discovery.study import study_of
-from flexspline.discovery.whitening import Whitening
-from flexspline.discovery.working import working
+from flexspline.discovery.gram import Whitening
+from flexspline.discovery.model import started, working
+from flexspline.discovery.search import study_of
 from hidden.made import Made
 from hidden.rig import LOAD, Array
 

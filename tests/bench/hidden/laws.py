@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline import _core
-from flexspline.discovery.rest import DRIVES, resting
+from flexspline.discovery.faults import DRIVES, resting
 from flexspline.discovery.result import Discovery
 from flexspline.logs.log import Log
 from flexspline.model import Part

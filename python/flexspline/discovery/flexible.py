@@ -1,9 +1,22 @@
-"""Functions without a name: what any smooth dependence on a channel, or on two, would explain.
+"""Flexible functions of the channels: what no effect of the catalogue may have to explain it.
+
+What a channel was some time ago: a cause with memory that no present value shows.
+
+Any linear cause with memory is a sum of first-order lags of its channel x with time constants T,
+
+    T dz/dt + z = x,     z = x at the start
+
+Some T, in geometric steps from two samples to half of the longest run, stand for all: heat that
+flows, a filter, a sensor that creeps. They tell an unknown cause with memory from slow noise.
+
+What functions without a name may depend on, at some rows of a run: a window at a time.
+
+Functions without a name: what any smooth dependence on a channel, or on two, would explain.
 
 A cause that is not in the catalogue still depends on something measured. Functions of each channel,
 and of every two, stand for it: a few powers, which need little evidence, and hats (their products
 for two), which follow every smooth function; a channel times every function of another; orders of
-the motor's angle, one by one and together; and what a channel was some time ago (`past.py`). What
+the motor's angle, one by one and together; and what a channel was some time ago (`past_of`). What
 they explain on left-out folds beyond the named effects is "unexplained", and the channels are those
 it depends on.
 """
@@ -17,15 +30,151 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
-from flexspline.discovery.past import names_of_past
 from flexspline.discovery.settings import SETTINGS, TINY
-from flexspline.discovery.values import DIRECTION, RATE, ROUND, values_of
-from flexspline.fit.problem import Problem
+from flexspline.fit.problem import Problem, Run
+from flexspline.logs.segments import median_step, runs
+from flexspline.orders.parts import effective_ratio
 
-__all__ = ["Nameless", "channel_told", "columns_of", "nameless_of"]
+__all__ = [
+    "DIRECTION",
+    "MOST_ROWS",
+    "RATE",
+    "ROUND",
+    "Nameless",
+    "channel_told",
+    "columns_of",
+    "nameless_of",
+    "names_of_past",
+    "past_of",
+    "values_of",
+]
 
 Array = NDArray[np.float64]
+
+MOST_ROWS = round(SETTINGS.rows / SETTINGS.negligible)
+"""Of a run: beyond, its past is not looked at, to save memory."""
+BEHIND = " behind lag "
+
+
+def past_of(
+    time: Array, values: Mapping[str, Array], names: list[str], longest: float
+) -> dict[str, Array]:
+    """Return some channels of a run behind each lag, (N,) each; `longest` of all runs, s."""
+    step = median_step(time)
+    made = {}
+    for name in (name for name in names if name in values):
+        lags = np.geomspace(2.0 * step, 0.5 * longest, SETTINGS.points)
+        for late, lag in zip(names_of_past(name), lags, strict=True):
+            parts = [_lagged(values[name][a:b], step / lag) for a, b in runs(time)]
+            made[late] = np.concatenate(parts)
+    return made
+
+
+def names_of_past(name: str) -> list[str]:
+    """Names of a channel behind each lag."""
+    return [f"{name}{BEHIND}{number + 1}" for number in range(SETTINGS.points)]
+
+
+def _lagged(values: Array, share: float) -> Array:
+    """Values behind a lag of 1 / share steps, settled at the first."""
+    kept = np.exp(-share)
+    made, _ = lfilter([1.0 - kept], [1.0, -kept], values, zi=[kept * values[0]])
+    return np.asarray(made)
+
+
+HIDDEN = {
+    "sensor_torque": ("sensor_torque", "sensor_voltage"),
+    "motor_torque": ("motor_torque", "motor_current", "duty", "supply_voltage"),
+    "motor_current": ("motor_torque", "motor_current", "duty", "supply_voltage"),
+    "torsion": ("motor_velocity",),
+}
+"""Channels that hold the target itself; a supply sags under the motor's own current."""
+NEVER = ("enabled", "thermistor_voltage", "commanded_position", "motor_velocity", "motor_position",
+         "simulated_torque")  # fmt: skip
+PAST, CHANNELS, FASTEST = "past", "nameless channels", "largest speed"  # what a problem keeps
+ROUND, DIRECTION, RATE = "motor_angle", "direction", "load_rate"
+LAGGED = ("temperature", "motor_torque")
+"""Channels whose past may act, beside the load's; that of the motion is friction with memory."""
+
+
+def values_of(problem: Problem, number: int, rows: slice) -> dict[str, Array]:
+    """Return what functions may depend on at some rows of a run, (n,) each, by name."""
+    run, found = problem.runs[number], _channels(problem)
+    made = {name: run.log[name][rows] for name in found}
+    if "time" in made:
+        made["time"] = made["time"] - run.log["time"][0]
+    if problem.known_load in found:
+        made[RATE] = _rate(run.log[problem.known_load], run.log["time"], rows)
+    if "output_velocity" in found:
+        width = max(SETTINGS.bends * _fastest(problem), TINY)
+        made[DIRECTION] = np.tanh(made["output_velocity"] / width)
+    if effective_ratio(run.log.facts) is not None and "output_position" in found:
+        made[ROUND] = _motor_angle(run, rows)
+    past = _past(problem, number)
+    return {**made, **{name: values[rows] for name, values in past.items()}}
+
+
+def _past(problem: Problem, number: int) -> dict[str, Array]:
+    """Return what channels of a run were some time ago, (N,) each."""
+    if max(len(r) for r in problem.runs) > MOST_ROWS:
+        return {}
+    kept: dict[Any, Any] = problem.kept
+    if (PAST, number) not in kept:
+        log = problem.runs[number].log
+        values = {name: log[name] for name in _channels(problem)}
+        longest = max(float(np.ptp(r.log["time"])) for r in problem.runs)
+        lagged = [*LAGGED, problem.known_load or ""]
+        kept[PAST, number] = past_of(log["time"], values, lagged, longest)
+    return dict(kept[PAST, number])
+
+
+def _rate(load: Array, time: Array, rows: slice) -> Array:
+    """How fast the load changes, by the differences to the rows beside."""
+    first, last = max(rows.start - 1, 0), min(rows.stop + 1, len(load))
+    slope = np.gradient(load[first:last], time[first:last])
+    return np.asarray(slope[rows.start - first : rows.stop - first])
+
+
+def _fastest(problem: Problem) -> float:
+    """The largest speed of all runs."""
+    kept: dict[Any, Any] = problem.kept
+    if FASTEST not in kept:
+        speeds = (run.log["output_velocity"] for run in problem.runs)
+        kept[FASTEST] = max(float(max(v.max(), -v.min())) for v in speeds)
+    return float(kept[FASTEST])
+
+
+def _channels(problem: Problem) -> list[str]:
+    kept: dict[Any, Any] = problem.kept
+    if CHANNELS not in kept:
+        kept[CHANNELS] = _usable(problem)
+    return list(kept[CHANNELS])
+
+
+def _usable(problem: Problem) -> list[str]:
+    """Channels that all runs have and that change, but for the target's own."""
+    hidden = {*HIDDEN[problem.target], *NEVER}
+    logs = [run.log for run in problem.runs]
+    load = problem.known_load
+    return [
+        name
+        for name in logs[0].channels
+        if name not in hidden
+        and (name != "reference_torque" or load == name)
+        and all(name in log and np.isfinite(log[name]).all() for log in logs)
+        and any(np.ptp(log[name]) > 0.0 for log in logs)
+    ]
+
+
+def _motor_angle(run: Run, rows: slice) -> Array:
+    if "motor_position" in run.log:
+        return run.log["motor_position"][rows]
+    ratio = effective_ratio(run.log.facts) or 1.0
+    return np.asarray(ratio * run.log["output_position"][rows])
+
+
 Values = Mapping[str, Array]
 Basis = Callable[[Values], Array]
 

@@ -1,0 +1,520 @@
+"""Columns of models and candidates, filtered as the noise sees them, and their Gram matrices.
+
+Which rows of a run are summed together: folds, stretches without a gap, and pieces of these.
+
+Rows and target as the noise sees them: filtered so that what is left is white.
+
+With autoregressive noise, e_t = Σ φ_k e_{t−k} + w_t, least squares on rows and target filtered by
+A = 1 − Σ φ_k z^−k weighs evidence as it is: sums of squares over the innovation variance σ² are
+χ², and slow noise is not counted once for each sample (Cochrane & Orcutt 1949).
+
+Columns that are never all there at once: what a model and candidates are made of, and where.
+
+A run of an hour has millions of rows, and model and candidates together more than a hundred
+columns. Sums of products need a few rows at a time only, so the core makes these, filters them,
+and adds them up. What is kept of a column here is how it is mixed from rows of effects:
+
+    column k = Σ_p mix_pk · part_p,      target = y − Σ_p held_p · part_p
+
+with the parts: rows of effects, then of functions without a name. How a prediction bends with a
+shape is the difference of two parts.
+
+Sums of products of everything that may explain the target, fold by fold: screening is algebra.
+
+One pass filters the columns of model and candidates and adds up, for each fold, the products of
+[columns, y] over σ². With G their sum and m the columns of a model,
+
+    explained(m) = bᵀ G_mm⁻¹ b,     b = G_my        (a χ² of the columns' number where nothing is)
+    G − G_·m G_mm⁻¹ G_m·                            what is left of every candidate beside m
+    held out     = Σ_f |y_f − X_f β(all but f)|²    from G − G_f and G_f
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_toeplitz
+from scipy.ndimage import correlate1d
+
+from flexspline import _core
+from flexspline.discovery.flexible import Nameless, values_of
+from flexspline.discovery.settings import SETTINGS, TINY
+from flexspline.effects import Effect
+from flexspline.fit.problem import Problem, Run
+from flexspline.fit.validation import RUNS_NEEDED, run_edges
+from flexspline.logs.local_fit import LocalFit
+from flexspline.logs.segments import runs as unbroken_runs
+from flexspline.parallel import in_order
+
+__all__ = [
+    "Shares",
+    "Sheet",
+    "Stretch",
+    "Table",
+    "Whitening",
+    "by_runs",
+    "edges_of",
+    "fold_blocks",
+    "inverse_of",
+    "kernels_of",
+    "left_by",
+    "pieces_of",
+    "rough_whitening",
+    "solved",
+    "stretches_of",
+    "tabulated",
+]
+
+Array = NDArray[np.float64]
+Stretch = tuple[int, int, Array]
+"""Rows [first, last), and the weights (2h + 1,) of the low pass around each; none: (0,)."""
+
+CHUNK = 2 * SETTINGS.rows  # of which functions without a name are made at once
+
+
+def by_runs(problem: Problem) -> bool:
+    """Whether whole runs are left out, else blocks of them."""
+    return len(problem.runs) >= RUNS_NEEDED
+
+
+def edges_of(problem: Problem, number: int) -> list[int]:
+    """Rows at which the folds of a run begin, and its end."""
+    return run_edges(problem, number, by_runs(problem))
+
+
+def fold_blocks(problem: Problem, number: int, rows: NDArray[np.intp]) -> list[tuple[int, int]]:
+    """Ranges of the filtered rows of a run that lie in each of its folds."""
+    edges = np.searchsorted(rows, edges_of(problem, number))
+    return [(int(first), int(last)) for first, last in pairwise(edges.tolist())]
+
+
+def stretches_of(problem: Problem, number: int, whitening: Whitening) -> list[Stretch]:
+    """Rows [first, last) that are long enough for the filter, and the low pass around them."""
+    run = problem.runs[number]
+    kernels = kernels_of(problem, number) or {}
+    none = np.empty(0)
+    return [
+        (first, last, kernels.get(first, none))
+        for first, last in run.stretches
+        if whitening.long_enough(last - first)
+    ]
+
+
+def pieces_of(stretch: Stretch, whitening: Whitening) -> Iterator[Stretch]:
+    """Cut a stretch; each piece begins as early as its filter needs."""
+    first, last, kernel = stretch
+    history = whitening.order * whitening.decimation
+    step = max(CHUNK // whitening.decimation, 1) * whitening.decimation
+    for start in range(first, last - history, step):
+        yield start, min(start + step + history, last), kernel
+
+
+def kernels_of(problem: Problem, number: int) -> dict[int, Array] | None:
+    """Low pass of each stretch, by its first row; None where its steps are not even."""
+    if problem.lowpass is None:
+        return {}
+    run = problem.runs[number]
+    kept: dict[Any, Any] = problem.kept
+    key = ("kernels", number, run.stretches)
+    if key not in kept:
+        fit, time = LocalFit(problem.lowpass), run.log["time"]
+        whole = unbroken_runs(time)
+        made = {}
+        for first, _ in run.stretches:
+            a, b = next((int(a), int(b)) for a, b in whole if a <= first < b)
+            made[first] = fit.kernel_of(time[a:b])
+        kept[key] = None if any(kernel is None for kernel in made.values()) else made
+    found: dict[int, Array] | None = kept[key]
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class Whitening:
+    """A = [1, −φ_1, …], the innovation variance σ², and one row of how many is news."""
+
+    denominator: Array
+    variance: float
+    decimation: int
+
+    @property
+    def order(self) -> int:
+        return len(self.denominator) - 1
+
+    def long_enough(self, rows: int) -> bool:
+        """Whether a stretch of so many rows leaves more than what starts the filter."""
+        return -(-rows // self.decimation) > 2 * self.order + 2
+
+    def counted(self, first: int, last: int, edges: Sequence[int]) -> NDArray[np.int64]:
+        """Filtered rows of a stretch [first, last) in each fold between `edges`, (F,)."""
+        start = first + self.order * self.decimation
+        before = [max(0, -(-(min(e, last) - start) // self.decimation)) for e in edges]
+        rows = np.diff(before) if self.long_enough(last - first) else np.zeros(len(edges) - 1)
+        return np.asarray(rows, dtype=np.int64)
+
+    def taken(self, run: Run) -> list[NDArray[np.intp]]:
+        """Rows of each stretch that are filtered; those that only start the filter included."""
+        pieces = [np.arange(first, last, self.decimation) for first, last in run.stretches]
+        return [rows for rows in pieces if len(rows) and self.long_enough(rows[-1] + 1 - rows[0])]
+
+    def __call__(self, columns: Array, run: Run) -> tuple[Array, NDArray[np.intp]]:
+        """Filter columns (N, C) of a run; return what is left and the rows it belongs to."""
+        pieces = self.taken(run)
+        at = [np.empty(0, dtype=np.intp), *(rows[self.order :] for rows in pieces)]
+        made = np.empty((sum(map(len, at)), columns.shape[1]), order="F")
+        last = 0
+        for rows in pieces:
+            first, last = last, last + len(rows) - self.order
+            taken = slice(rows[0], rows[-1] + 1, self.decimation)
+            self.filter(columns[taken], made[first:last])
+        return made, np.concatenate(at)
+
+    def filter(self, columns: Array, out: Array) -> None:
+        """Filter columns (N, C) of consecutive rows into `out`, (N − order, C).
+
+        Both are fastest where a column's rows lie side by side in memory.
+        """
+        late = len(self.denominator) // 2
+        made = correlate1d(columns.T, self.denominator[::-1], axis=1, mode="constant")
+        out.T[:] = made[:, late : late + len(out)]
+
+
+def rough_whitening(residuals: Sequence[Array], runs: Sequence[Run], decimation: int) -> Whitening:
+    """Fit the noise to residuals, (N,) for each run, by Yule and Walker; order by AICc.
+
+    A first guess, from a residual that everything was taken out of.
+    """
+    lags, rows = np.zeros(SETTINGS.lags + 1), 0
+    plain = Whitening(np.ones(1), 1.0, decimation)
+    for residual, run in zip(residuals, runs, strict=True):
+        for at in plain.taken(run):
+            part = residual[at]
+            lags += [float(part[k:] @ part[: max(len(part) - k, 0)]) for k in range(len(lags))]
+            rows += len(part)
+    lags = lags / max(rows, 1)
+    lags[0] = max(lags[0] * (1.0 + SETTINGS.singular), TINY)
+    best = (np.inf, np.ones(1), lags[0])
+    for order in range(SETTINGS.lags + 1):
+        phi = solve_toeplitz(lags[:order], lags[1 : order + 1]) if order else np.empty(0)
+        variance = max(float(lags[0] - phi @ lags[1 : order + 1]), SETTINGS.singular * lags[0])
+        score = rows * np.log(variance) + 2.0 * (order + 1) * rows / max(rows - order - 2, 1)
+        if score < best[0]:
+            best = (score, np.append(1.0, -phi), variance)
+    return Whitening(best[1], float(best[2]), decimation)
+
+
+Shares = list[tuple[int, float]]
+
+
+@dataclass(frozen=True, eq=False)
+class Sheet:
+    """Columns of all runs.
+
+    `effects`: whose rows are parts, (E,) of them. `load`: coefficients of these rows, of which the
+    load is made. `columns`: parts and weights of each column. `held`: (E,) coefficients whose
+    torque is taken off the target. `given`: functions behind the effects, a column each.
+    """
+
+    effects: tuple[Effect, ...]
+    load: Array
+    columns: tuple[Shares, ...]
+    held: Array
+    given: tuple[Nameless, ...] = ()
+
+    @property
+    def width(self) -> int:
+        """How many columns there are, without the target."""
+        return len(self.columns) + sum(group.count for group in self.given)
+
+    def products(self, problem: Problem, whitening: Whitening) -> Array:
+        """Sums of products of filtered [columns, target], (F, C + 1, C + 1), by fold."""
+        screen = self._screen(problem)
+        edges = [edges_of(problem, number) for number in range(len(problem.runs))]
+        firsts = np.cumsum([0, *(len(e) - 1 for e in edges)])
+        total = np.zeros((firsts[-1], self.width + 1, self.width + 1))
+        columns = [*self.columns, *([(p, 1.0)] for p in self._given_parts)]
+        held = _shares(self.held)
+
+        def summed(part: Callable[[], tuple[list[int], list[Any]]]) -> tuple[list[int], Array]:
+            numbers, posed = part()
+            made = screen.products(
+                posed, columns, held, whitening.denominator, whitening.decimation, problem.threads
+            )
+            return numbers, made
+
+        parts = self._posed(problem, whitening)
+        for numbers, made in in_order(problem.threads if self.given else 1, summed, parts):
+            at = np.concatenate([np.arange(firsts[k], firsts[k + 1]) for k in numbers])
+            total[at] += made
+        return total
+
+    def left_over(self, problem: Problem, betas: Sequence[Array]) -> list[Array]:
+        """Target less columns @ beta, one beta (C,) for each fold, in order: (N,) for each run.
+
+        NaN where a row does not count.
+        """
+        edges = [edges_of(problem, number) for number in range(len(problem.runs))]
+        firsts = np.cumsum([0, *(len(e) - 1 for e in edges)])
+        left = [np.full(len(run), np.nan) for run in problem.runs]
+        if self.given or not self.even(problem):
+            for number, out in enumerate(left):
+                those = np.array(betas[firsts[number] : firsts[number + 1]])
+                self._leave(problem, number, those, out)
+            return left
+        numbers, held = range(len(left)), [_shares(self._parts_of(beta)) for beta in betas]
+        plain = Whitening(np.ones(1), 1.0, 1)
+        posed = [_run(problem, k, stretches_of(problem, k, plain)) for k in numbers]
+        return self._screen(problem).left_over(posed, held, problem.threads)
+
+    def _leave(self, problem: Problem, number: int, betas: Array, out: Array) -> None:
+        """The same for one run, with the columns of a stretch all there."""
+        edges = edges_of(problem, number)
+        for (first, last), made in self.stretches(problem, number, cut=True):
+            fold = np.searchsorted(edges[1:-1], np.arange(first, last), side="right")
+            out[first:last] = made[:, -1] - np.einsum("nc,nc->n", made[:, :-1], betas[fold])
+
+    def pieces(self, problem: Problem) -> Iterator[tuple[bool, Array]]:
+        """[Columns, target] of all rows that count, (n, C + 1), a few at a time.
+
+        Whether a piece begins a stretch comes first.
+        """
+        for number in range(len(problem.runs)):
+            begins = {first for first, _ in problem.runs[number].stretches}
+            for (first, _), made in self.stretches(problem, number, cut=True):
+                yield first in begins, made
+
+    def stretches(
+        self, problem: Problem, number: int, *, cut: bool = False
+    ) -> Iterator[tuple[tuple[int, int], Array]]:
+        """Each stretch [first, last) of a run, and [columns, target] of its rows, (n, C + 1).
+
+        `cut`: in pieces of at most `CHUNK` rows.
+        """
+        run = problem.runs[number]
+        if not self.even(problem):
+            whole = np.column_stack(self.rows(problem, number))
+            yield from (((first, last), whole[first:last]) for first, last in run.stretches)
+            return
+        screen, held = self._screen(problem), _shares(self.held)
+        plain = Whitening(np.ones(1), 1.0, 1)
+        columns = [*self.columns, *([(p, 1.0)] for p in self._given_parts)]
+
+        def made(piece: Stretch) -> tuple[tuple[int, int], Array]:
+            posed = _run(problem, number, [piece], *self._made(problem, number, piece))
+            return piece[:2], np.asarray(screen.rows(posed, columns, held))
+
+        unbroken = stretches_of(problem, number, plain)
+        pieces = (piece for s in unbroken for piece in (pieces_of(s, plain) if cut else [s]))
+        yield from in_order(problem.threads if cut else 1, made, pieces)
+
+    def white(
+        self, problem: Problem, whitening: Whitening, number: int
+    ) -> tuple[Array, NDArray[np.intp]]:
+        """Filtered [columns, target] of a run, (n, C + 1), and the rows that they belong to."""
+        order, step = whitening.order, whitening.decimation
+        made = [np.empty((0, self.width + 1))]
+        at = [np.empty(0, dtype=np.intp)]
+        for (first, last), values in self.stretches(problem, number):
+            if whitening.long_enough(last - first):
+                taken = values[::step]
+                made.append(np.empty((len(taken) - order, self.width + 1), order="F"))
+                whitening.filter(taken, made[-1])
+                at.append(np.arange(first, last, step)[order:])
+        return np.concatenate(made), np.concatenate(at)
+
+    def rows(self, problem: Problem, number: int) -> tuple[Array, Array]:
+        """Columns (N, C) and target (N,) of a whole run, low-passed, all there at once."""
+        run = problem.runs[number]
+        parts = np.asarray(problem.design(self.effects).rows(run.channels, len(run), self.load))
+        made = [_mixed(parts, shares) for shares in self.columns]
+        values = values_of(problem, number, slice(0, len(run))) if self.given else {}
+        functions = [group.columns(values) for group in self.given]
+        columns = np.column_stack([np.empty((len(run), 0)), *made, *functions])
+        both = problem.smooth(run, np.column_stack([columns, parts @ self.held]))
+        return both[:, :-1], run.target - both[:, -1]
+
+    def even(self, problem: Problem) -> bool:
+        """Whether the core can make the columns: with a low pass it needs even steps."""
+        return problem.lowpass is None or all(
+            kernels_of(problem, number) is not None for number in range(len(problem.runs))
+        )
+
+    @property
+    def _given_parts(self) -> range:
+        count = sum(len(effect.terms) for effect in self.effects)
+        return range(count, count + self.width - len(self.columns))
+
+    def _parts_of(self, beta: Array) -> Array:
+        """Weight of each part in columns @ beta and in what is held."""
+        own = len(self.columns)
+        parts = np.concatenate([self.held, beta[own:]])
+        for shares, value in zip(self.columns, beta[:own], strict=True):
+            for part, weight in shares:
+                parts[part] += weight * value
+        return parts
+
+    def _screen(self, problem: Problem) -> _core.Screen:
+        design = problem.design(self.effects)
+        return _core.Screen(design, self.load, len(self._given_parts), problem.remembered)
+
+    def _posed(
+        self, problem: Problem, whitening: Whitening
+    ) -> Iterator[Callable[[], tuple[list[int], list[Any]]]]:
+        """Runs as the core takes them: all, or a piece at a time where columns are given."""
+        numbers = range(len(problem.runs))
+        stretches = [stretches_of(problem, number, whitening) for number in numbers]
+        if not self.given:
+            yield lambda: (list(numbers), [_run(problem, k, stretches[k]) for k in numbers])
+            return
+
+        def alone(number: int, piece: Stretch) -> tuple[list[int], list[Any]]:
+            made = self._made(problem, number, piece)
+            return [number], [_run(problem, number, [piece], *made)]
+
+        for number in numbers:
+            for stretch in stretches[number]:
+                for piece in pieces_of(stretch, whitening):
+                    yield partial(alone, number, piece)
+
+    def _made(self, problem: Problem, number: int, piece: Stretch) -> tuple[Array | None, int]:
+        """Functions without a name around rows [first, last), and the row where they begin."""
+        if not self.given:
+            return None, 0
+        first, last, kernel = piece
+        low, high = first - len(kernel) // 2, last + len(kernel) // 2
+        values = values_of(problem, number, slice(low, high))
+        return np.column_stack([group.columns(values) for group in self.given]), low
+
+
+def _shares(weights: Array) -> Shares:
+    return [(int(part), float(weights[part])) for part in np.flatnonzero(weights)]
+
+
+def _mixed(parts: Array, shares: Shares) -> Array:
+    return np.asarray(
+        sum((weight * parts[:, part] for part, weight in shares), np.zeros(len(parts)))
+    )
+
+
+def _run(
+    problem: Problem,
+    number: int,
+    stretches: Sequence[Stretch],
+    given: Array | None = None,
+    from_row: int = 0,
+) -> Any:
+    run = problem.runs[number]
+    fortran = None if given is None else np.asfortranarray(given)
+    return (
+        number,
+        run.channels,
+        run.target,
+        fortran,
+        from_row,
+        stretches,
+        edges_of(problem, number),
+    )
+
+
+Columns = NDArray[np.intp]
+
+SINGULAR = SETTINGS.singular
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """Products of [columns, y] over σ², (F, C + 1, C + 1) by fold, and rows (F,) in each."""
+
+    folds: Array
+    rows: NDArray[np.int64]
+
+    @cached_property
+    def total(self) -> Array:
+        """(C + 1, C + 1), over all folds."""
+        return np.asarray(self.folds.sum(axis=0))
+
+    def of(self, columns: Columns) -> Table:
+        """Return the table of some columns, in this order, with y behind them."""
+        chosen = np.append(columns, self.folds.shape[1] - 1)
+        return Table(self.folds[:, chosen[:, None], chosen], self.rows)
+
+    def without(self, model: Columns) -> Array:
+        """Products of what the model's columns leave of all others, (C + 1, C + 1)."""
+        return left_by(self.total, model)
+
+    def held_out(self, model: Columns) -> Array:
+        """Squares that are left on each fold by a fit to the others, (F,)."""
+        total, left = self.total, []
+        for fold in self.folds:
+            beta = solved(total - fold, model)
+            cross = fold[model, -1]
+            inside = beta @ fold[np.ix_(model, model)] @ beta
+            left.append(fold[-1, -1] - 2.0 * beta @ cross + inside)
+        return np.array(left)
+
+
+def solved(products: Array, model: Columns) -> Array:
+    """Coefficients of least squares, (m,), of least norm where columns depend on each other."""
+    inverse, scale = _inverse(products, model)
+    return np.asarray(inverse @ (products[model, -1] / scale) / scale)
+
+
+def inverse_of(products: Array) -> Array:
+    """Covariance (C, C) of the coefficients of all columns of products [columns, y] over σ²."""
+    inverse, scale = _inverse(products, np.arange(len(products) - 1))
+    return np.asarray(inverse / np.outer(scale, scale))
+
+
+def left_by(products: Array, model: Columns) -> Array:
+    """The Schur complement: products of all columns after `model` is taken out."""
+    inverse, scale = _inverse(products, model)
+    across = products[model] / scale[:, None]
+    return np.asarray(products - across.T @ inverse @ across)
+
+
+def _inverse(products: Array, model: Columns) -> tuple[Array, Array]:
+    """Pseudo-inverse (m, m) of the columns' products scaled to length one, and the lengths."""
+    scale = np.sqrt(np.maximum(products[model, model], 0.0))
+    scale = np.where(scale > 0.0, scale, 1.0)
+    values, vectors = np.linalg.eigh(products[np.ix_(model, model)] / np.outer(scale, scale))
+    seen = values > SINGULAR * max(float(values.max(initial=0.0)), TINY)
+    return (vectors[:, seen] / values[seen]) @ vectors[:, seen].T, scale
+
+
+def tabulated(
+    problem: Problem, columns: Sheet | Sequence[tuple[Array, Array]], whitening: Whitening
+) -> Table:
+    """Add up the products of columns and target: of a sheet, or of (N, C) and (N,) of each run."""
+    if isinstance(columns, Sheet) and columns.even(problem):
+        folds = columns.products(problem, whitening)
+        return Table(folds / whitening.variance, _rows_of_folds(problem, whitening))
+    if isinstance(columns, Sheet):
+        columns = [columns.rows(problem, number) for number in range(len(problem.runs))]
+    products = []
+    for number, (rows, target) in enumerate(columns):
+        made, at = whitening(np.column_stack([rows, target]), problem.runs[number])
+        blocks = fold_blocks(problem, number, at)
+        plain = np.asfortranarray(made[:, :-1])
+        high, _ = _core.accumulate_rows(plain, made[:, -1], blocks, None, False, problem.threads)
+        products.append(high / whitening.variance)
+    return Table(np.concatenate(products), _rows_of_folds(problem, whitening))
+
+
+def _rows_of_folds(problem: Problem, whitening: Whitening) -> NDArray[np.int64]:
+    kept: dict[Any, Any] = problem.kept  # models come and go, the rows stay
+    key = "rows of folds", whitening.order, whitening.decimation
+    own = [run.stretches for run in problem.runs]
+    if key not in kept or kept[key][0] != own:
+        made = []
+        for number, run in enumerate(problem.runs):
+            edges = edges_of(problem, number)
+            counts = [whitening.counted(first, last, edges) for first, last in run.stretches]
+            made.append(np.sum(counts, axis=0, dtype=np.int64))
+        kept[key] = own, np.concatenate(made)
+    found: NDArray[np.int64] = kept[key][1]
+    return found
