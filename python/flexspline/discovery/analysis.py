@@ -144,7 +144,7 @@ class Rival:
         of friction that follows the load. That it fits better, with more numbers, is a matter of
         form as long as it is no more than a form may miss.
         """
-        return self.adds < SETTINGS.told and self.gain >= (1.0 - SETTINGS.little) * self.own
+        return self.adds < SETTINGS.told and self.gain >= (1.0 - SETTINGS.bends) * self.own
 
 
 def rivals_of(searcher: Searcher, work: Working, effect: Effect) -> list[Rival]:

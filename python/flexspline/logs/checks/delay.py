@@ -62,17 +62,23 @@ def find_delay(
     if power == 0:
         return None
 
-    def solve(delay: float, every: int = 1) -> tuple[Array, Array, Array]:
-        design = np.column_stack((curve(at[::every] - delay), np.ones(len(at[::every]))))
-        solved = np.linalg.lstsq(design, y[::every], rcond=1e-9)[0]
-        return solved, y[::every] - design @ solved, design
+    def design_at(delay: float, every: int = 1) -> Array:
+        return np.asarray(np.column_stack((curve(at[::every] - delay), np.ones(len(at[::every])))))
 
-    def loss(delay: float) -> float:
-        return float(np.sum(solve(delay)[1] ** 2)) / power
+    def loss(delay: float, every: int = 1) -> float:
+        """Squares left, by the normal equations: many delays are tried."""
+        design, some = design_at(delay, every), y[::every]
+        solved = np.linalg.lstsq(design.T @ design, design.T @ some, rcond=1e-12)[0]
+        return float(np.sum((some - design @ solved) ** 2)) / power
+
+    def solve(delay: float) -> tuple[Array, Array, Array]:
+        design = design_at(delay)
+        solved = np.linalg.lstsq(design, y, rcond=1e-9)[0]
+        return np.asarray(solved), y - design @ solved, design
 
     count = max(1, int(np.ceil(within / step)))
     grid = np.linspace(-within, within, 2 * count + 1)
-    best = _lowest(loss, grid, [float(np.sum(solve(d, SCANNED)[1] ** 2)) for d in grid])
+    best = _lowest(loss, grid, [loss(d, SCANNED) for d in grid])
     bounds = (max(best - step, -within), min(best + step, within))
     best = float(minimize_scalar(loss, bounds=bounds, method="bounded").x)
     solved, left, design = solve(best)
