@@ -155,6 +155,7 @@ def rivals_of(searcher: Searcher, work: Working, effect: Effect) -> list[Rival]:
     own = owned_gain(dictionary, effect.name)
     raw = np.diag(dictionary.table.total)
     beside_it = dictionary.table.without(dictionary.model)
+    near = (0.5 * SETTINGS.certain) ** 2  # what keeps more has no alias, whatever its shape
     made = []
     for offer in offers(dictionary, rest, len(dictionary.candidates)):
         beside: Columns = np.concatenate([rest, offer.columns])
@@ -163,7 +164,7 @@ def rivals_of(searcher: Searcher, work: Working, effect: Effect) -> list[Rival]:
     found = []
     for rank, (kept, offer) in enumerate(sorted(made, key=lambda pair: pair[0])):
         gain = offer.gain
-        if rank < SETTINGS.tried and kept < EXPLAINS * own <= gain:
+        if rank < SETTINGS.tried and kept < near and gain >= EXPLAINS * own:
             kept, gain, trial = _refitted(searcher, work, effect, offer, kept)
             if impossible(trial, offer.effect.name, searcher.study.problem):
                 continue

@@ -36,6 +36,7 @@ __all__ = ["ChannelNoise", "channel_noise"]
 Array = NDArray[np.float64]
 
 SECONDS = 4.0  # of a segment: it resolves a quarter of a hertz, far below any bandwidth sought
+PARTS, PART = 8, 50_000  # of a long run, and rows of each, that are looked at
 SHORTEST = 128  # rows of a run that is looked at: in shorter ones leakage passes for noise
 DIFFERENCES = 2
 BESIDE = 3  # neighbours in frequency that exceed the floor together: one alone is chance
@@ -116,7 +117,9 @@ def channel_noise(logs: Sequence[Log], channel: str) -> ChannelNoise | None:
         time, values = log["time"], log[channel]
         for first, last in runs(time):
             if last - first >= SHORTEST and 0.45 * rate > 4 * DIFFERENCES / SECONDS:
-                densities.append(_density(time[first:last], values[first:last], frequencies))
+                made = [_density(time[a:b], values[a:b], frequencies)
+                        for a, b in _looked_at(first, last)]  # fmt: skip
+                densities.append(np.mean(made, axis=0))
                 weights.append(last - first)
     if not densities:
         return None
@@ -135,6 +138,14 @@ def channel_noise(logs: Sequence[Log], channel: str) -> ChannelNoise | None:
         frequencies,
         density,
     )
+
+
+def _looked_at(first: int, last: int) -> list[tuple[int, int]]:
+    """All rows of a run [first, last), or parts that lie evenly over a long one."""
+    if last - first <= PARTS * PART:
+        return [(first, last)]
+    starts = np.linspace(first, last - PART, PARTS).astype(int)
+    return [(int(start), int(start) + PART) for start in starts]
 
 
 def _density(time: Array, values: Array, frequencies: Array) -> Array:
