@@ -182,7 +182,7 @@ def test_wrong_answers_are_called_wrong() -> None:
 
 
 def outcome(case: Case, names: tuple[str, ...], means: tuple[str, ...]) -> Outcome:
-    return Outcome(case, {}, {}, names, ((),) * len(names), (0.9,) * len(names), (), means, None,
+    return Outcome(case, {}, {}, names, ((),) * len(names), (0.9,) * len(names), means, None,
                    (), judged(case, means, False), None, 1.0)  # fmt: skip
 
 

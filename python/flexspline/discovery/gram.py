@@ -388,7 +388,12 @@ class Sheet:
         first, last, kernel = piece
         low, high = first - len(kernel) // 2, last + len(kernel) // 2
         values = values_of(problem, number, slice(low, high))
-        return np.column_stack([group.columns(values) for group in self.given]), low
+        made = np.empty((high - low, len(self._given_parts)), order="F")
+        done = 0
+        for group in self.given:
+            made[:, done : done + group.count] = group.columns(values)
+            done += group.count
+        return made, low
 
 
 def _shares(weights: Array) -> Shares:
@@ -409,12 +414,11 @@ def _run(
     from_row: int = 0,
 ) -> Any:
     run = problem.runs[number]
-    fortran = None if given is None else np.asfortranarray(given)
     return (
         number,
         run.channels,
         run.target,
-        fortran,
+        given,
         from_row,
         stretches,
         edges_of(problem, number),
