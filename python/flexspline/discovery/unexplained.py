@@ -264,7 +264,7 @@ class Leftover:
     def times(self, share: float) -> Leftover:
         """What so many times the rows would show."""
         carried = {name: share * gain for name, gain in self.carried.items()}
-        return replace(self, gain=share * self.gain, carried=carried)
+        return replace(self, gain=share * self.gain, net=share * self.net, carried=carried)
 
     @property
     def channels(self) -> list[str]:
