@@ -54,6 +54,18 @@ def test_rest_is_found_at_the_end_of_a_run_and_never_in_a_reversal(joint: int) -
     assert part is log
 
 
+@pytest.mark.xfail(
+    reason="friction over the angle leaves 0.058 A held out, under load 0.076: the angle is named",
+    strict=True,
+)
+def test_friction_that_grows_with_its_own_load_is_named_first_in_joint_2() -> None:
+    found = arm(2).found[0]
+    assert found.effect == "load_dependent_friction"
+    assert "position_dependent_friction" in found.indistinguishable_from
+    (factor,) = [p for p in arm(2).fit.parameters if p.name == "load_dependent_friction.factor"]
+    assert factor.unit == "1"  # of a load that the model makes itself, in A
+
+
 def test_both_readings_of_joint_2s_largest_gap_are_said_and_the_run_that_would_tell() -> None:
     """Gravity is its load, and follows the angle: friction that grows with either is the same."""
     found, readings = arm(2).found[0], {"load_dependent_friction", "position_dependent_friction"}
@@ -109,13 +121,16 @@ def test_the_current_of_the_kinova_lacks_cogging_that_changes_with_speed() -> No
     assert NM_PER_A * made.final_rmse <= 0.125
 
 
+def orders_of(made: Discovery, name: str) -> set[int]:
+    (own,) = [e for e in made.fit.part.effects if e.name == name]
+    return {order for order, _ in own.harmonics}
+
+
 def test_the_sensor_of_the_kinova_has_two_four_and_eight_of_its_own_ring() -> None:
     runs = [repaired(kinova(speed), "drop_start=1.0") for speed in KINOVA_SPEEDS]
     made = flexspline.discover(["offset", "gravity"], runs, target="sensor_torque")
-    (ring,) = [e for e in made.fit.part.effects if e.name == "output_ripple"]
-    assert {2, 4, 8} <= {order for order, _ in ring.harmonics}
-    (of_motor,) = [e for e in made.fit.part.effects if e.name == "speed_dependent_ripple"]
-    assert {order for order, _ in of_motor.harmonics} >= {2, 7}
+    assert {2, 4, 8} <= orders_of(made, "output_ripple")
+    assert orders_of(made, "speed_dependent_ripple") == {2, 7}
     assert made.final_rmse < 0.056 < 0.1 < made.base_rmse
 
 

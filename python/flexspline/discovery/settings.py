@@ -1,10 +1,11 @@
-"""The numbers that decide what `discover` says, each with its source.
+"""The numbers that decide what `discover` says, each with what it stands for.
 
 What halving and doubling each of them does to the names of the benchmark is printed by
 
     python tests/bench/settings_table.py --class robot --out DIR
 
-No measured joint has set any of them.
+That table has not been run over whole lists yet. `stand_in` was once a judgement on two measured
+joints, and `functions` went back to its older value after a measured joint had lost its names.
 """
 
 from __future__ import annotations
