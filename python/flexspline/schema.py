@@ -1,4 +1,4 @@
-"""What `model.json` may hold, and the sentence for what it may not."""
+"""What JSON files may hold, and the sentence for what `model.json` may not."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ from typing import Any
 import jsonschema
 
 from flexspline.errors import InputError, shortened
+from flexspline.plain import plain_json
 
-__all__ = ["json_content", "require_schema"]
+__all__ = ["checked_json", "json_content", "require_schema"]
 
 SURROGATE = re.compile(r"\\u[dD][89a-fA-F]")  # an escape that may be half of a character
 
@@ -50,7 +51,7 @@ def json_content(text: str, label: str) -> object:
 
 def require_schema(content: dict[str, Any], label: str) -> None:
     """Refuse content that is no model; `label` is what the sentence calls it."""
-    errors = jsonschema.Draft202012Validator(_schema()).iter_errors(content)
+    errors = jsonschema.Draft202012Validator(_schema("model")).iter_errors(content)
     first = jsonschema.exceptions.best_match(errors)
     if first is not None:
         where = "/".join(str(part) for part in first.absolute_path) or "the top"
@@ -58,9 +59,16 @@ def require_schema(content: dict[str, Any], label: str) -> None:
         raise InputError(f"{label}: at {where}: {wrong}; mend it or fit the model again")
 
 
+def checked_json(content: Any, schema: str) -> str:
+    """Return content as JSON text that fits "comparison" or "discovery"; no NaN, no tuple in it."""
+    content = plain_json(content)
+    jsonschema.Draft202012Validator(_schema(schema)).validate(content)
+    return json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+
 @cache
-def _schema() -> dict[str, Any]:
-    file = importlib.resources.files("flexspline") / "schemas" / "model.schema.json"
+def _schema(name: str) -> dict[str, Any]:
+    file = importlib.resources.files("flexspline") / "schemas" / f"{name}.schema.json"
     content: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
     return content
 

@@ -15,9 +15,9 @@ import pytest
 from measured import KINOVA_SPEEDS, kinova, two_encoder, ur10e
 
 import flexspline
-from flexspline.discovery.faults import moving
 from flexspline.effects import Effect, effect
 from flexspline.logs.checks.gear import measured_gear
+from flexspline.logs.left_out import moving
 from flexspline.logs.log import Log
 from flexspline.logs.repairs import repaired
 from flexspline.model import Model

@@ -14,9 +14,10 @@ from measured import KINOVA_SPEEDS, iiwa, kinova, two_encoder, ur10e, xl330
 from xl330_servo import KNOWN, TWELVE
 
 import flexspline
-from flexspline.discovery.faults import data_faults, moving, resting
+from flexspline.discovery.faults import data_faults
 from flexspline.discovery.result import Discovery
 from flexspline.logs.checks.gear import measured_gear
+from flexspline.logs.left_out import moving, resting
 from flexspline.logs.log import Log
 from flexspline.logs.repairs import repaired
 

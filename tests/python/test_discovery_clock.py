@@ -11,9 +11,9 @@ from test_hidden_in_torsion import dead_zone, mesh
 from torsion_logs import C_M, LOAD, log_of, noise, stiffness_run
 
 import flexspline
-from flexspline.discovery.model import at_upper_bound, working
 from flexspline.effects import effect
 from flexspline.logs.log import Log
+from flexspline.regression.working import at_upper_bound, working
 
 Array = NDArray[np.float64]
 

@@ -12,8 +12,8 @@ from hidden_logs import LOAD, friction_of, log_of, noise, rich_run
 
 import flexspline
 from flexspline.discovery import search
-from flexspline.discovery.search import rows_of, thinned
 from flexspline.discovery.settings import SETTINGS
+from flexspline.regression.thinned import rows_of, thinned
 
 BASE = ("offset", "coulomb_friction", "viscous_friction", "inertia")
 

@@ -7,11 +7,11 @@ import pytest
 from hidden_logs import LOAD, log_of, rich_run
 
 from flexspline.discovery.analysis import Rival
-from flexspline.discovery.flexible import columns_of, nameless_of, names_of_past, past_of
-from flexspline.discovery.gram import Table
+from flexspline.discovery.basis import Functions, nameless_of, names_of_past, past_of
 from flexspline.discovery.unexplained import kept
 from flexspline.effects import effect
 from flexspline.fit.problem import Problem, problem_of
+from flexspline.regression.gram import Table
 
 Array = np.ndarray
 ROWS = 2000
@@ -28,7 +28,7 @@ def left_by(names: tuple[str, ...], values: Array) -> float:
     here = problem()
     left = []
     for group in (g for g in nameless_of(here) if set(g.channels) == set(names)):
-        made = np.column_stack([np.ones(ROWS), columns_of([group], here, 0)])
+        made = np.column_stack([np.ones(ROWS), Functions((group,)).rows(here, 0, slice(0, ROWS))])
         rest = values - made @ np.linalg.lstsq(made, values, rcond=1e-10)[0]
         left.append(float(rest @ rest / np.sum((values - values.mean()) ** 2)))
     return min(left)
@@ -87,7 +87,7 @@ def test_a_sliver_of_its_column_does_not_save_a_name(cause: float, share: float)
 
 
 def rival(gain: float, adds: float) -> Rival:
-    return Rival(effect("gravity"), gain, own=1000.0, left=31.6, adds=adds, behind=7.0)
+    return Rival(effect("gravity"), gain, own=1000.0, left=31.6, adds=adds, form=0.007)
 
 
 def test_a_plainer_form_stands_for_a_name_only_where_it_lacks_what_a_form_may_miss() -> None:

@@ -159,24 +159,24 @@ def test_the_figure_has_a_panel_for_each_view() -> None:
 
 
 @pytest.mark.parametrize(
-    ("gain", "left", "behind", "alias", "said"),
+    ("gain", "left", "form", "alias", "said"),
     [
-        (60.0, 2.4, 9.0, True, "beside it a keeps t = 2.4"),
-        (98.0, 5.3, 0.8, True, "left-out blocks do not tell which is better"),
-        (98.0, 5.3, 2.5, False, ""),
-        (40.0, 2.4, 0.8, False, ""),
+        (60.0, 2.4, 0.007, True, "beside it a keeps t = 2.4"),
+        (98.0, 5.3, 0.3, True, "is no more than its form may miss"),
+        (98.0, 5.3, 0.007, False, ""),
+        (40.0, 2.4, 0.3, False, ""),
     ],
 )
 def test_an_alias_says_by_which_rule_it_is_one(
-    gain: float, left: float, behind: float, alias: bool, said: str
+    gain: float, left: float, form: float, alias: bool, said: str
 ) -> None:
-    rival = Rival(flexspline.effect("gravity"), gain, 100.0, left, 1.0, behind)
+    rival = Rival(flexspline.effect("gravity"), gain, 100.0, left, 1.0, form)
     assert rival.alias is alias
     if alias:
-        why = rival.why("a", "blocks")
+        why = rival.why("a")
         assert said in why
         assert f"t = {left}" in why
-        assert ("98 %" in why) is rival.by_folds
+        assert ("98 %" in why) is rival.by_form
 
 
 @pytest.mark.parametrize(("now", "doubted"), [(2.4, False), (5.3, True)])

@@ -10,10 +10,10 @@ from hidden_logs import LOAD, friction_of, log_of, noise, rich_run
 
 import flexspline
 from flexspline.discovery.evidence import foretold_gain
-from flexspline.discovery.gram import Table
 from flexspline.discovery.result import Discovery, confidence
 from flexspline.discovery.settings import SETTINGS
 from flexspline.logs.log import Log
+from flexspline.regression.gram import Table
 
 BASE = ["offset", "coulomb_friction", "viscous_friction", "inertia"]
 RUNS, ROWS = 4, 1500

@@ -17,13 +17,13 @@ from scipy.signal import lfilter
 
 import flexspline
 from flexspline import _core
-from flexspline.discovery import gram
-from flexspline.discovery.flexible import Nameless
-from flexspline.discovery.gram import Sheet, Whitening, edges_of, tabulated
-from flexspline.discovery.model import Working, mixed, working
+from flexspline.discovery.basis import Functions, Nameless
 from flexspline.discovery.search import Study, study_of
 from flexspline.fit.problem import Problem
 from flexspline.logs.log import Log
+from flexspline.regression import gram
+from flexspline.regression.gram import Sheet, Whitening, edges_of, tabulated
+from flexspline.regression.working import Working, mixed, working
 
 Array = NDArray[np.float64]
 
@@ -257,7 +257,7 @@ def test_functions_without_a_name_are_made_in_pieces(
 ) -> None:
     made = study([log(1, 3001, gap=1777), log(2, 2500)], cutoff=cutoff)
     whitening = Whitening(COLOURED, 1.0, made.problem.decimation)
-    sheet = model(made).sheet(functions=[Nameless(("time", "output_velocity"), powers, 2)])
+    sheet = model(made).sheet(given=Functions((Nameless(("time", "output_velocity"), powers, 2),)))
     monkeypatch.setattr(gram, "CHUNK", 500)
     found = tabulated(made.problem, sheet, whitening)
     assert_same(found.folds, plain_products(made.problem, sheet, whitening), by_fft=True)
@@ -272,8 +272,8 @@ HERE = Path(__file__).parent
 MEMORY = """
 import resource
 from test_discovery_sheet import everything, log, study
-from flexspline.discovery.gram import tabulated
-from flexspline.discovery.gram import Whitening
+from flexspline.regression.gram import tabulated
+from flexspline.regression.gram import Whitening
 import numpy as np
 
 made = study([log(1, {rows})])

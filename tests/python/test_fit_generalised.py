@@ -45,7 +45,7 @@ def fitted(runs: list[Log], *, general: bool, held: bool = True) -> Fit:
     effects = [*map(flexspline.effect, NAMES), flexspline.effect(RIPPLE, orders=[2])]
     effects = [e.with_shapes(direction_width=WIDTH) if e.shapes else e for e in effects]
     problem = problem_of(runs, effects, TARGET, known_load=LOAD, lowpass_hz=None, threads=1)
-    return fit_near(problem, effects, fixed, {}, None, {}, general=general)
+    return fit_near(problem, effects, fixed, {}, None, general=general)
 
 
 def filtered(made: Fit) -> bool:
@@ -176,7 +176,7 @@ def test_runs_too_short_for_their_noise_keep_the_plain_fit(rows: int) -> None:
         ]
         runs = runs[:1] if rows == 34 else runs
         problem, effects = posed(runs, ("offset", "viscous_friction"))
-        assert fit_near(problem, effects, {}, {}, None, {}, general=True).parameters
+        assert fit_near(problem, effects, {}, {}, None, general=True).parameters
 
 
 def test_naive_errors_are_those_of_the_rows_as_they_are() -> None:

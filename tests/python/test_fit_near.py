@@ -42,7 +42,7 @@ def test_a_fit_from_shapes_near_by_is_that_of_the_whole_search() -> None:
         e.with_shapes(**{s.name: 1.2 * e.shapes[s.name] for s in e.fitted_shapes})
         for e in whole.part.effects
     ]
-    near = fit_near(posed(moved, runs), moved, {}, {}, None, {})
+    near = fit_near(posed(moved, runs), moved, {}, {}, None)
     for one, other in zip(near.parameters, whole.parameters, strict=True):
         assert abs(one.value - other.value) < 0.01 * other.standard_error, one.name
         assert one.standard_error == pytest.approx(other.standard_error, rel=1e-3)

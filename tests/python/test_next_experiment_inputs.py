@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 import flexspline
 from flexspline import Plan
-from flexspline.discovery.gram import Whitening
 from flexspline.experiment.noise import at_coarser_rate
 from flexspline.logs.local_fit import require_bandwidth
 from flexspline.logs.log import Log
+from flexspline.regression.gram import Whitening
 
 LOAD = "reference_torque"
 Array = NDArray[np.float64]

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import importlib.resources
-import json
 from dataclasses import asdict
-from functools import cache
 from typing import TYPE_CHECKING, Any
-
-import jsonschema
 
 from flexspline import __version__
 from flexspline.comparison.bands import OrderPeak
 from flexspline.comparison.says import floor_sentence
 from flexspline.report.inputs import bandwidth_used, inputs_json
+from flexspline.schema import checked_json
 
 if TYPE_CHECKING:
     from flexspline.comparison.result import Comparison
@@ -54,8 +50,7 @@ def comparison_json(made: Comparison) -> str:
         "inputs": inputs_json(made.inputs, made.preparations),
         "bandwidth_hz": bandwidth_used(made.preparations),
     }
-    jsonschema.Draft202012Validator(_schema()).validate(content)
-    return json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    return checked_json(content, "comparison")
 
 
 def _run(log: Any) -> dict[str, Any]:
@@ -84,10 +79,3 @@ def _follows(found: Any) -> dict[str, Any]:
     made = asdict(found)
     made["also"] = list(found.also)
     return made
-
-
-@cache
-def _schema() -> dict[str, Any]:
-    file = importlib.resources.files("flexspline") / "schemas" / "comparison.schema.json"
-    content: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
-    return content

@@ -1,14 +1,10 @@
 """From a base model to names and their aliases: noise, search, what is left, in this order.
 
-Names that explain these runs as well: rivals beside which a named effect leaves next to nothing.
-
-An alias is real where what the named effect explains, projected on the rest of the model and the
-rival, leaves t < 3. The gain of the effect beside the rival estimates t² plus its number of
-columns. The rival's shapes are refitted first: on the grid it may look worse than it is.
-
-Where forms are not exact, as in all measured logs, t goes on growing with the length of the log.
-There a rival counts as well that explains nearly as much and whose squares on left-out folds do
-not exceed the named effect's by more than they vary from fold to fold.
+A rival is an alias where what the named effect explains, projected on the rest of the model and the
+rival, leaves t < 3, or no more than its own form may miss: where forms are not exact, as in all
+measured logs, t goes on growing with the length of the log. The gain of the effect beside the rival
+estimates t² plus its number of columns. The rival's shapes are refitted first: on the grid it may
+look worse than it is.
 """
 
 from __future__ import annotations
@@ -19,56 +15,32 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from flexspline.discovery.evidence import (
-    HeldOut,
-    Offer,
-    foretold_gain,
-    gain_of,
-    held_out,
-    offers,
-    plain_rows,
-)
-from flexspline.discovery.flexible import nameless_of
-from flexspline.discovery.gram import Columns, Sheet, Table, Whitening
-from flexspline.discovery.model import (
-    Working,
-    at_upper_bound,
-    impossible,
-    refitted,
-    solved_at,
-    started,
-    working,
-)
+from flexspline.discovery.basis import Functions, nameless_of
+from flexspline.discovery.evidence import Offer, offers
+from flexspline.discovery.physics import impossible
 from flexspline.discovery.search import (
-    Limits,
     Searcher,
     Step,
     Study,
+    form_of,
     freedom,
-    owned_gain,
-    ranked,
-    rows_of,
-    thinned,
 )
-from flexspline.discovery.settings import SETTINGS, TINY
-from flexspline.discovery.unexplained import (
-    Ceiling,
-    Leftover,
-    first_whitening,
-    leftover_of,
-    restricted_whitening,
-)
+from flexspline.discovery.settings import SETTINGS
+from flexspline.discovery.unexplained import Ceiling, Leftover, leftover_of
 from flexspline.effects import Effect
 from flexspline.fit.memory import settled
 from flexspline.fit.problem import Problem
 from flexspline.fit.ripple import FOLLOWER, LEADERS
+from flexspline.regression.gram import TINY, Columns, Sheet, Whitening, gain_of
+from flexspline.regression.held_out import HeldOut, held_out, plain_rows
+from flexspline.regression.thinned import rows_of, thinned
+from flexspline.regression.whitening import first_whitening, restricted_whitening
+from flexspline.regression.working import Working, refitted, started, working
 from flexspline.report.numbers import percent
 
 __all__ = ["Analysis", "Rival", "analysed", "rivals_of", "simplest"]
 
-FOLDS_DIFFER = 2.0  # standard errors of the difference over folds, up to which they do not
 COGGING = "cogging"
 EXPLAINS = 0.5  # of what the named effect gains, that a rival gains in its place at least
 
@@ -79,9 +51,9 @@ class Rival:
 
     `gain`: what it explains there, and `own` what the named effect explains, in χ². `left`: |t|
     that the named effect keeps beside it, and `adds` what it keeps beside the named effect.
-    `behind`: how much worse it is on left-out folds, in standard errors of the difference from
-    fold to fold. `tied`: the two channels, one of which each of them reads, if in these runs one
-    is nearly a function of the other; else empty.
+    `form`: of what the named effect explains, that its form may miss. `tied`: the two channels,
+    one of which each of them reads, if in these runs one is nearly a function of the other; else
+    empty.
     """
 
     effect: Effect
@@ -89,7 +61,7 @@ class Rival:
     own: float
     left: float
     adds: float
-    behind: float
+    form: float
     tied: tuple[str, ...] = ()
 
     @property
@@ -99,7 +71,7 @@ class Rival:
     @property
     def alias(self) -> bool:
         """Whether these runs do not tell it from the named effect."""
-        return self.by_t or self.by_folds or self.by_tie
+        return self.by_t or self.by_form or self.by_tie
 
     @property
     def by_tie(self) -> bool:
@@ -112,28 +84,27 @@ class Rival:
         return self.left < SETTINGS.told and self.gain >= EXPLAINS * self.own
 
     @property
-    def by_folds(self) -> bool:
-        """Whether it explains nearly as much, and left-out folds do not tell which is better."""
-        same = self.left**2 < EXPLAINS * self.own
-        return same and self.gain >= SETTINGS.most * self.own and self.behind < FOLDS_DIFFER
+    def by_form(self) -> bool:
+        """Whether the named effect leaves no more beside it than its form may miss."""
+        return self.left**2 < self.form * self.own and self.gain >= SETTINGS.most * self.own
 
     @property
     def share(self) -> float:
         """Of what the named effect explains, what it explains in its place; at most one."""
         return float(min(self.gain / max(self.own, TINY), 1.0))
 
-    def why(self, named: str, folds: str) -> str:
-        """Return which rule makes it an alias; `folds`: what was left out, runs or blocks."""
+    def why(self, named: str) -> str:
+        """Return which rule makes it an alias."""
         if self.by_t:
             return f"beside it {named} keeps t = {self.left:.1f}"
-        if self.by_tie and not self.by_folds:
+        if self.by_form:
             return (
-                f"it explains {percent(self.share)} as much, and {self.tied[0]} is nearly a "
-                f"function of {self.tied[1]} in these runs"
+                f"it explains {percent(self.share)} as much, and what {named} keeps beside it, "
+                f"t = {self.left:.1f}, is no more than its form may miss"
             )
         return (
-            f"it explains {percent(self.share)} as much, and left-out {folds} do not tell "
-            f"which is better, although {named} keeps t = {self.left:.1f} beside it"
+            f"it explains {percent(self.share)} as much, and {self.tied[0]} is nearly a "
+            f"function of {self.tied[1]} in these runs"
         )
 
     @property
@@ -150,14 +121,13 @@ class Rival:
 def rivals_of(searcher: Searcher, work: Working, effect: Effect) -> list[Rival]:
     """Return the rivals of a named effect, the best first."""
     dictionary = searcher.study.dictionary(work, searcher.whitening, without=effect.name)
-    rest = dictionary.without([effect.name])
-    mine = dictionary.model[np.array(dictionary.owners) == effect.name]
-    own = owned_gain(dictionary, effect.name)
-    raw = np.diag(dictionary.table.total)
+    rest, mine = dictionary.without([effect.name]), dictionary.own(effect.name)
+    own, raw = dictionary.gain(effect.name), np.diag(dictionary.table.total)
     beside_it = dictionary.table.without(dictionary.model)
-    near = (0.5 * SETTINGS.certain) ** 2  # what keeps more has no alias, whatever its shape
+    form = form_of(effect)
+    near = (0.5 * SETTINGS.certain) ** 2 + form * own  # more is no alias, whatever its shape
     made = []
-    for offer in offers(dictionary, rest, len(dictionary.candidates)):
+    for offer in offers(dictionary, rest):
         beside: Columns = np.concatenate([rest, offer.columns])
         kept = gain_of(dictionary.table.without(beside), mine, raw)[0]
         made.append((kept, offer))
@@ -171,15 +141,14 @@ def rivals_of(searcher: Searcher, work: Working, effect: Effect) -> list[Rival]:
         left = float(np.sqrt(max(kept - len(effect.terms), 0.0)))
         more = gain_of(beside_it, offer.columns, raw)[0] - len(offer.columns)
         adds = float(np.sqrt(max(more, 0.0)))
-        behind = _behind(dictionary.table, rest, (mine, own), (offer.columns, offer.gain))
-        found.append(Rival(offer.effect, gain, own, left, adds, behind))
+        found.append(Rival(offer.effect, gain, own, left, adds, form))
     return sorted(found, key=lambda rival: -rival.gain)
 
 
 def simplest(searcher: Searcher, work: Working) -> Working:
     """Replace each name by the equal with fewest coefficients: of equals the plainest is said.
 
-    A rival that only the folds do not tell from it is an alias, but no equal.
+    A rival that only its form does not tell from it is an alias, but no equal.
     """
     for effect in work.named:
         equals = [r.effect for r in rivals_of(searcher, work, effect) if r.by_t or r.inside]
@@ -216,15 +185,6 @@ def _leading(searcher: Searcher, work: Working) -> Working:
     return trial if squares - left < SETTINGS.bends * (without - left) else work
 
 
-def _behind(
-    table: Table, rest: Columns, named: tuple[Columns, float], other: tuple[Columns, float]
-) -> float:
-    """Standard errors by which a rival is worse on left-out folds; columns and gain of both."""
-    more = foretold_gain(table, rest, *named) - foretold_gain(table, rest, *other)
-    spread = float(np.std(more, ddof=1) * np.sqrt(len(more)))
-    return float(more.sum() / max(spread, TINY))
-
-
 def _refitted(
     searcher: Searcher, work: Working, effect: Effect, offer: Offer, kept: float
 ) -> tuple[float, float, Working]:
@@ -236,10 +196,7 @@ def _refitted(
     return min(kept, max(squares - both, 0.0)), max(without - squares, 0.0), trial
 
 
-Array = NDArray[np.float64]
-
 MOST_KEPT = 0.5  # of each run's rows that stay at least, where those of unknown past are left out
-CLOSED_IN_NOISE = 0.5  # of the same as the noise sees it, for names that close it for the eye
 
 
 @dataclass(frozen=True, eq=False)
@@ -324,62 +281,37 @@ def analysed(
     study.scan(base)
     say("noise")
     first = first_whitening(study.problem, _everything(study, base))
-    lax, _, _ = Searcher(study, first, Limits(lax=True), say).run(base)
+    lax, _ = Searcher(study, first, True, say).run(base)
     study.problem = _known(study.problem, lax.effects)
     study.scan(lax)
     looked_at = thinned(whole.problem, SETTINGS.rows, round(SETTINGS.little * SETTINGS.rows))
     beside = leftover_of(Ceiling(looked_at, first), lax).groups
-    whitening = restricted_whitening(study.problem, lax, beside)
-    searcher = Searcher(study, whitening, Limits(), say)
+    whitening = restricted_whitening(study.problem, lax, Functions(beside) if beside else None)
+    searcher = Searcher(study, whitening, say=say)
     base, _ = searcher.fitted(base)
-    final, steps = _searched(searcher, base, given)
+    final, steps = searcher.run(base)
     if study is not whole:
         say("all rows")
         whole.orders = study.orders
         searcher = replace(searcher, study=whole)
         base, _ = searcher.fitted(base)
-        final, _, more = searcher.run(final)
+        final, more = searcher.run(final)
         steps += more
     say("what is left")
     share = rows_of(whole.problem) / rows_of(looked_at)
     ceiling = Ceiling(looked_at, whitening)
     leftover, doubted = leftover_of(ceiling, final).times(share), []
     at_first = leftover.net
-    closed = _closes(looked_at, whitening, base, final, leftover)
-    while True:
-        little = _closing_little(looked_at, base, final) if closed else None
-        stand_in = _stand_in(searcher, final, leftover, at_first, little)
-        if stand_in is None:
-            break
+    while (stand_in := _stand_in(searcher, final, leftover, at_first)) is not None:
         doubted.append(stand_in)
         kept = [e for e in final.effects if e.name != stand_in]
         final = searcher.pruned(searcher.fitted(final.having(kept))[0])
         leftover = leftover_of(ceiling, final).times(share)
-    final = _ordered(searcher, searcher.pruned(simplest(searcher, final)))
+    final = searcher.pruned(simplest(searcher, final))
     return Analysis(
         whole, study, base, final, searcher, tuple(steps), leftover, tuple(doubted), ceiling,
         1.0 / share,
     )  # fmt: skip
-
-
-def _searched(searcher: Searcher, base: Working, given: Working) -> tuple[Working, list[Step]]:
-    """The names beside a base, and the steps there.
-
-    What a base lacks may drive the width of a change of direction to its upper bound, where it
-    makes up for it: a first search holds such shapes as they were given, a second one frees them.
-    """
-    held = {s.name: s.value(given.effects) for s in given.searched}
-    held = {name: held[name] for name in at_upper_bound(base)}
-    if not held:
-        final, _, steps = searcher.run(base)
-        return final, steps
-    start = working(base.effects, base.base, {**base.fixed, **held})
-    final, _, steps = searcher.run(start)
-    if not final.named:
-        return base, []
-    free = working(final.effects, final.base, base.fixed)
-    final, _, more = searcher.run(free)
-    return final, [*steps, *more]
 
 
 def _known(problem: Problem, effects: Sequence[Effect]) -> Problem:
@@ -393,94 +325,32 @@ def _known(problem: Problem, effects: Sequence[Effect]) -> Problem:
 def _everything(study: Study, work: Working) -> Sheet:
     """Columns of the model, all candidates and functions of each channel."""
     wanted = [e for c in study.candidates(work.effects) for e in c.effects]
-    nameless = nameless_of(study.problem, pairs=False)
-    return work.sheet(beside=list(dict.fromkeys(wanted)), functions=nameless)
+    nameless = Functions(tuple(nameless_of(study.problem, pairs=False)))
+    return work.sheet(beside=list(dict.fromkeys(wanted)), given=nameless)
 
 
-def _ordered(searcher: Searcher, work: Working) -> Working:
-    """Put the name that gains most beside those before it first: a search may lose this order."""
-    dictionary = searcher.study.dictionary(work, searcher.whitening)
-    owners, raw = np.array(dictionary.owners), np.diag(dictionary.table.total)
-    rest = {e.name: e for e in work.named}
-    before, chosen = dictionary.without(list(rest)), list(work.effects[: work.base])
-    while rest:
-        left = dictionary.table.without(before)
-        gains = {name: gain_of(left, dictionary.model[owners == name], raw)[0] for name in rest}
-        best = max(gains, key=lambda name: ranked(gains[name], rest[name]))
-        before = np.concatenate([before, dictionary.model[owners == best]])
-        chosen.append(rest.pop(best))
-    same = chosen == list(work.effects)
-    return work if same else searcher.fitted(work.having(chosen))[0]
-
-
-def _closes(
-    problem: Problem, whitening: Whitening, base: Working, final: Working, leftover: Leftover
-) -> bool:
-    """Whether the names close nearly all of the gap that functions without a name could close.
-
-    In logs of many rows what a form misses is sure as well, and free functions of a name's own
-    channels hold the name: they do not make it a stand-in where little is left to explain. The gap
-    is that of left-out folds in the noise's own metric: slow noise would hide it. Names that close
-    it in the target's unit may leave more of what the noise sees, such as the shape of a jump.
-    """
-    if not leftover.groups or not final.named:
-        return False
-    seen = _share_closed(problem, whitening, base, final, leftover)
-    if seen is None or not CLOSED_IN_NOISE <= seen < SETTINGS.most:
-        return seen is not None and seen >= SETTINGS.most
-    plain = _share_closed(problem, plain_rows(problem, final), base, final, leftover)
-    return plain is None or plain >= SETTINGS.most
-
-
-def _share_closed(
-    problem: Problem, whitening: Whitening, base: Working, final: Working, leftover: Leftover
-) -> float | None:
-    """Share that names close of what they and functions without a name close on left-out folds.
-
-    None where functions that explain a lot close nothing there: runs go where no other went.
-    """
-    before, after = (held_out(problem, work, whitening).squares for work in (base, final))
-    floor = held_out(problem, final, whitening, leftover.groups).squares
-    if floor >= after:
-        return None
-    return (before - after) / max(before - floor, TINY)
-
-
-def _stand_in(
-    searcher: Searcher,
-    work: Working,
-    leftover: Leftover,
-    at_first: float,
-    little: Sequence[str] | None,
-) -> str | None:
+def _stand_in(searcher: Searcher, work: Working, leftover: Leftover, at_first: float) -> str | None:
     """The named effect that most clearly stands in for something else, if one does.
 
-    `at_first`: what was left before any name was taken back, in χ²; a name that was is part of
-    what is left now, and no reason to take back those that explain something else. `little`: of
-    names that close nearly all of the gap, those that close next to nothing: they may be part of
-    anything larger that is left. None where the names do not close it.
+    That is one of which functions without a name hold most, where they still explain a part as
+    large as a small part of it; or one beside which they explain far more. Where names explain
+    nearly all, what a form misses is sure as well, and free functions of a name's own channels
+    hold the name: there only names that explain little of it are asked. `at_first`: what was left
+    before any name was taken back, in χ²; a name that was is part of what is left now, and no
+    reason to take back others.
     """
     if not leftover.groups or not work.named:
         return None
     dictionary = searcher.study.dictionary(work, searcher.whitening)
-    shares = {e.name: leftover.net / max(owned_gain(dictionary, e.name), TINY)
-              for e in work.named if little is None or e.name in little}  # fmt: skip
-    larger = SETTINGS.overwhelming if little is None else 1.0
-    small = larger * leftover.net / max(at_first, TINY)
-    doubted = [n for n, share in shares.items() if share > small
+    gains = {effect.name: max(dictionary.gain(effect.name), TINY) for effect in work.named}
+    closed = leftover.share < SETTINGS.little
+    larger = (1.0 if closed else SETTINGS.overwhelming) * leftover.net / max(at_first, TINY)
+    if closed:
+        explained = leftover.net * (1.0 / max(leftover.share, TINY) - 1.0)
+        gains = {name: gain for name, gain in gains.items() if gain < SETTINGS.bends * explained}
+    shares = {name: leftover.net / gain for name, gain in gains.items()}
+    doubted = [n for n, share in shares.items()
+               if share > larger
                or (share > SETTINGS.little
                    and leftover.survives[n] < SETTINGS.stand_in)]  # fmt: skip
     return max(doubted, key=lambda name: shares[name], default=None)
-
-
-def _closing_little(problem: Problem, base: Working, final: Working) -> list[str]:
-    """Names without which next to nothing of the gap opens again, in the target's unit."""
-    plain = plain_rows(problem, final)
-    before, after = (held_out(problem, work, plain).squares for work in (base, final))
-    found = []
-    for effect in final.named:
-        rest, _ = solved_at(problem, final.having([e for e in final.effects if e != effect]), plain)
-        opened = held_out(problem, rest, plain).squares - after
-        if opened < SETTINGS.bends * (before - after):
-            found.append(effect.name)
-    return found

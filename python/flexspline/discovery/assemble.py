@@ -9,14 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.discovery.analysis import Analysis, Rival, rivals_of
+from flexspline.discovery.basis import Functions
 from flexspline.discovery.confirmation import Confirmed, wald
-from flexspline.discovery.evidence import HeldOut, equivalent_t, held_out, price
+from flexspline.discovery.evidence import equivalent_t, price
 from flexspline.discovery.faults import DataFault
-from flexspline.discovery.gram import Sheet, Whitening, by_runs, edges_of
-from flexspline.discovery.model import Working
 from flexspline.discovery.result import Discovery, Found, Unexplained, confidence, driven_apart
-from flexspline.discovery.search import owned_gain
-from flexspline.discovery.settings import SETTINGS, TINY
+from flexspline.discovery.settings import SETTINGS
 from flexspline.discovery.slices import HeldRun
 from flexspline.effects import UNITS, Effect
 from flexspline.errors import listed
@@ -27,6 +25,9 @@ from flexspline.fit.ripple import CORE_PAIRS
 from flexspline.logs.channel_noise import ChannelNoise
 from flexspline.logs.checks.dependence import Dependence, dependences
 from flexspline.orders.parts import Candidate, Pair, owner, pairs
+from flexspline.regression.gram import TINY, Sheet, Whitening, by_runs, edges_of
+from flexspline.regression.held_out import HeldOut, held_out
+from flexspline.regression.working import Working
 from flexspline.report.numbers import percent
 
 __all__ = ["assembled", "contribution", "where"]
@@ -261,14 +262,15 @@ def _unexplained(
     if not groups:
         return None, steps[-1]
     problem = made.part.problem
+    functions = Functions(groups)
     first, last, least = (
         held_out(problem, work, made.whitening, beside).squares
-        for work, beside in ((made.base, ()), (made.final, ()), (made.final, groups))
+        for work, beside in ((made.base, None), (made.final, None), (made.final, functions))
     )
     share = (last - least) / (first - least) if min(first, last) > least else made.leftover.share
     if share < SETTINGS.bends:
         return None, steps[-1]
-    floor = held_out(problem, made.final, plain, groups).rmse
+    floor = held_out(problem, made.final, plain, functions).rmse
     if made.part is not made.study:
         floor *= steps[-1] / held_out(problem, made.final, plain).rmse
     floor = min(floor, *steps)
@@ -283,7 +285,7 @@ def _found(
     work, searcher = made.final, made.searcher
     rivals = [_with_tie(rival, effect, tied) for rival in rivals_of(searcher, work, effect)]
     dictionary = searcher.study.dictionary(work, searcher.whitening)
-    gain = owned_gain(dictionary, effect.name)
+    gain = dictionary.gain(effect.name)
     squares, count = wald(held.fit, effect.name)
     t = min(equivalent_t(gain, len(effect.terms)), equivalent_t(squares, count))
     aliases = tuple(rival.name for rival in rivals if rival.alias)
@@ -332,7 +334,7 @@ def _evidence(
     if others:
         best, share = others[0].name, percent(others[0].share)
         said += f"; the next best in its place, {best}, explains {share} of that"
-    told = [f"{r.name} ({r.why(effect.name, what)})" for r in rivals if r.alias]
+    told = [f"{r.name} ({r.why(effect.name)})" for r in rivals if r.alias]
     if told:
         said += f"; these runs do not tell it from {listed(told, most=len(told))}"
     return said + "."

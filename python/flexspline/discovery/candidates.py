@@ -28,7 +28,7 @@ the reason.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import product
 from typing import Any
 
@@ -315,17 +315,6 @@ class Candidate:
         if self.atoms:
             return [atom for atoms in self.atoms for atom in atoms]
         return list(self.variants)
-
-    def having(self, variant: Effect) -> Candidate:
-        """Return the candidate with another variant."""
-        orders = self.variants[0].harmonics
-        variant = variant.with_orders(orders) if orders else variant
-        atoms = tuple(variant.with_orders([h]) for h in orders)
-        return replace(
-            self,
-            variants=(*self.variants, variant),
-            atoms=(*self.atoms, atoms) if self.atoms else (),
-        )
 
 
 def possible(

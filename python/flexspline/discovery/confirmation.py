@@ -23,13 +23,14 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from flexspline.discovery.analysis import Analysis
-from flexspline.discovery.evidence import HeldOut, equivalent_t
-from flexspline.discovery.model import Working
-from flexspline.discovery.search import owned_gain
-from flexspline.discovery.settings import SETTINGS, TINY
+from flexspline.discovery.evidence import equivalent_t
+from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect
 from flexspline.fit.names import coefficient_names
 from flexspline.fit.result import Fit
+from flexspline.regression.gram import SINGULAR, TINY
+from flexspline.regression.held_out import HeldOut
+from flexspline.regression.working import Working
 
 __all__ = ["AlsoSeen", "Confirmed", "Shown", "confirmed", "significance", "wald"]
 
@@ -156,10 +157,10 @@ def wald(fit: Fit, name: str) -> tuple[float, int]:
     beta = np.array([values[known[k]] for k in at])
     spread = fit.covariance[np.ix_(at, at)]
     scale = np.sqrt(np.maximum(np.diag(spread), TINY))
-    if np.all(scale <= SETTINGS.singular * np.abs(beta)):
+    if np.all(scale <= SINGULAR * np.abs(beta)):
         return np.inf, len(at)  # runs without noise
     scaled = spread / np.outer(scale, scale)
-    told = np.linalg.lstsq(scaled, beta / scale, rcond=SETTINGS.singular)[0]
+    told = np.linalg.lstsq(scaled, beta / scale, rcond=SINGULAR)[0]
     return float((beta / scale) @ told), len(at)
 
 
@@ -175,7 +176,7 @@ def _all_shown(made: Analysis, fit: Fit) -> list[Shown]:
     for effect in final.named:
         rest = left(final.having([e for e in final.effects if e.name != effect.name]))
         fall, error = _fall(rest, whole, problem.block_rows)
-        t = equivalent_t(owned_gain(dictionary, effect.name), len(effect.terms))
+        t = equivalent_t(dictionary.gain(effect.name), len(effect.terms))
         share = fall / gap if gap > 0.0 else 1.0
         p = significance(fit, effect.name)
         shown.append(Shown(effect, p, t, fall, error, share, (rest.rmse, whole.rmse)))

@@ -23,7 +23,6 @@ if TYPE_CHECKING:  # what is heavy is imported where it is used
     from flexspline.discovery.analysis import Analysis
     from flexspline.discovery.confirmation import Confirmed
     from flexspline.discovery.faults import DataFault
-    from flexspline.discovery.model import Working
     from flexspline.discovery.result import Discovery
     from flexspline.experiment.limits import Limits
     from flexspline.fit.names import Bounds
@@ -34,6 +33,7 @@ if TYPE_CHECKING:  # what is heavy is imported where it is used
     from flexspline.logs.log import Log
     from flexspline.model import Model
     from flexspline.prepared import Preparation
+    from flexspline.regression.working import Working
     from flexspline.simulator.record import Simulated
 
 __all__ = ["discover"]
@@ -276,21 +276,22 @@ class _Way:
     threads: int
     say: Callable[[str], None]
 
+    def posed(self, runs: _Recorded) -> dict[str, Any]:
+        """What `problem_of` asks for beside runs, effects and target."""
+        return {
+            "known_load": self.start.known_load,
+            "lowpass_hz": self.lowpass,
+            "threads": self.threads,
+            "preparations": self.preparations,
+            "counted": runs.counted,
+            "simulated": self.start.simulated,
+        }
+
     def problem(self, runs: _Recorded, effects: Sequence[Effect]) -> Problem:
         from flexspline.fit.problem import problem_of
 
-        return problem_of(
-            runs.logs,
-            effects,
-            self.start.target,
-            known_load=self.start.known_load,
-            lowpass_hz=self.lowpass,
-            threads=self.threads,
-            preparations=self.preparations,
-            inputs=runs.inputs,
-            counted=runs.counted,
-            simulated=self.start.simulated,
-        )
+        target = self.start.target
+        return problem_of(runs.logs, effects, target, inputs=runs.inputs, **self.posed(runs))
 
 
 @dataclass(frozen=True)
@@ -326,7 +327,7 @@ class _Recorded:
 
     @classmethod
     def _made(cls, runs: Sequence[Log], target: str, ways: Sequence[Preparation]) -> _Recorded:
-        from flexspline.discovery.faults import moving
+        from flexspline.logs.left_out import moving
         from flexspline.prepared import prepared
 
         return cls(
@@ -358,26 +359,16 @@ def _searched(runs: _Recorded, way: _Way, exclude: Sequence[str], free: Sequence
     effects = with_freedoms(effects, free)
     fixed = {**start.fixed, **held_of(effects, free)}
     study = study_of(
-        effects,
-        runs.logs,
-        start.target,
-        known_load=start.known_load,
-        lowpass_hz=way.lowpass,
-        exclude=exclude,
-        threads=way.threads,
-        preparations=way.preparations,
-        inputs=runs.inputs,
-        counted=runs.counted,
-        simulated=start.simulated,
+        effects, runs.logs, start.target, exclude=exclude, inputs=runs.inputs, **way.posed(runs)
     )
     made = analysed(study, effects, fixed, way.say)
     way.say("errors and validation")
 
     def fitted(work: Working) -> Fit:
         posed = way.problem(runs, work.effects)
-        limited, priors = _bounds(work, start), _priors(work, posed, start)
+        limited = _bounds(work, start)
         known = {**start.fixed, **held_of(work.effects[: work.base], free)}
-        return fit_near(posed, work.effects, known, limited, start.model, priors, general=True)
+        return fit_near(posed, work.effects, known, limited, start.model, general=True)
 
     return confirmed(made, fitted, [effect.name for effect in start.effects])
 
@@ -520,18 +511,10 @@ def _rows(recordings: Sequence[Kept], moving: Sequence[Log], made: Analysis) -> 
 
 def _bounds(final: Working, start: _Start) -> dict[str, Bounds]:
     """What physics allows of the parameters, but for those that the user fixed."""
-    from flexspline.discovery.model import spring_bounds
+    from flexspline.discovery.physics import spring_bounds
 
     allowed = spring_bounds(final, start.target)
     return {name: limits for name, limits in allowed.items() if name not in start.fixed}
-
-
-def _priors(final: Working, problem: Problem, start: _Start) -> dict[str, tuple[float, float]]:
-    """What physics says of the size of parameters, but of those that the user fixed."""
-    from flexspline.discovery.model import varying
-
-    sizes = varying(final, problem)
-    return {name: (0.0, size) for name, size in sizes.items() if name not in start.fixed}
 
 
 def _fixed_in(record: Mapping[str, Any]) -> dict[str, float]:

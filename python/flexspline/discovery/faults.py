@@ -1,11 +1,4 @@
-"""Rows that do not count, and faults of the data: looked for before any physics.
-
-Rows where the joint rests: there the friction of a drive is whatever the load asks for.
-
-Friction that sticks is undetermined within its level, so what a model leaves of the motor torque
-at rest names nothing, however large it is. A joint rests where its angle stays for half a second
-within a hundredth of the way that it covers at speed in that time; a reversal is no rest. With it
-go a quarter of a second before, in which a stop may come from a brake, and a quarter after.
+"""Faults of the data, and rows that do not count: looked for before any physics.
 
 Rows that a search may count: those in which the recorder resolves the motion (`fit/resolution`).
 
@@ -34,13 +27,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 from scipy.constants import milli
-from scipy.ndimage import binary_dilation, maximum_filter1d, minimum_filter1d
 
 from flexspline.discovery.candidates import LAG
-from flexspline.discovery.gram import Whitening, solved, tabulated
-from flexspline.discovery.model import started, working
-from flexspline.discovery.search import missed, owned_gain
-from flexspline.discovery.settings import SETTINGS, TINY
+from flexspline.discovery.search import missed
+from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect
 from flexspline.errors import InputError
 from flexspline.fit.fitting import NO_TORSION
@@ -53,15 +43,16 @@ from flexspline.logs.log import Log
 from flexspline.logs.repairs import move_earlier
 from flexspline.logs.segments import median_step
 from flexspline.model import Model
+from flexspline.regression.gram import TINY, Whitening, solved, tabulated
+from flexspline.regression.working import started, working
 from flexspline.report.numbers import short
 from flexspline.signals import target_of
 
 if TYPE_CHECKING:
     from flexspline.discovery.analysis import Analysis
-    from flexspline.discovery.model import Working
+    from flexspline.regression.working import Working
 
 __all__ = [
-    "DRIVES",
     "SENSOR",
     "DataFault",
     "away_from_ends",
@@ -71,38 +62,9 @@ __all__ = [
     "late_by",
     "lead_of",
     "load_delays",
-    "moving",
     "resolved",
-    "resting",
     "with_measured_ratio",
 ]
-
-SECONDS = 0.5
-DRIVES = ("motor_torque", "motor_current")
-
-
-def resting(log: Log) -> NDArray[np.bool_]:
-    """Return where the joint of a log rests, (N,); nowhere if the log has no joint angle."""
-    if "output_position" not in log or log.rate * log.duration < 2.0:
-        return np.zeros(len(log), dtype=bool)
-    angle = log["output_position"]
-    width = max(2, round(SECONDS * log.rate)) | 1
-    way = maximum_filter1d(angle, width) - minimum_filter1d(angle, width)
-    middle = way <= SETTINGS.negligible * np.quantile(way, 1.0 - SETTINGS.negligible)
-    return np.asarray(binary_dilation(middle, np.ones(2 * width + 1, dtype=bool)))
-
-
-def moving(log: Log, target: str, *, as_in: Log | None = None) -> Log:
-    """Return the rows of a drive's log in which the joint moves, and all rows of other logs.
-
-    `as_in`: the log of the same rows that tells where; None: `log` itself.
-    """
-    if target not in DRIVES:
-        return log
-    still = resting(log if as_in is None else as_in)
-    if not still.any() or still.all():
-        return log
-    return log.rows(~still, note=f"{int(still.sum())} rows at rest left out")
 
 
 def resolved(
@@ -255,7 +217,7 @@ def late_by(made: Analysis, moved: bool) -> float:
     named = made.final.named
     dictionary = made.searcher.study.dictionary(made.final, made.searcher.whitening)
     other = missed(dictionary, named, Effect(LAG)) if named else made.leftover.gain
-    return late if owned_gain(dictionary, LAG) > other else 0.0
+    return late if dictionary.gain(LAG) > other else 0.0
 
 
 def _late_behind_torsion(made: Analysis) -> float:

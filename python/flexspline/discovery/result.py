@@ -17,30 +17,29 @@ the fit to all other folds.
 
 from __future__ import annotations
 
-import importlib.resources
-import json
-import math
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from functools import cache, cached_property
+from dataclasses import asdict, dataclass, field, fields
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-import jsonschema
 import numpy as np
 from numpy.typing import NDArray
 
 from flexspline import __version__
 from flexspline.discovery.analysis import Analysis
-from flexspline.discovery.evidence import Fold, HeldOut
 from flexspline.discovery.faults import DataFault
-from flexspline.discovery.model import Working
-from flexspline.discovery.settings import SETTINGS, TINY
+from flexspline.discovery.settings import SETTINGS
 from flexspline.discovery.slices import HeldRun, Slice, slices
 from flexspline.errors import InputError
 from flexspline.fit.result import Fit, Parameter
 from flexspline.logs.log import Log
 from flexspline.model import PART_OF, Model, Part
+from flexspline.regression.gram import TINY
+from flexspline.regression.held_out import Fold, HeldOut
+from flexspline.regression.working import Working
+from flexspline.report.inputs import bandwidth_used, inputs_json
+from flexspline.schema import checked_json
 
 if TYPE_CHECKING:
     import pandas
@@ -354,15 +353,15 @@ VERSION = 1
 
 def discovery_json(made: Discovery) -> str:
     """Return the text of `discovery.json`, which fits its schema."""
-    left = made.unexplained
-    content: dict[str, Any] = {
+    ways, motion, unit = made.fit.part.preparations, made.motion, {"rmse_unit": made.unit}
+    content = {
         "format": FORMAT,
         "version": VERSION,
         "made_by": f"flexspline {__version__}",
         "target": made.target,
         "unit": made.unit,
         "by": made.by,
-        "base_effects": list(made.base_effects),
+        "base_effects": made.base_effects,
         "simulation": None if made.simulated is None else made.simulated.to_json(),
         "found": [_found(made, one) for one in made.found],
         "rmse": {
@@ -370,126 +369,52 @@ def discovery_json(made: Discovery) -> str:
             "final": made.final_rmse,
             "noise_floor": made.noise_floor,
         },
-        "also_seen": [
-            {
-                "effect": one.effect,
-                "rmse_before": one.rmse_before,
-                "rmse_after": one.rmse_after,
-                "rmse_unit": made.unit,
-                "share_of_gap": one.share_of_gap,
-                "t": one.t,
-            }
-            for one in made.also_seen
+        "also_seen": [asdict(one) | unit for one in made.also_seen],
+        "inputs": [
+            one | {"delay": _delay(made, one["channel"])} for one in inputs_json(made.inputs, ways)
         ],
-        "inputs": [_input(made, noise) for noise in made.inputs],
-        "bandwidth_hz": _bandwidth(made),
-        "rows": dict(made.rows),
+        "bandwidth_hz": bandwidth_used(ways),
+        "rows": made.rows,
         "validated_by": made.validated_by,
-        "before_after": [
-            {
-                "group": part.group,
-                "label": part.label,
-                "rows": part.rows,
-                "base": part.base,
-                "final": part.final,
-            }
-            for part in made.slices
-        ],
-        "parameters": [_parameter(p) for p in made.fit.parameters],
+        "before_after": [asdict(part) for part in made.slices],
+        "parameters": [_parameter(one) for one in made.fit.parameters],
         "simulated_rmse": None
-        if made.motion is None
+        if motion is None
         else {
-            "channel": made.motion.channel,
-            "base": made.motion.base_rmse,
-            "final": made.motion.final_rmse,
-            "unit": made.motion.unit,
+            "channel": motion.channel,
+            "base": motion.base_rmse,
+            "final": motion.final_rmse,
+            "unit": motion.unit,
         },
-        "data_faults": [
-            {
-                "name": fault.name,
-                "channel": fault.channel,
-                "size": _number(fault.size),
-                "rows": list(fault.rows),
-                "unit": fault.unit,
-                "run": fault.run,
-                "sentence": fault.sentence,
-                "makes": None if fault.makes is None else _number(fault.makes),
-                "grave": fault.grave,
-                "left_out": fault.left_out,
-            }
-            for fault in made.data_faults
-        ],
-        "unexplained": None
-        if left is None
-        else {"share_of_variance": left.share_of_variance, "depends_on": list(left.depends_on)},
+        "data_faults": [asdict(fault) for fault in made.data_faults],
+        "unexplained": None if made.unexplained is None else asdict(made.unexplained),
         "dependences": [
             {"channel": one.channel, "of": one.of, "left": one.left, "sentence": one.sentence}
             for one in made.dependences
         ],
-        "next_experiment": made.next_experiment,
-        "not_tried": dict(made.not_tried),
-        "refused": dict(made.refused),
-        "doubted": list(made.doubted),
-        "searched": dict(made.searched),
+        **{name: getattr(made, name) for name in PLAIN},
     }
-    jsonschema.Draft202012Validator(_schema()).validate(content)
-    return json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    return checked_json(content, "discovery")
+
+
+PLAIN = ("next_experiment", "not_tried", "refused", "doubted", "searched")
 
 
 def _found(made: Discovery, one: Found) -> dict[str, Any]:
-    return {
-        "effect": one.effect,
-        "rmse_before": one.rmse_before,
-        "rmse_after": one.rmse_after,
+    own = {f.name: getattr(one, f.name) for f in fields(one) if f.name != "rivals"}
+    return own | {
         "rmse_unit": made.unit,
-        "share_of_gap": one.share_of_gap,
-        "coefficients_p": one.coefficients_p,
-        "confidence": one.confidence,
-        "indistinguishable_from": list(one.indistinguishable_from),
-        "where": one.where,
-        "evidence": one.evidence,
         "runner_up": one.runner_up,
-        "t": one.t,
         "parameters": [_parameter(p) for p in made.parameters(one.effect)],
     }
 
 
-def _input(made: Discovery, noise: ChannelNoise) -> dict[str, Any]:
-    """What a recorder added to a channel, and how it was prepared for the rows."""
-    late = [f.size for f in made.data_faults if "delay" in f.name and f.channel == noise.channel]
-    used = [p.bandwidth for p in made.fit.part.preparations if p.channel == noise.channel]
-    return {
-        "channel": noise.channel,
-        "noise": noise.noise,
-        "quantum": noise.quantum,
-        "delay": _number(float(np.median(late))) if late else None,
-        "bandwidth": noise.bandwidth,
-        "bandwidth_used": used[0] if used else None,
-    }
-
-
-def _bandwidth(made: Discovery) -> float | None:
-    """-3 dB of the output's motion as the rows read it, Hz; None where it is as recorded."""
-    motion = (p for p in made.fit.part.preparations if p.channel == "output_velocity")
-    return next((one.bandwidth for one in motion), None)
+def _delay(made: Discovery, channel: str) -> float | None:
+    late = [f.size for f in made.data_faults if "delay" in f.name and f.channel == channel]
+    return float(np.median(late)) if late else None
 
 
 def _parameter(one: Parameter) -> dict[str, Any]:
     return {
-        "name": one.name,
-        "value": _number(one.value),
-        "standard_error": _number(one.standard_error),
-        "unit": one.unit,
-        "state": one.state,
+        name: getattr(one, name) for name in ("name", "value", "standard_error", "unit", "state")
     }
-
-
-def _number(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
-
-
-@cache
-def _schema() -> dict[str, Any]:
-    file = importlib.resources.files("flexspline") / "schemas" / "discovery.schema.json"
-    content: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
-    return content

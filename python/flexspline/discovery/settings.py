@@ -12,11 +12,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
-__all__ = ["SETTINGS", "TINY", "Settings"]
-
-TINY = float(np.finfo(float).tiny)  # in the place of a nothing that something is divided by
+__all__ = ["SETTINGS", "Settings"]
 
 
 @dataclass(frozen=True)
@@ -27,10 +23,8 @@ class Settings:
     ----------
     alpha : level of every test: that logs which hide nothing get a name, that a coefficient is
         zero. The bar of the benchmark is two per cent.
-    singular : of the largest eigenvalue of scaled products: below, columns depend on each other;
-        and of any quantity, that is rounding. Squares have half the digits of a double.
     negligible : of squares, times or rows, that matters to nobody: an error that it raises is the
-        same to three digits. White noise beneath all noise, since no form is exact to less.
+        same to three digits.
     form : of its gain, that the form of a name misses: bearings' and gears' forms are known to
         some per cent, whose squares these are.
     memory : the same of an effect with memory, whose loops have more ways to differ.
@@ -47,13 +41,11 @@ class Settings:
     tried : the best so many are looked at more closely; orders of a part that are tried unasked.
     points : values of one shape that are screened, and lags of a channel.
     functions : of one channel; orders that a scan has found and are tried.
-    lags : of a noise with memory, at most.
     lines : orders of the motor's angle that are looked at one by one.
     rows : on which functions without a name are looked at.
     """
 
     alpha: float = 0.01
-    singular: float = 1e-9
     negligible: float = 0.01
     form: float = 0.007
     memory: float = 0.03
@@ -69,7 +61,6 @@ class Settings:
     tried: int = 4
     points: int = 6
     functions: int = 20
-    lags: int = 16
     lines: int = 48
     rows: int = 10_000
 

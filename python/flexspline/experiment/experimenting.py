@@ -11,13 +11,13 @@ from flexspline.errors import InputError, listed
 from flexspline.experiment.limits import Limits
 
 if TYPE_CHECKING:  # what is heavy is imported where it is used
-    from flexspline.discovery.model import Working
     from flexspline.discovery.result import Discovery
     from flexspline.experiment.plan import Plan
     from flexspline.fit.problem import Problem
     from flexspline.fit.result import Fit
     from flexspline.logs.log import Log
     from flexspline.model import Model, Part
+    from flexspline.regression.working import Working
 
 __all__ = ["next_experiment"]
 
@@ -63,10 +63,10 @@ def next_experiment(
     numbers for what cannot.
     """
     from flexspline.discovery.result import Discovery
-    from flexspline.discovery.unexplained import restricted_whitening
     from flexspline.experiment.planning import planned
     from flexspline.fit.result import Fit
     from flexspline.logs.log import Log
+    from flexspline.regression.whitening import restricted_whitening
 
     given = model_or_discovery
     fit = given.fit if isinstance(given, Discovery) else given if isinstance(given, Fit) else None
@@ -122,8 +122,8 @@ def _prepared(
     part: Part, rivals: Sequence[Effect], logs: Sequence[Log], lowpass: float | None
 ) -> tuple[Problem, Working]:
     """Runs made ready for a model and rivals, and the model with its coefficients."""
-    from flexspline.discovery.model import working
     from flexspline.fit.problem import problem_of
+    from flexspline.regression.working import working
 
     if not logs:
         raise InputError("there is no log to look at; give at least one")

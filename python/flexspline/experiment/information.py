@@ -18,12 +18,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.discovery.gram import Columns, Whitening, left_by
-from flexspline.discovery.model import Working
 from flexspline.effects import CATALOGUE, Effect
 from flexspline.experiment.trust import Trust
 from flexspline.fit.names import coefficient_names
 from flexspline.fit.problem import Problem, Run
+from flexspline.regression.gram import Columns, Whitening, left_by
+from flexspline.regression.working import Working
 
 __all__ = ["Layout", "Question", "Rivalry", "layout_of", "products", "recorded"]
 

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.discovery.gram import Whitening
-from flexspline.discovery.model import Working, started, working
 from flexspline.effects import effect
 from flexspline.fit.problem import problem_of
 from flexspline.logs.log import Log
+from flexspline.regression.gram import Whitening
+from flexspline.regression.working import Working, started, working
 from flexspline.signals import channels_for, core_channels, gear_of
 
 __all__ = ["Motor", "motor_of"]

@@ -15,8 +15,8 @@ import numpy as np
 from scipy.linalg import solve_toeplitz
 from scipy.signal import freqz
 
-from flexspline.discovery.gram import Whitening
 from flexspline.logs.local_fit import WIDEST
+from flexspline.regression.gram import Whitening
 
 __all__ = ["at_coarser_rate"]
 

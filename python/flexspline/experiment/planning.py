@@ -14,13 +14,13 @@ from flexspline.experiment.plan import Outlook, Plan
 from flexspline.experiment.words import short
 
 if TYPE_CHECKING:  # what is heavy is imported where it is used
-    from flexspline.discovery.gram import Whitening
-    from flexspline.discovery.model import Working
     from flexspline.experiment.information import Layout, Question, Rivalry
     from flexspline.experiment.search import Bench, Scored
     from flexspline.fit.problem import Problem
     from flexspline.fit.result import Fit
     from flexspline.logs.log import Log
+    from flexspline.regression.gram import Whitening
+    from flexspline.regression.working import Working
 
 __all__ = ["planned"]
 
@@ -181,8 +181,8 @@ def _rivalry(
     problem: Problem, work: Working, whitening: Whitening, named: str, rival: Effect
 ) -> Rivalry:
     from flexspline.discovery.candidates import SHARED, shaped
-    from flexspline.discovery.model import refitted
     from flexspline.experiment.information import Rivalry
+    from flexspline.regression.working import refitted
 
     others = [e for e in work.effects if e.name != named]
     variants = tuple(shaped(rival, tuple(others), problem))

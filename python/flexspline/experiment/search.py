@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from flexspline.discovery.gram import Whitening
 from flexspline.experiment.family import kinds_for
 from flexspline.experiment.information import Layout, Question, products
 from flexspline.experiment.limits import Bounds
@@ -24,6 +23,7 @@ from flexspline.experiment.recording import Excitation, as_problem, commanded
 from flexspline.experiment.setting import settings
 from flexspline.experiment.trust import Trust
 from flexspline.fit.problem import Problem
+from flexspline.regression.gram import Whitening
 
 __all__ = ["Bench", "Scored", "best_of_family", "refined"]
 

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.discovery.gram import Whitening
-from flexspline.discovery.model import Working
 from flexspline.fit.problem import Problem
 from flexspline.logs.log import Log
+from flexspline.regression.gram import Whitening
+from flexspline.regression.working import Working
 
 __all__ = ["Trust", "trust_of"]
 

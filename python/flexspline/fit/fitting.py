@@ -276,7 +276,6 @@ def fit_near(
     fixed: Mapping[str, float],
     bounds: Mapping[str, Bounds],
     into: Model | None,
-    priors: Mapping[str, tuple[float, float]],
     *,
     general: bool = False,
 ) -> Fit:
@@ -285,7 +284,7 @@ def fit_near(
     Parameters
     ----------
     problem : as `problem_of` makes it for these effects.
-    fixed, bounds, into, priors : as for `fit`.
+    fixed, bounds, into : as for `fit`.
     general : by generalised least squares where that and plain least squares agree as those of a
         right model do (`generalised.py`).
 
@@ -299,7 +298,7 @@ def fit_near(
     from flexspline.fit.generalised import generalised
 
     _require_rows(problem, effects)
-    given = Given(fixed, bounds, priors, False)
+    given = Given(fixed, bounds, {}, False)
     made = estimate(problem, effects, given, lambda: None, near=True)
     problem, made = _settled(problem, made, given, lambda: None, near=True)
     if general:

@@ -1,4 +1,11 @@
-"""Rows that belong to no experiment are left out before anything is searched, and said so."""
+"""Rows that belong to no experiment are left out before anything is searched, and said so.
+
+So are those of a drive in which its joint rests: friction that sticks is undetermined within its
+level, so what a model leaves of the motor torque at rest names nothing, however large it is. A
+joint rests where its angle stays for half a second within a hundredth of the way that it covers at
+speed in that time; a reversal is no rest. With it go a quarter of a second before, in which a stop
+may come from a brake, and a quarter after.
+"""
 
 from __future__ import annotations
 
@@ -7,12 +14,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation, maximum_filter1d, minimum_filter1d
 
 from flexspline.logs.checks.ends import drive_disabled, homing_move, stuck_tail
 from flexspline.logs.checks.findings import Finding
 from flexspline.logs.log import Log
 
-__all__ = ["LeftOut", "only_experiments"]
+__all__ = ["DRIVES", "LeftOut", "moving", "only_experiments", "resting"]
 
 DRIVES = ("motor_torque", "motor_current")
 REASONS = {
@@ -20,6 +28,8 @@ REASONS = {
     "homing_move": "in a homing move",
     "drive_disabled": "while the drive was off",
 }
+SECONDS = 0.5
+STILL = 0.01  # of the way that a joint covers at speed in that time
 FEWEST = 100  # rows: a log of which less is left stays as it is
 
 
@@ -82,3 +92,27 @@ def _only(log: Log, target: str) -> Kept:
     contiguous = rows[-1] + 1 - rows[0] == len(rows)
     which = slice(int(rows[0]), int(rows[-1]) + 1) if contiguous else keep
     return Kept(log.rows(which, note=f"rows left out: {said}"), rows, tuple(left))
+
+
+def resting(log: Log) -> NDArray[np.bool_]:
+    """Return where the joint of a log rests, (N,); nowhere if the log has no joint angle."""
+    if "output_position" not in log or log.rate * log.duration < 2.0:
+        return np.zeros(len(log), dtype=bool)
+    angle = log["output_position"]
+    width = max(2, round(SECONDS * log.rate)) | 1
+    way = maximum_filter1d(angle, width) - minimum_filter1d(angle, width)
+    middle = way <= STILL * np.quantile(way, 1.0 - STILL)
+    return np.asarray(binary_dilation(middle, np.ones(2 * width + 1, dtype=bool)))
+
+
+def moving(log: Log, target: str, *, as_in: Log | None = None) -> Log:
+    """Return the rows of a drive's log in which the joint moves, and all rows of other logs.
+
+    `as_in`: the log of the same rows that tells where; None: `log` itself.
+    """
+    if target not in DRIVES:
+        return log
+    still = resting(log if as_in is None else as_in)
+    if not still.any() or still.all():
+        return log
+    return log.rows(~still, note=f"{int(still.sum())} rows at rest left out")

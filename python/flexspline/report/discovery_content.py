@@ -242,7 +242,7 @@ def best_rivals(made: Discovery, one: Found) -> list[tuple[str, str, str]]:
         (
             rival.name,
             f"{100.0 * rival.share:.0f} %",
-            f"not told apart: {rival.why(one.effect, made.validated_by)}"
+            f"not told apart: {rival.why(one.effect)}"
             if rival.alias
             else f"worse: {one.effect} keeps t = {rival.left:.1f}",
         )

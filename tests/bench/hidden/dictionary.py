@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import qr
 
-from flexspline.discovery.gram import Whitening
-from flexspline.discovery.model import started, working
 from flexspline.discovery.search import study_of
+from flexspline.regression.gram import Whitening
+from flexspline.regression.working import started, working
 from hidden.made import Made
 from hidden.rig import LOAD, Array
 

@@ -1,67 +1,49 @@
-"""The model at hand while a cause is looked for: what physics allows of it, and its fit
-in the noise's own metric (Gauss-Newton).
+"""A model while it is looked for: effects, their shapes, coefficients; and its fit (Gauss-Newton)
+by least squares on filtered rows.
 
-Shapes are refitted before anything new is named. Near the solution a shape s is one more column,
+Near the solution a shape s is one more column,
 
     ∂(prediction) / ∂(ln s),
 
-so a candidate is judged after the columns *and* the shapes of the model are taken out, without a
+so what is beside a model is judged after its columns *and* its shapes are taken out, without a
 search for each.
-
-What a drive cannot do: friction that drives, a loop that gives energy, a negative mass.
-
-Nor is every curve that a form can bend to the effect of its name. Springs of alternating sign are
-no presliding but a fit to the noise around a reversal; friction that fades before the direction of
-motion has changed is the width of that change said twice; and one that has not faded at the
-largest speed bends the whole curve, for which viscous friction has a name.
-
-Over a small part of a turn sines and cosines of the angle are nearly one curve, and huge ones of
-opposite sign cancel to any bend: they would drive the joint at angles that no run has seen. What
-varies of a friction is about as large as the friction at most, so each coefficient is drawn from
-
-    N(0, τ_f²)      τ_f: half of what the target differs by between directions, in the mean
-
-which six coefficients that the runs determine pay a few χ² for. And runs that all go one way show
-no change of direction: where friction would bend by one among their speeds, it is a torque whose
-size depends on the speed, under another name.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.discovery.flexible import Nameless
-from flexspline.discovery.gram import Shares, Sheet, Whitening, solved, tabulated
-from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect
-from flexspline.fit.names import Bounds, ShapeParameter, coefficient_names, resolve, shapes_of
+from flexspline.fit.names import ShapeParameter, coefficient_names, resolve, shapes_of
 from flexspline.fit.problem import Problem
+from flexspline.regression.gram import (
+    SINGULAR,
+    Given,
+    Shares,
+    Sheet,
+    Whitening,
+    solved,
+    tabulated,
+)
 
 __all__ = [
-    "LOOPS",
-    "VARYING",
     "Working",
     "at_upper_bound",
     "coefficients_of",
-    "driving_spring",
-    "impossible",
     "mixed",
-    "one_signed",
     "refitted",
-    "spring_bounds",
+    "solved_at",
     "started",
-    "varying",
     "working",
 ]
 
 Array = NDArray[np.float64]
 
-STEP = SETTINGS.little * SETTINGS.negligible  # of a shape's logarithm, for the central difference
+STEP = 1e-3  # of a shape's logarithm, for the central difference
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,13 +117,12 @@ class Working:
         *,
         bends: bool = True,
         beside: Sequence[Effect] = (),
-        functions: Sequence[Nameless] = (),
+        given: Given | None = None,
     ) -> Sheet:
         """Columns of free coefficients and searched shapes, (F + S), and of what is beside them.
 
-        `beside`: effects whose load is the model's own inertia and gravity. `functions`: without
-        a name. The target is what the held coefficients leave. Without `bends` there are no
-        columns of shapes.
+        `beside`: effects whose load is the model's own inertia and gravity. The target is what the
+        held coefficients leave. Without `bends` there are no columns of shapes.
         """
         own = sum(len(effect.terms) for effect in self.effects)
         parts, shapes = list(self.effects), []
@@ -161,7 +142,7 @@ class Working:
                 *([(first + k, 1.0)] for k in range(count)),
             ),
             np.concatenate([np.where(self.held, self.coefficients, 0.0), padding]),
-            tuple(functions),
+            given,
         )
 
     def opened(self) -> tuple[Sheet, Array]:
@@ -244,160 +225,13 @@ def _names(effects: Sequence[Effect]) -> list[str]:
     return coefficient_names(effects)
 
 
-DISSIPATES = (
-    "coulomb_friction",
-    "stribeck_friction",
-    "load_dependent_friction",
-    "viscous_friction",
-)
-"""One coefficient that a drive has with a positive sign alone."""
-
-STRIBECK = "stribeck_friction"
-
-SPRINGS = "presliding_friction"
-LOOPS = (SPRINGS, "torsional_hysteresis")
-"""Elements all have one sign: the positive one in a drive and in a torsion: loops cost energy."""
-
-VARYING = "position_dependent_friction"
-
-WIDTH = "direction_width"
-LAG = "sensor_lag"
-
-DRIVES = ("motor_torque", "motor_current")
-POSITIVE_MASS = ("inertia",)
-
-
-def one_signed(name: str, target: str) -> int:
-    """How many signs the coefficients of an effect may all have: 1, 2 of a sensor; 0: any of each.
-
-    A single coefficient whose sign nothing tells has any.
-    """
-    if name in LOOPS:
-        return 2 if target == "sensor_torque" else 1
-    return int(target in DRIVES and name in (*DISSIPATES, *POSITIVE_MASS))
-
-
-def impossible(work: Working, name: str, problem: Problem) -> str:
-    """Return why an effect cannot be what the model says of it, "" where it can.
-
-    The drive decides signs: its torque overcomes friction and accelerates the joint. A sensor may
-    see either sign, by the side of the friction on which it sits; so may what corrects a simulation
-    that has too much of a friction or mass.
-    """
-    if why := _bent_one_way(work, name, problem):
-        return why
-    if name == STRIBECK and (why := _not_fading(work, problem)):
-        return why
-    values = _values(work, name)
-    if name == LAG and problem.known_load is not None and values[0] < 0.0:
-        return "a sensor cannot read a torque before it is there"
-    if problem.target not in DRIVES or problem.simulated is not None:
-        return ""
-    if name in DISSIPATES and values[0] < 0.0:
-        return "its friction would drive the joint"
-    if name == SPRINGS and values.sum() < 0.0:
-        return "its springs would drive the joint"
-    if name in POSITIVE_MASS and values[0] < 0.0:
-        return "its mass would be negative"
-    return ""
-
-
-def _bent_one_way(work: Working, name: str, problem: Problem) -> str:
-    """Why a change of direction is none, "" where it is one or reaches into no speed."""
-    (shapes,) = (e.shapes for e in work.effects if e.name == name)
-    if WIDTH not in shapes:
-        return ""
-    velocity = np.concatenate([run.log["output_velocity"] for run in problem.runs])
-    if min(np.mean(velocity > 0.0), np.mean(velocity < 0.0)) >= SETTINGS.negligible:
-        return ""
-    if np.tanh(np.quantile(np.abs(velocity), SETTINGS.little) / shapes[WIDTH]) >= SETTINGS.most:
-        return ""
-    return "no run changes direction, and its change of direction would reach into their speeds"
-
-
-def _not_fading(work: Working, problem: Problem) -> str:
-    """Why friction does not fade from rest as a start's does, "" where it does."""
-    fastest = max(float(np.abs(run.log["output_velocity"]).max()) for run in problem.runs)
-    (shapes,) = (e.shapes for e in work.effects if e.name == STRIBECK)
-    if shapes["stribeck_velocity"] < shapes["direction_width"]:
-        return "it would fade before the direction of motion has changed"
-    if shapes["stribeck_velocity"] > SETTINGS.most * fastest:
-        return "it would not fade within the speeds of these runs"
-    return ""
-
-
-def driving_spring(work: Working, target: str) -> str:
-    """Return the presliding spring whose sign is most against the others', "" where none is.
-
-    The last free one of an effect stays, whatever its sign.
-    """
-    against: dict[str, float] = {}
-    for effect in LOOPS:
-        names, values = _terms(work, effect), _values(work, effect)
-        free = [k for k, name in enumerate(names) if name not in work.fixed]
-        if len(free) > 1:
-            side = _side(values, target)
-            against |= {names[k]: -side * float(values[k]) for k in free}
-    worst = max(against, key=lambda name: against[name], default="")
-    return worst if worst and against[worst] > 0.0 else ""
-
-
-def spring_bounds(work: Working, target: str) -> dict[str, Bounds]:
-    """Return the bounds by which a fit keeps the springs of an effect of one sign, by name."""
-    found: dict[str, Bounds] = {}
-    for effect in LOOPS:
-        side = _side(_values(work, effect), target)
-        own: Bounds = (0.0, None) if side > 0.0 else (None, 0.0)
-        found |= dict.fromkeys(_terms(work, effect), own)
-    return found
-
-
-def varying(work: Working, problem: Problem) -> dict[str, float]:
-    """Return the size that physics gives coefficients of named effects, by name; see the head."""
-    if not any(effect.name == VARYING for effect in work.named):
-        return {}
-    size = _friction(problem)
-    return dict.fromkeys(_terms(work, VARYING), size) if size > 0.0 else {}
-
-
-def _friction(problem: Problem) -> float:
-    """Half of what the target differs by between directions; of runs one way, its RMS."""
-    kept: dict[Any, Any] = problem.kept  # a long log is read once
-    if "friction" not in kept:
-        target = np.concatenate([run.target for run in problem.runs])
-        velocity = np.concatenate([run.log["output_velocity"] for run in problem.runs])
-        ways = [target[side] for side in (velocity > 0.0, velocity < 0.0)]
-        both = min(len(way) for way in ways) >= SETTINGS.little * len(target)
-        kept["friction"] = (
-            0.5 * abs(float(ways[0].mean() - ways[1].mean()))
-            if both
-            else float(np.sqrt(np.mean(target**2)))
-        )
-    return float(kept["friction"])
-
-
-def _side(values: Array, target: str) -> float:
-    """Sign of friction: a sensor sees it from either side."""
-    return -1.0 if target == "sensor_torque" and values.sum() < 0.0 else 1.0
-
-
-def _terms(work: Working, name: str) -> list[str]:
-    return [f"{e.name}.{t.name}" for e in work.effects if e.name == name for t in e.terms]
-
-
-def _values(work: Working, name: str) -> Array:
-    first = 0
-    for effect in work.effects:
-        last = first + len(effect.terms)
-        if effect.name == name:
-            return work.coefficients[first:last]
-        first = last
-    return np.zeros(1)
-
-
-LOAD_ROUNDS = SETTINGS.tried - 1  # solves until the load that inertia and gravity make stands
+LOAD_ROUNDS = 3  # solves until the load that inertia and gravity make stands
 FARTHEST = float(np.log(2.0))  # of a shape's logarithm in one step
-ROUNDING = SETTINGS.singular * np.sqrt(SETTINGS.singular)  # of squares: a difference's own
+SCANNED = 6  # values of each shape, before the first step
+STEPS, HALVINGS = 20, 4  # at most
+ENOUGH = 0.01  # χ²: what a further step gains at least
+TOLD = 3.0  # χ² for the first step: shapes that the rows do not tell stay where they are
+ROUNDING = SINGULAR * np.sqrt(SINGULAR)  # of squares: a difference's own
 
 
 def started(problem: Problem, work: Working, whitening: Whitening) -> tuple[Working, float]:
@@ -405,12 +239,12 @@ def started(problem: Problem, work: Working, whitening: Whitening) -> tuple[Work
 
     A shape that these rows do not tell stays where it is, not at whichever bound rounding prefers.
     """
-    told = SETTINGS.told / max(sum(run.counted for run in problem.runs), 1)
+    told = TOLD / max(sum(run.counted for run in problem.runs), 1)
     for number, shape in enumerate(work.searched):
         ends = np.log([shape.info.lower, shape.info.upper])
         here = work.logarithms
         trials = []
-        for value in (here[number], *np.linspace(ends[0], ends[1], SETTINGS.points)):
+        for value in (here[number], *np.linspace(ends[0], ends[1], SCANNED)):
             moved = here.copy()
             moved[number] = value
             made, squares = solved_at(problem, work.at(moved), whitening)
@@ -423,7 +257,7 @@ def started(problem: Problem, work: Working, whitening: Whitening) -> tuple[Work
 def at_upper_bound(work: Working) -> list[str]:
     """Return the shapes that stand there: such a shape has lost what it shapes."""
     upper = np.log([s.info.upper for s in work.searched])
-    there = np.isclose(work.logarithms, upper, atol=SETTINGS.singular)
+    there = np.isclose(work.logarithms, upper, atol=SINGULAR)
     return [shape.name for shape, at in zip(work.searched, there, strict=True) if at]
 
 
@@ -434,21 +268,21 @@ def refitted(problem: Problem, work: Working, whitening: Whitening) -> tuple[Wor
     bound or bends nothing stays where it is.
     """
     work, squares, step = coefficients_of(problem, work, whitening)
-    for _ in range(SETTINGS.functions if len(work.searched) else 0):
+    for _ in range(STEPS if len(work.searched) else 0):
         if not step.any():
             break
         before = squares
         move = np.clip(step, -FARTHEST, FARTHEST)
-        for _ in range(SETTINGS.tried):
+        for _ in range(HALVINGS):
             trial = work.at(work.logarithms + move)
-            if np.allclose(trial.logarithms, work.logarithms, rtol=0.0, atol=SETTINGS.singular):
+            if np.allclose(trial.logarithms, work.logarithms, rtol=0.0, atol=SINGULAR):
                 break
             made, reached, ahead = coefficients_of(problem, trial, whitening)
             if reached < squares:
                 work, squares, step = made, reached, ahead
                 break
             move = 0.5 * move
-        if before - squares < SETTINGS.negligible:
+        if before - squares < ENOUGH:
             break
     return work, squares
 
@@ -470,14 +304,13 @@ def coefficients_of(
         work, _ = solved_at(problem, work, whitening, LOAD_ROUNDS - 1)
     sheet, slopes = work.opened()
     total = tabulated(problem, sheet, whitening).total
-    total = _drawn(problem, work, total)
     work, squares = _solved(work, total)
     if not np.any(work.coefficients):
         return work, squares, np.zeros(count)
     full = mixed(total, slopes @ work.coefficients)
     both = solved(full, np.arange(len(full) - 1))
     ahead = squares - float(full[-1, -1] - full[:-1, -1] @ both)
-    return work, squares, both[len(work.free) :] * (ahead >= SETTINGS.negligible)
+    return work, squares, both[len(work.free) :] * (ahead >= ENOUGH)
 
 
 def mixed(total: Array, weights: Array) -> Array:
@@ -504,24 +337,8 @@ def solved_at(
     squares = 0.0
     for _ in range(rounds if _moves(work) else 1):
         total = tabulated(problem, work.sheet(bends=False), whitening).total
-        work, squares = _solved(work, _drawn(problem, work, total))
+        work, squares = _solved(work, total)
     return work, squares
-
-
-def _drawn(problem: Problem, work: Working, total: Array) -> Array:
-    """Add what physics says of the size of free coefficients, whose columns come first, in χ².
-
-    With this the squares over σ² that a fit leaves hold (coefficient / size)² of each, too.
-    """
-    sizes = varying(work, problem)
-    if not sizes:
-        return total
-    names = coefficient_names(work.effects)
-    total = total.copy()
-    for column, k in enumerate(work.free):
-        if names[k] in sizes:
-            total[column, column] += sizes[names[k]] ** -2
-    return total
 
 
 def _solved(work: Working, total: Array) -> tuple[Working, float]:

@@ -16,7 +16,7 @@ and adds them up. What is kept of a column here is how it is mixed from rows of 
 
     column k = Σ_p mix_pk · part_p,      target = y − Σ_p held_p · part_p
 
-with the parts: rows of effects, then of functions without a name. How a prediction bends with a
+with the parts: rows of effects, then given columns. How a prediction bends with a
 shape is the difference of two parts.
 
 Sums of products of everything that may explain the target, fold by fold: screening is algebra.
@@ -35,16 +35,13 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import pairwise
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_toeplitz
 from scipy.ndimage import correlate1d
 
 from flexspline import _core
-from flexspline.discovery.flexible import Nameless, values_of
-from flexspline.discovery.settings import SETTINGS, TINY
 from flexspline.effects import Effect
 from flexspline.fit.problem import Problem, Run
 from flexspline.fit.validation import RUNS_NEEDED, run_edges
@@ -53,6 +50,10 @@ from flexspline.logs.segments import runs as unbroken_runs
 from flexspline.parallel import in_order
 
 __all__ = [
+    "SINGULAR",
+    "TINY",
+    "Columns",
+    "Given",
     "Shares",
     "Sheet",
     "Stretch",
@@ -61,11 +62,11 @@ __all__ = [
     "by_runs",
     "edges_of",
     "fold_blocks",
+    "gain_of",
     "inverse_of",
     "kernels_of",
     "left_by",
     "pieces_of",
-    "rough_whitening",
     "solved",
     "stretches_of",
     "tabulated",
@@ -75,7 +76,12 @@ Array = NDArray[np.float64]
 Stretch = tuple[int, int, Array]
 """Rows [first, last), and the weights (2h + 1,) of the low pass around each; none: (0,)."""
 
-CHUNK = 2 * SETTINGS.rows  # of which functions without a name are made at once
+SLIVER = 1e-7  # of its squares, that a column keeps beside a model, to be seen
+CHUNK = 20_000  # rows of which given columns are made at once
+TINY = float(np.finfo(float).tiny)  # in the place of a nothing that something is divided by
+SINGULAR = 1e-9
+"""Of the largest eigenvalue of scaled products: below, columns depend on each other; and of any
+quantity, that is rounding. Squares have half the digits of a double."""
 
 
 def by_runs(problem: Problem) -> bool:
@@ -184,31 +190,18 @@ class Whitening:
         out.T[:] = made[:, late : late + len(out)]
 
 
-def rough_whitening(residuals: Sequence[Array], runs: Sequence[Run], decimation: int) -> Whitening:
-    """Fit the noise to residuals, (N,) for each run, by Yule and Walker; order by AICc.
-
-    A first guess, from a residual that everything was taken out of.
-    """
-    lags, rows = np.zeros(SETTINGS.lags + 1), 0
-    plain = Whitening(np.ones(1), 1.0, decimation)
-    for residual, run in zip(residuals, runs, strict=True):
-        for at in plain.taken(run):
-            part = residual[at]
-            lags += [float(part[k:] @ part[: max(len(part) - k, 0)]) for k in range(len(lags))]
-            rows += len(part)
-    lags = lags / max(rows, 1)
-    lags[0] = max(lags[0] * (1.0 + SETTINGS.singular), TINY)
-    best = (np.inf, np.ones(1), lags[0])
-    for order in range(SETTINGS.lags + 1):
-        phi = solve_toeplitz(lags[:order], lags[1 : order + 1]) if order else np.empty(0)
-        variance = max(float(lags[0] - phi @ lags[1 : order + 1]), SETTINGS.singular * lags[0])
-        score = rows * np.log(variance) + 2.0 * (order + 1) * rows / max(rows - order - 2, 1)
-        if score < best[0]:
-            best = (score, np.append(1.0, -phi), variance)
-    return Whitening(best[1], float(best[2]), decimation)
-
-
 Shares = list[tuple[int, float]]
+
+
+class Given(Protocol):
+    """Columns that no effect makes, such as functions of channels."""
+
+    @property
+    def count(self) -> int: ...
+
+    def rows(self, problem: Problem, number: int, rows: slice) -> Array:
+        """Return some rows of a run, (n, count)."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,19 +210,19 @@ class Sheet:
 
     `effects`: whose rows are parts, (E,) of them. `load`: coefficients of these rows, of which the
     load is made. `columns`: parts and weights of each column. `held`: (E,) coefficients whose
-    torque is taken off the target. `given`: functions behind the effects, a column each.
+    torque is taken off the target. `given`: columns behind those of the effects.
     """
 
     effects: tuple[Effect, ...]
     load: Array
     columns: tuple[Shares, ...]
     held: Array
-    given: tuple[Nameless, ...] = ()
+    given: Given | None = None
 
     @property
     def width(self) -> int:
         """How many columns there are, without the target."""
-        return len(self.columns) + sum(group.count for group in self.given)
+        return len(self.columns) + (self.given.count if self.given else 0)
 
     def products(self, problem: Problem, whitening: Whitening) -> Array:
         """Sums of products of filtered [columns, target], (F, C + 1, C + 1), by fold."""
@@ -332,9 +325,8 @@ class Sheet:
         run = problem.runs[number]
         parts = np.asarray(problem.design(self.effects).rows(run.channels, len(run), self.load))
         made = [_mixed(parts, shares) for shares in self.columns]
-        values = values_of(problem, number, slice(0, len(run))) if self.given else {}
-        functions = [group.columns(values) for group in self.given]
-        columns = np.column_stack([np.empty((len(run), 0)), *made, *functions])
+        given = [self.given.rows(problem, number, slice(0, len(run)))] if self.given else []
+        columns = np.column_stack([np.empty((len(run), 0)), *made, *given])
         both = problem.smooth(run, np.column_stack([columns, parts @ self.held]))
         return both[:, :-1], run.target - both[:, -1]
 
@@ -382,18 +374,12 @@ class Sheet:
                     yield partial(alone, number, piece)
 
     def _made(self, problem: Problem, number: int, piece: Stretch) -> tuple[Array | None, int]:
-        """Functions without a name around rows [first, last), and the row where they begin."""
+        """Given columns around rows [first, last), and the row where they begin."""
         if not self.given:
             return None, 0
         first, last, kernel = piece
         low, high = first - len(kernel) // 2, last + len(kernel) // 2
-        values = values_of(problem, number, slice(low, high))
-        made = np.empty((high - low, len(self._given_parts)), order="F")
-        done = 0
-        for group in self.given:
-            made[:, done : done + group.count] = group.columns(values)
-            done += group.count
-        return made, low
+        return self.given.rows(problem, number, slice(low, high)), low
 
 
 def _shares(weights: Array) -> Shares:
@@ -426,8 +412,6 @@ def _run(
 
 
 Columns = NDArray[np.intp]
-
-SINGULAR = SETTINGS.singular
 
 
 @dataclass(frozen=True, eq=False)
@@ -479,6 +463,17 @@ def left_by(products: Array, model: Columns) -> Array:
     inverse, scale = _inverse(products, model)
     across = products[model] / scale[:, None]
     return np.asarray(products - across.T @ inverse @ across)
+
+
+def gain_of(left: Array, columns: Columns, raw: Array) -> tuple[float, int]:
+    """Squares over σ² that columns explain of what the model leaves, and how many are seen."""
+    scale = np.sqrt(np.maximum(raw[columns], TINY))
+    products = left[np.ix_(columns, columns)] / np.outer(scale, scale)
+    values, vectors = np.linalg.eigh(products)
+    least = max(SLIVER, SINGULAR * float(values.max(initial=0.0)))
+    seen = values > least
+    along = vectors[:, seen].T @ (left[columns, -1] / scale)
+    return float(np.sum(along**2 / values[seen])), int(seen.sum())
 
 
 def _inverse(products: Array, model: Columns) -> tuple[Array, Array]:

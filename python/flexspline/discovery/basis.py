@@ -32,19 +32,20 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from flexspline.discovery.settings import SETTINGS, TINY
+from flexspline.discovery.settings import SETTINGS
 from flexspline.fit.problem import Problem, Run
 from flexspline.logs.segments import median_step, runs
 from flexspline.orders.parts import effective_ratio
+from flexspline.regression.gram import TINY
 
 __all__ = [
     "DIRECTION",
     "MOST_ROWS",
     "RATE",
     "ROUND",
+    "Functions",
     "Nameless",
     "channel_told",
-    "columns_of",
     "nameless_of",
     "names_of_past",
     "past_of",
@@ -365,9 +366,22 @@ def _product(first: Basis, second: Basis) -> Basis:
     return columns
 
 
-def columns_of(groups: Sequence[Nameless], problem: Problem, number: int) -> Array:
-    """Columns of all groups of a run, filtered as the target is, (N, C)."""
-    run = problem.runs[number]
-    values = values_of(problem, number, slice(0, len(run))) if groups else {}
-    made = [group.columns(values) for group in groups] or [np.empty((len(run), 0))]
-    return problem.smooth(run, np.column_stack(made))
+@dataclass(frozen=True)
+class Functions:
+    """Several groups as the columns of a `Sheet`."""
+
+    groups: tuple[Nameless, ...]
+
+    @property
+    def count(self) -> int:
+        return sum(group.count for group in self.groups)
+
+    def rows(self, problem: Problem, number: int, rows: slice) -> Array:
+        """Return some rows of a run, (n, count)."""
+        values = values_of(problem, number, rows)
+        made = np.empty((rows.stop - rows.start, self.count), order="F")
+        done = 0
+        for group in self.groups:
+            made[:, done : done + group.count] = group.columns(values)
+            done += group.count
+        return made

@@ -1,0 +1,156 @@
+"""What physics allows of an effect: no friction that drives, no loop that gives energy, no negative
+mass.
+
+Nor is every curve that a form can bend to the effect of its name. Springs of alternating sign are
+no presliding but a fit to the noise around a reversal; friction that fades before the direction of
+motion has changed is the width of that change said twice; and one that has not faded at the
+largest speed bends the whole curve, for which viscous friction has a name. Runs that all go one
+way show no change of direction: where friction would bend by one among their speeds, it is a torque
+whose size depends on the speed, under another name.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexspline.discovery.settings import SETTINGS
+from flexspline.fit.names import Bounds
+from flexspline.fit.problem import Problem
+from flexspline.regression.working import Working
+
+__all__ = [
+    "LOOPS",
+    "driving_spring",
+    "impossible",
+    "one_signed",
+    "spring_bounds",
+]
+
+Array = NDArray[np.float64]
+
+DISSIPATES = (
+    "coulomb_friction",
+    "stribeck_friction",
+    "load_dependent_friction",
+    "viscous_friction",
+)
+"""One coefficient that a drive has with a positive sign alone."""
+
+STRIBECK = "stribeck_friction"
+
+SPRINGS = "presliding_friction"
+LOOPS = (SPRINGS, "torsional_hysteresis")
+"""Elements all have one sign: the positive one in a drive and in a torsion: loops cost energy."""
+
+VARYING = "position_dependent_friction"
+
+WIDTH = "direction_width"
+LAG = "sensor_lag"
+
+DRIVES = ("motor_torque", "motor_current")
+POSITIVE_MASS = ("inertia",)
+
+
+def one_signed(name: str, target: str) -> int:
+    """How many signs the coefficients of an effect may all have: 1, 2 of a sensor; 0: any of each.
+
+    A single coefficient whose sign nothing tells has any.
+    """
+    if name in LOOPS:
+        return 2 if target == "sensor_torque" else 1
+    return int(target in DRIVES and name in (*DISSIPATES, *POSITIVE_MASS))
+
+
+def impossible(work: Working, name: str, problem: Problem) -> str:
+    """Return why an effect cannot be what the model says of it, "" where it can.
+
+    The drive decides signs: its torque overcomes friction and accelerates the joint. A sensor may
+    see either sign, by the side of the friction on which it sits; so may what corrects a simulation
+    that has too much of a friction or mass.
+    """
+    if why := _bent_one_way(work, name, problem):
+        return why
+    if name == STRIBECK and (why := _not_fading(work, problem)):
+        return why
+    values = _values(work, name)
+    if name == LAG and problem.known_load is not None and values[0] < 0.0:
+        return "a sensor cannot read a torque before it is there"
+    if problem.target not in DRIVES or problem.simulated is not None:
+        return ""
+    if name in DISSIPATES and values[0] < 0.0:
+        return "its friction would drive the joint"
+    if name == SPRINGS and values.sum() < 0.0:
+        return "its springs would drive the joint"
+    if name in POSITIVE_MASS and values[0] < 0.0:
+        return "its mass would be negative"
+    return ""
+
+
+def _bent_one_way(work: Working, name: str, problem: Problem) -> str:
+    """Why a change of direction is none, "" where it is one or reaches into no speed."""
+    (shapes,) = (e.shapes for e in work.effects if e.name == name)
+    if WIDTH not in shapes:
+        return ""
+    velocity = np.concatenate([run.log["output_velocity"] for run in problem.runs])
+    if min(np.mean(velocity > 0.0), np.mean(velocity < 0.0)) >= SETTINGS.negligible:
+        return ""
+    if np.tanh(np.quantile(np.abs(velocity), SETTINGS.little) / shapes[WIDTH]) >= SETTINGS.most:
+        return ""
+    return "no run changes direction, and its change of direction would reach into their speeds"
+
+
+def _not_fading(work: Working, problem: Problem) -> str:
+    """Why friction does not fade from rest as a start's does, "" where it does."""
+    fastest = max(float(np.abs(run.log["output_velocity"]).max()) for run in problem.runs)
+    (shapes,) = (e.shapes for e in work.effects if e.name == STRIBECK)
+    if shapes["stribeck_velocity"] < shapes["direction_width"]:
+        return "it would fade before the direction of motion has changed"
+    if shapes["stribeck_velocity"] > SETTINGS.most * fastest:
+        return "it would not fade within the speeds of these runs"
+    return ""
+
+
+def driving_spring(work: Working, target: str) -> str:
+    """Return the presliding spring whose sign is most against the others', "" where none is.
+
+    The last free one of an effect stays, whatever its sign.
+    """
+    against: dict[str, float] = {}
+    for effect in LOOPS:
+        names, values = _terms(work, effect), _values(work, effect)
+        free = [k for k, name in enumerate(names) if name not in work.fixed]
+        if len(free) > 1:
+            side = _side(values, target)
+            against |= {names[k]: -side * float(values[k]) for k in free}
+    worst = max(against, key=lambda name: against[name], default="")
+    return worst if worst and against[worst] > 0.0 else ""
+
+
+def spring_bounds(work: Working, target: str) -> dict[str, Bounds]:
+    """Return the bounds by which a fit keeps the springs of an effect of one sign, by name."""
+    found: dict[str, Bounds] = {}
+    for effect in LOOPS:
+        side = _side(_values(work, effect), target)
+        own: Bounds = (0.0, None) if side > 0.0 else (None, 0.0)
+        found |= dict.fromkeys(_terms(work, effect), own)
+    return found
+
+
+def _side(values: Array, target: str) -> float:
+    """Sign of friction: a sensor sees it from either side."""
+    return -1.0 if target == "sensor_torque" and values.sum() < 0.0 else 1.0
+
+
+def _terms(work: Working, name: str) -> list[str]:
+    return [f"{e.name}.{t.name}" for e in work.effects if e.name == name for t in e.terms]
+
+
+def _values(work: Working, name: str) -> Array:
+    first = 0
+    for effect in work.effects:
+        last = first + len(effect.terms)
+        if effect.name == name:
+            return work.coefficients[first:last]
+        first = last
+    return np.zeros(1)

@@ -1,0 +1,1 @@
+"""Least squares on filtered rows: columns, Gram matrices, and models that are looked for."""

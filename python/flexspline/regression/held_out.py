@@ -1,0 +1,112 @@
+"""What fits to all folds but one leave of that one: whole runs, or blocks of fewer than four."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexspline.fit.problem import Problem
+from flexspline.regression.gram import (
+    SINGULAR,
+    TINY,
+    Given,
+    Sheet,
+    Whitening,
+    edges_of,
+    solved,
+    tabulated,
+)
+from flexspline.regression.working import Working, solved_at
+
+__all__ = ["Fold", "HeldOut", "held_out", "plain_rows"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Fold:
+    """Rows [first, last) of a run, and the coefficients (P,) of the fit that never saw them."""
+
+    run: int
+    first: int
+    last: int
+    coefficients: Array
+
+
+@dataclass(frozen=True, eq=False)
+class HeldOut:
+    """Fits to all folds but one, and what they leave of that one.
+
+    `betas`: coefficients (C,) of the columns of `sheet` without each fold. `squares`: what is left
+    over σ² once filtered as the noise is, in χ².
+    """
+
+    problem: Problem
+    work: Working
+    sheet: Sheet
+    betas: tuple[Array, ...]
+    squares: float
+
+    @cached_property
+    def residuals(self) -> tuple[Array, ...]:
+        """(N,) of each run, NaN where a row does not count."""
+        return tuple(self.sheet.left_over(self.problem, self.betas))
+
+    @cached_property
+    def folds(self) -> tuple[Fold, ...]:
+        """The folds, in order, each with the fit that never saw it."""
+        return tuple(_folds(self.problem, self.work, self.betas))
+
+    @property
+    def rmse(self) -> float:
+        """In the unit of the target, of all rows that count."""
+        counted = (np.isfinite(part) for part in self.residuals)
+        parts = [part if c.all() else part[c] for part, c in
+                 zip(self.residuals, counted, strict=True)]  # fmt: skip
+        squares = sum(float(part @ part) for part in parts)
+        return float(np.sqrt(squares / sum(map(len, parts))))
+
+
+def held_out(
+    problem: Problem, work: Working, whitening: Whitening, beside: Given | None = None
+) -> HeldOut:
+    """Leave out one fold after the other and fit the coefficients to the rest; shapes stay.
+
+    Columns that no other fold sees contribute nothing.
+    """
+    sheet = work.sheet(bends=False, given=beside)
+    table = tabulated(problem, sheet, whitening)
+    every = np.arange(len(table.total) - 1)
+    betas = tuple(solved(table.total - fold, every) for fold in table.folds)
+    squares = sum(_squares(fold, beta) for fold, beta in zip(table.folds, betas, strict=True))
+    return HeldOut(problem, work, sheet, betas, squares)
+
+
+def _squares(products: Array, beta: Array) -> float:
+    """What is left of the target of products [columns, y] by coefficients."""
+    both = np.append(-beta, 1.0)
+    return float(both @ products @ both)
+
+
+def plain_rows(problem: Problem, work: Working) -> Whitening:
+    """Rows as `fit` takes them, for what users see; σ² is what this model leaves."""
+    rows = Whitening(np.ones(1), 1.0, problem.decimation)
+    _, squares = solved_at(problem, work, rows)
+    count = sum(len(at) for run in problem.runs for at in rows.taken(run))
+    whole = sum(float(run.target @ run.target) for run in problem.runs)
+    return replace(rows, variance=max(squares, SINGULAR**2 * whole, TINY) / max(count, 1))
+
+
+def _folds(problem: Problem, work: Working, betas: Sequence[Array]) -> Iterator[Fold]:
+    """Each fold with all coefficients of the model that never saw it."""
+    count, solutions = len(work.free), iter(betas)
+    for number in range(len(problem.runs)):
+        for first, last in pairwise(edges_of(problem, number)):
+            values = work.coefficients.copy()
+            values[work.free] = next(solutions)[:count]
+            yield Fold(number, int(first), int(last), values)
