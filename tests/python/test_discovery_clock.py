@@ -13,7 +13,6 @@ from torsion_logs import C_M, LOAD, log_of, noise, stiffness_run
 import flexspline
 from flexspline.effects import effect
 from flexspline.logs.log import Log
-from flexspline.regression.working import at_upper_bound, working
 
 Array = NDArray[np.float64]
 
@@ -62,11 +61,3 @@ def test_plain_ripple_and_cogging_are_said_and_not_ripple_that_changes_with_spee
     logs = [fine(log) for log in joint_runs(4, added=ripple, target="motor_torque")]
     made = flexspline.discover(base(), logs, target="motor_torque", known_load=LOAD)
     assert set(made.names) == {"wave_generator_ripple", "cogging"}
-
-
-def test_a_shape_at_its_upper_bound_is_told() -> None:
-    effects = [effect("coulomb_friction", direction_width=0.5), effect("viscous_friction")]
-    assert at_upper_bound(working(effects, 2, {})) == ["direction_width"]
-    effects[0] = effect("coulomb_friction", direction_width=0.4)
-    assert at_upper_bound(working(effects, 2, {})) == []
-    assert at_upper_bound(working(effects[1:], 1, {})) == []

@@ -155,7 +155,13 @@ def confirmed(
     monkeypatch.setattr(confirmation, "_all_shown", all_shown)
     monkeypatch.setattr(confirmation, "_in_order", lambda made: made)
     monkeypatch.setattr(confirmation, "significance", lambda fit, name: idle[name])
-    monkeypatch.setattr(confirmation, "_lowers", lambda made, name: name not in chance)
+
+    def settled(made: Any, base: Sequence[str]) -> Any:
+        for name in chance:
+            made = made.without(name)
+        return made
+
+    monkeypatch.setattr(confirmation, "_settled", settled)
     refused: dict[str, str] = {}
     made = Made([*each], ["offset", *idle], refused)
     return confirmation.confirmed(made, fit, ["offset"]), refused  # type: ignore[arg-type]
@@ -192,32 +198,6 @@ def test_what_is_as_plain_as_the_rest_is_never_too_small(monkeypatch: pytest.Mon
     each = {"viscous_friction": {"t": 400.0}, "cogging": {"share": 0.1 * SETTINGS.form, "t": 41.0}}
     held, refused = confirmed(monkeypatch, each)
     assert [*held.shown] == [*each] and not refused and held.also_seen == ()
-
-
-@pytest.mark.parametrize(("more", "first"), [(0.0, True), (0.5, False)])
-def test_a_name_goes_before_the_freedom_that_explains_as_much(
-    monkeypatch: pytest.MonkeyPatch, more: float, first: bool
-) -> None:
-    """`more`: by how much the name beside the freedom's place closes more than the freedom."""
-    lowers = {"both": 0.0, "freedom": 0.0, "name": -more, "none": 1.0}
-    without = {"both": "name", "freedom": "none"}
-
-    class Model(SimpleNamespace):
-        named = effects = (Effect("gravity"),)
-
-        def plain(self, _: str) -> Model:
-            return Model(what=without[self.what])
-
-        def having(self, effects: Sequence[Effect]) -> Model:
-            assert effects == []
-            return Model(what="freedom")
-
-    monkeypatch.setattr(confirmation, "_fall", lambda before, after, rows: (before - after, 0.1))
-    study = SimpleNamespace(problem=SimpleNamespace(block_rows=1))
-    made: Any = SimpleNamespace(
-        final=Model(what="both"), study=study, left_by=lambda work: lowers[work.what]
-    )
-    assert confirmation._rival(made, LAG) == ("gravity" if first else "")
 
 
 def test_the_only_name_is_never_too_small(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -36,7 +36,7 @@ from flexspline.regression.gram import TINY, Columns, Sheet, Whitening, gain_of
 from flexspline.regression.held_out import HeldOut, held_out, plain_rows
 from flexspline.regression.thinned import rows_of, thinned
 from flexspline.regression.whitening import first_whitening, restricted_whitening
-from flexspline.regression.working import Working, refitted, started, working
+from flexspline.regression.working import Working, refitted, solved_at, started, working
 from flexspline.report.numbers import percent
 
 __all__ = ["Analysis", "Rival", "analysed", "rivals_of", "simplest"]
@@ -301,13 +301,17 @@ def analysed(
     share = rows_of(whole.problem) / rows_of(looked_at)
     ceiling = Ceiling(looked_at, whitening)
     leftover, doubted = leftover_of(ceiling, final).times(share), []
-    at_first = leftover.net
-    while (stand_in := _stand_in(searcher, final, leftover, at_first)) is not None:
+    at_first, closed = leftover.net, _small(looked_at, base, final, leftover) is not None
+    while True:
+        small = _small(looked_at, base, final, leftover) if closed else None
+        stand_in = _stand_in(searcher, final, leftover, at_first, small)
+        if stand_in is None:
+            break
         doubted.append(stand_in)
         kept = [e for e in final.effects if e.name != stand_in]
-        final = searcher.pruned(searcher.fitted(final.having(kept))[0])
+        final, _ = searcher.pruned(*searcher.fitted(final.having(kept)))
         leftover = leftover_of(ceiling, final).times(share)
-    final = searcher.pruned(simplest(searcher, final))
+    final, _ = searcher.pruned(*searcher.fitted(simplest(searcher, final)))
     return Analysis(
         whole, study, base, final, searcher, tuple(steps), leftover, tuple(doubted), ceiling,
         1.0 / share,
@@ -329,28 +333,57 @@ def _everything(study: Study, work: Working) -> Sheet:
     return work.sheet(beside=list(dict.fromkeys(wanted)), given=nameless)
 
 
-def _stand_in(searcher: Searcher, work: Working, leftover: Leftover, at_first: float) -> str | None:
+def _small(problem: Problem, base: Working, final: Working, leftover: Leftover) -> list[str] | None:
+    """Names without which next to nothing of the gap opens again; None where much of it is open.
+
+    The gap is what names and functions without a name explain. Where names explain most of it in
+    the noise's own metric, the target's unit decides, on left-out folds: the noise sees more of
+    what a form misses, such as the shape of a jump.
+    """
+    if not final.named or leftover.share >= 0.5:
+        return None
+    plain, functions = plain_rows(problem, final), Functions(leftover.groups)
+
+    def left(work: Working, beside: Functions | None = None) -> float:
+        return held_out(problem, work, plain, beside).squares
+
+    before, after = left(base), left(final)
+    if leftover.share >= SETTINGS.little:
+        floor = min(left(final, functions), after)
+        if before - after < SETTINGS.most * (before - floor):
+            return None
+    found = []
+    for effect in final.named:
+        rest, _ = solved_at(problem, final.having([e for e in final.effects if e != effect]), plain)
+        if left(rest) - after < SETTINGS.bends * (before - after):
+            found.append(effect.name)
+    return found
+
+
+def _stand_in(
+    searcher: Searcher,
+    work: Working,
+    leftover: Leftover,
+    at_first: float,
+    small: Sequence[str] | None,
+) -> str | None:
     """The named effect that most clearly stands in for something else, if one does.
 
     That is one of which functions without a name hold most, where they still explain a part as
     large as a small part of it; or one beside which they explain far more. Where names explain
     nearly all, what a form misses is sure as well, and free functions of a name's own channels
-    hold the name: there only names that explain little of it are asked. `at_first`: what was left
-    before any name was taken back, in χ²; a name that was is part of what is left now, and no
-    reason to take back others.
+    hold the name: there only names that explain little of it are asked (`_small`). `at_first`:
+    what was left before any name was taken back, in χ²; a name that was is part of what is left
+    now, and no reason to take back others.
     """
     if not leftover.groups or not work.named:
         return None
     dictionary = searcher.study.dictionary(work, searcher.whitening)
-    gains = {effect.name: max(dictionary.gain(effect.name), TINY) for effect in work.named}
-    closed = leftover.share < SETTINGS.little
-    larger = (1.0 if closed else SETTINGS.overwhelming) * leftover.net / max(at_first, TINY)
-    if closed:
-        explained = leftover.net * (1.0 / max(leftover.share, TINY) - 1.0)
-        gains = {name: gain for name, gain in gains.items() if gain < SETTINGS.bends * explained}
-    shares = {name: leftover.net / gain for name, gain in gains.items()}
+    shares = {e.name: leftover.net / max(dictionary.gain(e.name), TINY)
+              for e in work.named if small is None or e.name in small}  # fmt: skip
+    larger = SETTINGS.overwhelming if small is None else 1.0
     doubted = [n for n, share in shares.items()
-               if share > larger
+               if share > larger * leftover.net / max(at_first, TINY)
                or (share > SETTINGS.little
                    and leftover.survives[n] < SETTINGS.stand_in)]  # fmt: skip
     return max(doubted, key=lambda name: shares[name], default=None)

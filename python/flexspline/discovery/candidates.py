@@ -1,28 +1,19 @@
 """What may be missing: effects in several shapes, orders of ripple, freedoms of the base.
 
-What a base is given beside its effects: freedom of its form, and of the recorder, not names.
+A candidate is an effect in several shapes, of which one is right at most: a Stribeck speed lies
+among the speeds of the runs, the width of a loop among its turns, a time constant between two
+samples and half a run, a resonance among the orders times the speeds; where nothing tells, the
+bounds of the catalogue do. A ripple effect is a pool of orders (its atoms), of which several may be
+there: the low ones of its pairs, those of facts, and those that a scan finds in the residual. Low
+orders are few and known beforehand, so that one of them needs less evidence than a peak of a scan
+over thousands. Which effects are no candidates is said, with the reason.
 
-Gears, seals and preloaded bearings brake by some per cent more one way than the other. A base of
-odd friction leaves an even part |v| of it, which is plain in long runs and looks like whatever is
-slow. And a load cell has a clock and a filter of its own: where it is late by a millisecond, the
-known load that is taken off the target leaves as much as friction does at a reversal. So the search
-gives the base both freedoms, and what stays in the model is what is significant in the final fit.
-
-Where a shape may lie in these runs: a few values to screen, spread over what the data show.
-
-A Stribeck speed lies among the speeds of the runs, the width of a loop among its turns, a time
-constant between two samples and half a run, a resonance among the orders times the speeds. Where
-nothing tells, the bounds of the catalogue do.
-
-Orders that a ripple effect may have: the low ones of its pairs, those of facts, those found.
-
-Low orders are few and known beforehand, so that one of them needs less evidence than a peak of a
-scan over thousands; what the scan finds in the residual is added. Each order has the owner that
-`effects.md` gives it, and the same angle is counted once.
-
-A candidate is an effect in several shapes, of which one is right at most; a ripple effect is a
-pool of orders (its atoms), of which several may be. Which effects are no candidates is said, with
-the reason.
+Freedoms are no names but what a base is given for its form, and for the recorder. Gears, seals and
+preloaded bearings brake by some per cent more one way than the other: a base of odd friction leaves
+an even part |v| of it, which is plain in long runs and looks like whatever is slow. And a load cell
+has a clock and a filter of its own: where it is late by a millisecond, the known load that is taken
+off the target leaves as much as friction does at a reversal. What stays in the model is what is
+significant in the final fit and lowers the held-out error.
 """
 
 from __future__ import annotations

@@ -116,7 +116,7 @@ def confirmed(made: Analysis, fitted: Callable[[Working], Fit], base: Sequence[s
             freed = [e.name for e in made.base.effects if e.name not in base and not little]
             idle = [name for name in freed if not significance(fit, name) < SETTINGS.alpha]
             if idle:
-                made = _without_freedom(made, idle[0])
+                made = made.without(idle[0])
                 continue
             if not little:
                 by_name = {one.effect.name: one for one in shown}
@@ -188,61 +188,12 @@ def _settled(made: Analysis, base: Sequence[str]) -> Analysis:
 
     It needs no fit, and comes before the names are put to the test.
     """
-    while True:
-        freed = [e.name for e in made.base.effects if e.name not in base]
-        idle = next((name for name in freed if not _lowers(made, name)), None)
-        if idle is None:
-            return made
-        made = _without_freedom(made, idle)
-
-
-def _without_freedom(made: Analysis, idle: str) -> Analysis:
-    """Take out an idle freedom of the base, or the name that makes it so."""
-    rival = _rival(made, idle)
-    if rival:
-        made.searcher.refused[rival] = f"{idle} explains as much"
-    return made.without(rival or idle)
-
-
-def _rival(made: Analysis, freedom: str) -> str:
-    """A name that is all that makes what the base was given idle, and hardly better; "" for none.
-
-    Beside the others either closes nearly as much held out: then nothing is named.
-    """
-    if not made.final.named:
-        return ""
-    left, final, rows = made.left_by, made.final, made.study.problem.block_rows
-    named = left(final.plain(freedom))
-    for effect in final.named:
-        given = final.having([e for e in final.effects if e.name != effect.name])
-        beside = left(given)
-        more, chance = _fall(beside, named, rows)
-        fall, error = _fall(left(given.plain(freedom)), beside, rows)
-        nearly = more < ERRORS * chance or fall > SETTINGS.most * (fall + more)
-        if fall > ERRORS * error and nearly:
-            return effect.name
-    return ""
-
-
-def _lowers(made: Analysis, name: str) -> bool:
-    """Whether what the base was given lowers the held-out error beyond chance.
-
-    It is given to every base, and may be what one of the runs shows for another reason: it has to
-    do so without the fold that shows it most, too.
-    """
-    left, rows = made.left_by, made.study.problem.block_rows
-    before, after = left(made.final.plain(name)), left(made.final)
-    parts = [
-        (before.residuals[fold.run][at], after.residuals[fold.run][at])
-        for fold in after.folds
-        for at in [slice(fold.first, fold.last)]
-    ]
-    most = max(
-        range(len(parts)), key=lambda k: float(np.nansum(parts[k][0] ** 2 - parts[k][1] ** 2))
-    )
-    others = [part for k, part in enumerate(parts) if k != most]
-    falls = (_fall_of(parts, rows), _fall_of(others, rows))
-    return all(fall > ERRORS * error for fall, error in falls)
+    for name in (e.name for e in made.base.effects if e.name not in base):
+        without, final = made.left_by(made.final.plain(name)), made.left_by(made.final)
+        fall, error = _fall(without, final, made.study.problem.block_rows)
+        if fall <= ERRORS * error:
+            made = made.without(name)
+    return made
 
 
 def _in_order(made: Analysis) -> Analysis:
@@ -262,19 +213,14 @@ def _in_order(made: Analysis) -> Analysis:
 
 
 def _fall(before: HeldOut, after: HeldOut, rows: int) -> tuple[float, float]:
-    """How much the held-out mean square falls, and its standard error; `rows`: of a block."""
-    return _fall_of(list(zip(before.residuals, after.residuals, strict=True)), rows)
-
-
-def _fall_of(parts: Sequence[tuple[Array, Array]], rows: int) -> tuple[float, float]:
-    """The same of residuals (N,) before and after, NaN where a row does not count.
+    """How much the held-out mean square falls, and its standard error; `rows`: of a block.
 
     With s the difference of both predictions and e what is left after, s² + 2 s e is the fall of a
     row. Chance is in the second term alone: its sums over blocks, longer than the memory of e, are
     independent and have no mean of their own.
     """
     total, sums, count = 0.0, list[float](), 0
-    for old, new in parts:
+    for old, new in zip(before.residuals, after.residuals, strict=True):
         both = np.isfinite(old) & np.isfinite(new)
         gain, left = old[both] - new[both], new[both]
         total += float(gain @ (gain + 2.0 * left))

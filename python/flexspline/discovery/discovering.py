@@ -97,12 +97,11 @@ def discover(
 
     Notes
     -----
-    Stuck tails, homing moves and rows in which a drive is off are left out first, and said to be
-    (`logs/left_out.py`). Rows at rest say nothing of a drive and are left out
-    (`discovery/faults.py`). How names are
-    chosen: `discovery/search.py`; what evidence is: `discovery/evidence.py`. The model is fitted by
-    generalised least squares in the noise's memory where that agrees with plain least squares as
-    for a right model, by plain least squares otherwise (`fit/generalised.py`).
+    Stuck tails, homing moves and rows in which a drive is off or its joint rests are left out
+    first, and said to be (`logs/left_out.py`). How names are chosen: `discovery/search.py`; what
+    evidence is: `discovery/evidence.py`. The model is fitted by generalised least squares in the
+    noise's memory where that agrees with plain least squares as for a right model, by plain least
+    squares otherwise (`fit/generalised.py`).
     """
     from flexspline.fit.requirements import require_apart
     from flexspline.logs.log import Log

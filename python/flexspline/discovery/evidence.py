@@ -26,6 +26,7 @@ from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import nnls
 from scipy.special import gammaln
 from scipy.stats import chi2, norm
 
@@ -50,6 +51,7 @@ __all__ = [
     "Dictionary",
     "Offer",
     "columned",
+    "cone_gain",
     "equivalent_t",
     "foretold_gain",
     "offers",
@@ -207,13 +209,39 @@ def _offer(candidate: Candidate, dictionary: Dictionary, left: Array, raw: Array
                 for v, atoms in zip(candidate.variants, candidate.atoms, strict=True)]  # fmt: skip
         return max(made, key=lambda offer: offer.net)
     forms = 0.5 * (1 + len(candidate.variants))
-    gains = [gain_of(left, dictionary.at[v], raw) for v in candidate.variants]
+    signs = one_signed(candidate.name, dictionary.target)
+    gains = [_gain(left, dictionary.at[v], raw, signs) for v in candidate.variants]
     best = max(range(len(gains)), key=lambda k: gains[k][0])
     gain, seen = gains[best]
-    one = one_signed(candidate.name, dictionary.target)
-    cost = price(max(seen, 1), 0.5 * forms if one and seen == 1 else forms, rivals)
+    cost = price(max(seen, 1), 0.5 * forms if signs and seen == 1 else forms, rivals)
     variant = candidate.variants[best]
     return Offer(variant, dictionary.at[variant], gain, cost + SHAPE_PRICE * (forms > 1.0))
+
+
+def _gain(left: Array, columns: Columns, raw: Array, signs: int) -> tuple[float, int]:
+    """What columns explain with the signs that physics allows, and how many are seen.
+
+    Springs that slip later explain what those that slip sooner leave, and all of them brake: with
+    coefficients of any sign they fit the noise around a reversal.
+    """
+    gain, seen = gain_of(left, columns, raw)
+    if not signs or seen < len(columns) or seen == 1:
+        return gain, seen
+    return cone_gain(left[np.ix_(columns, columns)], left[columns, -1], signs > 1), seen
+
+
+def cone_gain(products: Array, pulls: Array, either: bool) -> float:
+    """Squares that coefficients of one sign explain: the positive one, or `either`.
+
+    `products`: (K, K) of the columns, over σ². `pulls`: (K,), products of columns and target.
+    """
+    scale = np.sqrt(np.maximum(np.diag(products), TINY))
+    values, vectors = np.linalg.eigh(products / np.outer(scale, scale))
+    seen = values > SINGULAR * max(float(values.max()), TINY)
+    root = np.sqrt(values[seen])[:, None] * vectors[:, seen].T
+    along = vectors[:, seen].T @ (pulls / scale) / np.sqrt(values[seen])
+    sides = (along, -along) if either else (along,)
+    return float(max(along @ along - nnls(root, side)[1] ** 2 for side in sides))
 
 
 def _orders(

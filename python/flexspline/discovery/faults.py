@@ -1,13 +1,7 @@
-"""Faults of the data, and rows that do not count: looked for before any physics.
+"""Faults of the data, looked for before any physics, and how much each of them matters.
 
-Rows that a search may count: those in which the recorder resolves the motion (`fit/resolution`).
-
-The model that is asked is the base with the friction that turns over fastest.
-
-How much a fault of the data matters: what it makes of the target, against the noise floor.
-
-A fault of size r [target's unit, RMS] beside a floor σ raises the error from σ to √(σ² + r²). One
-that raises it by less than a hundredth is worth knowing, and no reason to doubt a name.
+A fault of size r [target's unit, RMS] beside a noise floor σ raises the error from σ to √(σ² + r²).
+One that raises it by less than a hundredth is worth knowing, and no reason to reject a name.
 
     delay of a velocity          r: prediction with the velocity as recorded less with the right one
     rows that repeat others      r: each is wrong by one step of the target, √(share · mean step²)

@@ -43,8 +43,6 @@ SPRINGS = "presliding_friction"
 LOOPS = (SPRINGS, "torsional_hysteresis")
 """Elements all have one sign: the positive one in a drive and in a torsion: loops cost energy."""
 
-VARYING = "position_dependent_friction"
-
 WIDTH = "direction_width"
 LAG = "sensor_lag"
 

@@ -9,10 +9,8 @@ far as functions of the channels take its gain from it (a share 1 − s) and lea
 (l, over its gain); and chance, by what the name gains above its price, e in χ². Weights of
 explanations that runs cannot tell apart are equal: p is rather too low than too high.
 
-Base and extended model driven forward through folds that no fit saw: does the motion agree?
-
-Each fold starts from its measured state and is driven by its inputs alone, by the coefficients of
-the fit to all other folds.
+`Motion` is base and extended model driven forward through folds that no fit saw: each starts from
+its measured state and is driven by its inputs alone.
 """
 
 from __future__ import annotations

@@ -270,6 +270,7 @@ class Searcher:
         """Return the model with all names, and the steps."""
         work, squares = self.fitted(work)
         steps: list[Step] = []
+        seen = set()
         while len(work.named) < SETTINGS.names:
             taken = self._best(work, squares)
             if taken is None:
@@ -277,6 +278,11 @@ class Searcher:
             work, squares, step = taken
             steps.append(step)
             self.say(f"{step.effect.name} beside {len(work.effects) - 1} effects")
+            work, squares = self._examined(work, squares)
+            key = frozenset((e.name, e.harmonics) for e in work.named)
+            if key in seen:
+                break
+            seen.add(key)
         return work, steps
 
     def fitted(self, work: Working) -> tuple[Working, float]:
@@ -287,23 +293,51 @@ class Searcher:
             work, squares = refitted(problem, work.holding(spring, 0.0), self.whitening)
         return work, squares
 
-    def pruned(self, work: Working) -> Working:
-        """Drop names that do not pay their price beside the others."""
+    def pruned(self, work: Working, squares: float) -> tuple[Working, float]:
+        """Drop names that do not pay their price beside the others, and the squares left."""
         while work.named:
             dictionary = self.study.dictionary(work, self.whitening)
-            net = {e.name: self._net(dictionary, e) for e in work.named}
+            net = {e.name: self._net(dictionary, work, e) for e in work.named}
             worst = min(net, key=lambda name: net[name])
             if net[worst] > 0.0:
                 break
-            work, _ = self.fitted(work.having([e for e in work.effects if e.name != worst]))
-        return work
+            rest = [e for e in work.effects if e.name != worst]
+            work, squares = self.fitted(work.having(rest))
+        return work, squares
 
-    def _net(self, dictionary: Dictionary, effect: Effect) -> float:
-        """What a name gains beside all others above its price, its shapes known."""
+    def _net(self, dictionary: Dictionary, work: Working, effect: Effect) -> float:
+        """What a name gains beside all others above what it has to, its shapes known."""
         columns = len(dictionary.own(effect.name)) - len(own_shapes(effect))
         half = columns == 1 and one_signed(effect.name, dictionary.target)
         cost = price(max(columns, 1), 0.5 if half else 1.0, len(dictionary.candidates))
-        return dictionary.gain(effect.name) - cost
+        gain = dictionary.gain(effect.name)
+        if self.lax or len(work.named) < 2:
+            return gain - cost
+        return gain - max(cost, self._missed(dictionary, work, effect, gain))
+
+    def _examined(self, work: Working, squares: float) -> tuple[Working, float]:
+        """Replace or drop earlier names where that is better; every name once."""
+        for effect in work.named:
+            if len(work.named) < 2 or effect.name not in [e.name for e in work.named]:
+                continue
+            dictionary = self.study.dictionary(work, self.whitening, without=effect.name)
+            others = [e for e in work.effects if e.name != effect.name]
+            net = self._net(dictionary, work, effect)
+            if net < 0.0:
+                work, squares = self.fitted(work.having(others))
+                continue
+            best = max(offers(dictionary, dictionary.without([effect.name])), key=_rank)
+            if best.net <= net:
+                continue
+            swapped = [best.effect if e.name == effect.name else e for e in work.effects]
+            trial, left = self.fitted(work.having(swapped))
+            more = max(freedom(best.effect) - freedom(effect), 0)
+            margin = SETTINGS.negligible * dictionary.gain(effect.name) * more
+            if squares - left > margin and not impossible(
+                trial, best.effect.name, self.study.problem
+            ):
+                work, squares = trial, left
+        return work, squares
 
     def _best(self, work: Working, squares: float) -> tuple[Working, float, Step] | None:
         dictionary = self.study.dictionary(work, self.whitening)
@@ -340,18 +374,20 @@ class Searcher:
         Freed are those that may miss half of its gain, where that is possible, and none of them
         may take all of the effect's own channels. Of long logs a part is looked at.
         """
-        names = {e.name: missed(dictionary, [e], effect) for e in work.named}
+        others = [e for e in work.named if e.name != effect.name]
+        names = {e.name: missed(dictionary, [e], effect) for e in others}
         most = max(names.values(), default=0.0)
         if gain >= most:
             return most
-        suspected = [e for e in work.named if names[e.name] > 0.5 * gain]
+        suspected = [e for e in others if names[e.name] > 0.5 * gain]
         problem = self.study.thinned().problem
         freed = [_freed(problem, e) for e in suspected]
         if not all(freed) or any(set(effect.reads) <= set(e.reads) for e in suspected):
             return most
         functions = Functions(tuple(group for groups in freed for group in groups))
-        table = tabulated(problem, work.sheet(beside=[effect], given=functions), self.whitening)
-        first, count = len(work.owners()), len(effect.terms)
+        rest = work.having([e for e in work.effects if e.name != effect.name])
+        table = tabulated(problem, rest.sheet(beside=[effect], given=functions), self.whitening)
+        first, count = len(rest.owners()), len(effect.terms)
         own = np.arange(first, first + count)
         left = table.without(np.setdiff1d(np.arange(len(table.total) - 1), own))
         kept, _ = gain_of(left, own, np.diag(table.total))

@@ -1,14 +1,8 @@
-"""Columns of models and candidates, filtered as the noise sees them, and their Gram matrices.
-
-Which rows of a run are summed together: folds, stretches without a gap, and pieces of these.
-
-Rows and target as the noise sees them: filtered so that what is left is white.
+"""Columns of effects, filtered as the noise sees them, and their Gram matrices, fold by fold.
 
 With autoregressive noise, e_t = Σ φ_k e_{t−k} + w_t, least squares on rows and target filtered by
 A = 1 − Σ φ_k z^−k weighs evidence as it is: sums of squares over the innovation variance σ² are
 χ², and slow noise is not counted once for each sample (Cochrane & Orcutt 1949).
-
-Columns that are never all there at once: what a model and candidates are made of, and where.
 
 A run of an hour has millions of rows, and model and candidates together more than a hundred
 columns. Sums of products need a few rows at a time only, so the core makes these, filters them,
@@ -16,17 +10,12 @@ and adds them up. What is kept of a column here is how it is mixed from rows of 
 
     column k = Σ_p mix_pk · part_p,      target = y − Σ_p held_p · part_p
 
-with the parts: rows of effects, then given columns. How a prediction bends with a
-shape is the difference of two parts.
-
-Sums of products of everything that may explain the target, fold by fold: screening is algebra.
-
-One pass filters the columns of model and candidates and adds up, for each fold, the products of
-[columns, y] over σ². With G their sum and m the columns of a model,
+with the parts: rows of effects, then given columns. How a prediction bends with a shape is the
+difference of two parts. One pass adds up, for each fold, the products of [columns, y] over σ². With
+G their sum and m the columns of a model,
 
     explained(m) = bᵀ G_mm⁻¹ b,     b = G_my        (a χ² of the columns' number where nothing is)
     G − G_·m G_mm⁻¹ G_m·                            what is left of every candidate beside m
-    held out     = Σ_f |y_f − X_f β(all but f)|²    from G − G_f and G_f
 """
 
 from __future__ import annotations
@@ -63,7 +52,6 @@ __all__ = [
     "edges_of",
     "fold_blocks",
     "gain_of",
-    "inverse_of",
     "kernels_of",
     "left_by",
     "pieces_of",
@@ -435,27 +423,11 @@ class Table:
         """Products of what the model's columns leave of all others, (C + 1, C + 1)."""
         return left_by(self.total, model)
 
-    def held_out(self, model: Columns) -> Array:
-        """Squares that are left on each fold by a fit to the others, (F,)."""
-        total, left = self.total, []
-        for fold in self.folds:
-            beta = solved(total - fold, model)
-            cross = fold[model, -1]
-            inside = beta @ fold[np.ix_(model, model)] @ beta
-            left.append(fold[-1, -1] - 2.0 * beta @ cross + inside)
-        return np.array(left)
-
 
 def solved(products: Array, model: Columns) -> Array:
     """Coefficients of least squares, (m,), of least norm where columns depend on each other."""
     inverse, scale = _inverse(products, model)
     return np.asarray(inverse @ (products[model, -1] / scale) / scale)
-
-
-def inverse_of(products: Array) -> Array:
-    """Covariance (C, C) of the coefficients of all columns of products [columns, y] over σ²."""
-    inverse, scale = _inverse(products, np.arange(len(products) - 1))
-    return np.asarray(inverse / np.outer(scale, scale))
 
 
 def left_by(products: Array, model: Columns) -> Array:

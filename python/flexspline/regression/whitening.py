@@ -82,10 +82,11 @@ def restricted_whitening(problem: Problem, work: Working, beside: Given | None =
     lifts what the low pass has left above its cut-off over all else.
     """
     sheet = work.sheet(given=beside)
-    beta = np.append(work.coefficients[work.free], np.zeros(sheet.width - len(work.free)))
-    if problem.lowpass is None:
-        plain = Whitening(np.ones(1), 1.0, problem.decimation)
-        beta = solved(tabulated(problem, sheet, plain).total, np.arange(sheet.width))
+    plain = Whitening(np.ones(1), 1.0, problem.decimation)
+    solved_beside = sheet if problem.lowpass is None else work.sheet()
+    beta = np.zeros(sheet.width)
+    own = np.arange(solved_beside.width)
+    beta[own] = solved(tabulated(problem, solved_beside, plain).total, own)
 
     def chunks() -> Iterator[Chunk]:
         for starts, made in sheet.pieces(problem):

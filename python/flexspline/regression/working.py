@@ -32,7 +32,6 @@ from flexspline.regression.gram import (
 
 __all__ = [
     "Working",
-    "at_upper_bound",
     "coefficients_of",
     "mixed",
     "refitted",
@@ -252,13 +251,6 @@ def started(problem: Problem, work: Working, whitening: Whitening) -> tuple[Work
         best = min(trials, key=lambda trial: trial[0])
         work = best[1] if best[0] < (1.0 - told) * trials[0][0] else trials[0][1]
     return refitted(problem, work, whitening)
-
-
-def at_upper_bound(work: Working) -> list[str]:
-    """Return the shapes that stand there: such a shape has lost what it shapes."""
-    upper = np.log([s.info.upper for s in work.searched])
-    there = np.isclose(work.logarithms, upper, atol=SINGULAR)
-    return [shape.name for shape, at in zip(work.searched, there, strict=True) if at]
 
 
 def refitted(problem: Problem, work: Working, whitening: Whitening) -> tuple[Working, float]:
