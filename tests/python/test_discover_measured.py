@@ -55,10 +55,6 @@ def test_rest_is_found_at_the_end_of_a_run_and_never_in_a_reversal(joint: int) -
     assert part is log
 
 
-@pytest.mark.xfail(
-    reason="friction over the angle leaves 0.058 A held out, under load 0.076: the angle is named",
-    strict=True,
-)
 def test_friction_that_grows_with_its_own_load_is_named_first_in_joint_2() -> None:
     found = arm(2).found[0]
     assert found.effect == "load_dependent_friction"

@@ -336,9 +336,9 @@ def _everything(study: Study, work: Working) -> Sheet:
 def _small(problem: Problem, base: Working, final: Working, leftover: Leftover) -> list[str] | None:
     """Names without which next to nothing of the gap opens again; None where much of it is open.
 
-    The gap is what names and functions without a name explain. Where names explain most of it in
-    the noise's own metric, the target's unit decides, on left-out folds: the noise sees more of
-    what a form misses, such as the shape of a jump.
+    The gap is what names and functions without a name explain. Where names explain more than half
+    of it in the noise's own metric, but not nearly all, the target's unit decides, on left-out
+    folds: the noise sees more of what a form misses, such as the shape of a jump.
     """
     if not final.named or leftover.share >= 0.5:
         return None
@@ -348,7 +348,7 @@ def _small(problem: Problem, base: Working, final: Working, leftover: Leftover) 
         return held_out(problem, work, plain, beside).squares
 
     before, after = left(base), left(final)
-    if leftover.share >= SETTINGS.little:
+    if leftover.share > 1.0 - SETTINGS.most:
         floor = min(left(final, functions), after)
         if before - after < SETTINGS.most * (before - floor):
             return None

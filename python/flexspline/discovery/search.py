@@ -326,8 +326,9 @@ class Searcher:
             if net < 0.0:
                 work, squares = self.fitted(work.having(others))
                 continue
-            best = max(offers(dictionary, dictionary.without([effect.name])), key=_rank)
-            if best.net <= net:
+            made = offers(dictionary, dictionary.without([effect.name]))
+            best = max(made, key=_rank, default=None)
+            if best is None or best.net <= net:
                 continue
             swapped = [best.effect if e.name == effect.name else e for e in work.effects]
             trial, left = self.fitted(work.having(swapped))
