@@ -129,7 +129,7 @@ def assembled(
 def _errors(made: Estimate, late: LateLoad | None) -> tuple[Uncertainty, Delay | None]:
     """Errors of the parameters, and the delay of the load with its own."""
     if late is None:
-        return uncertainty_of(made), None
+        return made.uncertainty, None
     whole = uncertainty_of(made, late.columns)
     freedom = whole.degrees_of_freedom
     shape = replace(whole, basis=whole.basis[:-1], degrees_of_freedom=freedom[:-1])

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +30,9 @@ from flexspline.fit.problem import Problem, Run
 from flexspline.fit.robust import huber_weights
 from flexspline.fit.shapes import ShapeFit, fit_shapes
 from flexspline.fit.tangent import Tangent
+
+if TYPE_CHECKING:
+    from flexspline.fit.uncertainty import Uncertainty
 
 __all__ = ["Estimate", "Given", "estimate"]
 
@@ -75,6 +79,13 @@ class Estimate:
     def fitted(self) -> NDArray[np.intp]:
         """Numbers of the coefficients that are neither fixed nor at a bound."""
         return self.linear.fitted
+
+    @cached_property
+    def uncertainty(self) -> Uncertainty:
+        """Errors of fitted coefficients and free shapes, in this order; made once."""
+        from flexspline.fit.estimate_errors import uncertainty_of
+
+        return uncertainty_of(self)
 
     @property
     def prior_rows(self) -> Array:

@@ -26,7 +26,6 @@ from scipy.stats import chi2
 
 from flexspline.errors import InputError
 from flexspline.fit.estimate import Estimate
-from flexspline.fit.estimate_errors import uncertainty_of
 from flexspline.fit.newton import newton
 from flexspline.fit.uncertainty import Uncertainty
 from flexspline.fit.validation import cross_validate
@@ -55,12 +54,12 @@ def generalised(made: Estimate) -> Estimate | None:
     weighed = problem.lowpass is not None or tangent.weights is not None or len(made.prior_rows)
     if weighed or rows > MOST_ROWS or not made.basis.size:
         return None
-    plain = uncertainty_of(made)
+    plain = made.uncertainty
     if not plain.noise.order:
         return None
     best = newton(replace(made, denominator=plain.noise.denominator))
     try:
-        if best is None or not _same(made, best, plain, uncertainty_of(best)):
+        if best is None or not _same(made, best, plain, best.uncertainty):
             return None
         return best if _left_out(best) <= FORETELLS * _left_out(made) else None
     except InputError:  # too few rows are left once filters have started

@@ -11,7 +11,6 @@ from scipy.stats import chi2
 from flexspline import _core
 from flexspline.effects import UNITS, Effect, Harmonic
 from flexspline.fit.estimate import Given, counts_of, estimate, residuals_of
-from flexspline.fit.estimate_errors import uncertainty_of
 from flexspline.fit.problem import Problem
 from flexspline.orders import OrderAnalysis, find_orders
 
@@ -87,7 +86,7 @@ def _significant(
     if not any(e.harmonics for e in filled.values()):
         return filled
     made = estimate(problem_of(chosen), chosen, Given({}, {}, {}, False), lambda: None)
-    covariance = uncertainty_of(made).covariance
+    covariance = made.uncertainty.covariance
     row = {made.names[k]: (i, k) for i, k in enumerate(made.fitted)}
     kept = {}
     for name, e in filled.items():
