@@ -12,6 +12,7 @@ from hidden_logs import LOAD, friction_of, log_of, noise, rich_run
 
 import flexspline
 from flexspline.discovery import search
+from flexspline.discovery.search import LEAD
 from flexspline.discovery.settings import SETTINGS
 from flexspline.regression.thinned import rows_of, thinned
 
@@ -34,12 +35,12 @@ def test_parts_of_a_long_log_lie_evenly_over_all_of_it() -> None:
         lowpass_hz=None,
         threads=1,
     )
-    part = thinned(made.problem, 3000, 300)
+    part = thinned(made.problem, 3000, 300, LEAD)
     (run,) = part.runs
     assert rows_of(part) == pytest.approx(3000, rel=0.02)
     assert len(run.stretches) == 10
     assert np.ptp(np.diff([first for first, _ in run.stretches])) <= 1
-    assert thinned(part, 3000, 300) is part
+    assert thinned(part, 3000, 300, LEAD) is part
 
 
 def test_evidence_of_a_log_searched_in_part_is_that_of_all_rows(

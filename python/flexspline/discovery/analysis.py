@@ -20,6 +20,7 @@ from flexspline.discovery.basis import Functions, nameless_of
 from flexspline.discovery.evidence import Offer, offers
 from flexspline.discovery.physics import impossible
 from flexspline.discovery.search import (
+    LEAD,
     Searcher,
     Step,
     Study,
@@ -284,7 +285,7 @@ def analysed(
     lax, _ = Searcher(study, first, True, say).run(base)
     study.problem = _known(study.problem, lax.effects)
     study.scan(lax)
-    looked_at = thinned(whole.problem, SETTINGS.rows, round(SETTINGS.little * SETTINGS.rows))
+    looked_at = thinned(whole.problem, SETTINGS.rows, round(SETTINGS.little * SETTINGS.rows), LEAD)
     beside = leftover_of(Ceiling(looked_at, first), lax).groups
     whitening = restricted_whitening(study.problem, lax, Functions(beside) if beside else None)
     searcher = Searcher(study, whitening, say=say)
@@ -309,9 +310,9 @@ def analysed(
             break
         doubted.append(stand_in)
         kept = [e for e in final.effects if e.name != stand_in]
-        final, _ = searcher.pruned(*searcher.fitted(final.having(kept)))
+        final = searcher.pruned(searcher.fitted(final.having(kept))[0])
         leftover = leftover_of(ceiling, final).times(share)
-    final, _ = searcher.pruned(*searcher.fitted(simplest(searcher, final)))
+    final = searcher.pruned(simplest(searcher, final))
     return Analysis(
         whole, study, base, final, searcher, tuple(steps), leftover, tuple(doubted), ceiling,
         1.0 / share,

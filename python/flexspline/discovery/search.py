@@ -59,6 +59,7 @@ from flexspline.regression.thinned import rows_of, thinned
 from flexspline.regression.working import Working, refitted
 
 __all__ = [
+    "LEAD",
     "Searcher",
     "Step",
     "Study",
@@ -71,6 +72,8 @@ __all__ = [
 
 Array = NDArray[np.float64]
 Orders = tuple[FoundOrder, ...]
+
+LEAD = 2 * SETTINGS.rows  # before a stretch of a part, from which memory is followed
 
 
 @dataclass
@@ -108,7 +111,7 @@ class Study:
         news = rows_of(self.problem) // self.problem.decimation
         share = round(0.5 * SETTINGS.bends * news)
         enough = max(share, (SETTINGS.tried - 1) * SETTINGS.rows)
-        part = thinned(self.problem, enough, SETTINGS.rows // 2)
+        part = thinned(self.problem, enough, SETTINGS.rows // 2, LEAD)
         return self if part is self.problem else replace(self, problem=part, last=None, known={})
 
     def candidates(self, model: Sequence[Effect]) -> list[Candidate]:
@@ -293,27 +296,27 @@ class Searcher:
             work, squares = refitted(problem, work.holding(spring, 0.0), self.whitening)
         return work, squares
 
-    def pruned(self, work: Working, squares: float) -> tuple[Working, float]:
-        """Drop names that do not pay their price beside the others, and the squares left."""
+    def pruned(self, work: Working) -> Working:
+        """Drop names that do not pay their price beside the others."""
         while work.named:
             dictionary = self.study.dictionary(work, self.whitening)
-            net = {e.name: self._net(dictionary, work, e) for e in work.named}
+            net = {e.name: dictionary.gain(e.name) - max(self._owed(dictionary, work, e))
+                   for e in work.named}  # fmt: skip
             worst = min(net, key=lambda name: net[name])
             if net[worst] > 0.0:
                 break
             rest = [e for e in work.effects if e.name != worst]
-            work, squares = self.fitted(work.having(rest))
-        return work, squares
+            work, _ = self.fitted(work.having(rest))
+        return work
 
-    def _net(self, dictionary: Dictionary, work: Working, effect: Effect) -> float:
-        """What a name gains beside all others above what it has to, its shapes known."""
-        columns = len(dictionary.own(effect.name)) - len(own_shapes(effect))
+    def _owed(self, dictionary: Dictionary, work: Working, effect: Effect) -> tuple[float, float]:
+        """What a name has to gain beside all others: its price, its shapes known; and `_missed`."""
+        columns = work.owners()[: len(work.free)].count(effect.name)
         half = columns == 1 and one_signed(effect.name, dictionary.target)
         cost = price(max(columns, 1), 0.5 if half else 1.0, len(dictionary.candidates))
-        gain = dictionary.gain(effect.name)
-        if self.lax or len(work.named) < 2:
-            return gain - cost
-        return gain - max(cost, self._missed(dictionary, work, effect, gain))
+        if self.lax:
+            return cost, 0.0
+        return cost, self._missed(dictionary, work, effect, dictionary.gain(effect.name))
 
     def _examined(self, work: Working, squares: float) -> tuple[Working, float]:
         """Replace or drop earlier names where that is better; every name once."""
@@ -321,22 +324,21 @@ class Searcher:
             if len(work.named) < 2 or effect.name not in [e.name for e in work.named]:
                 continue
             dictionary = self.study.dictionary(work, self.whitening, without=effect.name)
-            others = [e for e in work.effects if e.name != effect.name]
-            net = self._net(dictionary, work, effect)
-            if net < 0.0:
+            gain = dictionary.gain(effect.name)
+            cost, missed = self._owed(dictionary, work, effect)
+            if gain < max(cost, missed):
+                others = [e for e in work.effects if e.name != effect.name]
                 work, squares = self.fitted(work.having(others))
                 continue
             made = offers(dictionary, dictionary.without([effect.name]))
             best = max(made, key=_rank, default=None)
-            if best is None or best.net <= net:
+            if best is None or best.net <= gain - cost:
                 continue
             swapped = [best.effect if e.name == effect.name else e for e in work.effects]
             trial, left = self.fitted(work.having(swapped))
-            more = max(freedom(best.effect) - freedom(effect), 0)
-            margin = SETTINGS.negligible * dictionary.gain(effect.name) * more
-            if squares - left > margin and not impossible(
-                trial, best.effect.name, self.study.problem
-            ):
+            margin = SETTINGS.negligible * gain * max(freedom(best.effect) - freedom(effect), 0)
+            better = left + best.price + margin < squares + cost
+            if better and not impossible(trial, best.effect.name, self.study.problem):
                 work, squares = trial, left
         return work, squares
 
@@ -348,9 +350,7 @@ class Searcher:
             near = [o for o in worthy if o.gain >= SETTINGS.most * worthy[0].gain][: SETTINGS.tried]
             trials = [trial for o in near if (trial := self._tried(o, dictionary, work, squares))]
             if trials:
-                chosen, left, step = max(
-                    trials, key=lambda t: ranked(t[2].gain, t[2].effect) - t[2].price
-                )
+                chosen, left, step = max(trials, key=lambda trial: _rank(trial[2]))
                 beside = tuple(made[: SETTINGS.tried])
                 return chosen, left, replace(step, offers=beside)
             worthy = [offer for offer in worthy if offer not in near]

@@ -3,9 +3,6 @@
 What halving and doubling each of them does to the names of the benchmark is printed by
 
     python tests/bench/settings_table.py --class robot --out DIR
-
-That table has not been run over whole lists yet. `stand_in` was once a judgement on two measured
-joints, and `functions` went back to its older value after a measured joint had lost its names.
 """
 
 from __future__ import annotations
@@ -32,6 +29,7 @@ class Settings:
         of a gap, what is no second name.
     little, most : of anything: a small part of it, nearly all of it.
     stand_in : of its gain, that a name keeps beside functions of the channels, to be no stand-in.
+        Once a judgement on two measured joints; the table has not been run over whole lists.
     freed : times its price, that an effect gains beside freed forms: functions are few.
     overwhelming : times its gain, that is left beside a name: the name may be a part of that.
     told : standard errors up to which two are not told apart.
@@ -40,7 +38,8 @@ class Settings:
     names : that one search takes at most.
     tried : the best so many are looked at more closely; orders of a part that are tried unasked.
     points : values of one shape that are screened, and lags of a channel.
-    functions : of one channel; orders that a scan has found and are tried.
+    functions : of one channel; orders that a scan has found and are tried. It went back to its
+        older value after a measured joint had lost its names.
     lines : orders of the motor's angle that are looked at one by one.
     rows : on which functions without a name are looked at.
     """

@@ -22,28 +22,30 @@ __all__ = ["at_coarser_rate"]
 
 FAST = 100.0  # Hz, what a planned run is looked at with
 SLOW = 50.0
+OF_A_PERIOD = 8.0  # rows of ripple, at least: its sine is followed to some per cent
 POINTS = 1 << 14
 MARGIN = 1e-6  # of a rate, that the steps of a planned run's clock are rounded by at most
 
 
 def at_coarser_rate(
-    whitening: Whitening, rate: float, keep: bool, lowpass: float | None = None
+    whitening: Whitening, rate: float, fastest: float = 0.0, lowpass: float | None = None
 ) -> tuple[Whitening, float]:
     """Return the noise and the rate [Hz] that a planned run is judged with.
 
     Parameters
     ----------
     rate : Hz, of the recorded runs.
-    keep : stay at that rate, for ripple that a coarser one would not follow.
+    fastest : Hz, of ripple that the run has to follow.
     lowpass : Hz, that the planned run is looked at with, as the recorded ones were; None: none.
     """
     news = rate / whitening.decimation
     least = 0.0 if lowpass is None else (1.0 + MARGIN) * lowpass / WIDEST
-    if keep or news < 2.0 * FAST or least > FAST:
-        slowest = max(min(SLOW, rate), least)
-        rows = whitening.decimation if keep else max(1, int(np.ceil(slowest / news)))
+    fast = max(FAST, OF_A_PERIOD * fastest)
+    if news < 2.0 * fast or least > fast:
+        slowest = max(min(max(SLOW, OF_A_PERIOD * fastest), rate), least)
+        rows = max(1, int(np.ceil(slowest / news)))
         return Whitening(whitening.denominator, whitening.variance, rows), news * rows
-    every = int(news / FAST)
+    every = int(news / fast)
     order = max(whitening.order, 1)
     frequency = np.linspace(0.0, np.pi / every, POINTS)
     _, response = freqz([1.0], whitening.denominator, worN=frequency)

@@ -59,7 +59,7 @@ def planned(
         return None
     reads = sorted({name for e in layout.effects for name in e.reads})
     bounds = bounds_of(problem, limits or Limits(), reads)
-    bench = _bench(problem, layout, whitening, reads)
+    bench = _bench(problem, layout, whitening, reads, bounds.velocity)
     return _plan(bench, bounds, {p.name: p.standard_error for p in fit.parameters} if fit else {})
 
 
@@ -159,7 +159,24 @@ def _doubled(
     return best
 
 
-def _bench(problem: Problem, layout: Layout, whitening: Whitening, reads: Sequence[str]) -> Bench:
+def _fastest_ripple(effects: Sequence[Effect], problem: Problem, velocity: float) -> float:
+    """Highest frequency of ripple at this speed [rad/s] of the output, Hz; ∞ of no known gear."""
+    from flexspline.fit.ripple import CORE_PAIRS
+    from flexspline.orders.parts import pairs
+
+    turns = {CORE_PAIRS[p.name]: abs(p.turns) for p in pairs(problem.runs[0].log.facts)}
+    orders = (order * turns[pair] for e in effects for order, pair in e.harmonics)
+    highest = np.max([0.0, *orders])
+    return float(np.nan_to_num(highest * velocity / (2.0 * np.pi), nan=np.inf))
+
+
+def _bench(
+    problem: Problem,
+    layout: Layout,
+    whitening: Whitening,
+    reads: Sequence[str],
+    velocity: float,
+) -> Bench:
     from flexspline.experiment.information import recorded
     from flexspline.experiment.motor import motor_of
     from flexspline.experiment.noise import at_coarser_rate
@@ -169,9 +186,8 @@ def _bench(problem: Problem, layout: Layout, whitening: Whitening, reads: Sequen
     logs = [run.log for run in problem.runs]
     motor = motor_of(logs, problem.known_load) if "motor_torque" in reads else None
     rate = float(np.median([log.rate for log in logs]))
-    coarse, slower = at_coarser_rate(
-        whitening, rate, keep="motor_position" in reads, lowpass=problem.lowpass
-    )
+    fastest = _fastest_ripple(layout.effects, problem, velocity)
+    coarse, slower = at_coarser_rate(whitening, rate, fastest, problem.lowpass)
     trust = trust_of(problem, layout.work, whitening)
     before = recorded(layout, problem, whitening, trust)
     return Bench(problem, layout, coarse, trust, slower, motor, before)

@@ -1,7 +1,7 @@
 """A part of long runs that stands for the whole: short stretches spread evenly over them.
 
-Effects with memory are followed from `LEAD` rows before each stretch on: what they remember from
-before that is a guess.
+Effects with memory are followed from some rows before each stretch on: what they remember from
+before these is a guess.
 """
 
 from __future__ import annotations
@@ -13,16 +13,16 @@ from flexspline.fit.problem import Problem, Run
 
 __all__ = ["rows_of", "thinned"]
 
-LEAD = 20_000
-
 
 def rows_of(problem: Problem) -> int:
     """How many rows count."""
     return sum(run.counted for run in problem.runs)
 
 
-def thinned(problem: Problem, enough: int, stretch: int) -> Problem:
+def thinned(problem: Problem, enough: int, stretch: int, lead: int) -> Problem:
     """Return the problem with about `enough` of its rows, in pieces of about `stretch`.
+
+    `lead`: rows before each, from which effects with memory are followed.
 
     Itself where it has less than twice as many. Behind a low pass one row of several is news: it
     is these that are counted.
@@ -32,7 +32,7 @@ def thinned(problem: Problem, enough: int, stretch: int) -> Problem:
     if share < 2:
         return problem
     runs = tuple(replace(run, stretches=_parts(run, share, stretch)) for run in problem.runs)
-    return replace(problem, runs=runs, remembered=_core.Remembered(LEAD))
+    return replace(problem, runs=runs, remembered=_core.Remembered(lead))
 
 
 def _parts(run: Run, share: int, stretch: int) -> tuple[tuple[int, int], ...]:
