@@ -149,10 +149,12 @@ def rivals_of(searcher: Searcher, work: Working, effect: Effect) -> list[Rival]:
 def simplest(searcher: Searcher, work: Working) -> Working:
     """Replace each name by the equal with fewest coefficients: of equals the plainest is said.
 
-    A rival that only its form does not tell from it is an alias, but no equal.
+    A rival that explains less, and that only its form does not tell from it, is an alias, but no
+    equal.
     """
     for effect in work.named:
-        equals = [r.effect for r in rivals_of(searcher, work, effect) if r.by_t or r.inside]
+        rivals = rivals_of(searcher, work, effect)
+        equals = [r.effect for r in rivals if r.by_t or r.inside or r.gain >= r.own]
         for plain in sorted(equals, key=freedom):
             if freedom(plain) >= freedom(effect):
                 break
@@ -337,9 +339,10 @@ def _everything(study: Study, work: Working) -> Sheet:
 def _small(problem: Problem, base: Working, final: Working, leftover: Leftover) -> list[str] | None:
     """Names without which next to nothing of the gap opens again; None where much of it is open.
 
-    The gap is what names and functions without a name explain. Where names explain more than half
-    of it in the noise's own metric, but not nearly all, the target's unit decides, on left-out
-    folds: the noise sees more of what a form misses, such as the shape of a jump.
+    Nor may such a name close a tenth of what is left without it. The gap is what names and
+    flexible functions explain. Where names explain more than half of it in the noise's own metric,
+    but not nearly all, the target's unit decides, on left-out folds: the noise sees more of what a
+    form misses, such as the shape of a jump.
     """
     if not final.named or leftover.share >= 0.5:
         return None
@@ -356,7 +359,9 @@ def _small(problem: Problem, base: Working, final: Working, leftover: Leftover) 
     found = []
     for effect in final.named:
         rest, _ = solved_at(problem, final.having([e for e in final.effects if e != effect]), plain)
-        if left(rest) - after < SETTINGS.bends * (before - after):
+        lacking = left(rest)
+        opened = lacking - after
+        if opened < SETTINGS.bends * (before - after) and opened < SETTINGS.little * lacking:
             found.append(effect.name)
     return found
 
@@ -373,15 +378,19 @@ def _stand_in(
     That is one of which functions without a name hold most, where they still explain a part as
     large as a small part of it; or one beside which they explain far more. Where names explain
     nearly all, what a form misses is sure as well, and free functions of a name's own channels
-    hold the name: there only names that explain little of it are asked (`_small`). `at_first`:
+    hold the name: there only names that explain little of it are asked (`_small`), and none where
+    no more is left than what a form may miss. `at_first`:
     what was left before any name was taken back, in χ²; a name that was is part of what is left
     now, and no reason to take back others.
     """
     if not leftover.groups or not work.named:
         return None
     dictionary = searcher.study.dictionary(work, searcher.whitening)
-    shares = {e.name: leftover.net / max(dictionary.gain(e.name), TINY)
-              for e in work.named if small is None or e.name in small}  # fmt: skip
+    gains = {e.name: dictionary.gain(e.name) for e in work.named}
+    if leftover.net <= max(form_of(e) * gains[e.name] for e in work.named):
+        return None
+    shares = {name: leftover.net / max(gain, TINY)
+              for name, gain in gains.items() if small is None or name in small}  # fmt: skip
     larger = SETTINGS.overwhelming if small is None else 1.0
     doubted = [n for n, share in shares.items()
                if share > larger * leftover.net / max(at_first, TINY)
