@@ -40,7 +40,7 @@ from flexspline.regression.whitening import first_whitening, restricted_whitenin
 from flexspline.regression.working import Working, refitted, solved_at, started, working
 from flexspline.report.numbers import percent
 
-__all__ = ["Analysis", "Rival", "analysed", "rivals_of", "simplest"]
+__all__ = ["Analysis", "FirstLook", "Rival", "analysed", "first_look", "rivals_of", "simplest"]
 
 COGGING = "cogging"
 EXPLAINS = 0.5  # of what the named effect gains, that a rival gains in its place at least
@@ -233,6 +233,28 @@ class Analysis:
         leftover = leftover_of(self.ceiling, final).times(1.0 / self.looked_at)
         return replace(self, final=final, leftover=leftover)
 
+    def in_runs(self, study: Study, plain: str) -> Analysis:
+        """Return the analysis of the same runs made anew: the same names, refitted.
+
+        `plain`: an effect of the base that is left out.
+        """
+        part = study.thinned()
+        part.problem = _known(part.problem, self.final.effects)
+        study.orders = part.orders = self.study.orders
+        searcher = replace(self.searcher, study=study)
+        base, _ = searcher.fitted(self.base.plain(plain))
+        final = searcher.pruned(searcher.fitted(self.final.plain(plain))[0])
+        looked_at = _looked_at(study.problem)
+        ceiling, share = (
+            Ceiling(looked_at, self.whitening),
+            rows_of(looked_at) / rows_of(study.problem),
+        )
+        leftover = leftover_of(ceiling, final).times(1.0 / share)
+        return replace(
+            self, study=study, part=part, base=base, final=final, searcher=searcher,
+            leftover=leftover, ceiling=ceiling, looked_at=share,
+        )  # fmt: skip
+
     @property
     def whitening(self) -> Whitening:
         return self.searcher.whitening
@@ -265,30 +287,46 @@ class Analysis:
         return min(rows_of(self.part.problem) / rows_of(self.study.problem), 1.0)
 
 
-def analysed(
+@dataclass(frozen=True)
+class FirstLook:
+    """What is known before names are looked for: the base, orders in what it leaves, the noise.
+
+    `whole`, `part`: the study of all rows, and of those that are searched first.
+    """
+
+    whole: Study
+    part: Study
+    base: Working
+    noise: Whitening
+
+
+def first_look(
     study: Study,
     effects: Sequence[Effect],
     fixed: Mapping[str, float],
     say: Callable[[str], object],
-) -> Analysis:
-    """Look for what is missing beside `effects`; `say` is told what is being done.
-
-    Of long logs a part is searched first (`thinned`), then all rows from there.
-    """
-    whole, study = study, study.thinned()
+) -> FirstLook:
+    """Fit the base alone; of long logs to a part (`thinned`)."""
+    part = study.thinned()
     say("base model")
-    plain = Whitening(np.ones(1), 1.0, study.problem.decimation)
-    given = working(effects, len(effects), fixed)
-    base, _ = started(study.problem, given, plain)
+    plain = Whitening(np.ones(1), 1.0, part.problem.decimation)
+    base, _ = started(part.problem, working(effects, len(effects), fixed), plain)
     say("looking for orders")
-    study.scan(base)
+    part.scan(base)
     say("noise")
-    first = first_whitening(study.problem, _everything(study, base))
+    return FirstLook(study, part, base, first_whitening(part.problem, _everything(part, base)))
+
+
+def analysed(look: FirstLook, say: Callable[[str], object]) -> Analysis:
+    """Look for what is missing beside a base; `say` is told what is being done.
+
+    Of long logs a part is searched first, then all rows from there.
+    """
+    whole, study, base, first = look.whole, look.part, look.base, look.noise
     lax, _ = Searcher(study, first, True, say).run(base)
     study.problem = _known(study.problem, lax.effects)
     study.scan(lax)
-    looked_at = thinned(whole.problem, SETTINGS.rows, round(SETTINGS.little * SETTINGS.rows), LEAD)
-    beside = leftover_of(Ceiling(looked_at, first), lax).groups
+    beside = leftover_of(Ceiling(_looked_at(whole.problem), first), lax).groups
     whitening = restricted_whitening(study.problem, lax, Functions(beside) if beside else None)
     searcher = Searcher(study, whitening, say=say)
     base, _ = searcher.fitted(base)
@@ -301,6 +339,7 @@ def analysed(
         final, more = searcher.run(final)
         steps += more
     say("what is left")
+    looked_at = _looked_at(whole.problem)
     share = rows_of(whole.problem) / rows_of(looked_at)
     ceiling = Ceiling(looked_at, whitening)
     leftover, doubted = leftover_of(ceiling, final).times(share), []
@@ -319,6 +358,11 @@ def analysed(
         whole, study, base, final, searcher, tuple(steps), leftover, tuple(doubted), ceiling,
         1.0 / share,
     )  # fmt: skip
+
+
+def _looked_at(problem: Problem) -> Problem:
+    """The rows on which flexible functions are looked at."""
+    return thinned(problem, SETTINGS.rows, round(SETTINGS.little * SETTINGS.rows), LEAD)
 
 
 def _known(problem: Problem, effects: Sequence[Effect]) -> Problem:

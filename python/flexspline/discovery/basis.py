@@ -188,11 +188,15 @@ TOLD = {ROUND: "motor_position", DIRECTION: "output_velocity"}
 
 @dataclass(frozen=True)
 class Nameless:
-    """Functions of some channels: `columns` makes them, (N, C), from the values of these."""
+    """Functions of some channels: `columns` makes them, (N, C), from the values of these.
+
+    `past`: whether they are of what a channel was, too.
+    """
 
     channels: tuple[str, ...]
     columns: Basis
     count: int
+    past: bool = False
 
 
 def channel_told(name: str, known_load: str | None) -> str:
@@ -296,7 +300,11 @@ def _waves(sample: Values, name: str) -> Nameless:
 def _memory(name: str) -> Nameless:
     """What a channel is and was: itself and behind each lag."""
     names = [name, *names_of_past(name)]
-    return Nameless((name,), lambda values: np.column_stack([values[n] for n in names]), len(names))
+
+    def columns(values: Values) -> Array:
+        return np.column_stack([values[n] for n in names])
+
+    return Nameless((name,), columns, len(names), past=True)
 
 
 def _varying(sample: Values, name: str, other: str) -> Nameless:

@@ -20,10 +20,11 @@ from flexspline.errors import InputError
 if TYPE_CHECKING:  # what is heavy is imported where it is used
     from collections.abc import Callable
 
-    from flexspline.discovery.analysis import Analysis
+    from flexspline.discovery.analysis import Analysis, FirstLook
     from flexspline.discovery.confirmation import Confirmed
     from flexspline.discovery.faults import DataFault
     from flexspline.discovery.result import Discovery
+    from flexspline.discovery.search import Study
     from flexspline.experiment.limits import Limits
     from flexspline.fit.names import Bounds
     from flexspline.fit.problem import Problem
@@ -140,17 +141,12 @@ def _discovered(
     threads: int,
 ) -> Discovery:
     """`discover` by regression, `of_base`: what is wrong with the base."""
+    from flexspline.discovery.analysis import analysed
     from flexspline.discovery.assemble import assembled
     from flexspline.discovery.candidates import LAG, freedoms
-    from flexspline.discovery.faults import (
-        data_faults,
-        graded,
-        lead_of,
-        load_delays,
-        with_measured_ratio,
-    )
+    from flexspline.discovery.clock import load_delays
+    from flexspline.discovery.faults import data_faults, graded, with_measured_ratio
     from flexspline.logs.left_out import only_experiments
-    from flexspline.logs.repairs import move_earlier
     from flexspline.prepared import learned
 
     recordings = only_experiments(runs, start.target)
@@ -171,17 +167,14 @@ def _discovered(
         excluded = [*exclude]
         free = freedoms(start.effects, start.target, start.known_load, runs, inputs)
         free = tuple(name for name in free if name not in excluded)
-        recorded = _Recorded.of(runs, way)
-        held = _searched(recorded, way, excluded, free)
-        delay, load = 0.0, start.known_load
+        load = start.known_load
         if load in inputs and inputs[load].noisy and (LAG in free or start.target == "torsion"):
-            recorded, held, delay = _on_one_clock(runs, load, recorded, held, way, excluded, free)
-        if delay and load is not None:
-            faults = (*faults, *load_delays(runs, start.target, load, delay))
-            runs = [move_earlier(log, load, delay) for log in runs]
-        elif lead_of(held.made.final):
-            others = tuple(name for name in free if name != LAG)
-            held = _searched(recorded, way, excluded, others)  # it may be the sensor's: to be named
+            recorded, held, delay = _on_one_clock(runs, load, way, excluded, free)
+            if delay:
+                faults = (*faults, *load_delays(runs, start.target, load, delay))
+        else:
+            recorded = _Recorded.of(runs, way)
+            held = recorded.confirmed(analysed(recorded.look(excluded, free), say), free)
         rows = _rows(recordings, recorded.logs, held.made)
         found = replace(
             assembled(held, faults, tuple(inputs.values()), rows, limits),
@@ -275,23 +268,6 @@ class _Way:
     threads: int
     say: Callable[[str], None]
 
-    def posed(self, runs: _Recorded) -> dict[str, Any]:
-        """What `problem_of` asks for beside runs, effects and target."""
-        return {
-            "known_load": self.start.known_load,
-            "lowpass_hz": self.lowpass,
-            "threads": self.threads,
-            "preparations": self.preparations,
-            "counted": runs.counted,
-            "simulated": self.start.simulated,
-        }
-
-    def problem(self, runs: _Recorded, effects: Sequence[Effect]) -> Problem:
-        from flexspline.fit.problem import problem_of
-
-        target = self.start.target
-        return problem_of(runs.logs, effects, target, inputs=runs.inputs, **self.posed(runs))
-
 
 @dataclass(frozen=True)
 class _Recorded:
@@ -300,6 +276,7 @@ class _Recorded:
     `counted`: rows of each that the recorder resolves; None for all.
     """
 
+    way: _Way
     logs: list[Log]
     inputs: list[Log]
     counted: list[NDArray[np.bool_]] | None = None
@@ -309,14 +286,14 @@ class _Recorded:
         from flexspline.discovery.faults import away_from_ends, coarser, resolved
 
         ways, start = way.preparations, way.start
-        made = cls._made(runs, start.target, ways)
+        made = cls._made(runs, way, ways)
         if start.target == "torsion" or not any(w.channel == "output_position" for w in ways):
             return made
-        further = cls._made(runs, start.target, coarser(ways))
+        further = cls._made(runs, way, coarser(ways))
         base = [effect for effect in start.effects if effect.harmonics or not effect.ripple]
 
         def posed(effects: Sequence[Effect], coarse: bool) -> Problem:
-            return way.problem(further if coarse else made, effects)
+            return (further if coarse else made).problem(effects)
 
         inside = [away_from_ends(a, b, ways) for a, b in zip(runs, made.logs, strict=True)]
         made = replace(made, counted=inside)
@@ -325,84 +302,133 @@ class _Recorded:
         return replace(made, counted=[a & b for a, b in zip(inside, told, strict=True)])
 
     @classmethod
-    def _made(cls, runs: Sequence[Log], target: str, ways: Sequence[Preparation]) -> _Recorded:
+    def _made(cls, runs: Sequence[Log], way: _Way, ways: Sequence[Preparation]) -> _Recorded:
         from flexspline.logs.left_out import moving
         from flexspline.prepared import prepared
 
+        target = way.start.target
         return cls(
+            way,
             [moving(log, target) for log in runs],
             [moving(prepared(log, ways), target, as_in=log) for log in runs],
         )
 
+    @property
+    def _posed(self) -> dict[str, Any]:
+        """What `problem_of` asks for beside runs, effects and target."""
+        start = self.way.start
+        return {
+            "known_load": start.known_load,
+            "lowpass_hz": self.way.lowpass,
+            "threads": self.way.threads,
+            "preparations": self.way.preparations,
+            "counted": self.counted,
+            "simulated": start.simulated,
+        }
 
-def _searched(runs: _Recorded, way: _Way, exclude: Sequence[str], free: Sequence[str]) -> Confirmed:
-    """The names that hold beside the base, in the model that is fitted to all rows that count.
+    def problem(self, effects: Sequence[Effect]) -> Problem:
+        from flexspline.fit.problem import problem_of
 
-    `free`: what the base is given beside its effects (`freedoms`).
-    """
-    from flexspline.discovery.analysis import analysed
-    from flexspline.discovery.candidates import held_of, with_freedoms
-    from flexspline.discovery.confirmation import confirmed
-    from flexspline.discovery.search import study_of
-    from flexspline.fit.fitting import fit, fit_near, with_orders
-    from flexspline.simulator.record import SIMULATED
+        target = self.way.start.target
+        return problem_of(self.logs, effects, target, inputs=self.inputs, **self._posed)
 
-    start = way.start
-    effects: Sequence[Effect] = with_orders(start.effects, way.orders)
-    if any(e.ripple and not e.harmonics for e in effects):
-        effects = fit(
-            effects, runs.logs, start.target, known_load=start.known_load, lowpass=way.lowpass,
-            fixed=start.fixed, checks=False, threads=way.threads, bandwidth=float("inf"),
-            simulated_torque=SIMULATED if start.simulated else None,
-        ).part.effects  # fmt: skip
-    effects = with_freedoms(effects, free)
-    fixed = {**start.fixed, **held_of(effects, free)}
-    study = study_of(
-        effects, runs.logs, start.target, exclude=exclude, inputs=runs.inputs, **way.posed(runs)
-    )
-    made = analysed(study, effects, fixed, way.say)
-    way.say("errors and validation")
+    def study(
+        self, exclude: Sequence[str], free: Sequence[str]
+    ) -> tuple[Study, list[Effect], dict[str, float]]:
+        """What may be missing beside the base; the base with its freedoms; what is held of it.
 
-    def fitted(work: Working) -> Fit:
-        posed = way.problem(runs, work.effects)
-        limited = _bounds(work, start)
-        known = {**start.fixed, **held_of(work.effects[: work.base], free)}
-        return fit_near(posed, work.effects, known, limited, start.model, general=True)
+        `free`: what the base is given beside its effects (`freedoms`).
+        """
+        from flexspline.discovery.candidates import held_of, with_freedoms
+        from flexspline.discovery.search import study_of
+        from flexspline.fit.fitting import fit, with_orders
+        from flexspline.simulator.record import SIMULATED
 
-    return confirmed(made, fitted, [effect.name for effect in start.effects])
+        start, way = self.way.start, self.way
+        effects: Sequence[Effect] = with_orders(start.effects, way.orders)
+        if any(e.ripple and not e.harmonics for e in effects):
+            effects = fit(
+                effects, self.logs, start.target, known_load=start.known_load, lowpass=way.lowpass,
+                fixed=start.fixed, checks=False, threads=way.threads, bandwidth=float("inf"),
+                simulated_torque=SIMULATED if start.simulated else None,
+            ).part.effects  # fmt: skip
+        effects = with_freedoms(effects, free)
+        study = study_of(
+            effects, self.logs, start.target, exclude=exclude, inputs=self.inputs, **self._posed
+        )
+        return study, effects, {**start.fixed, **held_of(effects, free)}
+
+    def look(self, exclude: Sequence[str], free: Sequence[str]) -> FirstLook:
+        from flexspline.discovery.analysis import first_look
+
+        return first_look(*self.study(exclude, free), self.way.say)
+
+    def confirmed(self, made: Analysis, free: Sequence[str]) -> Confirmed:
+        """The names that hold, in the model that is fitted to all rows that count."""
+        from flexspline.discovery.candidates import held_of
+        from flexspline.discovery.confirmation import confirmed
+        from flexspline.fit.fitting import fit_near
+
+        start = self.way.start
+        self.way.say("errors and validation")
+
+        def fitted(work: Working) -> Fit:
+            known = {**start.fixed, **held_of(work.effects[: work.base], free)}
+            return fit_near(self.problem(work.effects), work.effects, known, _bounds(work, start),
+                            start.model, general=True)  # fmt: skip
+
+        return confirmed(made, fitted, [effect.name for effect in start.effects])
 
 
 def _on_one_clock(
-    runs: Sequence[Log],
-    load: str,
-    recorded: _Recorded,
-    held: Confirmed,
-    way: _Way,
-    exclude: Sequence[str],
-    free: Sequence[str],
+    runs: Sequence[Log], load: str, way: _Way, exclude: Sequence[str], free: Sequence[str]
 ) -> tuple[_Recorded, Confirmed, float]:
-    """Move a late load to where it belongs, and look for names anew, until none is left, s.
+    """Look for names with a late load moved to where it belongs; and its delay, s, 0 for none.
 
-    What a delay is depends on the names beside it, and names on the delay. One that is smaller than
-    the step that led to it is not known, and nothing is moved.
+    The delay is estimated before any name is looked for; the lag that then stands in the base
+    while names are makes it more precise, within its error. Where the sensor is behind its load, it
+    may be the sensor's: a lag is no freedom then, but to be named.
     """
+    from flexspline.discovery.analysis import analysed
     from flexspline.discovery.candidates import LAG
-    from flexspline.discovery.faults import late_by
+    from flexspline.discovery.clock import (
+        SENSOR,
+        Delay,
+        delay_behind,
+        delay_beside_everything,
+        lead_of,
+    )
     from flexspline.logs.repairs import move_earlier
 
-    delay, others = 0.0, [name for name in free if name != LAG]
-    for _ in range(SETTINGS.tried - 1):
-        late = late_by(held.made, moved=delay != 0.0)
-        if not late:
-            return recorded, held, delay
-        delay += late
-        if abs(delay) < 0.5 * abs(late):
-            delay = 0.0
-            break
-        recorded = _Recorded.of([move_earlier(log, load, delay) for log in runs], way)
-        held = _searched(recorded, way, exclude, free)
-    recorded = recorded if delay else _Recorded.of(runs, way)
-    return recorded, _searched(recorded, way, [*exclude, LAG], others), delay
+    def at(late: float) -> _Recorded:
+        return _Recorded.of([move_earlier(log, load, late) for log in runs] if late else runs, way)
+
+    def named() -> Confirmed:
+        return recorded.confirmed(analysed(recorded.look(exclude, others), way.say), others)
+
+    others = [name for name in free if name != LAG]
+    sensor = way.start.target in SENSOR
+    recorded, late, delay = at(0.0), Delay(), 0.0
+    look = recorded.look(exclude, free)
+    if LAG in free:
+        late = delay_beside_everything(look)
+        if late.significant and sensor and late.seconds < 0.0:
+            return recorded, named(), 0.0
+        if late.significant:
+            delay = late.seconds
+            recorded = at(delay)
+            look = recorded.look(exclude, free)
+    made = analysed(look, way.say)
+    rest = lead_of(made) if LAG in free else delay_behind(made)
+    if sensor and not delay and rest.significant and rest.seconds < 0.0:
+        return recorded, named(), 0.0
+    if rest.significant and late.agrees(delay + rest.seconds):
+        delay += rest.seconds
+        recorded = at(delay)
+        made = made.in_runs(recorded.study([*exclude, LAG], others)[0], LAG)
+    elif LAG in free:
+        made = made.without(LAG)
+    return recorded, recorded.confirmed(made, others), delay
 
 
 @dataclass(frozen=True)

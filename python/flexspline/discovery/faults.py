@@ -16,14 +16,10 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.constants import milli
 
-from flexspline.discovery.candidates import LAG
-from flexspline.discovery.search import missed
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect
 from flexspline.errors import InputError
@@ -37,25 +33,17 @@ from flexspline.logs.log import Log
 from flexspline.logs.repairs import move_earlier
 from flexspline.logs.segments import median_step
 from flexspline.model import Model
-from flexspline.regression.gram import TINY, Whitening, solved, tabulated
+from flexspline.regression.gram import TINY, Whitening
 from flexspline.regression.working import started, working
 from flexspline.report.numbers import short
 from flexspline.signals import target_of
 
-if TYPE_CHECKING:
-    from flexspline.discovery.analysis import Analysis
-    from flexspline.regression.working import Working
-
 __all__ = [
-    "SENSOR",
     "DataFault",
     "away_from_ends",
     "coarser",
     "data_faults",
     "graded",
-    "late_by",
-    "lead_of",
-    "load_delays",
     "resolved",
     "with_measured_ratio",
 ]
@@ -85,7 +73,6 @@ RATIO = "gear_ratio"
 ENCODER_DELAY = "encoder_delay"
 HALF_A_ROW = 0.5  # more than that a run may be late by alone: another clock
 SIGN = "torque_sign"  # that of a recorder: at least half of the runs have to show it
-SENSOR = ("sensor_torque",)
 NO_TWIST = tuple(name for name in NO_TORSION if name != RATIO)
 
 
@@ -184,83 +171,6 @@ def with_measured_ratio(
     mended = [log.with_facts({"gear_ratio": ratio - circular}, note=said) for log in logs]
     told = [replace(f, sentence=f"{f.sentence} {said}") if f.name == RATIO else f for f in faults]
     return mended, tuple(told)
-
-
-def lead_of(work: Working) -> float:
-    """Return by how much the sensor of a model is ahead of its load, s; 0 without a lag."""
-    owners = [e.name for e in work.effects for _ in e.terms]
-    return -float(work.coefficients[owners.index(LAG)]) if LAG in owners else 0.0
-
-
-def late_by(made: Analysis, moved: bool) -> float:
-    """Return by how much the known load is later than the target, s; 0 where nothing says so.
-
-    A sensor cannot read a torque before it is there: where its lag comes out negative, the channel
-    of the known load is late by that much more than the sensor. Between the torque of a drive and
-    the load cell any delay is one of the recorder, and so is what is left of one that was taken out
-    (`moved`). 0 where what is left without a name explains more than the delay does, or the forms
-    of the names may miss as much: that may be what makes it.
-    """
-    if made.study.problem.target == "torsion":
-        return _late_behind_torsion(made)
-    problem, late = made.study.problem, lead_of(made.final)
-    if problem.known_load is None or late == 0.0:
-        return 0.0
-    if problem.target in SENSOR and late < 0.0 and not moved:
-        return 0.0
-    named = made.final.named
-    dictionary = made.searcher.study.dictionary(made.final, made.searcher.whitening)
-    other = missed(dictionary, named, Effect(LAG)) if named else made.leftover.gain
-    return late if dictionary.gain(LAG) > other else 0.0
-
-
-def _late_behind_torsion(made: Analysis) -> float:
-    """The delay of a load whose torsion the model predicts, s; 0 where the runs do not tell one.
-
-    A load that is late by δ predicts p(t − δ): what is left follows δ dp/dt, beside the columns of
-    the model with all its names, those that were taken back included. The delay of a recorder is
-    the same in all folds: their scatter is part of its error.
-    """
-    problem, searcher = made.study.problem, made.searcher
-    taken = {step.effect.name: step.effect for step in made.steps}
-    back = [taken[name] for name in made.doubted if name in taken]
-    work, _ = searcher.fitted(made.final.having([*made.final.effects, *back]))
-    parts = []
-    for number, run in enumerate(problem.runs):
-        rows, target = work.rows(problem, number)
-        slope = np.gradient(work.predict(problem, number), run.log["time"])
-        parts.append((np.column_stack([rows, slope]), target))
-    table = tabulated(problem, parts, searcher.whitening)
-    model = np.arange(len(table.total) - 2)
-    left = np.append(-solved(table.total, model), [0.0, 1.0])
-    own = np.append(-solved(table.total[:-1, :-1], model), [1.0, 0.0])
-    weight = np.maximum([own @ fold @ own for fold in table.folds], TINY)
-    told = np.array([own @ fold @ left for fold in table.folds]) / weight
-    late = float(np.average(told, weights=weight))
-    scatter = float(np.average((told - late) ** 2, weights=weight)) / max(len(told) - 1, 1)
-    error = float(np.sqrt(max(1.0 / weight.sum(), scatter)))
-    return late if abs(late) > TOLD * error else 0.0
-
-
-def load_delays(logs: Sequence[Log], target: str, load: str, late: float) -> tuple[DataFault, ...]:
-    """Return the fault of each run whose known load is late by so much against the target, s."""
-    channel, other = (load, target) if late > 0.0 or target == "torsion" else (target, load)
-    why = ", which cannot read a torque before it is there" if target in SENSOR else ""
-    size, early = abs(late) / milli, channel == load and late < 0.0
-    return tuple(
-        DataFault(
-            log.name,
-            "load_delay",
-            channel,
-            abs(late),
-            "s",
-            (0, len(log)),
-            f"{log.name}: {channel} is {size:.3g} ms {'early' if early else 'late'} against "
-            f"{other}{why}; names are looked for with {load} moved by that much. "
-            f"Ask for the repair shift={channel}:{late if early else abs(late):.3g}.",
-        )
-        for log in logs
-    )
 
 
 Array = NDArray[np.float64]

@@ -1,0 +1,183 @@
+"""The clock of a load cell: by how much a known load is recorded later than the target.
+
+A load L that is late by d leaves, to first order,
+
+    d · c(t),     c = −L′ ∂(y − X β)/∂L
+
+of target y and model X β. What may be missing follows the load too, so d is estimated beside
+everything that may be missing: all candidates of the search and flexible functions of every
+channel (Frisch & Waugh 1933), before any name is looked for. The delay of a recorder is the same in
+all folds: their scatter is part of its error. Names that are found later make it more precise,
+within that error. The slope L′ is that of the load as rows read it, smoothed, so that the cell's
+noise does not attenuate d.
+
+A sensor cannot read a torque before it is there: where its reading is ahead, the load is late.
+Where it is behind, the sensor may be: that is an effect, and to be named. Between the torque of a
+drive, or a torsion, and the load cell any delay is one of the recorder.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.constants import milli
+
+from flexspline.discovery.analysis import Analysis, FirstLook
+from flexspline.discovery.basis import RATE, Functions, nameless_of
+from flexspline.discovery.candidates import LAG
+from flexspline.discovery.faults import DataFault
+from flexspline.discovery.settings import SETTINGS
+from flexspline.fit.problem import Problem
+from flexspline.logs.log import Log
+from flexspline.regression.gram import (
+    SINGULAR,
+    TINY,
+    Table,
+    left_by,
+    solved,
+    tabulated,
+)
+from flexspline.regression.working import Working
+from flexspline.signals import target_of
+
+__all__ = ["SENSOR", "Delay", "delay_behind", "delay_beside_everything", "lead_of", "load_delays"]
+
+Array = NDArray[np.float64]
+
+SENSOR = ("sensor_torque",)
+
+
+@dataclass(frozen=True)
+class Delay:
+    """By how much the load is later than the target, s, and the standard error."""
+
+    seconds: float = 0.0
+    error: float = np.inf
+
+    @property
+    def significant(self) -> bool:
+        return abs(self.seconds) > SETTINGS.told * self.error
+
+    def agrees(self, seconds: float) -> bool:
+        """Whether a delay lies within the error of this one."""
+        return abs(seconds - self.seconds) <= SETTINGS.told * self.error
+
+
+def delay_beside_everything(look: FirstLook) -> Delay:
+    """Return the delay of the known load beside all that may be missing."""
+    study, work = look.part, look.base.plain(LAG)
+    problem = study.problem
+    load = problem.known_load
+    static = [
+        group
+        for group in nameless_of(problem, pairs=False)
+        if RATE not in group.channels and not (group.past and load in group.channels)
+    ]
+    beside = [e for c in study.candidates(work.effects) if c.name != LAG for e in c.effects]
+    given = _Beside(Functions(tuple(static)), _slopes(problem, work))
+    sheet = work.sheet(beside=list(dict.fromkeys(beside)), given=given)
+    return _last_column(tabulated(problem, sheet, look.noise))
+
+
+@dataclass(frozen=True)
+class _Beside:
+    """Flexible functions and, behind them, one column (N,) of each run."""
+
+    functions: Functions
+    columns: tuple[Array, ...]
+
+    @property
+    def count(self) -> int:
+        return self.functions.count + 1
+
+    def rows(self, problem: Problem, number: int, rows: slice) -> Array:
+        """Return some rows of a run, (n, count)."""
+        made = self.functions.rows(problem, number, rows)
+        return np.column_stack([made, self.columns[number][rows]])
+
+
+def _slopes(problem: Problem, work: Working) -> tuple[Array, ...]:
+    """c of each run, (N,)."""
+    design, load, found = problem.design(work.effects), str(problem.known_load), []
+    for run in problem.runs:
+        torque, left = run.channels["known_load"], []
+        slope = np.gradient(torque, run.log["time"])
+        for way in (milli, -milli):  # s
+            moved = np.ascontiguousarray(torque + way * slope)
+            channels = {**run.channels, "known_load": moved}
+            told = np.asarray(design.predict(channels, len(run), work.coefficients))
+            log = run.log.with_columns({load: moved}, note="moved along its slope")
+            left.append(target_of(log, problem.target, load) - told)
+        found.append((left[1] - left[0]) / (2.0 * milli))
+    return tuple(found)
+
+
+def _last_column(table: Table) -> Delay:
+    """The coefficient of the last column beside all others; its error by noise or by folds."""
+    model = np.arange(len(table.total) - 2)
+    squares = float(left_by(table.total, model)[-2, -2])
+    if squares <= SINGULAR * table.total[-2, -2]:
+        return Delay()
+    left = np.append(-solved(table.total, model), [0.0, 1.0])
+    own = np.append(-solved(table.total[:-1, :-1], model), [1.0, 0.0])
+    weight = np.maximum([own @ fold @ own for fold in table.folds], TINY)
+    told = np.array([own @ fold @ left for fold in table.folds]) / weight
+    late = float(np.average(told, weights=weight))
+    scatter = float(np.average((told - late) ** 2, weights=weight)) / max(len(told) - 1, 1)
+    return Delay(late, float(np.sqrt(max(1.0 / squares, scatter))))
+
+
+def delay_behind(made: Analysis) -> Delay:
+    """Return the delay of a load whose torsion the model predicts.
+
+    A load that is late by d predicts p(t − d): what is left follows d dp/dt, beside the columns of
+    the model with all its names, those that were taken back included.
+    """
+    problem, searcher = made.study.problem, made.searcher
+    taken = {step.effect.name: step.effect for step in made.steps}
+    back = [taken[name] for name in made.doubted if name in taken]
+    work, _ = searcher.fitted(made.final.having([*made.final.effects, *back]))
+    parts = []
+    for number, run in enumerate(problem.runs):
+        rows, target = work.rows(problem, number)
+        slope = np.gradient(work.predict(problem, number), run.log["time"])
+        parts.append((np.column_stack([rows, slope]), target))
+    return _last_column(tabulated(problem, parts, searcher.whitening))
+
+
+def lead_of(made: Analysis) -> Delay:
+    """Return by how much the sensor of the final model is ahead of its load; its lag stands in it.
+
+    No delay where the model has no lag.
+    """
+    work = made.final
+    if LAG not in [effect.name for effect in work.effects]:
+        return Delay()
+    first = [e.name for e in work.effects for _ in e.terms].index(LAG)
+    dictionary = made.searcher.study.dictionary(work, made.searcher.whitening)
+    lead = -float(work.coefficients[first])
+    return Delay(lead, abs(lead) / np.sqrt(max(dictionary.gain(LAG), TINY)))
+
+
+def load_delays(logs: Sequence[Log], target: str, load: str, late: float) -> tuple[DataFault, ...]:
+    """Return the fault of each run whose known load is late by so much against the target, s."""
+    channel, other = (load, target) if late > 0.0 or target == "torsion" else (target, load)
+    why = ", which cannot read a torque before it is there" if target in SENSOR else ""
+    size, early = abs(late) / milli, channel == load and late < 0.0
+    return tuple(
+        DataFault(
+            log.name,
+            "load_delay",
+            channel,
+            abs(late),
+            "s",
+            (0, len(log)),
+            f"{log.name}: {channel} is {size:.3g} ms {'early' if early else 'late'} against "
+            f"{other}{why}; names are looked for with {load} moved by that much. "
+            f"Ask for the repair shift={channel}:{late if early else abs(late):.3g}.",
+        )
+        for log in logs
+    )
