@@ -51,6 +51,22 @@ def test_viscous_friction_is_named_alone_and_with_its_size(
     assert found.final_rmse < 0.038
 
 
+def test_a_load_cell_that_is_a_row_late_is_a_fault_and_hides_nothing(data_folder: Path) -> None:
+    """What a form of t = 2600 may miss is more than the delay makes, but not along the load."""
+    logs = []
+    for log in hidden_viscous(data_folder, acceleration=True):
+        late = {name: log[name][1:] for name in log.channels} | {LOAD: log[LOAD][:-1]}
+        logs.append(Log.from_arrays(facts=log.facts, **late))
+    base = ["offset", "coulomb_friction", "inertia"]
+    found = flexspline.discover(base, logs, target="sensor_torque", known_load=LOAD)
+    assert found.names == ("viscous_friction",)
+    faults = [fault for fault in found.data_faults if fault.name == "load_delay"]
+    assert [fault.channel for fault in faults] == 5 * [LOAD]
+    assert faults[0].size == pytest.approx(2e-3, rel=0.05)  # one row at 500 Hz
+    assert found.final_rmse < 0.038
+    assert found.found[0].confidence > 0.95
+
+
 @cache
 def payloads(folder: Path) -> tuple[Log, ...]:
     """Five runs of an arm with a payload each; preamble, decimal comma, wrapped rotor angle."""

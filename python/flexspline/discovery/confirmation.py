@@ -133,8 +133,7 @@ def confirmed(made: Analysis, fitted: Callable[[Working], Fit], base: Sequence[s
 
 def _too_small(shown: Sequence[Shown]) -> list[Shown]:
     """Those of several names that are too small to matter beside the others."""
-    largest = max((one.t for one in shown), default=0.0)
-    plain = SETTINGS.little * largest
+    plain = SETTINGS.little * max((one.t for one in shown), default=0.0)
     little = [one for one in shown if one.share < SETTINGS.form and one.t < plain
               and one.fall < SETTINGS.little * one.rmse[0] ** 2]  # fmt: skip
     return little if len(shown) > 1 else []

@@ -403,30 +403,34 @@ def _on_one_clock(
     def at(late: float) -> _Recorded:
         return _Recorded.of([move_earlier(log, load, late) for log in runs] if late else runs, way)
 
-    def named() -> Confirmed:
-        return recorded.confirmed(analysed(recorded.look(exclude, others), way.say), others)
+    def searched() -> Analysis:
+        return analysed(recorded.look(exclude, free), way.say)
 
-    others = [name for name in free if name != LAG]
-    sensor = way.start.target in SENSOR
     recorded, late, delay = at(0.0), Delay(), 0.0
-    look = recorded.look(exclude, free)
-    if LAG in free:
-        late = delay_beside_everything(look)
-        if late.significant and sensor and late.seconds < 0.0:
-            return recorded, named(), 0.0
-        if late.significant:
-            delay = late.seconds
+    if LAG not in free:  # a torsion: what the load makes of it depends on the names
+        for _ in range(SETTINGS.tried - 1):
+            made = searched()
+            late = delay_behind(made)
+            if not late.significant:
+                break
+            delay += late.seconds
             recorded = at(delay)
-            look = recorded.look(exclude, free)
-    made = analysed(look, way.say)
-    rest = lead_of(made) if LAG in free else delay_behind(made)
+        return recorded, recorded.confirmed(made, free), delay
+    others, sensor = [name for name in free if name != LAG], way.start.target in SENSOR
+    late = delay_beside_everything(recorded.look(exclude, free))
+    if late.significant and not (sensor and late.seconds < 0.0):
+        delay = late.seconds
+        recorded = at(delay)
+    made = searched()
+    rest = lead_of(made)
     if sensor and not delay and rest.significant and rest.seconds < 0.0:
-        return recorded, named(), 0.0
+        free = others
+        return recorded, recorded.confirmed(searched(), others), 0.0
     if rest.significant and late.agrees(delay + rest.seconds):
         delay += rest.seconds
         recorded = at(delay)
         made = made.in_runs(recorded.study([*exclude, LAG], others)[0], LAG)
-    elif LAG in free:
+    else:
         made = made.without(LAG)
     return recorded, recorded.confirmed(made, others), delay
 
