@@ -383,7 +383,7 @@ def _everything(study: Study, work: Working) -> Sheet:
 def _small(problem: Problem, base: Working, final: Working, leftover: Leftover) -> list[str] | None:
     """Names without which next to nothing of the gap opens again; None where much of it is open.
 
-    Nor may such a name close a tenth of what is left without it. The gap is what names and
+    Nor may such a name close half of what is left without it. The gap is what names and
     flexible functions explain. Where names explain more than half of it in the noise's own metric,
     but not nearly all, the target's unit decides, on left-out folds: the noise sees more of what a
     form misses, such as the shape of a jump.
@@ -405,7 +405,7 @@ def _small(problem: Problem, base: Working, final: Working, leftover: Leftover) 
         rest, _ = solved_at(problem, final.having([e for e in final.effects if e != effect]), plain)
         lacking = left(rest)
         opened = lacking - after
-        if opened < SETTINGS.bends * (before - after) and opened < SETTINGS.little * lacking:
+        if opened < SETTINGS.bends * (before - after) and opened < 0.5 * lacking:
             found.append(effect.name)
     return found
 
