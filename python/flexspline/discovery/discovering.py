@@ -403,30 +403,32 @@ def _on_one_clock(
     def at(late: float) -> _Recorded:
         return _Recorded.of([move_earlier(log, load, late) for log in runs] if late else runs, way)
 
-    def searched() -> Analysis:
-        return analysed(recorded.look(exclude, free), way.say)
-
     recorded, late, delay = at(0.0), Delay(), 0.0
     if LAG not in free:  # a torsion: what the load makes of it depends on the names
+        made = analysed(recorded.look(exclude, free), way.say)
         for _ in range(SETTINGS.tried - 1):
-            made = searched()
             late = delay_behind(made)
             if not late.significant:
                 break
             delay += late.seconds
             recorded = at(delay)
+            made = analysed(recorded.look(exclude, free), way.say)
         return recorded, recorded.confirmed(made, free), delay
     others, sensor = [name for name in free if name != LAG], way.start.target in SENSOR
-    late = delay_beside_everything(recorded.look(exclude, free))
-    if late.significant and not (sensor and late.seconds < 0.0):
+    look = recorded.look(exclude, free)
+    for _ in range(SETTINGS.tried - 1):  # to first order each
+        step = delay_beside_everything(look)
+        late = Delay(delay + step.seconds, step.error)
+        if not step.significant or (sensor and late.seconds < 0.0):
+            break
         delay = late.seconds
         recorded = at(delay)
-    made = searched()
+        look = recorded.look(exclude, free)
+    made = analysed(look, way.say)
     rest = lead_of(made)
     if sensor and not delay and rest.significant and rest.seconds < 0.0:
-        free = others
-        return recorded, recorded.confirmed(searched(), others), 0.0
-    if rest.significant and late.agrees(delay + rest.seconds):
+        made = analysed(recorded.look(exclude, others), way.say)
+    elif rest.significant and late.agrees(delay + rest.seconds):
         delay += rest.seconds
         recorded = at(delay)
         made = made.in_runs(recorded.study([*exclude, LAG], others)[0], LAG)
