@@ -270,7 +270,8 @@ def test_names_stand_in_the_order_of_what_they_close_held_out(
 
 
 def test_a_small_effect_is_seen_and_no_part_of_the_model() -> None:
-    made = found(WITHOUT_VISCOUS, runs(added=lambda c: of_the_load(0.004, c)))
+    """At 0.004 of the load it takes a quarter of the error that is left, and is a name."""
+    made = found(WITHOUT_VISCOUS, runs(added=lambda c: of_the_load(0.0012, c)))
     assert made.names == ("viscous_friction",)
     (little,) = made.also_seen
     assert little.effect == "load_dependent_friction" and 0.0 < little.share_of_gap < SETTINGS.form
