@@ -215,8 +215,8 @@ def test_what_the_base_was_given_stays_where_it_is_significant(
     assert [e.name for e in held.made.base.effects] == ["offset", LAG]
 
 
-def held(*residuals: Sequence[float]) -> Any:
-    return SimpleNamespace(residuals=[np.array(part, dtype=float) for part in residuals])
+def held(*residuals: Sequence[float]) -> list[Array]:
+    return [np.array(part, dtype=float) for part in residuals]
 
 
 def test_the_fall_of_the_held_out_error_is_that_of_its_squares() -> None:

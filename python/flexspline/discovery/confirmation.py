@@ -30,7 +30,6 @@ from flexspline.effects import Effect
 from flexspline.fit.names import coefficient_names
 from flexspline.fit.result import Fit
 from flexspline.regression.gram import SINGULAR, TINY
-from flexspline.regression.held_out import HeldOut
 from flexspline.regression.working import Working
 
 __all__ = ["AlsoSeen", "Confirmed", "Shown", "confirmed", "significance", "wald"]
@@ -176,7 +175,7 @@ def _all_shown(made: Analysis, fit: Fit) -> list[Shown]:
     shown = []
     for effect in final.named:
         rest = left(final.having([e for e in final.effects if e.name != effect.name]))
-        fall, error = _fall(rest, whole, problem.block_rows)
+        fall, error = _fall(rest.residuals, whole.residuals, problem.block_rows)
         t = equivalent_t(dictionary.gain(effect.name), len(effect.terms))
         share = fall / gap if gap > 0.0 else 1.0
         p = significance(fit, effect.name)
@@ -190,11 +189,27 @@ def _settled(made: Analysis, base: Sequence[str]) -> Analysis:
     It needs no fit, and comes before the names are put to the test.
     """
     for name in (e.name for e in made.base.effects if e.name not in base):
-        without, final = made.left_by(made.final.plain(name)), made.left_by(made.final)
-        fall, error = _fall(without, final, made.study.problem.block_rows)
-        if fall <= ERRORS * error:
+        if not _lowers(made, name):
             made = made.without(name)
     return made
+
+
+def _lowers(made: Analysis, name: str) -> bool:
+    """Whether what the base was given lowers the held-out error beyond chance.
+
+    It is given to every base, and may be what one of the runs shows for another reason: it has to
+    do so without the fold that shows it most, too.
+    """
+    before, after = made.left_by(made.final.plain(name)), made.left_by(made.final)
+    folds = [(fold.run, slice(fold.first, fold.last)) for fold in after.folds]
+    falls = [np.nansum(before.residuals[run][rows] ** 2 - after.residuals[run][rows] ** 2)
+             for run, rows in folds]  # fmt: skip
+    run, rows = folds[int(np.argmax(falls))]
+    others = [values.copy() for values in after.residuals]
+    others[run][rows] = np.nan
+    length = made.study.problem.block_rows
+    both = (_fall(before.residuals, one, length) for one in (after.residuals, others))
+    return all(fall > ERRORS * error for fall, error in both)
 
 
 def _in_order(made: Analysis) -> Analysis:
@@ -213,15 +228,17 @@ def _in_order(made: Analysis) -> Analysis:
     return replace(made, final=made.searcher.fitted(final.having(ordered))[0])
 
 
-def _fall(before: HeldOut, after: HeldOut, rows: int) -> tuple[float, float]:
-    """How much the held-out mean square falls, and its standard error; `rows`: of a block.
+def _fall(before: Sequence[Array], after: Sequence[Array], rows: int) -> tuple[float, float]:
+    """How much the mean square of residuals (N,) falls, and its standard error.
+
+    NaN where a row does not count; `rows`: of a block.
 
     With s the difference of both predictions and e what is left after, s² + 2 s e is the fall of a
     row. Chance is in the second term alone: its sums over blocks, longer than the memory of e, are
     independent and have no mean of their own.
     """
     total, sums, count = 0.0, list[float](), 0
-    for old, new in zip(before.residuals, after.residuals, strict=True):
+    for old, new in zip(before, after, strict=True):
         both = np.isfinite(old) & np.isfinite(new)
         gain, left = old[both] - new[both], new[both]
         total += float(gain @ (gain + 2.0 * left))
