@@ -269,8 +269,16 @@ def test_names_stand_in_the_order_of_what_they_close_held_out(
     )
 
 
+def test_what_takes_a_tenth_of_the_squares_that_are_left_is_a_name() -> None:
+    made = found(WITHOUT_VISCOUS, runs(added=lambda c: of_the_load(0.004, c)))
+    assert made.names == ("viscous_friction", "load_dependent_friction") and not made.also_seen
+    last = made.found[-1]
+    assert last.rmse_after < np.sqrt(0.9) * last.rmse_before and last.t > SETTINGS.certain
+    value, error = value_of(made.fit, "load_dependent_friction.factor")
+    assert abs(value - 0.004) < 4.0 * error < 0.001
+
+
 def test_a_small_effect_is_seen_and_no_part_of_the_model() -> None:
-    """At 0.004 of the load it takes a quarter of the error that is left, and is a name."""
     made = found(WITHOUT_VISCOUS, runs(added=lambda c: of_the_load(0.0012, c)))
     assert made.names == ("viscous_friction",)
     (little,) = made.also_seen

@@ -234,7 +234,7 @@ class Analysis:
         return replace(self, final=final, leftover=leftover)
 
     def in_runs(self, study: Study, plain: str) -> Analysis:
-        """Return the analysis of the same runs made anew: the same names, refitted.
+        """Return the analysis of the same runs prepared in another way: the same names, refitted.
 
         `plain`: an effect of the base that is left out.
         """
@@ -245,10 +245,8 @@ class Analysis:
         base, _ = searcher.fitted(self.base.plain(plain))
         final = searcher.pruned(searcher.fitted(self.final.plain(plain))[0])
         looked_at = _looked_at(study.problem)
-        ceiling, share = (
-            Ceiling(looked_at, self.whitening),
-            rows_of(looked_at) / rows_of(study.problem),
-        )
+        ceiling = Ceiling(looked_at, self.whitening)
+        share = rows_of(looked_at) / rows_of(study.problem)
         leftover = leftover_of(ceiling, final).times(1.0 / share)
         return replace(
             self, study=study, part=part, base=base, final=final, searcher=searcher,
@@ -422,10 +420,10 @@ def _stand_in(
     That is one of which functions without a name hold most, where they still explain a part as
     large as a small part of it; or one beside which they explain far more. Where names explain
     nearly all, what a form misses is sure as well, and free functions of a name's own channels
-    hold the name: there only names that explain little of it are asked (`_small`), and none where
-    no more is left than what a form may miss. `at_first`:
-    what was left before any name was taken back, in χ²; a name that was is part of what is left
-    now, and no reason to take back others.
+    hold the name: there only names that explain little of it are asked (`_small`). Where no more is
+    left than the form of a name may miss, no name is taken back. `at_first`: what was left before
+    any name was taken back, in χ²; a name that was is part of what is left now, and no reason to
+    take back others.
     """
     if not leftover.groups or not work.named:
         return None

@@ -385,8 +385,8 @@ def _on_one_clock(
 ) -> tuple[_Recorded, Confirmed, float]:
     """Look for names with a late load moved to where it belongs; and its delay, s, 0 for none.
 
-    The delay is estimated before any name is looked for; the lag that then stands in the base
-    while names are makes it more precise, within its error. Where the sensor is behind its load, it
+    The delay is estimated before any name is looked for; the lag that stays in the base during the
+    search makes it more precise, within its error. Where the sensor is behind its load, it
     may be the sensor's: a lag is no freedom then, but to be named.
     """
     from flexspline.discovery.analysis import analysed
@@ -426,7 +426,8 @@ def _on_one_clock(
         look = recorded.look(exclude, free)
     made = analysed(look, way.say)
     rest = lead_of(made)
-    if sensor and not delay and rest.significant and rest.seconds < 0.0:
+    if sensor and rest.significant and delay + rest.seconds < 0.0:
+        delay, recorded = 0.0, at(0.0)
         made = analysed(recorded.look(exclude, others), way.say)
     elif rest.significant and late.agrees(delay + rest.seconds):
         delay += rest.seconds

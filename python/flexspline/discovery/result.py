@@ -4,11 +4,11 @@ How likely a name is right: its weight among all that may stand behind what it e
 
     p = 1 / (1 + n + l + (1 − s) x + exp(−e / 2)),    at most 1 − α
 
-Besides the name, of weight one, there are its n aliases, each as good; a cause without a name, by
-what functions of the channels gain beside it (l, over its gain) and, where that is more than its
-form may miss (x from 0 at once that share to 1 at twice), as far as they take its own gain from it
-(a share 1 − s); and chance, by what the name gains above its price, e in χ². Weights of
-explanations that runs cannot tell apart are equal: p is rather too low than too high.
+Besides the name, of weight one, there are its n aliases, each as good; a cause outside the
+catalogue, by what functions of the channels gain beside it (l, over its gain) and, where that is
+more than its form may miss (x from 0 at once that share to 1 at twice), as far as they take its own
+gain from it (a share 1 − s); and chance, by what the name gains above its price, e in χ². Weights
+of explanations that runs cannot tell apart are equal: p is rather too low than too high.
 
 `Motion` is base and extended model driven forward through folds that no fit saw: each starts from
 its measured state and is driven by its inputs alone.
