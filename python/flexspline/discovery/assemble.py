@@ -14,7 +14,6 @@ from flexspline.discovery.confirmation import Confirmed, wald
 from flexspline.discovery.evidence import equivalent_t, price
 from flexspline.discovery.faults import DataFault
 from flexspline.discovery.result import Discovery, Found, Unexplained, confidence, driven_apart
-from flexspline.discovery.search import form_of
 from flexspline.discovery.settings import SETTINGS
 from flexspline.discovery.slices import HeldRun
 from flexspline.effects import UNITS, Effect
@@ -299,12 +298,7 @@ def _found(
         rmse_before=before,
         rmse_after=after,
         confidence=confidence(
-            gain,
-            min(gain, squares) - cost,
-            survives,
-            made.leftover.gain,
-            form_of(effect),
-            len(aliases),
+            gain, min(gain, squares) - cost, survives, made.leftover.gain, len(aliases)
         ),
         indistinguishable_from=aliases,
         where=where(made.part.problem, own, parts),

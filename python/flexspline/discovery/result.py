@@ -6,8 +6,8 @@ How likely a name is right: its weight among all that may stand behind what it e
 
 Besides the name, of weight one, there are its n aliases, each as good; a cause outside the
 catalogue, by what functions of the channels gain beside it (l, over its gain) and, where that is
-more than its form may miss (x from 0 at once that share to 1 at twice), as far as they take its own
-gain from it (a share 1 − s); and chance, by what the name gains above its price, e in χ². Weights
+enough to be said to be unexplained (x from 0 at once that share to 1 at twice), as far as they take
+its own gain from it (a share 1 − s); and chance, by what it gains above its price, e in χ². Weights
 of explanations that runs cannot tell apart are equal: p is rather too low than too high.
 
 `Motion` is base and extended model driven forward through folds that no fit saw: each starts from
@@ -64,9 +64,7 @@ __all__ = [
 ]
 
 
-def confidence(
-    gain: float, above: float, survives: float, left: float, form: float, aliases: int
-) -> float:
+def confidence(gain: float, above: float, survives: float, left: float, aliases: int) -> float:
     """Return the probability that a name is right; gains in χ², see the head of this file.
 
     Parameters
@@ -74,12 +72,11 @@ def confidence(
     gain, above : what the name gains, and that above its price, by search and final fit.
     survives : share of its gain that it keeps beside functions without a name.
     left : gain of these beside it.
-    form : share of its gain that its form may miss.
     aliases : how many names explain the runs as well.
     """
     chance = np.exp(-0.5 * max(above, 0.0))
     beside = left / max(gain, TINY)
-    beyond = float(np.clip(beside / form - 1.0, 0.0, 1.0))
+    beyond = float(np.clip(beside / SETTINGS.bends - 1.0, 0.0, 1.0))
     nameless = beside + beyond * (1.0 - float(np.clip(survives, 0.0, 1.0)))
     return float(min(1.0 / (1.0 + aliases + nameless + chance), 1.0 - SETTINGS.alpha))
 
