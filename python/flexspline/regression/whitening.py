@@ -8,6 +8,10 @@ whatever a first look with the first has found.
 Many recorders smooth what they record. Little is left of it at high frequencies, and noise without
 a floor would weigh that little above all else: a form that is off by a thousandth there would count
 for more than half of the friction at a reversal. So some of what is left is white in any case.
+
+And what lasts about as long as a run is no noise but a cause: beside offsets and drifts the
+restricted likelihood of so slow a noise hardly falls, whatever its size, and it may claim more than
+the target holds. Then the residual itself tells what is noise.
 """
 
 from __future__ import annotations
@@ -49,10 +53,13 @@ def first_whitening(problem: Problem, sheet: Sheet) -> Whitening:
     return _above_rounding(problem, _rough_whitening(residuals, problem.runs, problem.decimation))
 
 
-def _rough_whitening(residuals: Sequence[Array], runs: Sequence[Run], decimation: int) -> Whitening:
+def _rough_whitening(
+    residuals: Sequence[Array], runs: Sequence[Run], decimation: int, white: float = SINGULAR
+) -> Whitening:
     """Fit the noise to residuals, (N,) for each run, by Yule and Walker; order by AICc.
 
-    A first guess, from a residual that everything was taken out of.
+    A first guess, from a residual that everything was taken out of. `white`: share of it that is
+    white in any case.
     """
     lags, rows = np.zeros(LAGS + 1), 0
     plain = Whitening(np.ones(1), 1.0, decimation)
@@ -62,7 +69,7 @@ def _rough_whitening(residuals: Sequence[Array], runs: Sequence[Run], decimation
             lags += [float(part[k:] @ part[: max(len(part) - k, 0)]) for k in range(len(lags))]
             rows += len(part)
     lags = lags / max(rows, 1)
-    lags[0] = max(lags[0] * (1.0 + SINGULAR), TINY)
+    lags[0] = max(lags[0] * (1.0 + white), TINY)
     best = (np.inf, np.ones(1), lags[0])
     for order in range(LAGS + 1):
         phi = solve_toeplitz(lags[:order], lags[1 : order + 1]) if order else np.empty(0)
@@ -86,7 +93,8 @@ def restricted_whitening(problem: Problem, work: Working, beside: Given | None =
     solved_beside = sheet if problem.lowpass is None else work.sheet()
     beta = np.zeros(sheet.width)
     own = np.arange(solved_beside.width)
-    beta[own] = solved(tabulated(problem, solved_beside, plain).total, own)
+    table = tabulated(problem, solved_beside, plain)
+    beta[own] = solved(table.total, own)
 
     def chunks() -> Iterator[Chunk]:
         for starts, made in sheet.pieces(problem):
@@ -104,6 +112,10 @@ def restricted_whitening(problem: Problem, work: Working, beside: Given | None =
         floor=WHITE,
     )
     made = Whitening(noise.denominator, noise.innovation_variance, problem.decimation)
+    length = float(np.median([run.counted for run in problem.runs])) / problem.decimation
+    if noise.memory > 0.5 * length:
+        residuals = sheet.left_over(problem, [beta] * len(table.folds))
+        made = _rough_whitening(residuals, problem.runs, problem.decimation, WHITE)
     return _above_rounding(problem, made)
 
 
