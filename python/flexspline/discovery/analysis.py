@@ -169,17 +169,23 @@ def simplest(searcher: Searcher, work: Working) -> Working:
 def _leading(searcher: Searcher, work: Working) -> Working:
     """Replace ripple that changes with speed by its plain kinds where they explain as much.
 
-    It holds the orders of all of them, and with a resonance far away it is their sum.
+    It holds the orders of all of them, and with a resonance far away it is their sum. What is named
+    of them already takes its orders in.
     """
     follower = next((e for e in work.named if e.name == FOLLOWER), None)
     if follower is None:
         return work
-    rest = [e for e in work.effects if e is not follower]
+    named = {e.name: e.harmonics for e in work.named if e.name in LEADERS}
+    rest = [e for e in work.effects if e.name not in (FOLLOWER, *named)]
     offered = {c.name: c.variants[0] for c in searcher.study.candidates(rest) if c.name in LEADERS}
     teeth = set(offered[COGGING].harmonics) if COGGING in offered else set()
-    of_leader = {name: [h for h in follower.harmonics if (h in teeth) == (name == COGGING)]
-                 for name in offered}  # fmt: skip
-    plain = [offered[name].with_orders(own) for name, own in of_leader.items() if own]
+    taken = {h for orders in named.values() for h in orders}
+    more = [h for h in follower.harmonics if h not in taken]
+    plain = []
+    for name, ripple in offered.items():
+        own = [h for h in more if (h in teeth) == (name == COGGING)]
+        if own or name in named:
+            plain.append(ripple.with_orders([*named.get(name, ()), *own]))
     if not plain:
         return work
     trial, squares = searcher.fitted(work.having([*rest, *plain]))

@@ -28,7 +28,7 @@ from flexspline.fit.problem import Problem
 from flexspline.fit.resolution import away_from_ends, coarser, resolved_rows, with_fastest
 from flexspline.fit.result import Fit
 from flexspline.logs.checks import check
-from flexspline.logs.checks.gear import TOLD, measured_gear
+from flexspline.logs.checks.gear import TOLD, Gear, measured_gear
 from flexspline.logs.log import Log
 from flexspline.logs.repairs import move_earlier
 from flexspline.logs.segments import median_step
@@ -125,21 +125,28 @@ def data_faults(
                       f"{log.name}: {f.sentence} {f.remedy}".rstrip())
             for f in findings.faults
         ]  # fmt: skip
-    if any(f.name == ENCODER_DELAY for f in found) and not _late_alike(logs):
-        row = {log.name: median_step(log["time"]) for log in logs}
-        found = [f for f in found if f.name != ENCODER_DELAY or f.size > HALF_A_ROW * row[f.run]]
+    if any(f.name == ENCODER_DELAY for f in found):
+        gears = {log.name: gear for log in logs if (gear := measured_gear(log)) is not None}
+        if not _late_alike([*gears.values()]):
+            row = {log.name: median_step(log["time"]) for log in logs}
+            found = [f for f in found if f.name != ENCODER_DELAY
+                     or _least_delay(gears[f.run]) > HALF_A_ROW * row[f.run]]  # fmt: skip
     flipped = Counter(f.channel for f in found if f.name == SIGN)
     rare = [channel for channel, runs in flipped.items() if 2 * runs < len(logs)]
     return tuple(f for f in found if not (f.name == SIGN and f.channel in rare))
 
 
-def _late_alike(logs: Sequence[Log]) -> bool:
+def _least_delay(gear: Gear) -> float:
+    """What an encoder is late by at least, s, whatever its error."""
+    return abs(gear.delay) - TOLD * gear.delay_error
+
+
+def _late_alike(gears: Sequence[Gear]) -> bool:
     """Whether one encoder is late by the same in all runs, as a recorder makes it.
 
     A part of a row that differs from run to run is torsion that comes round with the motion: the
     scatter of the runs is part of the error of their mean.
     """
-    gears = [gear for log in logs if (gear := measured_gear(log)) is not None]
     if len(gears) < 2:
         return True
     delay = np.array([gear.delay for gear in gears])
