@@ -9,6 +9,7 @@ from recorded_joint import LOAD, base, runs
 
 from flexspline.discovery.clock import load_delays
 from flexspline.discovery.faults import data_faults
+from flexspline.logs.checks.gear import TOLD, measured_gear
 from flexspline.logs.log import Log
 
 Array = NDArray[np.float64]
@@ -17,8 +18,11 @@ RATE = 500.0
 RATIO = 100.0
 
 
-def swinging(number: int, *, late: float = 0.0, sign: float = 1.0) -> Log:
-    """A joint with two encoders and friction; the output's encoder is late by so much, s."""
+def swinging(number: int, *, late: float = 0.0, sign: float = 1.0, rough: float = 1e-5) -> Log:
+    """A joint with two encoders and friction.
+
+    `late`: of the output's encoder, s. `rough`: its noise, rad.
+    """
     rng = np.random.default_rng([number, 5])
     time = np.arange(0.0, 20.0, 1.0 / RATE)
 
@@ -29,7 +33,7 @@ def swinging(number: int, *, late: float = 0.0, sign: float = 1.0) -> Log:
     torque = 3.0 * np.tanh(velocity / 0.01) + 4.0 * velocity + rng.normal(0.0, 0.05, time.size)
     return Log.from_arrays(
         time=time,
-        output_position=angle(time - late) + rng.normal(0.0, 1e-5, time.size),
+        output_position=angle(time - late) + rng.normal(0.0, rough, time.size),
         motor_position=RATIO * angle(time),
         motor_torque=sign * torque,
         facts={"name": f"run{number}", "gear_ratio": RATIO, "output_spline": "flex"},
@@ -54,6 +58,14 @@ def test_a_part_of_a_row_that_differs_from_run_to_run_is_torsion() -> None:
 def test_one_run_on_another_clock_is_late_alone() -> None:
     logs = [swinging(k, late=6e-3 if k == 2 else 0.0) for k in range(5)]
     assert named(logs, "encoder_delay") == ["run2"]
+
+
+def test_one_run_is_late_alone_only_beyond_its_own_error() -> None:
+    """0.9 rows at an error of a sixth of a row: it might be four standard errors less."""
+    logs = [swinging(k, late=1.8e-3, rough=0.02) if k == 2 else swinging(k) for k in range(5)]
+    gear = measured_gear(logs[2])
+    assert gear is not None and gear.delay > TOLD * gear.delay_error > 1e-3
+    assert named(logs, "encoder_delay") == []
 
 
 @pytest.mark.parametrize(("flipped", "told"), [(1, 0), (3, 3), (5, 5)])

@@ -1,0 +1,50 @@
+"""The noise that evidence is measured by: what lasts as long as a run is none."""
+
+from __future__ import annotations
+
+import numpy as np
+from hidden_logs import LOAD, friction_of, log_of, noise, rich_run
+from scipy.signal import lfilter
+
+import flexspline
+from flexspline.discovery.search import study_of
+from flexspline.fit.noise_model import NoiseModel
+from flexspline.logs.log import Log
+from flexspline.regression.gram import Whitening
+from flexspline.regression.whitening import restricted_whitening
+from flexspline.regression.working import working
+
+ROWS = 2000
+SLOW = ("offset", "time_drift", "temperature_drift", "gain_error", "gravity")
+MODEL = ("coulomb_friction", "viscous_friction", "inertia", *SLOW)
+
+
+def wandering(seed: int, memory: float) -> Log:
+    """A run whose torque wanders: each row adds to so much of the one before."""
+    channels = rich_run(seed, ROWS)
+    steps = np.random.default_rng(seed).normal(0.0, 0.03, ROWS)
+    walk = lfilter([1.0], [1.0, -memory], steps)
+    torque = channels[LOAD] + friction_of(channels) + noise(seed, ROWS) + walk
+    return log_of(channels, sensor_torque=torque)
+
+
+def noise_beside_the_model(memory: float) -> Whitening:
+    effects = [flexspline.effect(name) for name in MODEL]
+    logs = [wandering(seed, memory) for seed in range(1, 6)]
+    made = study_of(effects, logs, "sensor_torque", known_load=LOAD, lowpass_hz=None, threads=1)
+    return restricted_whitening(made.problem, working(effects, len(effects), {}))
+
+
+def memory(made: Whitening) -> float:
+    """Rows for one piece of news."""
+    known = np.zeros((made.order, made.order))
+    return NoiseModel(-made.denominator[1:], made.variance, known, ROWS, 0, 1).memory
+
+
+def test_what_lasts_as_long_as_a_run_is_no_noise() -> None:
+    assert memory(noise_beside_the_model(1.0)) < ROWS
+
+
+def test_memory_that_is_short_is_found() -> None:
+    """(1 + φ) / (1 − φ) of a noise of first order is 99 rows."""
+    assert 0.5 * 99.0 < memory(noise_beside_the_model(0.98)) < 2.0 * 99.0
