@@ -179,6 +179,19 @@ def test_an_alias_says_by_which_rule_it_is_one(
         assert ("98 %" in why) is rival.by_form
 
 
+@pytest.mark.parametrize(
+    ("gain", "left", "moved", "alias"),
+    [(990.0, 22.0, 11.0, True), (990.0, 22.0, 9.0, False), (990.0, 23.0, 11.0, False)],
+)
+def test_what_forms_of_other_names_may_move_tells_nothing_apart(
+    gain: float, left: float, moved: float, alias: bool
+) -> None:
+    """Two that explain most of the same: t² = 484 of 1000 is left of the one beside the other."""
+    rival = Rival(flexspline.effect("gravity"), gain, 1000.0, left, 1.0, 0.007, moved=moved)
+    assert rival.alias is alias
+    assert not alias or "by that much the forms of other names may be off" in rival.why("a")
+
+
 @pytest.mark.parametrize(("now", "doubted"), [(2.4, False), (5.3, True)])
 def test_a_t_that_would_do_is_doubted_where_the_names_are_not_told_apart(
     now: float, doubted: bool

@@ -54,7 +54,7 @@ class Rival:
     that the named effect keeps beside it, and `adds` what it keeps beside the named effect.
     `form`: of what the named effect explains, that its form may miss. `tied`: the two channels,
     one of which each of them reads, if in these runs one is nearly a function of the other; else
-    empty.
+    empty. `moved`: by how much the forms of the other names may move a gain, in χ².
     """
 
     effect: Effect
@@ -64,6 +64,7 @@ class Rival:
     adds: float
     form: float
     tied: tuple[str, ...] = ()
+    moved: float = 0.0
 
     @property
     def name(self) -> str:
@@ -72,7 +73,7 @@ class Rival:
     @property
     def alias(self) -> bool:
         """Whether these runs do not tell it from the named effect."""
-        return self.by_t or self.by_form or self.by_tie
+        return self.by_t or self.by_form or self.by_tie or self.by_others
 
     @property
     def by_tie(self) -> bool:
@@ -90,6 +91,11 @@ class Rival:
         return self.left**2 < self.form * self.own and self.gain >= SETTINGS.most * self.own
 
     @property
+    def by_others(self) -> bool:
+        """Whether both explain most of the same, and forms of other names may tell them apart."""
+        return self.own - self.gain < self.moved and self.left**2 < 0.5 * self.own
+
+    @property
     def share(self) -> float:
         """Of what the named effect explains, what it explains in its place; at most one."""
         return float(min(self.gain / max(self.own, TINY), 1.0))
@@ -102,6 +108,11 @@ class Rival:
             return (
                 f"it explains {percent(self.share)} as much, and what {named} keeps beside it, "
                 f"t = {self.left:.1f}, is no more than its form may miss"
+            )
+        if self.by_others:
+            return (
+                f"it explains {percent(self.share)} as much, and by that much the forms of other "
+                "names may be off"
             )
         return (
             f"it explains {percent(self.share)} as much, and {self.tied[0]} is nearly a "
@@ -125,7 +136,8 @@ def rivals_of(searcher: Searcher, work: Working, effect: Effect) -> list[Rival]:
     rest, mine = dictionary.without([effect.name]), dictionary.own(effect.name)
     own, raw = dictionary.gain(effect.name), np.diag(dictionary.table.total)
     beside_it = dictionary.table.without(dictionary.model)
-    form = form_of(effect)
+    form, names = form_of(effect), [e for e in work.named if e.name != effect.name]
+    moved = max((form_of(e) * dictionary.gain(e.name) for e in names), default=0.0)
     near = (0.5 * SETTINGS.certain) ** 2 + form * own  # more is no alias, whatever its shape
     made = []
     for offer in offers(dictionary, rest):
@@ -142,7 +154,7 @@ def rivals_of(searcher: Searcher, work: Working, effect: Effect) -> list[Rival]:
         left = float(np.sqrt(max(kept - len(effect.terms), 0.0)))
         more = gain_of(beside_it, offer.columns, raw)[0] - len(offer.columns)
         adds = float(np.sqrt(max(more, 0.0)))
-        found.append(Rival(offer.effect, gain, own, left, adds, form))
+        found.append(Rival(offer.effect, gain, own, left, adds, form, moved=moved))
     return sorted(found, key=lambda rival: -rival.gain)
 
 

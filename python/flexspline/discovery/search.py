@@ -56,7 +56,7 @@ from flexspline.logs.log import Log
 from flexspline.orders import FoundOrder
 from flexspline.regression.gram import Sheet, Whitening, edges_of, gain_of, tabulated
 from flexspline.regression.thinned import rows_of, thinned
-from flexspline.regression.working import Working, refitted
+from flexspline.regression.working import Working, refitted, started
 
 __all__ = [
     "LEAD",
@@ -227,26 +227,6 @@ def missed(dictionary: Dictionary, named: Sequence[Effect], other: Effect) -> fl
     return max((by(effect) for effect in named if effect.name != other.name), default=0.0)
 
 
-def undecided(
-    offer: Offer, others: Sequence[Offer], dictionary: Dictionary, named: Sequence[Effect]
-) -> str:
-    """An offer that explains most of the same, as well but for what the forms of names may miss.
-
-    That moves every gain by about as much: a smaller lead does not tell causes apart. Where runs
-    show both as the same, they are aliases, which is said elsewhere.
-    """
-    unsure = max((form_of(e) * dictionary.gain(e.name) for e in named), default=0.0)
-    raw = np.diag(dictionary.table.total)
-    for other in others:
-        if other is offer or abs(offer.gain - other.gain) >= unsure:
-            continue
-        both = np.concatenate([dictionary.model, other.columns])
-        kept = gain_of(dictionary.table.without(both), offer.columns, raw)[0]
-        if offer.price < kept < 0.5 * offer.gain:
-            return other.effect.name
-    return ""
-
-
 def _freed(problem: Problem, effect: Effect) -> list[Nameless]:
     """All functions of no other channels than those of an effect, and of what these have been.
 
@@ -301,7 +281,7 @@ class Searcher:
             work, squares, step = taken
             steps.append(step)
             self.say(f"{step.effect.name} beside {len(work.effects) - 1} effects")
-            work, squares = self._examined(work, squares)
+            work, squares = self._examined(*self._off_bounds(work, squares))
             key = frozenset((e.name, e.harmonics) for e in work.named)
             if key in seen:
                 break
@@ -315,6 +295,14 @@ class Searcher:
         while spring := driving_spring(work, target):
             work, squares = refitted(problem, work.holding(spring, 0.0), self.whitening)
         return work, squares
+
+    def _off_bounds(self, work: Working, squares: float) -> tuple[Working, float]:
+        """Look anew for shapes that stand at a bound: a poorer model may have driven them there."""
+        if not work.bound:
+            return work, squares
+        trial, _ = started(self.study.problem, work, self.whitening, work.bound)
+        trial, left = self.fitted(trial)
+        return (trial, left) if left < squares else (work, squares)
 
     def pruned(self, work: Working) -> Working:
         """Drop names that do not pay their price beside the others."""
@@ -365,7 +353,7 @@ class Searcher:
     def _best(self, work: Working, squares: float) -> tuple[Working, float, Step] | None:
         dictionary = self.study.dictionary(work, self.whitening)
         made = sorted(offers(dictionary, dictionary.model), key=_rank, reverse=True)
-        worthy = [offer for offer in made if self._worthy(offer, made, dictionary, work)]
+        worthy = [offer for offer in made if self._worthy(offer, dictionary, work)]
         while worthy:
             near = [o for o in worthy if o.gain >= SETTINGS.most * worthy[0].gain][: SETTINGS.tried]
             trials = [trial for o in near if (trial := self._tried(o, dictionary, work, squares))]
@@ -376,20 +364,12 @@ class Searcher:
             worthy = [offer for offer in worthy if offer not in near]
         return None
 
-    def _worthy(
-        self, offer: Offer, beside: Sequence[Offer], dictionary: Dictionary, work: Working
-    ) -> bool:
+    def _worthy(self, offer: Offer, dictionary: Dictionary, work: Working) -> bool:
         """Whether an offer is worth a fit of its shapes."""
         if offer.net <= 0.0 or self.lax:
             return offer.net > 0.0
         if offer.gain < self._missed(dictionary, work, offer.effect, offer.gain):
             self.refused[offer.effect.name] = LEFT_OF_FORM
-            return False
-        equal = undecided(offer, beside, dictionary, work.named)
-        if equal:
-            self.refused[offer.effect.name] = (
-                f"what the form of a named effect misses may be all that tells it from {equal}"
-            )
             return False
         foretold = foretold_gain(dictionary.table, dictionary.model, offer.columns, offer.gain)
         if float(foretold.sum()) < 0.5**2 * offer.net:

@@ -76,6 +76,16 @@ class Working:
         """Of the searched shapes, (S,)."""
         return np.log([shape.value(self.effects) for shape in self.searched])
 
+    @property
+    def bound(self) -> list[int]:
+        """Numbers of the searched shapes that stand at one of their bounds."""
+        values = [shape.value(self.effects) for shape in self.searched]
+        return [
+            number
+            for number, (shape, value) in enumerate(zip(self.searched, values, strict=True))
+            if np.isclose(value, (shape.info.lower, shape.info.upper), rtol=SINGULAR).any()
+        ]
+
     def owners(self) -> list[str]:
         """Effect behind each free coefficient, then behind each searched shape."""
         terms = [e.name for e in self.effects for _ in e.terms]
@@ -233,13 +243,17 @@ TOLD = 3.0  # χ² for the first step: shapes that the rows do not tell stay whe
 ROUNDING = SINGULAR * np.sqrt(SINGULAR)  # of squares: a difference's own
 
 
-def started(problem: Problem, work: Working, whitening: Whitening) -> tuple[Working, float]:
+def started(
+    problem: Problem, work: Working, whitening: Whitening, numbers: Sequence[int] | None = None
+) -> tuple[Working, float]:
     """Return the model at its optimum, from the best point of a scan along each shape in turn.
 
     A shape that these rows do not tell stays where it is, not at whichever bound rounding prefers.
+    `numbers`: of the searched shapes that are scanned; None for all.
     """
     told = TOLD / max(sum(run.counted for run in problem.runs), 1)
-    for number, shape in enumerate(work.searched):
+    for number in range(len(work.searched)) if numbers is None else numbers:
+        shape = work.searched[number]
         ends = np.log([shape.info.lower, shape.info.upper])
         here = work.logarithms
         trials = []
