@@ -8,8 +8,8 @@ reader asks two plain questions, and a name that fails one of them is withdrawn:
                                             error; where its t exceeds 16, by more than two
 
 Of several names, one that closes less than a form may miss of what all of them close held out, and
-less than a tenth of what is left without it, with a tenth of the t of the largest at most, is real
-but too small to matter: it is listed as also seen and is no part of the model. Ripple that is small
+less than a hundredth of what is left without it, with a tenth of the t of the largest at most, is
+real but too small to matter: it is listed as also seen and is no part of the model. Ripple that is small
 in RMS may be as plain as the rest, beside slow noise. Blocks are longer than the residual's memory
 (two seconds at least).
 """
@@ -135,7 +135,7 @@ def _too_small(shown: Sequence[Shown]) -> list[Shown]:
     """Those of several names that are too small to matter beside the others."""
     plain = SETTINGS.little * max((one.t for one in shown), default=0.0)
     little = [one for one in shown if one.share < SETTINGS.form and one.t < plain
-              and one.fall < SETTINGS.little * one.rmse[0] ** 2]  # fmt: skip
+              and one.fall < SETTINGS.negligible * one.rmse[0] ** 2]  # fmt: skip
     return little if len(shown) > 1 else []
 
 
