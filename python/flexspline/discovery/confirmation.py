@@ -9,9 +9,9 @@ reader asks two plain questions, and a name that fails one of them is withdrawn:
 
 Of several names, one that closes less than a form may miss of what all of them close held out, and
 less than a hundredth of what is left without it, with a tenth of the t of the largest at most, is
-real but too small to matter: it is listed as also seen and is no part of the model. Ripple that is small
-in RMS may be as plain as the rest, beside slow noise. Blocks are longer than the residual's memory
-(two seconds at least).
+real but too small to matter: it is listed as also seen and is no part of the model. Ripple that is
+small in RMS may be as plain as the rest, beside slow noise. Blocks are longer than the residual's
+memory (two seconds at least).
 """
 
 from __future__ import annotations
