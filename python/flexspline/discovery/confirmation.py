@@ -4,8 +4,8 @@ A search weighs evidence in the metric of the noise, where a row's own error may
 reader asks two plain questions, and a name that fails one of them is withdrawn:
 
     Is it significant in the final fit?     Wald's test of its coefficients together, p < α
-    Does it lower the held-out error?       in the unit of the target, by more than its standard
-                                            error; where its t exceeds 16, by more than two
+    Does it lower the held-out error?       in the unit of the target; where its t exceeds 16, by
+                                            more than two standard errors
 
 Of several names, one that closes less than a form may miss of what all of them close held out, and
 less than a hundredth of what is left without it, with a tenth of the t of the largest at most, is
@@ -75,8 +75,7 @@ class Shown:
         """Why it is no answer, "" where it is one."""
         if not self.p < SETTINGS.alpha:
             return "not significant in the final fit"
-        least = ERRORS if self.t > SETTINGS.certain else 1.0
-        if self.fall <= 0.0 or self.fall < least * self.error:
+        if self.fall <= 0.0 or (self.t > SETTINGS.certain and self.fall < ERRORS * self.error):
             return "does not lower the held-out error"
         return ""
 

@@ -4,7 +4,7 @@ Each round refits the shapes of the model, offers every candidate in its best fo
 takes the best that
 
 - gains more than its price (`evidence.py`: the family of candidates is accounted for),
-- gains on left-out folds too,
+- gains half as much on left-out folds too,
 - gains more than the form of a name may miss (`missed`),
 - is physically possible (`physics.py`).
 
@@ -372,7 +372,7 @@ class Searcher:
             self.refused[offer.effect.name] = LEFT_OF_FORM
             return False
         foretold = foretold_gain(dictionary.table, dictionary.model, offer.columns, offer.gain)
-        if float(foretold.sum()) < 0.5**2 * offer.net:
+        if float(foretold.sum()) < 0.5 * offer.gain:
             self.refused[offer.effect.name] = "does not hold on left-out runs"
             return False
         return True
