@@ -25,6 +25,7 @@ from scipy.stats import chi2
 
 from flexspline.discovery.analysis import Analysis
 from flexspline.discovery.evidence import equivalent_t
+from flexspline.discovery.result import NOT_LOWER, NOT_SIGNIFICANT
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect
 from flexspline.fit.names import coefficient_names
@@ -74,9 +75,9 @@ class Shown:
     def withdrawn(self) -> str:
         """Why it is no answer, "" where it is one."""
         if not self.p < SETTINGS.alpha:
-            return "not significant in the final fit"
+            return NOT_SIGNIFICANT
         if self.fall <= 0.0 or (self.t > SETTINGS.certain and self.fall < ERRORS * self.error):
-            return "does not lower the held-out error"
+            return NOT_LOWER
         return ""
 
 

@@ -84,6 +84,8 @@ def confidence(gain: float, above: float, survives: float, left: float, aliases:
 Array = NDArray[np.float64]
 
 DRIVES = ("motor_torque", "motor_current")
+NOT_SIGNIFICANT, NOT_LOWER = "not significant in the final fit", "does not lower the held-out error"
+"""Why a name is withdrawn that the search had found."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -278,6 +280,12 @@ class Discovery:
     def names(self) -> tuple[str, ...]:
         """Of the effects found, in order."""
         return tuple(found.effect for found in self.found)
+
+    @property
+    def withdrawn(self) -> dict[str, str]:
+        """Names that the search found and the final fit or the held-out error does not bear out."""
+        whys = (NOT_SIGNIFICANT, NOT_LOWER)
+        return {name: why for name, why in self.refused.items() if why in whys}
 
     @property
     def gap_closed(self) -> float:

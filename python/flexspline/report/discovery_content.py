@@ -154,8 +154,11 @@ def remarks(made: Discovery) -> list[str]:
         weighed = "" if made.by == "simulation" else ", weighed by how slow the noise is"
         said.append(
             f"Unexplained: {share:.0f} % of the gap above the noise floor{weighed}, depends on "
-            f"{on}, in a way that no effect of the catalogue has."
+            f"{on}, in a way that no effect of the catalogue is seen to have."
         )
+    if made.withdrawn:
+        withdrawn = (f"{name} ({why})" for name, why in made.withdrawn.items())
+        said.append(f"Withdrawn: {', '.join(withdrawn)}.")
     if made.doubted:
         verbs = "stand in for what" if len(made.doubted) > 1 else "stands in for what"
         hold = "" if made.unexplained else ", and these do not hold on what was left out"
