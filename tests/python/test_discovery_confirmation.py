@@ -289,6 +289,23 @@ def test_a_small_effect_is_seen_and_no_part_of_the_model() -> None:
     assert little.effect not in made.refused and little.effect in str(made)
 
 
+@pytest.mark.parametrize("backward", [0.0, 0.1, 1.0])
+def test_what_acts_one_way_alone_is_no_effect_of_both(backward: float) -> None:
+    """Viscous friction that grows with speed; no effect, of ten times as much forward as back."""
+
+    def grows(c: dict[str, Array]) -> Array:
+        v = c["output_velocity"]
+        return np.asarray(np.where(v > 0.0, 1.0, backward) * v * np.abs(v))
+
+    made = found(base(), runs(added=grows))
+    if backward == 1.0:
+        assert made.names == ("nonlinear_viscous_friction",) and made.unexplained is None
+    else:
+        assert made.names == () and made.unexplained is not None
+        assert made.unexplained.depends_on[0] == "output_velocity"
+        assert "nonlinear_viscous_friction" in made.doubted
+
+
 @pytest.mark.parametrize("target", ["sensor_torque", "motor_torque"])
 def test_a_late_load_cell_is_a_fault_with_its_size_and_no_name(target: str) -> None:
     made = found(base(), runs(target=target, late=LATE), target)

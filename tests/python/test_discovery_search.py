@@ -6,14 +6,18 @@ from functools import cache
 
 import numpy as np
 import pytest
+import recorded_joint
+from fit_logs import WIDTH
 from hidden_logs import LOAD, friction_of, log_of, noise, rich_run
 
 import flexspline
 from flexspline.discovery.evidence import foretold_gain
 from flexspline.discovery.result import Discovery, confidence
+from flexspline.discovery.search import Searcher, study_of
 from flexspline.discovery.settings import SETTINGS
 from flexspline.logs.log import Log
-from flexspline.regression.gram import Table, solved
+from flexspline.regression.gram import Table, Whitening, solved
+from flexspline.regression.working import solved_at, working
 
 BASE = ["offset", "coulomb_friction", "viscous_friction", "inertia"]
 RUNS, ROWS = 4, 1500
@@ -102,6 +106,21 @@ def test_an_effect_that_is_no_candidate_gets_no_other_name() -> None:
     assert made.names == ()
     assert made.unexplained is not None
     assert {LOAD, "output_velocity"} <= set(made.unexplained.depends_on)
+
+
+def test_a_shape_at_a_bound_is_looked_for_anew() -> None:
+    """A poorer model may have driven it there."""
+    wide = [e.with_shapes(direction_width=0.5) if "direction_width" in e.shapes else e
+            for e in recorded_joint.base()]  # fmt: skip
+    logs = recorded_joint.runs(target="motor_torque")
+    made = study_of(wide, logs, "motor_torque", known_load=LOAD, lowpass_hz=None, threads=1)
+    searcher = Searcher(made, Whitening(np.ones(1), 1e-4, 1))
+    work, squares = solved_at(made.problem, working(wide, len(wide), {}), searcher.whitening)
+    (number,) = work.bound
+    freed, less = searcher._off_bounds(work, squares)
+    assert less < 0.5 * squares and not freed.bound
+    assert work.searched[number].value(freed.effects) == pytest.approx(WIDTH, rel=0.05)
+    assert searcher._off_bounds(freed, less) == (freed, less)
 
 
 STRONG = (200.0, 60.0, 1.0, 0.0, 0)  # as `confidence` takes them

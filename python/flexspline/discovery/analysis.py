@@ -15,9 +15,10 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from flexspline.discovery.basis import Functions, nameless_of
-from flexspline.discovery.evidence import Offer, offers
+from flexspline.discovery.basis import DIRECTION, Functions, nameless_of, values_of
+from flexspline.discovery.evidence import Offer, offers, price
 from flexspline.discovery.physics import impossible
 from flexspline.discovery.search import (
     LEAD,
@@ -33,14 +34,33 @@ from flexspline.effects import Effect
 from flexspline.fit.memory import settled
 from flexspline.fit.problem import Problem
 from flexspline.fit.ripple import FOLLOWER, LEADERS
-from flexspline.regression.gram import TINY, Columns, Sheet, Whitening, gain_of
+from flexspline.regression.gram import (
+    TINY,
+    Columns,
+    Sheet,
+    Whitening,
+    edges_of,
+    gain_of,
+    tabulated,
+)
 from flexspline.regression.held_out import HeldOut, held_out, plain_rows
 from flexspline.regression.thinned import rows_of, thinned
 from flexspline.regression.whitening import first_whitening, restricted_whitening
 from flexspline.regression.working import Working, refitted, solved_at, started, working
 from flexspline.report.numbers import percent
 
-__all__ = ["Analysis", "FirstLook", "Rival", "analysed", "first_look", "rivals_of", "simplest"]
+__all__ = [
+    "Analysis",
+    "FirstLook",
+    "Rival",
+    "analysed",
+    "contribution",
+    "first_look",
+    "rivals_of",
+    "simplest",
+]
+
+Array = NDArray[np.float64]
 
 COGGING = "cogging"
 EXPLAINS = 0.5  # of what the named effect gains, that a rival gains in its place at least
@@ -362,7 +382,8 @@ def analysed(look: FirstLook, say: Callable[[str], object]) -> Analysis:
     at_first, closed = leftover.net, _small(looked_at, base, final, leftover) is not None
     while True:
         small = _small(looked_at, base, final, leftover) if closed else None
-        stand_in = _stand_in(searcher, final, leftover, at_first, small)
+        one_sided = (e.name for e in final.named if _one_sided(looked_at, final, whitening, e.name))
+        stand_in = _stand_in(searcher, final, leftover, at_first, small) or next(one_sided, None)
         if stand_in is None:
             break
         doubted.append(stand_in)
@@ -424,6 +445,52 @@ def _small(problem: Problem, base: Working, final: Working, leftover: Leftover) 
         if opened < SETTINGS.bends * (before - after) and opened < 0.5 * lacking:
             found.append(effect.name)
     return found
+
+
+@dataclass(frozen=True)
+class _Column:
+    """One column (N,) of each run."""
+
+    values: tuple[Array, ...]
+    count: int = 1
+
+    def rows(self, problem: Problem, number: int, rows: slice) -> Array:
+        """Return some rows of a run, (n, 1)."""
+        return self.values[number][rows, None]
+
+
+def contribution(problem: Problem, work: Working, name: str) -> list[Array]:
+    """Return what one effect of a model adds to the target, (N,) for each run; NaN elsewhere."""
+    ends = np.cumsum([0, *(len(e.terms) for e in work.effects)])
+    at = [e.name for e in work.effects].index(name)
+    values = np.zeros(len(work.coefficients))
+    values[ends[at] : ends[at + 1]] = work.coefficients[ends[at] : ends[at + 1]]
+    sheet = Sheet(work.effects, work.coefficients, (), values)
+    folds = sum(len(edges_of(problem, number)) - 1 for number in range(len(problem.runs)))
+    left = sheet.left_over(problem, [np.empty(0)] * folds)
+    return [run.target - rest for run, rest in zip(problem.runs, left, strict=True)]
+
+
+def _one_sided(problem: Problem, work: Working, whitening: Whitening, name: str) -> bool:
+    """Whether what carries a name acts one way only, as no effect does.
+
+    Let f be what a name explains. A cause that acts in one direction alone is (f + s f) / 2 with s
+    the sign of the velocity: s f explains as much as f. Where the name's coefficients differ
+    between the directions by a factor of three, it is a quarter.
+    """
+    signs = [values_of(problem, k, slice(0, len(run))).get(DIRECTION)
+             for k, run in enumerate(problem.runs)]  # fmt: skip
+    parts = contribution(problem, work, name)
+    turned = [np.nan_to_num(part) * sign for part, sign in zip(parts, signs, strict=True)
+              if sign is not None]  # fmt: skip
+    if len(turned) < len(signs):
+        return False
+    table = tabulated(problem, work.sheet(given=_Column(tuple(turned))), whitening)
+    model, owners = np.arange(len(table.total) - 2), np.array(work.owners())
+    raw, last = np.diag(table.total), np.array([len(model)])
+    own = gain_of(table.without(model[owners != name]), model[owners == name], raw)[0]
+    turned_gain = gain_of(table.without(model), last, raw)[0]
+    return turned_gain > max(0.5**2 * own, price(1, 1.0, len(work.named)))
 
 
 def _stand_in(

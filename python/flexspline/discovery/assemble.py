@@ -8,12 +8,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.discovery.analysis import Analysis, Rival, rivals_of
+from flexspline.discovery.analysis import Analysis, Rival, contribution, rivals_of
 from flexspline.discovery.basis import Functions
 from flexspline.discovery.confirmation import Confirmed, wald
-from flexspline.discovery.evidence import equivalent_t, price
+from flexspline.discovery.evidence import equivalent_t
 from flexspline.discovery.faults import DataFault
 from flexspline.discovery.result import Discovery, Found, Unexplained, confidence, driven_apart
+from flexspline.discovery.search import cost_of
 from flexspline.discovery.settings import SETTINGS
 from flexspline.discovery.slices import HeldRun
 from flexspline.effects import UNITS, Effect
@@ -25,12 +26,12 @@ from flexspline.fit.ripple import CORE_PAIRS
 from flexspline.logs.channel_noise import ChannelNoise
 from flexspline.logs.checks.dependence import Dependence, dependences
 from flexspline.orders.parts import Candidate, Pair, owner, pairs
-from flexspline.regression.gram import TINY, Sheet, Whitening, by_runs, edges_of
+from flexspline.regression.gram import TINY, Whitening, by_runs
 from flexspline.regression.held_out import HeldOut, held_out
 from flexspline.regression.working import Working
 from flexspline.report.numbers import percent
 
-__all__ = ["assembled", "contribution", "where"]
+__all__ = ["assembled", "where"]
 
 Array = NDArray[np.float64]
 
@@ -48,18 +49,6 @@ COVARIATES = (
     ("time", "s", "time", False),
 )
 ALWAYS = ("output_velocity", "known_load")  # else of an effect that reads it: all heats up in time
-
-
-def contribution(problem: Problem, work: Working, name: str) -> list[Array]:
-    """Return what one effect of a model adds to the target, (N,) for each run; NaN elsewhere."""
-    ends = np.cumsum([0, *(len(e.terms) for e in work.effects)])
-    at = [e.name for e in work.effects].index(name)
-    values = np.zeros(len(work.coefficients))
-    values[ends[at] : ends[at + 1]] = work.coefficients[ends[at] : ends[at + 1]]
-    sheet = Sheet(work.effects, work.coefficients, (), values)
-    folds = sum(len(edges_of(problem, number)) - 1 for number in range(len(problem.runs)))
-    left = sheet.left_over(problem, [np.empty(0)] * folds)
-    return [run.target - rest for run, rest in zip(problem.runs, left, strict=True)]
 
 
 def where(problem: Problem, effect: Effect, parts: list[Array]) -> str:
@@ -290,7 +279,7 @@ def _found(
     t = min(equivalent_t(gain, len(effect.terms)), equivalent_t(squares, count))
     aliases = tuple(rival.name for rival in rivals if rival.alias)
     survives = made.leftover.survives.get(effect.name, 1.0)
-    cost = price(len(effect.terms), 1.0, len(dictionary.candidates))
+    cost = cost_of(dictionary, work, effect.name)
     own = next(e for e in work.effects if e.name == effect.name)
     parts = contribution(made.part.problem, work, effect.name)
     return Found(

@@ -7,6 +7,15 @@ each pays, so that effects with many columns or forms and those with few compete
 single coefficient whose sign physics tells has half that chance. A ripple pays for each order that
 it takes, out of all that it may have.
 
+Springs of a hysteresis all brake: what they explain lies in the cone that their columns span with
+coefficients of one sign. Chance finds less in a cone than in the whole space: with G the products
+of the columns and c ~ N(0, G) their pulls where nothing is there,
+
+    P(gain > s) = Σ_j w_j P(χ²_j > s),     w_j: probability that j coefficients are not zero
+
+(chi-bar squared). Columns that are alike span a narrow cone, in which nearly one is free. Source:
+Silvapulle & Sen 2005, Constrained Statistical Inference, section 3.4.
+
 How well the other folds predict one is counted with how well they can know it: a fold may go where
 no other went, to a joint's angle or a temperature, and a plain error there would condemn every
 right effect. They predict the density N(X_f β, σ² (1 + X_f A⁻¹ X_fᵀ)). With A = G + Λ (products
@@ -26,7 +35,7 @@ from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import nnls
+from scipy.optimize import brentq, nnls
 from scipy.special import gammaln
 from scipy.stats import chi2, norm
 
@@ -52,10 +61,12 @@ __all__ = [
     "Offer",
     "columned",
     "cone_gain",
+    "cone_price",
     "equivalent_t",
     "foretold_gain",
     "offers",
     "price",
+    "price_of",
 ]
 
 Array = NDArray[np.float64]
@@ -66,7 +77,22 @@ SHAPE_PRICE = 2.0  # χ² that a shape takes for itself when it is fitted
 @cache  # a search asks for few of them, very often
 def price(columns: int, forms: float, rivals: int) -> float:
     """Return the χ² that the best of `rivals` in so many forms reaches by chance in a share α."""
-    return float(chi2.isf(SETTINGS.alpha / max(rivals, 1) / forms, columns))
+    return float(chi2.isf(_share(forms, rivals), columns))
+
+
+def _share(forms: float, rivals: int) -> float:
+    return SETTINGS.alpha / max(rivals, 1) / forms
+
+
+def price_of(name: str, target: str, products: Array, forms: float, rivals: int) -> float:
+    """Return the price of an effect with the signs that physics allows.
+
+    `products`: (K, K) of its columns over σ², less what the model holds of them.
+    """
+    signs, count = one_signed(name, target), len(products)
+    if signs and count > 1:
+        return cone_price(products, _share(forms, rivals), signs > 1)
+    return price(max(count, 1), 0.5 * forms if signs else forms, rivals)
 
 
 def equivalent_t(gain: float, columns: int) -> float:
@@ -213,9 +239,14 @@ def _offer(candidate: Candidate, dictionary: Dictionary, left: Array, raw: Array
     gains = [_gain(left, dictionary.at[v], raw, signs) for v in candidate.variants]
     best = max(range(len(gains)), key=lambda k: gains[k][0])
     gain, seen = gains[best]
-    cost = price(max(seen, 1), 0.5 * forms if signs and seen == 1 else forms, rivals)
     variant = candidate.variants[best]
-    return Offer(variant, dictionary.at[variant], gain, cost + SHAPE_PRICE * (forms > 1.0))
+    columns = dictionary.at[variant]
+    if seen == len(columns):
+        products = left[np.ix_(columns, columns)]
+        cost = price_of(candidate.name, dictionary.target, products, forms, rivals)
+    else:
+        cost = price(max(seen, 1), forms, rivals)
+    return Offer(variant, columns, gain, cost + SHAPE_PRICE * (forms > 1.0))
 
 
 def _gain(left: Array, columns: Columns, raw: Array, signs: int) -> tuple[float, int]:
@@ -242,6 +273,33 @@ def cone_gain(products: Array, pulls: Array, either: bool) -> float:
     along = vectors[:, seen].T @ (pulls / scale) / np.sqrt(values[seen])
     sides = (along, -along) if either else (along,)
     return float(max(along @ along - nnls(root, side)[1] ** 2 for side in sides))
+
+
+def cone_price(products: Array, share: float, either: bool) -> float:
+    """Return the gain that chance exceeds in a share of all logs, with coefficients of one sign.
+
+    `products`, `either`: as for `cone_gain`.
+    """
+    scale = np.sqrt(np.maximum(np.diag(products), TINY))
+    alike = np.round(products / np.outer(scale, scale), 2)  # what is alike is asked again and again
+    weights = np.array(_free(tuple(map(tuple, alike.tolist()))))
+    share = 0.5 * share if either else share
+
+    def above(gain: float) -> float:
+        return float(weights[1:] @ chi2.sf(gain, np.arange(1, len(weights)))) - share
+
+    return float(brentq(above, 0.0, chi2.isf(share, len(products))))
+
+
+@cache
+def _free(alike: tuple[tuple[float, ...], ...]) -> tuple[float, ...]:
+    """How often 0, 1, … K of the coefficients are positive where nothing is there, (K + 1,)."""
+    values, vectors = np.linalg.eigh(np.array(alike))
+    root = np.sqrt(np.maximum(values, SINGULAR))[:, None] * vectors.T
+    count, draws = len(alike), SETTINGS.rows // SETTINGS.functions
+    pulls = np.random.default_rng(0).normal(size=(draws, count))
+    free = [np.count_nonzero(nnls(root, pull)[0]) for pull in pulls]
+    return tuple((np.bincount(free, minlength=count + 1) / draws).tolist())
 
 
 def _orders(

@@ -44,8 +44,9 @@ from flexspline.discovery.evidence import (
     foretold_gain,
     offers,
     price,
+    price_of,
 )
-from flexspline.discovery.physics import LOOPS, WIDTH, driving_spring, impossible, one_signed
+from flexspline.discovery.physics import LOOPS, WIDTH, driving_spring, impossible
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import UNITS, Effect
 from flexspline.errors import InputError
@@ -63,6 +64,7 @@ __all__ = [
     "Searcher",
     "Step",
     "Study",
+    "cost_of",
     "form_of",
     "freedom",
     "missed",
@@ -319,9 +321,7 @@ class Searcher:
 
     def _owed(self, dictionary: Dictionary, work: Working, effect: Effect) -> tuple[float, float]:
         """What a name has to gain beside all others: its price, its shapes known; and `_missed`."""
-        columns = work.owners()[: len(work.free)].count(effect.name)
-        half = columns == 1 and one_signed(effect.name, dictionary.target)
-        cost = price(max(columns, 1), 0.5 if half else 1.0, len(dictionary.candidates))
+        cost = cost_of(dictionary, work, effect.name)
         if self.lax:
             return cost, 0.0
         return cost, self._missed(dictionary, work, effect, dictionary.gain(effect.name))
@@ -419,6 +419,14 @@ class Searcher:
             self.refused[effect.name] = reason
             return None
         return made, left, Step(effect, gain, offer.price, ())
+
+
+def cost_of(dictionary: Dictionary, work: Working, name: str) -> float:
+    """Return the price of a name of the model, its shapes known."""
+    own = dictionary.own(name)
+    own = own[own < len(work.free)]  # shapes come behind all coefficients
+    left = dictionary.table.without(dictionary.without([name]))[np.ix_(own, own)]
+    return price_of(name, dictionary.target, left, 1.0, len(dictionary.candidates))
 
 
 def _rank(offer: Offer | Step) -> float:
