@@ -138,7 +138,7 @@ STRONG = (200.0, 60.0, 1.0, 0.0, 0)  # as `confidence` takes them
 def test_weaker_evidence_is_never_stated_with_more_confidence(
     worse: tuple[float, float, float, float, int],
 ) -> None:
-    assert 1.0 - SETTINGS.alpha == confidence(*STRONG) > confidence(*worse)
+    assert 1.0 - SETTINGS.negligible == confidence(*STRONG) > confidence(*worse)
 
 
 def test_of_equal_names_none_is_likelier_than_its_share() -> None:

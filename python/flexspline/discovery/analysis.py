@@ -41,6 +41,7 @@ from flexspline.regression.gram import (
     Whitening,
     edges_of,
     gain_of,
+    solved,
     tabulated,
 )
 from flexspline.regression.held_out import HeldOut, held_out, plain_rows
@@ -222,7 +223,7 @@ def _leading(searcher: Searcher, work: Working) -> Working:
         return work
     trial, squares = searcher.fitted(work.having([*rest, *plain]))
     _, left = searcher.fitted(work)
-    _, without = searcher.fitted(work.having(rest))
+    _, without = searcher.fitted(work.having([e for e in work.effects if e is not follower]))
     return trial if squares - left < SETTINGS.bends * (without - left) else work
 
 
@@ -380,17 +381,24 @@ def analysed(look: FirstLook, say: Callable[[str], object]) -> Analysis:
     ceiling = Ceiling(looked_at, whitening)
     leftover, doubted = leftover_of(ceiling, final).times(share), []
     at_first, closed = leftover.net, _small(looked_at, base, final, leftover) is not None
+
+    def without(name: str) -> tuple[Working, Leftover]:
+        doubted.append(name)
+        kept = [e for e in final.effects if e.name != name]
+        rest = searcher.pruned(searcher.fitted(final.having(kept))[0])
+        return rest, leftover_of(ceiling, rest).times(share)
+
     while True:
         small = _small(looked_at, base, final, leftover) if closed else None
-        one_sided = (e.name for e in final.named if _one_sided(looked_at, final, whitening, e.name))
-        stand_in = _stand_in(searcher, final, leftover, at_first, small) or next(one_sided, None)
+        stand_in = _stand_in(searcher, final, leftover, at_first, small)
         if stand_in is None:
             break
-        doubted.append(stand_in)
-        kept = [e for e in final.effects if e.name != stand_in]
-        final = searcher.pruned(searcher.fitted(final.having(kept))[0])
-        leftover = leftover_of(ceiling, final).times(share)
+        final, leftover = without(stand_in)
     final = searcher.pruned(simplest(searcher, final))
+    for effect in final.named:
+        asked = effect in final.named and not effect.info.remembers  # else both ways count
+        if asked and _one_sided(looked_at, final, whitening, effect.name):
+            final, leftover = without(effect.name)
     return Analysis(
         whole, study, base, final, searcher, tuple(steps), leftover, tuple(doubted), ceiling,
         1.0 / share,
@@ -474,9 +482,10 @@ def contribution(problem: Problem, work: Working, name: str) -> list[Array]:
 def _one_sided(problem: Problem, work: Working, whitening: Whitening, name: str) -> bool:
     """Whether what carries a name acts one way only, as no effect does.
 
-    Let f be what a name explains. A cause that acts in one direction alone is (f + s f) / 2 with s
-    the sign of the velocity: s f explains as much as f. Where the name's coefficients differ
-    between the directions by a factor of three, it is a quarter.
+    Let f be what a name explains and s the sign of the velocity. Beside it c s f is left over of a
+    cause that is (1 + c) f forward and (1 − c) f backward: c = 1 of one that acts forward alone,
+    and ½ where it is three times as large. Beside all others it then explains at least c² of what
+    f does.
     """
     signs = [values_of(problem, k, slice(0, len(run))).get(DIRECTION)
              for k, run in enumerate(problem.runs)]  # fmt: skip
@@ -488,9 +497,10 @@ def _one_sided(problem: Problem, work: Working, whitening: Whitening, name: str)
     table = tabulated(problem, work.sheet(given=_Column(tuple(turned))), whitening)
     model, owners = np.arange(len(table.total) - 2), np.array(work.owners())
     raw, last = np.diag(table.total), np.array([len(model)])
-    own = gain_of(table.without(model[owners != name]), model[owners == name], raw)[0]
-    turned_gain = gain_of(table.without(model), last, raw)[0]
-    return turned_gain > max(0.5**2 * own, price(1, 1.0, len(work.named)))
+    own, _ = gain_of(table.without(model[owners != name]), model[owners == name], raw)
+    gain, _ = gain_of(table.without(model), last, raw)
+    share = solved(table.total, np.append(model, last))[-1]
+    return gain > max(0.5**2 * own, price(1, 1.0, len(work.named))) and abs(share) > 0.5
 
 
 def _stand_in(

@@ -176,7 +176,7 @@ def _motor_angle(run: Run, rows: slice) -> Array:
     return np.asarray(ratio * run.log["output_position"][rows])
 
 
-Values = Mapping[str, Array]
+Values = dict[str, Array]
 Basis = Callable[[Values], Array]
 
 TURN = 2.0 * np.pi
@@ -262,8 +262,16 @@ def _fine(sample: Values, name: str) -> tuple[Basis, int]:
 
 
 def _hats_of(sample: Values, name: str, count: int) -> tuple[Basis, int]:
+    """Hats over a channel, made once of some values: many functions are made of the same."""
     knots = _knots(sample[name], count, name in ("output_velocity", RATE))
-    return (lambda values: _hats(values[name], knots)), len(knots)
+    key = f"{count} hats of {name}"
+
+    def columns(values: Values) -> Array:
+        if key not in values:
+            values[key] = _hats(values[name], knots)
+        return values[key]
+
+    return columns, len(knots)
 
 
 def _powers(

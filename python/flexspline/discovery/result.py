@@ -2,7 +2,7 @@
 
 How likely a name is right: its weight among all that may stand behind what it explains.
 
-    p = 1 / (1 + n + l + (1 − s) x + exp(−e / 2)),    at most 1 − α
+    p = 1 / (1 + n + l + (1 − s) x + exp(−e / 2)),    at most 99 %
 
 Besides the name, of weight one, there are its n aliases, each as good; a cause outside the
 catalogue, by what functions of the channels gain beside it (l, over its gain) and, where that is
@@ -78,7 +78,7 @@ def confidence(gain: float, above: float, survives: float, left: float, aliases:
     beside = left / max(gain, TINY)
     beyond = float(np.clip(beside / SETTINGS.bends - 1.0, 0.0, 1.0))
     nameless = beside + beyond * (1.0 - float(np.clip(survives, 0.0, 1.0)))
-    return float(min(1.0 / (1.0 + aliases + nameless + chance), 1.0 - SETTINGS.alpha))
+    return float(min(1.0 / (1.0 + aliases + nameless + chance), 1.0 - SETTINGS.negligible))
 
 
 Array = NDArray[np.float64]

@@ -19,7 +19,7 @@ class Settings:
     Parameters
     ----------
     alpha : level of every test: that logs which hide nothing get a name, that a coefficient is
-        zero. The bar of the benchmark is two per cent.
+        zero. The bar of the benchmark is two per cent, and a log is searched several times.
     negligible : of squares, times or rows, that matters to nobody: an error that it raises is the
         same to three digits.
     form : of its gain, that the form of a name misses: bearings' and gears' forms are known to
@@ -44,7 +44,7 @@ class Settings:
     rows : on which functions without a name are looked at.
     """
 
-    alpha: float = 0.01
+    alpha: float = 0.005
     negligible: float = 0.01
     form: float = 0.007
     memory: float = 0.03
