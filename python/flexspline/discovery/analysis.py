@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.discovery.basis import DIRECTION, Functions, nameless_of, values_of
+from flexspline.discovery.basis import Beside, Functions, nameless_of
 from flexspline.discovery.evidence import Offer, offers, price
 from flexspline.discovery.physics import impossible
 from flexspline.discovery.search import (
@@ -395,10 +395,10 @@ def analysed(look: FirstLook, say: Callable[[str], object]) -> Analysis:
             break
         final, leftover = without(stand_in)
     final = searcher.pruned(simplest(searcher, final))
-    for effect in final.named:
-        asked = effect in final.named and not effect.info.remembers  # else both ways count
-        if asked and _one_sided(looked_at, final, whitening, effect.name):
-            final, leftover = without(effect.name)
+    for name in [e.name for e in final.named if not e.info.remembers]:
+        named = [e.name for e in final.named]
+        if name in named and _one_sided(looked_at, final, whitening, name):
+            final, leftover = without(name)
     return Analysis(
         whole, study, base, final, searcher, tuple(steps), leftover, tuple(doubted), ceiling,
         1.0 / share,
@@ -455,18 +455,6 @@ def _small(problem: Problem, base: Working, final: Working, leftover: Leftover) 
     return found
 
 
-@dataclass(frozen=True)
-class _Column:
-    """One column (N,) of each run."""
-
-    values: tuple[Array, ...]
-    count: int = 1
-
-    def rows(self, problem: Problem, number: int, rows: slice) -> Array:
-        """Return some rows of a run, (n, 1)."""
-        return self.values[number][rows, None]
-
-
 def contribution(problem: Problem, work: Working, name: str) -> list[Array]:
     """Return what one effect of a model adds to the target, (N,) for each run; NaN elsewhere."""
     ends = np.cumsum([0, *(len(e.terms) for e in work.effects)])
@@ -487,14 +475,12 @@ def _one_sided(problem: Problem, work: Working, whitening: Whitening, name: str)
     and ½ where it is three times as large. Beside all others it then explains at least c² of what
     f does.
     """
-    signs = [values_of(problem, k, slice(0, len(run))).get(DIRECTION)
-             for k, run in enumerate(problem.runs)]  # fmt: skip
-    parts = contribution(problem, work, name)
-    turned = [np.nan_to_num(part) * sign for part, sign in zip(parts, signs, strict=True)
-              if sign is not None]  # fmt: skip
-    if len(turned) < len(signs):
+    if not all("output_velocity" in run.log for run in problem.runs):
         return False
-    table = tabulated(problem, work.sheet(given=_Column(tuple(turned))), whitening)
+    parts = contribution(problem, work, name)
+    turned = tuple(np.nan_to_num(part) * np.sign(run.log["output_velocity"])
+                   for part, run in zip(parts, problem.runs, strict=True))  # fmt: skip
+    table = tabulated(problem, work.sheet(given=Beside(Functions(()), turned)), whitening)
     model, owners = np.arange(len(table.total) - 2), np.array(work.owners())
     raw, last = np.diag(table.total), np.array([len(model)])
     own, _ = gain_of(table.without(model[owners != name]), model[owners == name], raw)

@@ -43,6 +43,7 @@ __all__ = [
     "MOST_ROWS",
     "RATE",
     "ROUND",
+    "Beside",
     "Functions",
     "Nameless",
     "channel_told",
@@ -401,3 +402,22 @@ class Functions:
             made[:, done : done + group.count] = group.columns(values)
             done += group.count
         return made
+
+
+@dataclass(frozen=True)
+class Beside:
+    """One column (N,) of each run, behind flexible functions."""
+
+    functions: Functions
+    columns: tuple[Array, ...]
+
+    @property
+    def count(self) -> int:
+        return self.functions.count + 1
+
+    def rows(self, problem: Problem, number: int, rows: slice) -> Array:
+        """Return some rows of a run, (n, count)."""
+        own = self.columns[number][rows, None]
+        if not self.functions.count:
+            return own
+        return np.column_stack([self.functions.rows(problem, number, rows), own])

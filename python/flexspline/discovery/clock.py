@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from scipy.constants import milli
 
 from flexspline.discovery.analysis import Analysis, FirstLook
-from flexspline.discovery.basis import RATE, Functions, nameless_of
+from flexspline.discovery.basis import RATE, Beside, Functions, nameless_of
 from flexspline.discovery.candidates import LAG
 from flexspline.discovery.faults import DataFault
 from flexspline.discovery.settings import SETTINGS
@@ -77,26 +77,9 @@ def delay_beside_everything(look: FirstLook) -> Delay:
         if RATE not in group.channels and not (group.past and load in group.channels)
     ]
     beside = [e for c in study.candidates(work.effects) if c.name != LAG for e in c.effects]
-    given = _Beside(Functions(tuple(static)), _slopes(problem, work))
+    given = Beside(Functions(tuple(static)), _slopes(problem, work))
     sheet = work.sheet(beside=list(dict.fromkeys(beside)), given=given)
     return _last_column(tabulated(problem, sheet, look.noise))
-
-
-@dataclass(frozen=True)
-class _Beside:
-    """Flexible functions and, behind them, one column (N,) of each run."""
-
-    functions: Functions
-    columns: tuple[Array, ...]
-
-    @property
-    def count(self) -> int:
-        return self.functions.count + 1
-
-    def rows(self, problem: Problem, number: int, rows: slice) -> Array:
-        """Return some rows of a run, (n, count)."""
-        made = self.functions.rows(problem, number, rows)
-        return np.column_stack([made, self.columns[number][rows]])
 
 
 def _slopes(problem: Problem, work: Working) -> tuple[Array, ...]:

@@ -31,7 +31,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -291,7 +291,7 @@ def cone_price(products: Array, share: float, either: bool) -> float:
     return float(brentq(above, 0.0, chi2.isf(share, len(products))))
 
 
-@cache
+@lru_cache
 def _free(alike: tuple[tuple[float, ...], ...]) -> tuple[float, ...]:
     """How often 0, 1, … K of the coefficients are positive where nothing is there, (K + 1,)."""
     values, vectors = np.linalg.eigh(np.array(alike))
