@@ -51,6 +51,7 @@ from flexspline.regression.working import Working, refitted, solved_at, started,
 from flexspline.report.numbers import percent
 
 __all__ = [
+    "MANY_ALIASES",
     "Analysis",
     "FirstLook",
     "Rival",
@@ -64,6 +65,7 @@ __all__ = [
 Array = NDArray[np.float64]
 
 COGGING = "cogging"
+MANY_ALIASES = "four other effects or more explain as much in these runs"
 EXPLAINS = 0.5  # of what the named effect gains, that a rival gains in its place at least
 
 
@@ -383,7 +385,6 @@ def analysed(look: FirstLook, say: Callable[[str], object]) -> Analysis:
     at_first, closed = leftover.net, _small(looked_at, base, final, leftover) is not None
 
     def without(name: str) -> tuple[Working, Leftover]:
-        doubted.append(name)
         kept = [e for e in final.effects if e.name != name]
         rest = searcher.pruned(searcher.fitted(final.having(kept))[0])
         return rest, leftover_of(ceiling, rest).times(share)
@@ -393,11 +394,18 @@ def analysed(look: FirstLook, say: Callable[[str], object]) -> Analysis:
         stand_in = _stand_in(searcher, final, leftover, at_first, small)
         if stand_in is None:
             break
+        doubted.append(stand_in)
         final, leftover = without(stand_in)
     final = searcher.pruned(simplest(searcher, final))
-    for name in [e.name for e in final.named if not e.info.remembers]:
-        named = [e.name for e in final.named]
-        if name in named and _one_sided(looked_at, final, whitening, name):
+    for name in [e.name for e in final.named]:
+        effect = next((e for e in final.named if e.name == name), None)
+        if effect is None:
+            continue
+        if sum(rival.alias for rival in rivals_of(searcher, final, effect)) >= SETTINGS.tried:
+            searcher.refused[name] = MANY_ALIASES
+            final, leftover = without(name)
+        elif not effect.info.remembers and _one_sided(looked_at, final, whitening, name):
+            doubted.append(name)
             final, leftover = without(name)
     return Analysis(
         whole, study, base, final, searcher, tuple(steps), leftover, tuple(doubted), ceiling,

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline import __version__
-from flexspline.discovery.analysis import Analysis
+from flexspline.discovery.analysis import MANY_ALIASES, Analysis
 from flexspline.discovery.faults import DataFault
 from flexspline.discovery.settings import SETTINGS
 from flexspline.discovery.slices import HeldRun, Slice, slices
@@ -283,8 +283,8 @@ class Discovery:
 
     @property
     def withdrawn(self) -> dict[str, str]:
-        """Names that the search found and the final fit or the held-out error does not bear out."""
-        whys = (NOT_SIGNIFICANT, NOT_LOWER)
+        """Names that the search found and these runs do not bear out, with the reason."""
+        whys = (NOT_SIGNIFICANT, NOT_LOWER, MANY_ALIASES)
         return {name: why for name, why in self.refused.items() if why in whys}
 
     @property
