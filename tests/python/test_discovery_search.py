@@ -11,7 +11,7 @@ from fit_logs import WIDTH
 from hidden_logs import LOAD, friction_of, log_of, noise, rich_run
 
 import flexspline
-from flexspline.discovery.evidence import foretold_gain
+from flexspline.discovery.evidence import held_out_gain
 from flexspline.discovery.result import Discovery, confidence
 from flexspline.discovery.search import Searcher, study_of
 from flexspline.discovery.settings import SETTINGS
@@ -64,13 +64,13 @@ def test_a_fold_that_goes_beyond_the_others_does_not_condemn_a_right_effect() ->
     table, model, beside, gain = folds_apart(2.0)
     plain = held_out(table, model) - held_out(table, np.append(model, beside))
     assert plain.sum() < 0.0  # the error on left-out folds would refuse it
-    assert foretold_gain(table, model, beside, gain).sum() > 0.5 * gain
+    assert held_out_gain(table, model, beside, gain).sum() > 0.5 * gain
 
 
 def test_waves_that_are_not_there_are_not_foretold() -> None:
     table, model, beside, gain = folds_apart(0.0)
     assert gain < 25.0
-    assert foretold_gain(table, model, beside, gain).sum() < 0.5 * 25.0
+    assert held_out_gain(table, model, beside, gain).sum() < 0.5 * 25.0
 
 
 def step_in_temperature(c: dict[str, Array]) -> Array:

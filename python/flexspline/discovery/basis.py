@@ -265,7 +265,7 @@ def _fine(sample: Values, name: str) -> tuple[Basis, int]:
 def _hats_of(sample: Values, name: str, count: int) -> tuple[Basis, int]:
     """Hats over a channel, made once of some values: many functions are made of the same."""
     knots = _knots(sample[name], count, name in ("output_velocity", RATE))
-    key = f"{count} hats of {name}"
+    key = f"hats of {name} at {knots.tobytes().hex()}"
 
     def columns(values: Values) -> Array:
         if key not in values:

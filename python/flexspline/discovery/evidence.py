@@ -63,7 +63,7 @@ __all__ = [
     "cone_gain",
     "cone_price",
     "equivalent_t",
-    "foretold_gain",
+    "held_out_gain",
     "offers",
     "price",
     "price_of",
@@ -105,7 +105,7 @@ def equivalent_t(gain: float, columns: int) -> float:
     return float(np.sqrt(-2.0 * log_p - np.log(-np.pi * log_p)))
 
 
-def foretold_gain(table: Table, model: Columns, beside: Columns, gain: float) -> Array:
+def held_out_gain(table: Table, model: Columns, beside: Columns, gain: float) -> Array:
     """Return the rise (F,) of 2 ln p of each fold by columns beside a model, χ² where all is well.
 
     `gain`: of these columns beside the model, in χ².
@@ -113,10 +113,10 @@ def foretold_gain(table: Table, model: Columns, beside: Columns, gain: float) ->
     both = np.concatenate([model, beside])
     prior = max(len(beside) / max(gain, 1.0), SINGULAR)  # of the squares of each column
     ridge = np.append(np.full(len(model), SINGULAR), np.full(len(beside), prior))
-    return _foretold(table, both, ridge) - _foretold(table, model, ridge[: len(model)])
+    return _held_out_rise(table, both, ridge) - _held_out_rise(table, model, ridge[: len(model)])
 
 
-def _foretold(table: Table, columns: Columns, ridge: Array) -> Array:
+def _held_out_rise(table: Table, columns: Columns, ridge: Array) -> Array:
     total = table.total
     picked = np.append(columns, len(total) - 1)
     total, folds = total[np.ix_(picked, picked)], table.folds[:, picked][:, :, picked]

@@ -41,7 +41,7 @@ from flexspline.discovery.evidence import (
     Dictionary,
     Offer,
     columned,
-    foretold_gain,
+    held_out_gain,
     offers,
     price,
     price_of,
@@ -371,8 +371,8 @@ class Searcher:
         if offer.gain < self._missed(dictionary, work, offer.effect, offer.gain):
             self.refused[offer.effect.name] = LEFT_OF_FORM
             return False
-        foretold = foretold_gain(dictionary.table, dictionary.model, offer.columns, offer.gain)
-        if float(foretold.sum()) < 0.5 * offer.gain:
+        rise = held_out_gain(dictionary.table, dictionary.model, offer.columns, offer.gain)
+        if float(rise.sum()) < 0.5 * offer.gain:
             self.refused[offer.effect.name] = "does not hold on left-out runs"
             return False
         return True

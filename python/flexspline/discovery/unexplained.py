@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from flexspline.discovery.basis import ROUND, Functions, Nameless, channel_told, nameless_of
-from flexspline.discovery.evidence import foretold_gain
+from flexspline.discovery.evidence import held_out_gain
 from flexspline.discovery.settings import SETTINGS
 from flexspline.fit.problem import Problem
 from flexspline.regression.gram import (
@@ -224,7 +224,7 @@ def _best(overlap: Overlap) -> tuple[int, float] | None:
         table = overlap.table(k)
         every = np.arange(len(table.total) - 1)
         own = len(every) - overlap.ceiling.groups[k].count
-        if foretold_gain(table, every[:own], every[own:], gain).sum() > 0.5**2 * gain:
+        if held_out_gain(table, every[:own], every[own:], gain).sum() > 0.5**2 * gain:
             return k, net
     return None
 
