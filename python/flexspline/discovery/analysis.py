@@ -34,6 +34,7 @@ from flexspline.effects import Effect
 from flexspline.fit.memory import settled
 from flexspline.fit.problem import Problem
 from flexspline.fit.ripple import FOLLOWER, LEADERS
+from flexspline.logs.checks.dependence import Dependence, dependences
 from flexspline.regression.gram import (
     TINY,
     Columns,
@@ -60,11 +61,13 @@ __all__ = [
     "first_look",
     "rivals_of",
     "simplest",
+    "tied_channels",
 ]
 
 Array = NDArray[np.float64]
 
 COGGING = "cogging"
+READ = ("time", "output_position", "output_velocity", "output_acceleration", "temperature")
 MANY_ALIASES = "four other effects or more explain as much in these runs"
 EXPLAINS = 0.5  # of what the named effect gains, that a rival gains in its place at least
 
@@ -362,6 +365,7 @@ def analysed(look: FirstLook, say: Callable[[str], object]) -> Analysis:
     Of long logs a part is searched first, then all rows from there.
     """
     whole, study, base, first = look.whole, look.part, look.base, look.noise
+    whole.tied = study.tied = tied_channels(_looked_at(whole.problem), base)
     lax, _ = Searcher(study, first, True, say).run(base)
     study.problem = _known(study.problem, lax.effects)
     study.scan(lax)
@@ -473,6 +477,27 @@ def contribution(problem: Problem, work: Working, name: str) -> list[Array]:
     folds = sum(len(edges_of(problem, number)) - 1 for number in range(len(problem.runs)))
     left = sheet.left_over(problem, [np.empty(0)] * folds)
     return [run.target - rest for run, rest in zip(problem.runs, left, strict=True)]
+
+
+def tied_channels(problem: Problem, work: Working) -> tuple[Dependence, ...]:
+    """Channels that are nearly a function of each other; the load that is known, or the model's."""
+    own = [e.name for e in work.effects if e.info.carries_load]
+    carried = [contribution(problem, work, name) for name in own]
+    name = problem.known_load or "the load of the model"
+    seen = []
+    for number, run in enumerate(problem.runs):
+        channels = {c: run.log[c] for c in READ if c in run.log}
+        channels["time"] = channels["time"] - channels["time"][0]
+        if "known_load" in run.channels:
+            channels["load"] = run.channels["known_load"]
+        elif own and problem.known_load is None:
+            channels["load"] = np.sum([part[number] for part in carried], axis=0)
+        rows = np.concatenate([np.arange(first, last) for first, last in run.stretches])
+        seen.append({c: values[rows] for c, values in channels.items()})
+    found = dependences(seen, {"load": name})
+    trivial = ("load", "output_acceleration")  # what an inertia of the model carries
+    known = problem.known_load is not None
+    return tuple(one for one in found if known or (one.channel, one.of) != trivial)
 
 
 def _one_sided(problem: Problem, work: Working, whitening: Whitening, name: str) -> bool:

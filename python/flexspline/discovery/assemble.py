@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.discovery.analysis import Analysis, Rival, contribution, rivals_of
+from flexspline.discovery.analysis import Analysis, Rival, contribution, rivals_of, tied_channels
 from flexspline.discovery.basis import Functions
 from flexspline.discovery.confirmation import Confirmed, wald
 from flexspline.discovery.evidence import equivalent_t
@@ -24,7 +24,7 @@ from flexspline.experiment.planning import planned
 from flexspline.fit.problem import Problem
 from flexspline.fit.ripple import CORE_PAIRS
 from flexspline.logs.channel_noise import ChannelNoise
-from flexspline.logs.checks.dependence import Dependence, dependences
+from flexspline.logs.checks.dependence import Dependence
 from flexspline.orders.parts import Candidate, Pair, owner, pairs
 from flexspline.regression.gram import TINY, Whitening, by_runs
 from flexspline.regression.held_out import HeldOut, held_out
@@ -144,9 +144,6 @@ def _directions(problem: Problem, counted: Array) -> list[NDArray[np.bool_]]:
     return [velocity > 0.0, velocity < 0.0]
 
 
-READ = ("time", "output_position", "output_velocity", "output_acceleration", "temperature")
-
-
 def assembled(
     held: Confirmed,
     faults: tuple[DataFault, ...],
@@ -159,7 +156,7 @@ def assembled(
     left = [made.left_by(work) for work in _nested(made)]
     steps = [one.rmse for one in left]
     unexplained, floor = _unexplained(made, made.plain, steps)
-    tied = _tied(made)
+    tied = tied_channels(problem, made.final)
     found = [
         _found(held, effect, steps[number], steps[number + 1], tied)
         for number, effect in enumerate(made.final.named)
@@ -207,28 +204,6 @@ def _runs(made: Analysis, before: HeldOut, after: HeldOut) -> tuple[HeldRun, ...
             problem.runs, before.residuals, after.residuals, loads, strict=True
         )
     )
-
-
-def _tied(made: Analysis) -> tuple[Dependence, ...]:
-    """Channels that are nearly a function of each other; the load that is known, or the model's."""
-    problem, final = made.study.problem, made.final
-    own = [e.name for e in final.effects if e.info.carries_load]
-    carried = [contribution(problem, final, name) for name in own]
-    name = problem.known_load or "the load of the model"
-    seen = []
-    for number, run in enumerate(problem.runs):
-        channels = {c: run.log[c] for c in READ if c in run.log}
-        channels["time"] = channels["time"] - channels["time"][0]
-        if "known_load" in run.channels:
-            channels["load"] = run.channels["known_load"]
-        elif own and problem.known_load is None:
-            channels["load"] = np.sum([part[number] for part in carried], axis=0)
-        rows = np.concatenate([np.arange(first, last) for first, last in run.stretches])
-        seen.append({c: values[rows] for c, values in channels.items()})
-    found = dependences(seen, {"load": name})
-    trivial = ("load", "output_acceleration")  # what an inertia of the model carries
-    known = problem.known_load is not None
-    return tuple(one for one in found if known or (one.channel, one.of) != trivial)
 
 
 def _nested(made: Analysis) -> list[Working]:

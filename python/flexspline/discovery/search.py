@@ -52,6 +52,7 @@ from flexspline.effects import UNITS, Effect
 from flexspline.errors import InputError
 from flexspline.fit.problem import Problem, problem_of
 from flexspline.fit.requirements import require_one_unit
+from flexspline.logs.checks.dependence import Dependence
 from flexspline.logs.derive import differentiate
 from flexspline.logs.log import Log
 from flexspline.orders import FoundOrder
@@ -82,13 +83,15 @@ LEAD = 2 * SETTINGS.rows  # before a stretch of a part, from which memory is fol
 class Study:
     """Problem, effects that may be missing, why others are not tried, and orders found.
 
-    `last`, `known`: what was asked for before, a table and the candidates beside models.
+    `tied`: channels that are nearly a function of another. `last`, `known`: what was asked for
+    before, a table and the candidates beside models.
     """
 
     problem: Problem
     possible: list[Effect]
     not_tried: dict[str, str]
     orders: Orders = field(default=())
+    tied: tuple[Dependence, ...] = ()
     last: Columned | None = field(default=None, repr=False, compare=False)
     known: dict[tuple[Effect, ...], tuple[Orders, list[Candidate]]] = field(
         default_factory=dict, repr=False, compare=False
@@ -215,18 +218,24 @@ def form_of(effect: Effect) -> float:
     return SETTINGS.memory if effect.info.remembers else SETTINGS.form
 
 
-def missed(dictionary: Dictionary, named: Sequence[Effect], other: Effect) -> float:
-    """What the forms of named effects may miss, and another effect may seem to explain, in χ².
+def missed(
+    dictionary: Dictionary, named: Effect, other: Effect, tied: Sequence[Dependence]
+) -> float:
+    """What the form of a named effect may miss, and another effect may seem to explain, in χ²."""
+    share = SETTINGS.bends if _bends(other, named, tied) else form_of(named)
+    return share * dictionary.gain(named.name)
 
-    More for one that reads nothing but the name's channels, and may bend its form.
+
+def _bends(effect: Effect, named: Effect, tied: Sequence[Dependence]) -> bool:
+    """Whether an effect reads nothing but a name's channels, and may bend its form.
+
+    Nor, unless it remembers, what in these runs is nearly a function of them. A constant bends
+    nothing.
     """
-
-    def by(effect: Effect) -> float:
-        bends = bool(other.reads) and set(other.reads) <= set(effect.reads)  # not a constant
-        share = SETTINGS.bends if bends else form_of(effect)
-        return share * dictionary.gain(effect.name)
-
-    return max((by(effect) for effect in named if effect.name != other.name), default=0.0)
+    seen, own = {*named.reads}, {*effect.reads}
+    for pair in ({one.channel, one.of} for one in tied if not effect.info.remembers):
+        seen |= pair if pair & {*named.reads} else set()
+    return bool(own) and own <= seen
 
 
 def _freed(problem: Problem, effect: Effect) -> list[Nameless]:
@@ -383,15 +392,15 @@ class Searcher:
         Freed are those that may miss half of its gain, where that is possible, and none of them
         may take all of the effect's own channels. Of long logs a part is looked at.
         """
-        others = [e for e in work.named if e.name != effect.name]
-        names = {e.name: missed(dictionary, [e], effect) for e in others}
+        tied, others = self.study.tied, [e for e in work.named if e.name != effect.name]
+        names = {e.name: missed(dictionary, e, effect, tied) for e in others}
         most = max(names.values(), default=0.0)
         if gain >= most:
             return most
         suspected = [e for e in others if names[e.name] > 0.5 * gain]
         problem = self.study.thinned().problem
         freed = [_freed(problem, e) for e in suspected]
-        if not all(freed) or any(set(effect.reads) <= set(e.reads) for e in suspected):
+        if not all(freed) or any(_bends(effect, e, tied) for e in suspected):
             return most
         functions = Functions(tuple(group for groups in freed for group in groups))
         rest = work.having([e for e in work.effects if e.name != effect.name])

@@ -56,9 +56,9 @@ LOOK_FOR = {
     "left": "The same stretch: measured less predicted. What is left should be noise about zero.",
     "shrunk": "RMS on folds that no fit saw, before (open) and after (full), in parts of the runs "
     "and in bands of the residual; the dashed line is the noise floor of all rows.",
-    "driven": "The run on which the forward simulation gained most: both models start from the "
-    "measured state and see nothing but the inputs, by fits that never saw the run. What friction "
-    "is wrong about adds up here.",
+    "driven": "The run on which the forward simulation gained most, or lost least: both models "
+    "start from the measured state and see nothing but the inputs, by fits that never saw the run. "
+    "What friction is wrong about adds up here.",
     "orders": "Amplitude of the residual over orders of the output, on folds that no fit saw. "
     "Lines that the extended model no longer has are explained.",
 }

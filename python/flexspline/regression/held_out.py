@@ -16,8 +16,10 @@ from flexspline.regression.gram import (
     TINY,
     Given,
     Sheet,
+    Table,
     Whitening,
     edges_of,
+    gain_of,
     solved,
     tabulated,
 )
@@ -77,14 +79,30 @@ def held_out(
 ) -> HeldOut:
     """Leave out one fold after the other and fit the coefficients to the rest; shapes stay.
 
-    Columns that no other fold sees contribute nothing.
+    Columns that no other fold sees contribute nothing. Many functions beside a model would go
+    anywhere in places that few rows of the rest have seen: they are shrunk (`_ridge`).
     """
     sheet = work.sheet(bends=False, given=beside)
     table = tabulated(problem, sheet, whitening)
     every = np.arange(len(table.total) - 1)
-    betas = tuple(solved(table.total - fold, every) for fold in table.folds)
+    ridge = _ridge(table, len(work.free))
+    betas = tuple(solved(table.total - fold + ridge, every) for fold in table.folds)
     squares = sum(_squares(fold, beta) for fold, beta in zip(table.folds, betas, strict=True))
     return HeldOut(problem, work, sheet, betas, squares)
+
+
+def _ridge(table: Table, own: int) -> Array:
+    """What is added to the products, (C + 1, C + 1), for columns behind the model's own.
+
+    Ridge regression by empirical Bayes (Hoerl, Kennard and Baldwin 1975): of m columns that explain
+    χ² together, each explains (χ² − m) / m beyond chance, and is that size times a normal number.
+    """
+    columns, raw = np.arange(own, len(table.total) - 1), np.diag(table.total)
+    ridge = np.zeros_like(raw)
+    if len(columns):
+        gain, seen = gain_of(table.without(np.arange(own)), columns, raw)
+        ridge[columns] = raw[columns] * seen / max(gain - seen, 1.0)
+    return np.diag(ridge)
 
 
 def _squares(products: Array, beta: Array) -> float:

@@ -173,9 +173,16 @@ def remarks(made: Discovery) -> list[str]:
         said.append(sentence)
     said += [sentence for sentence in (rows_sentence(made), inputs_sentence(made)) if sentence]
     if made.motion is not None and made.found and made.by != "simulation":
+        worse = (
+            ""
+            if made.motion.final_rmse <= made.motion.base_rmse
+            else (
+                ": the names do not make this better, for what a forward simulation misses adds up"
+            )
+        )
         said.append(
             f"Driven forward through {made.validated_by} that no fit saw, the model "
-            f"misses the {_channel(made.motion)} by {_motion(made)} RMS."
+            f"misses the {_channel(made.motion)} by {_motion(made)} RMS{worse}."
         )
     if made.fit.generalised:
         said.append(estimator_sentence(made))
