@@ -6,6 +6,7 @@ not asserted here; it stands in the report of the notebook.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 
 import numpy as np
@@ -35,6 +36,11 @@ pytestmark = pytest.mark.usefixtures("data_folder")
 @cache
 def arm(joint: int) -> Discovery:
     return flexspline.discover(MOVES, ur10e(joint), target="motor_current", lowpass=5.0)
+
+
+@cache
+def arm_as_recorded(joint: int) -> Discovery:
+    return flexspline.discover(MOVES, ur10e(joint), target="motor_current")
 
 
 @cache
@@ -83,6 +89,19 @@ def test_joint_1_lacks_viscous_friction_that_bends_and_what_builds_up_after_a_re
     assert made.found[0].rmse_after < 0.8 * made.base_rmse
     assert all(one.rmse_after < one.rmse_before for one in made.found)
     assert made.final_rmse < 0.7 * made.base_rmse
+
+
+@pytest.mark.parametrize("made", [arm, arm_as_recorded])
+@pytest.mark.parametrize("joint", [1, 2, 4])
+def test_the_floor_is_below_what_is_left_by_what_is_said_to_be_unexplained(
+    made: Callable[[int], Discovery], joint: int
+) -> None:
+    found = made(joint)
+    if found.unexplained is None:
+        assert found.noise_floor == found.final_rmse
+    else:
+        assert found.noise_floor < found.final_rmse
+        assert found.gap_closed < 1.0
 
 
 @pytest.mark.parametrize("joint", [1, 4])

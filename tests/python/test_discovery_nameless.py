@@ -11,7 +11,9 @@ from flexspline.discovery.basis import Functions, nameless_of, names_of_past, pa
 from flexspline.discovery.unexplained import kept
 from flexspline.effects import effect
 from flexspline.fit.problem import Problem, problem_of
-from flexspline.regression.gram import Table
+from flexspline.regression.gram import Table, Whitening
+from flexspline.regression.held_out import held_out
+from flexspline.regression.working import solved_at, working
 
 Array = np.ndarray
 ROWS = 2000
@@ -94,3 +96,46 @@ def test_a_plainer_form_stands_for_a_name_only_where_it_lacks_what_a_form_may_mi
     assert rival(gain=960.0, adds=0.0).inside
     assert not rival(gain=880.0, adds=0.0).inside  # it keeps eleven standard errors
     assert not rival(gain=960.0, adds=4.0).inside  # it explains something else as well
+
+
+def places(seed: int) -> Problem:
+    """Four runs of noise, each at angles where no other goes."""
+    logs = []
+    for number in range(4):
+        c = rich_run(seed + number, ROWS)
+        c["output_position"] = c["output_position"] + 4.0 * number
+        torque = c[LOAD] + np.random.default_rng([seed, number]).normal(0.0, 0.02, ROWS)
+        logs.append(log_of(c, sensor_torque=torque))
+    return problem_of(
+        logs, [effect("offset")], "sensor_torque", known_load=LOAD, lowpass_hz=None, threads=1
+    )
+
+
+@pytest.mark.parametrize("seed", range(10, 16))
+def test_functions_of_noise_go_nowhere_in_places_that_no_other_run_has_seen(seed: int) -> None:
+    here = places(seed)
+    work = working([effect("offset")], 1, {})
+    plain = Whitening(np.ones(1), 0.02**2, 1)
+    work, _ = solved_at(here, work, plain)
+    alone = held_out(here, work, plain).rmse
+    crossed = [g for g in nameless_of(here) if "output_position" in g.channels and g.count > 20]
+    assert crossed
+    beside = held_out(here, work, plain, Functions(tuple(crossed[:3]))).rmse
+    assert beside < 1.02 * alone
+
+
+def test_functions_that_explain_are_not_shrunk_away() -> None:
+    c = rich_run(3, ROWS)
+    cause = np.tanh(3.0 * c["output_velocity"])
+    logs = [log_of(c, sensor_torque=c[LOAD] + cause)]
+    here = problem_of(
+        logs, [effect("offset")], "sensor_torque", known_load=LOAD, lowpass_hz=None, threads=1
+    )
+    plain = Whitening(np.ones(1), 0.1**2, 1)
+    work, _ = solved_at(here, working([effect("offset")], 1, {}), plain)
+    best = min(
+        held_out(here, work, plain, Functions((group,))).rmse
+        for group in nameless_of(here)
+        if group.channels == ("output_velocity",)
+    )
+    assert best < 0.1 * held_out(here, work, plain).rmse

@@ -13,7 +13,8 @@ from hidden_logs import LOAD, friction_of, log_of, noise, rich_run
 
 import flexspline
 from flexspline.discovery.analysis import Rival
-from flexspline.discovery.result import Discovery
+from flexspline.discovery.candidates import EXCLUDED
+from flexspline.discovery.result import Discovery, DrivenRun, Motion
 from flexspline.discovery.slices import HeldRun, frequency_bands, order_bands, slices, telling
 from flexspline.experiment.plan import Outlook
 from flexspline.experiment.says import plan_sentence
@@ -271,3 +272,20 @@ def test_a_part_that_is_alone_in_its_group_is_not_told_twice() -> None:
     forward = tuple(s for s in parts if s.group != "direction" or s.label == "forward")
     assert {s.group for s in parts} - {s.group for s in telling(forward)} == {"direction"}
     assert telling(parts) == parts
+
+
+def test_what_the_caller_excluded_is_not_said_to_lack_channels() -> None:
+    told = {"gravity": EXCLUDED, "cogging": "log 'run 1' has no motor_position"}
+    said = " ".join(str(replace(found(), not_tried=told)).split())
+    assert "Not tried, excluded by the caller: gravity." in said
+    assert "Not tried, for lack of channels or facts: cogging." in said
+
+
+@pytest.mark.parametrize(("final", "worse"), [(0.5, False), (1.5, True)])
+def test_a_forward_simulation_that_got_worse_is_said_to_be_so(final: float, worse: bool) -> None:
+    log = found().runs[0].log
+    zero = np.zeros(len(log))
+    motion = Motion("output_position", "rad", (DrivenRun(log, zero, zero + 1.0, zero + final),))
+    said = " ".join(str(replace(found(), motion=motion)).split())
+    assert f"by 1 to {final} rad RMS" in said
+    assert ("the names do not make this better" in said) is worse

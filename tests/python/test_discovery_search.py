@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from typing import cast
 
 import numpy as np
 import pytest
@@ -11,10 +12,12 @@ from fit_logs import WIDTH
 from hidden_logs import LOAD, friction_of, log_of, noise, rich_run
 
 import flexspline
-from flexspline.discovery.evidence import held_out_gain
+from flexspline.discovery.evidence import Dictionary, held_out_gain
 from flexspline.discovery.result import Discovery, confidence
-from flexspline.discovery.search import Searcher, study_of
+from flexspline.discovery.search import Searcher, missed, study_of
 from flexspline.discovery.settings import SETTINGS
+from flexspline.effects import effect
+from flexspline.logs.checks.dependence import Dependence
 from flexspline.logs.log import Log
 from flexspline.regression.gram import Table, Whitening, solved
 from flexspline.regression.working import solved_at, working
@@ -152,3 +155,29 @@ def test_functions_that_hold_a_name_speak_against_it_only_where_enough_is_unexpl
     assert confidence(2e4, 60.0, 0.0, 0.99 * enough, 0) > 0.94
     assert confidence(2e4, 60.0, 0.0, 2.0 * enough, 0) < 0.5
     assert confidence(2e4, 60.0, 1.0, 2.0 * enough, 0) > 0.9
+
+
+class Gains:
+    """A table in which every name explains as much."""
+
+    def gain(self, name: str) -> float:
+        return 1000.0 if name else 0.0
+
+
+ANGLE_IS_LOAD = Dependence("load", "output_position", 0.02, ("load", "output_position"), "")
+
+
+@pytest.mark.parametrize(
+    ("name", "tied", "share"),
+    [
+        ("position_dependent_friction", (), SETTINGS.form),
+        ("position_dependent_friction", (ANGLE_IS_LOAD,), SETTINGS.bends),
+        ("temperature_dependent_friction", (ANGLE_IS_LOAD,), SETTINGS.form),
+        ("presliding_friction", (ANGLE_IS_LOAD,), SETTINGS.form),  # it remembers: no form bends so
+    ],
+)
+def test_what_follows_a_tied_channel_may_bend_a_name(
+    name: str, tied: tuple[Dependence, ...], share: float
+) -> None:
+    named = effect("load_dependent_friction")
+    assert missed(cast(Dictionary, Gains()), named, effect(name), tied) == share * 1000.0

@@ -42,6 +42,7 @@ from flexspline.signals import channels_for
 
 __all__ = [
     "DIRECTIONS",
+    "EXCLUDED",
     "LAG",
     "Candidate",
     "candidates_for",
@@ -57,6 +58,7 @@ __all__ = [
 
 DIRECTIONS, LAG = "direction_dependent_friction", "sensor_lag"
 ANGLE = "output_position"
+EXCLUDED = "excluded by the caller"
 FRICTION = ("coulomb_friction", "viscous_friction")
 
 
@@ -333,7 +335,7 @@ def possible(
         if info.name in taken or TARGETS[target] not in info.targets:
             continue
         if info.name in absent:
-            reasons[info.name] = "excluded by the caller"
+            reasons[info.name] = EXCLUDED
             continue
         effect = Effect(info.name)
         effect = effect.without_load() if known_load is None else effect
