@@ -43,6 +43,7 @@ from flexspline.discovery.evidence import (
     columned,
     held_out_gain,
     offers,
+    parted,
     price,
     price_of,
 )
@@ -56,7 +57,7 @@ from flexspline.logs.checks.dependence import Dependence
 from flexspline.logs.derive import differentiate
 from flexspline.logs.log import Log
 from flexspline.orders import FoundOrder
-from flexspline.regression.gram import Sheet, Whitening, edges_of, gain_of, tabulated
+from flexspline.regression.gram import Columns, Sheet, Whitening, edges_of, gain_of, tabulated
 from flexspline.regression.thinned import rows_of, thinned
 from flexspline.regression.working import Working, refitted, started
 
@@ -255,6 +256,8 @@ def _freed(problem: Problem, effect: Effect) -> list[Nameless]:
 
 
 LEFT_OF_FORM = "no more than what the form of a named effect misses"
+WAVES = "position_dependent_friction"
+FEW_ANGLES = "these runs see too little of a turn to tell its waves from any bend"
 
 
 @dataclass(frozen=True)
@@ -347,7 +350,7 @@ class Searcher:
                 others = [e for e in work.effects if e.name != effect.name]
                 work, squares = self.fitted(work.having(others))
                 continue
-            made = offers(dictionary, dictionary.without([effect.name]))
+            made = self._offers(dictionary, dictionary.without([effect.name]))
             best = max(made, key=_rank, default=None)
             if best is None or best.net <= gain - cost:
                 continue
@@ -361,7 +364,7 @@ class Searcher:
 
     def _best(self, work: Working, squares: float) -> tuple[Working, float, Step] | None:
         dictionary = self.study.dictionary(work, self.whitening)
-        made = sorted(offers(dictionary, dictionary.model), key=_rank, reverse=True)
+        made = sorted(self._offers(dictionary, dictionary.model), key=_rank, reverse=True)
         worthy = [offer for offer in made if self._worthy(offer, dictionary, work)]
         while worthy:
             near = [o for o in worthy if o.gain >= SETTINGS.most * worthy[0].gain][: SETTINGS.tried]
@@ -372,6 +375,18 @@ class Searcher:
                 return chosen, left, replace(step, offers=beside)
             worthy = [offer for offer in worthy if offer not in near]
         return None
+
+    def _offers(self, dictionary: Dictionary, model: Columns) -> list[Offer]:
+        """Every candidate beside these columns, but for waves of which too little is seen.
+
+        Those would bend as any function of the angle, with coefficients that cancel.
+        """
+        made, left = offers(dictionary, model), dictionary.table.without(model)
+        raw = np.diag(dictionary.table.total)
+        hidden = [o for o in made if o.effect.name == WAVES and not parted(left, o.columns, raw)]
+        if hidden and not self.lax:
+            self.refused[WAVES] = FEW_ANGLES
+        return [o for o in made if o not in hidden]
 
     def _worthy(self, offer: Offer, dictionary: Dictionary, work: Working) -> bool:
         """Whether an offer is worth a fit of its shapes."""
