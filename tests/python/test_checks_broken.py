@@ -359,6 +359,15 @@ def test_the_start_of_a_constant_speed_run_is_named_with_its_length() -> None:
     assert f"drop_start={finding.size:.1f}" in finding.remedy
 
 
+def test_a_slow_swing_has_no_start_that_differs_from_a_steady_run() -> None:
+    time = np.arange(4000) / 500.0
+    velocity = -0.48 * np.sin(np.pi * (time + 0.1) / 11.0)
+    log = Log.from_arrays(
+        time=time, output_velocity=velocity, output_position=np.cumsum(velocity) / 500.0
+    )
+    assert not check(log).named("start_transient")
+
+
 def test_nothing_is_changed_by_a_check() -> None:
     log = broken(wrap)
     before = {name: log[name].copy() for name in log.channels}

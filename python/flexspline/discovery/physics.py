@@ -40,8 +40,10 @@ DISSIPATES = (
 STRIBECK = "stribeck_friction"
 
 SPRINGS = "presliding_friction"
-LOOPS = (SPRINGS, "torsional_hysteresis")
-"""Elements all have one sign: the positive one in a drive and in a torsion: loops cost energy."""
+HYSTERESIS = "torque_hysteresis"
+LOOPS = (SPRINGS, "torsional_hysteresis", HYSTERESIS)
+"""Elements all have one sign, as loops cost energy: the positive one, but for friction, which a
+sensor may see from either side."""
 
 WIDTH = "direction_width"
 LAG = "sensor_lag"
@@ -56,7 +58,7 @@ def one_signed(name: str, target: str) -> int:
     A single coefficient whose sign nothing tells has any.
     """
     if name in LOOPS:
-        return 2 if target == "sensor_torque" else 1
+        return 2 if _either(name, target) else 1
     return int(target in DRIVES and name in (*DISSIPATES, *POSITIVE_MASS))
 
 
@@ -72,6 +74,8 @@ def impossible(work: Working, name: str, problem: Problem) -> str:
     if name == STRIBECK and (why := _not_fading(work, problem)):
         return why
     values = _values(work, name)
+    if name == HYSTERESIS and values.sum() < 0.0:
+        return "a sensor's loop lags behind the torque, and this one would run ahead"
     if name == LAG and problem.known_load is not None and values[0] < 0.0:
         return "a sensor cannot read a torque before it is there"
     if problem.target not in DRIVES or problem.simulated is not None:
@@ -119,7 +123,7 @@ def driving_spring(work: Working, target: str) -> str:
         names, values = _terms(work, effect), _values(work, effect)
         free = [k for k, name in enumerate(names) if name not in work.fixed]
         if len(free) > 1:
-            side = _side(values, target)
+            side = _side(values, effect, target)
             against |= {names[k]: -side * float(values[k]) for k in free}
     worst = max(against, key=lambda name: against[name], default="")
     return worst if worst and against[worst] > 0.0 else ""
@@ -129,15 +133,20 @@ def spring_bounds(work: Working, target: str) -> dict[str, Bounds]:
     """Return the bounds by which a fit keeps the springs of an effect of one sign, by name."""
     found: dict[str, Bounds] = {}
     for effect in LOOPS:
-        side = _side(_values(work, effect), target)
+        side = _side(_values(work, effect), effect, target)
         own: Bounds = (0.0, None) if side > 0.0 else (None, 0.0)
         found |= dict.fromkeys(_terms(work, effect), own)
     return found
 
 
-def _side(values: Array, target: str) -> float:
-    """Sign of friction: a sensor sees it from either side."""
-    return -1.0 if target == "sensor_torque" and values.sum() < 0.0 else 1.0
+def _side(values: Array, name: str, target: str) -> float:
+    """Sign that the elements of an effect have."""
+    return -1.0 if _either(name, target) and values.sum() < 0.0 else 1.0
+
+
+def _either(name: str, target: str) -> bool:
+    """Whether the sign is any: a sensor sees friction from either side."""
+    return name == SPRINGS and target == "sensor_torque"
 
 
 def _terms(work: Working, name: str) -> list[str]:

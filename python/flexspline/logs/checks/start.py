@@ -48,11 +48,14 @@ def transient_rows(log: Log, channel: str) -> int:
     """Rows at the start in which a channel is far from its steady level; 0 without any.
 
     Only where the run holds one speed: in its last two thirds nine rows of ten keep within 40 %
-    of the median velocity. Stretches of 0.1 s are compared by their RMS deviation from the level
-    of the last two thirds; the transient is the far ones that the run begins with.
+    of the median velocity, and its last half is no part of a slow swing. Stretches of 0.1 s are
+    compared by their RMS deviation from the level of the last two thirds; the transient is the far
+    ones that the run begins with.
     """
     velocity = next((log[c] for c in ("output_velocity", "motor_velocity") if c in log), None)
     if velocity is None or not _one_speed(velocity[len(log) // 3 :]):
+        return 0
+    if _swings(velocity[len(log) // 2 :]):
         return 0
     width = max(4, round(WINDOW * log.rate)) if np.isfinite(log.rate) else 0
     count = len(log) // width if width else 0
@@ -72,3 +75,14 @@ def _one_speed(velocity: Array) -> bool:
     level = float(np.nanmedian(velocity)) if velocity.size else 0.0
     off = np.abs(velocity - level)
     return level != 0 and float(np.nanpercentile(off, 90)) < 0.4 * abs(level)
+
+
+def _swings(velocity: Array) -> bool:
+    """Whether a velocity (N,) bends smoothly by more than a twentieth of its level."""
+    values = velocity[np.isfinite(velocity)]
+    if len(values) < 4:
+        return False
+    place = np.linspace(-1.0, 1.0, len(values))
+    bend = np.polyval(np.polyfit(place, values, 2), place)
+    smooth = float(np.std(bend))
+    return smooth > max(0.05 * abs(float(np.median(values))), float(np.std(values - bend)))
