@@ -19,7 +19,7 @@ drive, or a torsion, and the load cell any delay is one of the recorder.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -117,7 +117,8 @@ def delay_behind(made: Analysis) -> Delay:
     """Return the delay of a load whose torsion the model predicts.
 
     A load that is late by d predicts p(t − d): what is left follows d dp/dt, beside the columns of
-    the model with all its names, those that were taken back included.
+    the model with all its names, those that were taken back included. What no name explains may
+    follow it too: beside that, a delay is told from none only at twice the error.
     """
     problem, searcher = made.study.problem, made.searcher
     taken = {step.effect.name: step.effect for step in made.steps}
@@ -128,7 +129,8 @@ def delay_behind(made: Analysis) -> Delay:
         rows, target = work.rows(problem, number)
         slope = np.gradient(work.predict(problem, number), run.log["time"])
         parts.append((np.column_stack([rows, slope]), target))
-    return _last_column(tabulated(problem, parts, searcher.whitening))
+    late = _last_column(tabulated(problem, parts, searcher.whitening))
+    return replace(late, error=2.0 * late.error) if made.leftover.groups else late
 
 
 def lead_of(made: Analysis) -> Delay:
