@@ -346,26 +346,30 @@ class Searcher:
             dictionary = self.study.dictionary(work, self.whitening, without=effect.name)
             gain = dictionary.gain(effect.name)
             cost, missed = self._owed(dictionary, work, effect)
+            rest = work.having([e for e in work.effects if e.name != effect.name])
             if gain < max(cost, missed):
-                others = [e for e in work.effects if e.name != effect.name]
-                work, squares = self.fitted(work.having(others))
+                work, squares = self.fitted(rest)
                 continue
-            made = self._offers(dictionary, dictionary.without([effect.name]))
-            best = max(made, key=_rank, default=None)
-            if best is None or best.net <= gain - cost:
+            columns = dictionary.without([effect.name])
+            made = self._offers(dictionary, columns)
+            better = (o for o in sorted(made, key=_rank, reverse=True) if o.net > gain - cost)
+            best = next((o for o in better if self._worthy(o, dictionary, rest, columns)), None)
+            if best is None:
                 continue
             swapped = [best.effect if e.name == effect.name else e for e in work.effects]
             trial, left = self.fitted(work.having(swapped))
             margin = SETTINGS.negligible * gain * max(freedom(best.effect) - freedom(effect), 0)
-            better = left + best.price + margin < squares + cost
-            if better and not impossible(trial, best.effect.name, self.study.problem):
+            lower = left + best.price + margin < squares + cost
+            if lower and not impossible(trial, best.effect.name, self.study.problem):
                 work, squares = trial, left
         return work, squares
 
     def _best(self, work: Working, squares: float) -> tuple[Working, float, Step] | None:
         dictionary = self.study.dictionary(work, self.whitening)
         made = sorted(self._offers(dictionary, dictionary.model), key=_rank, reverse=True)
-        worthy = [offer for offer in made if self._worthy(offer, dictionary, work)]
+        worthy = [
+            offer for offer in made if self._worthy(offer, dictionary, work, dictionary.model)
+        ]
         while worthy:
             near = [o for o in worthy if o.gain >= SETTINGS.most * worthy[0].gain][: SETTINGS.tried]
             trials = [trial for o in near if (trial := self._tried(o, dictionary, work, squares))]
@@ -388,14 +392,14 @@ class Searcher:
             self.refused[WAVES] = FEW_ANGLES
         return [o for o in made if o not in hidden]
 
-    def _worthy(self, offer: Offer, dictionary: Dictionary, work: Working) -> bool:
-        """Whether an offer is worth a fit of its shapes."""
+    def _worthy(self, offer: Offer, dictionary: Dictionary, work: Working, model: Columns) -> bool:
+        """Whether an offer beside a model, and its columns, is worth a fit of its shapes."""
         if offer.net <= 0.0 or self.lax:
             return offer.net > 0.0
         if offer.gain < self._missed(dictionary, work, offer.effect, offer.gain):
             self.refused[offer.effect.name] = LEFT_OF_FORM
             return False
-        rise = held_out_gain(dictionary.table, dictionary.model, offer.columns, offer.gain)
+        rise = held_out_gain(dictionary.table, model, offer.columns, offer.gain)
         if float(rise.sum()) < 0.5 * offer.gain:
             self.refused[offer.effect.name] = "does not hold on left-out runs"
             return False
