@@ -166,6 +166,7 @@ def test_the_figure_has_a_panel_for_each_view() -> None:
         (98.0, 5.3, 0.3, True, "is no more than its form may miss"),
         (98.0, 5.3, 0.007, False, ""),
         (40.0, 2.4, 0.3, False, ""),
+        (100.0, 5.3, 0.007, True, "in its place it explains as much"),
     ],
 )
 def test_an_alias_says_by_which_rule_it_is_one(

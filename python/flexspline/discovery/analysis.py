@@ -99,7 +99,12 @@ class Rival:
     @property
     def alias(self) -> bool:
         """Whether these runs do not tell it from the named effect."""
-        return self.by_t or self.by_form or self.by_tie or self.by_others
+        return self.as_good or self.by_t or self.by_form or self.by_tie or self.by_others
+
+    @property
+    def as_good(self) -> bool:
+        """Whether it explains as much in the place of the named effect, and both may be there."""
+        return self.gain >= self.own
 
     @property
     def by_tie(self) -> bool:
@@ -134,6 +139,10 @@ class Rival:
             return (
                 f"it explains {percent(self.share)} as much, and what {named} keeps beside it, "
                 f"t = {self.left:.1f}, is no more than its form may miss"
+            )
+        if self.as_good:
+            return (
+                f"in its place it explains as much, and {named} keeps t = {self.left:.1f} beside it"
             )
         if self.by_others:
             return (

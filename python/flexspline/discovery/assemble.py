@@ -296,8 +296,11 @@ def _evidence(
     )
     others = [r for r in rivals if not r.alias]
     if others:
-        best, share = others[0].name, percent(others[0].share)
-        said += f"; the next best in its place, {best}, explains {share} of that"
+        best = others[0]
+        said += (
+            f"; the next best in its place, {best.name}, explains {percent(best.share)} of that "
+            f"and leaves it t = {best.left:.1f}"
+        )
     told = [f"{r.name} ({r.why(effect.name)})" for r in rivals if r.alias]
     if told:
         said += f"; these runs do not tell it from {listed(told, most=len(told))}"
