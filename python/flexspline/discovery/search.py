@@ -347,11 +347,12 @@ class Searcher:
             gain = dictionary.gain(effect.name)
             cost, missed = self._owed(dictionary, work, effect)
             rest = work.having([e for e in work.effects if e.name != effect.name])
-            if gain < max(cost, missed):
+            columns, own = dictionary.without([effect.name]), dictionary.own(effect.name)
+            few = self._few_angles(effect, dictionary, columns, own)
+            if few or gain < max(cost, missed):
                 work, squares = self.fitted(rest)
                 continue
-            columns = dictionary.without([effect.name])
-            made = self._offers(dictionary, columns)
+            made = self._offers(dictionary, columns, rest)
             better = (o for o in sorted(made, key=_rank, reverse=True) if o.net > gain - cost)
             best = next((o for o in better if self._worthy(o, dictionary, rest, columns)), None)
             if best is None:
@@ -366,7 +367,7 @@ class Searcher:
 
     def _best(self, work: Working, squares: float) -> tuple[Working, float, Step] | None:
         dictionary = self.study.dictionary(work, self.whitening)
-        made = sorted(self._offers(dictionary, dictionary.model), key=_rank, reverse=True)
+        made = sorted(self._offers(dictionary, dictionary.model, work), key=_rank, reverse=True)
         worthy = [
             offer for offer in made if self._worthy(offer, dictionary, work, dictionary.model)
         ]
@@ -380,17 +381,28 @@ class Searcher:
             worthy = [offer for offer in worthy if offer not in near]
         return None
 
-    def _offers(self, dictionary: Dictionary, model: Columns) -> list[Offer]:
-        """Every candidate beside these columns, but for waves of which too little is seen.
+    def _offers(self, dictionary: Dictionary, model: Columns, work: Working) -> list[Offer]:
+        """Every candidate beside these columns of a model, but for those of `_few_angles`."""
+        made = offers(dictionary, model)
+        if self.lax or not work.named:
+            return made
+        return [o for o in made if not self._few_angles(o.effect, dictionary, model, o.columns)]
 
-        Those would bend as any function of the angle, with coefficients that cancel.
+    def _few_angles(
+        self, effect: Effect, dictionary: Dictionary, model: Columns, own: Columns
+    ) -> bool:
+        """Whether an effect is waves of which too little is seen to stand beside other names.
+
+        They would bend as any function of the angle, with coefficients that cancel, and take what
+        the forms of the names miss.
         """
-        made, left = offers(dictionary, model), dictionary.table.without(model)
+        if self.lax or effect.name != WAVES:
+            return False
         raw = np.diag(dictionary.table.total)
-        hidden = [o for o in made if o.effect.name == WAVES and not parted(left, o.columns, raw)]
-        if hidden and not self.lax:
+        few = not parted(dictionary.table.without(model), own, raw)
+        if few:
             self.refused[WAVES] = FEW_ANGLES
-        return [o for o in made if o not in hidden]
+        return few
 
     def _worthy(self, offer: Offer, dictionary: Dictionary, work: Working, model: Columns) -> bool:
         """Whether an offer beside a model, and its columns, is worth a fit of its shapes."""
