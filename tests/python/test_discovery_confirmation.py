@@ -73,6 +73,38 @@ def test_significance_is_walds_test(name: str) -> None:
     assert significance(made, name) == pytest.approx(by_hand, rel=1e-6, abs=1e-300)
 
 
+def test_significance_with_shapes_held_is_that_of_a_fit_in_which_they_are() -> None:
+    shape = "stribeck_friction.stribeck_velocity"
+    effects = [*base(), effect("stribeck_friction")]
+    generator = np.random.default_rng(8)
+    logs = []
+    for log in runs(2):
+        v = np.gradient(log["output_position"], log["time"])
+        little = 0.004 * np.sign(v) * np.exp(-((v / 0.5) ** 2))
+        noise = generator.normal(0.0, 0.02, len(v))
+        logs.append(
+            log.with_columns({"sensor_torque": log["sensor_torque"] + little + noise}, note="more")
+        )
+
+    def made(**fixed: float) -> Fit:
+        return flexspline.fit(
+            effects, logs, "sensor_torque", known_load=LOAD, checks=False,
+            fixed={name.replace("__", "."): value for name, value in fixed.items()},
+        )  # fmt: skip
+
+    free = made()
+    held = made(stribeck_friction__stribeck_velocity=value_of(free, shape)[0])
+    loose, p = (significance(free, "stribeck_friction", held=held) for held in (False, True))
+    assert p == pytest.approx(significance(held, "stribeck_friction"), rel=0.3)
+    assert p < loose
+
+
+@pytest.mark.parametrize(("loose", "withdrawn"), [(0.03, False), (0.1, True)])
+def test_a_name_whose_printed_errors_reach_zero_is_withdrawn(loose: float, withdrawn: bool) -> None:
+    one = Shown(effect("gravity"), 1e-6, 5.0, 1.0, 0.1, 1.0, (2.0, 1.0), loose)
+    assert bool(one.withdrawn) is withdrawn
+
+
 def test_what_is_not_there_is_significant_as_rarely_as_it_should_be() -> None:
     made = fitted()
     assert significance(made, "viscous_friction") < 1e-12

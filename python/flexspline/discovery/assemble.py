@@ -250,7 +250,7 @@ def _found(
     rivals = [_with_tie(rival, effect, tied) for rival in rivals_of(searcher, work, effect)]
     dictionary = searcher.study.dictionary(work, searcher.whitening)
     gain = dictionary.gain(effect.name)
-    squares, count = wald(held.fit, effect.name)
+    squares, count = wald(held.fit, effect.name, held=True)
     t = min(equivalent_t(gain, len(effect.terms)), equivalent_t(squares, count))
     aliases = tuple(rival.name for rival in rivals if rival.alias)
     survives = made.leftover.survives.get(effect.name, 1.0)

@@ -4,8 +4,13 @@ A search weighs evidence in the metric of the noise, where a row's own error may
 reader asks two plain questions, and a name that fails one of them is withdrawn:
 
     Is it significant in the final fit?     Wald's test of its coefficients together, p < α
+                                            with its shapes held, p < 5 % without
     Does it lower the held-out error?       in the unit of the target; where its t exceeds 16, by
                                             more than two standard errors
+
+Of an effect that is not there the shapes mean nothing, and where they are hardly known they make
+the error of a coefficient large that the runs tell from zero well (Davies 1987). So its test holds
+them; but neither may the errors that are printed reach zero.
 
 Of several names, one that closes less than a form may miss of what all of them close held out, and
 less than a hundredth of what is left without it, with a tenth of the t of the largest at most, is
@@ -37,6 +42,7 @@ __all__ = ["AlsoSeen", "Confirmed", "Shown", "confirmed", "significance", "wald"
 
 Array = NDArray[np.float64]
 
+LOOSE = 0.05  # p at which the intervals that are printed, of 95 %, reach zero
 ERRORS = 2.0  # standard errors of the fall of the held-out error
 
 
@@ -59,8 +65,9 @@ class AlsoSeen:
 class Shown:
     """What one name shows in the fit that is returned and on rows held out.
 
-    `p`: of Wald's test. `fall`, `error`: of the held-out mean square when the name joins the
-    others, and its standard error. `share`: of what all names close. `rmse`: without it, with it.
+    `p`: of Wald's test, its shapes held, and `loose` with them free. `fall`, `error`: of the
+    held-out mean square when the name joins the others, and its standard error. `share`: of what
+    all names close. `rmse`: without it, with it.
     """
 
     effect: Effect
@@ -70,11 +77,12 @@ class Shown:
     error: float
     share: float
     rmse: tuple[float, float]
+    loose: float = 0.0
 
     @property
     def withdrawn(self) -> str:
         """Why it is no answer, "" where it is one."""
-        if not self.p < SETTINGS.alpha:
+        if not (self.p < SETTINGS.alpha and self.loose < LOOSE):
             return NOT_SIGNIFICANT
         if self.fall <= 0.0 or (self.t > SETTINGS.certain and self.fall < ERRORS * self.error):
             return NOT_LOWER
@@ -139,15 +147,16 @@ def _too_small(shown: Sequence[Shown]) -> list[Shown]:
     return little if len(shown) > 1 else []
 
 
-def significance(fit: Fit, name: str) -> float:
+def significance(fit: Fit, name: str, *, held: bool = False) -> float:
     """Return p of Wald's test that all fitted coefficients of an effect are zero; 1 of none."""
-    return float(chi2.sf(*wald(fit, name)))
+    return float(chi2.sf(*wald(fit, name, held=held)))
 
 
-def wald(fit: Fit, name: str) -> tuple[float, int]:
+def wald(fit: Fit, name: str, *, held: bool = False) -> tuple[float, int]:
     """Return Wald's χ² of all fitted coefficients of an effect, and how many they are.
 
-    ∞ of coefficients without error; 0 and 1 where none is fitted.
+    ∞ of coefficients without error; 0 and 1 where none is fitted. `held`: with the effect's own
+    shapes where they are.
     """
     known = fit.part.record["covariance"]["names"]
     terms = {n for n in coefficient_names(fit.part.effects) if n.split(".")[0] == name}
@@ -157,6 +166,11 @@ def wald(fit: Fit, name: str) -> tuple[float, int]:
         return 0.0, 1
     beta = np.array([values[known[k]] for k in at])
     spread = fit.covariance[np.ix_(at, at)]
+    own = [k for k, n in enumerate(known) if n.split(".")[0] == name and k not in at]
+    if held and own:
+        across = fit.covariance[np.ix_(own, at)]
+        shapes = np.linalg.pinv(fit.covariance[np.ix_(own, own)], SINGULAR, hermitian=True)
+        spread = spread - across.T @ shapes @ across
     scale = np.sqrt(np.maximum(np.diag(spread), TINY))
     if np.all(scale <= SINGULAR * np.abs(beta)):
         return np.inf, len(at)  # runs without noise
@@ -179,8 +193,8 @@ def _all_shown(made: Analysis, fit: Fit) -> list[Shown]:
         fall, error = _fall(rest.residuals, whole.residuals, problem.block_rows)
         t = equivalent_t(dictionary.gain(effect.name), len(effect.terms))
         share = fall / gap if gap > 0.0 else 1.0
-        p = significance(fit, effect.name)
-        shown.append(Shown(effect, p, t, fall, error, share, (rest.rmse, whole.rmse)))
+        p, loose = (significance(fit, effect.name, held=held) for held in (True, False))
+        shown.append(Shown(effect, p, t, fall, error, share, (rest.rmse, whole.rmse), loose))
     return shown
 
 

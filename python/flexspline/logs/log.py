@@ -91,7 +91,7 @@ class Log:
         """Return one channel, shape (rows,), read-only, in the unit of `CHANNELS`."""
         if channel in self.columns:
             return self.columns[channel]
-        near = did_you_mean(channel, CHANNELS)
+        near = "" if channel in CHANNELS else did_you_mean(channel, CHANNELS)
         raise InputError(
             f"log '{self.name}': no channel '{channel}'{near}; it has {listed(self.channels)}"
         )
