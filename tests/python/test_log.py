@@ -47,6 +47,11 @@ def test_a_missing_channel_is_named_with_those_that_are_there() -> None:
         run()["output_positon"]
 
 
+def test_a_channel_that_is_spelled_right_is_not_taken_for_a_slip() -> None:
+    with pytest.raises(InputError, match="no channel 'duty'; it has"):
+        run()["duty"]
+
+
 @pytest.mark.parametrize(
     ("columns", "sentence"),
     [
