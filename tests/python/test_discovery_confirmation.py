@@ -99,7 +99,7 @@ def test_significance_with_shapes_held_is_that_of_a_fit_in_which_they_are() -> N
     assert p < loose
 
 
-@pytest.mark.parametrize(("loose", "withdrawn"), [(0.03, False), (0.1, True)])
+@pytest.mark.parametrize(("loose", "withdrawn"), [(2.1, False), (1.9, True)])
 def test_a_name_whose_printed_errors_reach_zero_is_withdrawn(loose: float, withdrawn: bool) -> None:
     one = Shown(effect("gravity"), 1e-6, 5.0, 1.0, 0.1, 1.0, (2.0, 1.0), loose)
     assert bool(one.withdrawn) is withdrawn

@@ -4,7 +4,7 @@ A search weighs evidence in the metric of the noise, where a row's own error may
 reader asks two plain questions, and a name that fails one of them is withdrawn:
 
     Is it significant in the final fit?     Wald's test of its coefficients together, p < α
-                                            with its shapes held, p < 5 % without
+                                            with its shapes held, t > 2 without
     Does it lower the held-out error?       in the unit of the target; where its t exceeds 16, by
                                             more than two standard errors
 
@@ -42,8 +42,7 @@ __all__ = ["AlsoSeen", "Confirmed", "Shown", "confirmed", "significance", "wald"
 
 Array = NDArray[np.float64]
 
-LOOSE = 0.05  # p at which the intervals that are printed, of 95 %, reach zero
-ERRORS = 2.0  # standard errors of the fall of the held-out error
+ERRORS = 2.0  # standard errors: of the fall of the held-out error, of coefficients as printed
 
 
 @dataclass(frozen=True)
@@ -65,7 +64,7 @@ class AlsoSeen:
 class Shown:
     """What one name shows in the fit that is returned and on rows held out.
 
-    `p`: of Wald's test, its shapes held, and `loose` with them free. `fall`, `error`: of the
+    `p`: of Wald's test, its shapes held; `loose`: t with them free. `fall`, `error`: of the
     held-out mean square when the name joins the others, and its standard error. `share`: of what
     all names close. `rmse`: without it, with it.
     """
@@ -77,12 +76,12 @@ class Shown:
     error: float
     share: float
     rmse: tuple[float, float]
-    loose: float = 0.0
+    loose: float = np.inf
 
     @property
     def withdrawn(self) -> str:
         """Why it is no answer, "" where it is one."""
-        if not (self.p < SETTINGS.alpha and self.loose < LOOSE):
+        if not (self.p < SETTINGS.alpha and self.loose > ERRORS):
             return NOT_SIGNIFICANT
         if self.fall <= 0.0 or (self.t > SETTINGS.certain and self.fall < ERRORS * self.error):
             return NOT_LOWER
@@ -193,7 +192,8 @@ def _all_shown(made: Analysis, fit: Fit) -> list[Shown]:
         fall, error = _fall(rest.residuals, whole.residuals, problem.block_rows)
         t = equivalent_t(dictionary.gain(effect.name), len(effect.terms))
         share = fall / gap if gap > 0.0 else 1.0
-        p, loose = (significance(fit, effect.name, held=held) for held in (True, False))
+        p = significance(fit, effect.name, held=True)
+        loose = equivalent_t(*wald(fit, effect.name))
         shown.append(Shown(effect, p, t, fall, error, share, (rest.rmse, whole.rmse), loose))
     return shown
 
