@@ -68,6 +68,15 @@ def test_one_run_is_late_alone_only_beyond_its_own_error() -> None:
     assert named(logs, "encoder_delay") == []
 
 
+def test_a_part_of_a_row_that_few_runs_show_is_not_that_of_a_recorder() -> None:
+    """All lean the same way, and all but one by no more than their errors."""
+    logs = [swinging(k, late=3e-4, rough=3e-4 if k == 3 else 8e-3) for k in range(5)]
+    gears = [measured_gear(log) for log in logs]
+    shown = [gear is not None and gear.delay > TOLD * gear.delay_error for gear in gears]
+    assert shown == [False, False, False, True, False]
+    assert named(logs, "encoder_delay") == []
+
+
 @pytest.mark.parametrize(("flipped", "told"), [(1, 0), (3, 3), (5, 5)])
 def test_a_sign_is_flipped_in_at_least_half_of_the_runs(flipped: int, told: int) -> None:
     logs = [swinging(k, sign=-1.0 if k < flipped else 1.0) for k in range(5)]

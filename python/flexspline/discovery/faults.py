@@ -72,7 +72,7 @@ def resolved(
 RATIO = "gear_ratio"
 ENCODER_DELAY = "encoder_delay"
 HALF_A_ROW = 0.5  # more than that a run may be late by alone: another clock
-SIGN = "torque_sign"  # that of a recorder: at least half of the runs have to show it
+SIGN = "torque_sign"  # this and a small delay are a recorder's where half of the runs show them
 NO_TWIST = tuple(name for name in NO_TORSION if name != RATIO)
 
 
@@ -125,9 +125,10 @@ def data_faults(
                       f"{log.name}: {f.sentence} {f.remedy}".rstrip())
             for f in findings.faults
         ]  # fmt: skip
-    if any(f.name == ENCODER_DELAY for f in found):
+    late = {f.run for f in found if f.name == ENCODER_DELAY}
+    if late:
         gears = {log.name: gear for log in logs if (gear := measured_gear(log)) is not None}
-        if not _late_alike([*gears.values()]):
+        if 2 * len(late) < len(logs) or not _late_alike([*gears.values()]):
             row = {log.name: median_step(log["time"]) for log in logs}
             found = [f for f in found if f.name != ENCODER_DELAY
                      or _least_delay(gears[f.run]) > HALF_A_ROW * row[f.run]]  # fmt: skip
