@@ -25,6 +25,7 @@ from flexspline.effects import Effect, effect
 from flexspline.fit.result import Fit
 from flexspline.logs.log import Log
 from flexspline.prepared import noise_of_channels
+from flexspline.regression.held_out import fall_of
 
 Array = NDArray[np.float64]
 
@@ -254,12 +255,12 @@ def held(*residuals: Sequence[float]) -> list[Array]:
 def test_the_fall_of_the_held_out_error_is_that_of_its_squares() -> None:
     before = held(np.sqrt([3.0] * 4 + [5.0] * 4), [2.0, np.nan])
     after = held(np.ones(8), [1.0, 1.0])
-    fall, error = confirmation._fall(before, after, 4)
+    fall, error = fall_of(before, after, 4)
     assert fall == pytest.approx((4 * 2.0 + 4 * 4.0 + 3.0) / 9.0)
     sums = [4 * 2.0 * (np.sqrt(3.0) - 1.0), 4 * 2.0 * (np.sqrt(5.0) - 1.0), 2.0]
     assert error == pytest.approx(np.linalg.norm(sums) / 9.0)
     one = held(np.ones(3))
-    assert confirmation._fall(one, one, 10) == (0.0, np.inf)
+    assert fall_of(one, one, 10) == (0.0, np.inf)
 
 
 @pytest.mark.parametrize("memory", [0.0, 0.9])
@@ -270,7 +271,7 @@ def test_the_error_of_the_fall_is_its_spread_over_draws_of_the_noise(memory: flo
     rng = np.random.default_rng(7)
     for _ in range(400):
         noise = lfilter([np.sqrt(1.0 - memory**2)], [1.0, -memory], rng.normal(size=rows))
-        draws.append(confirmation._fall(held(noise + effect), held(noise), 50))
+        draws.append(fall_of(held(noise + effect), held(noise), 50))
     falls, errors = np.transpose(draws)
     assert np.mean(falls) == pytest.approx(np.mean(effect**2), rel=0.1)
     assert np.sqrt(np.mean(errors**2)) == pytest.approx(np.std(falls), rel=0.15)

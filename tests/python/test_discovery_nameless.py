@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from hidden_logs import LOAD, log_of, rich_run
+from scipy.signal import lfilter
 
 from flexspline.discovery.analysis import Rival
 from flexspline.discovery.basis import Functions, nameless_of, names_of_past, past_of
-from flexspline.discovery.unexplained import kept
+from flexspline.discovery.unexplained import kept, repeated
 from flexspline.effects import effect
 from flexspline.fit.problem import Problem, problem_of
 from flexspline.regression.gram import Table, Whitening
-from flexspline.regression.held_out import held_out
+from flexspline.regression.held_out import HeldOut, held_out
 from flexspline.regression.working import solved_at, working
 
 Array = np.ndarray
@@ -139,3 +142,40 @@ def test_functions_that_explain_are_not_shrunk_away() -> None:
         if group.channels == ("output_velocity",)
     )
     assert best < 0.1 * held_out(here, work, plain).rmse
+
+
+def held_out_of(cause: Callable[[dict[str, Array]], Array], seed: int) -> HeldOut:
+    """A cause in noise with a memory of a tenth of a run, beside a constant."""
+    logs = []
+    for number in range(4):
+        c = rich_run(seed + number, ROWS)
+        white = np.random.default_rng([seed, number]).normal(0.0, 0.02, ROWS)
+        slow = lfilter([0.1], [1.0, -0.995], white)
+        logs.append(log_of(c, sensor_torque=c[LOAD] + cause(c) + slow))
+    here = problem_of(
+        logs, [effect("offset")], "sensor_torque", known_load=LOAD, lowpass_hz=None, threads=1
+    )
+    plain = Whitening(np.ones(1), 0.02**2, 1)
+    work, _ = solved_at(here, working([effect("offset")], 1, {}), plain)
+    return held_out(here, work, plain)
+
+
+@pytest.mark.parametrize("seed", range(20, 40))
+def test_slow_noise_does_not_come_again(seed: int) -> None:
+    assert repeated(held_out_of(lambda c: np.zeros(ROWS), seed)) is None
+
+
+@pytest.mark.parametrize(
+    ("cause", "channels"),
+    [
+        (lambda c: 0.1 * np.sin(40.0 * c["output_position"]), {"output_position"}),
+        (lambda c: 0.1 * np.sin(9.0 * c["output_velocity"]), {"output_velocity"}),
+    ],
+)
+def test_waves_finer_than_all_functions_come_again_where_they_were(
+    cause: Callable[[dict[str, Array]], Array], channels: set[str]
+) -> None:
+    found = repeated(held_out_of(cause, 20))
+    assert found is not None
+    assert channels <= set(found.channels)
+    assert 0.3 * 0.005 < found.fall < 1.1 * 0.005  # of its mean square

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.discovery.analysis import Analysis, Rival, contribution, rivals_of, tied_channels
-from flexspline.discovery.basis import Functions
+from flexspline.discovery.basis import Functions, channel_told
 from flexspline.discovery.confirmation import Confirmed, wald
 from flexspline.discovery.evidence import equivalent_t
 from flexspline.discovery.faults import DataFault
@@ -17,6 +17,7 @@ from flexspline.discovery.result import Discovery, Found, Unexplained, confidenc
 from flexspline.discovery.search import cost_of
 from flexspline.discovery.settings import SETTINGS
 from flexspline.discovery.slices import HeldRun
+from flexspline.discovery.unexplained import repeated
 from flexspline.effects import UNITS, Effect
 from flexspline.errors import listed
 from flexspline.experiment.limits import Limits
@@ -156,6 +157,8 @@ def assembled(
     left = [made.left_by(work) for work in _nested(made)]
     steps = [one.rmse for one in left]
     unexplained, floor = _unexplained(made, made.plain, steps)
+    if unexplained is None:
+        unexplained, floor = _again(made, left[-1], steps)
     tied = tied_channels(problem, made.final)
     found = [
         _found(held, effect, steps[number], steps[number + 1], tied)
@@ -239,6 +242,20 @@ def _unexplained(
         floor *= steps[-1] / held_out(problem, made.final, plain).rmse
     floor = min(floor, *steps)
     return Unexplained(float(min(share, 1.0)), tuple(made.leftover.channels)), floor
+
+
+def _again(made: Analysis, left: HeldOut, steps: list[float]) -> tuple[Unexplained | None, float]:
+    """What comes again at the same place in other folds, if it matters; and the floor below it."""
+    again = repeated(left)
+    if again is None:
+        return None, steps[-1]
+    share = again.fall / max(steps[0] ** 2 - steps[-1] ** 2 + again.fall, TINY)
+    if share < SETTINGS.bends:
+        return None, steps[-1]
+    known = made.study.problem.known_load
+    channels = dict.fromkeys(channel_told(name, known) for name in again.channels)
+    floor = float(np.sqrt(max(steps[-1] ** 2 - again.fall, 0.0)))
+    return Unexplained(float(min(share, 1.0)), tuple(channels)), floor
 
 
 def _found(

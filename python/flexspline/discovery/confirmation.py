@@ -36,6 +36,7 @@ from flexspline.effects import Effect
 from flexspline.fit.names import coefficient_names
 from flexspline.fit.result import Fit
 from flexspline.regression.gram import SINGULAR, TINY
+from flexspline.regression.held_out import fall_of
 from flexspline.regression.working import Working
 
 __all__ = ["AlsoSeen", "Confirmed", "Shown", "confirmed", "significance", "wald"]
@@ -189,7 +190,7 @@ def _all_shown(made: Analysis, fit: Fit) -> list[Shown]:
     shown = []
     for effect in final.named:
         rest = left(final.having([e for e in final.effects if e.name != effect.name]))
-        fall, error = _fall(rest.residuals, whole.residuals, problem.block_rows)
+        fall, error = fall_of(rest.residuals, whole.residuals, problem.block_rows)
         t = equivalent_t(dictionary.gain(effect.name), len(effect.terms))
         share = fall / gap if gap > 0.0 else 1.0
         p = significance(fit, effect.name, held=True)
@@ -223,7 +224,7 @@ def _lowers(made: Analysis, name: str) -> bool:
     others = [values.copy() for values in after.residuals]
     others[run][rows] = np.nan
     length = made.study.problem.block_rows
-    both = (_fall(before.residuals, one, length) for one in (after.residuals, others))
+    both = (fall_of(before.residuals, one, length) for one in (after.residuals, others))
     return all(fall > ERRORS * error for fall, error in both)
 
 
@@ -241,24 +242,3 @@ def _in_order(made: Analysis) -> Analysis:
     if ordered == [*final.effects]:
         return made
     return replace(made, final=made.searcher.fitted(final.having(ordered))[0])
-
-
-def _fall(before: Sequence[Array], after: Sequence[Array], rows: int) -> tuple[float, float]:
-    """How much the mean square of residuals (N,) falls, and its standard error.
-
-    NaN where a row does not count; `rows`: of a block.
-
-    With s the difference of both predictions and e what is left after, s² + 2 s e is the fall of a
-    row. Chance is in the second term alone: its sums over blocks, longer than the memory of e, are
-    independent and have no mean of their own.
-    """
-    total, sums, count = 0.0, list[float](), 0
-    for old, new in zip(before, after, strict=True):
-        both = np.isfinite(old) & np.isfinite(new)
-        gain, left = old[both] - new[both], new[both]
-        total += float(gain @ (gain + 2.0 * left))
-        blocks = np.array_split(2.0 * gain * left, max(1, round(len(gain) / rows)))
-        sums += [float(block.sum()) for block in blocks if len(block)]
-        count += len(gain)
-    chance = float(np.linalg.norm(sums)) if len(sums) > 1 else np.inf
-    return total / max(count, 1), chance / max(count, 1)

@@ -2,19 +2,32 @@
 
 Their products are made once for a noise: models come and go while a cause is looked for, the
 functions stay.
+
+Functions follow no wave or bump that is finer than they are, and slow noise takes it in. What comes
+again at the same place in another run is no noise, whatever its form: `repeated` asks the nearest
+neighbours (Cover and Hart 1967).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import combinations, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 from scipy.stats import chi2
 
-from flexspline.discovery.basis import ROUND, Functions, Nameless, channel_told, nameless_of
+from flexspline.discovery.basis import (
+    DIRECTION,
+    ROUND,
+    Functions,
+    Nameless,
+    channel_told,
+    nameless_of,
+    values_of,
+)
 from flexspline.discovery.evidence import held_out_gain
 from flexspline.discovery.settings import SETTINGS
 from flexspline.fit.problem import Problem
@@ -29,14 +42,17 @@ from flexspline.regression.gram import (
     gain_of,
     solved,
 )
+from flexspline.regression.held_out import HeldOut, fall_of
 from flexspline.regression.working import Working
 
 __all__ = [
     "Ceiling",
     "Leftover",
     "Overlap",
+    "Repeated",
     "kept",
     "leftover_of",
+    "repeated",
 ]
 
 Array = NDArray[np.float64]
@@ -299,3 +315,61 @@ def kept(table: Table, mine: Columns, others: Columns, functions: Columns) -> fl
     squares = float(beta @ beside[np.ix_(mine, mine)] @ beta)
     scale = float(np.clip(along / max(squares, TINY), 0.0, 1.0))
     return (2.0 * scale * along - scale**2 * squares) / max(gain, TINY)
+
+
+@dataclass(frozen=True)
+class Repeated:
+    """What comes again at the same values of some channels: by how much it lowers the mean square
+    of a held-out residual, the standard error of that, and the channels."""
+
+    fall: float
+    error: float
+    channels: tuple[str, ...]
+
+
+NEIGHBOURS = 2 * SETTINGS.tried
+
+
+def repeated(left: HeldOut) -> Repeated | None:
+    """Return what neighbours in other folds foretell best of a held-out residual, if they do.
+
+    A row's neighbours are the rows of other folds with the nearest values of a channel, or of two,
+    in standard deviations; where they are far nothing is foretold. Of noise they foretell nothing,
+    slow or not: other folds know nothing of it.
+    """
+    problem = left.problem
+    alone = {c for group in nameless_of(problem) for c in group.channels} - {ROUND, DIRECTION}
+    names = [name for name in values_of(problem, 0, slice(0, 1)) if name in alone]
+    step = max(1, 2 * sum(map(len, left.residuals)) // SETTINGS.rows)
+    places, values = list[Array](), list[Array]()
+    for fold in left.folds:
+        made = values_of(problem, fold.run, slice(fold.first, fold.last))
+        place = np.column_stack([made[name] for name in names])[::step]
+        value = left.residuals[fold.run][fold.first : fold.last : step]
+        counted = np.isfinite(value)
+        places.append(place[counted])
+        values.append(value[counted])
+    scale = np.maximum(np.std(np.concatenate(places), axis=0), TINY)
+    places = [place / scale for place in places]
+    block = max(2, problem.block_rows // step)
+    found = []
+    for count in (1, 2):
+        for columns in combinations(range(len(names)), count):
+            own = [place[:, columns] for place in places]
+            after = [value - _foretold(own, values, k) for k, value in enumerate(values)]
+            fall, error = fall_of(values, after, block)
+            if fall > SETTINGS.told * error:
+                found.append(Repeated(fall, error, tuple(names[k] for k in columns)))
+    return max(found, key=lambda one: one.fall / max(one.error, TINY), default=None)
+
+
+def _foretold(places: Sequence[Array], values: Sequence[Array], fold: int) -> Array:
+    """What the neighbours in other folds say of the rows of one, (n,)."""
+    rest = [k for k in range(len(places)) if k != fold and len(values[k])]
+    others = np.concatenate([values[k] for k in rest]) if rest else np.empty(0)
+    if len(others) < NEIGHBOURS or not len(values[fold]):
+        return np.zeros(len(values[fold]))
+    tree = cKDTree(np.concatenate([places[k] for k in rest]))
+    far, at = tree.query(places[fold], k=NEIGHBOURS)
+    told = SETTINGS.most * others[at].mean(axis=1)
+    return np.where(far[:, -1] < SETTINGS.little, told, 0.0)

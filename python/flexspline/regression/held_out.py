@@ -25,7 +25,7 @@ from flexspline.regression.gram import (
 )
 from flexspline.regression.working import Working, solved_at
 
-__all__ = ["Fold", "HeldOut", "held_out", "plain_rows"]
+__all__ = ["Fold", "HeldOut", "fall_of", "held_out", "plain_rows"]
 
 Array = NDArray[np.float64]
 
@@ -128,3 +128,24 @@ def _folds(problem: Problem, work: Working, betas: Sequence[Array]) -> Iterator[
             values = work.coefficients.copy()
             values[work.free] = next(solutions)[:count]
             yield Fold(number, int(first), int(last), values)
+
+
+def fall_of(before: Sequence[Array], after: Sequence[Array], rows: int) -> tuple[float, float]:
+    """Return how much the mean square of residuals (N,) falls, and its standard error.
+
+    NaN where a row does not count; `rows`: of a block.
+
+    With s the difference of both predictions and e what is left after, s² + 2 s e is the fall of a
+    row. Chance is in the second term alone: its sums over blocks, longer than the memory of e, are
+    independent and have no mean of their own.
+    """
+    total, sums, count = 0.0, list[float](), 0
+    for old, new in zip(before, after, strict=True):
+        both = np.isfinite(old) & np.isfinite(new)
+        gain, left = old[both] - new[both], new[both]
+        total += float(gain @ (gain + 2.0 * left))
+        blocks = np.array_split(2.0 * gain * left, max(1, round(len(gain) / rows)))
+        sums += [float(block.sum()) for block in blocks if len(block)]
+        count += len(gain)
+    chance = float(np.linalg.norm(sums)) if len(sums) > 1 else np.inf
+    return total / max(count, 1), chance / max(count, 1)
