@@ -65,7 +65,6 @@ __all__ = [
     "equivalent_t",
     "held_out_gain",
     "offers",
-    "parted",
     "price",
     "price_of",
 ]
@@ -314,7 +313,7 @@ def _orders(
         trials = []
         for atom in (a for a in atoms if a not in chosen):
             both = np.concatenate([columns, dictionary.at[atom]])
-            if not chosen or parted(left, both, raw):
+            if not chosen or _parted(left, both, raw):
                 trials.append((gain_of(left, both, raw)[0], atom, both))
         if not trials:
             break
@@ -327,7 +326,7 @@ def _orders(
     return Offer(variant.with_orders(harmonics), columns, gain, cost)
 
 
-def parted(left: Array, columns: Columns, raw: Array) -> bool:
+def _parted(left: Array, columns: Columns, raw: Array) -> bool:
     """Whether every mix of these columns keeps a share of its squares beside the model."""
     scale = np.sqrt(np.maximum(raw[columns], TINY))
     products = left[np.ix_(columns, columns)] / np.outer(scale, scale)

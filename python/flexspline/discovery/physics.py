@@ -41,7 +41,7 @@ STRIBECK = "stribeck_friction"
 
 SPRINGS = "presliding_friction"
 HYSTERESIS = "torque_hysteresis"
-LOOPS = (SPRINGS, "torsional_hysteresis", HYSTERESIS)
+LOOPS = (SPRINGS, "torsional_hysteresis")
 """Elements all have one sign, as loops cost energy: the positive one, but for friction, which a
 sensor may see from either side."""
 

@@ -43,7 +43,6 @@ from flexspline.discovery.evidence import (
     columned,
     held_out_gain,
     offers,
-    parted,
     price,
     price_of,
 )
@@ -256,8 +255,6 @@ def _freed(problem: Problem, effect: Effect) -> list[Nameless]:
 
 
 LEFT_OF_FORM = "no more than what the form of a named effect misses"
-WAVES = "position_dependent_friction"
-FEW_ANGLES = "these runs see too little of a turn to tell its waves from any bend"
 
 
 @dataclass(frozen=True)
@@ -347,12 +344,11 @@ class Searcher:
             gain = dictionary.gain(effect.name)
             cost, missed = self._owed(dictionary, work, effect)
             rest = work.having([e for e in work.effects if e.name != effect.name])
-            columns, own = dictionary.without([effect.name]), dictionary.own(effect.name)
-            few = self._few_angles(effect, dictionary, columns, own)
-            if few or gain < max(cost, missed):
+            if gain < max(cost, missed):
                 work, squares = self.fitted(rest)
                 continue
-            made = self._offers(dictionary, columns, rest)
+            columns = dictionary.without([effect.name])
+            made = offers(dictionary, columns)
             better = (o for o in sorted(made, key=_rank, reverse=True) if o.net > gain - cost)
             best = next((o for o in better if self._worthy(o, dictionary, rest, columns)), None)
             if best is None:
@@ -367,7 +363,7 @@ class Searcher:
 
     def _best(self, work: Working, squares: float) -> tuple[Working, float, Step] | None:
         dictionary = self.study.dictionary(work, self.whitening)
-        made = sorted(self._offers(dictionary, dictionary.model, work), key=_rank, reverse=True)
+        made = sorted(offers(dictionary, dictionary.model), key=_rank, reverse=True)
         worthy = [
             offer for offer in made if self._worthy(offer, dictionary, work, dictionary.model)
         ]
@@ -380,29 +376,6 @@ class Searcher:
                 return chosen, left, replace(step, offers=beside)
             worthy = [offer for offer in worthy if offer not in near]
         return None
-
-    def _offers(self, dictionary: Dictionary, model: Columns, work: Working) -> list[Offer]:
-        """Every candidate beside these columns of a model, but for those of `_few_angles`."""
-        made = offers(dictionary, model)
-        if self.lax or not work.named:
-            return made
-        return [o for o in made if not self._few_angles(o.effect, dictionary, model, o.columns)]
-
-    def _few_angles(
-        self, effect: Effect, dictionary: Dictionary, model: Columns, own: Columns
-    ) -> bool:
-        """Whether an effect is waves of which too little is seen to stand beside other names.
-
-        They would bend as any function of the angle, with coefficients that cancel, and take what
-        the forms of the names miss.
-        """
-        if self.lax or effect.name != WAVES:
-            return False
-        raw = np.diag(dictionary.table.total)
-        few = not parted(dictionary.table.without(model), own, raw)
-        if few:
-            self.refused[WAVES] = FEW_ANGLES
-        return few
 
     def _worthy(self, offer: Offer, dictionary: Dictionary, work: Working, model: Columns) -> bool:
         """Whether an offer beside a model, and its columns, is worth a fit of its shapes."""

@@ -338,6 +338,9 @@ def repeated(left: HeldOut) -> Repeated | None:
     slow or not: other folds know nothing of it.
     """
     problem = left.problem
+    largest = max(float(np.abs(run.target).max()) for run in problem.runs)
+    if left.rmse <= SINGULAR * largest:
+        return None  # rounding
     alone = {c for group in nameless_of(problem) for c in group.channels} - {ROUND, DIRECTION}
     names = [name for name in values_of(problem, 0, slice(0, 1)) if name in alone]
     step = max(1, 2 * sum(map(len, left.residuals)) // SETTINGS.rows)
