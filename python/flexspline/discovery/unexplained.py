@@ -331,10 +331,10 @@ NEIGHBOURS = 2 * SETTINGS.tried
 
 
 def repeated(left: HeldOut) -> Repeated | None:
-    """Return what neighbours in other folds foretell best of a held-out residual, if they do.
+    """Return what neighbours in other folds predict best of a held-out residual, if they do.
 
     A row's neighbours are the rows of other folds with the nearest values of a channel, or of two,
-    in standard deviations; where they are far nothing is foretold. Of noise they foretell nothing,
+    in standard deviations; where they are far nothing is predicted. Of noise they predict nothing,
     slow or not: other folds know nothing of it.
     """
     problem = left.problem
@@ -359,14 +359,14 @@ def repeated(left: HeldOut) -> Repeated | None:
     for count in (1, 2):
         for columns in combinations(range(len(names)), count):
             own = [place[:, columns] for place in places]
-            after = [value - _foretold(own, values, k) for k, value in enumerate(values)]
+            after = [value - _predicted(own, values, k) for k, value in enumerate(values)]
             fall, error = fall_of(values, after, block)
             if fall > SETTINGS.told * error:
                 found.append(Repeated(fall, error, tuple(names[k] for k in columns)))
     return max(found, key=lambda one: one.fall / max(one.error, TINY), default=None)
 
 
-def _foretold(places: Sequence[Array], values: Sequence[Array], fold: int) -> Array:
+def _predicted(places: Sequence[Array], values: Sequence[Array], fold: int) -> Array:
     """What the neighbours in other folds say of the rows of one, (n,)."""
     rest = [k for k in range(len(places)) if k != fold and len(values[k])]
     others = np.concatenate([values[k] for k in rest]) if rest else np.empty(0)
