@@ -262,6 +262,7 @@ class Analysis:
     `part`: the study of the rows that were searched first, all of them where they are few.
     `ceiling`: functions without a name, on the share `looked_at` of all rows.
     `doubted`: names that only stood in for a cause without a name, and were taken back.
+    `generalised`: whether the model is fitted by generalised least squares.
     """
 
     study: Study
@@ -274,6 +275,7 @@ class Analysis:
     doubted: tuple[str, ...]
     ceiling: Ceiling
     looked_at: float
+    generalised: bool = False
 
     def without(self, name: str) -> Analysis:
         """Return the analysis with one effect fewer: the others refitted, what is left anew."""
@@ -311,22 +313,22 @@ class Analysis:
         return self.searcher.whitening
 
     @cached_property
-    def plain(self) -> Whitening:
-        """Rows as a user sees them, weighed by what the final model leaves."""
-        return plain_rows(self.study.problem, self.final)
+    def fitted_as(self) -> Whitening:
+        """How the model that is returned weighs rows."""
+        return self.whitening if self.generalised else plain_rows(self.study.problem, self.final)
 
     @cached_property
     def _left(self) -> dict[Any, HeldOut]:
         return {}
 
     def left_by(self, work: Working) -> HeldOut:
-        """Return what a model refitted to the rows as they are leaves of those held out."""
+        """Return what a model refitted as the final one leaves of rows held out."""
         key = work.effects, work.base, tuple(sorted(work.fixed.items()))
         found = self._left.pop(key, None)
         if found is None:
             problem = self.study.problem
-            made, _ = refitted(problem, work, self.plain)
-            found = held_out(problem, made, self.plain)
+            made, _ = refitted(problem, work, self.fitted_as)
+            found = held_out(problem, made, self.fitted_as)
         self._left[key] = found
         if len(self._left) > SETTINGS.tried:  # each holds as many numbers as there are rows
             del self._left[next(iter(self._left))]

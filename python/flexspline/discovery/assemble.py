@@ -156,7 +156,7 @@ def assembled(
     made, fit, problem = held.made, held.fit, held.made.study.problem
     left = [made.left_by(work) for work in _nested(made)]
     steps = [one.rmse for one in left]
-    unexplained, floor = _unexplained(made, made.plain, steps)
+    unexplained, floor = _unexplained(made, made.fitted_as, steps)
     if unexplained is None:
         unexplained, floor = _again(made, left[-1], steps)
     tied = tied_channels(problem, made.final)
@@ -218,7 +218,7 @@ def _nested(made: Analysis) -> list[Working]:
 
 
 def _unexplained(
-    made: Analysis, plain: Whitening, steps: list[float]
+    made: Analysis, rows: Whitening, steps: list[float]
 ) -> tuple[Unexplained | None, float]:
     """What is left above the noise floor, if it matters; and the floor.
 
@@ -237,9 +237,9 @@ def _unexplained(
     share = (last - least) / (first - least) if min(first, last) > least else made.leftover.share
     if share < SETTINGS.bends:
         return None, steps[-1]
-    floor = held_out(problem, made.final, plain, functions).rmse
+    floor = held_out(problem, made.final, rows, functions).rmse
     if made.part is not made.study:
-        floor *= steps[-1] / held_out(problem, made.final, plain).rmse
+        floor *= steps[-1] / held_out(problem, made.final, rows).rmse
     floor = min(floor, *steps)
     return Unexplained(float(min(share, 1.0)), tuple(made.leftover.channels)), floor
 

@@ -18,6 +18,7 @@ significant in the final fit and lowers the held-out error.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -53,6 +54,9 @@ __all__ = [
     "possible",
     "scanned",
     "shaped",
+    "span_of",
+    "unseen",
+    "unseen_of",
     "with_freedoms",
 ]
 
@@ -196,6 +200,7 @@ def _size(values: Array, unit: str) -> float:
 
 GRAVITY = (1, "output_on_housing")
 FACTS = ("pole_pairs", "slots")
+WAVE = re.compile(r"(?:co)?sine \d+")  # a term that waves over a turn of the joint
 
 
 def scanned(logs: Sequence[Log], residuals: Sequence[Any], unit: str) -> tuple[FoundOrder, ...]:
@@ -246,6 +251,36 @@ def order_pools(
             if f.effect in LEADERS and isinstance(f.order, int) and f.pair]  # fmt: skip
     own[FOLLOWER] = list(dict.fromkeys([*leading, *seen]))
     return {name: _allowed(name, own[name]) for name in names if own.get(name)}
+
+
+def span_of(problem: Problem) -> float:
+    """How far the output goes from end to end in a run, rad; without bound where unknown."""
+    kept: dict[Any, Any] = problem.kept
+    if "span" not in kept:
+        logs = [run.log for run in problem.runs]
+        angles = [log["output_position"] for log in logs if "output_position" in log]
+        kept["span"] = max((float(np.ptp(angle)) for angle in angles), default=np.inf)
+    return float(kept["span"])
+
+
+def unseen(effect: Effect, span: float) -> list[int]:
+    """Numbers of the terms that wave too slowly over the joint's angle for these runs to show.
+
+    Of an order half a period has to be seen, as in `order_pools`: friction that waves less than
+    that is a constant and a slope, and two such waves are large and cancel. The fastest is told at
+    any span.
+    """
+    orders = [int(t.name.split()[-1]) if WAVE.fullmatch(t.name) else 0 for t in effect.terms]
+    fastest = max(orders, default=0)
+    return [
+        k for k, order in enumerate(orders) if 0 < order < fastest and order * span < 0.5 * np.pi
+    ]
+
+
+def unseen_of(effects: Iterable[Effect], problem: Problem) -> dict[str, float]:
+    """Return the `unseen` coefficients of effects by name, and the zero at which they are held."""
+    span = span_of(problem)
+    return {f"{e.name}.{e.terms[k].name}": 0.0 for e in effects for k in unseen(e, span)}
 
 
 def _allowed(name: str, orders: list[Harmonic]) -> tuple[Harmonic, ...]:

@@ -115,6 +115,8 @@ def confirmed(made: Analysis, fitted: Callable[[Working], Fit], base: Sequence[s
     made = _in_order(_settled(made, base))
     while True:
         fit = fitted(made.final)
+        if fit.generalised != made.generalised:
+            made = replace(made, generalised=fit.generalised)
         shown = _all_shown(made, fit)
         failing = [one for one in shown if one.withdrawn]
         if failing:

@@ -287,17 +287,16 @@ class _Recorded:
 
         ways, start = way.preparations, way.start
         made = cls._made(runs, way, ways)
+        inside = [away_from_ends(a, b, ways) for a, b in zip(runs, made.logs, strict=True)]
+        made = replace(made, counted=inside) if ways else made
         if start.target == "torsion" or not any(w.channel == "output_position" for w in ways):
             return made
-        further = cls._made(runs, way, coarser(ways))
+        further = replace(cls._made(runs, way, coarser(ways)), counted=inside)
         base = [effect for effect in start.effects if effect.harmonics or not effect.ripple]
 
         def posed(effects: Sequence[Effect], coarse: bool) -> Problem:
             return (further if coarse else made).problem(effects)
 
-        inside = [away_from_ends(a, b, ways) for a, b in zip(runs, made.logs, strict=True)]
-        made = replace(made, counted=inside)
-        further = replace(further, counted=inside)
         told = resolved(base, start.fixed, posed)
         return replace(made, counted=[a & b for a, b in zip(inside, told, strict=True)])
 
@@ -365,7 +364,7 @@ class _Recorded:
 
     def confirmed(self, made: Analysis, free: Sequence[str]) -> Confirmed:
         """The names that hold, in the model that is fitted to all rows that count."""
-        from flexspline.discovery.candidates import held_of
+        from flexspline.discovery.candidates import held_of, unseen_of
         from flexspline.discovery.confirmation import confirmed
         from flexspline.fit.fitting import fit_near
 
@@ -373,9 +372,10 @@ class _Recorded:
         self.way.say("errors and validation")
 
         def fitted(work: Working) -> Fit:
-            known = {**start.fixed, **held_of(work.effects[: work.base], free)}
-            return fit_near(self.problem(work.effects), work.effects, known, _bounds(work, start),
-                            start.model, general=True)  # fmt: skip
+            problem, base = self.problem(work.effects), work.effects[: work.base]
+            known = {**unseen_of(work.named, problem), **start.fixed, **held_of(base, free)}
+            return fit_near(problem, work.effects, known, _bounds(work, start), start.model,
+                            general=True)  # fmt: skip
 
         return confirmed(made, fitted, [effect.name for effect in start.effects])
 

@@ -39,7 +39,7 @@ from scipy.optimize import brentq, nnls
 from scipy.special import gammaln
 from scipy.stats import chi2, norm
 
-from flexspline.discovery.candidates import Candidate
+from flexspline.discovery.candidates import Candidate, span_of, unseen
 from flexspline.discovery.physics import one_signed
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect
@@ -139,7 +139,8 @@ class Dictionary:
     """The table of a model beside candidates.
 
     `target`: what is explained. `model`: its columns, shapes' included. `owners`: effect of each of
-    them. `at`: columns of each effect that a candidate consists of.
+    them. `at`: columns of each effect that a candidate consists of, but for those that these runs
+    do not show (`unseen`).
     """
 
     target: str
@@ -177,6 +178,7 @@ class Columned:
     whitening: Whitening
     table: Table
     at: dict[Effect, Columns]
+    span: float
 
     def has(self, candidates: Sequence[Candidate]) -> bool:
         """Whether every column of these candidates is there."""
@@ -187,7 +189,9 @@ class Columned:
         wanted = list(dict.fromkeys(e for c in candidates for e in c.effects))
         own = np.arange(len(self.work.owners()))
         columns = np.concatenate([own, *(self.at[effect] for effect in wanted)])
-        owners, at = tuple(self.work.owners()), _placed(wanted, len(own))
+        owners = tuple(self.work.owners())
+        at = {e: np.delete(columns, unseen(e, self.span)) for e, columns in
+              _placed(wanted, len(own)).items()}  # fmt: skip
         return Dictionary(self.target, self.table.of(columns), own, owners, tuple(candidates), at)
 
 
@@ -198,7 +202,7 @@ def columned(
     wanted = list(dict.fromkeys(wanted))
     table = tabulated(problem, work.sheet(beside=wanted), whitening)
     at = _placed(wanted, len(work.owners()))
-    return Columned(problem.target, work, whitening, table, at)
+    return Columned(problem.target, work, whitening, table, at, span_of(problem))
 
 
 def _placed(effects: Sequence[Effect], first: int) -> dict[Effect, Columns]:

@@ -35,6 +35,8 @@ from flexspline.discovery.candidates import (
     order_pools,
     possible,
     scanned,
+    span_of,
+    unseen_of,
 )
 from flexspline.discovery.evidence import (
     Columned,
@@ -101,16 +103,6 @@ class Study:
     def target(self) -> str:
         return self.problem.target
 
-    @property
-    def _span(self) -> float:
-        """How far the output goes from end to end in a run, rad; without bound where unknown."""
-        kept: dict[Any, Any] = self.problem.kept
-        if "span" not in kept:
-            logs = [run.log for run in self.problem.runs]
-            angles = [log["output_position"] for log in logs if "output_position" in log]
-            kept["span"] = max((float(np.ptp(angle)) for angle in angles), default=np.inf)
-        return float(kept["span"])
-
     def thinned(self) -> Study:
         """The same for a part of long logs; itself for others."""
         news = rows_of(self.problem) // self.problem.decimation
@@ -125,7 +117,9 @@ class Study:
         if orders is not self.orders:
             facts = self.problem.runs[0].log.facts
             names = [e.name for e in self.possible]
-            pools = order_pools(names, facts, self.orders, model, self.target, self._span)
+            pools = order_pools(
+                names, facts, self.orders, model, self.target, span_of(self.problem)
+            )
             made = candidates_for(model, self.possible, self.problem, pools)
             self.known[tuple(model)] = self.orders, made
         return made
@@ -300,8 +294,13 @@ class Searcher:
         return work, steps
 
     def fitted(self, work: Working) -> tuple[Working, float]:
-        """Refit a model on the rows that its memory allows, all its springs of one sign."""
+        """Refit a model on the rows that its memory allows, all its springs of one sign.
+
+        What these runs do not show of a name is held at zero (`unseen`).
+        """
         problem, target = self.study.problem, self.study.target
+        if (hidden := unseen_of(work.named, problem)).keys() - work.fixed.keys():
+            work = replace(work, fixed={**hidden, **work.fixed}).having(work.effects)
         work, squares = refitted(problem, work, self.whitening)
         while spring := driving_spring(work, target):
             work, squares = refitted(problem, work.holding(spring, 0.0), self.whitening)

@@ -250,9 +250,11 @@ def _resolved(
     from flexspline.fit.resolution import away_from_ends, coarser, resolved_rows, with_fastest
     from flexspline.prepared import MOTION, VELOCITY, prepared
 
-    if target == "torsion" or not any(way.channel == VELOCITY for way in ways):
+    if not ways:
         return None
     inside = [away_from_ends(log, log, ways) for log in runs]
+    if target == "torsion" or not any(way.channel == VELOCITY for way in ways):
+        return inside
     these = with_fastest([e for e in effects if e.harmonics or not e.ripple])
     exact = posed(fine, these, inside)
     motion = [way for way in coarser(ways) if way.channel in MOTION]

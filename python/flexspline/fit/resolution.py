@@ -8,8 +8,10 @@ not say what the model should predict, and the rows do not count.
 
 The model that is asked has Coulomb and viscous friction, which turn over fastest.
 
-Near the ends of a recording a smoother has rows on one side only, and its derivatives are many
-times as noisy there as elsewhere: within its reach the rows do not count either.
+Near the ends of a recording, and beside a gap, a smoother has rows on one side only: derivatives
+are many times as noisy there as elsewhere, and a value is off by another share of the curvature.
+Within its reach the rows do not count; one row of them would stand out by the jump. So it is with a
+load, whose slope tells by how much it is late; a temperature hardly changes within its reach.
 """
 
 from __future__ import annotations
@@ -21,7 +23,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.effects import Effect
+from flexspline.logs.local_fit import LocalFit
 from flexspline.logs.log import Log
+from flexspline.logs.segments import runs
 from flexspline.prepared import MOTION, Preparation
 
 __all__ = ["away_from_ends", "coarser", "resolved_rows", "with_fastest"]
@@ -31,7 +35,7 @@ Masks = list[NDArray[np.bool_]]
 
 HALF = 0.5  # of the bandwidth: what a smoother that is off by an octave would tell
 FASTEST = ("coulomb_friction", "viscous_friction")
-REACH = 1.0  # over the bandwidth: how far a smoother's rows lie on both sides
+SLOW = "temperature"
 LEAST = 0.5  # of a run: where less would count, all of it does
 SHORT = 0.05  # s: the noise of the target is what it differs by after so long, in the median
 
@@ -45,10 +49,13 @@ def coarser(ways: Sequence[Preparation]) -> tuple[Preparation, ...]:
 
 
 def away_from_ends(recorded: Log, log: Log, ways: Sequence[Preparation]) -> NDArray[np.bool_]:
-    """Return which rows (N,) of a part of a recording no end of it blurs."""
-    reach = max((REACH / way.bandwidth for way in ways if way.channel in MOTION), default=0.0)
-    first, last = recorded["time"][[0, -1]]
-    inside = (log["time"] >= first + reach) & (log["time"] <= last - reach)
+    """Return which rows (N,) of a part of a recording no end or gap of it blurs."""
+    fits = (LocalFit(way.bandwidth) for way in ways if way.channel != SLOW)
+    reach = max((fit.half_length for fit in fits), default=0.0)
+    unbroken, time = runs(recorded["time"]), log["time"]
+    first, last = recorded["time"][unbroken[:, 0]], recorded["time"][unbroken[:, 1] - 1]
+    own = np.searchsorted(first, time, side="right") - 1
+    inside = (time >= first[own] + reach) & (time <= last[own] - reach)
     return inside if np.mean(inside) >= LEAST else np.ones(len(log), dtype=bool)
 
 
