@@ -150,6 +150,8 @@ def test_a_name_is_withdrawn_for_one_of_two_reasons(more: dict[str, float], why:
 class Made:
     """An analysis of names, as far as `confirmed` asks it."""
 
+    generalised = False
+
     def __init__(self, names: list[str], given: list[str], refused: dict[str, str]) -> None:
         self.names, self.given = names, given
         self.searcher = SimpleNamespace(refused=refused)
@@ -183,7 +185,7 @@ def confirmed(
         return [Shown(Effect(name), **{**usual, **each[name]}) for name in made.names]
 
     def fit(final: Any) -> Any:
-        return SimpleNamespace()
+        return SimpleNamespace(generalised=False)
 
     monkeypatch.setattr(confirmation, "_all_shown", all_shown)
     monkeypatch.setattr(confirmation, "_in_order", lambda made: made)

@@ -61,9 +61,10 @@ class Delay:
     def significant(self) -> bool:
         return abs(self.seconds) > SETTINGS.told * self.error
 
-    def agrees(self, seconds: float) -> bool:
-        """Whether a delay lies within the error of this one."""
-        return abs(seconds - self.seconds) <= SETTINGS.told * self.error
+    def bears_out(self, seconds: float) -> bool:
+        """Whether a delay lies within the error of this one, which would tell it from none."""
+        reach = SETTINGS.told * self.error
+        return abs(seconds - self.seconds) <= reach < abs(seconds)
 
 
 def delay_beside_everything(look: FirstLook) -> Delay:

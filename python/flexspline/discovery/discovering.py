@@ -405,7 +405,8 @@ def _on_one_clock(
 
     recorded, late, delay = at(0.0), Delay(), 0.0
     if LAG not in free:  # a torsion: what the load makes of it depends on the names
-        made = analysed(recorded.look(exclude, free), way.say)
+        as_read, found = recorded, analysed(recorded.look(exclude, free), way.say)
+        made = found
         for _ in range(SETTINGS.tried - 1):
             late = delay_behind(made)
             if not late.significant:
@@ -413,6 +414,8 @@ def _on_one_clock(
             delay += late.seconds
             recorded = at(delay)
             made = analysed(recorded.look(exclude, free), way.say)
+        if made.leftover.share >= 0.5:  # a cause without a name, which may be what is late
+            made, recorded, delay = found, as_read, 0.0
         return recorded, recorded.confirmed(made, free), delay
     others, sensor = [name for name in free if name != LAG], way.start.target in SENSOR
     look = recorded.look(exclude, free)
@@ -429,7 +432,7 @@ def _on_one_clock(
     if sensor and rest.significant and delay + rest.seconds < 0.0:
         delay, recorded = 0.0, at(0.0)
         made = analysed(recorded.look(exclude, others), way.say)
-    elif rest.significant and late.agrees(delay + rest.seconds):
+    elif rest.significant and late.bears_out(delay + rest.seconds):
         delay += rest.seconds
         recorded = at(delay)
         made = made.in_runs(recorded.study([*exclude, LAG], others)[0], LAG)
