@@ -189,6 +189,8 @@ def confirmed(
 
     monkeypatch.setattr(confirmation, "_all_shown", all_shown)
     monkeypatch.setattr(confirmation, "_in_order", lambda made: made)
+    monkeypatch.setattr(confirmation, "_rivals", lambda made: {})
+    monkeypatch.setattr(confirmation, "_rising", lambda made, shown: None)
     monkeypatch.setattr(confirmation, "significance", lambda fit, name: idle[name])
 
     def settled(made: Any, base: Sequence[str]) -> Any:

@@ -52,7 +52,6 @@ from flexspline.regression.working import Working, refitted, solved_at, started,
 from flexspline.report.numbers import percent
 
 __all__ = [
-    "MANY_ALIASES",
     "Analysis",
     "FirstLook",
     "Rival",
@@ -68,7 +67,6 @@ Array = NDArray[np.float64]
 
 COGGING = "cogging"
 READ = ("time", "output_position", "output_velocity", "output_acceleration", "temperature")
-MANY_ALIASES = "four other effects or more explain as much in these runs"
 EXPLAINS = 0.5  # of what the named effect gains, that a rival gains in its place at least
 
 
@@ -334,6 +332,15 @@ class Analysis:
             del self._left[next(iter(self._left))]
         return found
 
+    def nested(self) -> list[Working]:
+        """The base, and the model with one name more each."""
+        models, final = [self.base], self.final
+        for count in range(1, len(final.named)):
+            models.append(
+                self.searcher.fitted(final.having(final.effects[: final.base + count]))[0]
+            )
+        return [*models, final] if final.named else models
+
     @property
     def searched(self) -> float:
         """Share of the rows that were searched first."""
@@ -414,12 +421,9 @@ def analysed(look: FirstLook, say: Callable[[str], object]) -> Analysis:
     final = searcher.pruned(simplest(searcher, final))
     for name in [e.name for e in final.named]:
         effect = next((e for e in final.named if e.name == name), None)
-        if effect is None:
+        if effect is None or effect.info.remembers:
             continue
-        if sum(rival.alias for rival in rivals_of(searcher, final, effect)) >= SETTINGS.tried:
-            searcher.refused[name] = MANY_ALIASES
-            final, leftover = without(name)
-        elif not effect.info.remembers and _one_sided(looked_at, final, whitening, name):
+        if _one_sided(looked_at, final, whitening, name):
             doubted.append(name)
             final, leftover = without(name)
     return Analysis(

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.discovery.analysis import Analysis, Rival, contribution, rivals_of, tied_channels
+from flexspline.discovery.analysis import Analysis, Rival, contribution, tied_channels
 from flexspline.discovery.basis import Functions, channel_told
 from flexspline.discovery.confirmation import Confirmed, wald
 from flexspline.discovery.evidence import equivalent_t
@@ -25,11 +24,9 @@ from flexspline.experiment.planning import planned
 from flexspline.fit.problem import Problem
 from flexspline.fit.ripple import CORE_PAIRS
 from flexspline.logs.channel_noise import ChannelNoise
-from flexspline.logs.checks.dependence import Dependence
 from flexspline.orders.parts import Candidate, Pair, owner, pairs
 from flexspline.regression.gram import TINY, Whitening, by_runs
 from flexspline.regression.held_out import HeldOut, held_out
-from flexspline.regression.working import Working
 from flexspline.report.numbers import percent
 
 __all__ = ["assembled", "where"]
@@ -154,14 +151,14 @@ def assembled(
 ) -> Discovery:
     """Put everything together that a user sees; `limits`: of the run to record next."""
     made, fit, problem = held.made, held.fit, held.made.study.problem
-    left = [made.left_by(work) for work in _nested(made)]
+    left = [made.left_by(work) for work in made.nested()]
     steps = [one.rmse for one in left]
     unexplained, floor = _unexplained(made, made.fitted_as, steps)
     if unexplained is None:
         unexplained, floor = _again(made, left[-1], steps)
     tied = tied_channels(problem, made.final)
     found = [
-        _found(held, effect, steps[number], steps[number + 1], tied)
+        _found(held, effect, steps[number], steps[number + 1])
         for number, effect in enumerate(made.final.named)
     ]
     pairs = [(one.effect, rival.effect) for one in found for rival in one.rivals if rival.alias]
@@ -209,14 +206,6 @@ def _runs(made: Analysis, before: HeldOut, after: HeldOut) -> tuple[HeldRun, ...
     )
 
 
-def _nested(made: Analysis) -> list[Working]:
-    """The base, and the model with one name more each."""
-    models, fitted = [made.base], made.searcher.fitted
-    for count in range(1, len(made.final.named)):
-        models.append(fitted(made.final.having(made.final.effects[: made.final.base + count]))[0])
-    return [*models, made.final] if made.final.named else models
-
-
 def _unexplained(
     made: Analysis, rows: Whitening, steps: list[float]
 ) -> tuple[Unexplained | None, float]:
@@ -258,13 +247,11 @@ def _again(made: Analysis, left: HeldOut, steps: list[float]) -> tuple[Unexplain
     return Unexplained(float(min(share, 1.0)), tuple(channels)), floor
 
 
-def _found(
-    held: Confirmed, effect: Effect, before: float, after: float, tied: Sequence[Dependence]
-) -> Found:
+def _found(held: Confirmed, effect: Effect, before: float, after: float) -> Found:
     """A name with its evidence: no more than both the search and the final fit bear out."""
     made, shown = held.made, held.shown[effect.name]
     work, searcher = made.final, made.searcher
-    rivals = [_with_tie(rival, effect, tied) for rival in rivals_of(searcher, work, effect)]
+    rivals = [*held.rivals[effect.name]]
     dictionary = searcher.study.dictionary(work, searcher.whitening)
     gain = dictionary.gain(effect.name)
     squares, count = wald(held.fit, effect.name, held=True)
@@ -289,12 +276,6 @@ def _found(
         coefficients_p=shown.p,
         share_of_gap=float(np.clip(shown.share, -1.0, 1.0)),
     )
-
-
-def _with_tie(rival: Rival, effect: Effect, tied: Sequence[Dependence]) -> Rival:
-    """The rival that reads a channel which these runs hardly tell from one of the effect's."""
-    own = (one.said for one in tied if one.swapped(effect.info.reads, rival.effect.info.reads))
-    return replace(rival, tied=next(own, ()))
 
 
 def _evidence(

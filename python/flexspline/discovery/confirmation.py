@@ -12,29 +12,31 @@ Of an effect that is not there the shapes mean nothing, and where they are hardl
 the error of a coefficient large that the runs tell from zero well (Davies 1987). So its test holds
 them; but neither may the errors that are printed reach zero.
 
-Of several names, one that closes less than a form may miss of what all of them close held out, and
-less than a hundredth of what is left without it, with a tenth of the t of the largest at most, is
-real but too small to matter: it is listed as also seen and is no part of the model. Ripple that is
-small in RMS may be as plain as the rest, beside slow noise. Blocks are longer than the residual's
-memory (two seconds at least).
+Nor is it a name where four other effects or more explain as much. Of several names, one that closes
+less than a form may miss of what all of them close held out, and less than a hundredth of what is
+left without it, with a tenth of the t of the largest at most, is real but too small to matter: it
+is listed as also seen and is no part of the model. Ripple that is small in RMS may be as plain as
+the rest, beside slow noise. Blocks are longer than the residual's memory (two seconds at least).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from flexspline.discovery.analysis import Analysis
+from flexspline.discovery.analysis import Analysis, Rival, rivals_of, tied_channels
 from flexspline.discovery.evidence import equivalent_t
-from flexspline.discovery.result import NOT_LOWER, NOT_SIGNIFICANT
+from flexspline.discovery.result import MANY_ALIASES, NOT_LOWER, NOT_SIGNIFICANT
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect
 from flexspline.fit.names import coefficient_names
 from flexspline.fit.result import Fit
+from flexspline.logs.checks.dependence import Dependence
 from flexspline.regression.gram import SINGULAR, TINY
 from flexspline.regression.held_out import fall_of
 from flexspline.regression.working import Working
@@ -43,6 +45,7 @@ __all__ = ["AlsoSeen", "Confirmed", "Shown", "confirmed", "significance", "wald"
 
 Array = NDArray[np.float64]
 
+MOST_ALIASES = SETTINGS.tried - 1
 ERRORS = 2.0  # standard errors: of the fall of the held-out error, of coefficients as printed
 
 
@@ -93,13 +96,14 @@ class Shown:
 class Confirmed:
     """The analysis with the names that hold, what each shows, the fit of its model.
 
-    `also_seen`: effects that are real but too small to matter.
+    `also_seen`: effects that are real but too small to matter. `rivals`: of each name, best first.
     """
 
     made: Analysis
     fit: Fit
     shown: Mapping[str, Shown]
     also_seen: tuple[AlsoSeen, ...]
+    rivals: Mapping[str, Sequence[Rival]]
 
 
 def confirmed(made: Analysis, fitted: Callable[[Working], Fit], base: Sequence[str]) -> Confirmed:
@@ -116,12 +120,16 @@ def confirmed(made: Analysis, fitted: Callable[[Working], Fit], base: Sequence[s
     while True:
         fit = fitted(made.final)
         if fit.generalised != made.generalised:
-            made = replace(made, generalised=fit.generalised)
+            before, made = made, _in_order(replace(made, generalised=fit.generalised))
+            fit = fit if made.final is before.final else fitted(made.final)
         shown = _all_shown(made, fit)
         failing = [one for one in shown if one.withdrawn]
         if failing:
             worst = max(failing, key=lambda one: (one.p, -one.share))
             made.searcher.refused[worst.effect.name] = worst.withdrawn
+        elif rising := _rising(made, shown):
+            worst = rising
+            made.searcher.refused[worst.effect.name] = NOT_LOWER
         else:
             little = _too_small(shown)
             freed = [e.name for e in made.base.effects if e.name not in base and not little]
@@ -130,8 +138,14 @@ def confirmed(made: Analysis, fitted: Callable[[Working], Fit], base: Sequence[s
                 made = made.without(idle[0])
                 continue
             if not little:
-                by_name = {one.effect.name: one for one in shown}
-                return Confirmed(made, fit, by_name, tuple(small))
+                rivals = _rivals(made)
+                vague = [n for n, r in rivals.items() if sum(one.alias for one in r) > MOST_ALIASES]
+                if not vague:
+                    by_name = {one.effect.name: one for one in shown}
+                    return Confirmed(made, fit, by_name, tuple(small), rivals)
+                made.searcher.refused[vague[-1]] = MANY_ALIASES
+                made = made.without(vague[-1])
+                continue
             worst = min(little, key=lambda one: one.share)
             if worst.fall > ERRORS * worst.error:
                 small.append(AlsoSeen(worst.effect.name, *worst.rmse, worst.t, worst.share))
@@ -139,6 +153,28 @@ def confirmed(made: Analysis, fitted: Callable[[Working], Fit], base: Sequence[s
             else:
                 made.searcher.refused[worst.effect.name] = "too small to be seen held out"
         made = made.without(worst.effect.name)
+
+
+def _rising(made: Analysis, shown: Sequence[Shown]) -> Shown | None:
+    """The weakest name that raises the held-out error as it joins those before it; None of none."""
+    errors = [made.left_by(work).rmse for work in made.nested()]
+    raised = (one for one, (a, b) in zip(shown, pairwise(errors), strict=True) if b >= a)
+    return max(raised, key=lambda one: one.p, default=None)
+
+
+def _rivals(made: Analysis) -> dict[str, list[Rival]]:
+    """What else may be in the place of each name, and the channels that tie it to the name."""
+    tied, found = tied_channels(made.study.problem, made.final), {}
+    for effect in made.final.named:
+        rivals = rivals_of(made.searcher, made.final, effect)
+        found[effect.name] = [_with_tie(rival, effect, tied) for rival in rivals]
+    return found
+
+
+def _with_tie(rival: Rival, effect: Effect, tied: Sequence[Dependence]) -> Rival:
+    """The rival that reads a channel which these runs hardly tell from one of the effect's."""
+    own = (one.said for one in tied if one.swapped(effect.info.reads, rival.effect.info.reads))
+    return replace(rival, tied=next(own, ()))
 
 
 def _too_small(shown: Sequence[Shown]) -> list[Shown]:

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline import __version__
-from flexspline.discovery.analysis import MANY_ALIASES, Analysis
+from flexspline.discovery.analysis import Analysis
 from flexspline.discovery.faults import DataFault
 from flexspline.discovery.settings import SETTINGS
 from flexspline.discovery.slices import HeldRun, Slice, slices
@@ -85,6 +85,7 @@ Array = NDArray[np.float64]
 
 DRIVES = ("motor_torque", "motor_current")
 NOT_SIGNIFICANT, NOT_LOWER = "not significant in the final fit", "does not lower the held-out error"
+MANY_ALIASES = "four other effects or more explain as much in these runs"
 """Why a name is withdrawn that the search had found."""
 
 
