@@ -300,6 +300,36 @@ class _Recorded:
         told = resolved(base, start.fixed, posed)
         return replace(made, counted=[a & b for a, b in zip(inside, told, strict=True)])
 
+    def moved(self, runs: Sequence[Log], load: str, late: float) -> _Recorded:
+        """The same `runs` with a load that is late moved to where it belongs, s.
+
+        All else stays as it was made. Rows that then have no load do not count, nor do those that
+        an end of it blurs.
+        """
+        from flexspline.discovery.faults import away_from_ends
+        from flexspline.logs.sampling import has_value, sampled
+
+        if not late:
+            return self
+        note = f"{load} moved {abs(late):g} s {'earlier' if late > 0.0 else 'later'}"
+        shifted = [
+            log.with_columns(
+                {load: sampled(load, log["time"], log[load], log["time"] + late)}, note=note
+            )
+            for log in runs
+        ]
+        ways = [way for way in self.way.preparations if way.channel == load]
+        made = self._made(shifted, self.way, ways)
+        inputs, counted = [], []
+        for number, log in enumerate(made.logs):
+            own = {load: made.inputs[number][load]}
+            inputs.append(self.inputs[number].with_columns(own, note=note))
+            time = runs[number]["time"]
+            clock = runs[number].with_columns({"time": time - late}, note="the clock of its load")
+            known = has_value(time, log["time"] + late) & away_from_ends(clock, log, ways)
+            counted.append(known if self.counted is None else known & self.counted[number])
+        return replace(made, inputs=inputs, counted=counted)
+
     @classmethod
     def _made(cls, runs: Sequence[Log], way: _Way, ways: Sequence[Preparation]) -> _Recorded:
         from flexspline.logs.left_out import moving
@@ -398,21 +428,17 @@ def _on_one_clock(
         delay_beside_everything,
         lead_of,
     )
-    from flexspline.logs.repairs import move_earlier
 
-    def at(late: float) -> _Recorded:
-        return _Recorded.of([move_earlier(log, load, late) for log in runs] if late else runs, way)
-
-    recorded, late, delay = at(0.0), Delay(), 0.0
+    as_read = recorded = _Recorded.of(runs, way)
+    late, delay = Delay(), 0.0
     if LAG not in free:  # a torsion: what the load makes of it depends on the names
-        as_read, found = recorded, analysed(recorded.look(exclude, free), way.say)
-        made = found
+        made = found = analysed(recorded.look(exclude, free), way.say)
         for _ in range(SETTINGS.tried - 1):
             late = delay_behind(made)
             if not late.significant:
                 break
             delay += late.seconds
-            recorded = at(delay)
+            recorded = as_read.moved(runs, load, delay)
             made = analysed(recorded.look(exclude, free), way.say)
         if made.leftover.share >= 0.5:  # a cause without a name, which may be what is late
             made, recorded, delay = found, as_read, 0.0
@@ -425,16 +451,16 @@ def _on_one_clock(
         if not step.significant or (sensor and late.seconds < 0.0):
             break
         delay = late.seconds
-        recorded = at(delay)
+        recorded = as_read.moved(runs, load, delay)
         look = recorded.look(exclude, free)
     made = analysed(look, way.say)
     rest = lead_of(made)
     if sensor and rest.significant and delay + rest.seconds < 0.0:
-        delay, recorded = 0.0, at(0.0)
+        delay, recorded = 0.0, as_read
         made = analysed(recorded.look(exclude, others), way.say)
     elif rest.significant and late.bears_out(delay + rest.seconds):
         delay += rest.seconds
-        recorded = at(delay)
+        recorded = as_read.moved(runs, load, delay)
         made = made.in_runs(recorded.study([*exclude, LAG], others)[0], LAG)
     else:
         made = made.without(LAG)

@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,9 +57,9 @@ __all__ = [
 ]
 
 Array = NDArray[np.float64]
-
-
 Rows = NDArray[np.intp]
+
+FUNCTIONS = "rows of functions"  # what a problem keeps of them
 
 
 class Ceiling:
@@ -72,11 +73,11 @@ class Ceiling:
         self.groups = nameless_of(problem)
         ends = np.cumsum([0, *(group.count for group in self.groups)])
         self.at = [slice(a, b) for a, b in pairwise(ends.tolist())]
-        sheet = Sheet((), np.empty(0), (), np.empty(0), Functions(tuple(self.groups)))
+        width = self.at[-1].stop + 1
         self.rows, self.columns = list[Rows](), list[Array]()
         self.folds: list[tuple[int, int, int]] = []
-        for number in range(len(problem.runs)):
-            white, rows = sheet.white(problem, whitening, number)
+        for number, made in enumerate(_functions(problem, self.groups)):
+            white, rows = whitening.stretches(made, width)
             self.rows.append(rows)
             self.columns.append(white[:, :-1])
             self.folds += [(number, a, b) for a, b in fold_blocks(problem, number, rows)]
@@ -99,6 +100,21 @@ class Ceiling:
             white = np.roll(white, 1, axis=1)  # the target first
             made.append(white[np.searchsorted(at, self.rows[number])])
         return Overlap(self, [made[number][first:last] for number, first, last in self.folds])
+
+
+Made = list[tuple[tuple[int, int], Array]]
+
+
+def _functions(problem: Problem, groups: Sequence[Nameless]) -> list[Made]:
+    """Rows of all functions by stretch of each run; one noise after another asks for them."""
+    kept: dict[Any, Any] = problem.kept
+    stretches = [run.stretches for run in problem.runs]
+    if kept.get(FUNCTIONS, (None,))[0] != stretches:
+        sheet = Sheet((), np.empty(0), (), np.empty(0), Functions(tuple(groups)))
+        numbers = range(len(problem.runs))
+        kept[FUNCTIONS] = stretches, [[*sheet.stretches(problem, number)] for number in numbers]
+    made: list[Made] = kept[FUNCTIONS][1]
+    return made
 
 
 class Overlap:

@@ -20,7 +20,7 @@ G their sum and m the columns of a model,
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import pairwise
@@ -158,15 +158,20 @@ class Whitening:
 
     def __call__(self, columns: Array, run: Run) -> tuple[Array, NDArray[np.intp]]:
         """Filter columns (N, C) of a run; return what is left and the rows it belongs to."""
-        pieces = self.taken(run)
-        at = [np.empty(0, dtype=np.intp), *(rows[self.order :] for rows in pieces)]
-        made = np.empty((sum(map(len, at)), columns.shape[1]), order="F")
-        last = 0
-        for rows in pieces:
-            first, last = last, last + len(rows) - self.order
-            taken = slice(rows[0], rows[-1] + 1, self.decimation)
-            self.filter(columns[taken], made[first:last])
-        return made, np.concatenate(at)
+        made = (((first, last), columns[first:last]) for first, last in run.stretches)
+        return self.stretches(made, columns.shape[1])
+
+    def stretches(
+        self, made: Iterable[tuple[tuple[int, int], Array]], width: int
+    ) -> tuple[Array, NDArray[np.intp]]:
+        """Filter columns (n, width) of stretches [first, last); return also their rows."""
+        kept = [(*ends, values) for ends, values in made if self.long_enough(ends[1] - ends[0])]
+        rows = [np.arange(a, b, self.decimation)[self.order :] for a, b, _ in kept]
+        ends = np.cumsum([0, *map(len, rows)])
+        out = np.empty((ends[-1], width), order="F")
+        for (_, _, values), first, last in zip(kept, ends, ends[1:], strict=False):
+            self.filter(values[:: self.decimation], out[first:last])
+        return out, np.concatenate([np.empty(0, dtype=np.intp), *rows])
 
     def filter(self, columns: Array, out: Array) -> None:
         """Filter columns (N, C) of consecutive rows into `out`, (N − order, C).
@@ -297,16 +302,7 @@ class Sheet:
         self, problem: Problem, whitening: Whitening, number: int
     ) -> tuple[Array, NDArray[np.intp]]:
         """Filtered [columns, target] of a run, (n, C + 1), and the rows that they belong to."""
-        order, step = whitening.order, whitening.decimation
-        made = [np.empty((0, self.width + 1))]
-        at = [np.empty(0, dtype=np.intp)]
-        for (first, last), values in self.stretches(problem, number):
-            if whitening.long_enough(last - first):
-                taken = values[::step]
-                made.append(np.empty((len(taken) - order, self.width + 1), order="F"))
-                whitening.filter(taken, made[-1])
-                at.append(np.arange(first, last, step)[order:])
-        return np.concatenate(made), np.concatenate(at)
+        return whitening.stretches(self.stretches(problem, number), self.width + 1)
 
     def rows(self, problem: Problem, number: int) -> tuple[Array, Array]:
         """Columns (N, C) and target (N,) of a whole run, low-passed, all there at once."""
