@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cache
 from types import SimpleNamespace
 from typing import Any
@@ -18,7 +18,7 @@ from scipy.stats import chi2
 import flexspline
 from flexspline.discovery import confirmation
 from flexspline.discovery.candidates import DIRECTIONS, LAG, freedoms, held_of, with_freedoms
-from flexspline.discovery.confirmation import ERRORS, Shown, significance
+from flexspline.discovery.confirmation import ERRORS, MOST_ALIASES, Shown, significance
 from flexspline.discovery.result import Discovery
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect, effect
@@ -164,6 +164,12 @@ class Made:
     def final(self) -> SimpleNamespace:
         return SimpleNamespace(named=[Effect(name) for name in self.names])
 
+    def nested(self) -> list[int]:
+        return [*range(len(self.names) + 1)]
+
+    def left_by(self, number: int) -> SimpleNamespace:
+        return SimpleNamespace(rmse=self.steps()[number])  # type: ignore[attr-defined]
+
     def without(self, name: str) -> Made:
         left = ([n for n in names if n != name] for names in (self.names, self.given))
         return Made(*left, self.searcher.refused)
@@ -173,11 +179,14 @@ def confirmed(
     monkeypatch: pytest.MonkeyPatch,
     each: dict[str, dict[str, float]],
     chance: tuple[str, ...] = (),
+    rivals: Callable[[Any], Any] = lambda made: {},
+    steps: Callable[[Any], list[float]] = lambda made: [*range(len(made.names), -1, -1)],
     **idle: float,
 ) -> tuple[confirmation.Confirmed, dict[str, str]]:
     """What is confirmed of names that show `each`; `idle`: p of what the base was given.
 
-    `chance`: which of that lowers the held-out error by no more than chance.
+    `chance`: which of that lowers the held-out error by no more than chance. `steps`: held-out
+    errors of the base and with one name more each.
     """
 
     def all_shown(made: Any, fit: Any) -> list[Shown]:
@@ -189,8 +198,8 @@ def confirmed(
 
     monkeypatch.setattr(confirmation, "_all_shown", all_shown)
     monkeypatch.setattr(confirmation, "_in_order", lambda made: made)
-    monkeypatch.setattr(confirmation, "_rivals", lambda made: {})
-    monkeypatch.setattr(confirmation, "_rising", lambda made, shown: None)
+    monkeypatch.setattr(confirmation, "_rivals", rivals)
+    monkeypatch.setattr(Made, "steps", steps, raising=False)
     monkeypatch.setattr(confirmation, "significance", lambda fit, name: idle[name])
 
     def settled(made: Any, base: Sequence[str]) -> Any:
@@ -240,6 +249,31 @@ def test_what_is_as_plain_as_the_rest_is_never_too_small(monkeypatch: pytest.Mon
 def test_the_only_name_is_never_too_small(monkeypatch: pytest.MonkeyPatch) -> None:
     held, refused = confirmed(monkeypatch, {"gravity": {"share": 0.1 * SETTINGS.form}})
     assert [*held.shown] == ["gravity"] and not refused and held.also_seen == ()
+
+
+def test_what_others_explain_as_well_is_no_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Four aliases: any of five effects."""
+    each: dict[str, dict[str, float]] = {"viscous_friction": {}, "gravity": {}}
+
+    def rivals(made: Any) -> dict[str, list[Any]]:
+        vague = [SimpleNamespace(alias=True)] * (MOST_ALIASES + 1)
+        return {name: vague if name == "gravity" else vague[1:] for name in made.names}
+
+    held, refused = confirmed(monkeypatch, each, rivals=rivals)
+    assert [*held.shown] == ["viscous_friction"] and len(held.rivals["viscous_friction"]) == 3
+    assert refused == {"gravity": "four other effects or more explain as much in these runs"}
+
+
+def test_no_name_raises_the_error_of_those_before_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two names that lower it only together: the weaker one goes, and then the other is asked."""
+    each = {"viscous_friction": {"p": 1e-9}, "gravity": {"p": 1e-5}}
+    errors = {2: [1.0, 1.1, 0.9], 1: [1.0, 1.1]}
+
+    def steps(made: Any) -> list[Any]:
+        return errors.get(len(made.names), [1.0])
+
+    held, refused = confirmed(monkeypatch, each, steps=steps)
+    assert not held.shown and set(refused.values()) == {"does not lower the held-out error"}
 
 
 def test_what_the_base_was_given_stays_where_it_is_significant(

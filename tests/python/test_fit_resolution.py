@@ -1,0 +1,61 @@
+"""Rows that a smoother blurs at ends and gaps do not count, and moving a load blurs no others."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from recorded_joint import LOAD, base, runs
+
+from flexspline.discovery.discovering import _Recorded, _start, _Way
+from flexspline.fit.resolution import away_from_ends
+from flexspline.logs.log import Log
+from flexspline.logs.repairs import move_earlier
+from flexspline.prepared import Preparation, learned
+
+Array = NDArray[np.float64]
+
+LATE = 1.5e-3  # s
+
+
+def curve(time: Array) -> Log:
+    """A load with a curvature, on which a smoother of lower degree is off."""
+    load = 5.0 * np.sin(2.0 * np.pi * 0.9 * time)
+    return Log.from_arrays(time=time, output_position=np.sin(time), reference_torque=load)
+
+
+@pytest.mark.parametrize("gap", [False, True])
+def test_every_row_that_counts_has_a_whole_window(gap: bool) -> None:
+    """The error of a curve at the rows that count is that of the smoother's gain, and no jump."""
+    time = np.arange(0.0, 12.0, 0.005)
+    inside = np.abs(time - 6.0) > 0.1 if gap else np.ones(len(time), dtype=bool)
+    log, way = curve(time[inside]), Preparation(LOAD, LOAD, 4.5)
+    counted = away_from_ends(log, log, [way])
+    error = np.abs(way(log)[LOAD] - log[LOAD])
+    assert 0.75 < np.mean(counted) < 1.0
+    assert error[counted].max() < 0.01 < 5.0 * error[~counted].max()
+    held = np.diff(log["time"][counted])
+    assert np.count_nonzero(held > 0.3) == int(gap)  # the same reach on both sides of a gap
+
+
+def test_a_temperature_leaves_its_ends_in() -> None:
+    log = curve(np.arange(0.0, 12.0, 0.005))
+    slow = Preparation("temperature", "temperature", 0.3)
+    assert away_from_ends(log, log, [slow]).all()
+
+
+def test_a_moved_load_is_that_of_the_moved_logs_where_rows_count() -> None:
+    logs = runs(2, late=LATE)
+    start = _start(base(), "sensor_torque", LOAD, {})
+    _, ways = learned(logs, "sensor_torque", LOAD, None)
+    way = _Way(start, None, {}, tuple(ways), 1, lambda _: None)
+    moved = _Recorded.of(logs, way).moved(logs, LOAD, LATE)
+    again = _Recorded.of([move_earlier(log, LOAD, LATE) for log in logs], way)
+    assert moved.counted is not None and again.counted is not None
+    for number, (one, other) in enumerate(zip(moved.inputs, again.inputs, strict=True)):
+        kept = np.isin(one["time"], other["time"])
+        both = moved.counted[number][kept] & again.counted[number]
+        assert np.mean(both) > 0.8 and np.mean(moved.counted[number][kept] == both) > 0.99
+        assert one[LOAD][kept][both] == pytest.approx(other[LOAD][both], abs=1e-9)
+        assert (one["output_position"] == _Recorded.of(logs, way).inputs[number]["output_position"]
+                ).all()  # fmt: skip
