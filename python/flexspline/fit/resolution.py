@@ -8,10 +8,12 @@ not say what the model should predict, and the rows do not count.
 
 The model that is asked has Coulomb and viscous friction, which turn over fastest.
 
-Near the ends of a recording, and beside a gap, a smoother has rows on one side only: derivatives
-are many times as noisy there as elsewhere, and a value is off by another share of the curvature.
-Within its reach the rows do not count; one row of them would stand out by the jump. So it is with a
-load, whose slope tells by how much it is late; a temperature hardly changes within its reach.
+Near the ends of a recording a smoother has rows on one side only: derivatives are many times as
+noisy there as elsewhere, and a value is off by another share of the curvature. Within its reach the
+rows do not count; one row of them would stand out by the jump. So it is with a load, whose slope
+tells by how much it is late, beside gaps too: what a motion is off by there, the question above
+tells, and a start of motion behind a gap may be all that shows friction at low speed. A temperature
+hardly changes within its reach.
 """
 
 from __future__ import annotations
@@ -49,14 +51,21 @@ def coarser(ways: Sequence[Preparation]) -> tuple[Preparation, ...]:
 
 
 def away_from_ends(recorded: Log, log: Log, ways: Sequence[Preparation]) -> NDArray[np.bool_]:
-    """Return which rows (N,) of a part of a recording no end or gap of it blurs."""
-    fits = (LocalFit(way.bandwidth) for way in ways if way.channel != SLOW)
-    reach = max((fit.half_length for fit in fits), default=0.0)
-    unbroken, time = runs(recorded["time"]), log["time"]
+    """Return which rows (N,) of a part of a recording no end of it blurs, nor of its load a gap."""
+    moving, time = [way for way in ways if way.channel in MOTION], log["time"]
+    other = [way for way in ways if way.channel not in (*MOTION, SLOW)]
+    unbroken = runs(recorded["time"])
     first, last = recorded["time"][unbroken[:, 0]], recorded["time"][unbroken[:, 1] - 1]
     own = np.searchsorted(first, time, side="right") - 1
-    inside = (time >= first[own] + reach) & (time <= last[own] - reach)
+    ends, gaps = _reach([*moving, *other]), _reach(other)
+    inside = (time >= first[0] + ends) & (time <= last[-1] - ends)
+    inside &= (time >= first[own] + gaps) & (time <= last[own] - gaps)
     return inside if np.mean(inside) >= LEAST else np.ones(len(log), dtype=bool)
+
+
+def _reach(ways: Sequence[Preparation]) -> float:
+    """How far the rows of the widest smoother lie on either side, s."""
+    return max((LocalFit(way.bandwidth).half_length for way in ways), default=0.0)
 
 
 def with_fastest(base: Sequence[Effect]) -> list[Effect]:
