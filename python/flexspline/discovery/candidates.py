@@ -266,9 +266,9 @@ def span_of(problem: Problem) -> float:
 def unseen(effect: Effect, span: float) -> list[int]:
     """Numbers of the terms that wave too slowly over the joint's angle for these runs to show.
 
-    Of an order half a period has to be seen, as in `order_pools`: friction that waves less than
-    that is a constant and a slope, and two such waves are large and cancel. The fastest is told at
-    any span.
+    Of an order a quarter of a period has to be seen: friction that waves less than that is a
+    constant and a slope, and such waves are large and cancel each other. The fastest is told at any
+    span. Ripple asks for a half (`order_pools`), but its orders are chosen one by one.
     """
     orders = [int(t.name.split()[-1]) if WAVE.fullmatch(t.name) else 0 for t in effect.terms]
     fastest = max(orders, default=0)
