@@ -440,7 +440,7 @@ def _on_one_clock(
             delay += late.seconds
             recorded = as_read.moved(runs, load, delay)
             made = analysed(recorded.look(exclude, free), way.say)
-        if made.leftover.share >= 0.5:  # a cause without a name, which may be what is late
+        if made.leftover.share >= 0.5:  # what is unexplained may be what is late
             made, recorded, delay = found, as_read, 0.0
         return recorded, recorded.confirmed(made, free), delay
     others, sensor = [name for name in free if name != LAG], way.start.target in SENSOR
