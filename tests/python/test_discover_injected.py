@@ -17,7 +17,7 @@ from measured import KINOVA_SPEEDS, kinova, two_encoder, ur10e
 import flexspline
 from flexspline.effects import Effect, effect
 from flexspline.logs.checks.gear import measured_gear
-from flexspline.logs.left_out import moving
+from flexspline.logs.left_out import resting
 from flexspline.logs.log import Log
 from flexspline.logs.repairs import repaired
 from flexspline.model import Model
@@ -48,7 +48,8 @@ class Case:
 @cache
 def recorded(name: str) -> tuple[Log, ...]:
     if name == "UR10e joint 4":
-        return (moving(ur10e(4), "motor_current"),)
+        log = ur10e(4)
+        return (log.rows(~resting(log)),)
     if name == "Kinova":
         return tuple(repaired(kinova(speed), "drop_start=1.0") for speed in KINOVA_SPEEDS[4::2])
     log = two_encoder(1)

@@ -18,7 +18,7 @@ import flexspline
 from flexspline.discovery.faults import data_faults
 from flexspline.discovery.result import Discovery
 from flexspline.logs.checks.gear import measured_gear
-from flexspline.logs.left_out import moving, resting
+from flexspline.logs.left_out import at_work, resting
 from flexspline.logs.log import Log
 from flexspline.logs.repairs import repaired
 
@@ -57,8 +57,9 @@ def test_rest_is_found_at_the_end_of_a_run_and_never_in_a_reversal(joint: int) -
     assert still[-100:].all()
     assert 0.02 < still.mean() < 0.12
     assert speed[~still].max() == speed.max()
-    part = moving(log, "sensor_torque")
-    assert part is log
+    assert at_work([log], "sensor_torque") is None
+    (working,) = at_work([log], "motor_current") or [None]
+    np.testing.assert_array_equal(working, ~still)
 
 
 def test_friction_that_grows_with_its_own_load_is_named_first_in_joint_2() -> None:

@@ -239,18 +239,20 @@ def _nameless(sample: Values) -> tuple[list[Nameless], list[Nameless]]:
 
 
 def _sample(problem: Problem) -> dict[str, Array]:
-    """Every fourth row of all runs, made a window at a time."""
+    """Every fourth row of all runs that counts, made a window at a time."""
     made = [
         {name: v[:: SETTINGS.tried] for name, v in values_of(problem, number, rows).items()}
         for number, run in enumerate(problem.runs)
-        for rows in windows(len(run), SETTINGS.tried * SETTINGS.rows)
+        for first, last in run.stretches
+        for rows in windows(last - first, SETTINGS.tried * SETTINGS.rows, first)
     ]
     return {name: np.concatenate([values[name] for values in made]) for name in made[0]}
 
 
-def windows(size: int, step: int) -> Iterator[slice]:
-    """Cut rows [0, size)."""
-    return (slice(first, min(first + step, size)) for first in range(0, size, step))
+def windows(size: int, step: int, first: int = 0) -> Iterator[slice]:
+    """Cut rows [first, first + size)."""
+    last = first + size
+    return (slice(row, min(row + step, last)) for row in range(first, last, step))
 
 
 def _fine(sample: Values, name: str) -> tuple[Basis, int]:

@@ -175,7 +175,7 @@ def _discovered(
         else:
             recorded = _Recorded.of(runs, way)
             held = recorded.confirmed(analysed(recorded.look(excluded, free), say), free)
-        rows = _rows(recordings, recorded.logs, held.made)
+        rows = _rows(recordings, start.target, held.made)
         found = replace(
             assembled(held, faults, tuple(inputs.values()), rows, limits),
             base_effects=tuple(effect.name for effect in start.effects),
@@ -271,9 +271,9 @@ class _Way:
 
 @dataclass(frozen=True)
 class _Recorded:
-    """The runs without a drive's rests: as recorded, and with inputs made before any was cut.
+    """The runs as recorded, and with their inputs as rows read them.
 
-    `counted`: rows of each that the recorder resolves; None for all.
+    `counted`: rows of each that the recorder resolves, without a drive's rests; None for all.
     """
 
     way: _Way
@@ -287,7 +287,12 @@ class _Recorded:
 
         ways, start = way.preparations, way.start
         made = cls._made(runs, way, ways)
-        inside = [away_from_ends(a, b, ways) for a, b in zip(runs, made.logs, strict=True)]
+        inside = [away_from_ends(log, log, ways) for log in runs]
+        inside = (
+            inside
+            if made.counted is None
+            else [a & b for a, b in zip(inside, made.counted, strict=True)]
+        )
         made = replace(made, counted=inside) if ways else made
         if start.target == "torsion" or not any(w.channel == "output_position" for w in ways):
             return made
@@ -326,21 +331,18 @@ class _Recorded:
             inputs.append(self.inputs[number].with_columns(own, note=note))
             time = runs[number]["time"]
             clock = runs[number].with_columns({"time": time - late}, note="the clock of its load")
-            known = has_value(time, log["time"] + late) & away_from_ends(clock, log, ways)
+            known = has_value(time, time + late) & away_from_ends(clock, log, ways)
             counted.append(known if self.counted is None else known & self.counted[number])
         return replace(made, inputs=inputs, counted=counted)
 
     @classmethod
     def _made(cls, runs: Sequence[Log], way: _Way, ways: Sequence[Preparation]) -> _Recorded:
-        from flexspline.logs.left_out import moving
+        """Inputs of all rows; those at rest do not count, but what is remembered goes on there."""
+        from flexspline.logs.left_out import at_work
         from flexspline.prepared import prepared
 
-        target = way.start.target
-        return cls(
-            way,
-            [moving(log, target) for log in runs],
-            [moving(prepared(log, ways), target, as_in=log) for log in runs],
-        )
+        counted = at_work(runs, way.start.target)
+        return cls(way, [*runs], [prepared(log, ways) for log in runs], counted)
 
     @property
     def _posed(self) -> dict[str, Any]:
@@ -557,15 +559,22 @@ def _counts(recordings: Sequence[Kept]) -> Counter[str]:
     return counts
 
 
-def _rows(recordings: Sequence[Kept], moving: Sequence[Log], made: Analysis) -> dict[str, int]:
+def _rows(recordings: Sequence[Kept], target: str, made: Analysis) -> dict[str, int]:
     """How many rows the model was fitted to, and how many were left out for which reason."""
-    used = sum(run.counted for run in made.study.problem.runs)
-    recorded, left = sum(len(kept.rows) for kept in recordings), sum(map(len, moving))
+    from flexspline.logs.left_out import at_work
+
+    runs = made.study.problem.runs
+    used = sum(run.counted for run in runs)
+    recorded = sum(len(kept.rows) for kept in recordings)
+    working = at_work([run.log for run in runs], target)
+    rest = 0 if working is None else sum(int(np.count_nonzero(~one)) for one in working)
     found = {
         "used": used,
         **_counts(recordings),
-        "at rest": recorded - left,
-        "where the motion is not resolved, or what came before is not known": left - used,
+        "at rest": rest,
+        "where the motion is not resolved, or what came before is not known": recorded
+        - rest
+        - used,
     }
     return {why: count for why, count in found.items() if count or why == "used"}
 

@@ -20,7 +20,7 @@ from flexspline.logs.checks.ends import drive_disabled, homing_move, stuck_tail
 from flexspline.logs.checks.findings import Finding
 from flexspline.logs.log import Log
 
-__all__ = ["DRIVES", "LeftOut", "moving", "only_experiments", "resting"]
+__all__ = ["DRIVES", "LeftOut", "at_work", "only_experiments", "resting"]
 
 DRIVES = ("motor_torque", "motor_current")
 REASONS = {
@@ -105,14 +105,14 @@ def resting(log: Log) -> NDArray[np.bool_]:
     return np.asarray(binary_dilation(middle, np.ones(2 * width + 1, dtype=bool)))
 
 
-def moving(log: Log, target: str, *, as_in: Log | None = None) -> Log:
-    """Return the rows of a drive's log in which the joint moves, and all rows of other logs.
+def at_work(logs: Sequence[Log], target: str) -> list[NDArray[np.bool_]] | None:
+    """Return where the joint of a drive moves in each log, (N,); None where all rows do.
 
-    `as_in`: the log of the same rows that tells where; None: `log` itself.
+    Of a log that rests throughout all rows do.
     """
     if target not in DRIVES:
-        return log
-    still = resting(log if as_in is None else as_in)
-    if not still.any() or still.all():
-        return log
-    return log.rows(~still, note=f"{int(still.sum())} rows at rest left out")
+        return None
+    still = [resting(log) for log in logs]
+    if not any(one.any() for one in still):
+        return None
+    return [np.ones(len(one), dtype=bool) if one.all() else ~one for one in still]
