@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from types import SimpleNamespace
 from typing import Any
@@ -18,8 +18,8 @@ from scipy.stats import chi2
 import flexspline
 from flexspline.discovery import confirmation
 from flexspline.discovery.candidates import DIRECTIONS, LAG, freedoms, held_of, with_freedoms
-from flexspline.discovery.confirmation import ERRORS, MOST_ALIASES, Shown, significance
-from flexspline.discovery.result import Discovery
+from flexspline.discovery.confirmation import CHANCE, ERRORS, Shown, significance
+from flexspline.discovery.result import UNLIKELY, Discovery
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect, effect
 from flexspline.fit.result import Fit
@@ -133,8 +133,8 @@ def shown(**more: Any) -> Shown:
     ("more", "why"),
     [
         ({}, ""),
-        ({"p": 0.99 * SETTINGS.alpha}, ""),
-        ({"p": SETTINGS.alpha}, "not significant in the final fit"),
+        ({"p": 0.99 * CHANCE}, ""),
+        ({"p": CHANCE}, "not significant in the final fit"),
         ({"p": float("nan")}, "not significant in the final fit"),
         ({"fall": 0.0}, "does not lower the held-out error"),
         ({"fall": -1.0}, "does not lower the held-out error"),
@@ -179,14 +179,14 @@ def confirmed(
     monkeypatch: pytest.MonkeyPatch,
     each: dict[str, dict[str, float]],
     chance: tuple[str, ...] = (),
-    rivals: Callable[[Any], Any] = lambda made: {},
     steps: Callable[[Any], list[float]] = lambda made: [*range(len(made.names), -1, -1)],
+    sure: Mapping[str, float] | None = None,
     **idle: float,
 ) -> tuple[confirmation.Confirmed, dict[str, str]]:
     """What is confirmed of names that show `each`; `idle`: p of what the base was given.
 
     `chance`: which of that lowers the held-out error by no more than chance. `steps`: held-out
-    errors of the base and with one name more each.
+    errors of the base and with one name more each. `sure`: confidence in names; 1 in others.
     """
 
     def all_shown(made: Any, fit: Any) -> list[Shown]:
@@ -198,7 +198,9 @@ def confirmed(
 
     monkeypatch.setattr(confirmation, "_all_shown", all_shown)
     monkeypatch.setattr(confirmation, "_in_order", lambda made: made)
-    monkeypatch.setattr(confirmation, "_rivals", rivals)
+    monkeypatch.setattr(confirmation, "_rivals", lambda made: {n: [] for n in made.names})
+    of_names = {**dict.fromkeys(each, 1.0), **(sure or {})}
+    monkeypatch.setattr(confirmation, "_confidence", lambda made, fit, name, own: of_names[name])
     monkeypatch.setattr(Made, "steps", steps, raising=False)
     monkeypatch.setattr(confirmation, "significance", lambda fit, name: idle[name])
 
@@ -251,17 +253,14 @@ def test_the_only_name_is_never_too_small(monkeypatch: pytest.MonkeyPatch) -> No
     assert [*held.shown] == ["gravity"] and not refused and held.also_seen == ()
 
 
-def test_what_others_explain_as_well_is_no_name(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Four aliases: any of five effects."""
+def test_a_name_that_is_less_likely_than_one_in_five_is_none(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Three aliases leave a quarter; four, or as much that no name explains, a fifth."""
     each: dict[str, dict[str, float]] = {"viscous_friction": {}, "gravity": {}}
-
-    def rivals(made: Any) -> dict[str, list[Any]]:
-        vague = [SimpleNamespace(alias=True)] * (MOST_ALIASES + 1)
-        return {name: vague if name == "gravity" else vague[1:] for name in made.names}
-
-    held, refused = confirmed(monkeypatch, each, rivals=rivals)
-    assert [*held.shown] == ["viscous_friction"] and len(held.rivals["viscous_friction"]) == 3
-    assert refused == {"gravity": "four other effects or more explain as much in these runs"}
+    held, refused = confirmed(monkeypatch, each, sure={"viscous_friction": 0.25, "gravity": 0.19})
+    assert held.confidences == {"viscous_friction": 0.25}
+    assert refused == {"gravity": UNLIKELY}
 
 
 def test_no_name_raises_the_error_of_those_before_it(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 import flexspline
 from flexspline import Plan
+from flexspline.experiment.family import kinds_for
+from flexspline.experiment.limits import Bounds
 from flexspline.experiment.noise import at_coarser_rate
 from flexspline.logs.local_fit import require_bandwidth
 from flexspline.logs.log import Log
@@ -72,3 +74,15 @@ def test_a_low_pass_that_suits_a_log_suits_the_rate_of_the_next_run(
 def test_a_run_is_planned_behind_a_low_pass_of_a_fast_log() -> None:
     made = planned([loaded(k, 500.0, 6.0) for k in range(2)], 22.0)
     assert made.expected > made.now
+
+
+@pytest.mark.parametrize("seconds", [0.1, 1.0, 10.0, 600.0])
+def test_paths_of_every_kind_fit_into_runs_of_any_length(seconds: float) -> None:
+    """Strokes of slow speeds have no room in a second: there had been none to be shortened."""
+    bounds = Bounds((-2.4, 1.9), 1.86, 5.4, (-9.4, 9.0), 25.0, (18.0, 35.0), 0.6, seconds)
+    chance = np.random.default_rng(0)
+    for kind in kinds_for(bounds, remembers=True):
+        for numbers in (*kind.starts, *chance.random((20, kind.starts.shape[1]))):
+            angles = kind.draw(numbers, bounds).path(np.linspace(0.0, seconds, 200))[:, 0]
+            assert bounds.position[0] - 1e-9 <= angles.min() <= angles.max()
+            assert angles.max() <= bounds.position[1] + 1e-9

@@ -12,8 +12,7 @@ from flexspline.discovery.basis import Functions, channel_told
 from flexspline.discovery.confirmation import Confirmed, wald
 from flexspline.discovery.evidence import equivalent_t
 from flexspline.discovery.faults import DataFault
-from flexspline.discovery.result import Discovery, Found, Unexplained, confidence, driven_apart
-from flexspline.discovery.search import cost_of
+from flexspline.discovery.result import Discovery, Found, Unexplained, driven_apart
 from flexspline.discovery.settings import SETTINGS
 from flexspline.discovery.slices import HeldRun
 from flexspline.discovery.unexplained import repeated
@@ -257,17 +256,13 @@ def _found(held: Confirmed, effect: Effect, before: float, after: float) -> Foun
     squares, count = wald(held.fit, effect.name, held=True)
     t = min(equivalent_t(gain, len(effect.terms)), equivalent_t(squares, count))
     aliases = tuple(rival.name for rival in rivals if rival.alias)
-    survives = made.leftover.survives.get(effect.name, 1.0)
-    cost = cost_of(dictionary, work, effect.name)
     own = next(e for e in work.effects if e.name == effect.name)
     parts = contribution(made.part.problem, work, effect.name)
     return Found(
         effect=effect.name,
         rmse_before=before,
         rmse_after=after,
-        confidence=confidence(
-            gain, min(gain, squares) - cost, survives, made.leftover.gain, len(aliases)
-        ),
+        confidence=held.confidences[effect.name],
         indistinguishable_from=aliases,
         where=where(made.part.problem, own, parts),
         evidence=_evidence(made, effect, t, rivals, (before, after)),

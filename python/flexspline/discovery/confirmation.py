@@ -3,8 +3,8 @@
 A search weighs evidence in the metric of the noise, where a row's own error may count for much. A
 reader asks two plain questions, and a name that fails one of them is withdrawn:
 
-    Is it significant in the final fit?     Wald's test of its coefficients together, p < α
-                                            with its shapes held, t > 2 without
+    Is it significant in the final fit?     Wald's test of its coefficients together: as surprising
+                                            as two standard errors, with its shapes held and without
     Does it lower the held-out error?       in the unit of the target; where its t exceeds 16, by
                                             more than two standard errors
 
@@ -12,7 +12,8 @@ Of an effect that is not there the shapes mean nothing, and where they are hardl
 the error of a coefficient large that the runs tell from zero well (Davies 1987). So its test holds
 them; but neither may the errors that are printed reach zero.
 
-Nor is it a name where four other effects or more explain as much. Of several names, one that closes
+Nor is it a name where something else is four times as likely, be it other effects that explain as
+much or what no name explains. Of several names, one that closes
 less than a form may miss of what all of them close held out, and less than a hundredth of what is
 left without it, with a tenth of the t of the largest at most, is real but too small to matter: it
 is listed as also seen and is no part of the model. Ripple that is small in RMS may be as plain as
@@ -31,7 +32,8 @@ from scipy.stats import chi2
 
 from flexspline.discovery.analysis import Analysis, Rival, rivals_of, tied_channels
 from flexspline.discovery.evidence import equivalent_t
-from flexspline.discovery.result import MANY_ALIASES, NOT_LOWER, NOT_SIGNIFICANT
+from flexspline.discovery.result import NOT_LOWER, NOT_SIGNIFICANT, UNLIKELY, confidence
+from flexspline.discovery.search import cost_of
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect
 from flexspline.fit.names import coefficient_names
@@ -45,8 +47,9 @@ __all__ = ["AlsoSeen", "Confirmed", "Shown", "confirmed", "significance", "wald"
 
 Array = NDArray[np.float64]
 
-MOST_ALIASES = SETTINGS.tried - 1
+LEAST = 1.0 / (1.0 + SETTINGS.tried)  # confidence in a name
 ERRORS = 2.0  # standard errors: of the fall of the held-out error, of coefficients as printed
+CHANCE = float(chi2.sf(ERRORS**2, 1))  # p of as many: for its place among all the search has paid
 
 
 @dataclass(frozen=True)
@@ -85,7 +88,7 @@ class Shown:
     @property
     def withdrawn(self) -> str:
         """Why it is no answer, "" where it is one."""
-        if not (self.p < SETTINGS.alpha and self.loose > ERRORS):
+        if not (self.p < CHANCE and self.loose > ERRORS):
             return NOT_SIGNIFICANT
         if self.fall <= 0.0 or (self.t > SETTINGS.certain and self.fall < ERRORS * self.error):
             return NOT_LOWER
@@ -97,6 +100,7 @@ class Confirmed:
     """The analysis with the names that hold, what each shows, the fit of its model.
 
     `also_seen`: effects that are real but too small to matter. `rivals`: of each name, best first.
+    `confidences`: in each name.
     """
 
     made: Analysis
@@ -104,6 +108,7 @@ class Confirmed:
     shown: Mapping[str, Shown]
     also_seen: tuple[AlsoSeen, ...]
     rivals: Mapping[str, Sequence[Rival]]
+    confidences: Mapping[str, float]
 
 
 def confirmed(made: Analysis, fitted: Callable[[Working], Fit], base: Sequence[str]) -> Confirmed:
@@ -139,12 +144,13 @@ def confirmed(made: Analysis, fitted: Callable[[Working], Fit], base: Sequence[s
                 continue
             if not little:
                 rivals = _rivals(made)
-                vague = [n for n, r in rivals.items() if sum(one.alias for one in r) > MOST_ALIASES]
-                if not vague:
+                sure = {name: _confidence(made, fit, name, own) for name, own in rivals.items()}
+                least = min(sure, key=lambda name: sure[name], default="")
+                if sure.get(least, 1.0) >= LEAST:
                     by_name = {one.effect.name: one for one in shown}
-                    return Confirmed(made, fit, by_name, tuple(small), rivals)
-                made.searcher.refused[vague[-1]] = MANY_ALIASES
-                made = made.without(vague[-1])
+                    return Confirmed(made, fit, by_name, tuple(small), rivals, sure)
+                made.searcher.refused[least] = UNLIKELY
+                made = made.without(least)
                 continue
             worst = min(little, key=lambda one: one.share)
             if worst.fall > ERRORS * worst.error:
@@ -169,6 +175,15 @@ def _rivals(made: Analysis) -> dict[str, list[Rival]]:
         rivals = rivals_of(made.searcher, made.final, effect)
         found[effect.name] = [_with_tie(rival, effect, tied) for rival in rivals]
     return found
+
+
+def _confidence(made: Analysis, fit: Fit, name: str, rivals: Sequence[Rival]) -> float:
+    """Confidence in a name: no more than both the search and the final fit bear out."""
+    dictionary = made.searcher.study.dictionary(made.final, made.searcher.whitening)
+    gain, left = dictionary.gain(name), made.leftover
+    above = min(gain, wald(fit, name, held=True)[0]) - cost_of(dictionary, made.final, name)
+    aliases = sum(rival.alias for rival in rivals)
+    return confidence(gain, above, left.survives.get(name, 1.0), left.gain, aliases)
 
 
 def _with_tie(rival: Rival, effect: Effect, tied: Sequence[Dependence]) -> Rival:

@@ -85,7 +85,7 @@ Array = NDArray[np.float64]
 
 DRIVES = ("motor_torque", "motor_current")
 NOT_SIGNIFICANT, NOT_LOWER = "not significant in the final fit", "does not lower the held-out error"
-MANY_ALIASES = "four other effects or more explain as much in these runs"
+UNLIKELY = "other effects, or what no name explains, are four times as likely"
 """Why a name is withdrawn that the search had found."""
 
 
@@ -286,7 +286,7 @@ class Discovery:
     @property
     def withdrawn(self) -> dict[str, str]:
         """Names that the search found and these runs do not bear out, with the reason."""
-        whys = (NOT_SIGNIFICANT, NOT_LOWER, MANY_ALIASES)
+        whys = (NOT_SIGNIFICANT, NOT_LOWER, UNLIKELY)
         return {name: why for name, why in self.refused.items() if why in whys}
 
     @property

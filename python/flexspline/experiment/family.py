@@ -95,6 +95,8 @@ def strokes(u: Array, bounds: Bounds) -> Drawn:
                 where = over(angles.min(), angles.max())
                 words = f"strokes {where} at {joined(short(v) for v in fastest if v)} rad/s"
                 return Drawn(path, words)
+            if not path.seconds:  # too short for strokes of these speeds
+                break
             share *= 0.98 * bounds.duration / path.seconds
     return rests(u[1:2], bounds)
 
@@ -154,6 +156,8 @@ def small_cycles(u: Array, bounds: Bounds) -> Drawn:
     cycle: list[Pulse] = []
     for part in (width, -width, width / 3.0, -width / 3.0):
         cycle += moved(part, speed, bounds.acceleration)
+    if not cycle:  # too short for any
+        return rests(u[:1], bounds)
     between: list[list[Pulse]] = [
         moved(d, bounds.velocity, bounds.acceleration) for d in np.diff(places, append=places[0])
     ]
