@@ -423,7 +423,7 @@ def analysed(look: FirstLook, say: Callable[[str], object]) -> Analysis:
         effect = next((e for e in final.named if e.name == name), None)
         if effect is None or effect.info.remembers:
             continue
-        if _one_sided(looked_at, final, whitening, name):
+        if _of_one_part(looked_at, final, whitening, name, leftover.times(1.0 / share)):
             doubted.append(name)
             final, leftover = without(name)
     return Analysis(
@@ -515,26 +515,53 @@ def tied_channels(problem: Problem, work: Working) -> tuple[Dependence, ...]:
     return tuple(one for one in found if known or (one.channel, one.of) != trivial)
 
 
-def _one_sided(problem: Problem, work: Working, whitening: Whitening, name: str) -> bool:
-    """Whether what carries a name acts one way only, as no effect does.
+def _of_one_part(
+    problem: Problem, work: Working, whitening: Whitening, name: str, leftover: Leftover
+) -> bool:
+    """Whether what carries a name acts one way only, or grows with the speed, as no effect does.
 
-    Let f be what a name explains and s the sign of the velocity. Beside it c s f is left over of a
-    cause that is (1 + c) f forward and (1 − c) f backward: c = 1 of one that acts forward alone,
-    and ½ where it is three times as large. Beside all others it then explains at least c² of what
-    f does.
+    Let f be what a name explains and m the sign of the velocity, or the speed over its mean under
+    f², less one. Of a cause that is (1 + c m) f, c m f is left over beside f: c = 1 of one that
+    acts forward alone, or grows with the speed where the name does not, and ½ where it is three
+    times as large forward. Beside all others it then explains at least c² of what f does by m².
+
+    Forms of friction and of resonances are off by such a part too. So the speed is asked about only
+    where the name's own channels carry all that is left, and that is more than a small part.
     """
     if not all("output_velocity" in run.log for run in problem.runs):
         return False
-    parts = contribution(problem, work, name)
-    turned = tuple(np.nan_to_num(part) * np.sign(run.log["output_velocity"])
-                   for part, run in zip(parts, problem.runs, strict=True))  # fmt: skip
+    parts = [np.nan_to_num(part) for part in contribution(problem, work, name)]
+    velocity = [run.log["output_velocity"] for run in problem.runs]
+    turned, own = _left_by(problem, work, whitening, name, parts, [np.sign(v) for v in velocity])
+    (effect,) = (e for e in work.named if e.name == name)
+    carried = {channel for group in leftover.groups for channel in group.channels}
+    if abs(turned) > 0.5 or leftover.net < SETTINGS.little * own or not carried <= {*effect.reads}:
+        return abs(turned) > 0.5
+    sums = [(f**2 @ np.abs(v), f @ f) for f, v in zip(parts, velocity, strict=True)]
+    mean = sum(a for a, _ in sums) / max(sum(b for _, b in sums), TINY)
+    faster = [np.abs(v) / mean - 1.0 for v in velocity]
+    return 0.5 < _left_by(problem, work, whitening, name, parts, faster)[0] < 2.0
+
+
+def _left_by(
+    problem: Problem,
+    work: Working,
+    whitening: Whitening,
+    name: str,
+    parts: Sequence[Array],
+    by: Sequence[Array],
+) -> tuple[float, float]:
+    """How much of a name's part (N,) times `by` is left over, 0 if chance; and the name's gain."""
+    turned = tuple(f * m for f, m in zip(parts, by, strict=True))
+    squares, turned_squares = (sum(float(one @ one) for one in own) for own in (parts, turned))
     table = tabulated(problem, work.sheet(given=Beside(Functions(()), turned)), whitening)
     model, owners = np.arange(len(table.total) - 2), np.array(work.owners())
     raw, last = np.diag(table.total), np.array([len(model)])
     own, _ = gain_of(table.without(model[owners != name]), model[owners == name], raw)
     gain, _ = gain_of(table.without(model), last, raw)
-    share = solved(table.total, np.append(model, last))[-1]
-    return gain > max(0.5**2 * own, price(1, 1.0, len(work.named))) and abs(share) > 0.5
+    share = float(solved(table.total, np.append(model, last))[-1])
+    least = 0.5**2 * own * turned_squares / max(squares, TINY)
+    return share if gain > max(least, price(1, 1.0, len(work.named))) else 0.0, own
 
 
 def _stand_in(
