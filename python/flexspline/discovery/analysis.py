@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.discovery.basis import Beside, Functions, nameless_of
+from flexspline.discovery.basis import Beside, Functions, channel_told, nameless_of
 from flexspline.discovery.evidence import Offer, offers, price
 from flexspline.discovery.physics import impossible
 from flexspline.discovery.search import (
@@ -534,7 +534,8 @@ def _of_one_part(
     velocity = [run.log["output_velocity"] for run in problem.runs]
     turned, own = _left_by(problem, work, whitening, name, parts, [np.sign(v) for v in velocity])
     (effect,) = (e for e in work.named if e.name == name)
-    carried = {channel for group in leftover.groups for channel in group.channels}
+    known = problem.known_load
+    carried = {channel_told(c, known) for group in leftover.groups for c in group.channels}
     if abs(turned) > 0.5 or leftover.net < SETTINGS.little * own or not carried <= {*effect.reads}:
         return abs(turned) > 0.5
     sums = [(f**2 @ np.abs(v), f @ f) for f, v in zip(parts, velocity, strict=True)]
