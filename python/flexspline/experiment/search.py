@@ -7,8 +7,9 @@ that tell the same the plainer one is taken.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,7 @@ from flexspline.experiment.recording import Excitation, as_problem, commanded
 from flexspline.experiment.setting import settings
 from flexspline.experiment.trust import Trust
 from flexspline.fit.problem import Problem
+from flexspline.parallel import in_order
 from flexspline.regression.gram import Whitening
 
 __all__ = ["Bench", "Scored", "best_of_family", "refined"]
@@ -95,15 +97,15 @@ class Scored:
 def best_of_family(bench: Bench, bounds: Bounds) -> list[Scored]:
     """Return runs of all kinds, the best first."""
     every = settings(bounds)
-    made = [
-        bench.scored(Excitation(kind, numbers, every[0]), bounds)
-        for kind in kinds_for(bounds, bench.layout.remembers)
-        for numbers in kind.starts
-    ]
-    for one in _ranked(made)[:IN_ALL_SETTINGS]:
-        made += [
-            bench.scored(replace(one.excitation, setting=other), bounds) for other in every[1:]
-        ]
+
+    def scored(runs: Iterable[Excitation]) -> list[Scored]:
+        work = partial(bench.scored, bounds=bounds)
+        return [*in_order(bench.problem.threads, work, runs)]
+
+    kinds = kinds_for(bounds, bench.layout.remembers)
+    made = scored(Excitation(kind, numbers, every[0]) for kind in kinds for numbers in kind.starts)
+    chosen = [one.excitation for one in _ranked(made)[:IN_ALL_SETTINGS]]
+    made += scored(replace(one, setting=other) for one in chosen for other in every[1:])
     return _ranked(made)
 
 
