@@ -211,7 +211,8 @@ def _unlikely(tail: _Tail, rows: int) -> bool:
 def _noisy(values: Array, first: int) -> bool:
     """Whether the rows before `first` go up and down as noise does."""
     steps = np.diff(values[max(first - BEFORE, 0) : first])
-    return bool(np.mean(steps[1:] * steps[:-1] < 0.0) > NOISY)
+    turns = steps[1:] * steps[:-1] < 0.0
+    return bool(turns.size and np.mean(turns) > NOISY)
 
 
 def _speed(log: Log, channel: str) -> Array | None:
