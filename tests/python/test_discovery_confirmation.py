@@ -17,7 +17,7 @@ from scipy.stats import chi2
 
 import flexspline
 from flexspline.discovery import analysis, confirmation
-from flexspline.discovery.candidates import DIRECTIONS, LAG, freedoms, held_of, with_freedoms
+from flexspline.discovery.candidates import DIRECTIONS, LAG, TAKEN, freedoms, held_of, with_freedoms
 from flexspline.discovery.confirmation import CHANCE, ERRORS, Shown, significance
 from flexspline.discovery.result import UNLIKELY, Discovery
 from flexspline.discovery.settings import SETTINGS
@@ -387,6 +387,9 @@ def test_a_late_load_cell_is_a_fault_with_its_size_and_no_name(target: str) -> N
         assert fault.size == pytest.approx(LATE, rel=0.05)
         assert f"shift={LOAD}:" in fault.sentence
     assert LAG not in [e.name for e in made.fit.part.effects]
+    assert made.not_tried[LAG] == TAKEN and f"Not tried, {TAKEN}: {LAG}." in " ".join(
+        str(made).split()
+    )
     assert made.final_rmse < 0.012  # the target's own noise is 0.01 Nm
 
 

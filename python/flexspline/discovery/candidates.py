@@ -45,6 +45,7 @@ __all__ = [
     "DIRECTIONS",
     "EXCLUDED",
     "LAG",
+    "TAKEN",
     "Candidate",
     "candidates_for",
     "freedoms",
@@ -63,6 +64,7 @@ __all__ = [
 DIRECTIONS, LAG = "direction_dependent_friction", "sensor_lag"
 ANGLE = "output_position"
 EXCLUDED = "excluded by the caller"
+TAKEN = "what it would explain is taken as a delay of the load"
 FRICTION = ("coulomb_friction", "viscous_friction")
 
 

@@ -422,7 +422,7 @@ def _on_one_clock(
     may be the sensor's: a lag is no freedom then, but to be named.
     """
     from flexspline.discovery.analysis import analysed
-    from flexspline.discovery.candidates import LAG
+    from flexspline.discovery.candidates import LAG, TAKEN
     from flexspline.discovery.clock import (
         SENSOR,
         Delay,
@@ -466,6 +466,8 @@ def _on_one_clock(
         made = made.in_runs(recorded.study([*exclude, LAG], others)[0], LAG)
     else:
         made = made.without(LAG)
+    if delay and LAG not in exclude:
+        made.study.not_tried[LAG] = TAKEN
     return recorded, recorded.confirmed(made, others), delay
 
 

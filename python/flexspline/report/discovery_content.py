@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from itertools import groupby
 from typing import TYPE_CHECKING
 
-from flexspline.discovery.candidates import DIRECTIONS, EXCLUDED
+from flexspline.discovery.candidates import DIRECTIONS, EXCLUDED, TAKEN
 from flexspline.discovery.slices import telling
 from flexspline.errors import listed
 from flexspline.report.content import ParameterLine, parameter_lines
@@ -191,9 +191,11 @@ def remarks(made: Discovery) -> list[str]:
         said.append(f"Next: {made.next_experiment}")
     if min(made.searched.values()) < 1.0:
         said.append(searched_sentence(made))
-    reasons = made.not_tried.items()
-    for excluded, why in ((True, EXCLUDED), (False, "for lack of channels or facts")):
-        names = [name for name, reason in reasons if (reason == EXCLUDED) is excluded]
+    groups: dict[str, list[str]] = {EXCLUDED: [], TAKEN: [], "for lack of channels or facts": []}
+    *_, lacking = groups.values()
+    for name, reason in made.not_tried.items():
+        groups.get(reason, lacking).append(name)
+    for why, names in groups.items():
         if names:
             said.append(f"Not tried, {why}: {listed(names, most=len(names))}.")
     return said
