@@ -473,11 +473,21 @@ def test_exact_runs_are_given_nothing() -> None:
     assert freedoms_of(logs, base(), "sensor_torque", LOAD) == ()
 
 
+def at_speeds(*velocity: float) -> Any:
+    """A problem of one run with these velocities, as far as `held_of` asks it."""
+    channels = {"output_velocity": np.array(velocity)}
+    run = SimpleNamespace(channels=channels, stretches=((0, len(velocity)),))
+    return SimpleNamespace(runs=[run])
+
+
 def test_what_a_base_is_given_has_its_width_and_stands_behind_it() -> None:
-    made = with_freedoms(base(), (DIRECTIONS, LAG))
+    made, problem = with_freedoms(base(), (DIRECTIONS, LAG)), at_speeds(-1.0, 0.1 * WIDTH, 1.0)
     assert [e.name for e in made[-2:]] == [DIRECTIONS, LAG]
     assert made[-2].shapes["direction_width"] == WIDTH
-    assert held_of(made, (DIRECTIONS, LAG)) == {f"{LAG}.smoothing_time": 1e-4}  # a difference
-    assert held_of(made, (DIRECTIONS,)) == {}  # a lag that is named is fitted whole
-    assert held_of(made[1:], (DIRECTIONS,)) == {f"{DIRECTIONS}.level": 0.0}
-    assert held_of(base()[1:], ()) == {}
+    lag = {f"{LAG}.smoothing_time": 1e-4}  # a difference
+    assert held_of(made, (DIRECTIONS, LAG), problem) == lag
+    assert held_of(made, (DIRECTIONS,), problem) == {}  # a lag that is named is fitted whole
+    assert held_of(made[1:], (DIRECTIONS,), problem) == {f"{DIRECTIONS}.level": 0.0}
+    assert held_of(base()[1:], (), problem) == {}
+    fast = at_speeds(-1.0, -10.0 * WIDTH, 5.0 * WIDTH)  # the level is an offset
+    assert held_of(made, (DIRECTIONS,), fast) == {f"{DIRECTIONS}.level": 0.0}

@@ -51,3 +51,19 @@ def test_friction_that_bends_with_speed_is_no_change_of_a_direction_that_no_run_
                          threads=1)  # fmt: skip
     said = impossible(working(effects, 1, {}), VARYING, problem)
     assert ("no run changes direction" in said) is refused
+
+
+@pytest.mark.parametrize(
+    ("levels", "refused"), [((1.0, 0.0, 0.0, 0.0), True), ((0.1, 0.1, 0.1, 1.0), False)]
+)
+def test_friction_builds_up_over_a_small_angle(levels: tuple[float, ...], refused: bool) -> None:
+    """Of springs that slip at 0.3 rad and less: it is the mean by their levels that is small."""
+    time = np.arange(0.0, 20.0, 0.01)
+    log = Log.from_arrays(time=time, output_position=np.sin(time), motor_torque=np.cos(time),
+                          facts={"gear_ratio": 1.0})  # fmt: skip
+    springs = flexspline.effect("presliding_friction", presliding_width=0.3)
+    effects = [flexspline.effect("offset"), springs]
+    problem = problem_of([log], effects, "motor_torque", known_load=None, lowpass_hz=None,
+                         threads=1)  # fmt: skip
+    made = replace(working(effects, 1, {}), coefficients=np.array([0.0, *levels]))
+    assert ("build up" in impossible(made, springs.name, problem)) is refused

@@ -22,7 +22,7 @@ from flexspline.discovery.search import Study, study_of
 from flexspline.fit.problem import Problem
 from flexspline.logs.log import Log
 from flexspline.regression import gram
-from flexspline.regression.gram import Sheet, Whitening, edges_of, tabulated
+from flexspline.regression.gram import Sheet, Whitening, edges_of, solved, tabulated
 from flexspline.regression.working import Working, mixed, working
 
 Array = NDArray[np.float64]
@@ -292,3 +292,17 @@ def test_memory_of_a_table_does_not_grow_with_rows_times_columns() -> None:
     width, grown = (int(word) for word in done.stdout.split())
     assert width > 60
     assert grown * 1024 < 0.2 * rows * width * 8
+
+
+def test_what_rows_do_not_tell_from_the_base_is_the_bases() -> None:
+    """A spring that slips all the time is Coulomb friction; alone, both would get a half."""
+    chance = np.random.default_rng(0)
+    sliding, other = chance.choice([-1.0, 1.0], 100), chance.normal(size=100)
+    rows = np.column_stack([sliding, other, 2.0 * sliding, 0.8 * sliding + 3.0 * other])
+    made = np.column_stack([rows, 0.2 * sliding + 0.5 * other])
+    products = made.T @ made
+    every = np.arange(4)
+    np.testing.assert_allclose(solved(products, every, 2), [0.2, 0.5, 0.0, 0.0], atol=1e-12)
+    least = solved(products, every)
+    assert np.abs(least[2:]).min() > 0.01
+    np.testing.assert_allclose(rows @ least, made[:, -1], atol=1e-12)

@@ -102,19 +102,32 @@ def with_freedoms(base: Sequence[Effect], given: Sequence[str]) -> list[Effect]:
     return made
 
 
-def held_of(effects: Sequence[Effect], given: Sequence[str]) -> dict[str, float]:
+def held_of(effects: Sequence[Effect], given: Sequence[str], problem: Problem) -> dict[str, float]:
     """Return what is held of the freedoms `given` to these effects.
 
-    Beside no offset, a level of the base would be one. A delay of the load is seen in its slope at
-    once: over what time the slope is taken is not looked for.
+    Beside no offset, a level of the base would be one, and where no row that counts is slow, it is
+    one. A delay of the load is seen in its slope at once: over what time the slope is taken is not
+    looked for.
     """
     held: dict[str, float] = {}
     names = {effect.name: effect for effect in effects}
-    if DIRECTIONS in names and "offset" not in names:
+    sided = names.get(DIRECTIONS)
+    fast = sided is not None and DIRECTIONS in given and not _slow(sided, problem)
+    if sided is not None and ("offset" not in names or fast):
         held[f"{DIRECTIONS}.level"] = 0.0
     if LAG in names and LAG in given:
         held |= {f"{LAG}.{shape.name}": shape.lower for shape in names[LAG].fitted_shapes}
     return held
+
+
+def _slow(effect: Effect, problem: Problem) -> bool:
+    """Whether the level of an effect differs from an offset on the rows that count."""
+    width, level = effect.shapes["direction_width"], []
+    for run in problem.runs:
+        rows = np.concatenate([np.arange(first, last) for first, last in run.stretches])
+        level.append(np.abs(np.tanh(run.channels["output_velocity"][rows] / width)))
+    values = np.concatenate(level)
+    return bool(np.var(values) > SETTINGS.negligible * np.mean(values**2))
 
 
 def _both_ways(logs: Sequence[Log]) -> bool:

@@ -387,7 +387,7 @@ class _Recorded:
         study = study_of(
             effects, self.logs, start.target, exclude=exclude, inputs=self.inputs, **self._posed
         )
-        return study, effects, {**start.fixed, **held_of(effects, free)}
+        return study, effects, {**start.fixed, **held_of(effects, free, study.problem)}
 
     def look(self, exclude: Sequence[str], free: Sequence[str]) -> FirstLook:
         from flexspline.discovery.analysis import first_look
@@ -405,7 +405,11 @@ class _Recorded:
 
         def fitted(work: Working) -> Fit:
             problem, base = self.problem(work.effects), work.effects[: work.base]
-            known = {**unseen_of(work.named, problem), **start.fixed, **held_of(base, free)}
+            known = {
+                **unseen_of(work.named, problem),
+                **start.fixed,
+                **held_of(base, free, problem),
+            }
             return fit_near(problem, work.effects, known, _bounds(work, start), start.model,
                             general=True)  # fmt: skip
 

@@ -4,12 +4,16 @@ mass.
 Nor is every curve that a form can bend to the effect of its name. Springs of alternating sign are
 no presliding but a fit to the noise around a reversal; friction that fades before the direction of
 motion has changed is the width of that change said twice; and one that has not faded at the
-largest speed bends the whole curve, for which viscous friction has a name. Runs that all go one
+largest speed bends the whole curve, for which viscous friction has a name. What builds up over a
+tenth of a radian at the output, in the mean of its springs, is no presliding either: gears and
+bearings wind up by thousandths under their rated torque. Runs that all go one
 way show no change of direction: where friction would bend by one among their speeds, it is a torque
 whose size depends on the speed, under another name.
 """
 
 from __future__ import annotations
+
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +21,7 @@ from numpy.typing import NDArray
 from flexspline.discovery.settings import SETTINGS
 from flexspline.fit.names import Bounds
 from flexspline.fit.problem import Problem
+from flexspline.regression.gram import TINY
 from flexspline.regression.working import Working
 
 __all__ = [
@@ -40,6 +45,8 @@ DISSIPATES = (
 STRIBECK = "stribeck_friction"
 
 SPRINGS = "presliding_friction"
+PRESLIDING = "presliding_width"
+WIDEST = 0.1  # rad
 HYSTERESIS = "torque_hysteresis"
 LOOPS = (SPRINGS, "torsional_hysteresis")
 """Elements all have one sign, as loops cost energy: the positive one, but for friction, which a
@@ -74,6 +81,8 @@ def impossible(work: Working, name: str, problem: Problem) -> str:
     if name == STRIBECK and (why := _not_fading(work, problem)):
         return why
     values = _values(work, name)
+    if name == SPRINGS and _build_up(values, _shapes(work, name)[PRESLIDING]) > WIDEST:
+        return f"it would build up over more than {WIDEST:g} rad, as no gear does"
     if name == HYSTERESIS and values.sum() < 0.0:
         return "a sensor's loop lags behind the torque, and this one would run ahead"
     if name == LAG and problem.known_load is not None and values[0] < 0.0:
@@ -91,7 +100,7 @@ def impossible(work: Working, name: str, problem: Problem) -> str:
 
 def _bent_one_way(work: Working, name: str, problem: Problem) -> str:
     """Why a change of direction is none, "" where it is one or reaches into no speed."""
-    (shapes,) = (e.shapes for e in work.effects if e.name == name)
+    shapes = _shapes(work, name)
     if WIDTH not in shapes:
         return ""
     velocity = np.concatenate([run.log["output_velocity"] for run in problem.runs])
@@ -105,7 +114,7 @@ def _bent_one_way(work: Working, name: str, problem: Problem) -> str:
 def _not_fading(work: Working, problem: Problem) -> str:
     """Why friction does not fade from rest as a start's does, "" where it does."""
     fastest = max(float(np.abs(run.log["output_velocity"]).max()) for run in problem.runs)
-    (shapes,) = (e.shapes for e in work.effects if e.name == STRIBECK)
+    shapes = _shapes(work, STRIBECK)
     if shapes["stribeck_velocity"] < shapes["direction_width"]:
         return "it would fade before the direction of motion has changed"
     if shapes["stribeck_velocity"] > SETTINGS.most * fastest:
@@ -147,6 +156,17 @@ def _side(values: Array, name: str, target: str) -> float:
 def _either(name: str, target: str) -> bool:
     """Whether the sign is any: a sensor sees friction from either side."""
     return name == SPRINGS and target == "sensor_torque"
+
+
+def _build_up(levels: Array, width: float) -> float:
+    """Angle after which springs slip [rad], in the mean by their levels: w, w/2, w/4 and w/8."""
+    sizes = np.abs(levels)
+    return float(sizes @ (width * 0.5 ** np.arange(len(sizes)))) / max(float(sizes.sum()), TINY)
+
+
+def _shapes(work: Working, name: str) -> Mapping[str, float]:
+    (shapes,) = (e.shapes for e in work.effects if e.name == name)
+    return shapes
 
 
 def _terms(work: Working, name: str) -> list[str]:

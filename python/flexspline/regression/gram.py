@@ -420,15 +420,21 @@ class Table:
         return left_by(self.total, model)
 
 
-def solved(products: Array, model: Columns) -> Array:
-    """Coefficients of least squares, (m,), of least norm where columns depend on each other."""
-    inverse, scale = _inverse(products, model)
-    return np.asarray(inverse @ (products[model, -1] / scale) / scale)
+def solved(products: Array, model: Columns, base: int | None = None) -> Array:
+    """Coefficients of least squares, (m,), of least norm where columns depend on each other.
+
+    `base`: how many columns come first; what the rows do not tell from these is theirs.
+    """
+    inverse, scale, blind = _inverse(products, model)
+    found = inverse @ (products[model, -1] / scale)
+    if base is not None and blind.shape[1]:
+        found -= blind @ np.linalg.lstsq(blind[base:], found[base:], rcond=SINGULAR)[0]
+    return np.asarray(found / scale)
 
 
 def left_by(products: Array, model: Columns) -> Array:
     """The Schur complement: products of all columns after `model` is taken out."""
-    inverse, scale = _inverse(products, model)
+    inverse, scale, _ = _inverse(products, model)
     across = products[model] / scale[:, None]
     return np.asarray(products - across.T @ inverse @ across)
 
@@ -444,13 +450,14 @@ def gain_of(left: Array, columns: Columns, raw: Array) -> tuple[float, int]:
     return float(np.sum(along**2 / values[seen])), int(seen.sum())
 
 
-def _inverse(products: Array, model: Columns) -> tuple[Array, Array]:
-    """Pseudo-inverse (m, m) of the columns' products scaled to length one, and the lengths."""
+def _inverse(products: Array, model: Columns) -> tuple[Array, Array, Array]:
+    """Pseudo-inverse (m, m) of the columns' products scaled to length one, the lengths, and the
+    directions (m, n) that the rows do not tell."""
     scale = np.sqrt(np.maximum(products[model, model], 0.0))
     scale = np.where(scale > 0.0, scale, 1.0)
     values, vectors = np.linalg.eigh(products[np.ix_(model, model)] / np.outer(scale, scale))
     seen = values > SINGULAR * max(float(values.max(initial=0.0)), TINY)
-    return (vectors[:, seen] / values[seen]) @ vectors[:, seen].T, scale
+    return (vectors[:, seen] / values[seen]) @ vectors[:, seen].T, scale, vectors[:, ~seen]
 
 
 def tabulated(

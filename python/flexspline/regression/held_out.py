@@ -79,14 +79,18 @@ def held_out(
 ) -> HeldOut:
     """Leave out one fold after the other and fit the coefficients to the rest; shapes stay.
 
-    Columns that no other fold sees contribute nothing. Many functions beside a model would go
-    anywhere in places that few rows of the rest have seen: they are shrunk (`_ridge`).
+    Columns that no other fold sees contribute nothing, and what the other folds do not tell from
+    the base is the base's: a spring that slips all the time there is Coulomb friction. Many
+    functions beside a model would go anywhere in places that few rows of the rest have seen: they
+    are shrunk (`_ridge`).
     """
     sheet = work.sheet(bends=False, given=beside)
     table = tabulated(problem, sheet, whitening)
     every = np.arange(len(table.total) - 1)
     ridge = _ridge(table, len(work.free))
-    betas = tuple(solved(table.total - fold + ridge, every) for fold in table.folds)
+    given = {effect.name for effect in work.effects[: work.base]}
+    base = sum(owner in given for owner in work.owners()[: len(work.free)])
+    betas = tuple(solved(table.total - fold + ridge, every, base) for fold in table.folds)
     squares = sum(_squares(fold, beta) for fold, beta in zip(table.folds, betas, strict=True))
     return HeldOut(problem, work, sheet, betas, squares)
 
