@@ -18,7 +18,7 @@ from scipy.stats import chi2
 import flexspline
 from flexspline.discovery import analysis, confirmation
 from flexspline.discovery.candidates import DIRECTIONS, LAG, TAKEN, freedoms, held_of, with_freedoms
-from flexspline.discovery.confirmation import CHANCE, ERRORS, Shown, significance
+from flexspline.discovery.confirmation import ERRORS, Shown, significance
 from flexspline.discovery.result import UNLIKELY, Discovery
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect, effect
@@ -133,8 +133,8 @@ def shown(**more: Any) -> Shown:
     ("more", "why"),
     [
         ({}, ""),
-        ({"p": 0.99 * CHANCE}, ""),
-        ({"p": CHANCE}, "not significant in the final fit"),
+        ({"p": 0.99 * SETTINGS.alpha}, ""),
+        ({"p": SETTINGS.alpha}, "not significant in the final fit"),
         ({"p": float("nan")}, "not significant in the final fit"),
         ({"fall": 0.0}, "does not lower the held-out error"),
         ({"fall": -1.0}, "does not lower the held-out error"),
@@ -179,6 +179,7 @@ def confirmed(
     monkeypatch: pytest.MonkeyPatch,
     each: dict[str, dict[str, float]],
     chance: tuple[str, ...] = (),
+    rivals: Callable[[Any], Any] = lambda made: {name: [] for name in made.names},
     steps: Callable[[Any], list[float]] = lambda made: [*range(len(made.names), -1, -1)],
     sure: Mapping[str, float] | None = None,
     **idle: float,
@@ -198,7 +199,7 @@ def confirmed(
 
     monkeypatch.setattr(confirmation, "_all_shown", all_shown)
     monkeypatch.setattr(confirmation, "_in_order", lambda made: made)
-    monkeypatch.setattr(confirmation, "_rivals", lambda made: {n: [] for n in made.names})
+    monkeypatch.setattr(confirmation, "_rivals", rivals)
     of_names = {**dict.fromkeys(each, 1.0), **(sure or {})}
     monkeypatch.setattr(confirmation, "_confidence", lambda made, fit, name, own: of_names[name])
     monkeypatch.setattr(Made, "steps", steps, raising=False)
@@ -253,14 +254,29 @@ def test_the_only_name_is_never_too_small(monkeypatch: pytest.MonkeyPatch) -> No
     assert [*held.shown] == ["gravity"] and not refused and held.also_seen == ()
 
 
-def test_a_name_that_is_less_likely_than_one_in_five_is_none(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """Three aliases leave a quarter; four, or as much that no name explains, a fifth."""
+def test_what_others_explain_as_well_is_no_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Four aliases: any of five effects."""
     each: dict[str, dict[str, float]] = {"viscous_friction": {}, "gravity": {}}
-    held, refused = confirmed(monkeypatch, each, sure={"viscous_friction": 0.25, "gravity": 0.19})
-    assert held.confidences == {"viscous_friction": 0.25}
+
+    def rivals(made: Any) -> dict[str, list[Any]]:
+        vague = [SimpleNamespace(alias=True)] * SETTINGS.tried
+        return {name: vague if name == "gravity" else vague[1:] for name in made.names}
+
+    held, refused = confirmed(monkeypatch, each, rivals=rivals)
+    assert [*held.shown] == ["viscous_friction"] and len(held.rivals["viscous_friction"]) == 3
     assert refused == {"gravity": UNLIKELY}
+
+
+@pytest.mark.parametrize(("first", "second", "kept"), [(0.21, 0.1, 2), (0.19, 0.9, 1)])
+def test_a_first_name_less_likely_than_one_in_five_is_none(
+    monkeypatch: pytest.MonkeyPatch, first: float, second: float, kept: int
+) -> None:
+    """One behind a first name that is likely stays."""
+    each: dict[str, dict[str, float]] = {"viscous_friction": {}, "gravity": {}}
+    sure = {"viscous_friction": first, "gravity": second}
+    held, refused = confirmed(monkeypatch, each, sure=sure)
+    assert [*held.shown] == [*each][2 - kept :]
+    assert refused == ({} if kept == 2 else {"viscous_friction": UNLIKELY})
 
 
 def test_no_name_raises_the_error_of_those_before_it(monkeypatch: pytest.MonkeyPatch) -> None:

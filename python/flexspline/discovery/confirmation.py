@@ -3,8 +3,8 @@
 A search weighs evidence in the metric of the noise, where a row's own error may count for much. A
 reader asks two plain questions, and a name that fails one of them is withdrawn:
 
-    Is it significant in the final fit?     Wald's test of its coefficients together: as surprising
-                                            as two standard errors, with its shapes held and without
+    Is it significant in the final fit?     Wald's test of its coefficients together, p < α
+                                            with its shapes held, t > 2 without
     Does it lower the held-out error?       in the unit of the target; where its t exceeds 16, by
                                             more than two standard errors
 
@@ -12,12 +12,12 @@ Of an effect that is not there the shapes mean nothing, and where they are hardl
 the error of a coefficient large that the runs tell from zero well (Davies 1987). So its test holds
 them; but neither may the errors that are printed reach zero.
 
-Nor is it a name where something else is four times as likely, be it other effects that explain as
-much or what no name explains. Of several names, one that closes
-less than a form may miss of what all of them close held out, and less than a hundredth of what is
-left without it, with a tenth of the t of the largest at most, is real but too small to matter: it
-is listed as also seen and is no part of the model. Ripple that is small in RMS may be as plain as
-the rest, beside slow noise. Blocks are longer than the residual's memory (two seconds at least).
+Nor is it a name where something else is four times as likely: of any, other effects that explain as
+much; of the first, what no name explains as well. Of several names, one that closes less than a
+form may miss of what all of them close held out, and less than a hundredth of what is left without
+it, with a tenth of the t of the largest at most, is real but too small to matter: it is listed as
+also seen and is no part of the model. Ripple that is small in RMS may be as plain as the rest,
+beside slow noise. Blocks are longer than the residual's memory (two seconds at least).
 """
 
 from __future__ import annotations
@@ -49,7 +49,6 @@ Array = NDArray[np.float64]
 
 LEAST = 1.0 / (1.0 + SETTINGS.tried)  # confidence in a name
 ERRORS = 2.0  # standard errors: of the fall of the held-out error, of coefficients as printed
-CHANCE = float(chi2.sf(ERRORS**2, 1))  # p of as many: for its place among all the search has paid
 
 
 @dataclass(frozen=True)
@@ -88,7 +87,7 @@ class Shown:
     @property
     def withdrawn(self) -> str:
         """Why it is no answer, "" where it is one."""
-        if not (self.p < CHANCE and self.loose > ERRORS):
+        if not (self.p < SETTINGS.alpha and self.loose > ERRORS):
             return NOT_SIGNIFICANT
         if self.fall <= 0.0 or (self.t > SETTINGS.certain and self.fall < ERRORS * self.error):
             return NOT_LOWER
@@ -145,12 +144,12 @@ def confirmed(made: Analysis, fitted: Callable[[Working], Fit], base: Sequence[s
             if not little:
                 rivals = _rivals(made)
                 sure = {name: _confidence(made, fit, name, own) for name, own in rivals.items()}
-                least = min(sure, key=lambda name: sure[name], default="")
-                if sure.get(least, 1.0) >= LEAST:
+                unlikely = _unlikely(rivals, sure)
+                if not unlikely:
                     by_name = {one.effect.name: one for one in shown}
                     return Confirmed(made, fit, by_name, tuple(small), rivals, sure)
-                made.searcher.refused[least] = UNLIKELY
-                made = made.without(least)
+                made.searcher.refused[unlikely[-1]] = UNLIKELY
+                made = made.without(unlikely[-1])
                 continue
             worst = min(little, key=lambda one: one.share)
             if worst.fall > ERRORS * worst.error:
@@ -184,6 +183,16 @@ def _confidence(made: Analysis, fit: Fit, name: str, rivals: Sequence[Rival]) ->
     above = min(gain, wald(fit, name, held=True)[0]) - cost_of(dictionary, made.final, name)
     aliases = sum(rival.alias for rival in rivals)
     return confidence(gain, above, left.survives.get(name, 1.0), left.gain, aliases)
+
+
+def _unlikely(rivals: Mapping[str, Sequence[Rival]], sure: Mapping[str, float]) -> list[str]:
+    """Names that something else is four times as likely as; what no name explains bars the first.
+
+    Behind a first name that is likely, a small one that lowers the held-out error may stay.
+    """
+    among = {name: 1.0 / (1.0 + sum(r.alias for r in own)) for name, own in rivals.items()}
+    return [name for number, name in enumerate(rivals)
+            if among[name] <= LEAST or (number == 0 and sure[name] < LEAST)]  # fmt: skip
 
 
 def _with_tie(rival: Rival, effect: Effect, tied: Sequence[Dependence]) -> Rival:
