@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -124,7 +125,12 @@ def legend(ax: Axes, columns: int = 1, *, beside: bool = False) -> None:
 
 
 def orders_axis(ax: Axes) -> None:
-    """Make the horizontal axis of what is drawn logarithmic, marked with plain numbers."""
+    """Make the horizontal axis of what is drawn logarithmic, marked with plain numbers.
+
+    Where no order above zero is drawn, as of runs of which few rows count, it stays as it is.
+    """
+    if not math.isfinite(ax.xaxis.get_minpos()):
+        return
     ax.set_xscale("log")
     low, high = ax.get_xlim()
     few = high < NARROW * low
