@@ -23,6 +23,7 @@ from flexspline.logs.channel_noise import ChannelNoise, channel_noise
 from flexspline.logs.derive import differentiate, lowpass_log
 from flexspline.logs.local_fit import require_bandwidth
 from flexspline.logs.log import Log
+from flexspline.parallel import in_order
 
 __all__ = [
     "MOTION",
@@ -133,6 +134,7 @@ def learned(
     target: str,
     known_load: str | None,
     bandwidth: float | None = None,
+    threads: int = 1,
 ) -> tuple[dict[str, ChannelNoise], tuple[Preparation, ...]]:
     """Return the noise of each channel, and how the inputs of a model are made from them.
 
@@ -140,6 +142,7 @@ def learned(
     ----------
     bandwidth : Hz, -3 dB of the output's motion; None: what tells each derivative best; infinity:
         every channel is read as recorded.
+    threads : channels that are looked at at the same time.
 
     Raises
     ------
@@ -153,7 +156,7 @@ def learned(
     if bandwidth is not None and np.isfinite(bandwidth):
         for log in logs:
             require_bandwidth(bandwidth, log.rate, f"log '{log.name}', motion of the output")
-    noise = noise_of_channels(logs)
+    noise = noise_of_channels(logs, threads)
     if bandwidth == np.inf:
         return noise, ()
     position, velocity = noise.get(POSITION), noise.get(VELOCITY)
@@ -163,15 +166,15 @@ def learned(
     return noise, preparations_for(noise, target, known_load, bandwidth)
 
 
-def noise_of_channels(logs: Sequence[Log]) -> dict[str, ChannelNoise]:
+def noise_of_channels(logs: Sequence[Log], threads: int = 1) -> dict[str, ChannelNoise]:
     """Return the noise of each channel that all runs have with finite values, by its name."""
-    shared = [name for name in logs[0].channels if name != "time"]
-    found = {
-        name: channel_noise(logs, name)
-        for name in shared
-        if all(name in log and np.isfinite(log[name]).all() for log in logs)
-    }
-    return {name: noise for name, noise in found.items() if noise is not None}
+    shared = [
+        name
+        for name in logs[0].channels
+        if name != "time" and all(name in log and np.isfinite(log[name]).all() for log in logs)
+    ]
+    found = in_order(threads, lambda name: channel_noise(logs, name), shared)
+    return {name: one for name, one in zip(shared, found, strict=True) if one is not None}
 
 
 def preparations_for(

@@ -164,11 +164,12 @@ class Made:
     def final(self) -> SimpleNamespace:
         return SimpleNamespace(named=[Effect(name) for name in self.names])
 
+    @property
     def nested(self) -> list[int]:
         return [*range(len(self.names) + 1)]
 
-    def left_by(self, number: int) -> SimpleNamespace:
-        return SimpleNamespace(rmse=self.steps()[number])  # type: ignore[attr-defined]
+    def rmse_of(self, number: int) -> float:
+        return float(self.steps()[number])  # type: ignore[attr-defined]
 
     def without(self, name: str) -> Made:
         left = ([n for n in names if n != name] for names in (self.names, self.given))

@@ -316,12 +316,21 @@ class Analysis:
         return self.whitening if self.generalised else plain_rows(self.study.problem, self.final)
 
     @cached_property
+    def tied(self) -> tuple[Dependence, ...]:
+        """Channels that are nearly a function of each other, beside the final model."""
+        return tied_channels(_looked_at(self.study.problem), self.final)
+
+    @cached_property
     def _left(self) -> dict[Any, HeldOut]:
+        return {}
+
+    @cached_property
+    def _errors(self) -> dict[Any, float]:
         return {}
 
     def left_by(self, work: Working) -> HeldOut:
         """Return what a model refitted as the final one leaves of rows held out."""
-        key = work.effects, work.base, tuple(sorted(work.fixed.items()))
+        key = _key(work)
         found = self._left.pop(key, None)
         if found is None:
             problem = self.study.problem
@@ -329,9 +338,18 @@ class Analysis:
             found = held_out(problem, made, self.fitted_as)
         self._left[key] = found
         if len(self._left) > SETTINGS.tried:  # each holds as many numbers as there are rows
-            del self._left[next(iter(self._left))]
+            stay = _key(self.base), _key(self.final)
+            del self._left[next(key for key in self._left if key not in stay)]
         return found
 
+    def rmse_of(self, work: Working) -> float:
+        """Return the error of `left_by`, in the target's unit."""
+        key = _key(work)
+        if key not in self._errors:
+            self._errors[key] = self.left_by(work).rmse
+        return self._errors[key]
+
+    @cached_property
     def nested(self) -> list[Working]:
         """The base, and the model with one name more each."""
         models, final = [self.base], self.final
@@ -345,6 +363,10 @@ class Analysis:
     def searched(self) -> float:
         """Share of the rows that were searched first."""
         return min(rows_of(self.part.problem) / rows_of(self.study.problem), 1.0)
+
+
+def _key(work: Working) -> Any:
+    return work.effects, work.base, tuple(sorted(work.fixed.items()))
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.discovery.analysis import Analysis, Rival, contribution, tied_channels
+from flexspline.discovery.analysis import Analysis, Rival, contribution
 from flexspline.discovery.basis import Functions, channel_told
 from flexspline.discovery.confirmation import Confirmed, wald
 from flexspline.discovery.evidence import equivalent_t
@@ -150,12 +150,11 @@ def assembled(
 ) -> Discovery:
     """Put everything together that a user sees; `limits`: of the run to record next."""
     made, fit, problem = held.made, held.fit, held.made.study.problem
-    left = [made.left_by(work) for work in made.nested()]
-    steps = [one.rmse for one in left]
+    before, after = made.left_by(made.base), made.left_by(made.final)
+    steps = [made.rmse_of(work) for work in made.nested]
     unexplained, floor = _unexplained(made, made.fitted_as, steps)
     if unexplained is None:
-        unexplained, floor = _again(made, left[-1], steps)
-    tied = tied_channels(problem, made.final)
+        unexplained, floor = _again(made, after, steps)
     found = [
         _found(held, effect, steps[number], steps[number + 1])
         for number, effect in enumerate(made.final.named)
@@ -175,8 +174,8 @@ def assembled(
         unexplained=unexplained,
         next_experiment=plan.sentence if plan else None,
         fit=fit,
-        runs=_runs(made, left[0], left[-1]),
-        motion=driven_apart(made, left[0], left[-1], fit.model.facts),
+        runs=_runs(made, before, after),
+        motion=driven_apart(made, before, after, fit.model.facts),
         not_tried=made.study.not_tried,
         refused=_refused(made),
         doubted=made.doubted,
@@ -185,7 +184,7 @@ def assembled(
         inputs=inputs,
         rows=rows,
         searched={"names": made.searched, "functions": made.looked_at},
-        dependences=tied,
+        dependences=made.tied,
     )
 
 

@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from flexspline.discovery.analysis import Analysis, Rival, rivals_of, tied_channels
+from flexspline.discovery.analysis import Analysis, Rival, rivals_of
 from flexspline.discovery.evidence import equivalent_t
 from flexspline.discovery.result import NOT_LOWER, NOT_SIGNIFICANT, UNLIKELY, confidence
 from flexspline.discovery.search import cost_of
@@ -162,17 +162,17 @@ def confirmed(made: Analysis, fitted: Callable[[Working], Fit], base: Sequence[s
 
 def _rising(made: Analysis, shown: Sequence[Shown]) -> Shown | None:
     """The weakest name that raises the held-out error as it joins those before it; None of none."""
-    errors = [made.left_by(work).rmse for work in made.nested()]
+    errors = [made.rmse_of(work) for work in made.nested]
     raised = (one for one, (a, b) in zip(shown, pairwise(errors), strict=True) if b >= a)
     return max(raised, key=lambda one: one.p, default=None)
 
 
 def _rivals(made: Analysis) -> dict[str, list[Rival]]:
     """What else may be in the place of each name, and the channels that tie it to the name."""
-    tied, found = tied_channels(made.study.problem, made.final), {}
+    found = {}
     for effect in made.final.named:
         rivals = rivals_of(made.searcher, made.final, effect)
-        found[effect.name] = [_with_tie(rival, effect, tied) for rival in rivals]
+        found[effect.name] = [_with_tie(rival, effect, made.tied) for rival in rivals]
     return found
 
 
@@ -295,10 +295,9 @@ def _in_order(made: Analysis) -> Analysis:
     final = made.final
     if len(final.named) < 2:
         return made
-    left = made.left_by
     chosen, rest = [*final.effects[: final.base]], [*final.named]
     while len(rest) > 1:
-        errors = [left(final.having([*chosen, effect])).rmse for effect in rest]
+        errors = [made.rmse_of(final.having([*chosen, effect])) for effect in rest]
         chosen.append(rest.pop(int(np.argmin(errors))))
     ordered = [*chosen, *rest]
     if ordered == [*final.effects]:

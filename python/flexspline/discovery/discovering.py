@@ -154,7 +154,7 @@ def _discovered(
     faults = data_faults(runs, start.effects, start.target, start.known_load, threads)
     faults = (*of_base, *_cut(recordings, faults))
     runs, faults = with_measured_ratio(runs, faults, start.target)
-    inputs, ways = learned(runs, start.target, start.known_load, bandwidth)
+    inputs, ways = learned(runs, start.target, start.known_load, bandwidth, threads)
 
     style = {"bar_format": "{desc}{elapsed}", "leave": False, "delay": 1.0}
     with tqdm(desc="discovering", disable=not progress, **style) as bar:

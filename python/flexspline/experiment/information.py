@@ -25,7 +25,7 @@ from flexspline.fit.problem import Problem, Run
 from flexspline.regression.gram import Columns, Whitening, left_by
 from flexspline.regression.working import Working
 
-__all__ = ["Layout", "Question", "Rivalry", "layout_of", "products", "recorded"]
+__all__ = ["Layout", "Question", "Rivalry", "layout_of", "pieces_of", "products"]
 
 Array = NDArray[np.float64]
 
@@ -96,10 +96,14 @@ class Layout:
         return list(dict.fromkeys([*self.work.effects, *self.variants, *fitted]))
 
     @property
+    def asked(self) -> set[str]:
+        """Names of the effects that the questions are about."""
+        return {name.split(".")[0] for question in self.questions for name in question.names}
+
+    @property
     def remembers(self) -> bool:
         """Whether a question is about an effect whose row depends on the rows before."""
-        asked = {name.split(".")[0] for question in self.questions for name in question.names}
-        return any(CATALOGUE[name].remembers for name in asked)
+        return any(CATALOGUE[name].remembers for name in self.asked)
 
     def columns(self, problem: Problem, number: int) -> Array:
         """Columns (N, C) of a run."""
@@ -153,27 +157,36 @@ def _of_parameter(work: Working, own: int, name: str, unit: str, count: int) -> 
     return Question((name,), signal, rest, (rest,), float(work.coefficients[work.free[own]]), unit)
 
 
-def products(layout: Layout, problem: Problem, whitening: Whitening, trust: Trust) -> Array:
-    """Return the products (C, C) of all columns over σ², summed over the runs of a problem."""
+def products(
+    layout: Layout,
+    problem: Problem,
+    whitening: Whitening,
+    trust: Trust,
+    times: Sequence[float] | None = None,
+) -> Array:
+    """Return the products (C, C) of all columns over σ², summed over the runs of a problem.
+
+    `times`: how often each of them counts; None: once.
+    """
     total: Array | float = 0.0
     for number, run in enumerate(problem.runs):
         made, rows = whitening(layout.columns(problem, number), run)
         made *= trust.weights(run.log, rows)[:, None]
-        total = total + made.T @ made / whitening.variance
+        often = 1.0 if times is None else times[number]
+        total = total + often * (made.T @ made) / whitening.variance
     return np.asarray(total)
 
 
-def recorded(layout: Layout, problem: Problem, whitening: Whitening, trust: Trust) -> Array:
-    """Return the products (C, C) of the recorded runs; pieces stand for the whole of long ones."""
-    total: Array | float = 0.0
+def pieces_of(problem: Problem) -> tuple[Problem, tuple[float, ...]]:
+    """Return pieces that stand for the whole of long runs, and how often each of them counts."""
+    found, times = list[Run](), list[float]()
     for run in problem.runs:
         starts = np.arange(0, len(run), PIECE)
         kept = starts if len(starts) <= MOST_PIECES else starts[:-1][:: len(starts) // MOST_PIECES]
-        pieces = tuple(_piece(run, int(first)) for first in kept)
-        share = len(run) / sum(len(piece) for piece in pieces)
-        own = products(layout, replace(problem, runs=pieces, kept={}), whitening, trust)
-        total = total + share * own
-    return np.asarray(total)
+        own = [_piece(run, int(first)) for first in kept]
+        found += own
+        times += [len(run) / sum(map(len, own))] * len(own)
+    return replace(problem, runs=tuple(found), kept={}), tuple(times)
 
 
 def _piece(run: Run, first: int) -> Run:

@@ -50,16 +50,17 @@ def planned(
     -------
     Plan, or None where nothing is confounded.
     """
-    from flexspline.experiment.information import layout_of
+    from flexspline.experiment.information import layout_of, pieces_of
 
-    rivalries = [_rivalry(problem, work, whitening, a, b) for a, b in pairs[:MOST_QUESTIONS]]
+    pieces, times = pieces_of(problem)
+    rivalries = [_rivalry(pieces, work, whitening, a, b) for a, b in pairs[:MOST_QUESTIONS]]
     parameters = _undetermined(fit, pairs)[: MOST_QUESTIONS - len(rivalries)]
     layout = layout_of(work, rivalries, parameters)
     if not layout.questions:
         return None
     reads = sorted({name for e in layout.effects for name in e.reads})
     bounds = bounds_of(problem, limits or Limits(), reads)
-    bench = _bench(problem, layout, whitening, reads, bounds.velocity)
+    bench = _bench(problem, pieces, times, layout, whitening, reads, bounds.velocity)
     return _plan(bench, bounds, {p.name: p.standard_error for p in fit.parameters} if fit else {})
 
 
@@ -172,12 +173,14 @@ def _fastest_ripple(effects: Sequence[Effect], problem: Problem, velocity: float
 
 def _bench(
     problem: Problem,
+    pieces: Problem,
+    times: Sequence[float],
     layout: Layout,
     whitening: Whitening,
     reads: Sequence[str],
     velocity: float,
 ) -> Bench:
-    from flexspline.experiment.information import recorded
+    from flexspline.experiment.information import products
     from flexspline.experiment.motor import motor_of
     from flexspline.experiment.noise import at_coarser_rate
     from flexspline.experiment.search import Bench
@@ -186,10 +189,11 @@ def _bench(
     logs = [run.log for run in problem.runs]
     motor = motor_of(logs, problem.known_load) if "motor_torque" in reads else None
     rate = float(np.median([log.rate for log in logs]))
-    fastest = _fastest_ripple(layout.effects, problem, velocity)
+    asked = [effect for effect in layout.effects if effect.name in layout.asked]
+    fastest = _fastest_ripple(asked, problem, velocity)
     coarse, slower = at_coarser_rate(whitening, rate, fastest, problem.lowpass)
-    trust = trust_of(problem, layout.work, whitening)
-    before = recorded(layout, problem, whitening, trust)
+    trust = trust_of(pieces, layout.work, whitening)
+    before = products(layout, pieces, whitening, trust, times)
     return Bench(problem, layout, coarse, trust, slower, motor, before)
 
 

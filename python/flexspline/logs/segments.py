@@ -58,8 +58,10 @@ def runs(time: NDArray[np.float64], gap: float | None = None) -> NDArray[np.intp
     """
     if len(time) == 0:
         return np.zeros((0, 2), dtype=np.intp)
-    limit = GAP_STEPS * median_step(time) if gap is None else gap
-    cuts = np.flatnonzero(np.diff(time) > limit) + 1
+    steps = np.diff(time)
+    even = gap is None and steps.size and 0.0 < steps.max() <= GAP_STEPS * steps.min()
+    limit = np.inf if even else GAP_STEPS * median_step(time) if gap is None else gap
+    cuts = np.flatnonzero(steps > limit) + 1
     edges = np.concatenate(([0], cuts, [len(time)]))
     return np.stack((edges[:-1], edges[1:]), axis=1)
 

@@ -234,7 +234,8 @@ def _names(effects: Sequence[Effect]) -> list[str]:
     return coefficient_names(effects)
 
 
-LOAD_ROUNDS = 3  # solves until the load that inertia and gravity make stands
+LOAD_ROUNDS = 3  # solves at most until the load that inertia and gravity make stands
+LOAD_STANDS = 1e-6  # of it, by which a further solve would change it
 FARTHEST = float(np.log(2.0))  # of a shape's logarithm in one step
 SCANNED = 6  # values of each shape, before the first step
 STEPS, HALVINGS = 20, 4  # at most
@@ -306,11 +307,15 @@ def coefficients_of(
     count = len(work.searched)
     if not count:
         return *solved_at(problem, work, whitening), np.zeros(0)
-    if _moves(work):
-        work, _ = solved_at(problem, work, whitening, LOAD_ROUNDS - 1)
+    before = work
     sheet, slopes = work.opened()
     total = tabulated(problem, sheet, whitening).total
     work, squares = _solved(work, total)
+    if not _stands(before, work):
+        work, _ = solved_at(problem, work, whitening, LOAD_ROUNDS - 2)
+        sheet, slopes = work.opened()
+        total = tabulated(problem, sheet, whitening).total
+        work, squares = _solved(work, total)
     if not np.any(work.coefficients):
         return work, squares, np.zeros(count)
     full = mixed(total, slopes @ work.coefficients)
@@ -341,9 +346,12 @@ def solved_at(
 ) -> tuple[Working, float]:
     """Return the model with its coefficients at these shapes, and the squares over σ²."""
     squares = 0.0
-    for _ in range(rounds if _moves(work) else 1):
+    for _ in range(rounds):
+        before = work
         total = tabulated(problem, work.sheet(bends=False), whitening).total
         work, squares = _solved(work, total)
+        if _stands(before, work):
+            break
     return work, squares
 
 
@@ -356,7 +364,11 @@ def _solved(work: Working, total: Array) -> tuple[Working, float]:
     return replace(work, coefficients=values), float(total[-1, -1] - total[linear, -1] @ beta)
 
 
-def _moves(work: Working) -> bool:
-    """Whether the model makes a load that its rows read."""
-    reads = any("load" in effect.reads for effect in work.effects)
-    return reads and any(effect.info.carries_load for effect in work.effects)
+def _stands(before: Working, after: Working) -> bool:
+    """Whether the load that rows read is the same by both sets of coefficients."""
+    if not any("load" in effect.reads for effect in after.effects):
+        return True
+    carries = np.array([e.info.carries_load for e in after.effects for _ in e.terms])
+    made, load = after.coefficients[carries], before.coefficients[carries]
+    largest = float(np.abs(made).max(initial=0.0))
+    return bool(np.abs(made - load).max(initial=0.0) <= LOAD_STANDS * largest)
