@@ -130,7 +130,8 @@ def test_a_parameter_that_the_runs_leave_open_gets_a_run_too() -> None:
     for one in wide.outlooks:
         (name,) = one.names
         assert again[name].determined
-        assert again[name].standard_error < one.now / 3.0
+        assert one.now == np.inf and "nothing is known of it" in wide.sentence
+        assert 0.3 < again[name].standard_error / one.expected < 3.0
 
 
 def test_nothing_confounded_needs_no_run() -> None:

@@ -29,7 +29,8 @@ class Outlook:
     names : a named effect and its rival, or a parameter alone.
     now, expected : |t| that the named effect would keep beside model and rival if it is right,
         with the recorded runs and with the planned one as well; what it does keep, and left-out
-        runs, may say less. Of a parameter: its standard error, in `unit`.
+        runs, may say less. Of a parameter: its standard error, in `unit`; ∞ where nothing is
+        known of it.
     taken : share of what the named effect explains that the rival would explain too, then; 0 for a
         parameter. `discover` still calls a rival that explains nearly all of it an alias, unless
         left-out runs tell the two apart.
@@ -52,7 +53,7 @@ class Outlook:
     def settled(self) -> bool:
         """Whether the run would answer it."""
         if self.parameter:
-            return TIGHTER * self.expected <= self.now
+            return TIGHTER * self.expected <= self.now and self.expected < float("inf")
         return self.expected >= ENOUGH
 
 

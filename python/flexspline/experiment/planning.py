@@ -10,7 +10,7 @@ import numpy as np
 
 from flexspline.effects import Effect
 from flexspline.experiment.limits import Bounds, Limits, bounds_of
-from flexspline.experiment.plan import Outlook, Plan
+from flexspline.experiment.plan import TIGHTER, Outlook, Plan
 from flexspline.experiment.words import short
 
 if TYPE_CHECKING:  # what is heavy is imported where it is used
@@ -61,7 +61,8 @@ def planned(
     reads = sorted({name for e in layout.effects for name in e.reads})
     bounds = bounds_of(problem, limits or Limits(), reads)
     bench = _bench(problem, pieces, times, layout, whitening, reads, bounds.velocity)
-    return _plan(bench, bounds, {p.name: p.standard_error for p in fit.parameters} if fit else {})
+    told = [p for p in fit.parameters if p.determined] if fit else []
+    return _plan(bench, bounds, {p.name: p.standard_error for p in told})
 
 
 def _plan(bench: Bench, bounds: Bounds, errors: Mapping[str, float]) -> Plan:
@@ -120,9 +121,17 @@ def _outlooks(
 def _as_fitted(one: Outlook, errors: Mapping[str, float]) -> Outlook:
     """A parameter's standard errors in the measure of the fit, which trusts its noise model less.
 
-    So what stands now is what the table of parameters says; by how much it falls is the plan's.
+    So what stands now is what the table of parameters says; by how much it falls is the plan's. Of
+    what that table calls not determined nothing is known, and nothing would be by a run that tells
+    hardly more.
     """
-    fitted = errors.get(one.names[0], np.nan) if one.parameter else np.nan
+    if not one.parameter:
+        return one
+    fitted = errors.get(one.names[0])
+    if fitted is None:
+        reached = one.expected if TIGHTER * one.expected <= one.now else np.inf
+        wider = one.doubled if one.doubled and TIGHTER * one.doubled[2] <= one.now else None
+        return replace(one, now=np.inf, expected=float(reached), doubled=wider)
     if not (np.isfinite(fitted) and fitted > 0.0 and 0.0 < one.now < np.inf):
         return one
     scale = fitted / one.now

@@ -63,8 +63,9 @@ def _now(one: Outlook) -> str:
 def _open(one: Outlook, run: str | None) -> str:
     best = f"the best, {run}, reaches" if run else "this one reaches"
     if one.parameter and not one.expected < one.now:
-        said = f"No run within these limits makes {one.names[0]} known better ({_now(one)})"
-        return f"{said}{_doubled(one, '± ')}."
+        better = f"makes {one.names[0]} known better"
+        does = better if one.now < float("inf") else f"determines {one.names[0]}"
+        return f"No run within these limits {does} ({_now(one)}){_doubled(one, '± ')}."
     if one.parameter:
         reached = f"± {short(one.expected)} {one.unit} ({_now(one)})"
         said = f"No run within these limits determines {one.names[0]}: {best} {reached}"

@@ -61,7 +61,7 @@ def expected_separation(made: Plan, ax: Axes | None = None) -> Axes:
     first = made.outlooks[0]
     if first.parameter:
         names, values = ["now", "planned"], [first.now, first.expected]
-        ax.set_xlabel(f"standard error of {first.names[0]} [{first.unit}]")
+        ax.set_xlabel(f"standard error [{first.unit}]")
     else:
         others = sorted(made.kinds.items(), key=lambda item: item[1])
         names = ["now", *(name for name, _ in others), "planned"]
@@ -74,7 +74,8 @@ def expected_separation(made: Plan, ax: Axes | None = None) -> Axes:
     colours = [GREY, *([PALETTE[5]] * (len(shown) - 2)), PALETTE[0]]
     ax.barh(names, shown, color=colours, height=0.6)
     for place, value in enumerate(values):
-        ax.annotate(f" {value:.3g}", (shown[place], place), va="center", fontsize=8, color=INK)
+        said = f"{value:.3g}" if np.isfinite(value) else "not known"
+        ax.annotate(f" {said}", (shown[place], place), va="center", fontsize=8, color=INK)
     titled(ax, " or\n".join(first.names).replace("_", " "))
     legend(ax)
     return ax
