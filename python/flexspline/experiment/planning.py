@@ -61,8 +61,7 @@ def planned(
     reads = sorted({name for e in layout.effects for name in e.reads})
     bounds = bounds_of(problem, limits or Limits(), reads)
     bench = _bench(problem, pieces, times, layout, whitening, reads, bounds.velocity)
-    told = [p for p in fit.parameters if p.determined] if fit else []
-    return _plan(bench, bounds, {p.name: p.standard_error for p in told})
+    return _plan(bench, bounds, {p.name: p.standard_error for p in fit.parameters} if fit else {})
 
 
 def _plan(bench: Bench, bounds: Bounds, errors: Mapping[str, float]) -> Plan:
@@ -121,14 +120,13 @@ def _outlooks(
 def _as_fitted(one: Outlook, errors: Mapping[str, float]) -> Outlook:
     """A parameter's standard errors in the measure of the fit, which trusts its noise model less.
 
-    So what stands now is what the table of parameters says; by how much it falls is the plan's. Of
-    what that table calls not determined nothing is known, and nothing would be by a run that tells
-    hardly more.
+    So what stands now is what the table of parameters says; by how much it falls is the plan's.
+    Where columns depend on each other the fit takes the shortest of all solutions, and its errors
+    are of that: much smaller than what these runs know of the parameter itself, which is nothing;
+    nor would anything be known by a run that tells hardly more.
     """
-    if not one.parameter:
-        return one
-    fitted = errors.get(one.names[0])
-    if fitted is None:
+    fitted = errors.get(one.names[0], np.nan) if one.parameter else np.nan
+    if one.parameter and one.now > TIGHTER * fitted:
         reached = one.expected if TIGHTER * one.expected <= one.now else np.inf
         wider = one.doubled if one.doubled and TIGHTER * one.doubled[2] <= one.now else None
         return replace(one, now=np.inf, expected=float(reached), doubled=wider)

@@ -7,6 +7,7 @@ from itertools import groupby
 from typing import TYPE_CHECKING
 
 from flexspline.discovery.candidates import DIRECTIONS, EXCLUDED, TAKEN
+from flexspline.discovery.settings import SETTINGS
 from flexspline.discovery.slices import telling
 from flexspline.errors import listed
 from flexspline.report.content import ParameterLine, parameter_lines
@@ -156,6 +157,9 @@ def remarks(made: Discovery) -> list[str]:
             f"Unexplained: {share:.0f} % of the gap above the noise floor{weighed}, depends on "
             f"{on}, in a way that no effect of the catalogue is seen to have."
         )
+        little = SETTINGS.negligible * made.final_rmse
+        if made.final_rmse - made.noise_floor < little:
+            said[-1] += f" Of the error itself that is less than {short(little)} {made.unit}."
     if made.withdrawn:
         withdrawn = (f"{name} ({why})" for name, why in made.withdrawn.items())
         said.append(f"Withdrawn: {', '.join(withdrawn)}.")
