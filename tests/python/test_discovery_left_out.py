@@ -66,6 +66,13 @@ def test_rows_left_out_are_counted_by_reason() -> None:
     assert not {"in a stuck tail", "in a homing move"} & found("sound").rows.keys()
 
 
+def test_the_headline_counts_the_rows_that_the_error_is_of() -> None:
+    used = found("spoilt").rows["used"]
+    assert used < RUNS * ROWS
+    headline = " ".join(str(found("spoilt")).split()).split("noise floor")[0]
+    assert f"that no fit saw ({used} of {RUNS * ROWS} rows)" in headline
+
+
 def test_they_are_said_with_their_rows_and_are_no_fault_to_mend() -> None:
     made = found("spoilt")
     tail, homing = (

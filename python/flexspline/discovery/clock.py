@@ -30,7 +30,7 @@ from flexspline.discovery.basis import RATE, Beside, Functions, nameless_of
 from flexspline.discovery.candidates import LAG
 from flexspline.discovery.faults import DataFault
 from flexspline.discovery.settings import SETTINGS
-from flexspline.fit.problem import Problem
+from flexspline.fit.late_load import slopes_by
 from flexspline.logs.log import Log
 from flexspline.regression.gram import (
     SINGULAR,
@@ -40,8 +40,6 @@ from flexspline.regression.gram import (
     solved,
     tabulated,
 )
-from flexspline.regression.working import Working
-from flexspline.signals import target_of
 
 __all__ = ["SENSOR", "Delay", "delay_behind", "delay_beside_everything", "lead_of", "load_delays"]
 
@@ -78,25 +76,9 @@ def delay_beside_everything(look: FirstLook) -> Delay:
         if RATE not in group.channels and not (group.past and load in group.channels)
     ]
     beside = [e for c in study.candidates(work.effects) if c.name != LAG for e in c.effects]
-    given = Beside(Functions(tuple(static)), _slopes(problem, work))
+    given = Beside(Functions(tuple(static)), slopes_by(problem, work.effects, work.coefficients))
     sheet = work.sheet(beside=list(dict.fromkeys(beside)), given=given)
     return _last_column(tabulated(problem, sheet, look.noise))
-
-
-def _slopes(problem: Problem, work: Working) -> tuple[Array, ...]:
-    """c of each run, (N,)."""
-    design, load, found = problem.design(work.effects), str(problem.known_load), []
-    for run in problem.runs:
-        torque, left = run.channels["known_load"], []
-        slope = np.gradient(torque, run.log["time"])
-        for way in (milli, -milli):  # s
-            moved = np.ascontiguousarray(torque + way * slope)
-            channels = {**run.channels, "known_load": moved}
-            told = np.asarray(design.predict(channels, len(run), work.coefficients))
-            log = run.log.with_columns({load: moved}, note="moved along its slope")
-            left.append(target_of(log, problem.target, load) - told)
-        found.append((left[1] - left[0]) / (2.0 * milli))
-    return tuple(found)
 
 
 def _last_column(table: Table) -> Delay:

@@ -20,13 +20,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from flexspline.effects import Effect
 from flexspline.fit.estimate import Estimate
 from flexspline.fit.noise_model import Chunk, Chunks
 from flexspline.fit.problem import Problem
 from flexspline.fit.tangent import Tangent
 from flexspline.signals import target_of
 
-__all__ = ["Beside", "LateLoad", "basis_beside", "beside_delay", "can_be_late"]
+__all__ = ["Beside", "LateLoad", "basis_beside", "beside_delay", "can_be_late", "slopes_by"]
 
 Array = NDArray[np.float64]
 
@@ -153,7 +154,17 @@ def _sums(
 
 def _columns(problem: Problem, made: Estimate) -> tuple[Array, ...]:
     """c of each run, low-passed and centred as its target is."""
-    effects, coefficients = made.linear.effects, made.linear.coefficients
+    slopes = slopes_by(problem, made.linear.effects, made.linear.coefficients)
+    smooth = [problem.smooth(run, one) for run, one in zip(problem.runs, slopes, strict=True)]
+    if not problem.centred:
+        return tuple(smooth)
+    return tuple(run.centred(one) for run, one in zip(problem.runs, smooth, strict=True))
+
+
+def slopes_by(
+    problem: Problem, effects: Sequence[Effect], coefficients: Array
+) -> tuple[Array, ...]:
+    """Return c of each run, (N,), for a model of these effects."""
     design, load = problem.design(effects), problem.known_load
     assert load is not None
     found = []
@@ -167,8 +178,7 @@ def _columns(problem: Problem, made: Estimate) -> tuple[Array, ...]:
             told = np.asarray(design.predict(channels, len(run), own))
             log = run.log.with_columns({load: moved}, note="moved along its slope")
             left.append(target_of(log, problem.target, load) - told)
-        column = problem.smooth(run, (left[1] - left[0]) / (2.0 * STEP))
-        found.append(run.centred(column) if problem.centred else column)
+        found.append((left[1] - left[0]) / (2.0 * STEP))
     return tuple(found)
 
 

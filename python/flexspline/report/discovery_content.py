@@ -52,7 +52,7 @@ def verdict(made: Discovery) -> str:
         base = f"The simulation of the {what} ({made.simulated.words})"
         base += f" with {listed(made.base_effects)}" if made.base_effects else ""
     said = base[0].lower() + base[1:]
-    where = f"on {made.validated_by} that no fit saw"
+    where = f"on {made.validated_by} that no fit saw{_of_how_many(made)}"
     rmse = f"{short(made.base_rmse)} to {short(made.final_rmse)} {made.unit}"
     if made.found:
         names = listed(made.names, most=len(made.names))
@@ -72,6 +72,12 @@ def verdict(made: Discovery) -> str:
         f"Nothing is missing in {said} that these runs show: RMSE "
         f"{short(made.base_rmse)} {made.unit} {where}, which is noise."
     )
+
+
+def _of_how_many(made: Discovery) -> str:
+    """How many of the rows that is, where some were left out, for the headline."""
+    used, total = made.rows.get("used", 0), sum(made.rows.values())
+    return f" ({used} of {total} rows)" if used < total else ""
 
 
 def rows_sentence(made: Discovery) -> str:
