@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 
 from flexspline.discovery.basis import Beside, Functions, channel_told, nameless_of
 from flexspline.discovery.evidence import Offer, offers, price
-from flexspline.discovery.physics import impossible
 from flexspline.discovery.search import (
     LEAD,
     Searcher,
@@ -101,8 +100,9 @@ class Rival:
 
     @property
     def as_good(self) -> bool:
-        """Whether it explains as much in the place of the named effect, and both may be there."""
-        return self.gain >= self.own
+        """Whether it explains as much in the place of the named effect, but for chance."""
+        same = self.left**2 < 0.5 * self.own and self.own - self.gain < SETTINGS.told**2
+        return self.gain >= self.own or same
 
     @property
     def by_tie(self) -> bool:
@@ -140,7 +140,8 @@ class Rival:
             )
         if self.as_good:
             return (
-                f"in its place it explains as much, and {named} keeps t = {self.left:.1f} beside it"
+                f"in its place it explains {percent(self.share)} as much, and {named} keeps t = "
+                f"{self.left:.1f} beside it"
             )
         if self.by_others:
             return (
@@ -182,7 +183,7 @@ def rivals_of(searcher: Searcher, work: Working, effect: Effect) -> list[Rival]:
         gain = offer.gain
         if rank < SETTINGS.tried and kept < near and gain >= EXPLAINS * own:
             kept, gain, trial = _refitted(searcher, work, effect, offer, kept)
-            if impossible(trial, offer.effect.name, searcher.study.problem):
+            if searcher.forbidden(trial, offer.effect.name):
                 continue
         left = float(np.sqrt(max(kept - len(effect.terms), 0.0)))
         more = gain_of(beside_it, offer.columns, raw)[0] - len(offer.columns)
@@ -205,7 +206,7 @@ def simplest(searcher: Searcher, work: Working) -> Working:
                 break
             effects = [plain if e.name == effect.name else e for e in work.effects]
             trial, _ = searcher.fitted(work.having(effects))
-            if not impossible(trial, plain.name, searcher.study.problem):
+            if not searcher.forbidden(trial, plain.name):
                 work = trial
                 break
     return _leading(searcher, work)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.discovery.analysis import Analysis, Rival, contribution
 from flexspline.discovery.basis import Functions, channel_told
-from flexspline.discovery.confirmation import Confirmed, wald
+from flexspline.discovery.confirmation import Confirmed, together, wald
 from flexspline.discovery.evidence import equivalent_t
 from flexspline.discovery.faults import DataFault
 from flexspline.discovery.result import Discovery, Found, Unexplained, driven_apart
@@ -155,9 +155,12 @@ def assembled(
     unexplained, floor = _unexplained(made, made.fitted_as, steps)
     if unexplained is None:
         unexplained, floor = _again(made, after, steps)
+    groups = together(steps)
     found = [
-        _found(held, effect, steps[number], steps[number + 1])
-        for number, effect in enumerate(made.final.named)
+        _found(held, effect, group, (steps[first], steps[last]))
+        for first, last in groups
+        for group in [made.final.named[first:last]]
+        for effect in group
     ]
     pairs = [(one.effect, rival.effect) for one in found for rival in one.rivals if rival.alias]
     plan = planned(problem, made.final, made.whitening, pairs, fit, limits)
@@ -245,8 +248,13 @@ def _again(made: Analysis, left: HeldOut, steps: list[float]) -> tuple[Unexplain
     return Unexplained(float(min(share, 1.0)), tuple(channels)), floor
 
 
-def _found(held: Confirmed, effect: Effect, before: float, after: float) -> Found:
-    """A name with its evidence: no more than both the search and the final fit bear out."""
+def _found(
+    held: Confirmed, effect: Effect, group: Sequence[Effect], rmse: tuple[float, float]
+) -> Found:
+    """A name with its evidence: no more than both the search and the final fit bear out.
+
+    `group`: the names that lower the held-out error together, and `rmse` by how much.
+    """
     made, shown = held.made, held.shown[effect.name]
     work, searcher = made.final, made.searcher
     rivals = [*held.rivals[effect.name]]
@@ -259,12 +267,12 @@ def _found(held: Confirmed, effect: Effect, before: float, after: float) -> Foun
     parts = contribution(made.part.problem, work, effect.name)
     return Found(
         effect=effect.name,
-        rmse_before=before,
-        rmse_after=after,
+        rmse_before=rmse[0],
+        rmse_after=rmse[1],
         confidence=held.confidences[effect.name],
         indistinguishable_from=aliases,
         where=where(made.part.problem, own, parts),
-        evidence=_evidence(made, effect, t, rivals, (before, after)),
+        evidence=_evidence(made, effect, t, rivals, rmse, [e.name for e in group]),
         t=t,
         rivals=tuple(r for k, r in enumerate(rivals) if k < SETTINGS.tried or r.alias),
         coefficients_p=shown.p,
@@ -278,13 +286,16 @@ def _evidence(
     t: float,
     rivals: list[Rival],
     rmse: tuple[float, float],
+    group: Sequence[str],
 ) -> str:
+    joined = [name for name in group if name != effect.name]
+    beside = f", together with {listed(joined, most=len(joined))}" if joined else ""
     unit = UNITS[made.study.target]
     what = "runs" if by_runs(made.study.problem) else "blocks"
     said = (
         f"On {what} that the fit never saw it takes the error from {rmse[0]:.3g} to {rmse[1]:.3g} "
-        f"{unit}; beside all other effects it stands {t:.1f} standard errors from nothing, with "
-        "the noise's memory counted"
+        f"{unit}{beside}; beside all other effects it stands {t:.1f} standard errors from "
+        "nothing, with the noise's memory counted"
     )
     others = [r for r in rivals if not r.alias]
     if others:

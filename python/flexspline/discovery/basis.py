@@ -33,9 +33,11 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from flexspline.discovery.settings import SETTINGS
+from flexspline.effects import Effect
 from flexspline.fit.problem import Problem, Run
+from flexspline.fit.ripple import CORE_PAIRS
 from flexspline.logs.segments import median_step, runs
-from flexspline.orders.parts import effective_ratio
+from flexspline.orders.parts import Pair, effective_ratio, pairs
 from flexspline.regression.gram import TINY
 
 __all__ = [
@@ -50,7 +52,9 @@ __all__ = [
     "nameless_of",
     "names_of_past",
     "past_of",
+    "places_of",
     "values_of",
+    "varying_waves",
 ]
 
 Array = NDArray[np.float64]
@@ -277,6 +281,21 @@ def _hats_of(sample: Values, name: str, count: int) -> tuple[Basis, int]:
     return columns, len(knots)
 
 
+def places_of(problem: Problem) -> Functions:
+    """Hats at every place of the output's angle, wide ones and narrow ones, evenly spread."""
+    angle = _sample(problem)["output_position"]
+    first, last = np.quantile(angle, (SETTINGS.negligible, 1.0 - SETTINGS.negligible))
+    counts = [SETTINGS.functions // 2, SETTINGS.functions, 2 * SETTINGS.functions]
+
+    def hats(count: int) -> Nameless:
+        knots = np.linspace(first, last, count)
+        return Nameless(
+            ("output_position",), lambda values: _hats(values["output_position"], knots), count
+        )
+
+    return Functions(tuple(hats(count) for count in counts))
+
+
 def _powers(
     sample: Values, names: tuple[str, ...], exponents: Sequence[tuple[int, ...]]
 ) -> Nameless:
@@ -306,6 +325,34 @@ def _waves(sample: Values, name: str) -> Nameless:
         return np.asarray(turning(values) * ((values[name] - middle) / spread)[:, None])
 
     return Nameless((ROUND, name), columns, 2 * SETTINGS.tried)
+
+
+def varying_waves(problem: Problem, effect: Effect) -> list[Nameless]:
+    """Waves of a ripple, and of twice its orders, whose amplitude is any of the angle and speed."""
+    sample, facts = _sample(problem), problem.runs[0].log.facts
+    parts = {CORE_PAIRS[pair.name]: pair for pair in pairs(facts) if pair.name in CORE_PAIRS}
+    slow = [name for name in ("output_position", "output_velocity") if name in sample]
+    if (ROUND not in sample and any(p.motor for _, p in _parts(effect, parts))) or not slow:
+        return []
+    few = SETTINGS.tried + 1
+
+    def varying(order: int, pair: Pair, name: str) -> Nameless:
+        hats, count = _hats_of(sample, name, few)
+
+        def columns(values: Values) -> Array:
+            angle = pair.output * values["output_position"]
+            if pair.motor:
+                angle = angle + pair.motor * values[ROUND]
+            waves = [part(k * order * angle) for k in (1, 2) for part in (np.cos, np.sin)]
+            return np.column_stack([hats(values) * wave[:, None] for wave in waves])
+
+        return Nameless((ROUND, name), columns, 4 * count)
+
+    return [varying(k, pair, name) for k, pair in _parts(effect, parts) for name in slow]
+
+
+def _parts(effect: Effect, known: Mapping[str, Pair]) -> list[tuple[int, Pair]]:
+    return [(order, known[pair]) for order, pair in effect.harmonics]
 
 
 def _memory(name: str) -> Nameless:

@@ -318,7 +318,8 @@ def _low(facts: Mapping[str, Any]) -> list[tuple[int, Pair]]:
             continue
         if (pair.motor, pair.output) not in [(p.motor, p.output) for p in kept]:
             kept.append(pair)
-    return [(order, pair) for pair in kept for order in range(1, SETTINGS.tried + 1)]
+    most = {pair.name: SETTINGS.tried if pair.motor else SETTINGS.functions for pair in kept}
+    return [(order, pair) for pair in kept for order in range(1, most[pair.name] + 1)]
 
 
 def _of_facts(facts: Mapping[str, Any]) -> list[tuple[int, Pair]]:

@@ -24,7 +24,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,7 +42,7 @@ from flexspline.regression.gram import SINGULAR, TINY
 from flexspline.regression.held_out import fall_of
 from flexspline.regression.working import Working
 
-__all__ = ["AlsoSeen", "Confirmed", "Shown", "confirmed", "significance", "wald"]
+__all__ = ["AlsoSeen", "Confirmed", "Shown", "confirmed", "significance", "together", "wald"]
 
 Array = NDArray[np.float64]
 
@@ -160,10 +159,34 @@ def confirmed(made: Analysis, fitted: Callable[[Working], Fit], base: Sequence[s
         made = made.without(worst.effect.name)
 
 
+def together(errors: Sequence[float]) -> list[tuple[int, int]]:
+    """Cut the names, which join one after the other, into groups after which the error is lower.
+
+    `errors`: held out, of the base and with each name more. A group is [first, last) of the names.
+    Mostly it is one name; one that raises the error is in a group with those that make up for it:
+    waves of friction show once its course over the speed is right, and the other way round. Names
+    that nothing makes up for are a last group that is not lower.
+    """
+    groups, first = [], 0
+    for last in range(1, len(errors)):
+        if errors[last] < errors[first]:
+            groups.append((first, last))
+            first = last
+    return groups if first == len(errors) - 1 else [*groups, (first, len(errors) - 1)]
+
+
 def _rising(made: Analysis, shown: Sequence[Shown]) -> Shown | None:
-    """The weakest name that raises the held-out error as it joins those before it; None of none."""
+    """The weakest name that raises the held-out error as it joins those before it; None of none.
+
+    In a group that lowers it together, each has to do so beside all others beyond chance.
+    """
     errors = [made.rmse_of(work) for work in made.nested]
-    raised = (one for one, (a, b) in zip(shown, pairwise(errors), strict=True) if b >= a)
+    raised = [
+        one
+        for first, last in together(errors)
+        for one in shown[first:last]
+        if errors[last] >= errors[first] or (last - first > 1 and one.fall < ERRORS * one.error)
+    ]
     return max(raised, key=lambda one: one.p, default=None)
 
 

@@ -147,7 +147,7 @@ def _discovered(
     from flexspline.discovery.clock import load_delays
     from flexspline.discovery.faults import data_faults, graded, with_measured_ratio
     from flexspline.logs.left_out import only_experiments
-    from flexspline.prepared import learned
+    from flexspline.prepared import learned, noise_in_rows
 
     recordings = only_experiments(runs, start.target)
     runs = [one.log for one in recordings]
@@ -163,11 +163,12 @@ def _discovered(
             bar.update()
             bar.set_description(what)
 
-        way = _Way(start, lowpass, orders, tuple(ways), threads, say)
+        load = start.known_load
+        blur = noise_in_rows(inputs, ways, load) if load in inputs else 0.0
+        way = _Way(start, lowpass, orders, tuple(ways), blur, threads, say)
         excluded = [*exclude]
         free = freedoms(start.effects, start.target, start.known_load, runs, inputs)
         free = tuple(name for name in free if name not in excluded)
-        load = start.known_load
         if load in inputs and inputs[load].noisy and (LAG in free or start.target == "torsion"):
             recorded, held, delay = _on_one_clock(runs, load, way, excluded, free)
             if delay:
@@ -259,12 +260,13 @@ def _by_simulation(
 
 @dataclass(frozen=True)
 class _Way:
-    """How a discovery goes about it: see `discover`."""
+    """How a discovery goes about it: see `discover`. `blur`: noise of the load in the rows, Nm."""
 
     start: _Start
     lowpass: float | None
     orders: Mapping[str, Sequence[int]]
     preparations: tuple[Preparation, ...]
+    blur: float
     threads: int
     say: Callable[[str], None]
 
@@ -296,7 +298,7 @@ class _Recorded:
         made = replace(made, counted=inside) if ways else made
         if start.target == "torsion" or not any(w.channel == "output_position" for w in ways):
             return made
-        further = replace(cls._made(runs, way, coarser(ways)), counted=inside)
+        further = replace(cls._made(runs, way, coarser(ways, start.known_load)), counted=inside)
         base = [effect for effect in start.effects if effect.harmonics or not effect.ripple]
 
         def posed(effects: Sequence[Effect], coarse: bool) -> Problem:
@@ -387,6 +389,7 @@ class _Recorded:
         study = study_of(
             effects, self.logs, start.target, exclude=exclude, inputs=self.inputs, **self._posed
         )
+        study = replace(study, blur=way.blur)
         return study, effects, {**start.fixed, **held_of(effects, free, study.problem)}
 
     def look(self, exclude: Sequence[str], free: Sequence[str]) -> FirstLook:

@@ -40,7 +40,7 @@ from scipy.special import gammaln
 from scipy.stats import chi2, norm
 
 from flexspline.discovery.candidates import Candidate, span_of, unseen
-from flexspline.discovery.physics import one_signed
+from flexspline.discovery.physics import COULOMB, STRIBECK, level_of, one_signed
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect
 from flexspline.fit.problem import Problem
@@ -140,7 +140,7 @@ class Dictionary:
 
     `target`: what is explained. `model`: its columns, shapes' included. `owners`: effect of each of
     them. `at`: columns of each effect that a candidate consists of, but for those that these runs
-    do not show (`unseen`).
+    do not show (`unseen`). `coulomb`: level of the model's Coulomb friction, 0 without.
     """
 
     target: str
@@ -149,6 +149,7 @@ class Dictionary:
     owners: tuple[str, ...]
     candidates: tuple[Candidate, ...]
     at: dict[Effect, Columns]
+    coulomb: float = 0.0
 
     def own(self, name: str) -> Columns:
         """Columns of one of the model's effects."""
@@ -192,7 +193,8 @@ class Columned:
         owners = tuple(self.work.owners())
         at = {e: np.delete(columns, unseen(e, self.span)) for e, columns in
               _placed(wanted, len(own)).items()}  # fmt: skip
-        return Dictionary(self.target, self.table.of(columns), own, owners, tuple(candidates), at)
+        table, coulomb = self.table.of(columns), level_of(self.work, COULOMB)
+        return Dictionary(self.target, table, own, owners, tuple(candidates), at, coulomb)
 
 
 def columned(
@@ -240,7 +242,8 @@ def _offer(candidate: Candidate, dictionary: Dictionary, left: Array, raw: Array
         return max(made, key=lambda offer: offer.net)
     forms = 0.5 * (1 + len(candidate.variants))
     signs = one_signed(candidate.name, dictionary.target)
-    gains = [_gain(left, dictionary.at[v], raw, signs) for v in candidate.variants]
+    side = dictionary.coulomb if candidate.name == STRIBECK else float(signs == 1)
+    gains = [_gain(left, dictionary.at[v], raw, signs, side) for v in candidate.variants]
     best = max(range(len(gains)), key=lambda k: gains[k][0])
     gain, seen = gains[best]
     variant = candidate.variants[best]
@@ -253,13 +256,17 @@ def _offer(candidate: Candidate, dictionary: Dictionary, left: Array, raw: Array
     return Offer(variant, columns, gain, cost + SHAPE_PRICE * (forms > 1.0))
 
 
-def _gain(left: Array, columns: Columns, raw: Array, signs: int) -> tuple[float, int]:
+def _gain(left: Array, columns: Columns, raw: Array, signs: int, side: float) -> tuple[float, int]:
     """What columns explain with the signs that physics allows, and how many are seen.
 
     Springs that slip later explain what those that slip sooner leave, and all of them brake: with
-    coefficients of any sign they fit the noise around a reversal.
+    coefficients of any sign they fit the noise around a reversal. A single coefficient has the sign
+    of `side`, where that has one: with the other, friction that fades over a higher speed may bend
+    the whole curve.
     """
     gain, seen = gain_of(left, columns, raw)
+    if len(columns) == 1 and side * left[columns[0], -1] < 0.0:
+        return 0.0, seen
     if not signs or seen < len(columns) or seen == 1:
         return gain, seen
     return cone_gain(left[np.ix_(columns, columns)], left[columns, -1], signs > 1), seen
@@ -326,8 +333,35 @@ def _orders(
             break
         chosen.append(atom)
         columns, gain, cost = both, reached, cost + each
+        columns, gain = _exchanged(chosen, gain, atoms, dictionary, left, raw)
     harmonics = [h for atom in chosen for h in atom.harmonics]
     return Offer(variant.with_orders(harmonics), columns, gain, cost)
+
+
+def _exchanged(
+    chosen: list[Effect],
+    gain: float,
+    atoms: tuple[Effect, ...],
+    dictionary: Dictionary,
+    left: Array,
+    raw: Array,
+) -> tuple[Columns, float]:
+    """Exchange orders of `chosen` for others as long as that gains: over less than a turn the
+    first is taken for those that are still to come."""
+    columns = np.concatenate([dictionary.at[atom] for atom in chosen])
+    while len(chosen) > 1:
+        best = (gain, 0, chosen[0], columns)
+        for place in range(len(chosen)):
+            for atom in (a for a in atoms if a not in chosen):
+                trial = [*chosen[:place], atom, *chosen[place + 1 :]]
+                both = np.concatenate([dictionary.at[a] for a in trial])
+                if (reached := gain_of(left, both, raw)[0]) > best[0] and _parted(left, both, raw):
+                    best = (reached, place, atom, both)
+        if best[0] <= gain * (1.0 + SINGULAR):
+            break
+        gain, place, atom, columns = best
+        chosen[place] = atom
+    return columns, gain
 
 
 def _parted(left: Array, columns: Columns, raw: Array) -> bool:

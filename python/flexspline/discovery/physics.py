@@ -25,9 +25,12 @@ from flexspline.regression.gram import TINY
 from flexspline.regression.working import Working
 
 __all__ = [
+    "COULOMB",
     "LOOPS",
+    "STRIBECK",
     "driving_spring",
     "impossible",
+    "level_of",
     "one_signed",
     "spring_bounds",
 ]
@@ -42,12 +45,14 @@ DISSIPATES = (
 )
 """One coefficient that a drive has with a positive sign alone."""
 
-STRIBECK = "stribeck_friction"
+COULOMB, STRIBECK = "coulomb_friction", "stribeck_friction"
+VISCOUS, BENDING = "viscous_friction", "nonlinear_viscous_friction"
 
 SPRINGS = "presliding_friction"
 PRESLIDING = "presliding_width"
 WIDEST = 0.1  # rad
 HYSTERESIS = "torque_hysteresis"
+LOAD = "load_width"
 LOOPS = (SPRINGS, "torsional_hysteresis")
 """Elements all have one sign, as loops cost energy: the positive one, but for friction, which a
 sensor may see from either side."""
@@ -69,8 +74,11 @@ def one_signed(name: str, target: str) -> int:
     return int(target in DRIVES and name in (*DISSIPATES, *POSITIVE_MASS))
 
 
-def impossible(work: Working, name: str, problem: Problem) -> str:
+def impossible(work: Working, name: str, problem: Problem, blur: float = 0.0) -> str:
     """Return why an effect cannot be what the model says of it, "" where it can.
+
+    `blur`: noise of the load in the rows, Nm. A loop that it spins follows the noise, which is in
+    the target less the load, too.
 
     The drive decides signs: its torque overcomes friction and accelerates the joint. A sensor may
     see either sign, by the side of the friction on which it sits; so may what corrects a simulation
@@ -81,8 +89,14 @@ def impossible(work: Working, name: str, problem: Problem) -> str:
     if name == STRIBECK and (why := _not_fading(work, problem)):
         return why
     values = _values(work, name)
+    if name == STRIBECK and values[0] * level_of(work, COULOMB) < 0.0:
+        return "it would lessen friction at low speed, where Stribeck's adds to it"
+    if name == BENDING and _falls(work, problem):
+        return "with it friction would fall as the speed rises from rest, which is Stribeck's"
     if name == SPRINGS and _build_up(values, _shapes(work, name)[PRESLIDING]) > WIDEST:
         return f"it would build up over more than {WIDEST:g} rad, as no gear does"
+    if name == HYSTERESIS and _build_up(values, _shapes(work, name)[LOAD]) < SETTINGS.told * blur:
+        return "its loop would be no wider than the noise of the load"
     if name == HYSTERESIS and values.sum() < 0.0:
         return "a sensor's loop lags behind the torque, and this one would run ahead"
     if name == LAG and problem.known_load is not None and values[0] < 0.0:
@@ -113,13 +127,25 @@ def _bent_one_way(work: Working, name: str, problem: Problem) -> str:
 
 def _not_fading(work: Working, problem: Problem) -> str:
     """Why friction does not fade from rest as a start's does, "" where it does."""
-    fastest = max(float(np.abs(run.log["output_velocity"]).max()) for run in problem.runs)
-    shapes = _shapes(work, STRIBECK)
+    fastest, shapes = _fastest(problem), _shapes(work, STRIBECK)
     if shapes["stribeck_velocity"] < shapes["direction_width"]:
         return "it would fade before the direction of motion has changed"
     if shapes["stribeck_velocity"] > SETTINGS.most * fastest:
         return "it would not fade within the speeds of these runs"
     return ""
+
+
+def _falls(work: Working, problem: Problem) -> bool:
+    """Whether friction becomes less by a small part of its level before it rises with the speed."""
+    level = level_of(work, COULOMB)
+    speeds = np.linspace(0.0, _fastest(problem), SETTINGS.functions)
+    powers = np.array([level_of(work, VISCOUS), *_values(work, BENDING)])
+    curve = speeds[:, None] ** np.arange(1, 1 + len(powers)) @ powers
+    return float(np.min(np.sign(level) * curve)) < -SETTINGS.little * abs(level)
+
+
+def _fastest(problem: Problem) -> float:
+    return max(float(np.abs(run.log["output_velocity"]).max()) for run in problem.runs)
 
 
 def driving_spring(work: Working, target: str) -> str:
@@ -171,6 +197,11 @@ def _shapes(work: Working, name: str) -> Mapping[str, float]:
 
 def _terms(work: Working, name: str) -> list[str]:
     return [f"{e.name}.{t.name}" for e in work.effects if e.name == name for t in e.terms]
+
+
+def level_of(work: Working, name: str) -> float:
+    """Return the first coefficient of an effect, 0 where the model does not have it."""
+    return float(_values(work, name)[0]) if name in [e.name for e in work.effects] else 0.0
 
 
 def _values(work: Working, name: str) -> Array:

@@ -19,15 +19,23 @@ every gain and price that is reported is one of all rows.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.discovery.basis import Functions, Nameless, channel_told, nameless_of
+from flexspline.discovery.basis import (
+    Functions,
+    Nameless,
+    channel_told,
+    nameless_of,
+    places_of,
+    varying_waves,
+)
 from flexspline.discovery.candidates import (
+    GRAVITY,
     SHARED,
     Candidate,
     candidates_for,
@@ -85,8 +93,8 @@ LEAD = 2 * SETTINGS.rows  # before a stretch of a part, from which memory is fol
 class Study:
     """Problem, effects that may be missing, why others are not tried, and orders found.
 
-    `tied`: channels that are nearly a function of another. `last`, `known`: what was asked for
-    before, a table and the candidates beside models.
+    `tied`: channels that are nearly a function of another. `blur`: noise of the load, Nm. `last`,
+    `known`: what was asked for before, a table and the candidates beside models.
     """
 
     problem: Problem
@@ -94,6 +102,7 @@ class Study:
     not_tried: dict[str, str]
     orders: Orders = field(default=())
     tied: tuple[Dependence, ...] = ()
+    blur: float = 0.0
     last: Columned | None = field(default=None, repr=False, compare=False)
     known: dict[tuple[Effect, ...], tuple[Orders, list[Candidate]]] = field(
         default_factory=dict, repr=False, compare=False
@@ -235,10 +244,12 @@ def _bends(effect: Effect, named: Effect, tied: Sequence[Dependence]) -> bool:
 def _freed(problem: Problem, effect: Effect) -> list[Nameless]:
     """All functions of no other channels than those of an effect, and of what these have been.
 
-    Empty where they cannot take its place: it remembers, changes at once with the direction, is a
-    wave, or a channel of it is not measured.
+    Of ripple its waves, which swell with angle and speed. Empty where they cannot take its place:
+    it remembers, changes at once with the direction, or a channel of it is not measured.
     """
-    if effect.ripple or effect.info.remembers or WIDTH in effect.shapes:
+    if effect.ripple:
+        return varying_waves(problem, effect)
+    if effect.info.remembers or WIDTH in effect.shapes:
         return []
     load = problem.known_load
     own = {load if name == "load" else name for name in effect.reads}
@@ -249,6 +260,7 @@ def _freed(problem: Problem, effect: Effect) -> list[Nameless]:
 
 
 LEFT_OF_FORM = "no more than what the form of a named effect misses"
+FEW_PLACES = "it is at a few angles of the output, and does not come again between them"
 
 
 @dataclass(frozen=True)
@@ -356,7 +368,7 @@ class Searcher:
             trial, left = self.fitted(work.having(swapped))
             margin = SETTINGS.negligible * gain * max(freedom(best.effect) - freedom(effect), 0)
             lower = left + best.price + margin < squares + cost
-            if lower and not impossible(trial, best.effect.name, self.study.problem):
+            if lower and not self.forbidden(trial, best.effect.name):
                 work, squares = trial, left
         return work, squares
 
@@ -403,7 +415,7 @@ class Searcher:
         suspected = [e for e in others if names[e.name] > 0.5 * gain]
         problem = self.study.thinned().problem
         freed = [_freed(problem, e) for e in suspected]
-        if not all(freed) or any(_bends(effect, e, tied) for e in suspected):
+        if not all(freed) or any(_bends(effect, e, tied) for e in suspected if not e.ripple):
             return most
         functions = Functions(tuple(group for groups in freed for group in groups))
         rest = work.having([e for e in work.effects if e.name != effect.name])
@@ -424,13 +436,53 @@ class Searcher:
         gain = squares - left
         if gain < offer.price:
             return None
-        reason = "" if self.lax else impossible(made, effect.name, self.study.problem)
+        reason = "" if self.lax else self.forbidden(made, effect.name)
         if not self.lax and not reason and gain < self._missed(dictionary, work, effect, gain):
             reason = LEFT_OF_FORM
         if reason:
             self.refused[effect.name] = reason
             return None
         return made, left, Step(effect, gain, offer.price, ())
+
+    def forbidden(self, work: Working, name: str) -> str:
+        """Why a name of a fitted model cannot be what it says; empty where it can."""
+        reason = impossible(work, name, self.study.problem, self.study.blur)
+        effect = next(e for e in work.effects if e.name == name)
+        return reason or (FEW_PLACES if self._at_few_places(work, effect) else "")
+
+    def _at_few_places(self, work: Working, effect: Effect) -> bool:
+        """Whether as many places of the output's angle explain more than the orders of a ripple.
+
+        Counted until the orders explain most of what all of them do: a place takes one number, an
+        order two. Many orders follow a bump, which does not come again between its places.
+        """
+        if GRAVITY[1] not in [pair for _, pair in effect.harmonics]:
+            return False
+        problem = self.study.thinned().problem
+        rest = work.having([e for e in work.effects if e.name != effect.name])
+        sheet = rest.sheet(beside=[effect], given=places_of(problem))
+        table = tabulated(problem, sheet, self.whitening)
+        first, count = len(rest.owners()), len(effect.terms)
+        left, raw = table.without(np.arange(first)), np.diag(table.total)
+        own = np.arange(first, first + count)
+        orders = greedy(left, raw, own.reshape(-1, 2))
+        places = greedy(left, raw, np.arange(first + count, len(table.total) - 1)[:, None])
+        enough = SETTINGS.most * gain_of(left, own, raw)[0]
+        return next((b > a for a, b in zip(orders, places, strict=False) if a >= enough), False)
+
+
+def greedy(left: Array, raw: Array, groups: NDArray[np.intp]) -> Iterator[float]:
+    """Yield what the best group of columns explains, the best two, one added after the other."""
+    chosen: list[int] = []
+    while len(chosen) < len(groups):
+        trials = [
+            (gain_of(left, groups[[*chosen, k]].ravel(), raw)[0], k)
+            for k in range(len(groups))
+            if k not in chosen
+        ]
+        gain, best = max(trials)
+        chosen.append(best)
+        yield gain
 
 
 def cost_of(dictionary: Dictionary, work: Working, name: str) -> float:

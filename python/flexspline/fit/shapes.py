@@ -139,21 +139,26 @@ def fit_shapes(
     point = np.clip(point, limits[:, 0], limits[:, 1])
     starts, flat = _here(search, point, bend) if near else _grid(search, point, limits)
     active = [i for i in range(len(shapes)) if i not in flat]
-    kinked = any(effects[k].info.remembers for i in active for k in shapes[i].effects)
-    ends = (
-        starts
-        if kinked and not near
-        else [_descent(search, start, limits, active, bend) for start in starts]
-    )
-    if kinked and active:
-        ends = [_simplex(search, end, limits, active, NEAR if near else FAR) for end in ends]
-    point = min(ends, key=search)
+    kinked = [i for i in active if _kinked(shapes[i], effects)]
+    if near or not kinked:
+        starts = [_descent(search, start, limits, active, bend) for start in starts]
+    if kinked and near:
+        starts = [_simplex(search, start, limits, kinked, NEAR) for start in starts]
+        starts = [_descent(search, start, limits, active, bend) for start in starts]
+    elif kinked:
+        starts = [_simplex(search, start, limits, active, FAR) for start in starts]
+    point = min(starts, key=search)
     return ShapeFit(
         search.at(point),
         {shapes[i].name: _bound(point[i], limits[i]) for i in active},
         tuple(shapes[i].name for i in flat),
         search.evaluations,
     )
+
+
+def _kinked(shape: ShapeParameter, effects: Sequence[Effect]) -> bool:
+    """Whether a shape is that of a loop; what a lag makes is smooth."""
+    return shape.info.unit != "s" and any(effects[k].info.remembers for k in shape.effects)
 
 
 def _here(search: _Search, point: Array, bend: Bend) -> tuple[list[Array], list[int]]:
