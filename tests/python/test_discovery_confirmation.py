@@ -18,7 +18,7 @@ from scipy.stats import chi2
 import flexspline
 from flexspline.discovery import analysis, confirmation
 from flexspline.discovery.candidates import DIRECTIONS, LAG, TAKEN, freedoms, held_of, with_freedoms
-from flexspline.discovery.confirmation import ERRORS, Shown, significance
+from flexspline.discovery.confirmation import ERRORS, Shown, significance, together
 from flexspline.discovery.result import UNLIKELY, Discovery
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect, effect
@@ -281,8 +281,8 @@ def test_a_first_name_less_likely_than_one_in_five_is_none(
 
 
 def test_no_name_raises_the_error_of_those_before_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two names that lower it only together: the weaker one goes, and then the other is asked."""
-    each = {"viscous_friction": {"p": 1e-9}, "gravity": {"p": 1e-5}}
+    """The second stands beside the first by chance alone; without it the first is asked again."""
+    each = {"viscous_friction": {"p": 1e-9}, "gravity": {"p": 1e-5, "fall": 0.1}}
     errors = {2: [1.0, 1.1, 0.9], 1: [1.0, 1.1]}
 
     def steps(made: Any) -> list[Any]:
@@ -290,6 +290,29 @@ def test_no_name_raises_the_error_of_those_before_it(monkeypatch: pytest.MonkeyP
 
     held, refused = confirmed(monkeypatch, each, steps=steps)
     assert not held.shown and set(refused.values()) == {"does not lower the held-out error"}
+
+
+def test_names_that_lower_it_together_stay_together(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each of two raises the error alone; both are lost where one of them is left out."""
+    each: dict[str, dict[str, float]] = {"viscous_friction": {}, "gravity": {}}
+    held, refused = confirmed(monkeypatch, each, steps=lambda made: [1.0, 1.1, 0.4])
+    assert [*held.shown] == [*each] and not refused
+
+
+@pytest.mark.parametrize(
+    ("errors", "groups"),
+    [
+        ([1.0], []),
+        ([1.0, 0.5, 0.2], [(0, 1), (1, 2)]),
+        ([1.0, 1.1, 0.4, 0.3], [(0, 2), (2, 3)]),
+        ([1.0, 0.5, 0.6, 0.7], [(0, 1), (1, 3)]),
+        ([1.0, 1.0], [(0, 1)]),
+    ],
+)
+def test_names_are_grouped_where_the_error_is_lower(
+    errors: list[float], groups: list[tuple[int, int]]
+) -> None:
+    assert together(errors) == groups
 
 
 def test_what_the_base_was_given_stays_where_it_is_significant(

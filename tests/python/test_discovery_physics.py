@@ -14,6 +14,7 @@ from flexspline.logs.log import Log
 from flexspline.regression.working import working
 
 VARYING = "position_dependent_friction"
+HYSTERESIS = "torque_hysteresis"
 
 
 @pytest.mark.parametrize(
@@ -67,3 +68,62 @@ def test_friction_builds_up_over_a_small_angle(levels: tuple[float, ...], refuse
                          threads=1)  # fmt: skip
     made = replace(working(effects, 1, {}), coefficients=np.array([0.0, *levels]))
     assert ("build up" in impossible(made, springs.name, problem)) is refused
+
+
+def swinging(**channels: np.ndarray) -> Log:
+    time = np.arange(0.0, 20.0, 0.01)
+    return Log.from_arrays(time=time, output_position=np.sin(time), output_velocity=np.cos(time),
+                           facts={"gear_ratio": 1.0},
+                           **{name: values[: len(time)] for name, values in channels.items()}
+                           )  # fmt: skip
+
+
+@pytest.mark.parametrize("target", ["motor_torque", "sensor_torque"])
+@pytest.mark.parametrize(
+    ("coulomb", "level", "refused"),
+    [(1.0, 0.3, False), (1.0, -0.3, True), (-1.0, -0.3, False), (-1.0, 0.3, True)],
+)
+def test_stribecks_friction_adds_to_coulombs(
+    target: str, coulomb: float, level: float, refused: bool
+) -> None:
+    """A drive's has one sign besides; a sensor sees both from the same side."""
+    log = swinging(**{target: np.sin(np.arange(2000.0))})
+    own = flexspline.effect("stribeck_friction", stribeck_velocity=0.3)
+    effects = [flexspline.effect("coulomb_friction"), own]
+    problem = problem_of([log], effects, target, known_load=None, lowpass_hz=None, threads=1)
+    made = replace(working(effects, 1, {}), coefficients=np.array([coulomb, level]))
+    said = impossible(made, own.name, problem)
+    assert ("lessen friction" in said) is refused or "drive the joint" in said
+    assert bool(said) is (refused or (target == "motor_torque" and level < 0.0))
+
+
+@pytest.mark.parametrize(
+    ("viscosity", "quadratic", "refused"),
+    [(0.2, 0.1, False), (0.5, -0.2, False), (-0.05, 0.2, False), (-0.8, 0.9, True)],
+)
+def test_friction_that_falls_from_rest_is_no_bend_of_viscous_friction(
+    viscosity: float, quadratic: float, refused: bool
+) -> None:
+    """Beside a level of 1 Nm, at up to 1 rad/s: by 0.18 Nm, where a tenth is a matter of form."""
+    log = swinging(motor_torque=np.sin(np.arange(2000.0)))
+    names = ("coulomb_friction", "viscous_friction", "nonlinear_viscous_friction")
+    effects = [flexspline.effect(name) for name in names]
+    problem = problem_of([log], effects, "motor_torque", known_load=None, lowpass_hz=None,
+                         threads=1)  # fmt: skip
+    values = np.array([1.0, viscosity, quadratic, 0.0])
+    made = replace(working(effects, 2, {}), coefficients=values)
+    assert ("fall as the speed rises" in impossible(made, names[2], problem)) is refused
+
+
+@pytest.mark.parametrize(("width", "refused"), [(8.0, False), (0.5, True)])
+def test_a_sensors_loop_is_wider_than_the_noise_of_its_load(width: float, refused: bool) -> None:
+    """Of 0.2 Nm; a loop that noise spins follows it, and noise is in what the load leaves."""
+    load = 10.0 * np.sin(0.3 * np.arange(2000.0))
+    log = swinging(sensor_torque=1.01 * load, reference_torque=load)
+    loop = flexspline.effect(HYSTERESIS, load_width=width)
+    effects = [flexspline.effect("offset"), loop]
+    problem = problem_of([log], effects, "sensor_torque", known_load="reference_torque",
+                         lowpass_hz=None, threads=1)  # fmt: skip
+    made = replace(working(effects, 1, {}), coefficients=np.array([0.0, 0.1, 0.0, 0.0, 0.0]))
+    assert impossible(made, HYSTERESIS, problem) == ""
+    assert ("noise of the load" in impossible(made, HYSTERESIS, problem, 0.2)) is refused

@@ -128,13 +128,13 @@ def _resolved(
 
     `part`, `lowpass`: by which the model's predictions were made.
     """
-    further = part.preparing(coarser(part.preparations, part.known_load))
+    further = part.preparing(coarser(part.preparations))
     blurred = replace(model, parts={**model.parts, PART_OF[part.target]: further})
     both = [
-        (run.residual, blurred.predict(log, part.target, lowpass_hz=lowpass).residual)
+        (run.modelled, blurred.predict(log, part.target, lowpass_hz=lowpass).predicted)
         for run, log in zip(runs, logs, strict=True)
     ]
-    told = resolved_rows(logs, both)
+    told = resolved_rows(logs, [run.measured for run in runs], both)
     made = []
     for run, log, rows in zip(runs, logs, told, strict=True):
         counted = rows & away_from_ends(log, log, part.preparations)

@@ -165,7 +165,7 @@ def _discovered(
 
         load = start.known_load
         blur = noise_in_rows(inputs, ways, load) if load in inputs else 0.0
-        way = _Way(start, lowpass, orders, tuple(ways), blur, threads, say)
+        way = _Way(start, lowpass, orders, tuple(ways), threads, say, blur)
         excluded = [*exclude]
         free = freedoms(start.effects, start.target, start.known_load, runs, inputs)
         free = tuple(name for name in free if name not in excluded)
@@ -266,9 +266,9 @@ class _Way:
     lowpass: float | None
     orders: Mapping[str, Sequence[int]]
     preparations: tuple[Preparation, ...]
-    blur: float
     threads: int
     say: Callable[[str], None]
+    blur: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -298,7 +298,7 @@ class _Recorded:
         made = replace(made, counted=inside) if ways else made
         if start.target == "torsion" or not any(w.channel == "output_position" for w in ways):
             return made
-        further = replace(cls._made(runs, way, coarser(ways, start.known_load)), counted=inside)
+        further = replace(cls._made(runs, way, coarser(ways)), counted=inside)
         base = [effect for effect in start.effects if effect.harmonics or not effect.ripple]
 
         def posed(effects: Sequence[Effect], coarse: bool) -> Problem:

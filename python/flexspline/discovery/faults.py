@@ -64,11 +64,9 @@ def resolved(
     fine, coarse = posed(effects, False), posed(effects, True)
     plain = Whitening(np.ones(1), 1.0, fine.decimation)
     work, _ = started(fine, working(effects, len(effects), fixed), plain)
-    first, further = (
-        [run.target - work.predict(one, k) for k, run in enumerate(one.runs)]
-        for one in (fine, coarse)
-    )
-    return resolved_rows([run.log for run in fine.runs], list(zip(first, further, strict=True)))
+    both = [(work.predict(fine, k), work.predict(coarse, k)) for k in range(len(fine.runs))]
+    runs = fine.runs
+    return resolved_rows([run.log for run in runs], [run.target for run in runs], both)
 
 
 RATIO = "gear_ratio"

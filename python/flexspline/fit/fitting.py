@@ -246,7 +246,7 @@ def _resolved(
     posed: Callable[[Sequence[Log], Sequence[Effect], list[NDArray[np.bool_]] | None], Problem],
 ) -> list[NDArray[np.bool_]] | None:
     """Which rows the recorder resolves, see `resolution.py`; None for all of exact runs."""
-    from flexspline.fit.estimate import Given, estimate, residuals_of
+    from flexspline.fit.estimate import Given, estimate
     from flexspline.fit.resolution import away_from_ends, coarser, resolved_rows, with_fastest
     from flexspline.prepared import MOTION, VELOCITY, prepared
 
@@ -257,16 +257,18 @@ def _resolved(
         return inside
     these = with_fastest([e for e in effects if e.harmonics or not e.ripple])
     exact = posed(fine, these, inside)
-    load = exact.known_load
-    moved = [way for way in coarser(ways, load) if way.channel in (*MOTION, load)]
+    motion = [way for way in coarser(ways) if way.channel in MOTION]
     coarse = [
-        one.with_columns({w.channel: made[w.channel] for w in moved}, note="further smoothed")
-        for one, made in ((one, prepared(log, moved)) for one, log in zip(fine, runs, strict=True))
+        one.with_columns(
+            {w.channel: made[w.channel] for w in motion}, note="motion further smoothed"
+        )
+        for one, made in ((one, prepared(log, motion)) for one, log in zip(fine, runs, strict=True))
     ]
     blurred = posed(coarse, these, inside)
     made = estimate(exact, these, Given({}, {}, {}, False), lambda: None).linear
-    left = [residuals_of(problem, made) for problem in (exact, blurred)]
-    told = resolved_rows(runs, list(zip(*left, strict=True)))
+    both = [problem.predict(made.effects, made.coefficients) for problem in (exact, blurred)]
+    measured = [run.target for run in exact.runs]
+    told = resolved_rows(runs, measured, list(zip(*both, strict=True)))
     return [a & b for a, b in zip(inside, told, strict=True)]
 
 

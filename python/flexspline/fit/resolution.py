@@ -2,10 +2,9 @@
 
 Around a reversal, and where a joint starts to move, friction changes within milliseconds. A motion
 that was smoothed up to B is blurred there, and what a model then leaves looks like friction of the
-path or of low speeds; so does what a load leaves that a brake or a grip turns over as fast. So the
-rows are asked: by how much does the residual move when motion and load are smoothed at half their
-bandwidth? Where that is more than the noise of the target, the inputs do not say what the model
-should predict, and the rows do not count.
+path or of low speeds. So the rows are asked: by how much does the prediction move when the motion
+is smoothed at half its bandwidth? Where that is more than the noise of the target, the inputs do
+not say what the model should predict, and the rows do not count.
 
 The model that is asked has Coulomb and viscous friction, which turn over fastest.
 
@@ -43,11 +42,10 @@ LEAST = 0.5  # of a run: where less would count, all of it does
 SHORT = 0.05  # s: the noise of the target is what it differs by after so long, in the median
 
 
-def coarser(ways: Sequence[Preparation], load: str | None) -> tuple[Preparation, ...]:
-    """Return the preparations with the output's motion and a load at half their bandwidth."""
-    moved = (*MOTION, load)
+def coarser(ways: Sequence[Preparation]) -> tuple[Preparation, ...]:
+    """Return the preparations with the output's motion smoothed at half its bandwidth."""
     return tuple(
-        replace(way, bandwidth=HALF * way.bandwidth) if way.channel in moved else way
+        replace(way, bandwidth=HALF * way.bandwidth) if way.channel in MOTION else way
         for way in ways
     )
 
@@ -76,15 +74,19 @@ def with_fastest(base: Sequence[Effect]) -> list[Effect]:
     return [*base, *(Effect(name) for name in FASTEST if name not in names)]
 
 
-def resolved_rows(logs: Sequence[Log], left: Sequence[tuple[Array, Array]]) -> Masks:
+def resolved_rows(
+    logs: Sequence[Log], measured: Sequence[Array], predicted: Sequence[tuple[Array, Array]]
+) -> Masks:
     """Return which rows of each run count, (N,).
 
     Parameters
     ----------
-    left : residual of each run, with motion and load as prepared and smoothed further, (N,) both.
+    measured : target of each run, (N,).
+    predicted : of each run, with the motion as it is prepared and smoothed further, (N,) both.
     """
-    noise = float(np.median([_noise(log, fine) for log, (fine, _) in zip(logs, left, strict=True)]))
-    return [np.abs(fine - coarse) <= noise for fine, coarse in left]
+    left = [y - told for y, (told, _) in zip(measured, predicted, strict=True)]
+    noise = float(np.median([_noise(log, rest) for log, rest in zip(logs, left, strict=True)]))
+    return [np.abs(told - other) <= noise for told, other in predicted]
 
 
 def _noise(log: Log, residual: Array) -> float:
