@@ -29,7 +29,6 @@ __all__ = [
     "MOTION",
     "Preparation",
     "learned",
-    "noise_in_rows",
     "noise_of_channels",
     "preparations_for",
     "preparations_of",
@@ -200,15 +199,6 @@ def preparations_for(
         if noise[name].noisy:
             made.append(Preparation(name, name, noise[name].smoother()))
     return tuple(made)
-
-
-def noise_in_rows(
-    noise: Mapping[str, ChannelNoise], ways: Iterable[Preparation], channel: str
-) -> float:
-    """Return the RMS of the noise of a channel that is left as rows read it, in its unit."""
-    own = noise[channel]
-    smoothed = [way.bandwidth for way in ways if way.channel == way.source == channel]
-    return min([own.noise, *(own.within(bandwidth) for bandwidth in smoothed)])
 
 
 def _motion(noise: Mapping[str, ChannelNoise], bandwidth: float | None) -> Iterable[Preparation]:

@@ -49,6 +49,7 @@ __all__ = [
     "Functions",
     "Nameless",
     "channel_told",
+    "low_waves",
     "nameless_of",
     "names_of_past",
     "past_of",
@@ -328,11 +329,15 @@ def _waves(sample: Values, name: str) -> Nameless:
 
 
 def varying_waves(problem: Problem, effect: Effect) -> list[Nameless]:
-    """Waves of a ripple, and of twice its orders, whose amplitude is any of the angle and speed."""
+    """Waves of a ripple, and of twice its orders, whose amplitude is any of the angle and speed.
+
+    Ripple of the output alone has none that goes with the speed: that of two signs is friction.
+    """
     sample, facts = _sample(problem), problem.runs[0].log.facts
-    parts = {CORE_PAIRS[pair.name]: pair for pair in pairs(facts) if pair.name in CORE_PAIRS}
-    slow = [name for name in ("output_position", "output_velocity") if name in sample]
-    if (ROUND not in sample and any(p.motor for _, p in _parts(effect, parts))) or not slow:
+    known = {CORE_PAIRS[pair.name]: pair for pair in pairs(facts)}
+    of_effect = [(order, known[pair]) for order, pair in effect.harmonics]
+    slow = ("output_position", "output_velocity")
+    if not {*slow} <= {*sample} or (ROUND not in sample and any(p.motor for _, p in of_effect)):
         return []
     few = SETTINGS.tried + 1
 
@@ -348,11 +353,16 @@ def varying_waves(problem: Problem, effect: Effect) -> list[Nameless]:
 
         return Nameless((ROUND, name), columns, 4 * count)
 
-    return [varying(k, pair, name) for k, pair in _parts(effect, parts) for name in slow]
+    return [
+        varying(order, pair, name)
+        for order, pair in of_effect
+        for name in slow[: 1 + bool(pair.motor)]
+    ]
 
 
-def _parts(effect: Effect, known: Mapping[str, Pair]) -> list[tuple[int, Pair]]:
-    return [(order, known[pair]) for order, pair in effect.harmonics]
+def low_waves(name: str) -> Nameless:
+    """Low orders of an angle."""
+    return Nameless((name,), _turning(name, range(1, SETTINGS.tried + 1)), 2 * SETTINGS.tried)
 
 
 def _memory(name: str) -> Nameless:

@@ -147,7 +147,7 @@ def _discovered(
     from flexspline.discovery.clock import load_delays
     from flexspline.discovery.faults import data_faults, graded, with_measured_ratio
     from flexspline.logs.left_out import only_experiments
-    from flexspline.prepared import learned, noise_in_rows
+    from flexspline.prepared import learned
 
     recordings = only_experiments(runs, start.target)
     runs = [one.log for one in recordings]
@@ -164,8 +164,8 @@ def _discovered(
             bar.set_description(what)
 
         load = start.known_load
-        blur = noise_in_rows(inputs, ways, load) if load in inputs else 0.0
-        way = _Way(start, lowpass, orders, tuple(ways), threads, say, blur)
+        scatter = inputs[load].noise if load in inputs else 0.0
+        way = _Way(start, lowpass, orders, tuple(ways), threads, say, scatter)
         excluded = [*exclude]
         free = freedoms(start.effects, start.target, start.known_load, runs, inputs)
         free = tuple(name for name in free if name not in excluded)
@@ -260,7 +260,7 @@ def _by_simulation(
 
 @dataclass(frozen=True)
 class _Way:
-    """How a discovery goes about it: see `discover`. `blur`: noise of the load in the rows, Nm."""
+    """How a discovery goes about it: see `discover`. `scatter`: of the load cell, Nm."""
 
     start: _Start
     lowpass: float | None
@@ -268,7 +268,7 @@ class _Way:
     preparations: tuple[Preparation, ...]
     threads: int
     say: Callable[[str], None]
-    blur: float = 0.0
+    scatter: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -389,7 +389,7 @@ class _Recorded:
         study = study_of(
             effects, self.logs, start.target, exclude=exclude, inputs=self.inputs, **self._posed
         )
-        study = replace(study, blur=way.blur)
+        study = replace(study, scatter=way.scatter)
         return study, effects, {**start.fixed, **held_of(effects, free, study.problem)}
 
     def look(self, exclude: Sequence[str], free: Sequence[str]) -> FirstLook:

@@ -52,7 +52,6 @@ SPRINGS = "presliding_friction"
 PRESLIDING = "presliding_width"
 WIDEST = 0.1  # rad
 HYSTERESIS = "torque_hysteresis"
-LOAD = "load_width"
 LOOPS = (SPRINGS, "torsional_hysteresis")
 """Elements all have one sign, as loops cost energy: the positive one, but for friction, which a
 sensor may see from either side."""
@@ -74,11 +73,11 @@ def one_signed(name: str, target: str) -> int:
     return int(target in DRIVES and name in (*DISSIPATES, *POSITIVE_MASS))
 
 
-def impossible(work: Working, name: str, problem: Problem, blur: float = 0.0) -> str:
+def impossible(work: Working, name: str, problem: Problem, scatter: float = 0.0) -> str:
     """Return why an effect cannot be what the model says of it, "" where it can.
 
-    `blur`: noise of the load in the rows, Nm. A loop that it spins follows the noise, which is in
-    the target less the load, too.
+    `scatter`: noise of the load cell as recorded, Nm. A narrower loop follows the noise, which the
+    target less the load holds, too.
 
     The drive decides signs: its torque overcomes friction and accelerates the joint. A sensor may
     see either sign, by the side of the friction on which it sits; so may what corrects a simulation
@@ -95,10 +94,10 @@ def impossible(work: Working, name: str, problem: Problem, blur: float = 0.0) ->
         return "with it friction would fall as the speed rises from rest, which is Stribeck's"
     if name == SPRINGS and _build_up(values, _shapes(work, name)[PRESLIDING]) > WIDEST:
         return f"it would build up over more than {WIDEST:g} rad, as no gear does"
-    if name == HYSTERESIS and _build_up(values, _shapes(work, name)[LOAD]) < SETTINGS.told * blur:
-        return "its loop would be no wider than the noise of the load"
     if name == HYSTERESIS and values.sum() < 0.0:
         return "a sensor's loop lags behind the torque, and this one would run ahead"
+    if name == HYSTERESIS and _shapes(work, name)["load_width"] < SETTINGS.told * scatter:
+        return "its loop would be no wider than the noise of the load"
     if name == LAG and problem.known_load is not None and values[0] < 0.0:
         return "a sensor cannot read a torque before it is there"
     if problem.target not in DRIVES or problem.simulated is not None:

@@ -30,6 +30,7 @@ from flexspline.discovery.basis import (
     Functions,
     Nameless,
     channel_told,
+    low_waves,
     nameless_of,
     places_of,
     varying_waves,
@@ -93,8 +94,8 @@ LEAD = 2 * SETTINGS.rows  # before a stretch of a part, from which memory is fol
 class Study:
     """Problem, effects that may be missing, why others are not tried, and orders found.
 
-    `tied`: channels that are nearly a function of another. `blur`: noise of the load, Nm. `last`,
-    `known`: what was asked for before, a table and the candidates beside models.
+    `tied`: channels that are nearly a function of another. `scatter`: of the load cell, Nm.
+    `last`, `known`: what was asked for before, a table and the candidates beside models.
     """
 
     problem: Problem
@@ -102,7 +103,7 @@ class Study:
     not_tried: dict[str, str]
     orders: Orders = field(default=())
     tied: tuple[Dependence, ...] = ()
-    blur: float = 0.0
+    scatter: float = 0.0
     last: Columned | None = field(default=None, repr=False, compare=False)
     known: dict[tuple[Effect, ...], tuple[Orders, list[Candidate]]] = field(
         default_factory=dict, repr=False, compare=False
@@ -241,12 +242,20 @@ def _bends(effect: Effect, named: Effect, tied: Sequence[Dependence]) -> bool:
     return bool(own) and own <= seen
 
 
+def _waves(effect: Effect) -> bool:
+    """Whether what the form of an effect misses is other waves, of a few orders."""
+    return effect.ripple or effect.name == "gravity"
+
+
 def _freed(problem: Problem, effect: Effect) -> list[Nameless]:
     """All functions of no other channels than those of an effect, and of what these have been.
 
-    Of ripple its waves, which swell with angle and speed. Empty where they cannot take its place:
-    it remembers, changes at once with the direction, or a channel of it is not measured.
+    Of gravity low orders; of ripple its waves, which swell with angle and speed. Empty where they
+    cannot take its place: it remembers, changes at once with the direction, or a channel of it is
+    not measured.
     """
+    if effect.name == "gravity":
+        return [low_waves("output_position")]
     if effect.ripple:
         return varying_waves(problem, effect)
     if effect.info.remembers or WIDTH in effect.shapes:
@@ -415,7 +424,7 @@ class Searcher:
         suspected = [e for e in others if names[e.name] > 0.5 * gain]
         problem = self.study.thinned().problem
         freed = [_freed(problem, e) for e in suspected]
-        if not all(freed) or any(_bends(effect, e, tied) for e in suspected if not e.ripple):
+        if not all(freed) or any(_bends(effect, e, tied) for e in suspected if not _waves(e)):
             return most
         functions = Functions(tuple(group for groups in freed for group in groups))
         rest = work.having([e for e in work.effects if e.name != effect.name])
@@ -446,7 +455,7 @@ class Searcher:
 
     def forbidden(self, work: Working, name: str) -> str:
         """Why a name of a fitted model cannot be what it says; empty where it can."""
-        reason = impossible(work, name, self.study.problem, self.study.blur)
+        reason = impossible(work, name, self.study.problem, self.study.scatter)
         effect = next(e for e in work.effects if e.name == name)
         return reason or (FEW_PLACES if self._at_few_places(work, effect) else "")
 
