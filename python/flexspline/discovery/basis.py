@@ -31,6 +31,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
+from scipy.special import erf
 
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect
@@ -54,6 +55,7 @@ __all__ = [
     "names_of_past",
     "past_of",
     "places_of",
+    "turning_over",
     "values_of",
     "varying_waves",
 ]
@@ -186,6 +188,7 @@ Values = dict[str, Array]
 Basis = Callable[[Values], Array]
 
 TURN = 2.0 * np.pi
+COULOMB, WIDTH = "coulomb_friction", "direction_width"
 POWERS = tuple((power,) for power in range(1, SETTINGS.tried))
 CROSSED = ((1, 1), (2, 1), (1, 2))
 NAMELESS = "nameless"  # what a problem keeps of it
@@ -358,6 +361,24 @@ def varying_waves(problem: Problem, effect: Effect) -> list[Nameless]:
         for order, pair in of_effect
         for name in slow[: 1 + bool(pair.motor)]
     ]
+
+
+def turning_over(problem: Problem, effects: Sequence[Effect]) -> list[Nameless]:
+    """Other ways in which sliding friction takes its level: algebraic ones, slower ones, erf.
+
+    tanh is within a hundredth of its level at 2.6 widths, an algebraic turn of the same slope at 7.
+    """
+    widths = [e.shapes[WIDTH] for e in effects if e.name == COULOMB and WIDTH in e.shapes]
+    if not widths or "output_velocity" not in _channels(problem):
+        return []
+    width = widths[0]
+
+    def columns(values: Values) -> Array:
+        v = values["output_velocity"]
+        ways = [v / np.hypot(v, share * width) for share in (0.5, 1.0, 2.0)]
+        return np.column_stack([*ways, erf(v / width)])
+
+    return [Nameless(("output_velocity",), columns, 4)]
 
 
 def low_waves(name: str) -> Nameless:

@@ -33,6 +33,7 @@ from flexspline.discovery.basis import (
     low_waves,
     nameless_of,
     places_of,
+    turning_over,
     varying_waves,
 )
 from flexspline.discovery.candidates import (
@@ -269,6 +270,7 @@ def _freed(problem: Problem, effect: Effect) -> list[Nameless]:
 
 
 LEFT_OF_FORM = "no more than what the form of a named effect misses"
+SPEED = "output_velocity"
 FEW_PLACES = "it is at a few angles of the output, and does not come again between them"
 
 
@@ -413,28 +415,39 @@ class Searcher:
     def _missed(self, dictionary: Dictionary, work: Working, effect: Effect, gain: float) -> float:
         """What the forms of names may miss, χ²; 0 if an effect clearly pays beside freed forms.
 
+        ∞ where what bends friction over the speed is no more than how friction turns over at rest.
+
         Freed are those that may miss half of its gain, where that is possible, and none of them
         may take all of the effect's own channels. Of long logs a part is looked at.
         """
         tied, others = self.study.tied, [e for e in work.named if e.name != effect.name]
         names = {e.name: missed(dictionary, e, effect, tied) for e in others}
         most = max(names.values(), default=0.0)
+        problem, rivals = self.study.thinned().problem, len(dictionary.candidates)
+        enough = SETTINGS.freed * price(len(effect.terms), 1.0, rivals)
+        turning = turning_over(problem, work.effects) if {*effect.reads} == {SPEED} else []
+        if turning and self._kept(problem, work, effect, turning) < enough:
+            return np.inf
         if gain >= most:
             return most
         suspected = [e for e in others if names[e.name] > 0.5 * gain]
-        problem = self.study.thinned().problem
         freed = [_freed(problem, e) for e in suspected]
         if not all(freed) or any(_bends(effect, e, tied) for e in suspected if not _waves(e)):
             return most
-        functions = Functions(tuple(group for groups in freed for group in groups))
+        groups = [group for own in freed for group in own]
+        return 0.0 if self._kept(problem, work, effect, groups) >= enough else most
+
+    def _kept(
+        self, problem: Problem, work: Working, effect: Effect, groups: Sequence[Nameless]
+    ) -> float:
+        """What an effect gains beside a model and functions."""
         rest = work.having([e for e in work.effects if e.name != effect.name])
-        table = tabulated(problem, rest.sheet(beside=[effect], given=functions), self.whitening)
+        sheet = rest.sheet(beside=[effect], given=Functions(tuple(groups)))
+        table = tabulated(problem, sheet, self.whitening)
         first, count = len(rest.owners()), len(effect.terms)
         own = np.arange(first, first + count)
         left = table.without(np.setdiff1d(np.arange(len(table.total) - 1), own))
-        kept, _ = gain_of(left, own, np.diag(table.total))
-        rivals = len(dictionary.candidates)
-        return 0.0 if kept >= SETTINGS.freed * price(count, 1.0, rivals) else most
+        return gain_of(left, own, np.diag(table.total))[0]
 
     def _tried(
         self, offer: Offer, dictionary: Dictionary, work: Working, squares: float
