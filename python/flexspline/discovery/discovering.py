@@ -276,12 +276,14 @@ class _Recorded:
     """The runs as recorded, and with their inputs as rows read them.
 
     `counted`: rows of each that the recorder resolves, without a drive's rests; None for all.
+    `blur`: by how much the base moves with the motion smoothed further, (N,) of each.
     """
 
     way: _Way
     logs: list[Log]
     inputs: list[Log]
     counted: list[NDArray[np.bool_]] | None = None
+    blur: list[NDArray[np.float64]] | None = None
 
     @classmethod
     def of(cls, runs: Sequence[Log], way: _Way) -> _Recorded:
@@ -304,8 +306,9 @@ class _Recorded:
         def posed(effects: Sequence[Effect], coarse: bool) -> Problem:
             return (further if coarse else made).problem(effects)
 
-        told = resolved(base, start.fixed, posed)
-        return replace(made, counted=[a & b for a, b in zip(inside, told, strict=True)])
+        told, blur = resolved(base, start.fixed, posed)
+        counted = [a & b for a, b in zip(inside, told, strict=True)]
+        return replace(made, counted=counted, blur=blur)
 
     def moved(self, runs: Sequence[Log], load: str, late: float) -> _Recorded:
         """The same `runs` with a load that is late moved to where it belongs, s.
@@ -335,7 +338,7 @@ class _Recorded:
             clock = runs[number].with_columns({"time": time - late}, note="the clock of its load")
             known = has_value(time, time + late) & away_from_ends(clock, log, ways)
             counted.append(known if self.counted is None else known & self.counted[number])
-        return replace(made, inputs=inputs, counted=counted)
+        return replace(made, inputs=inputs, counted=counted, blur=self.blur)
 
     @classmethod
     def _made(cls, runs: Sequence[Log], way: _Way, ways: Sequence[Preparation]) -> _Recorded:
@@ -389,8 +392,14 @@ class _Recorded:
         study = study_of(
             effects, self.logs, start.target, exclude=exclude, inputs=self.inputs, **self._posed
         )
-        study = replace(study, scatter=way.scatter)
+        study = replace(study, problem=self._blurred(study.problem), scatter=way.scatter)
         return study, effects, {**start.fixed, **held_of(effects, free, study.problem)}
+
+    def _blurred(self, problem: Problem) -> Problem:
+        if self.blur is None:
+            return problem
+        both = zip(problem.runs, self.blur, strict=True)
+        return replace(problem, runs=tuple(replace(run, blur=blur) for run, blur in both))
 
     def look(self, exclude: Sequence[str], free: Sequence[str]) -> FirstLook:
         from flexspline.discovery.analysis import first_look

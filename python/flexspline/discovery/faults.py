@@ -53,8 +53,8 @@ def resolved(
     base: Sequence[Effect],
     fixed: Mapping[str, float],
     posed: Callable[[Sequence[Effect], bool], Problem],
-) -> list[NDArray[np.bool_]]:
-    """Return which rows of each run count, (N,).
+) -> tuple[list[NDArray[np.bool_]], list[Array]]:
+    """Return which rows of each run count, and by how much a prediction moves, (N,) both.
 
     Parameters
     ----------
@@ -66,7 +66,8 @@ def resolved(
     work, _ = started(fine, working(effects, len(effects), fixed), plain)
     both = [(work.predict(fine, k), work.predict(coarse, k)) for k in range(len(fine.runs))]
     runs = fine.runs
-    return resolved_rows([run.log for run in runs], [run.target for run in runs], both)
+    told = resolved_rows([run.log for run in runs], [run.target for run in runs], both)
+    return told, [np.nan_to_num(one - other) for one, other in both]
 
 
 RATIO = "gear_ratio"

@@ -424,9 +424,11 @@ class Searcher:
         names = {e.name: missed(dictionary, e, effect, tied) for e in others}
         most = max(names.values(), default=0.0)
         problem, rivals = self.study.thinned().problem, len(dictionary.candidates)
-        enough = SETTINGS.freed * price(len(effect.terms), 1.0, rivals)
-        turning = turning_over(problem, work.effects) if {*effect.reads} == {SPEED} else []
-        if turning and self._kept(problem, work, effect, turning) < enough:
+        least = price(len(effect.terms), 1.0, rivals)
+        rest = [e for e in work.effects if e.name != effect.name]
+        turning = turning_over(problem, rest) if {*effect.reads} == {SPEED} else []
+        more = rows_of(self.study.problem) / rows_of(problem)
+        if turning and more * self._kept(problem, work, effect, turning) < least:
             return np.inf
         if gain >= most:
             return most
@@ -435,7 +437,8 @@ class Searcher:
         if not all(freed) or any(_bends(effect, e, tied) for e in suspected if not _waves(e)):
             return most
         groups = [group for own in freed for group in own]
-        return 0.0 if self._kept(problem, work, effect, groups) >= enough else most
+        enough = self._kept(problem, work, effect, groups) >= SETTINGS.freed * least
+        return 0.0 if enough else most
 
     def _kept(
         self, problem: Problem, work: Working, effect: Effect, groups: Sequence[Nameless]

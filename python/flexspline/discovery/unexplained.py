@@ -23,6 +23,7 @@ from scipy.stats import chi2
 from flexspline.discovery.basis import (
     DIRECTION,
     ROUND,
+    Beside,
     Functions,
     Nameless,
     channel_told,
@@ -93,13 +94,20 @@ class Ceiling:
         return self.columns[number][first:last, at]
 
     def beside(self, work: Working) -> Overlap:
-        """Return the functions beside the columns and shapes of a model."""
-        sheet, made = work.sheet(), []
+        """Return the functions beside the columns and shapes of a model, and what a smoother blurs.
+
+        What an inertia misses of a motion that is rounded off follows its acceleration.
+        """
+        blur = [run.blur for run in self.problem.runs]
+        known = tuple(one for one in blur if one is not None)
+        given = Beside(Functions(()), known) if len(known) == len(blur) else None
+        sheet, made = work.sheet(given=given), []
         for number in range(len(self.problem.runs)):
             white, at = sheet.white(self.problem, self.whitening, number)
             white = np.roll(white, 1, axis=1)  # the target first
             made.append(white[np.searchsorted(at, self.rows[number])])
-        return Overlap(self, [made[number][first:last] for number, first, last in self.folds])
+        columns = [made[number][first:last] for number, first, last in self.folds]
+        return Overlap(self, columns, work.owners())
 
 
 Made = list[tuple[tuple[int, int], Array]]
@@ -125,12 +133,13 @@ class Overlap:
     Functions that are taken join M.
     """
 
-    def __init__(self, ceiling: Ceiling, columns: list[Array]) -> None:
+    def __init__(self, ceiling: Ceiling, columns: list[Array], owners: Sequence[str]) -> None:
         self.ceiling, self.chosen = ceiling, list[int]()
         self.inside = self._scaled([part.T @ part for part in columns])
         self.across = np.empty((len(columns), ceiling.at[-1].stop, 0))
         self.joined = columns
         self.own = columns[0].shape[1]
+        self.owners = np.array([*owners, *[""] * (self.own - 1 - len(owners))])
 
     def _scaled(self, products: list[Array]) -> Array:
         return np.array(products) / self.ceiling.whitening.variance
@@ -277,14 +286,14 @@ def _summary(overlap: Overlap, work: Working, net: float) -> Leftover:
         kept = np.concatenate([np.empty(0, dtype=np.intp), *rest])
         without = gain_of(table.without(own), kept, raw)[0] if len(rest) else 0.0
         carried[name] = gain - without
-    share = net / max(net + _named_gain(table, work), TINY)
+    share = net / max(net + _named_gain(overlap, table, work), TINY)
     survives = _survival(overlap, work, set(carried))
     return Leftover(tuple(groups), gain, net, share, carried, survives)
 
 
-def _named_gain(table: Table, work: Working) -> float:
+def _named_gain(overlap: Overlap, table: Table, work: Working) -> float:
     """What all names explain beside the base, in χ²."""
-    named = np.isin(work.owners(), [effect.name for effect in work.named])
+    named = np.isin(overlap.owners, [effect.name for effect in work.named])
     mine, base = np.flatnonzero(named), np.flatnonzero(~named)
     return gain_of(table.without(base), mine, np.diag(table.total))[0] if len(mine) else 0.0
 
@@ -308,7 +317,7 @@ def _survival(overlap: Overlap, work: Working, carriers: set[str]) -> dict[str, 
     everything = np.arange(len(own), len(table.total) - 1)
     turns = [group.channels == (ROUND,) for group in taken for _ in range(group.count)]
     apart = everything[~np.array(turns, dtype=bool)]
-    survives, owners = {}, np.array(work.owners())
+    survives, owners = {}, overlap.owners
     for effect in work.named:
         mine, others = own[owners == effect.name], own[owners != effect.name]
         turning = effect.ripple and "motor_position" in effect.reads

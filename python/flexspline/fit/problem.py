@@ -51,6 +51,7 @@ class Run:
     left out, where an effect still depends on what came before the run.
     `low_pass`: of the target, for the rows; None without one. `whole`: `unbroken` before rows were
     left out that do not count: through these time, and the noise, go on. None where none were.
+    `blur`: what a prediction changes by with the motion smoothed further, (N,), where it was asked.
     """
 
     log: Log
@@ -60,6 +61,7 @@ class Run:
     stretches: tuple[tuple[int, int], ...]
     low_pass: LowPass | None = None
     whole: tuple[tuple[int, int], ...] | None = None
+    blur: Array | None = None
 
     def __len__(self) -> int:
         return len(self.target)
