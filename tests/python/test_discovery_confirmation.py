@@ -340,6 +340,24 @@ def test_the_fall_of_the_held_out_error_is_that_of_its_squares() -> None:
     assert fall_of(one, one, 10) == (0.0, np.inf)
 
 
+@pytest.mark.parametrize(("beyond", "told"), [(30.0, True), (0.0, True), (None, False)])
+def test_a_fold_beyond_all_others_is_no_chance(beyond: float | None, told: bool) -> None:
+    """What all models foretell badly there would drown a fall that five other folds show."""
+    generator = np.random.default_rng(8)
+    noise, part = generator.normal(0.0, 1.0, 6000), np.sin(0.1 * np.arange(6000.0))
+    rows = np.arange(6000)
+    off = np.where(rows < 1000, (beyond or 0.0) * np.cos(0.003 * rows), 0.0)
+    share = 0.0 if beyond is None else 0.5
+    folds = [SimpleNamespace(run=0, first=k, last=k + 1000) for k in range(0, 6000, 1000)]
+    problem = SimpleNamespace(block_rows=50)
+    whole, rest = (
+        SimpleNamespace(problem=problem, folds=folds, residuals=(left,))
+        for left in (noise + off, noise + off + share * part)
+    )
+    fall, error = confirmation._fall(rest, whole)  # type: ignore[arg-type]
+    assert (fall > ERRORS * error) is told
+
+
 @pytest.mark.parametrize("memory", [0.0, 0.9])
 def test_the_error_of_the_fall_is_its_spread_over_draws_of_the_noise(memory: float) -> None:
     """Both of a motion that shows the effect in one tenth of the rows alone, and of slow noise."""
