@@ -252,7 +252,8 @@ def order_pools(
     taken = {h for e in model for h in e.harmonics if e.name != FOLLOWER}
     taken |= {GRAVITY for e in model if e.name == "gravity"}
     seen_of = {pair: span * abs(pair.turns) for pair in pairs(facts)}
-    low = [(k, pair) for k, pair in _low(facts) if not k * seen_of[pair] < np.pi]
+    scanned_out = any(line.pair == "output_housing" for line in found)
+    low = [(k, pair) for k, pair in _low(facts, scanned_out) if not k * seen_of[pair] < np.pi]
     for order, pair in [*low, *_of_facts(facts)]:
         name = "kinematic_error" if target == "torsion" else _owner(order, pair, facts)
         _add(own, name, (order, CORE_PAIRS[pair.name]), taken)
@@ -310,15 +311,20 @@ def _add(
         own[name].append(harmonic)
 
 
-def _low(facts: Mapping[str, Any]) -> list[tuple[int, Pair]]:
-    """Low orders of every pair whose angle is another than those before."""
+def _low(facts: Mapping[str, Any], scanned_out: bool) -> list[tuple[int, Pair]]:
+    """Low orders of every pair whose angle is another than those before.
+
+    `scanned_out`: whether a scan sees ripple of the output. Over less than a turn it tells orders
+    that lie far apart alone, and takes one for two: then all that it may have seen are tried.
+    """
     kept: list[Pair] = []
     for pair in pairs(facts):
         if pair.motor and pair.turns != pair.turns:
             continue
         if (pair.motor, pair.output) not in [(p.motor, p.output) for p in kept]:
             kept.append(pair)
-    most = {pair.name: SETTINGS.tried if pair.motor else SETTINGS.functions for pair in kept}
+    some, many = SETTINGS.tried, SETTINGS.functions
+    most = {pair.name: many if scanned_out and not pair.motor else some for pair in kept}
     return [(order, pair) for pair in kept for order in range(1, most[pair.name] + 1)]
 
 

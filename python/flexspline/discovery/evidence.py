@@ -316,7 +316,10 @@ def _free(alike: tuple[tuple[float, ...], ...]) -> tuple[float, ...]:
 def _orders(
     variant: Effect, atoms: tuple[Effect, ...], dictionary: Dictionary, left: Array, raw: Array
 ) -> Offer:
-    """Take the orders of a ripple effect one after the other, as long as one pays its price."""
+    """Take the orders of a ripple effect one after the other, as long as one pays its price.
+
+    Nor is it an order that explains less than the form of the others may miss.
+    """
     chosen: list[Effect] = []
     columns, gain, cost = np.empty(0, dtype=np.intp), 0.0, 0.0
     each = price(2, len(atoms), len(dictionary.candidates))
@@ -329,7 +332,7 @@ def _orders(
         if not trials:
             break
         reached, atom, both = max(trials, key=lambda trial: trial[0])
-        if chosen and reached - gain < each:
+        if chosen and reached - gain < max(each, SETTINGS.form * reached):
             break
         chosen.append(atom)
         columns, gain, cost = both, reached, cost + each

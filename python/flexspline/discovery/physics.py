@@ -135,8 +135,13 @@ def _not_fading(work: Working, problem: Problem) -> str:
 
 
 def _falls(work: Working, problem: Problem) -> bool:
-    """Whether friction becomes less by a small part of its level before it rises with the speed."""
+    """Whether friction becomes less by a small part of its level before it rises with the speed.
+
+    Not asked of a drive whose level has the wrong sign: another part of its model is wrong.
+    """
     level = level_of(work, COULOMB)
+    if problem.target in DRIVES and level < 0.0:
+        return False
     speeds = np.linspace(0.0, _fastest(problem), SETTINGS.functions)
     powers = np.array([level_of(work, VISCOUS), *_values(work, BENDING)])
     curve = speeds[:, None] ** np.arange(1, 1 + len(powers)) @ powers

@@ -406,6 +406,8 @@ class Searcher:
         if offer.gain < self._missed(dictionary, work, offer.effect, offer.gain):
             self.refused[offer.effect.name] = LEFT_OF_FORM
             return False
+        if work.bound:  # folds say little of a model that its shapes cannot follow
+            return True
         rise = held_out_gain(dictionary.table, model, offer.columns, offer.gain)
         if float(rise.sum()) < 0.5 * offer.gain:
             self.refused[offer.effect.name] = "does not hold on left-out runs"
@@ -479,7 +481,8 @@ class Searcher:
         """Whether as many places of the output's angle explain more than the orders of a ripple.
 
         Counted until the orders explain most of what all of them do: a place takes one number, an
-        order two. Many orders follow a bump, which does not come again between its places.
+        order two. Many orders follow a bump, which does not come again between its places. Of a
+        small ripple these runs do not tell.
         """
         if GRAVITY[1] not in [pair for _, pair in effect.harmonics]:
             return False
@@ -492,7 +495,10 @@ class Searcher:
         own = np.arange(first, first + count)
         orders = greedy(left, raw, own.reshape(-1, 2))
         places = greedy(left, raw, np.arange(first + count, len(table.total) - 1)[:, None])
-        enough = SETTINGS.most * gain_of(left, own, raw)[0]
+        gain = gain_of(left, own, raw)[0]
+        if gain < SETTINGS.certain**2:
+            return False
+        enough = SETTINGS.most * gain
         return next((b > a for a, b in zip(orders, places, strict=False) if a >= enough), False)
 
 
