@@ -32,6 +32,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from flexspline.discovery.physics import COULOMB, WIDTH
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect
 from flexspline.fit.problem import Problem, Run
@@ -187,7 +188,6 @@ Values = dict[str, Array]
 Basis = Callable[[Values], Array]
 
 TURN = 2.0 * np.pi
-COULOMB, WIDTH = "coulomb_friction", "direction_width"
 POWERS = tuple((power,) for power in range(1, SETTINGS.tried))
 CROSSED = ((1, 1), (2, 1), (1, 2))
 NAMELESS = "nameless"  # what a problem keeps of it
@@ -285,8 +285,13 @@ def _hats_of(sample: Values, name: str, count: int) -> tuple[Basis, int]:
 
 
 def places_of(problem: Problem) -> Functions:
-    """Hats at every place of the output's angle, wide ones and narrow ones, evenly spread."""
-    angle = _sample(problem)["output_position"]
+    """Hats at every place of the output's angle, wide ones and narrow ones, evenly spread.
+
+    None where it is not measured.
+    """
+    angle = _sample(problem).get("output_position")
+    if angle is None:
+        return Functions(())
     first, last = np.quantile(angle, (SETTINGS.negligible, 1.0 - SETTINGS.negligible))
     counts = [SETTINGS.functions // 2, SETTINGS.functions, 2 * SETTINGS.functions]
 
@@ -337,9 +342,10 @@ def varying_waves(problem: Problem, effect: Effect) -> list[Nameless]:
     """
     sample, facts = _sample(problem), problem.runs[0].log.facts
     known = {CORE_PAIRS[pair.name]: pair for pair in pairs(facts)}
-    of_effect = [(order, known[pair]) for order, pair in effect.harmonics]
+    of_effect = [(order, known[pair]) for order, pair in effect.harmonics if pair in known]
     slow = ("output_position", "output_velocity")
-    if not {*slow} <= {*sample} or (ROUND not in sample and any(p.motor for _, p in of_effect)):
+    needs = {*slow, *([ROUND] if any(pair.motor for _, pair in of_effect) else [])}
+    if not needs <= {*sample} or len(of_effect) < len(effect.harmonics):
         return []
     few = SETTINGS.tried + 1
 

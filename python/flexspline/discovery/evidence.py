@@ -141,6 +141,7 @@ class Dictionary:
     `target`: what is explained. `model`: its columns, shapes' included. `owners`: effect of each of
     them. `at`: columns of each effect that a candidate consists of, but for those that these runs
     do not show (`unseen`). `coulomb`: level of the model's Coulomb friction, 0 without.
+    `simulated`: whether a simulation is the base, which may have too much of a friction.
     """
 
     target: str
@@ -150,6 +151,7 @@ class Dictionary:
     candidates: tuple[Candidate, ...]
     at: dict[Effect, Columns]
     coulomb: float = 0.0
+    simulated: bool = False
 
     def own(self, name: str) -> Columns:
         """Columns of one of the model's effects."""
@@ -180,6 +182,7 @@ class Columned:
     table: Table
     at: dict[Effect, Columns]
     span: float
+    simulated: bool
 
     def has(self, candidates: Sequence[Candidate]) -> bool:
         """Whether every column of these candidates is there."""
@@ -194,7 +197,9 @@ class Columned:
         at = {e: np.delete(columns, unseen(e, self.span)) for e, columns in
               _placed(wanted, len(own)).items()}  # fmt: skip
         table, coulomb = self.table.of(columns), level_of(self.work, COULOMB)
-        return Dictionary(self.target, table, own, owners, tuple(candidates), at, coulomb)
+        return Dictionary(
+            self.target, table, own, owners, tuple(candidates), at, coulomb, self.simulated
+        )
 
 
 def columned(
@@ -204,7 +209,8 @@ def columned(
     wanted = list(dict.fromkeys(wanted))
     table = tabulated(problem, work.sheet(beside=wanted), whitening)
     at = _placed(wanted, len(work.owners()))
-    return Columned(problem.target, work, whitening, table, at, span_of(problem))
+    simulated = problem.simulated is not None
+    return Columned(problem.target, work, whitening, table, at, span_of(problem), simulated)
 
 
 def _placed(effects: Sequence[Effect], first: int) -> dict[Effect, Columns]:
@@ -243,6 +249,7 @@ def _offer(candidate: Candidate, dictionary: Dictionary, left: Array, raw: Array
     forms = 0.5 * (1 + len(candidate.variants))
     signs = one_signed(candidate.name, dictionary.target)
     side = dictionary.coulomb if candidate.name == STRIBECK else float(signs == 1)
+    side = 0.0 if dictionary.simulated else side
     gains = [_gain(left, dictionary.at[v], raw, signs, side) for v in candidate.variants]
     best = max(range(len(gains)), key=lambda k: gains[k][0])
     gain, seen = gains[best]

@@ -28,6 +28,7 @@ __all__ = [
     "COULOMB",
     "LOOPS",
     "STRIBECK",
+    "WIDTH",
     "driving_spring",
     "impossible",
     "level_of",
@@ -88,10 +89,6 @@ def impossible(work: Working, name: str, problem: Problem, scatter: float = 0.0)
     if name == STRIBECK and (why := _not_fading(work, problem)):
         return why
     values = _values(work, name)
-    if name == STRIBECK and values[0] * level_of(work, COULOMB) < 0.0:
-        return "it would lessen friction at low speed, where Stribeck's adds to it"
-    if name == BENDING and _falls(work, problem):
-        return "with it friction would fall as the speed rises from rest, which is Stribeck's"
     if name == SPRINGS and _build_up(values, _shapes(work, name)[PRESLIDING]) > WIDEST:
         return f"it would build up over more than {WIDEST:g} rad, as no gear does"
     if name == HYSTERESIS and values.sum() < 0.0:
@@ -100,7 +97,13 @@ def impossible(work: Working, name: str, problem: Problem, scatter: float = 0.0)
         return "its loop would be no wider than the noise of the load"
     if name == LAG and problem.known_load is not None and values[0] < 0.0:
         return "a sensor cannot read a torque before it is there"
-    if problem.target not in DRIVES or problem.simulated is not None:
+    if problem.simulated is not None:
+        return ""
+    if name == STRIBECK and values[0] * level_of(work, COULOMB) < 0.0:
+        return "it would lessen friction at low speed, where Stribeck's adds to it"
+    if name == BENDING and _falls(work, problem):
+        return "with it friction would fall as the speed rises from rest, which is Stribeck's"
+    if problem.target not in DRIVES:
         return ""
     if name in DISSIPATES and values[0] < 0.0:
         return "its friction would drive the joint"
