@@ -4,7 +4,8 @@ mass.
 Nor is every curve that a form can bend to the effect of its name. Springs of alternating sign are
 no presliding but a fit to the noise around a reversal; friction that fades before the direction of
 motion has changed is the width of that change said twice; and one that has not faded at the
-largest speed bends the whole curve, for which viscous friction has a name. What builds up over a
+largest speed bends the whole curve, for which viscous friction has a name. Stribeck's friction adds
+to Coulomb's; a bend by which friction falls from rest is Stribeck's. What builds up over a
 tenth of a radian at the output, in the mean of its springs, is no presliding either: gears and
 bearings wind up by thousandths under their rated torque. Runs that all go one
 way show no change of direction: where friction would bend by one among their speeds, it is a torque

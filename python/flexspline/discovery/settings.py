@@ -38,8 +38,8 @@ class Settings:
     names : that one search takes at most.
     tried : the best so many are looked at more closely; orders of a part that are tried unasked.
     points : values of one shape that are screened, and lags of a channel.
-    functions : of one channel; orders that a scan has found and are tried. It went back to its
-        older value after a measured joint had lost its names.
+    functions : of one channel; orders that a scan has found and are tried, and orders of the output
+        beside them. It went back to its older value after a measured joint had lost its names.
     lines : orders of the motor's angle that are looked at one by one.
     rows : on which functions without a name are looked at.
     """
