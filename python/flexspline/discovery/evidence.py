@@ -235,9 +235,18 @@ class Offer:
 
 
 def offers(dictionary: Dictionary, model: Columns) -> list[Offer]:
-    """Return every candidate in its best form beside these columns of the model."""
+    """Return every candidate in its best form beside these columns of the model.
+
+    Ripple of the output is what one sine, gravity, leaves: over less than a turn many orders follow
+    it.
+    """
     left, raw = dictionary.table.without(model), np.diag(dictionary.table.total)
-    return [_offer(candidate, dictionary, left, raw) for candidate in dictionary.candidates]
+    sine = [dictionary.at[c.variants[0]] for c in dictionary.candidates if c.name == "gravity"]
+    leaves = dictionary.table.without(np.concatenate([model, *sine])) if sine else left
+    return [
+        _offer(candidate, dictionary, leaves if candidate.name == "output_ripple" else left, raw)
+        for candidate in dictionary.candidates
+    ]
 
 
 def _offer(candidate: Candidate, dictionary: Dictionary, left: Array, raw: Array) -> Offer:
