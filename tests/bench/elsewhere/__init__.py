@@ -1,0 +1,1 @@
+"""A second simulator of joint logs, independent of the package and of the cases in `hidden`."""
