@@ -234,14 +234,15 @@ class Offer:
         return self.gain - self.price
 
 
-def offers(dictionary: Dictionary, model: Columns) -> list[Offer]:
+def offers(dictionary: Dictionary, model: Columns, *, plain: bool = False) -> list[Offer]:
     """Return every candidate in its best form beside these columns of the model.
 
-    Ripple of the output is what one sine, gravity, leaves: over less than a turn many orders follow
-    it.
+    `plain`: ripple of the output for what one sine, gravity, leaves: over less than a turn many
+    orders follow it.
     """
     left, raw = dictionary.table.without(model), np.diag(dictionary.table.total)
-    sine = [dictionary.at[c.variants[0]] for c in dictionary.candidates if c.name == "gravity"]
+    named = ["gravity"] if plain else []
+    sine = [dictionary.at[c.variants[0]] for c in dictionary.candidates if c.name in named]
     leaves = dictionary.table.without(np.concatenate([model, *sine])) if sine else left
     return [
         _offer(candidate, dictionary, leaves if candidate.name == "output_ripple" else left, raw)

@@ -370,7 +370,7 @@ class Searcher:
                 work, squares = self.fitted(rest)
                 continue
             columns = dictionary.without([effect.name])
-            made = offers(dictionary, columns)
+            made = offers(dictionary, columns, plain=True)
             better = (o for o in sorted(made, key=_rank, reverse=True) if o.net > gain - cost)
             best = next((o for o in better if self._worthy(o, dictionary, rest, columns)), None)
             if best is None:
@@ -385,7 +385,8 @@ class Searcher:
 
     def _best(self, work: Working, squares: float) -> tuple[Working, float, Step] | None:
         dictionary = self.study.dictionary(work, self.whitening)
-        made = sorted(offers(dictionary, dictionary.model), key=_rank, reverse=True)
+        made = offers(dictionary, dictionary.model, plain=True)
+        made = sorted(made, key=_rank, reverse=True)
         worthy = [
             offer for offer in made if self._worthy(offer, dictionary, work, dictionary.model)
         ]
