@@ -286,9 +286,9 @@ def _all_shown(made: Analysis, fit: Fit) -> list[Shown]:
 def _fall(rest: HeldOut, whole: HeldOut) -> tuple[float, float]:
     """By how much a model with a name more lowers the mean square held out, and its error.
 
-    A fold that goes far beyond all others, to angles or speeds that these never saw, is foretold
-    badly by every model, and its error is no chance: where the fall is there with it, it may be
-    told from chance on the others.
+    Every model predicts a fold badly that goes far beyond all others, to angles or speeds that
+    these never saw; that error is no chance. Where the mean square falls with that fold too, the
+    fall may be significant on the others alone.
     """
     length = whole.problem.block_rows
     fall, error = fall_of(rest.residuals, whole.residuals, length)

@@ -333,9 +333,9 @@ def _free(alike: tuple[tuple[float, ...], ...]) -> tuple[float, ...]:
 def _orders(
     variant: Effect, atoms: tuple[Effect, ...], dictionary: Dictionary, left: Array, raw: Array
 ) -> Offer:
-    """Take the orders of a ripple effect one after the other, as long as one pays its price.
+    """Take the orders of a ripple effect one after the other, as long as one gains its `price`.
 
-    Nor is it an order that explains less than the form of the others may miss.
+    Nor is an order taken that explains less than the form of the others may miss.
     """
     chosen: list[Effect] = []
     columns, gain, cost = np.empty(0, dtype=np.intp), 0.0, 0.0
