@@ -166,7 +166,7 @@ class Rival:
 
 def rivals_of(searcher: Searcher, work: Working, effect: Effect) -> list[Rival]:
     """Return the rivals of a named effect, the best first."""
-    dictionary = searcher.study.dictionary(work, searcher.whitening, without=effect.name)
+    dictionary = searcher.study.dictionary(work, searcher.whitening, without=[effect.name])
     rest, mine = dictionary.without([effect.name]), dictionary.own(effect.name)
     own, raw = dictionary.gain(effect.name), np.diag(dictionary.table.total)
     beside_it = dictionary.table.without(dictionary.model)
@@ -174,7 +174,7 @@ def rivals_of(searcher: Searcher, work: Working, effect: Effect) -> list[Rival]:
     moved = max((form_of(e) * dictionary.gain(e.name) for e in names), default=0.0)
     near = (0.5 * SETTINGS.certain) ** 2 + form * own  # more is no alias, whatever its shape
     made = []
-    for offer in offers(dictionary, rest):
+    for offer in (o for o in offers(dictionary, rest) if o.effect.name != effect.name):
         beside: Columns = np.concatenate([rest, offer.columns])
         kept = gain_of(dictionary.table.without(beside), mine, raw)[0]
         made.append((kept, offer))

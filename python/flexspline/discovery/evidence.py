@@ -162,10 +162,11 @@ class Dictionary:
         keep = [k for k, owner in enumerate(self.owners) if owner not in names]
         return self.model[keep]
 
-    def gain(self, name: str) -> float:
-        """Squares over σ² that an effect of the model explains beside all others."""
-        left = self.table.without(self.without([name]))
-        return gain_of(left, self.own(name), np.diag(self.table.total))[0]
+    def gain(self, *names: str) -> float:
+        """Squares over σ² that some effects of the model explain beside all others."""
+        left = self.table.without(self.without(names))
+        own = np.concatenate([self.own(name) for name in names])
+        return gain_of(left, own, np.diag(self.table.total))[0]
 
 
 @dataclass(frozen=True, eq=False)

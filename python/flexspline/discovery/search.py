@@ -21,6 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -136,9 +137,9 @@ class Study:
         return made
 
     def dictionary(
-        self, work: Working, whitening: Whitening, *, without: str | None = None
+        self, work: Working, whitening: Whitening, *, without: Sequence[str] = ()
     ) -> Dictionary:
-        """Return the table of a model and all candidates beside it, or beside it without one."""
+        """Return the table of a model and all candidates beside it, or beside it without some."""
         candidates = self._beside(work, without)
         last = self.last
         if (
@@ -147,15 +148,15 @@ class Study:
             or last.whitening is not whitening
             or not last.has(candidates)
         ):
-            every = [None, without, *(effect.name for effect in work.named)]
-            wanted = [e for name in every for c in self._beside(work, name) for e in c.effects]
+            names = [effect.name for effect in work.named]
+            every = [without, *(out for count in (0, 1, 2) for out in combinations(names, count))]
+            wanted = [e for out in every for c in self._beside(work, out) for e in c.effects]
             last = self.last = columned(self.problem, work, wanted, whitening)
         return last.dictionary(candidates)
 
-    def _beside(self, work: Working, without: str | None) -> list[Candidate]:
-        """What may stand beside a model, or beside it in the place of one of its effects."""
-        rest = [e for e in work.effects if e.name != without]
-        return [c for c in self.candidates(rest) if c.name != without]
+    def _beside(self, work: Working, without: Sequence[str]) -> list[Candidate]:
+        """What may stand beside a model, or beside it in the place of some of its effects."""
+        return self.candidates([e for e in work.effects if e.name not in without])
 
     def scan(self, work: Working) -> None:
         """Look for orders in what a model leaves; those of earlier scans stay."""
@@ -358,30 +359,65 @@ class Searcher:
         return cost, self._missed(dictionary, work, effect, dictionary.gain(effect.name))
 
     def _examined(self, work: Working, squares: float) -> tuple[Working, float]:
-        """Replace or drop earlier names where that is better; every name once."""
-        for effect in work.named:
-            if len(work.named) < 2 or effect.name not in [e.name for e in work.named]:
-                continue
-            dictionary = self.study.dictionary(work, self.whitening, without=effect.name)
-            gain = dictionary.gain(effect.name)
-            cost, missed = self._owed(dictionary, work, effect)
-            rest = work.having([e for e in work.effects if e.name != effect.name])
-            if gain < max(cost, missed):
-                work, squares = self.fitted(rest)
-                continue
-            columns = dictionary.without([effect.name])
-            made = offers(dictionary, columns, plain=True)
-            better = (o for o in sorted(made, key=_rank, reverse=True) if o.net > gain - cost)
-            best = next((o for o in better if self._worthy(o, dictionary, rest, columns)), None)
-            if best is None:
-                continue
-            swapped = [best.effect if e.name == effect.name else e for e in work.effects]
-            trial, left = self.fitted(work.having(swapped))
-            margin = SETTINGS.negligible * gain * max(freedom(best.effect) - freedom(effect), 0)
-            lower = left + best.price + margin < squares + cost
-            if lower and not self.forbidden(trial, best.effect.name):
-                work, squares = trial, left
+        """Replace or drop names where that is better: each once by one or two, any two by one."""
+        names = [effect.name for effect in work.named]
+        for out in (out for count in (1, 2) for out in combinations(names, count)):
+            if {*out} <= {e.name for e in work.named}:
+                work, squares = self._changed(work, squares, out)
         return work, squares
+
+    def _changed(self, work: Working, squares: float, out: Sequence[str]) -> tuple[Working, float]:
+        """The better one of a model and the same with something else in the place of some names."""
+        dictionary = self.study.dictionary(work, self.whitening, without=out)
+        own, cost = [e for e in work.named if e.name in out], 0.0
+        rest = work.having([e for e in work.effects if e.name not in out])
+        for effect in own:
+            own_cost, missed = self._owed(dictionary, work, effect)
+            if len(out) == 1 and dictionary.gain(effect.name) < max(own_cost, missed):
+                return self.fitted(rest)
+            cost += own_cost
+        gain = dictionary.gain(*out)
+        for made in self._instead(dictionary, dictionary.without(out), gain - cost, len(out)):
+            if not self._worthy(made[0], dictionary, rest, dictionary.without(out)):
+                continue
+            added = [offer.effect for offer in made]
+            if {(e.name, e.harmonics) for e in added} >= {(e.name, e.harmonics) for e in own}:
+                continue
+            trial, left = self.fitted(work.having([*rest.effects, *added]))
+            paid = sum(offer.price for offer in made)
+            more = max(sum(map(freedom, added)) - sum(map(freedom, own)), 0)
+            margin = SETTINGS.negligible * gain * more
+            if left + paid + margin < squares + cost and self._pays(trial, added):
+                return trial, left
+            break
+        return work, squares
+
+    def _instead(
+        self, dictionary: Dictionary, model: Columns, least: float, count: int
+    ) -> list[list[Offer]]:
+        """Return what may take the place of `count` names, the best first: one, or two for one.
+
+        `least`: by how much it has to gain more than its price.
+        """
+        single = sorted(offers(dictionary, model), key=_rank, reverse=True)
+        made = [[offer] for offer in single]
+        if count == 1:
+            for first in single[: SETTINGS.tried]:
+                beside = np.concatenate([model, first.columns])
+                more = (o for o in offers(dictionary, beside) if o.effect.name != first.effect.name)
+                made.append([first, max(more, key=_rank)])
+        made.sort(key=lambda both: sum(map(_rank, both)), reverse=True)
+        return [both for both in made if sum(offer.net for offer in both) > least]
+
+    def _pays(self, work: Working, added: Sequence[Effect]) -> bool:
+        """Whether new names of a fitted model are possible and gain what they owe."""
+        if any(self.forbidden(work, effect.name) for effect in added):
+            return False
+        if len(added) == 1:
+            return True
+        dictionary = self.study.dictionary(work, self.whitening)
+        new = [e for e in work.named if e.name in {effect.name for effect in added}]
+        return all(dictionary.gain(e.name) >= max(self._owed(dictionary, work, e)) for e in new)
 
     def _best(self, work: Working, squares: float) -> tuple[Working, float, Step] | None:
         dictionary = self.study.dictionary(work, self.whitening)
