@@ -36,9 +36,8 @@ from flexspline.discovery.physics import COULOMB, WIDTH
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect
 from flexspline.fit.problem import Problem, Run
-from flexspline.fit.ripple import CORE_PAIRS
 from flexspline.logs.segments import median_step, runs
-from flexspline.orders.parts import Pair, effective_ratio, pairs
+from flexspline.orders.parts import effective_ratio
 from flexspline.regression.gram import TINY
 
 __all__ = [
@@ -46,18 +45,18 @@ __all__ = [
     "MOST_ROWS",
     "RATE",
     "ROUND",
+    "Bent",
     "Beside",
     "Functions",
     "Nameless",
+    "bent_forms",
     "channel_told",
-    "low_waves",
     "nameless_of",
     "names_of_past",
     "past_of",
     "places_of",
     "turning_over",
     "values_of",
-    "varying_waves",
 ]
 
 Array = NDArray[np.float64]
@@ -190,7 +189,7 @@ Basis = Callable[[Values], Array]
 TURN = 2.0 * np.pi
 POWERS = tuple((power,) for power in range(1, SETTINGS.tried))
 CROSSED = ((1, 1), (2, 1), (1, 2))
-NAMELESS = "nameless"  # what a problem keeps of it
+NAMELESS, SAMPLE = "nameless", "sample"  # what a problem keeps of it
 TOLD = {ROUND: "motor_position", DIRECTION: "output_velocity"}
 
 
@@ -247,13 +246,16 @@ def _nameless(sample: Values) -> tuple[list[Nameless], list[Nameless]]:
 
 def _sample(problem: Problem) -> dict[str, Array]:
     """Every fourth row of all runs that counts, made a window at a time."""
-    made = [
-        {name: v[:: SETTINGS.tried] for name, v in values_of(problem, number, rows).items()}
-        for number, run in enumerate(problem.runs)
-        for first, last in run.stretches
-        for rows in windows(last - first, SETTINGS.tried * SETTINGS.rows, first)
-    ]
-    return {name: np.concatenate([values[name] for values in made]) for name in made[0]}
+    kept: dict[Any, Any] = problem.kept
+    if SAMPLE not in kept:
+        made = [
+            {name: v[:: SETTINGS.tried] for name, v in values_of(problem, number, rows).items()}
+            for number, run in enumerate(problem.runs)
+            for first, last in run.stretches
+            for rows in windows(last - first, SETTINGS.tried * SETTINGS.rows, first)
+        ]
+        kept[SAMPLE] = {name: np.concatenate([values[name] for values in made]) for name in made[0]}
+    return dict(kept[SAMPLE])
 
 
 def windows(size: int, step: int, first: int = 0) -> Iterator[slice]:
@@ -335,37 +337,19 @@ def _waves(sample: Values, name: str) -> Nameless:
     return Nameless((ROUND, name), columns, 2 * SETTINGS.tried)
 
 
-def varying_waves(problem: Problem, effect: Effect) -> list[Nameless]:
-    """Waves of a ripple, and of twice its orders, whose amplitude is any of the angle and speed.
-
-    Ripple of the output alone has none that goes with the speed: that of two signs is friction.
-    """
-    sample, facts = _sample(problem), problem.runs[0].log.facts
-    known = {CORE_PAIRS[pair.name]: pair for pair in pairs(facts)}
-    of_effect = [(order, known[pair]) for order, pair in effect.harmonics if pair in known]
-    slow = ("output_position", "output_velocity")
-    needs = {*slow, *([ROUND] if any(pair.motor for _, pair in of_effect) else [])}
-    if not needs <= {*sample} or len(of_effect) < len(effect.harmonics):
-        return []
-    few = SETTINGS.tried + 1
-
-    def varying(order: int, pair: Pair, name: str) -> Nameless:
-        hats, count = _hats_of(sample, name, few)
-
-        def columns(values: Values) -> Array:
-            angle = pair.output * values["output_position"]
-            if pair.motor:
-                angle = angle + pair.motor * values[ROUND]
-            waves = [part(k * order * angle) for k in (1, 2) for part in (np.cos, np.sin)]
-            return np.column_stack([hats(values) * wave[:, None] for wave in waves])
-
-        return Nameless((ROUND, name), columns, 4 * count)
-
-    return [
-        varying(order, pair, name)
-        for order, pair in of_effect
-        for name in slow[: 1 + bool(pair.motor)]
-    ]
+def bent_forms(problem: Problem, effects: Sequence[Effect]) -> Bent | None:
+    """Other forms of some effects; None of one that remembers, or whose load is the model's own."""
+    sample, few = _sample(problem), SETTINGS.tried + 1
+    made = []
+    for effect in effects:
+        if effect.info.remembers or ("load" in effect.reads and problem.known_load is None):
+            return None
+        turning = any(not pair.startswith("output") for _, pair in effect.harmonics)
+        slow = ["output_position", *(["output_velocity"] if turning else [])]
+        named = slow if effect.ripple else effect.reads
+        own = [problem.known_load if name == "load" else name for name in named]
+        made.append(tuple(_hats_of(sample, name, few) for name in own if name in sample))
+    return Bent(tuple(effects), tuple(made))
 
 
 def turning_over(problem: Problem, effects: Sequence[Effect]) -> list[Nameless]:
@@ -383,11 +367,6 @@ def turning_over(problem: Problem, effects: Sequence[Effect]) -> list[Nameless]:
         return np.asarray(v / np.hypot(v, width))[:, None]
 
     return [Nameless(("output_velocity",), columns, 1)]
-
-
-def low_waves(name: str) -> Nameless:
-    """Low orders of an angle."""
-    return Nameless((name,), _turning(name, range(1, SETTINGS.tried + 1)), 2 * SETTINGS.tried)
 
 
 def _memory(name: str) -> Nameless:
@@ -486,6 +465,33 @@ class Functions:
             made[:, done : done + group.count] = group.columns(values)
             done += group.count
         return made
+
+
+@dataclass(frozen=True, eq=False)
+class Bent:
+    """Columns of effects, each times every smooth function of a channel that the effect reads.
+
+    `hats`: functions of each such channel, and how many they are, by effect.
+    """
+
+    effects: tuple[Effect, ...]
+    hats: tuple[tuple[tuple[Basis, int], ...], ...]
+
+    @property
+    def count(self) -> int:
+        both = zip(self.effects, self.hats, strict=True)
+        return sum(len(effect.terms) * sum(n for _, n in own) for effect, own in both)
+
+    def rows(self, problem: Problem, number: int, rows: slice) -> Array:
+        """Return some rows of a run, (n, count)."""
+        size, made = rows.stop - rows.start, []
+        channels = {name: v[rows] for name, v in problem.runs[number].channels.items()}
+        values = values_of(problem, number, rows)
+        for effect, own in zip(self.effects, self.hats, strict=True):
+            none = np.zeros(len(effect.terms))
+            columns = np.asarray(problem.design((effect,)).rows(channels, size, none))
+            made += [hats(values) * column[:, None] for hats, _ in own for column in columns.T]
+        return np.column_stack([np.empty((size, 0)), *made])
 
 
 @dataclass(frozen=True)

@@ -4,38 +4,59 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
+from flexspline.discovery.analysis import Analysis, FirstLook, analysed, first_look
+from flexspline.discovery.assemble import assembled
+from flexspline.discovery.candidates import LAG, TAKEN, freedoms, held_of, unseen_of, with_freedoms
+from flexspline.discovery.clock import (
+    SENSOR,
+    Delay,
+    delay_behind,
+    delay_beside_everything,
+    lead_of,
+    load_delays,
+)
+from flexspline.discovery.confirmation import Confirmed, confirmed
+from flexspline.discovery.faults import (
+    DataFault,
+    away_from_ends,
+    coarser,
+    data_faults,
+    graded,
+    resolved,
+    with_measured_ratio,
+)
+from flexspline.discovery.physics import spring_bounds
+from flexspline.discovery.result import Discovery
+from flexspline.discovery.search import Study, study_of
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect, effect
 from flexspline.errors import InputError
-
-if TYPE_CHECKING:  # what is heavy is imported where it is used
-    from collections.abc import Callable
-
-    from flexspline.discovery.analysis import Analysis, FirstLook
-    from flexspline.discovery.confirmation import Confirmed
-    from flexspline.discovery.faults import DataFault
-    from flexspline.discovery.result import Discovery
-    from flexspline.discovery.search import Study
-    from flexspline.experiment.limits import Limits
-    from flexspline.fit.names import Bounds
-    from flexspline.fit.problem import Problem
-    from flexspline.fit.result import Fit
-    from flexspline.forward.servo import PositionServo
-    from flexspline.logs.left_out import Kept
-    from flexspline.logs.log import Log
-    from flexspline.model import Model
-    from flexspline.prepared import Preparation
-    from flexspline.regression.working import Working
-    from flexspline.simulator.record import Simulated
+from flexspline.experiment.limits import Limits
+from flexspline.fit.fitting import fit, fit_near, simulation_settings, with_orders
+from flexspline.fit.names import Bounds
+from flexspline.fit.problem import Problem, problem_of
+from flexspline.fit.requirements import require_apart
+from flexspline.fit.result import Fit
+from flexspline.forward.servo import PositionServo
+from flexspline.logs.left_out import Kept, at_work, only_experiments
+from flexspline.logs.log import Log
+from flexspline.logs.sampling import has_value, sampled
+from flexspline.model import Model
+from flexspline.output_error.discovering import discover_by_simulation
+from flexspline.output_error.regression import with_servo_torque
+from flexspline.prepared import Preparation, learned, prepared
+from flexspline.regression.working import Working
+from flexspline.simulator.base import based
+from flexspline.simulator.record import SIMULATED, Simulated
 
 __all__ = ["discover"]
 
@@ -104,8 +125,6 @@ def discover(
     noise's memory where that agrees with plain least squares as for a right model, by plain least
     squares otherwise (`fit/generalised.py`).
     """
-    from flexspline.fit.requirements import require_apart
-    from flexspline.logs.log import Log
 
     runs = [logs] if isinstance(logs, Log) else list(logs)
     if not runs:
@@ -141,13 +160,6 @@ def _discovered(
     threads: int,
 ) -> Discovery:
     """`discover` by regression, `of_base`: what is wrong with the base."""
-    from flexspline.discovery.analysis import analysed
-    from flexspline.discovery.assemble import assembled
-    from flexspline.discovery.candidates import LAG, freedoms
-    from flexspline.discovery.clock import load_delays
-    from flexspline.discovery.faults import data_faults, graded, with_measured_ratio
-    from flexspline.logs.left_out import only_experiments
-    from flexspline.prepared import learned
 
     recordings = only_experiments(runs, start.target)
     runs = [one.log for one in recordings]
@@ -213,7 +225,6 @@ def _driven(
     fixed: Mapping[str, float],
 ) -> _Start:
     """What to drive forward; of effects alone the motor's torque, where no target is given."""
-    from flexspline.model import Model
 
     if given is None:
         raise InputError("give exactly one of effects, a model, and a simulation as the base")
@@ -233,11 +244,6 @@ def _by_simulation(
     progress: bool,
 ) -> Discovery:
     """What a drive lacks by the motion that it makes."""
-    from flexspline.discovery.faults import data_faults
-    from flexspline.fit.fitting import simulation_settings, with_orders
-    from flexspline.logs.left_out import only_experiments
-    from flexspline.output_error.discovering import discover_by_simulation
-    from flexspline.output_error.regression import with_servo_torque
 
     recordings = only_experiments(runs, "output_position")  # a servo's law knows when it is off
     runs = [one.log for one in recordings]
@@ -287,7 +293,6 @@ class _Recorded:
 
     @classmethod
     def of(cls, runs: Sequence[Log], way: _Way) -> _Recorded:
-        from flexspline.discovery.faults import away_from_ends, coarser, resolved
 
         ways, start = way.preparations, way.start
         made = cls._made(runs, way, ways)
@@ -316,8 +321,6 @@ class _Recorded:
         All else stays as it was made. Rows that then have no load do not count, nor do those that
         an end of it blurs.
         """
-        from flexspline.discovery.faults import away_from_ends
-        from flexspline.logs.sampling import has_value, sampled
 
         if not late:
             return self
@@ -343,8 +346,6 @@ class _Recorded:
     @classmethod
     def _made(cls, runs: Sequence[Log], way: _Way, ways: Sequence[Preparation]) -> _Recorded:
         """Inputs of all rows; those at rest do not count, but what is remembered goes on there."""
-        from flexspline.logs.left_out import at_work
-        from flexspline.prepared import prepared
 
         counted = at_work(runs, way.start.target)
         return cls(way, [*runs], [prepared(log, ways) for log in runs], counted)
@@ -363,7 +364,6 @@ class _Recorded:
         }
 
     def problem(self, effects: Sequence[Effect]) -> Problem:
-        from flexspline.fit.problem import problem_of
 
         target = self.way.start.target
         return problem_of(self.logs, effects, target, inputs=self.inputs, **self._posed)
@@ -375,10 +375,6 @@ class _Recorded:
 
         `free`: what the base is given beside its effects (`freedoms`).
         """
-        from flexspline.discovery.candidates import held_of, with_freedoms
-        from flexspline.discovery.search import study_of
-        from flexspline.fit.fitting import fit, with_orders
-        from flexspline.simulator.record import SIMULATED
 
         start, way = self.way.start, self.way
         effects: Sequence[Effect] = with_orders(start.effects, way.orders)
@@ -402,15 +398,11 @@ class _Recorded:
         return replace(problem, runs=tuple(replace(run, blur=blur) for run, blur in both))
 
     def look(self, exclude: Sequence[str], free: Sequence[str]) -> FirstLook:
-        from flexspline.discovery.analysis import first_look
 
         return first_look(*self.study(exclude, free), self.way.say)
 
     def confirmed(self, made: Analysis, free: Sequence[str]) -> Confirmed:
         """The names that hold, in the model that is fitted to all rows that count."""
-        from flexspline.discovery.candidates import held_of, unseen_of
-        from flexspline.discovery.confirmation import confirmed
-        from flexspline.fit.fitting import fit_near
 
         start = self.way.start
         self.way.say("errors and validation")
@@ -437,15 +429,6 @@ def _on_one_clock(
     search makes it more precise, within its error. Where the sensor is behind its load, it
     may be the sensor's: a lag is no freedom then, but to be named.
     """
-    from flexspline.discovery.analysis import analysed
-    from flexspline.discovery.candidates import LAG, TAKEN
-    from flexspline.discovery.clock import (
-        SENSOR,
-        Delay,
-        delay_behind,
-        delay_beside_everything,
-        lead_of,
-    )
 
     as_read = recorded = _Recorded.of(runs, way)
     late, delay = Delay(), 0.0
@@ -508,9 +491,6 @@ def _base(
     column: str | None,
 ) -> tuple[Model | str | Effect | Iterable[str | Effect], list[Log], tuple[DataFault, ...]]:
     """What to start from, the runs with what it reads, and what is wrong with a simulation."""
-    from flexspline.discovery.faults import DataFault
-    from flexspline.model import Model
-    from flexspline.simulator.base import based
 
     foreign = simulation is not None or column is not None
     if foreign and (given is None or isinstance(given, Model)):
@@ -533,7 +513,6 @@ def _start(
     known_load: str | None,
     fixed: Mapping[str, float],
 ) -> _Start:
-    from flexspline.model import Model
 
     if isinstance(given, Model):
         part = given.part(target)
@@ -551,7 +530,6 @@ def _start(
 
 def _cut(recordings: Sequence[Kept], faults: Sequence[DataFault]) -> tuple[DataFault, ...]:
     """What was left out before anything was searched, then faults, in rows of the recordings."""
-    from flexspline.discovery.faults import DataFault
 
     cut = [
         DataFault(one.run, f.name, f.channel, f.size, f.unit, f.rows, one.sentence,
@@ -579,7 +557,6 @@ def _counts(recordings: Sequence[Kept]) -> Counter[str]:
 
 def _rows(recordings: Sequence[Kept], target: str, made: Analysis) -> dict[str, int]:
     """How many rows the model was fitted to, and how many were left out for which reason."""
-    from flexspline.logs.left_out import at_work
 
     runs = made.study.problem.runs
     used = sum(run.counted for run in runs)
@@ -599,7 +576,6 @@ def _rows(recordings: Sequence[Kept], target: str, made: Analysis) -> dict[str, 
 
 def _bounds(final: Working, start: _Start) -> dict[str, Bounds]:
     """What physics allows of the parameters, but for those that the user fixed."""
-    from flexspline.discovery.physics import spring_bounds
 
     allowed = spring_bounds(final, start.target)
     return {name: limits for name, limits in allowed.items() if name not in start.fixed}

@@ -29,13 +29,9 @@ from numpy.typing import NDArray
 
 from flexspline.discovery.basis import (
     Functions,
-    Nameless,
-    channel_told,
-    low_waves,
-    nameless_of,
+    bent_forms,
     places_of,
     turning_over,
-    varying_waves,
 )
 from flexspline.discovery.candidates import (
     GRAVITY,
@@ -59,7 +55,7 @@ from flexspline.discovery.evidence import (
     price,
     price_of,
 )
-from flexspline.discovery.physics import LOOPS, WIDTH, driving_spring, impossible
+from flexspline.discovery.physics import LOOPS, driving_spring, impossible
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import UNITS, Effect
 from flexspline.errors import InputError
@@ -69,7 +65,15 @@ from flexspline.logs.checks.dependence import Dependence
 from flexspline.logs.derive import differentiate
 from flexspline.logs.log import Log
 from flexspline.orders import FoundOrder
-from flexspline.regression.gram import Columns, Sheet, Whitening, edges_of, gain_of, tabulated
+from flexspline.regression.gram import (
+    Columns,
+    Given,
+    Sheet,
+    Whitening,
+    edges_of,
+    gain_of,
+    tabulated,
+)
 from flexspline.regression.thinned import rows_of, thinned
 from flexspline.regression.working import Working, refitted, started
 
@@ -244,32 +248,6 @@ def _bends(effect: Effect, named: Effect, tied: Sequence[Dependence]) -> bool:
     return bool(own) and own <= seen
 
 
-def _waves(effect: Effect) -> bool:
-    """Whether what the form of an effect misses is other waves, of a few orders."""
-    return effect.ripple or effect.name == "gravity"
-
-
-def _freed(problem: Problem, effect: Effect) -> list[Nameless]:
-    """All functions of no other channels than those of an effect, and of what these have been.
-
-    Of gravity low orders; of ripple its waves, which swell with angle and speed. Empty where they
-    cannot take its place: it remembers, changes at once with the direction, or a channel of it is
-    not measured.
-    """
-    if effect.name == "gravity":
-        return [low_waves("output_position")]
-    if effect.ripple:
-        return varying_waves(problem, effect)
-    if effect.info.remembers or WIDTH in effect.shapes:
-        return []
-    load = problem.known_load
-    own = {load if name == "load" else name for name in effect.reads}
-    told = [({channel_told(c, load) for c in g.channels}, g) for g in nameless_of(problem)]
-    found = [(channels, group) for channels, group in told if channels <= own]
-    covered = {name for channels, _ in found for name in channels}
-    return [group for _, group in found] if own <= covered else []
-
-
 LEFT_OF_FORM = "no more than what the form of a named effect misses"
 SPEED = "output_velocity"
 FEW_PLACES = "it is at a few angles of the output, and does not come again between them"
@@ -382,7 +360,7 @@ class Searcher:
                 continue
             added = [offer.effect for offer in made]
             if {(e.name, e.harmonics) for e in added} >= {(e.name, e.harmonics) for e in own}:
-                continue
+                break  # the next step takes it
             trial, left = self.fitted(work.having([*rest.effects, *added]))
             paid = sum(offer.price for offer in made)
             more = max(sum(map(freedom, added)) - sum(map(freedom, own)), 0)
@@ -467,24 +445,19 @@ class Searcher:
         rest = [e for e in work.effects if e.name != effect.name]
         turning = turning_over(problem, rest) if {*effect.reads} == {SPEED} else []
         more = rows_of(self.study.problem) / rows_of(problem)
-        if turning and more * self._kept(problem, work, effect, turning) < least:
+        if turning and more * self._kept(problem, work, effect, Functions(tuple(turning))) < least:
             return np.inf
         if gain >= most:
             return most
-        suspected = [e for e in others if names[e.name] > 0.5 * gain]
-        freed = [_freed(problem, e) for e in suspected]
-        if not all(freed) or any(_bends(effect, e, tied) for e in suspected if not _waves(e)):
+        freed = bent_forms(problem, [e for e in others if names[e.name] > 0.5 * gain])
+        if freed is None:
             return most
-        groups = [group for own in freed for group in own]
-        enough = self._kept(problem, work, effect, groups) >= SETTINGS.freed * least
-        return 0.0 if enough else most
+        return 0.0 if self._kept(problem, work, effect, freed) >= SETTINGS.freed * least else most
 
-    def _kept(
-        self, problem: Problem, work: Working, effect: Effect, groups: Sequence[Nameless]
-    ) -> float:
+    def _kept(self, problem: Problem, work: Working, effect: Effect, given: Given) -> float:
         """What an effect gains beside a model and functions."""
         rest = work.having([e for e in work.effects if e.name != effect.name])
-        sheet = rest.sheet(beside=[effect], given=Functions(tuple(groups)))
+        sheet = rest.sheet(beside=[effect], given=given)
         table = tabulated(problem, sheet, self.whitening)
         first, count = len(rest.owners()), len(effect.terms)
         own = np.arange(first, first + count)
