@@ -339,7 +339,7 @@ def _waves(sample: Values, name: str) -> Nameless:
 
 def bent_forms(problem: Problem, effects: Sequence[Effect]) -> Bent | None:
     """Other forms of some effects; None of one that remembers, or whose load is the model's own."""
-    sample, few = _sample(problem), SETTINGS.tried + 1
+    sample, count = _sample(problem), SETTINGS.functions
     made = []
     for effect in effects:
         if effect.info.remembers or ("load" in effect.reads and problem.known_load is None):
@@ -348,25 +348,27 @@ def bent_forms(problem: Problem, effects: Sequence[Effect]) -> Bent | None:
         slow = ["output_position", *(["output_velocity"] if turning else [])]
         named = slow if effect.ripple else effect.reads
         own = [problem.known_load if name == "load" else name for name in named]
-        made.append(tuple(_hats_of(sample, name, few) for name in own if name in sample))
+        made.append(tuple(_hats_of(sample, name, count) for name in own if name in sample))
     return Bent(tuple(effects), tuple(made))
 
 
-def turning_over(problem: Problem, effects: Sequence[Effect]) -> list[Nameless]:
+def turning_over(problem: Problem, effects: Sequence[Effect]) -> Functions | None:
     """Another way in which sliding friction takes its level: algebraic where the effect's is tanh.
+
+    None where no effect is sliding friction, or the speed is not measured.
 
     tanh is within a hundredth of its level at 2.6 widths, an algebraic turn of the same slope at 7.
     """
     widths = [e.shapes[WIDTH] for e in effects if e.name == COULOMB and WIDTH in e.shapes]
     if not widths or "output_velocity" not in _channels(problem):
-        return []
+        return None
     width = widths[0]
 
     def columns(values: Values) -> Array:
         v = values["output_velocity"]
         return np.asarray(v / np.hypot(v, width))[:, None]
 
-    return [Nameless(("output_velocity",), columns, 1)]
+    return Functions((Nameless(("output_velocity",), columns, 1),))
 
 
 def _memory(name: str) -> Nameless:

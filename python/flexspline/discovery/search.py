@@ -28,7 +28,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.discovery.basis import (
-    Functions,
     bent_forms,
     places_of,
     turning_over,
@@ -69,6 +68,7 @@ from flexspline.regression.gram import (
     Columns,
     Given,
     Sheet,
+    Table,
     Whitening,
     edges_of,
     gain_of,
@@ -434,8 +434,7 @@ class Searcher:
 
         ∞ where what bends friction over the speed is no more than how friction turns over at rest.
 
-        Freed are those that may miss half of its gain, where that is possible, and none of them
-        may take all of the effect's own channels. Of long logs a part is looked at.
+        Freed (`Bent`) are those that may miss half of its gain. Of long logs a part is looked at.
         """
         tied, others = self.study.tied, [e for e in work.named if e.name != effect.name]
         names = {e.name: missed(dictionary, e, effect, tied) for e in others}
@@ -443,9 +442,9 @@ class Searcher:
         problem, rivals = self.study.thinned().problem, len(dictionary.candidates)
         least = price(len(effect.terms), 1.0, rivals)
         rest = [e for e in work.effects if e.name != effect.name]
-        turning = turning_over(problem, rest) if {*effect.reads} == {SPEED} else []
+        turning = turning_over(problem, rest) if {*effect.reads} == {SPEED} else None
         more = rows_of(self.study.problem) / rows_of(problem)
-        if turning and more * self._kept(problem, work, effect, Functions(tuple(turning))) < least:
+        if turning and more * self._kept(problem, work, effect, turning) < least:
             return np.inf
         if gain >= most:
             return most
@@ -455,14 +454,19 @@ class Searcher:
         return 0.0 if self._kept(problem, work, effect, freed) >= SETTINGS.freed * least else most
 
     def _kept(self, problem: Problem, work: Working, effect: Effect, given: Given) -> float:
-        """What an effect gains beside a model and functions."""
-        rest = work.having([e for e in work.effects if e.name != effect.name])
-        sheet = rest.sheet(beside=[effect], given=given)
-        table = tabulated(problem, sheet, self.whitening)
-        first, count = len(rest.owners()), len(effect.terms)
-        own = np.arange(first, first + count)
+        """What an effect gains beside a model and columns that are given."""
+        table, own = self._apart(problem, work, effect, given)
         left = table.without(np.setdiff1d(np.arange(len(table.total) - 1), own))
         return gain_of(left, own, np.diag(table.total))[0]
+
+    def _apart(
+        self, problem: Problem, work: Working, effect: Effect, given: Given
+    ) -> tuple[Table, Columns]:
+        """The table of a model without an effect, of that, and of given columns; where it is."""
+        rest = work.having([e for e in work.effects if e.name != effect.name])
+        table = tabulated(problem, rest.sheet(beside=[effect], given=given), self.whitening)
+        first = len(rest.owners())
+        return table, np.arange(first, first + len(effect.terms))
 
     def _tried(
         self, offer: Offer, dictionary: Dictionary, work: Working, squares: float
@@ -497,14 +501,10 @@ class Searcher:
         if GRAVITY[1] not in [pair for _, pair in effect.harmonics]:
             return False
         problem = self.study.thinned().problem
-        rest = work.having([e for e in work.effects if e.name != effect.name])
-        sheet = rest.sheet(beside=[effect], given=places_of(problem))
-        table = tabulated(problem, sheet, self.whitening)
-        first, count = len(rest.owners()), len(effect.terms)
-        left, raw = table.without(np.arange(first)), np.diag(table.total)
-        own = np.arange(first, first + count)
+        table, own = self._apart(problem, work, effect, places_of(problem))
+        left, raw = table.without(np.arange(own[0])), np.diag(table.total)
         orders = greedy(left, raw, own.reshape(-1, 2))
-        places = greedy(left, raw, np.arange(first + count, len(table.total) - 1)[:, None])
+        places = greedy(left, raw, np.arange(own[-1] + 1, len(table.total) - 1)[:, None])
         gain = gain_of(left, own, raw)[0]
         if gain < SETTINGS.certain**2:
             return False
