@@ -165,11 +165,8 @@ class Made:
         return SimpleNamespace(named=[Effect(name) for name in self.names])
 
     @property
-    def nested(self) -> list[int]:
-        return [*range(len(self.names) + 1)]
-
-    def rmse_of(self, number: int) -> float:
-        return float(self.steps()[number])  # type: ignore[attr-defined]
+    def errors(self) -> list[float]:
+        return [float(error) for error in self.steps()]  # type: ignore[attr-defined]
 
     def without(self, name: str) -> Made:
         left = ([n for n in names if n != name] for names in (self.names, self.given))

@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +21,6 @@ from flexspline.discovery.evidence import Offer, offers, price
 from flexspline.discovery.search import (
     LEAD,
     Searcher,
-    Step,
     Study,
     form_of,
     freedom,
@@ -94,20 +92,9 @@ class Rival:
         return self.effect.name
 
     @property
-    def alias(self) -> bool:
-        """Whether these runs do not tell it from the named effect."""
-        return self.as_good or self.by_t or self.by_form or self.by_tie or self.by_others
-
-    @property
-    def as_good(self) -> bool:
-        """Whether it explains as much in the place of the named effect, but for chance."""
-        same = self.left**2 < 0.5 * self.own and self.own - self.gain < SETTINGS.told**2
-        return self.gain >= self.own or same
-
-    @property
-    def by_tie(self) -> bool:
-        """Whether it explains nearly as much by a channel that is nearly a function of another."""
-        return bool(self.tied) and self.gain >= SETTINGS.most * self.own
+    def share(self) -> float:
+        """Of what the named effect explains, what it explains in its place; at most one."""
+        return float(min(self.gain / max(self.own, TINY), 1.0))
 
     @property
     def by_t(self) -> bool:
@@ -115,43 +102,36 @@ class Rival:
         return self.left < SETTINGS.told and self.gain >= EXPLAINS * self.own
 
     @property
-    def by_form(self) -> bool:
-        """Whether the named effect leaves no more beside it than its form may miss."""
-        return self.left**2 < self.form * self.own and self.gain >= SETTINGS.most * self.own
-
-    @property
-    def by_others(self) -> bool:
-        """Whether both explain most of the same, and forms of other names may tell them apart."""
-        return self.own - self.gain < self.moved and self.left**2 < 0.5 * self.own
-
-    @property
-    def share(self) -> float:
-        """Of what the named effect explains, what it explains in its place; at most one."""
-        return float(min(self.gain / max(self.own, TINY), 1.0))
+    def alias(self) -> bool:
+        """Whether these runs do not tell it from the named effect."""
+        return bool(self.why(""))
 
     def why(self, named: str) -> str:
-        """Return which rule makes it an alias."""
-        if self.by_t:
-            return f"beside it {named} keeps t = {self.left:.1f}"
-        if self.by_form:
-            return (
-                f"it explains {percent(self.share)} as much, and what {named} keeps beside it, "
-                f"t = {self.left:.1f}, is no more than its form may miss"
-            )
-        if self.as_good:
-            return (
-                f"in its place it explains {percent(self.share)} as much, and {named} keeps t = "
-                f"{self.left:.1f} beside it"
-            )
-        if self.by_others:
-            return (
-                f"it explains {percent(self.share)} as much, and by that much the forms of other "
-                "names may be off"
-            )
-        return (
-            f"it explains {percent(self.share)} as much, and {self.tied[0]} is nearly a "
-            f"function of {self.tied[1]} in these runs"
+        """Return which rule makes it an alias, "" where none does.
+
+        It leaves next to nothing; or no more than the form of the named effect may miss; or it
+        explains as much, but for chance or for what the forms of other names may miss; or it
+        explains most of it by a channel that is nearly a function of another.
+        """
+        kept, lost, same = self.left**2, self.own - self.gain, self.left**2 < 0.5 * self.own
+        most = self.gain >= SETTINGS.most * self.own
+        much, beside = (
+            f"explains {percent(self.share)} as much",
+            f"{named} keeps t = {self.left:.1f}",
         )
+        rules = (
+            (self.by_t, f"beside it {beside}"),
+            (most and kept < self.form * self.own,
+             f"it {much}, and what {named} keeps beside it, t = {self.left:.1f}, is no more than "
+             "its form may miss"),
+            (lost <= 0.0 or (same and lost < SETTINGS.told**2),
+             f"in its place it {much}, and {beside} beside it"),
+            (same and lost < self.moved,
+             f"it {much}, and by that much the forms of other names may be off"),
+            (most and bool(self.tied),
+             f"it {much}, and {' is nearly a function of '.join(self.tied)} in these runs"),
+        )  # fmt: skip
+        return next((reason for holds, reason in rules if holds), "")
 
     @property
     def inside(self) -> bool:
@@ -236,7 +216,7 @@ def _leading(searcher: Searcher, work: Working) -> Working:
         return work
     trial, squares = searcher.fitted(work.having([*rest, *plain]))
     _, left = searcher.fitted(work)
-    _, without = searcher.fitted(work.having([e for e in work.effects if e is not follower]))
+    _, without = searcher.fitted(work.without(FOLLOWER))
     return trial if squares - left < SETTINGS.bends * (without - left) else work
 
 
@@ -244,10 +224,10 @@ def _refitted(
     searcher: Searcher, work: Working, effect: Effect, offer: Offer, kept: float
 ) -> tuple[float, float, Working]:
     """Gain of the effect beside a rival with fitted shapes; the rival's in its place, and there."""
-    others = [e for e in work.effects if e.name != effect.name]
-    trial, squares = searcher.fitted(work.having([*others, offer.effect]))
-    _, both = searcher.fitted(trial.having([*trial.effects, effect]))
-    without = searcher.fitted(work.having(others))[1]
+    others = work.without(effect.name)
+    trial, squares = searcher.fitted(others.with_effects(offer.effect))
+    _, both = searcher.fitted(trial.with_effects(effect))
+    without = searcher.fitted(others)[1]
     return min(kept, max(squares - both, 0.0)), max(without - squares, 0.0), trial
 
 
@@ -269,7 +249,7 @@ class Analysis:
     base: Working
     final: Working
     searcher: Searcher
-    steps: tuple[Step, ...]
+    steps: tuple[Offer, ...]
     leftover: Leftover
     doubted: tuple[str, ...]
     ceiling: Ceiling
@@ -278,12 +258,10 @@ class Analysis:
 
     def without(self, name: str) -> Analysis:
         """Return the analysis with one effect fewer: the others refitted, what is left anew."""
+        final, _ = self.searcher.fitted(self.final.without(name))
         if name in [e.name for e in self.base.effects]:
-            base, final = (self.searcher.fitted(work.plain(name))[0]
-                           for work in (self.base, self.final))  # fmt: skip
+            base, _ = self.searcher.fitted(self.base.without(name))
             return replace(self, base=base, final=final)
-        kept = [e for e in self.final.effects if e.name != name]
-        final, _ = self.searcher.fitted(self.final.having(kept))
         leftover = leftover_of(self.ceiling, final).times(1.0 / self.looked_at)
         return replace(self, final=final, leftover=leftover)
 
@@ -296,8 +274,8 @@ class Analysis:
         part.problem = _known(part.problem, self.final.effects)
         study.orders = part.orders = self.study.orders
         searcher = replace(self.searcher, study=study)
-        base, _ = searcher.fitted(self.base.plain(plain))
-        final = searcher.pruned(searcher.fitted(self.final.plain(plain))[0])
+        base, _ = searcher.fitted(self.base.without(plain))
+        final = searcher.pruned(searcher.fitted(self.final.without(plain))[0])
         looked_at = _looked_at(study.problem)
         ceiling = Ceiling(looked_at, self.whitening)
         share = rows_of(looked_at) / rows_of(study.problem)
@@ -321,34 +299,26 @@ class Analysis:
         """Channels that are nearly a function of each other, beside the final model."""
         return tied_channels(_looked_at(self.study.problem), self.final)
 
-    @cached_property
-    def _left(self) -> dict[Any, HeldOut]:
-        return {}
-
-    @cached_property
-    def _errors(self) -> dict[Any, float]:
-        return {}
-
     def left_by(self, work: Working) -> HeldOut:
         """Return what a model refitted as the final one leaves of rows held out."""
-        key = _key(work)
-        found = self._left.pop(key, None)
-        if found is None:
-            problem = self.study.problem
-            made, _ = refitted(problem, work, self.fitted_as)
-            found = held_out(problem, made, self.fitted_as)
-        self._left[key] = found
-        if len(self._left) > SETTINGS.tried:  # each holds as many numbers as there are rows
-            stay = _key(self.base), _key(self.final)
-            del self._left[next(key for key in self._left if key not in stay)]
-        return found
+        problem = self.study.problem
+        return held_out(problem, refitted(problem, work, self.fitted_as)[0], self.fitted_as)
 
-    def rmse_of(self, work: Working) -> float:
-        """Return the error of `left_by`, in the target's unit."""
-        key = _key(work)
-        if key not in self._errors:
-            self._errors[key] = self.left_by(work).rmse
-        return self._errors[key]
+    @cached_property
+    def before(self) -> HeldOut:
+        """What the base leaves of rows held out."""
+        return self.left_by(self.base)
+
+    @cached_property
+    def after(self) -> HeldOut:
+        """What the final model leaves of them."""
+        return self.left_by(self.final)
+
+    @cached_property
+    def errors(self) -> list[float]:
+        """RMSE held out, in the target's unit: of the base, and with one name more each."""
+        between = [self.left_by(work).rmse for work in self.nested[1:-1]]
+        return [self.before.rmse, *between, *([self.after.rmse] if self.final.named else [])]
 
     @cached_property
     def nested(self) -> list[Working]:
@@ -364,10 +334,6 @@ class Analysis:
     def searched(self) -> float:
         """Share of the rows that were searched first."""
         return min(rows_of(self.part.problem) / rows_of(self.study.problem), 1.0)
-
-
-def _key(work: Working) -> Any:
-    return work.effects, work.base, tuple(sorted(work.fixed.items()))
 
 
 @dataclass(frozen=True)
@@ -430,8 +396,7 @@ def analysed(look: FirstLook, say: Callable[[str], object]) -> Analysis:
     at_first, closed = leftover.net, _small(looked_at, base, final, leftover) is not None
 
     def without(name: str) -> tuple[Working, Leftover]:
-        kept = [e for e in final.effects if e.name != name]
-        rest = searcher.pruned(searcher.fitted(final.having(kept))[0])
+        rest = searcher.pruned(searcher.fitted(final.without(name))[0])
         return rest, leftover_of(ceiling, rest).times(share)
 
     while True:
@@ -497,7 +462,7 @@ def _small(problem: Problem, base: Working, final: Working, leftover: Leftover) 
             return None
     found = []
     for effect in final.named:
-        rest, _ = solved_at(problem, final.having([e for e in final.effects if e != effect]), plain)
+        rest, _ = solved_at(problem, final.without(effect.name), plain)
         lacking = left(rest)
         opened = lacking - after
         if opened < SETTINGS.bends * (before - after) and opened < 0.5 * lacking:
@@ -507,10 +472,7 @@ def _small(problem: Problem, base: Working, final: Working, leftover: Leftover) 
 
 def contribution(problem: Problem, work: Working, name: str) -> list[Array]:
     """Return what one effect of a model adds to the target, (N,) for each run; NaN elsewhere."""
-    ends = np.cumsum([0, *(len(e.terms) for e in work.effects)])
-    at = [e.name for e in work.effects].index(name)
-    values = np.zeros(len(work.coefficients))
-    values[ends[at] : ends[at + 1]] = work.coefficients[ends[at] : ends[at + 1]]
+    values = np.where(work.effect_of == name, work.coefficients, 0.0)
     sheet = Sheet(work.effects, work.coefficients, (), values)
     folds = sum(len(edges_of(problem, number)) - 1 for number in range(len(problem.runs)))
     left = sheet.left_over(problem, [np.empty(0)] * folds)

@@ -150,8 +150,7 @@ def assembled(
 ) -> Discovery:
     """Put everything together that a user sees; `limits`: of the run to record next."""
     made, fit, problem = held.made, held.fit, held.made.study.problem
-    before, after = made.left_by(made.base), made.left_by(made.final)
-    steps = [made.rmse_of(work) for work in made.nested]
+    before, after, steps = made.before, made.after, made.errors
     unexplained, floor = _unexplained(made, made.fitted_as, steps)
     if unexplained is None:
         unexplained, floor = _again(made, after, steps)

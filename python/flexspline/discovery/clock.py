@@ -67,7 +67,7 @@ class Delay:
 
 def delay_beside_everything(look: FirstLook) -> Delay:
     """Return the delay of the known load beside all that may be missing."""
-    study, work = look.part, look.base.plain(LAG)
+    study, work = look.part, look.base.without(LAG)
     problem = study.problem
     load = problem.known_load
     static = [
@@ -106,7 +106,7 @@ def delay_behind(made: Analysis) -> Delay:
     problem, searcher = made.study.problem, made.searcher
     taken = {step.effect.name: step.effect for step in made.steps}
     back = [taken[name] for name in made.doubted if name in taken]
-    work, _ = searcher.fitted(made.final.having([*made.final.effects, *back]))
+    work, _ = searcher.fitted(made.final.with_effects(*back))
     parts = []
     for number, run in enumerate(problem.runs):
         rows, target = work.rows(problem, number)
@@ -124,9 +124,8 @@ def lead_of(made: Analysis) -> Delay:
     work = made.final
     if LAG not in [effect.name for effect in work.effects]:
         return Delay()
-    first = [e.name for e in work.effects for _ in e.terms].index(LAG)
     dictionary = made.searcher.study.dictionary(work, made.searcher.whitening)
-    lead = -float(work.coefficients[first])
+    lead = -float(work.values(LAG)[0])
     return Delay(lead, abs(lead) / np.sqrt(max(dictionary.gain(LAG), TINY)))
 
 

@@ -180,7 +180,7 @@ def _rising(made: Analysis, shown: Sequence[Shown]) -> Shown | None:
 
     In a group that lowers it together, each has to do so beside all others beyond chance.
     """
-    errors = [made.rmse_of(work) for work in made.nested]
+    errors = made.errors
     raised = [
         one
         for first, last in together(errors)
@@ -267,13 +267,12 @@ def wald(fit: Fit, name: str, *, held: bool = False) -> tuple[float, int]:
 def _all_shown(made: Analysis, fit: Fit) -> list[Shown]:
     if not made.final.named:
         return []
-    final, left = made.final, made.left_by
-    whole, base = left(final), left(made.base)
-    gap = base.rmse**2 - whole.rmse**2
+    final, whole = made.final, made.after
+    gap = made.before.rmse**2 - whole.rmse**2
     dictionary = made.searcher.study.dictionary(final, made.searcher.whitening)
     shown = []
     for effect in final.named:
-        rest = left(final.having([e for e in final.effects if e.name != effect.name]))
+        rest = made.left_by(final.without(effect.name))
         fall, error = _fall(rest, whole)
         t = equivalent_t(dictionary.gain(effect.name), len(effect.terms))
         share = fall / gap if gap > 0.0 else 1.0
@@ -323,7 +322,7 @@ def _lowers(made: Analysis, name: str) -> bool:
     It is given to every base, and may be what one of the runs shows for another reason: it has to
     do so without the fold that shows it most, too.
     """
-    before, after = made.left_by(made.final.plain(name)), made.left_by(made.final)
+    before, after = made.left_by(made.final.without(name)), made.after
     at = [(fold.run, slice(fold.first, fold.last)) for fold in after.folds]
     falls = [np.nansum(before.residuals[run][rows] ** 2 - after.residuals[run][rows] ** 2)
              for run, rows in at]  # fmt: skip
@@ -340,7 +339,7 @@ def _in_order(made: Analysis) -> Analysis:
         return made
     chosen, rest = [*final.effects[: final.base]], [*final.named]
     while len(rest) > 1:
-        errors = [made.rmse_of(final.having([*chosen, effect])) for effect in rest]
+        errors = [made.left_by(final.having([*chosen, effect])).rmse for effect in rest]
         chosen.append(rest.pop(int(np.argmin(errors))))
     ordered = [*chosen, *rest]
     if ordered == [*final.effects]:

@@ -29,8 +29,8 @@ gain / count. Source: Bishop 2006, Pattern Recognition and Machine Learning, sec
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 
 import numpy as np
@@ -56,12 +56,11 @@ from flexspline.regression.gram import (
 from flexspline.regression.working import Working
 
 __all__ = [
-    "Columned",
     "Dictionary",
     "Offer",
-    "columned",
     "cone_gain",
     "cone_price",
+    "dictionary_of",
     "equivalent_t",
     "held_out_gain",
     "offers",
@@ -136,7 +135,7 @@ def _mass(products: Array, scale: Array, ridge: Array) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Dictionary:
-    """The table of a model beside candidates.
+    """The table of a model beside candidates, and beside what else may be asked for.
 
     `target`: what is explained. `model`: its columns, shapes' included. `owners`: effect of each of
     them. `at`: columns of each effect that a candidate consists of, but for those that these runs
@@ -152,6 +151,11 @@ class Dictionary:
     at: dict[Effect, Columns]
     coulomb: float = 0.0
     simulated: bool = False
+
+    def of(self, candidates: Sequence[Candidate]) -> Dictionary | None:
+        """The same for these candidates; None where a column of theirs is not there."""
+        there = all(effect in self.at for c in candidates for effect in c.effects)
+        return replace(self, candidates=tuple(candidates)) if there else None
 
     def own(self, name: str) -> Columns:
         """Columns of one of the model's effects."""
@@ -169,55 +173,28 @@ class Dictionary:
         return gain_of(left, own, np.diag(self.table.total))[0]
 
 
-@dataclass(frozen=True, eq=False)
-class Columned:
-    """The table of a model beside every effect that is looked at while it stands.
+def dictionary_of(
+    problem: Problem, work: Working, wanted: Iterable[Effect], whitening: Whitening
+) -> Dictionary:
+    """Add up the products of the columns of a model and of effects beside it.
 
     One pass over the logs serves all questions about a model: what may join it, and what would
-    take the place of each of its names.
+    take the place of its names.
     """
-
-    target: str
-    work: Working
-    whitening: Whitening
-    table: Table
-    at: dict[Effect, Columns]
-    span: float
-    simulated: bool
-
-    def has(self, candidates: Sequence[Candidate]) -> bool:
-        """Whether every column of these candidates is there."""
-        return all(effect in self.at for c in candidates for effect in c.effects)
-
-    def dictionary(self, candidates: Sequence[Candidate]) -> Dictionary:
-        """Return the part of the table that these candidates need."""
-        wanted = list(dict.fromkeys(e for c in candidates for e in c.effects))
-        own = np.arange(len(self.work.owners()))
-        columns = np.concatenate([own, *(self.at[effect] for effect in wanted)])
-        owners = tuple(self.work.owners())
-        at = {e: np.delete(columns, unseen(e, self.span)) for e, columns in
-              _placed(wanted, len(own)).items()}  # fmt: skip
-        table, coulomb = self.table.of(columns), level_of(self.work, COULOMB)
-        return Dictionary(
-            self.target, table, own, owners, tuple(candidates), at, coulomb, self.simulated
-        )
-
-
-def columned(
-    problem: Problem, work: Working, wanted: Sequence[Effect], whitening: Whitening
-) -> Columned:
-    """Add up the products of the columns of a model and of effects beside it."""
     wanted = list(dict.fromkeys(wanted))
-    table = tabulated(problem, work.sheet(beside=wanted), whitening)
-    at = _placed(wanted, len(work.owners()))
-    simulated = problem.simulated is not None
-    return Columned(problem.target, work, whitening, table, at, span_of(problem), simulated)
-
-
-def _placed(effects: Sequence[Effect], first: int) -> dict[Effect, Columns]:
-    """Columns of effects one after the other, from `first` on."""
-    ends = first + np.cumsum([0, *(len(effect.terms) for effect in effects)])
-    return {e: np.arange(a, b) for e, a, b in zip(effects, ends, ends[1:], strict=False)}
+    owners, span = tuple(work.owners()), span_of(problem)
+    ends = len(owners) + np.cumsum([0, *(len(effect.terms) for effect in wanted)])
+    own = {e: np.arange(a, b) for e, a, b in zip(wanted, ends, ends[1:], strict=False)}
+    return Dictionary(
+        target=problem.target,
+        table=tabulated(problem, work.sheet(beside=wanted), whitening),
+        model=np.arange(len(owners)),
+        owners=owners,
+        candidates=(),
+        at={effect: np.delete(columns, unseen(effect, span)) for effect, columns in own.items()},
+        coulomb=level_of(work, COULOMB),
+        simulated=problem.simulated is not None,
+    )
 
 
 @dataclass(frozen=True)

@@ -89,7 +89,7 @@ def impossible(work: Working, name: str, problem: Problem, scatter: float = 0.0)
         return why
     if name == STRIBECK and (why := _not_fading(work, problem)):
         return why
-    values = _values(work, name)
+    values = work.values(name)
     if name == SPRINGS and _build_up(values, _shapes(work, name)[PRESLIDING]) > WIDEST:
         return f"it would build up over more than {WIDEST:g} rad, as no gear does"
     if name == HYSTERESIS and values.sum() < 0.0:
@@ -147,7 +147,7 @@ def _falls(work: Working, problem: Problem) -> bool:
     if problem.target in DRIVES and level < 0.0:
         return False
     speeds = np.linspace(0.0, _fastest(problem), SETTINGS.functions)
-    powers = np.array([level_of(work, VISCOUS), *_values(work, BENDING)])
+    powers = np.array([level_of(work, VISCOUS), *work.values(BENDING)])
     curve = speeds[:, None] ** np.arange(1, 1 + len(powers)) @ powers
     return float(np.min(np.sign(level) * curve)) < -SETTINGS.little * abs(level)
 
@@ -163,7 +163,7 @@ def driving_spring(work: Working, target: str) -> str:
     """
     against: dict[str, float] = {}
     for effect in LOOPS:
-        names, values = _terms(work, effect), _values(work, effect)
+        names, values = _terms(work, effect), work.values(effect)
         free = [k for k, name in enumerate(names) if name not in work.fixed]
         if len(free) > 1:
             side = _side(values, effect, target)
@@ -176,7 +176,7 @@ def spring_bounds(work: Working, target: str) -> dict[str, Bounds]:
     """Return the bounds by which a fit keeps the springs of an effect of one sign, by name."""
     found: dict[str, Bounds] = {}
     for effect in LOOPS:
-        side = _side(_values(work, effect), effect, target)
+        side = _side(work.values(effect), effect, target)
         own: Bounds = (0.0, None) if side > 0.0 else (None, 0.0)
         found |= dict.fromkeys(_terms(work, effect), own)
     return found
@@ -209,14 +209,4 @@ def _terms(work: Working, name: str) -> list[str]:
 
 def level_of(work: Working, name: str) -> float:
     """Return the first coefficient of an effect, 0 where the model does not have it."""
-    return float(_values(work, name)[0]) if name in [e.name for e in work.effects] else 0.0
-
-
-def _values(work: Working, name: str) -> Array:
-    first = 0
-    for effect in work.effects:
-        last = first + len(effect.terms)
-        if effect.name == name:
-            return work.coefficients[first:last]
-        first = last
-    return np.zeros(1)
+    return float(next(iter(work.values(name)), 0.0))

@@ -45,10 +45,9 @@ from flexspline.discovery.candidates import (
     unseen_of,
 )
 from flexspline.discovery.evidence import (
-    Columned,
     Dictionary,
     Offer,
-    columned,
+    dictionary_of,
     held_out_gain,
     offers,
     price,
@@ -80,13 +79,11 @@ from flexspline.regression.working import Working, refitted, started
 __all__ = [
     "LEAD",
     "Searcher",
-    "Step",
     "Study",
     "cost_of",
     "form_of",
     "freedom",
     "missed",
-    "ranked",
     "study_of",
 ]
 
@@ -110,7 +107,9 @@ class Study:
     orders: Orders = field(default=())
     tied: tuple[Dependence, ...] = ()
     scatter: float = 0.0
-    last: Columned | None = field(default=None, repr=False, compare=False)
+    last: tuple[Working, Whitening, Dictionary] | None = field(
+        default=None, repr=False, compare=False
+    )
     known: dict[tuple[Effect, ...], tuple[Orders, list[Candidate]]] = field(
         default_factory=dict, repr=False, compare=False
     )
@@ -145,18 +144,15 @@ class Study:
     ) -> Dictionary:
         """Return the table of a model and all candidates beside it, or beside it without some."""
         candidates = self._beside(work, without)
-        last = self.last
-        if (
-            last is None
-            or last.work is not work
-            or last.whitening is not whitening
-            or not last.has(candidates)
-        ):
-            names = [effect.name for effect in work.named]
-            every = [without, *(out for count in (0, 1, 2) for out in combinations(names, count))]
-            wanted = [e for out in every for c in self._beside(work, out) for e in c.effects]
-            last = self.last = columned(self.problem, work, wanted, whitening)
-        return last.dictionary(candidates)
+        at, noise, last = self.last or (None, None, None)
+        if last and at is work and noise is whitening and (found := last.of(candidates)):
+            return found
+        names = [effect.name for effect in work.named]
+        every = [without, *(out for count in (0, 1, 2) for out in combinations(names, count))]
+        wanted = [e for out in every for c in self._beside(work, out) for e in c.effects]
+        made = dictionary_of(self.problem, work, wanted, whitening)
+        self.last = work, whitening, made
+        return replace(made, candidates=tuple(candidates))
 
     def _beside(self, work: Working, without: Sequence[str]) -> list[Candidate]:
         """What may stand beside a model, or beside it in the place of some of its effects."""
@@ -253,16 +249,6 @@ SPEED = "output_velocity"
 FEW_PLACES = "it is at a few angles of the output, and does not come again between them"
 
 
-@dataclass(frozen=True)
-class Step:
-    """One name taken: effect, gain and price in χ² at that moment, and the offers beside it."""
-
-    effect: Effect
-    gain: float
-    price: float
-    offers: tuple[Offer, ...]
-
-
 @dataclass
 class Searcher:
     """A search at one noise; `refused` says why the best offers were not taken.
@@ -276,10 +262,10 @@ class Searcher:
     say: Callable[[str], object] = lambda _: None
     refused: dict[str, str] = field(default_factory=dict)
 
-    def run(self, work: Working) -> tuple[Working, list[Step]]:
-        """Return the model with all names, and the steps."""
+    def run(self, work: Working) -> tuple[Working, list[Offer]]:
+        """Return the model with all names, and these with what they gained as they were taken."""
         work, squares = self.fitted(work)
-        steps: list[Step] = []
+        steps: list[Offer] = []
         seen = set()
         while len(work.named) < SETTINGS.names:
             taken = self._best(work, squares)
@@ -325,8 +311,7 @@ class Searcher:
             worst = min(net, key=lambda name: net[name])
             if net[worst] > 0.0:
                 break
-            rest = [e for e in work.effects if e.name != worst]
-            work, _ = self.fitted(work.having(rest))
+            work, _ = self.fitted(work.without(worst))
         return work
 
     def _owed(self, dictionary: Dictionary, work: Working, effect: Effect) -> tuple[float, float]:
@@ -348,7 +333,7 @@ class Searcher:
         """The better one of a model and the same with something else in the place of some names."""
         dictionary = self.study.dictionary(work, self.whitening, without=out)
         own, cost = [e for e in work.named if e.name in out], 0.0
-        rest = work.having([e for e in work.effects if e.name not in out])
+        rest = work.without(*out)
         for effect in own:
             own_cost, missed = self._owed(dictionary, work, effect)
             if len(out) == 1 and dictionary.gain(effect.name) < max(own_cost, missed):
@@ -361,7 +346,7 @@ class Searcher:
             added = [offer.effect for offer in made]
             if {(e.name, e.harmonics) for e in added} >= {(e.name, e.harmonics) for e in own}:
                 break  # the next step takes it
-            trial, left = self.fitted(work.having([*rest.effects, *added]))
+            trial, left = self.fitted(rest.with_effects(*added))
             paid = sum(offer.price for offer in made)
             more = max(sum(map(freedom, added)) - sum(map(freedom, own)), 0)
             margin = SETTINGS.negligible * gain * more
@@ -397,7 +382,7 @@ class Searcher:
         new = [e for e in work.named if e.name in {effect.name for effect in added}]
         return all(dictionary.gain(e.name) >= max(self._owed(dictionary, work, e)) for e in new)
 
-    def _best(self, work: Working, squares: float) -> tuple[Working, float, Step] | None:
+    def _best(self, work: Working, squares: float) -> tuple[Working, float, Offer] | None:
         dictionary = self.study.dictionary(work, self.whitening)
         made = offers(dictionary, dictionary.model, plain=True)
         made = sorted(made, key=_rank, reverse=True)
@@ -408,9 +393,7 @@ class Searcher:
             near = [o for o in worthy if o.gain >= SETTINGS.most * worthy[0].gain][: SETTINGS.tried]
             trials = [trial for o in near if (trial := self._tried(o, dictionary, work, squares))]
             if trials:
-                chosen, left, step = max(trials, key=lambda trial: _rank(trial[2]))
-                beside = tuple(made[: SETTINGS.tried])
-                return chosen, left, replace(step, offers=beside)
+                return max(trials, key=lambda trial: _rank(trial[2]))
             worthy = [offer for offer in worthy if offer not in near]
         return None
 
@@ -463,17 +446,17 @@ class Searcher:
         self, problem: Problem, work: Working, effect: Effect, given: Given
     ) -> tuple[Table, Columns]:
         """The table of a model without an effect, of that, and of given columns; where it is."""
-        rest = work.having([e for e in work.effects if e.name != effect.name])
+        rest = work.without(effect.name)
         table = tabulated(problem, rest.sheet(beside=[effect], given=given), self.whitening)
         first = len(rest.owners())
         return table, np.arange(first, first + len(effect.terms))
 
     def _tried(
         self, offer: Offer, dictionary: Dictionary, work: Working, squares: float
-    ) -> tuple[Working, float, Step] | None:
+    ) -> tuple[Working, float, Offer] | None:
         """The model with an offer, its shapes refitted; None where it cannot be taken."""
         effect = offer.effect
-        made, left = self.fitted(work.having([*work.effects, effect]))
+        made, left = self.fitted(work.with_effects(effect))
         gain = squares - left
         if gain < offer.price:
             return None
@@ -483,7 +466,7 @@ class Searcher:
         if reason:
             self.refused[effect.name] = reason
             return None
-        return made, left, Step(effect, gain, offer.price, ())
+        return made, left, replace(offer, gain=gain)
 
     def forbidden(self, work: Working, name: str) -> str:
         """Why a name of a fitted model cannot be what it says; empty where it can."""
@@ -534,13 +517,9 @@ def cost_of(dictionary: Dictionary, work: Working, name: str) -> float:
     return price_of(name, dictionary.target, left, 1.0, len(dictionary.candidates))
 
 
-def _rank(offer: Offer | Step) -> float:
-    return ranked(offer.gain, offer.effect) - offer.price
-
-
-def ranked(gain: float, effect: Effect) -> float:
-    """Gain, less a share of it for every column and shape beyond the first."""
-    return gain * (1.0 - SETTINGS.negligible * (freedom(effect) - 1))
+def _rank(offer: Offer) -> float:
+    """Gain above the price, less a share of it for every column and shape beyond the first."""
+    return offer.net - SETTINGS.negligible * (freedom(offer.effect) - 1) * offer.gain
 
 
 def freedom(effect: Effect) -> int:
@@ -548,9 +527,5 @@ def freedom(effect: Effect) -> int:
 
     Springs of one sign are about as free as one: their columns are alike.
     """
-    return (1 if effect.name in LOOPS else len(effect.terms)) + len(own_shapes(effect))
-
-
-def own_shapes(effect: Effect) -> list[str]:
-    """Shapes that are fitted, but for those that all friction shares."""
-    return [s.name for s in effect.fitted_shapes if s.name not in SHARED]
+    own = [shape for shape in effect.fitted_shapes if shape.name not in SHARED]
+    return (1 if effect.name in LOOPS else len(effect.terms)) + len(own)

@@ -86,11 +86,19 @@ class Working:
             if np.isclose(value, (shape.info.lower, shape.info.upper), rtol=SINGULAR).any()
         ]
 
+    @property
+    def effect_of(self) -> NDArray[np.str_]:
+        """Name of the effect behind each coefficient, (P,)."""
+        return np.array([e.name for e in self.effects for _ in e.terms], dtype=str)
+
+    def values(self, name: str) -> Array:
+        """Return the coefficients of one of the effects, (K,); none where it is not there."""
+        return np.asarray(self.coefficients[self.effect_of == name])
+
     def owners(self) -> list[str]:
         """Effect behind each free coefficient, then behind each searched shape."""
-        terms = [e.name for e in self.effects for _ in e.terms]
         shapes = [self.effects[s.effects[0]].name for s in self.searched]
-        return [terms[k] for k in self.free] + shapes
+        return [*self.effect_of[self.free].tolist(), *shapes]
 
     def at(self, logarithms: Array) -> Working:
         """Return the model with other shapes, within their bounds."""
@@ -110,12 +118,14 @@ class Working:
         kept = np.where(made.held, made.coefficients, values)
         return replace(made, coefficients=kept)
 
-    def plain(self, name: str) -> Working:
-        """Return the model without one effect of its base."""
-        if name not in [e.name for e in self.effects[: self.base]]:
-            return self
-        made = replace(self, base=self.base - 1)
-        return made.having([e for e in self.effects if e.name != name])
+    def without(self, *names: str) -> Working:
+        """Return the model without some of its effects."""
+        base = sum(effect.name not in names for effect in self.effects[: self.base])
+        return replace(self, base=base).having([e for e in self.effects if e.name not in names])
+
+    def with_effects(self, *effects: Effect) -> Working:
+        """Return the model with more effects behind its own."""
+        return self.having([*self.effects, *effects])
 
     def holding(self, name: str, value: float) -> Working:
         """Return the model with one coefficient more that is not fitted."""
