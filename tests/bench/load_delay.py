@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import os
+from dataclasses import replace
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
@@ -23,7 +24,7 @@ from scipy.constants import milli
 
 from flexspline.discovery.candidates import LAG, freedoms
 from flexspline.discovery.clock import Delay, delay_beside_everything
-from flexspline.discovery.discovering import _Recorded, _start, _Way
+from flexspline.discovery.discovering import _Recorded, _task
 from flexspline.prepared import learned
 
 
@@ -52,11 +53,11 @@ def _chosen(fresh: int) -> list[Case]:
 
 def _both(case: Case) -> tuple[float, Delay]:
     made = recorded(case)
-    start = _start(made.base, case.target, LOAD, {})
     inputs, ways = learned(made.logs, case.target, LOAD)
-    way = _Way(start, None, {}, ways, 1, lambda _: None)
-    free = freedoms(start.effects, case.target, LOAD, made.logs, inputs)
-    look = _Recorded.of(made.logs, way).look(case.excluded, free)
+    task = _task(made.base, case.target, LOAD, {})
+    task = replace(task, preparations=tuple(ways), exclude=tuple(case.excluded))
+    free = freedoms(task.effects, case.target, LOAD, made.logs, inputs)
+    look = _Recorded.of(made.logs, task).look(free)
     return made.recorder.load_delay, delay_beside_everything(look)
 
 

@@ -10,7 +10,7 @@ from hidden_logs import LOAD, log_of, rich_run
 from scipy.signal import lfilter
 
 from flexspline.discovery.analysis import Rival
-from flexspline.discovery.basis import Functions, nameless_of, names_of_past, past_of
+from flexspline.discovery.basis import PAST, Functions, nameless_of, past_of
 from flexspline.discovery.unexplained import kept, repeated
 from flexspline.effects import effect
 from flexspline.fit.problem import Problem, problem_of
@@ -66,8 +66,9 @@ def test_the_past_begins_anew_behind_a_gap_and_forgets_at_its_own_pace() -> None
     time = np.concatenate([np.arange(400) / 100.0, 60.0 + np.arange(400) / 100.0])
     values = np.where(np.arange(800) < 200, 0.0, np.where(np.arange(800) < 400, 1.0, 5.0))
     made = past_of(time, {"temperature": values}, ["temperature", "absent"], 30.0)
-    assert list(made) == names_of_past("temperature")
-    for late, lag in zip(made.values(), np.geomspace(0.02, 15.0, len(made)), strict=True):
+    assert list(made) == ["temperature" + PAST]
+    behind = made["temperature" + PAST].T
+    for late, lag in zip(behind, np.geomspace(0.02, 15.0, len(behind)), strict=True):
         assert late[:200] == pytest.approx(0.0)
         assert late[200 + 99] == pytest.approx(-np.expm1(-1.0 / lag), abs=1e-9)
         assert late[400:] == pytest.approx(5.0)

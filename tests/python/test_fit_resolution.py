@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from recorded_joint import LOAD, base, runs
 
-from flexspline.discovery.discovering import _Recorded, _start, _Way
+from flexspline.discovery.discovering import _Recorded, _task
 from flexspline.fit.resolution import away_from_ends
 from flexspline.logs.log import Log
 from flexspline.logs.repairs import move_earlier
@@ -46,9 +48,8 @@ def test_a_temperature_leaves_its_ends_in() -> None:
 
 def test_a_moved_load_is_that_of_the_moved_logs_where_rows_count() -> None:
     logs = runs(2, late=LATE)
-    start = _start(base(), "sensor_torque", LOAD, {})
     _, ways = learned(logs, "sensor_torque", LOAD, None)
-    way = _Way(start, None, {}, tuple(ways), 1, lambda _: None)
+    way = replace(_task(base(), "sensor_torque", LOAD, {}), preparations=tuple(ways))
     moved = _Recorded.of(logs, way).moved(logs, LOAD, LATE)
     again = _Recorded.of([move_earlier(log, LOAD, LATE) for log in logs], way)
     assert moved.counted is not None and again.counted is not None

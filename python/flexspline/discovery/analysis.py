@@ -16,17 +16,16 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.discovery.basis import Beside, Functions, channel_told, nameless_of
+from flexspline.discovery.basis import Functions, channel_told, nameless_of
 from flexspline.discovery.evidence import Offer, offers, price
 from flexspline.discovery.search import (
-    LEAD,
     Searcher,
     Study,
     form_of,
     freedom,
 )
 from flexspline.discovery.settings import SETTINGS
-from flexspline.discovery.unexplained import Ceiling, Leftover, leftover_of
+from flexspline.discovery.unexplained import Ceiling, Leftover, leftover_of, looked_at
 from flexspline.effects import Effect
 from flexspline.fit.memory import settled
 from flexspline.fit.problem import Problem
@@ -43,7 +42,7 @@ from flexspline.regression.gram import (
     tabulated,
 )
 from flexspline.regression.held_out import HeldOut, held_out, plain_rows
-from flexspline.regression.thinned import rows_of, thinned
+from flexspline.regression.thinned import rows_of
 from flexspline.regression.whitening import first_whitening, restricted_whitening
 from flexspline.regression.working import Working, refitted, solved_at, started, working
 from flexspline.report.numbers import percent
@@ -239,7 +238,7 @@ class Analysis:
     """Base and final model, the search that led there, and what is left.
 
     `part`: the study of the rows that were searched first, all of them where they are few.
-    `ceiling`: functions without a name, on the share `looked_at` of all rows.
+    `ceiling`: functions without a name.
     `doubted`: names that only stood in for a cause without a name, and were taken back.
     `generalised`: whether the model is fitted by generalised least squares.
     """
@@ -253,7 +252,6 @@ class Analysis:
     leftover: Leftover
     doubted: tuple[str, ...]
     ceiling: Ceiling
-    looked_at: float
     generalised: bool = False
 
     def without(self, name: str) -> Analysis:
@@ -262,7 +260,7 @@ class Analysis:
         if name in [e.name for e in self.base.effects]:
             base, _ = self.searcher.fitted(self.base.without(name))
             return replace(self, base=base, final=final)
-        leftover = leftover_of(self.ceiling, final).times(1.0 / self.looked_at)
+        leftover = leftover_of(self.ceiling, final)
         return replace(self, final=final, leftover=leftover)
 
     def in_runs(self, study: Study, plain: str) -> Analysis:
@@ -276,13 +274,10 @@ class Analysis:
         searcher = replace(self.searcher, study=study)
         base, _ = searcher.fitted(self.base.without(plain))
         final = searcher.pruned(searcher.fitted(self.final.without(plain))[0])
-        looked_at = _looked_at(study.problem)
-        ceiling = Ceiling(looked_at, self.whitening)
-        share = rows_of(looked_at) / rows_of(study.problem)
-        leftover = leftover_of(ceiling, final).times(1.0 / share)
+        ceiling = Ceiling(study.problem, self.whitening)
         return replace(
             self, study=study, part=part, base=base, final=final, searcher=searcher,
-            leftover=leftover, ceiling=ceiling, looked_at=share,
+            leftover=leftover_of(ceiling, final), ceiling=ceiling,
         )  # fmt: skip
 
     @property
@@ -297,7 +292,7 @@ class Analysis:
     @cached_property
     def tied(self) -> tuple[Dependence, ...]:
         """Channels that are nearly a function of each other, beside the final model."""
-        return tied_channels(_looked_at(self.study.problem), self.final)
+        return tied_channels(looked_at(self.study.problem), self.final)
 
     def left_by(self, work: Working) -> HeldOut:
         """Return what a model refitted as the final one leaves of rows held out."""
@@ -372,11 +367,11 @@ def analysed(look: FirstLook, say: Callable[[str], object]) -> Analysis:
     Of long logs a part is searched first, then all rows from there.
     """
     whole, study, base, first = look.whole, look.part, look.base, look.noise
-    whole.tied = study.tied = tied_channels(_looked_at(whole.problem), base)
+    whole.tied = study.tied = tied_channels(looked_at(whole.problem), base)
     lax, _ = Searcher(study, first, True, say).run(base)
     study.problem = _known(study.problem, lax.effects)
     study.scan(lax)
-    beside = leftover_of(Ceiling(_looked_at(whole.problem), first), lax).groups
+    beside = leftover_of(Ceiling(whole.problem, first), lax).groups
     whitening = restricted_whitening(study.problem, lax, Functions(beside) if beside else None)
     searcher = Searcher(study, whitening, say=say)
     base, _ = searcher.fitted(base)
@@ -389,18 +384,16 @@ def analysed(look: FirstLook, say: Callable[[str], object]) -> Analysis:
         final, more = searcher.run(final)
         steps += more
     say("what is left")
-    looked_at = _looked_at(whole.problem)
-    share = rows_of(whole.problem) / rows_of(looked_at)
-    ceiling = Ceiling(looked_at, whitening)
-    leftover, doubted = leftover_of(ceiling, final).times(share), []
-    at_first, closed = leftover.net, _small(looked_at, base, final, leftover) is not None
+    ceiling = Ceiling(whole.problem, whitening)
+    leftover, doubted = leftover_of(ceiling, final), []
+    at_first, closed = leftover.net, _small(ceiling.problem, base, final, leftover) is not None
 
     def without(name: str) -> tuple[Working, Leftover]:
         rest = searcher.pruned(searcher.fitted(final.without(name))[0])
-        return rest, leftover_of(ceiling, rest).times(share)
+        return rest, leftover_of(ceiling, rest)
 
     while True:
-        small = _small(looked_at, base, final, leftover) if closed else None
+        small = _small(ceiling.problem, base, final, leftover) if closed else None
         stand_in = _stand_in(searcher, final, leftover, at_first, small)
         if stand_in is None:
             break
@@ -411,18 +404,12 @@ def analysed(look: FirstLook, say: Callable[[str], object]) -> Analysis:
         effect = next((e for e in final.named if e.name == name), None)
         if effect is None or effect.info.remembers:
             continue
-        if _of_one_part(looked_at, final, whitening, name, leftover.times(1.0 / share)):
+        if _of_one_part(ceiling, final, name, leftover):
             doubted.append(name)
             final, leftover = without(name)
     return Analysis(
-        whole, study, base, final, searcher, tuple(steps), leftover, tuple(doubted), ceiling,
-        1.0 / share,
+        whole, study, base, final, searcher, tuple(steps), leftover, tuple(doubted), ceiling
     )  # fmt: skip
-
-
-def _looked_at(problem: Problem) -> Problem:
-    """The rows on which flexible functions are looked at."""
-    return thinned(problem, SETTINGS.rows, round(SETTINGS.little * SETTINGS.rows), LEAD)
 
 
 def _known(problem: Problem, effects: Sequence[Effect]) -> Problem:
@@ -500,9 +487,7 @@ def tied_channels(problem: Problem, work: Working) -> tuple[Dependence, ...]:
     return tuple(one for one in found if known or (one.channel, one.of) != trivial)
 
 
-def _of_one_part(
-    problem: Problem, work: Working, whitening: Whitening, name: str, leftover: Leftover
-) -> bool:
+def _of_one_part(ceiling: Ceiling, work: Working, name: str, leftover: Leftover) -> bool:
     """Whether what carries a name acts one way only, or grows with the speed, as no effect does.
 
     Let f be what a name explains and m the sign of the velocity, or the speed over its mean under
@@ -513,6 +498,7 @@ def _of_one_part(
     Forms of friction and of resonances are off by such a part too. So the speed is asked about only
     where the name's own channels carry all that is left, and that is more than a small part.
     """
+    problem, whitening = ceiling.problem, ceiling.whitening
     if not all("output_velocity" in run.log for run in problem.runs):
         return False
     parts = [np.nan_to_num(part) for part in contribution(problem, work, name)]
@@ -521,7 +507,11 @@ def _of_one_part(
     (effect,) = (e for e in work.named if e.name == name)
     known = problem.known_load
     carried = {channel_told(c, known) for group in leftover.groups for c in group.channels}
-    if abs(turned) > 0.5 or leftover.net < SETTINGS.little * own or not carried <= {*effect.reads}:
+    if (
+        abs(turned) > 0.5
+        or ceiling.share * leftover.net < SETTINGS.little * own
+        or not carried <= {*effect.reads}
+    ):
         return abs(turned) > 0.5
     sums = [(f**2 @ np.abs(v), f @ f) for f, v in zip(parts, velocity, strict=True)]
     mean = sum(a for a, _ in sums) / max(sum(b for _, b in sums), TINY)
@@ -540,7 +530,7 @@ def _left_by(
     """How much of a name's part (N,) times `by` is left over, 0 if chance; and the name's gain."""
     turned = tuple(f * m for f, m in zip(parts, by, strict=True))
     squares, turned_squares = (sum(float(one @ one) for one in own) for own in (parts, turned))
-    table = tabulated(problem, work.sheet(given=Beside(Functions(()), turned)), whitening)
+    table = tabulated(problem, work.sheet(given=Functions(column=turned)), whitening)
     model, owners = np.arange(len(table.total) - 2), np.array(work.owners())
     raw, last = np.diag(table.total), np.array([len(model)])
     own, _ = gain_of(table.without(model[owners != name]), model[owners == name], raw)

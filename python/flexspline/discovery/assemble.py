@@ -185,7 +185,7 @@ def assembled(
         also_seen=held.also_seen,
         inputs=inputs,
         rows=rows,
-        searched={"names": made.searched, "functions": made.looked_at},
+        searched={"names": made.searched, "functions": made.ceiling.share},
         dependences=made.tied,
     )
 

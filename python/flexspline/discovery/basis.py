@@ -1,6 +1,11 @@
-"""Flexible functions of the channels: what no effect of the catalogue may have to explain it.
+"""Functions without a name: what any smooth dependence on a channel, or on two, would explain.
 
-What a channel was some time ago: a cause with memory that no present value shows.
+A cause that is not in the catalogue still depends on something measured. Functions of each channel,
+and of every two, stand for it: a few powers, which need little evidence, and hats (their products
+for two), which follow every smooth function; a channel times every function of another; orders of
+the motor's angle, one by one and together; and what a channel was some time ago. What they explain
+on left-out folds beyond the named effects is "unexplained", and the channels are those it depends
+on.
 
 Any linear cause with memory is a sum of first-order lags of its channel x with time constants T,
 
@@ -8,17 +13,6 @@ Any linear cause with memory is a sum of first-order lags of its channel x with 
 
 Some T, in geometric steps from two samples to half of the longest run, stand for all: heat that
 flows, a filter, a sensor that creeps. They tell an unknown cause with memory from slow noise.
-
-What functions without a name may depend on, at some rows of a run: a window at a time.
-
-Functions without a name: what any smooth dependence on a channel, or on two, would explain.
-
-A cause that is not in the catalogue still depends on something measured. Functions of each channel,
-and of every two, stand for it: a few powers, which need little evidence, and hats (their products
-for two), which follow every smooth function; a channel times every function of another; orders of
-the motor's angle, one by one and together; and what a channel was some time ago (`past_of`). What
-they explain on left-out folds beyond the named effects is "unexplained", and the channels are those
-it depends on.
 """
 
 from __future__ import annotations
@@ -26,13 +20,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from flexspline.discovery.physics import COULOMB, WIDTH
+from flexspline.discovery.physics import COULOMB, WIDTH, fastest_of
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect
 from flexspline.fit.problem import Problem, Run
@@ -42,17 +35,16 @@ from flexspline.regression.gram import TINY
 
 __all__ = [
     "DIRECTION",
+    "LEAD",
     "MOST_ROWS",
     "RATE",
     "ROUND",
     "Bent",
-    "Beside",
     "Functions",
     "Nameless",
     "bent_forms",
     "channel_told",
     "nameless_of",
-    "names_of_past",
     "past_of",
     "places_of",
     "turning_over",
@@ -63,26 +55,26 @@ Array = NDArray[np.float64]
 
 MOST_ROWS = round(SETTINGS.rows / SETTINGS.negligible)
 """Of a run: beyond, its past is not looked at, to save memory."""
-BEHIND = " behind lag "
+LEAD = 2 * SETTINGS.rows
+"""Before a stretch of a part of a run, from which memory is followed."""
+PAST = " behind each lag"
 
 
 def past_of(
     time: Array, values: Mapping[str, Array], names: list[str], longest: float
 ) -> dict[str, Array]:
-    """Return some channels of a run behind each lag, (N,) each; `longest` of all runs, s."""
+    """Return some channels of a run behind each lag, (N, lags); `longest` of all runs, s."""
     step = median_step(time)
-    made = {}
-    for name in (name for name in names if name in values):
-        lags = np.geomspace(2.0 * step, 0.5 * longest, SETTINGS.points)
-        for late, lag in zip(names_of_past(name), lags, strict=True):
-            parts = [_lagged(values[name][a:b], step / lag) for a, b in runs(time)]
-            made[late] = np.concatenate(parts)
-    return made
+    lags = np.geomspace(2.0 * step, 0.5 * longest, SETTINGS.points)
 
+    def behind(channel: Array, lag: float) -> Array:
+        return np.concatenate([_lagged(channel[a:b], step / lag) for a, b in runs(time)])
 
-def names_of_past(name: str) -> list[str]:
-    """Names of a channel behind each lag."""
-    return [f"{name}{BEHIND}{number + 1}" for number in range(SETTINGS.points)]
+    return {
+        name + PAST: np.column_stack([behind(values[name], lag) for lag in lags])
+        for name in names
+        if name in values
+    }
 
 
 def _lagged(values: Array, share: float) -> Array:
@@ -101,14 +93,16 @@ HIDDEN = {
 """Channels that hold the target itself; a supply sags under the motor's own current."""
 NEVER = ("enabled", "thermistor_voltage", "commanded_position", "motor_velocity", "motor_position",
          "simulated_torque")  # fmt: skip
-PAST, CHANNELS, FASTEST = "past", "nameless channels", "largest speed"  # what a problem keeps
 ROUND, DIRECTION, RATE = "motor_angle", "direction", "load_rate"
 LAGGED = ("temperature", "motor_torque")
 """Channels whose past may act, beside the load's; that of the motion is friction with memory."""
 
 
 def values_of(problem: Problem, number: int, rows: slice) -> dict[str, Array]:
-    """Return what functions may depend on at some rows of a run, (n,) each, by name."""
+    """Return what functions may depend on at some rows of a run by name, (n,) each.
+
+    Of what a channel was, (n, lags).
+    """
     run, found = problem.runs[number], _channels(problem)
     made = {name: run.log[name][rows] for name in found}
     if "time" in made:
@@ -116,7 +110,7 @@ def values_of(problem: Problem, number: int, rows: slice) -> dict[str, Array]:
     if problem.known_load in found:
         made[RATE] = _rate(run.log[problem.known_load], run.log["time"], rows)
     if "output_velocity" in found:
-        width = max(SETTINGS.bends * _fastest(problem), TINY)
+        width = max(SETTINGS.bends * fastest_of(problem), TINY)
         made[DIRECTION] = np.tanh(made["output_velocity"] / width)
     if effective_ratio(run.log.facts) is not None and "output_position" in found:
         made[ROUND] = _motor_angle(run, rows)
@@ -125,17 +119,17 @@ def values_of(problem: Problem, number: int, rows: slice) -> dict[str, Array]:
 
 
 def _past(problem: Problem, number: int) -> dict[str, Array]:
-    """Return what channels of a run were some time ago, (N,) each."""
+    """Return what channels of a run were some time ago, (N, lags) each."""
     if max(len(r) for r in problem.runs) > MOST_ROWS:
         return {}
-    kept: dict[Any, Any] = problem.kept
-    if (PAST, number) not in kept:
+
+    def made() -> dict[str, Array]:
         log = problem.runs[number].log
         values = {name: log[name] for name in _channels(problem)}
         longest = max(float(np.ptp(r.log["time"])) for r in problem.runs)
-        lagged = [*LAGGED, problem.known_load or ""]
-        kept[PAST, number] = past_of(log["time"], values, lagged, longest)
-    return dict(kept[PAST, number])
+        return past_of(log["time"], values, [*LAGGED, problem.known_load or ""], longest)
+
+    return problem.once(("lags", number), made)
 
 
 def _rate(load: Array, time: Array, rows: slice) -> Array:
@@ -145,35 +139,18 @@ def _rate(load: Array, time: Array, rows: slice) -> Array:
     return np.asarray(slope[rows.start - first : rows.stop - first])
 
 
-def _fastest(problem: Problem) -> float:
-    """The largest speed of all runs."""
-    kept: dict[Any, Any] = problem.kept
-    if FASTEST not in kept:
-        speeds = (run.log["output_velocity"] for run in problem.runs)
-        kept[FASTEST] = max(float(max(v.max(), -v.min())) for v in speeds)
-    return float(kept[FASTEST])
-
-
 def _channels(problem: Problem) -> list[str]:
-    kept: dict[Any, Any] = problem.kept
-    if CHANNELS not in kept:
-        kept[CHANNELS] = _usable(problem)
-    return list(kept[CHANNELS])
-
-
-def _usable(problem: Problem) -> list[str]:
     """Channels that all runs have and that change, but for the target's own."""
-    hidden = {*HIDDEN[problem.target], *NEVER}
+    hidden = {*HIDDEN[problem.target], *NEVER, *({"reference_torque"} - {problem.known_load})}
     logs = [run.log for run in problem.runs]
-    load = problem.known_load
-    return [
-        name
-        for name in logs[0].channels
-        if name not in hidden
-        and (name != "reference_torque" or load == name)
-        and all(name in log and np.isfinite(log[name]).all() for log in logs)
-        and any(np.ptp(log[name]) > 0.0 for log in logs)
-    ]
+
+    def usable(name: str) -> bool:
+        """Whether all runs have it whole, and it changes."""
+        whole = all(name in log and np.isfinite(log[name]).all() for log in logs)
+        return whole and any(np.ptp(log[name]) > 0.0 for log in logs)
+
+    named = [name for name in logs[0].channels if name not in hidden]
+    return problem.once("channels", lambda: [name for name in named if usable(name)])
 
 
 def _motor_angle(run: Run, rows: slice) -> Array:
@@ -189,7 +166,6 @@ Basis = Callable[[Values], Array]
 TURN = 2.0 * np.pi
 POWERS = tuple((power,) for power in range(1, SETTINGS.tried))
 CROSSED = ((1, 1), (2, 1), (1, 2))
-NAMELESS, SAMPLE = "nameless", "sample"  # what a problem keeps of it
 TOLD = {ROUND: "motor_position", DIRECTION: "output_velocity"}
 
 
@@ -213,18 +189,14 @@ def channel_told(name: str, known_load: str | None) -> str:
 
 def nameless_of(problem: Problem, *, pairs: bool = True) -> list[Nameless]:
     """Return functions of every channel that all runs have, and of every two."""
-    kept: dict[Any, Any] = problem.kept
-    if NAMELESS not in kept:
-        kept[NAMELESS] = _nameless(_sample(problem))
-    alone, crossed = kept[NAMELESS]
+    alone, crossed = problem.once("functions", lambda: _nameless(_sample(problem)))
     return [*alone, *crossed] if pairs else [*alone]
 
 
 def _nameless(sample: Values) -> tuple[list[Nameless], list[Nameless]]:
     """All functions of every channel; and few of every channel and of every two."""
-    past = [name for name in sample if names_of_past(name)[0] in sample]
-    gone = {late for name in past for late in names_of_past(name)}
-    sample = {name: values for name, values in sample.items() if name not in gone}
+    past = [name for name in sample if name + PAST in sample]
+    sample = {name: values for name, values in sample.items() if values.ndim == 1}
     alone = [Nameless((name,), *_fine(sample, name)) for name in sample if name != DIRECTION]
     alone += [_memory(name) for name in past]
     straight = [name for name in sample if name not in (ROUND, DIRECTION)]
@@ -244,18 +216,19 @@ def _nameless(sample: Values) -> tuple[list[Nameless], list[Nameless]]:
     ]
 
 
-def _sample(problem: Problem) -> dict[str, Array]:
+def _sample(problem: Problem) -> Values:
     """Every fourth row of all runs that counts, made a window at a time."""
-    kept: dict[Any, Any] = problem.kept
-    if SAMPLE not in kept:
-        made = [
+
+    def made() -> Values:
+        parts = [
             {name: v[:: SETTINGS.tried] for name, v in values_of(problem, number, rows).items()}
             for number, run in enumerate(problem.runs)
             for first, last in run.stretches
             for rows in windows(last - first, SETTINGS.tried * SETTINGS.rows, first)
         ]
-        kept[SAMPLE] = {name: np.concatenate([values[name] for values in made]) for name in made[0]}
-    return dict(kept[SAMPLE])
+        return {name: np.concatenate([values[name] for values in parts]) for name in parts[0]}
+
+    return problem.once("sample", made)
 
 
 def windows(size: int, step: int, first: int = 0) -> Iterator[slice]:
@@ -310,31 +283,19 @@ def _powers(
     sample: Values, names: tuple[str, ...], exponents: Sequence[tuple[int, ...]]
 ) -> Nameless:
     """Products of powers of channels, each counted from its middle in its own spread."""
-    scales = [_scale(sample[name], name) for name in names]
+    scaled = [_scaled(sample, name) for name in names]
 
     def columns(values: Values) -> Array:
-        parts = [
-            (values[name] - middle) / spread
-            for name, (middle, spread) in zip(names, scales, strict=True)
-        ]
-        made = [
-            np.prod([part**power for part, power in zip(parts, powers, strict=True)], axis=0)
-            for powers in exponents
-        ]
-        return np.column_stack(made)
+        parts = np.column_stack([one(values) for one in scaled])
+        return np.column_stack([np.prod(parts**powers, axis=1) for powers in exponents])
 
     return Nameless(names, columns, len(exponents))
 
 
 def _waves(sample: Values, name: str) -> Nameless:
     """Low orders of the motor's angle that grow with a channel."""
-    middle, spread = _scale(sample[name], name)
     turning = _turning(ROUND, range(1, SETTINGS.tried + 1))
-
-    def columns(values: Values) -> Array:
-        return np.asarray(turning(values) * ((values[name] - middle) / spread)[:, None])
-
-    return Nameless((ROUND, name), columns, 2 * SETTINGS.tried)
+    return Nameless((ROUND, name), _product(turning, _scaled(sample, name)), 2 * SETTINGS.tried)
 
 
 def bent_forms(problem: Problem, effects: Sequence[Effect]) -> Bent | None:
@@ -373,31 +334,26 @@ def turning_over(problem: Problem, effects: Sequence[Effect]) -> Functions | Non
 
 def _memory(name: str) -> Nameless:
     """What a channel is and was: itself and behind each lag."""
-    names = [name, *names_of_past(name)]
 
     def columns(values: Values) -> Array:
-        return np.column_stack([values[n] for n in names])
+        return np.column_stack([values[name], values[name + PAST]])
 
-    return Nameless((name,), columns, len(names), past=True)
+    return Nameless((name,), columns, 1 + SETTINGS.points, past=True)
 
 
 def _varying(sample: Values, name: str, other: str) -> Nameless:
     """A channel times every function of another: a coefficient that varies with it."""
     hats, count = _hats_of(sample, name, SETTINGS.functions)
-    middle, spread = _scale(sample[other], other)
-
-    def columns(values: Values) -> Array:
-        return np.asarray(hats(values) * ((values[other] - middle) / spread)[:, None])
-
-    return Nameless((name, other), columns, count)
+    return Nameless((name, other), _product(hats, _scaled(sample, other)), count)
 
 
-def _scale(values: Array, name: str) -> tuple[float, float]:
-    """Middle and spread; what has a sign counts from zero."""
+def _scaled(sample: Values, name: str) -> Basis:
+    """A channel counted from its middle in its own spread, (N, 1); what has a sign, from zero."""
     signed = name in ("output_velocity", "output_acceleration", RATE, DIRECTION)
-    low, high = np.quantile(values, (SETTINGS.negligible, 1.0 - SETTINGS.negligible))
+    low, high = np.quantile(sample[name], (SETTINGS.negligible, 1.0 - SETTINGS.negligible))
     middle = 0.0 if signed else 0.5 * float(low + high)
-    return middle, max(float(np.abs(values - middle).max()), TINY)
+    spread = max(float(np.abs(sample[name] - middle).max()), TINY)
+    return lambda values: np.asarray((values[name] - middle) / spread)[:, None]
 
 
 def _knots(values: Array, count: int, both_ways: bool) -> Array:
@@ -448,24 +404,27 @@ def _product(first: Basis, second: Basis) -> Basis:
     return columns
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Functions:
-    """Several groups as the columns of a `Sheet`."""
+    """Several groups as the columns of a `Sheet`; behind them one column (N,) of each run."""
 
-    groups: tuple[Nameless, ...]
+    groups: tuple[Nameless, ...] = ()
+    column: tuple[Array, ...] | None = None
 
     @property
     def count(self) -> int:
-        return sum(group.count for group in self.groups)
+        return sum(group.count for group in self.groups) + (self.column is not None)
 
     def rows(self, problem: Problem, number: int, rows: slice) -> Array:
         """Return some rows of a run, (n, count)."""
-        values = values_of(problem, number, rows)
+        values = values_of(problem, number, rows) if self.groups else {}
         made = np.empty((rows.stop - rows.start, self.count), order="F")
         done = 0
         for group in self.groups:
             made[:, done : done + group.count] = group.columns(values)
             done += group.count
+        if self.column is not None:
+            made[:, done] = self.column[number][rows]
         return made
 
 
@@ -494,22 +453,3 @@ class Bent:
             columns = np.asarray(problem.design((effect,)).rows(channels, size, none))
             made += [hats(values) * column[:, None] for hats, _ in own for column in columns.T]
         return np.column_stack([np.empty((size, 0)), *made])
-
-
-@dataclass(frozen=True)
-class Beside:
-    """One column (N,) of each run, behind flexible functions."""
-
-    functions: Functions
-    columns: tuple[Array, ...]
-
-    @property
-    def count(self) -> int:
-        return self.functions.count + 1
-
-    def rows(self, problem: Problem, number: int, rows: slice) -> Array:
-        """Return some rows of a run, (n, count)."""
-        own = self.columns[number][rows, None]
-        if not self.functions.count:
-            return own
-        return np.column_stack([self.functions.rows(problem, number, rows), own])

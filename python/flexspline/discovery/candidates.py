@@ -171,11 +171,8 @@ def shaped(effect: Effect, model: tuple[Effect, ...], problem: Problem) -> list[
 
 
 def _grid(effect: Effect, shape: ShapeInfo, problem: Problem, count: int) -> list[float]:
-    kept: dict[Any, Any] = problem.kept  # a long log is read once for a range
     key = ("range", effect.name, effect.reads, effect.harmonics, shape.name)
-    if key not in kept:
-        kept[key] = _range(effect, shape, problem)
-    low, high = kept[key]
+    low, high = problem.once(key, lambda: _range(effect, shape, problem))
     low, high = max(low, shape.lower), min(high, shape.upper)
     if not low < high:
         return [float(np.clip(shape.default, shape.lower, shape.upper))]
@@ -271,12 +268,9 @@ def order_pools(
 
 def span_of(problem: Problem) -> float:
     """How far the output goes from end to end in a run, rad; without bound where unknown."""
-    kept: dict[Any, Any] = problem.kept
-    if "span" not in kept:
-        logs = [run.log for run in problem.runs]
-        angles = [log["output_position"] for log in logs if "output_position" in log]
-        kept["span"] = max((float(np.ptp(angle)) for angle in angles), default=np.inf)
-    return float(kept["span"])
+    logs = [run.log for run in problem.runs]
+    angles = [log["output_position"] for log in logs if "output_position" in log]
+    return problem.once("span", lambda: max(map(float, map(np.ptp, angles)), default=np.inf))
 
 
 def unseen(effect: Effect, span: float) -> list[int]:

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from scipy.constants import milli
 
 from flexspline.discovery.analysis import Analysis, FirstLook
-from flexspline.discovery.basis import RATE, Beside, Functions, nameless_of
+from flexspline.discovery.basis import RATE, Functions, nameless_of
 from flexspline.discovery.candidates import LAG
 from flexspline.discovery.faults import DataFault
 from flexspline.discovery.settings import SETTINGS
@@ -76,7 +76,7 @@ def delay_beside_everything(look: FirstLook) -> Delay:
         if RATE not in group.channels and not (group.past and load in group.channels)
     ]
     beside = [e for c in study.candidates(work.effects) if c.name != LAG for e in c.effects]
-    given = Beside(Functions(tuple(static)), slopes_by(problem, work.effects, work.coefficients))
+    given = Functions(tuple(static), slopes_by(problem, work.effects, work.coefficients))
     sheet = work.sheet(beside=list(dict.fromkeys(beside)), given=given)
     return _last_column(tabulated(problem, sheet, look.noise))
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -38,11 +38,10 @@ from flexspline.discovery.physics import spring_bounds
 from flexspline.discovery.result import Discovery
 from flexspline.discovery.search import Study, study_of
 from flexspline.discovery.settings import SETTINGS
-from flexspline.effects import Effect, effect
+from flexspline.effects import Effect
 from flexspline.errors import InputError
 from flexspline.experiment.limits import Limits
 from flexspline.fit.fitting import fit, fit_near, simulation_settings, with_orders
-from flexspline.fit.names import Bounds
 from flexspline.fit.problem import Problem, problem_of
 from flexspline.fit.requirements import require_apart
 from flexspline.fit.result import Fit
@@ -125,49 +124,24 @@ def discover(
     noise's memory where that agrees with plain least squares as for a right model, by plain least
     squares otherwise (`fit/generalised.py`).
     """
-
     runs = [logs] if isinstance(logs, Log) else list(logs)
     if not runs:
         raise InputError("there is no log to look at; give at least one")
     require_apart(runs)
     if by != "regression" or controller is not None or free_controller:
         _require_simulation(by, simulation, simulated_torque, lowpass, bandwidth)
-        return _by_simulation(
-            _driven(model_or_effects, target, known_load, fixed or {}), runs, orders or {},
-            exclude, controller, free_controller, threads, progress,
-        )  # fmt: skip
+        if not isinstance(model_or_effects, Model):
+            target = target or "motor_torque"
     base, runs, of_base = _base(
         model_or_effects, runs, target, known_load, simulation, simulated_torque
     )
-    start = _start(base, target, known_load, fixed or {})
-    with threadpool_limits(1, user_api="blas"):  # tables are thin: threads of BLAS would only wait
-        return _discovered(
-            start, runs, of_base, lowpass, bandwidth, orders or {}, exclude, limits, progress,
-            threads,
-        )  # fmt: skip
-
-
-def _discovered(
-    start: _Start,
-    runs: list[Log],
-    of_base: tuple[DataFault, ...],
-    lowpass: float | None,
-    bandwidth: float | None,
-    orders: Mapping[str, Sequence[int]],
-    exclude: Iterable[str],
-    limits: Limits | None,
-    progress: bool,
-    threads: int,
-) -> Discovery:
-    """`discover` by regression, `of_base`: what is wrong with the base."""
-
-    recordings = only_experiments(runs, start.target)
-    runs = [one.log for one in recordings]
-    faults = data_faults(runs, start.effects, start.target, start.known_load, threads)
-    faults = (*of_base, *_cut(recordings, faults))
-    runs, faults = with_measured_ratio(runs, faults, start.target)
-    inputs, ways = learned(runs, start.target, start.known_load, bandwidth, threads)
-
+    task = replace(
+        _task(base, target, known_load, fixed or {}),
+        lowpass=lowpass,
+        orders=orders or {},
+        exclude=(exclude,) if isinstance(exclude, str) else tuple(exclude),
+        threads=threads,
+    )
     style = {"bar_format": "{desc}{elapsed}", "leave": False, "delay": 1.0}
     with tqdm(desc="discovering", disable=not progress, **style) as bar:
 
@@ -175,26 +149,68 @@ def _discovered(
             bar.update()
             bar.set_description(what)
 
-        load = start.known_load
-        scatter = inputs[load].noise if load in inputs else 0.0
-        way = _Way(start, lowpass, orders, tuple(ways), threads, say, scatter)
-        excluded = [*exclude]
-        free = freedoms(start.effects, start.target, start.known_load, runs, inputs)
-        free = tuple(name for name in free if name not in excluded)
-        if load in inputs and inputs[load].noisy and (LAG in free or start.target == "torsion"):
-            recorded, held, delay = _on_one_clock(runs, load, way, excluded, free)
-            if delay:
-                faults = (*faults, *load_delays(runs, start.target, load, delay))
-        else:
-            recorded = _Recorded.of(runs, way)
-            held = recorded.confirmed(analysed(recorded.look(excluded, free), say), free)
-        rows = _rows(recordings, start.target, held.made)
-        found = replace(
-            assembled(held, faults, tuple(inputs.values()), rows, limits),
-            base_effects=tuple(effect.name for effect in start.effects),
-        )
-        judged = graded(found.data_faults, recorded.logs, found.fit, found.noise_floor)
-        return replace(found, data_faults=judged)
+        if by == "simulation":
+            return _by_simulation(replace(task, say=say), runs, controller, free_controller)
+        with threadpool_limits(1, user_api="blas"):  # tables are thin: its threads would only wait
+            return _by_regression(replace(task, say=say), runs, of_base, bandwidth, limits)
+
+
+@dataclass(frozen=True)
+class Task:
+    """What a discovery starts from, and how it goes about it: see `discover`.
+
+    `model`: the one of which the base is a part. `preparations`: of the inputs. `scatter`: noise
+    of the load cell, Nm. `say`: is told what is being done.
+    """
+
+    effects: tuple[Effect, ...]
+    target: str
+    known_load: str | None
+    fixed: Mapping[str, float]
+    model: Model | None = None
+    simulated: Simulated | None = None
+    lowpass: float | None = None
+    orders: Mapping[str, Sequence[int]] = field(default_factory=dict)
+    exclude: tuple[str, ...] = ()
+    threads: int = 1
+    preparations: tuple[Preparation, ...] = ()
+    scatter: float = 0.0
+    say: Callable[[str], object] = lambda _: None
+
+
+def _by_regression(
+    task: Task,
+    runs: list[Log],
+    of_base: tuple[DataFault, ...],
+    bandwidth: float | None,
+    limits: Limits | None,
+) -> Discovery:
+    """What the target of a regression lacks; `of_base`: what is wrong with the base."""
+    target, load = task.target, task.known_load
+    recordings = only_experiments(runs, target)
+    runs = [one.log for one in recordings]
+    faults = data_faults(runs, task.effects, target, load, task.threads)
+    faults = (*of_base, *_cut(recordings, faults))
+    runs, faults = with_measured_ratio(runs, faults, target)
+    inputs, ways = learned(runs, target, load, bandwidth, task.threads)
+    scatter = inputs[load].noise if load in inputs else 0.0
+    task = replace(task, preparations=tuple(ways), scatter=scatter)
+    free = freedoms(task.effects, target, load, runs, inputs)
+    free = tuple(name for name in free if name not in task.exclude)
+    if load in inputs and inputs[load].noisy and (LAG in free or target == "torsion"):
+        recorded, held, delay = _on_one_clock(runs, load, task, free)
+        if delay:
+            faults = (*faults, *load_delays(runs, target, load, delay))
+    else:
+        recorded = _Recorded.of(runs, task)
+        held = recorded.confirmed(recorded.analysed(free), free)
+    rows = _rows(recordings, target, held.made)
+    found = replace(
+        assembled(held, faults, tuple(inputs.values()), rows, limits),
+        base_effects=tuple(effect.name for effect in task.effects),
+    )
+    judged = graded(found.data_faults, recorded.logs, found.fit, found.noise_floor)
+    return replace(found, data_faults=judged)
 
 
 def _require_simulation(
@@ -218,63 +234,28 @@ def _require_simulation(
         raise InputError("by='simulation' compares the motion as it is; leave bandwidth out")
 
 
-def _driven(
-    given: Model | str | Effect | Iterable[str | Effect] | None,
-    target: str | None,
-    known_load: str | None,
-    fixed: Mapping[str, float],
-) -> _Start:
-    """What to drive forward; of effects alone the motor's torque, where no target is given."""
-
-    if given is None:
-        raise InputError("give exactly one of effects, a model, and a simulation as the base")
-    if not isinstance(given, Model):
-        target = target or "motor_torque"
-    return _start(given, target, known_load, fixed)
-
-
 def _by_simulation(
-    start: _Start,
+    task: Task,
     runs: list[Log],
-    orders: Mapping[str, Sequence[int]],
-    exclude: Iterable[str],
     controller: PositionServo | str | os.PathLike[str] | None,
     free_controller: Sequence[str],
-    threads: int,
-    progress: bool,
 ) -> Discovery:
     """What a drive lacks by the motion that it makes."""
-
     recordings = only_experiments(runs, "output_position")  # a servo's law knows when it is off
     runs = [one.log for one in recordings]
-    effects = with_orders(start.effects, orders)
+    task = replace(task, effects=tuple(with_orders(task.effects, task.orders)))
     settings = simulation_settings(
-        controller, free_controller, 2, SETTINGS.tried, 0, threads, progress
+        controller, free_controller, 2, SETTINGS.tried, 0, task.threads, False
     )
     law = settings.controller
-    driven = [log if law is None else with_servo_torque(log, law, start.target) for log in runs]
-    faults = data_faults(driven, effects, start.target, start.known_load, threads)
-    style = {"bar_format": "{desc}{elapsed}", "leave": False, "delay": 1.0}
-    with tqdm(desc="discovering", disable=not progress, **style) as bar:
-        found = discover_by_simulation(
-            effects, runs, start.target, start.known_load, start.fixed, exclude, settings,
-            start.model, _cut(recordings, faults), bar.set_description,
-        )  # fmt: skip
+    driven = [log if law is None else with_servo_torque(log, law, task.target) for log in runs]
+    faults = data_faults(driven, task.effects, task.target, task.known_load, task.threads)
+    found = discover_by_simulation(
+        task.effects, runs, task.target, task.known_load, task.fixed, task.exclude, settings,
+        task.model, _cut(recordings, faults), task.say,
+    )  # fmt: skip
     left = _counts(recordings)
     return replace(found, rows={"used": sum(map(len, runs)), **left}) if left else found
-
-
-@dataclass(frozen=True)
-class _Way:
-    """How a discovery goes about it: see `discover`. `scatter`: of the load cell, Nm."""
-
-    start: _Start
-    lowpass: float | None
-    orders: Mapping[str, Sequence[int]]
-    preparations: tuple[Preparation, ...]
-    threads: int
-    say: Callable[[str], None]
-    scatter: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -285,35 +266,29 @@ class _Recorded:
     `blur`: by how much the base moves with the motion smoothed further, (N,) of each.
     """
 
-    way: _Way
+    task: Task
     logs: list[Log]
     inputs: list[Log]
     counted: list[NDArray[np.bool_]] | None = None
     blur: list[NDArray[np.float64]] | None = None
 
     @classmethod
-    def of(cls, runs: Sequence[Log], way: _Way) -> _Recorded:
-
-        ways, start = way.preparations, way.start
-        made = cls._made(runs, way, ways)
-        inside = [away_from_ends(log, log, ways) for log in runs]
-        inside = (
-            inside
-            if made.counted is None
-            else [a & b for a, b in zip(inside, made.counted, strict=True)]
-        )
-        made = replace(made, counted=inside) if ways else made
-        if start.target == "torsion" or not any(w.channel == "output_position" for w in ways):
+    def of(cls, runs: Sequence[Log], task: Task) -> _Recorded:
+        made, ways = cls._made(runs, task, task.preparations), task.preparations
+        if not ways:
             return made
-        further = replace(cls._made(runs, way, coarser(ways)), counted=inside)
-        base = [effect for effect in start.effects if effect.harmonics or not effect.ripple]
+        inside = [away_from_ends(log, log, ways) for log in runs]
+        made = replace(made, counted=_all_of(inside, made.counted))
+        if task.target == "torsion" or not any(w.channel == "output_position" for w in ways):
+            return made
+        further = replace(cls._made(runs, task, coarser(ways)), counted=made.counted)
+        base = [effect for effect in task.effects if effect.harmonics or not effect.ripple]
 
         def posed(effects: Sequence[Effect], coarse: bool) -> Problem:
             return (further if coarse else made).problem(effects)
 
-        told, blur = resolved(base, start.fixed, posed)
-        counted = [a & b for a, b in zip(inside, told, strict=True)]
-        return replace(made, counted=counted, blur=blur)
+        told, blur = resolved(base, task.fixed, posed)
+        return replace(made, counted=_all_of(told, made.counted), blur=blur)
 
     def moved(self, runs: Sequence[Log], load: str, late: float) -> _Recorded:
         """The same `runs` with a load that is late moved to where it belongs, s.
@@ -321,7 +296,6 @@ class _Recorded:
         All else stays as it was made. Rows that then have no load do not count, nor do those that
         an end of it blurs.
         """
-
         if not late:
             return self
         note = f"{load} moved {abs(late):g} s {'earlier' if late > 0.0 else 'later'}"
@@ -331,65 +305,61 @@ class _Recorded:
             )
             for log in runs
         ]
-        ways = [way for way in self.way.preparations if way.channel == load]
-        made = self._made(shifted, self.way, ways)
-        inputs, counted = [], []
+        ways = [way for way in self.task.preparations if way.channel == load]
+        made = self._made(shifted, self.task, ways)
+        inputs, known = [], []
         for number, log in enumerate(made.logs):
             own = {load: made.inputs[number][load]}
             inputs.append(self.inputs[number].with_columns(own, note=note))
             time = runs[number]["time"]
             clock = runs[number].with_columns({"time": time - late}, note="the clock of its load")
-            known = has_value(time, time + late) & away_from_ends(clock, log, ways)
-            counted.append(known if self.counted is None else known & self.counted[number])
-        return replace(made, inputs=inputs, counted=counted, blur=self.blur)
+            known.append(has_value(time, time + late) & away_from_ends(clock, log, ways))
+        return replace(made, inputs=inputs, counted=_all_of(known, self.counted), blur=self.blur)
 
     @classmethod
-    def _made(cls, runs: Sequence[Log], way: _Way, ways: Sequence[Preparation]) -> _Recorded:
+    def _made(cls, runs: Sequence[Log], task: Task, ways: Sequence[Preparation]) -> _Recorded:
         """Inputs of all rows; those at rest do not count, but what is remembered goes on there."""
-
-        counted = at_work(runs, way.start.target)
-        return cls(way, [*runs], [prepared(log, ways) for log in runs], counted)
+        counted = at_work(runs, task.target)
+        return cls(task, [*runs], [prepared(log, ways) for log in runs], counted)
 
     @property
     def _posed(self) -> dict[str, Any]:
-        """What `problem_of` asks for beside runs, effects and target."""
-        start = self.way.start
+        """What `problem_of` asks for beside runs and effects."""
         return {
-            "known_load": start.known_load,
-            "lowpass_hz": self.way.lowpass,
-            "threads": self.way.threads,
-            "preparations": self.way.preparations,
+            "target": self.task.target,
+            "known_load": self.task.known_load,
+            "lowpass_hz": self.task.lowpass,
+            "threads": self.task.threads,
+            "preparations": self.task.preparations,
             "counted": self.counted,
-            "simulated": start.simulated,
+            "simulated": self.task.simulated,
+            "inputs": self.inputs,
         }
 
     def problem(self, effects: Sequence[Effect]) -> Problem:
 
-        target = self.way.start.target
-        return problem_of(self.logs, effects, target, inputs=self.inputs, **self._posed)
+        return problem_of(self.logs, effects, **self._posed)
 
     def study(
-        self, exclude: Sequence[str], free: Sequence[str]
+        self, free: Sequence[str], *exclude: str
     ) -> tuple[Study, list[Effect], dict[str, float]]:
         """What may be missing beside the base; the base with its freedoms; what is held of it.
 
-        `free`: what the base is given beside its effects (`freedoms`).
+        `free`: what the base is given beside its effects (`freedoms`). `exclude`: more than the
+        task's.
         """
-
-        start, way = self.way.start, self.way
-        effects: Sequence[Effect] = with_orders(start.effects, way.orders)
+        task = self.task
+        effects: Sequence[Effect] = with_orders(task.effects, task.orders)
         if any(e.ripple and not e.harmonics for e in effects):
             effects = fit(
-                effects, self.logs, start.target, known_load=start.known_load, lowpass=way.lowpass,
-                fixed=start.fixed, checks=False, threads=way.threads, bandwidth=float("inf"),
-                simulated_torque=SIMULATED if start.simulated else None,
+                effects, self.logs, task.target, known_load=task.known_load, lowpass=task.lowpass,
+                fixed=task.fixed, checks=False, threads=task.threads, bandwidth=float("inf"),
+                simulated_torque=SIMULATED if task.simulated else None,
             ).part.effects  # fmt: skip
         effects = with_freedoms(effects, free)
-        study = study_of(
-            effects, self.logs, start.target, exclude=exclude, inputs=self.inputs, **self._posed
-        )
-        study = replace(study, problem=self._blurred(study.problem), scatter=way.scatter)
-        return study, effects, {**start.fixed, **held_of(effects, free, study.problem)}
+        study = study_of(effects, self.logs, exclude=(*task.exclude, *exclude), **self._posed)
+        study = replace(study, problem=self._blurred(study.problem), scatter=task.scatter)
+        return study, effects, {**task.fixed, **held_of(effects, free, study.problem)}
 
     def _blurred(self, problem: Problem) -> Problem:
         if self.blur is None:
@@ -397,31 +367,36 @@ class _Recorded:
         both = zip(problem.runs, self.blur, strict=True)
         return replace(problem, runs=tuple(replace(run, blur=blur) for run, blur in both))
 
-    def look(self, exclude: Sequence[str], free: Sequence[str]) -> FirstLook:
+    def look(self, free: Sequence[str]) -> FirstLook:
+        return first_look(*self.study(free), self.task.say)
 
-        return first_look(*self.study(exclude, free), self.way.say)
+    def analysed(self, free: Sequence[str]) -> Analysis:
+        return analysed(self.look(free), self.task.say)
 
     def confirmed(self, made: Analysis, free: Sequence[str]) -> Confirmed:
         """The names that hold, in the model that is fitted to all rows that count."""
-
-        start = self.way.start
-        self.way.say("errors and validation")
+        task = self.task
+        task.say("errors and validation")
 
         def fitted(work: Working) -> Fit:
             problem, base = self.problem(work.effects), work.effects[: work.base]
-            known = {
-                **unseen_of(work.named, problem),
-                **start.fixed,
-                **held_of(base, free, problem),
-            }
-            return fit_near(problem, work.effects, known, _bounds(work, start), start.model,
-                            general=True)  # fmt: skip
+            held = {**unseen_of(work.named, problem), **task.fixed, **held_of(base, free, problem)}
+            springs = spring_bounds(work, task.target)
+            allowed = {name: limits for name, limits in springs.items() if name not in task.fixed}
+            return fit_near(problem, work.effects, held, allowed, task.model, general=True)
 
-        return confirmed(made, fitted, [effect.name for effect in start.effects])
+        return confirmed(made, fitted, [effect.name for effect in task.effects])
+
+
+def _all_of(
+    these: Sequence[NDArray[np.bool_]], those: Sequence[NDArray[np.bool_]] | None
+) -> list[NDArray[np.bool_]]:
+    """Rows of each run that count in both; None for all of them."""
+    return [*these] if those is None else [a & b for a, b in zip(these, those, strict=True)]
 
 
 def _on_one_clock(
-    runs: Sequence[Log], load: str, way: _Way, exclude: Sequence[str], free: Sequence[str]
+    runs: Sequence[Log], load: str, task: Task, free: Sequence[str]
 ) -> tuple[_Recorded, Confirmed, float]:
     """Look for names with a late load moved to where it belongs; and its delay, s, 0 for none.
 
@@ -429,23 +404,22 @@ def _on_one_clock(
     search makes it more precise, within its error. Where the sensor is behind its load, it
     may be the sensor's: a lag is no freedom then, but to be named.
     """
-
-    as_read = recorded = _Recorded.of(runs, way)
+    as_read = recorded = _Recorded.of(runs, task)
     late, delay = Delay(), 0.0
     if LAG not in free:  # a torsion: what the load makes of it depends on the names
-        made = found = analysed(recorded.look(exclude, free), way.say)
+        made = found = recorded.analysed(free)
         for _ in range(SETTINGS.tried - 1):
             late = delay_behind(made)
             if not late.significant:
                 break
             delay += late.seconds
             recorded = as_read.moved(runs, load, delay)
-            made = analysed(recorded.look(exclude, free), way.say)
+            made = recorded.analysed(free)
         if made.leftover.share >= 0.5:  # what is unexplained may be what is late
             made, recorded, delay = found, as_read, 0.0
         return recorded, recorded.confirmed(made, free), delay
-    others, sensor = [name for name in free if name != LAG], way.start.target in SENSOR
-    look = recorded.look(exclude, free)
+    others, sensor = [name for name in free if name != LAG], task.target in SENSOR
+    look = recorded.look(free)
     for _ in range(SETTINGS.tried - 1):  # to first order each
         step = delay_beside_everything(look)
         late = Delay(delay + step.seconds, step.error)
@@ -453,33 +427,21 @@ def _on_one_clock(
             break
         delay = late.seconds
         recorded = as_read.moved(runs, load, delay)
-        look = recorded.look(exclude, free)
-    made = analysed(look, way.say)
+        look = recorded.look(free)
+    made = analysed(look, task.say)
     rest = lead_of(made)
     if sensor and rest.significant and delay + rest.seconds < 0.0:
         delay, recorded = 0.0, as_read
-        made = analysed(recorded.look(exclude, others), way.say)
+        made = recorded.analysed(others)
     elif rest.significant and late.bears_out(delay + rest.seconds):
         delay += rest.seconds
         recorded = as_read.moved(runs, load, delay)
-        made = made.in_runs(recorded.study([*exclude, LAG], others)[0], LAG)
+        made = made.in_runs(recorded.study(others, LAG)[0], LAG)
     else:
         made = made.without(LAG)
-    if delay and LAG not in exclude:
+    if delay and LAG not in task.exclude:
         made.study.not_tried[LAG] = TAKEN
     return recorded, recorded.confirmed(made, others), delay
-
-
-@dataclass(frozen=True)
-class _Start:
-    """What a discovery starts from."""
-
-    effects: tuple[Effect, ...]
-    target: str
-    known_load: str | None
-    fixed: Mapping[str, float]
-    model: Model | None
-    simulated: Simulated | None = None
 
 
 def _base(
@@ -491,7 +453,6 @@ def _base(
     column: str | None,
 ) -> tuple[Model | str | Effect | Iterable[str | Effect], list[Log], tuple[DataFault, ...]]:
     """What to start from, the runs with what it reads, and what is wrong with a simulation."""
-
     foreign = simulation is not None or column is not None
     if foreign and (given is None or isinstance(given, Model)):
         made = based(given, runs, target, known_load, simulation, column)
@@ -507,30 +468,28 @@ def _base(
     return given, runs, ()
 
 
-def _start(
+def _task(
     given: Model | str | Effect | Iterable[str | Effect],
     target: str | None,
     known_load: str | None,
     fixed: Mapping[str, float],
-) -> _Start:
-
+) -> Task:
+    """What to start from."""
     if isinstance(given, Model):
         part = given.part(target)
         held = {**_fixed_in(part.record), **fixed}
         load = known_load or part.known_load
-        return _Start(part.effects, part.target, load, held, given, part.simulated)
+        return Task(part.effects, part.target, load, held, given, part.simulated)
     if target is None:
         raise InputError("no target is given; give target='sensor_torque' or another one")
-    names = [given] if isinstance(given, (str, Effect)) else list(given)
-    effects = [e if isinstance(e, Effect) else effect(e) for e in names]
+    effects = with_orders(given, {})
     if known_load is None:
         effects = [e.without_load() for e in effects]
-    return _Start(tuple(effects), target, known_load, fixed, None)
+    return Task(tuple(effects), target, known_load, fixed)
 
 
 def _cut(recordings: Sequence[Kept], faults: Sequence[DataFault]) -> tuple[DataFault, ...]:
     """What was left out before anything was searched, then faults, in rows of the recordings."""
-
     cut = [
         DataFault(one.run, f.name, f.channel, f.size, f.unit, f.rows, one.sentence,
                   grave=False, left_out=True)
@@ -557,7 +516,6 @@ def _counts(recordings: Sequence[Kept]) -> Counter[str]:
 
 def _rows(recordings: Sequence[Kept], target: str, made: Analysis) -> dict[str, int]:
     """How many rows the model was fitted to, and how many were left out for which reason."""
-
     runs = made.study.problem.runs
     used = sum(run.counted for run in runs)
     recorded = sum(len(kept.rows) for kept in recordings)
@@ -572,13 +530,6 @@ def _rows(recordings: Sequence[Kept], target: str, made: Analysis) -> dict[str, 
         - used,
     }
     return {why: count for why, count in found.items() if count or why == "used"}
-
-
-def _bounds(final: Working, start: _Start) -> dict[str, Bounds]:
-    """What physics allows of the parameters, but for those that the user fixed."""
-
-    allowed = spring_bounds(final, start.target)
-    return {name: limits for name, limits in allowed.items() if name not in start.fixed}
 
 
 def _fixed_in(record: Mapping[str, Any]) -> dict[str, float]:

@@ -31,6 +31,7 @@ __all__ = [
     "STRIBECK",
     "WIDTH",
     "driving_spring",
+    "fastest_of",
     "impossible",
     "level_of",
     "one_signed",
@@ -130,7 +131,7 @@ def _bent_one_way(work: Working, name: str, problem: Problem) -> str:
 
 def _not_fading(work: Working, problem: Problem) -> str:
     """Why friction does not fade from rest as a start's does, "" where it does."""
-    fastest, shapes = _fastest(problem), _shapes(work, STRIBECK)
+    fastest, shapes = fastest_of(problem), _shapes(work, STRIBECK)
     if shapes["stribeck_velocity"] < shapes["direction_width"]:
         return "it would fade before the direction of motion has changed"
     if shapes["stribeck_velocity"] > SETTINGS.most * fastest:
@@ -146,14 +147,16 @@ def _falls(work: Working, problem: Problem) -> bool:
     level = level_of(work, COULOMB)
     if problem.target in DRIVES and level < 0.0:
         return False
-    speeds = np.linspace(0.0, _fastest(problem), SETTINGS.functions)
+    speeds = np.linspace(0.0, fastest_of(problem), SETTINGS.functions)
     powers = np.array([level_of(work, VISCOUS), *work.values(BENDING)])
     curve = speeds[:, None] ** np.arange(1, 1 + len(powers)) @ powers
     return float(np.min(np.sign(level) * curve)) < -SETTINGS.little * abs(level)
 
 
-def _fastest(problem: Problem) -> float:
-    return max(float(np.abs(run.log["output_velocity"]).max()) for run in problem.runs)
+def fastest_of(problem: Problem) -> float:
+    """Return the largest speed of all runs, rad/s."""
+    speeds = (run.log["output_velocity"] for run in problem.runs)
+    return problem.once("fastest", lambda: max(float(max(v.max(), -v.min())) for v in speeds))
 
 
 def driving_spring(work: Working, target: str) -> str:

@@ -28,6 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.discovery.basis import (
+    LEAD,
     bent_forms,
     places_of,
     turning_over,
@@ -77,7 +78,6 @@ from flexspline.regression.thinned import rows_of, thinned
 from flexspline.regression.working import Working, refitted, started
 
 __all__ = [
-    "LEAD",
     "Searcher",
     "Study",
     "cost_of",
@@ -89,8 +89,6 @@ __all__ = [
 
 Array = NDArray[np.float64]
 Orders = tuple[FoundOrder, ...]
-
-LEAD = 2 * SETTINGS.rows  # before a stretch of a part, from which memory is followed
 
 
 @dataclass

@@ -22,8 +22,8 @@ from scipy.stats import chi2
 
 from flexspline.discovery.basis import (
     DIRECTION,
+    LEAD,
     ROUND,
-    Beside,
     Functions,
     Nameless,
     channel_told,
@@ -45,6 +45,7 @@ from flexspline.regression.gram import (
     solved,
 )
 from flexspline.regression.held_out import HeldOut, fall_of
+from flexspline.regression.thinned import rows_of, thinned
 from flexspline.regression.working import Working
 
 __all__ = [
@@ -54,6 +55,7 @@ __all__ = [
     "Repeated",
     "kept",
     "leftover_of",
+    "looked_at",
     "repeated",
 ]
 
@@ -66,32 +68,36 @@ FUNCTIONS = "rows of functions"  # what a problem keeps of them
 class Ceiling:
     """Functions of all channels and pairs of them, as a noise sees them.
 
-    `blocks`: products (F, C, C) over σ² of each of the `groups`, by fold.
+    `problem`: the rows on which they are looked at, `share` of all that count. `blocks`: products
+    (C, C) over σ² of each of the `groups`.
     """
 
     def __init__(self, problem: Problem, whitening: Whitening) -> None:
-        self.problem, self.whitening = problem, whitening
-        self.groups = nameless_of(problem)
+        self.problem, self.whitening = looked_at(problem), whitening
+        self.share = rows_of(self.problem) / rows_of(problem)
+        self.groups = nameless_of(self.problem)
         ends = np.cumsum([0, *(group.count for group in self.groups)])
         self.at = [slice(a, b) for a, b in pairwise(ends.tolist())]
         width = self.at[-1].stop + 1
         self.rows, self.columns = list[Rows](), list[Array]()
         self.folds: list[tuple[int, int, int]] = []
-        for number, made in enumerate(_functions(problem, self.groups)):
+        for number, made in enumerate(_functions(self.problem, self.groups)):
             white, rows = whitening.stretches(made, width)
             self.rows.append(rows)
             self.columns.append(white[:, :-1])
-            self.folds += [(number, a, b) for a, b in fold_blocks(problem, number, rows)]
-        self.blocks = [
-            np.array([self.part(f, at).T @ self.part(f, at) for f in self.folds])
-            / whitening.variance
-            for at in self.at
-        ]
+            self.folds += [(number, a, b) for a, b in fold_blocks(self.problem, number, rows)]
+        parts = [[self.part(fold, at) for fold in self.folds] for at in self.at]
+        self.blocks = [self.over_noise(own, own).sum(axis=0) for own in parts]
 
-    def part(self, fold: tuple[int, int, int], at: slice | Columns) -> Array:
+    def part(self, fold: tuple[int, int, int], at: slice = slice(None)) -> Array:
         """Columns of some functions on the rows of a fold."""
         number, first, last = fold
         return self.columns[number][first:last, at]
+
+    def over_noise(self, left: Sequence[Array], right: Sequence[Array]) -> Array:
+        """Products over σ² of columns (n, A) and (n, B) of each fold: (F, A, B)."""
+        both = zip(left, right, strict=True)
+        return np.array([a.T @ b for a, b in both]) / self.whitening.variance
 
     def beside(self, work: Working) -> Overlap:
         """Return the functions beside the columns and shapes of a model, and what a smoother blurs.
@@ -100,17 +106,21 @@ class Ceiling:
         """
         blur = [run.blur for run in self.problem.runs]
         known = tuple(one for one in blur if one is not None)
-        given = Beside(Functions(()), known) if len(known) == len(blur) else None
+        given = Functions(column=known) if len(known) == len(blur) else None
         sheet, made = work.sheet(given=given), []
         for number in range(len(self.problem.runs)):
             white, at = sheet.white(self.problem, self.whitening, number)
-            white = np.roll(white, 1, axis=1)  # the target first
             made.append(white[np.searchsorted(at, self.rows[number])])
-        columns = [made[number][first:last] for number, first, last in self.folds]
-        return Overlap(self, columns, work.owners())
+        owners = [*work.owners(), *([""] if given else [])]
+        return Overlap(self, [made[n][first:last] for n, first, last in self.folds], owners)
 
 
 Made = list[tuple[tuple[int, int], Array]]
+
+
+def looked_at(problem: Problem) -> Problem:
+    """The rows on which flexible functions are looked at."""
+    return thinned(problem, SETTINGS.rows, round(SETTINGS.little * SETTINGS.rows), LEAD)
 
 
 def _functions(problem: Problem, groups: Sequence[Nameless]) -> list[Made]:
@@ -126,84 +136,47 @@ def _functions(problem: Problem, groups: Sequence[Nameless]) -> list[Made]:
 
 
 class Overlap:
-    """Products over σ² of a model's columns M with themselves and with all functions, by fold.
+    """Functions beside a model's columns M: (n, M + 1) of each fold, the target last.
 
-    `inside`: (F, 1 + M, 1 + M), the target first. `across`: (F, C, 1 + M) but for columns that
-    have just joined: what they have in common with all functions is added up when it is asked for.
-    Functions that are taken join M.
+    `chosen`: groups of functions that were taken to the model.
     """
 
     def __init__(self, ceiling: Ceiling, columns: list[Array], owners: Sequence[str]) -> None:
-        self.ceiling, self.chosen = ceiling, list[int]()
-        self.inside = self._scaled([part.T @ part for part in columns])
-        self.across = np.empty((len(columns), ceiling.at[-1].stop, 0))
-        self.joined = columns
-        self.own = columns[0].shape[1]
-        self.owners = np.array([*owners, *[""] * (self.own - 1 - len(owners))])
+        self.ceiling, self.columns, self.chosen = ceiling, columns, list[int]()
+        self.owners = np.array(owners, dtype=str)
 
-    def _scaled(self, products: list[Array]) -> Array:
-        return np.array(products) / self.ceiling.whitening.variance
-
-    def _with(self, columns: list[Array], at: slice | Columns) -> Array:
-        """Products (F, C', c) of some functions with columns (n, c) of each fold."""
-        folds = zip(self.ceiling.folds, columns, strict=True)
-        return self._scaled([self.ceiling.part(f, at).T @ part for f, part in folds])
-
-    def take(self, groups: Sequence[int]) -> None:
-        """Let functions join the model."""
-        at = np.concatenate([np.arange(a.start, a.stop) for a in map(self._place, groups)])
-        new = [self.ceiling.part(fold, at) for fold in self.ceiling.folds]
-        both = np.concatenate([self.across[:, at], self._with(self.joined, at)], axis=2)
-        inside = zip(self.inside, both, self._with(new, at), strict=True)
-        self.inside = np.array([_bordered(*parts) for parts in inside])
-        pairs = zip(self.joined, new, strict=True)
-        self.joined = [np.column_stack(pair) for pair in pairs]
-        self.chosen += groups
-
-    def _caught_up(self) -> None:
-        """Add up what columns that have joined have in common with all functions."""
-        if self.joined[0].shape[1]:
-            new = self._with(self.joined, slice(0, self.across.shape[1]))
-            self.across = np.concatenate([self.across, new], axis=2)
-            self.joined = [part[:, :0] for part in self.joined]
-
-    def _place(self, group: int) -> slice:
-        return self.ceiling.at[group]
+    def _with(self, *more: int) -> list[Array]:
+        """[Model, functions taken, and more, target] of each fold."""
+        at = [self.ceiling.at[group] for group in (*self.chosen, *more)]
+        return [
+            np.column_stack([own[:, :-1], *(self.ceiling.part(fold, a) for a in at), own[:, -1]])
+            for fold, own in zip(self.ceiling.folds, self.columns, strict=True)
+        ]
 
     def gains(self) -> list[tuple[float, int]]:
         """Squares over σ² that each group explains beside the model, and columns seen."""
-        self._caught_up()
-        inside, across = self.inside.sum(axis=0), self.across.sum(axis=0)
-        model = np.arange(1, len(inside))
-        scale = np.sqrt(np.maximum(np.diag(inside)[1:], TINY))
-        inverse = np.linalg.pinv(inside[1:, 1:] / np.outer(scale, scale), SINGULAR, hermitian=True)
-        towards = inverse @ (inside[model, 0] / scale)
+        own, ceiling = self._with(), self.ceiling
+        inside = ceiling.over_noise(own, own).sum(axis=0)
+        across = ceiling.over_noise([ceiling.part(f) for f in ceiling.folds], own).sum(axis=0)
+        scale = np.sqrt(np.maximum(np.diag(inside)[:-1], TINY))
+        products = inside[:-1, :-1] / np.outer(scale, scale)
+        inverse = np.linalg.pinv(products, SINGULAR, hermitian=True)
+        towards = inverse @ (inside[:-1, -1] / scale)
         made = []
-        for at, block in zip(self.ceiling.at, self.ceiling.blocks, strict=True):
-            total, own = block.sum(axis=0), across[at, 1:] / scale
+        for at, total in zip(ceiling.at, ceiling.blocks, strict=True):
+            shared = across[at, :-1] / scale
             left = np.empty((len(total), len(total) + 1))
-            left[:, :-1] = total - own @ inverse @ own.T
-            left[:, -1] = across[at, 0] - own @ towards
+            left[:, :-1] = total - shared @ inverse @ shared.T
+            left[:, -1] = across[at, -1] - shared @ towards
             square = np.vstack([left, np.append(left[:, -1], 0.0)])
             made.append(gain_of(square, np.arange(len(total)), np.diag(total)))
         return made
 
-    def table(self, group: int | None = None) -> Table:
-        """Products of [model, functions taken, a group, y] by fold."""
-        inside = self.inside
-        if group is not None:
-            self._caught_up()
-            at = self.ceiling.at[group]
-            inside = np.array([_bordered(i, a[at], b) for i, a, b in
-                               zip(inside, self.across, self.ceiling.blocks[group],
-                                   strict=True)])  # fmt: skip
-        order = np.append(np.arange(1, inside.shape[1]), 0)
+    def table(self, *more: int) -> Table:
+        """Products of [model, functions taken, and more, target] by fold."""
+        own = self._with(*more)
         rows = [last - first for _, first, last in self.ceiling.folds]
-        return Table(inside[:, order][:, :, order], np.array(rows, dtype=np.int64))
-
-
-def _bordered(inside: Array, across: Array, block: Array) -> Array:
-    return np.block([[inside, across.T], [across, block]])
+        return Table(self.ceiling.over_noise(own, own), np.array(rows, dtype=np.int64))
 
 
 @dataclass(frozen=True)
@@ -247,8 +220,8 @@ def leftover_of(ceiling: Ceiling, work: Working) -> Leftover:
         if best is None:
             break
         above += best[1]
-        overlap.take([best[0]])
-    return _summary(overlap, work, above)
+        overlap.chosen.append(best[0])
+    return _summary(overlap, work, above).times(1.0 / ceiling.share)
 
 
 def _best(overlap: Overlap) -> tuple[int, float] | None:
@@ -274,9 +247,9 @@ def _summary(overlap: Overlap, work: Working, net: float) -> Leftover:
     table, ceiling = overlap.table(), overlap.ceiling
     known_load = ceiling.problem.known_load
     groups = [ceiling.groups[k] for k in overlap.chosen]
-    ends = overlap.own - 1 + np.cumsum([0, *(group.count for group in groups)])
+    ends = len(overlap.owners) + np.cumsum([0, *(group.count for group in groups)])
     at = [np.arange(a, b) for a, b in pairwise(ends.tolist())]
-    own, raw = np.arange(overlap.own - 1), np.diag(table.total)
+    own, raw = np.arange(len(overlap.owners)), np.diag(table.total)
     everything = np.concatenate([np.empty(0, dtype=np.intp), *at])
     gain = gain_of(table.without(own), everything, raw)[0] if len(at) else 0.0
     told = [{channel_told(c, known_load) for c in group.channels} for group in groups]
@@ -305,15 +278,13 @@ def _survival(overlap: Overlap, work: Working, carriers: set[str]) -> dict[str, 
     taken for an effect of that channel. Orders of the motor's angle are what a ripple of it is made
     of: they do not stand against it.
     """
-    ceiling, own = overlap.ceiling, np.arange(overlap.own - 1)
+    ceiling, own = overlap.ceiling, np.arange(len(overlap.owners))
     load = ceiling.problem.known_load
     alone = [k for k, group in enumerate(ceiling.groups) if len(group.channels) == 1]
     carrying = [k for k in alone if channel_told(ceiling.groups[k].channels[0], load) in carriers]
     beside = [k for k in carrying if k not in overlap.chosen]
-    if beside:
-        overlap.take(beside)
-    table = overlap.table()
-    taken = [ceiling.groups[k] for k in overlap.chosen]
+    table = overlap.table(*beside)
+    taken = [ceiling.groups[k] for k in (*overlap.chosen, *beside)]
     everything = np.arange(len(own), len(table.total) - 1)
     turns = [group.channels == (ROUND,) for group in taken for _ in range(group.count)]
     apart = everything[~np.array(turns, dtype=bool)]

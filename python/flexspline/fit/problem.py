@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import pairwise
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +33,7 @@ from flexspline.simulator.record import Simulated, simulation_of
 __all__ = ["Problem", "Run", "problem_of"]
 
 Array = NDArray[np.float64]
+T = TypeVar("T")
 
 SECONDS_A_BLOCK = 2.0
 MOST_BLOCKS = 400
@@ -126,6 +127,14 @@ class Problem:
         if at is None:
             return columns
         return np.where(columns == at, len(columns) - 1 + number, columns - (columns > at))
+
+    def once(self, key: Any, make: Callable[[], T]) -> T:
+        """Return what `make` makes, which is kept: models come and go, the runs stay."""
+        kept: dict[Any, Any] = self.kept
+        if key not in kept:
+            kept[key] = make()
+        made: T = kept[key]
+        return made
 
     def design(self, effects: Sequence[Effect]) -> _core.Design:
         return _core.Design([effect.for_core() for effect in effects], **self.gear)

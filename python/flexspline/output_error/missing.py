@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 __all__ = ["Driven", "Missing", "Step", "driven_model", "search", "told"]
 
 Array = NDArray[np.float64]
-Say = Callable[[str], None]
+Say = Callable[[str], object]
 
 CHANCE = 0.05
 """That noise alone makes one name, shared among all candidates (Bonferroni)."""
