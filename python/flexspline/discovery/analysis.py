@@ -33,11 +33,9 @@ from flexspline.fit.ripple import FOLLOWER, LEADERS
 from flexspline.logs.checks.dependence import Dependence, dependences
 from flexspline.regression.gram import (
     TINY,
-    Columns,
     Sheet,
     Whitening,
     edges_of,
-    gain_of,
     solved,
     tabulated,
 )
@@ -147,16 +145,13 @@ def rivals_of(searcher: Searcher, work: Working, effect: Effect) -> list[Rival]:
     """Return the rivals of a named effect, the best first."""
     dictionary = searcher.study.dictionary(work, searcher.whitening, without=[effect.name])
     rest, mine = dictionary.without([effect.name]), dictionary.own(effect.name)
-    own, raw = dictionary.gain(effect.name), np.diag(dictionary.table.total)
-    beside_it = dictionary.table.without(dictionary.model)
+    own, gain_of = dictionary.gain(effect.name), dictionary.table.gain
     form, names = form_of(effect), [e for e in work.named if e.name != effect.name]
     moved = max((form_of(e) * dictionary.gain(e.name) for e in names), default=0.0)
     near = (0.5 * SETTINGS.certain) ** 2 + form * own  # more is no alias, whatever its shape
     made = []
     for offer in (o for o in offers(dictionary, rest) if o.effect.name != effect.name):
-        beside: Columns = np.concatenate([rest, offer.columns])
-        kept = gain_of(dictionary.table.without(beside), mine, raw)[0]
-        made.append((kept, offer))
+        made.append((gain_of(mine, np.concatenate([rest, offer.columns])), offer))
     found = []
     for rank, (kept, offer) in enumerate(sorted(made, key=lambda pair: pair[0])):
         gain = offer.gain
@@ -165,7 +160,7 @@ def rivals_of(searcher: Searcher, work: Working, effect: Effect) -> list[Rival]:
             if searcher.forbidden(trial, offer.effect.name):
                 continue
         left = float(np.sqrt(max(kept - len(effect.terms), 0.0)))
-        more = gain_of(beside_it, offer.columns, raw)[0] - len(offer.columns)
+        more = gain_of(offer.columns, dictionary.model) - len(offer.columns)
         adds = float(np.sqrt(max(more, 0.0)))
         found.append(Rival(offer.effect, gain, own, left, adds, form, moved=moved))
     return sorted(found, key=lambda rival: -rival.gain)
@@ -532,9 +527,9 @@ def _left_by(
     squares, turned_squares = (sum(float(one @ one) for one in own) for own in (parts, turned))
     table = tabulated(problem, work.sheet(given=Functions(column=turned)), whitening)
     model, owners = np.arange(len(table.total) - 2), np.array(work.owners())
-    raw, last = np.diag(table.total), np.array([len(model)])
-    own, _ = gain_of(table.without(model[owners != name]), model[owners == name], raw)
-    gain, _ = gain_of(table.without(model), last, raw)
+    last = np.array([len(model)])
+    own = table.gain(model[owners == name], model[owners != name])
+    gain = table.gain(last, model)
     share = float(solved(table.total, np.append(model, last))[-1])
     least = 0.5**2 * own * turned_squares / max(squares, TINY)
     return share if gain > max(least, price(1, 1.0, len(work.named))) else 0.0, own

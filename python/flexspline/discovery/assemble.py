@@ -38,13 +38,14 @@ REVERSALS = {
     "torsional_hysteresis": "a loop between reversals",
     "torque_hysteresis": "a loop between reversals of the load",
 }
-COVARIATES = (
-    ("output_velocity", "rad/s", "speed", True),
-    ("known_load", "Nm", "load", True),
-    ("temperature", "°C", "temperature", False),
-    ("motor_temperature", "°C", "motor temperature", False),
-    ("time", "s", "time", False),
-)
+COVARIATES = {
+    "output_velocity": ("rad/s", "", True),
+    "known_load": ("Nm", "load ", True),
+    "temperature": ("°C", "temperature ", False),
+    "motor_temperature": ("°C", "motor temperature ", False),
+    "time": ("s", "time ", False),
+}
+"""Unit of a channel, its words, and whether its size is meant."""
 ALWAYS = ("output_velocity", "known_load")  # else of an effect that reads it: all heats up in time
 
 
@@ -52,21 +53,24 @@ def where(problem: Problem, effect: Effect, parts: list[Array]) -> str:
     """Return where an effect acts, from what it adds to each run, (N,), NaN where none counts."""
     counted = np.isfinite(np.concatenate(parts))
     values = np.concatenate(parts)[counted]
-    middle = 0.0 if effect.name == "offset" else _middle(problem, counted, values)
-    squares = (values - middle) ** 2
-    own = [c for c in COVARIATES if c[0] in ALWAYS or c[0] in effect.reads]
-    places = (_place(problem, counted, squares, *c) for c in own)
+
+    def channel(name: str) -> Array | None:
+        """A channel of the rows that count; None where a run does not have it."""
+        own = [run.channels[name] if name in run.channels else run.log[name]
+               for run in problem.runs if name in run.channels or name in run.log]  # fmt: skip
+        return np.concatenate(own)[counted] if len(own) == len(problem.runs) else None
+
+    velocity = channel("output_velocity")
+    sides = [] if velocity is None else [velocity > 0.0, velocity < 0.0]
+    # friction lies to either side of the middle between the directions, not about its median
+    medians = [np.median(values[side]) for side in sides if side.any()] or [np.median(values)]
+    squares = (values - (0.0 if effect.name == "offset" else np.mean(medians))) ** 2
+    own = [c for c in COVARIATES.items() if c[0] in ALWAYS or c[0] in effect.reads]
+    places = (_place(channel(name), squares, *told) for name, told in own)
     said = next((place for place in places if place), "")
     ripple = _orders(effect, problem.runs[0].log.facts)
     said = ", ".join(s for s in (ripple, said) if s) or "in all parts of the runs"
-    sides, reversals = _sides(problem, counted, squares), REVERSALS.get(effect.name, "")
-    return ", ".join(s for s in (said, sides, reversals) if s)
-
-
-def _middle(problem: Problem, counted: Array, values: Array) -> float:
-    """Half way between the directions: friction lies to either side of it, not about its median."""
-    medians = [np.median(values[side]) for side in _directions(problem, counted) if side.any()]
-    return float(np.mean(medians or [np.median(values)]))
+    return ", ".join(s for s in (said, _sides(squares, sides), REVERSALS.get(effect.name)) if s)
 
 
 def _orders(effect: Effect, facts: Mapping[str, object]) -> str:
@@ -92,22 +96,10 @@ def _told(order: int, pair: Pair, facts: Mapping[str, object]) -> str:
     return f"{order} is {words}" if known else ""
 
 
-def _place(
-    problem: Problem,
-    counted: Array,
-    squares: Array,
-    channel: str,
-    unit: str,
-    words: str,
-    size: bool,
-) -> str:
+def _place(values: Array | None, squares: Array, unit: str, words: str, size: bool) -> str:
     """The narrowest end of a channel that holds most of the squares, "" where none is narrow."""
-    if not all(channel in run.channels or channel in run.log for run in problem.runs):
+    if values is None:
         return ""
-    values = np.concatenate(
-        [run.channels[channel] if channel in run.channels else run.log[channel]
-         for run in problem.runs]
-    )[counted]  # fmt: skip
     values = np.abs(values) if size else values
     if not np.ptp(values) > 0.0 or not squares.sum() > 0.0:
         return ""
@@ -117,28 +109,18 @@ def _place(
     high = len(held) - 1 - int(np.searchsorted(held, 1.0 - SETTINGS.most))
     if min(low, high) > 0.5 * len(held):
         return ""
-    name = "" if channel == "output_velocity" else f"{words} "
     if low <= high:
-        return f"{name}below {values[order[min(low, len(order) - 1)]]:.3g} {unit}"
-    return f"{name}above {values[order[len(order) - 1 - high]]:.3g} {unit}"
+        return f"{words}below {values[order[min(low, len(order) - 1)]]:.3g} {unit}"
+    return f"{words}above {values[order[len(order) - 1 - high]]:.3g} {unit}"
 
 
-def _sides(problem: Problem, counted: Array, squares: Array) -> str:
-    sides = _directions(problem, counted)
+def _sides(squares: Array, sides: Sequence[NDArray[np.bool_]]) -> str:
     if not sides:
         return ""
     forward, backward = (float(squares[side].sum()) for side in sides)
     if min(forward, backward) >= SETTINGS.little * max(forward + backward, TINY):
         return "both directions"
     return "forward" if forward > backward else "backward"
-
-
-def _directions(problem: Problem, counted: Array) -> list[NDArray[np.bool_]]:
-    """Which of the rows that count move forward and which backward; none without a velocity."""
-    if not all("output_velocity" in run.log for run in problem.runs):
-        return []
-    velocity = np.concatenate([run.log["output_velocity"] for run in problem.runs])[counted]
-    return [velocity > 0.0, velocity < 0.0]
 
 
 def assembled(
@@ -255,22 +237,17 @@ def _found(
     `group`: the names that lower the held-out error together, and `rmse` by how much.
     """
     made, shown = held.made, held.shown[effect.name]
-    work, searcher = made.final, made.searcher
     rivals = [*held.rivals[effect.name]]
-    dictionary = searcher.study.dictionary(work, searcher.whitening)
-    gain = dictionary.gain(effect.name)
-    squares, count = wald(held.fit, effect.name, held=True)
-    t = min(equivalent_t(gain, len(effect.terms)), equivalent_t(squares, count))
+    t = min(shown.t, equivalent_t(*wald(held.fit, effect.name, held=True)))
     aliases = tuple(rival.name for rival in rivals if rival.alias)
-    own = next(e for e in work.effects if e.name == effect.name)
-    parts = contribution(made.part.problem, work, effect.name)
+    parts = contribution(made.part.problem, made.final, effect.name)
     return Found(
         effect=effect.name,
         rmse_before=rmse[0],
         rmse_after=rmse[1],
         confidence=held.confidences[effect.name],
         indistinguishable_from=aliases,
-        where=where(made.part.problem, own, parts),
+        where=where(made.part.problem, effect, parts),
         evidence=_evidence(made, effect, t, rivals, rmse, [e.name for e in group]),
         t=t,
         rivals=tuple(r for k, r in enumerate(rivals) if k < SETTINGS.tried or r.alias),

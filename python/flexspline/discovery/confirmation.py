@@ -47,6 +47,7 @@ __all__ = ["AlsoSeen", "Confirmed", "Shown", "confirmed", "significance", "toget
 Array = NDArray[np.float64]
 
 LEAST = 1.0 / (1.0 + SETTINGS.tried)  # confidence in a name
+SMALL, UNSEEN = "too small to matter", "too small to be seen held out"
 ERRORS = 2.0  # standard errors: of the fall of the held-out error, of coefficients as printed
 
 
@@ -125,38 +126,41 @@ def confirmed(made: Analysis, fitted: Callable[[Working], Fit], base: Sequence[s
         if fit.generalised != made.generalised:
             before, made = made, _in_order(replace(made, generalised=fit.generalised))
             fit = fit if made.final is before.final else fitted(made.final)
-        shown = _all_shown(made, fit)
-        failing = [one for one in shown if one.withdrawn]
-        if failing:
-            worst = max(failing, key=lambda one: (one.p, -one.share))
-            made.searcher.refused[worst.effect.name] = worst.withdrawn
-        elif rising := _rising(made, shown):
-            worst = rising
-            made.searcher.refused[worst.effect.name] = NOT_LOWER
-        else:
-            little = _too_small(shown)
-            freed = [e.name for e in made.base.effects if e.name not in base and not little]
-            idle = [name for name in freed if not significance(fit, name) < SETTINGS.alpha]
-            if idle:
-                made = made.without(idle[0])
-                continue
-            if not little:
-                rivals = _rivals(made)
-                sure = {name: _confidence(made, fit, name, own) for name, own in rivals.items()}
-                unlikely = _unlikely(rivals, sure)
-                if not unlikely:
-                    by_name = {one.effect.name: one for one in shown}
-                    return Confirmed(made, fit, by_name, tuple(small), rivals, sure)
-                made.searcher.refused[unlikely[-1]] = UNLIKELY
-                made = made.without(unlikely[-1])
-                continue
-            worst = min(little, key=lambda one: one.share)
-            if worst.fall > ERRORS * worst.error:
-                small.append(AlsoSeen(worst.effect.name, *worst.rmse, worst.t, worst.share))
-                made.searcher.refused.pop(worst.effect.name, None)  # of an earlier step
-            else:
-                made.searcher.refused[worst.effect.name] = "too small to be seen held out"
-        made = made.without(worst.effect.name)
+        shown = {one.effect.name: one for one in _all_shown(made, fit)}
+        name, why = _weakest(made, fit, [*shown.values()], base)
+        if not name:
+            rivals = _rivals(made)
+            sure = {name: _confidence(made, fit, name, own) for name, own in rivals.items()}
+            unlikely = _unlikely(rivals, sure)
+            if not unlikely:
+                return Confirmed(made, fit, shown, tuple(small), rivals, sure)
+            name, why = unlikely[-1], UNLIKELY
+        if why == SMALL:
+            one = shown[name]
+            small.append(AlsoSeen(name, *one.rmse, one.t, one.share))
+            made.searcher.refused.pop(name, None)  # of an earlier step
+        elif why:
+            made.searcher.refused[name] = why
+        made = made.without(name)
+
+
+def _weakest(
+    made: Analysis, fit: Fit, shown: Sequence[Shown], base: Sequence[str]
+) -> tuple[str, str]:
+    """The effect that has to go first, and why; "" where all that were named hold.
+
+    What the base was given goes without a reason.
+    """
+    if failing := [one for one in shown if one.withdrawn]:
+        worst = max(failing, key=lambda one: (one.p, -one.share))
+        return worst.effect.name, worst.withdrawn
+    if rising := _rising(made, shown):
+        return rising.effect.name, NOT_LOWER
+    if little := _too_small(shown):
+        least = min(little, key=lambda one: one.share)
+        return least.effect.name, SMALL if least.fall > ERRORS * least.error else UNSEEN
+    given = (e.name for e in made.base.effects if e.name not in base)
+    return next((n for n in given if not significance(fit, n) < SETTINGS.alpha), ""), ""
 
 
 def together(errors: Sequence[float]) -> list[tuple[int, int]]:

@@ -457,11 +457,9 @@ def _base(
     if foreign and (given is None or isinstance(given, Model)):
         made = based(given, runs, target, known_load, simulation, column)
         found = tuple(
-            DataFault(remark.run, one.name, one.channel, one.size, one.unit, one.rows,
-                      remark.sentence, grave=one.severity != "note")
-            for remark in made.remarks
-            for one in (remark.finding,)
-        )  # fmt: skip
+            DataFault.of(r.run, r.finding, r.sentence, grave=r.finding.severity != "note")
+            for r in made.remarks
+        )
         return made.model, made.logs, found
     if foreign or given is None:
         raise InputError("give exactly one of effects, a model, and a simulation as the base")
@@ -491,10 +489,10 @@ def _task(
 def _cut(recordings: Sequence[Kept], faults: Sequence[DataFault]) -> tuple[DataFault, ...]:
     """What was left out before anything was searched, then faults, in rows of the recordings."""
     cut = [
-        DataFault(one.run, f.name, f.channel, f.size, f.unit, f.rows, one.sentence,
-                  grave=False, left_out=True)
-        for kept in recordings for one in kept.left for f in (one.finding,)
-    ]  # fmt: skip
+        DataFault.of(one.run, one.finding, one.sentence, grave=False, left_out=True)
+        for kept in recordings
+        for one in kept.left
+    ]
     moved = []
     for fault in faults:
         own = [kept for kept in recordings if kept.log.name == fault.run and kept.left]

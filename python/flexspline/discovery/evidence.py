@@ -168,9 +168,8 @@ class Dictionary:
 
     def gain(self, *names: str) -> float:
         """Squares over σ² that some effects of the model explain beside all others."""
-        left = self.table.without(self.without(names))
         own = np.concatenate([self.own(name) for name in names])
-        return gain_of(left, own, np.diag(self.table.total))[0]
+        return self.table.gain(own, self.without(names))
 
 
 def dictionary_of(

@@ -28,6 +28,7 @@ from flexspline.fit.problem import Problem
 from flexspline.fit.resolution import away_from_ends, coarser, resolved_rows, with_fastest
 from flexspline.fit.result import Fit
 from flexspline.logs.checks import check
+from flexspline.logs.checks.findings import Finding
 from flexspline.logs.checks.gear import TOLD, Gear, measured_gear
 from flexspline.logs.log import Log
 from flexspline.logs.repairs import move_earlier
@@ -97,6 +98,13 @@ class DataFault:
     grave: bool = True
     left_out: bool = False
 
+    @classmethod
+    def of(cls, run: str, found: Finding, sentence: str, **more: bool) -> DataFault:
+        """What a check has found in a run, in these words."""
+        return cls(
+            run, found.name, found.channel, found.size, found.unit, found.rows, sentence, **more
+        )  # fmt: skip
+
 
 def data_faults(
     logs: Sequence[Log],
@@ -122,10 +130,9 @@ def data_faults(
         if target == "torsion":
             findings.raise_named(NO_TWIST)
         found += [
-            DataFault(log.name, f.name, f.channel, f.size, f.unit, f.rows,
-                      f"{log.name}: {f.sentence} {f.remedy}".rstrip())
+            DataFault.of(log.name, f, f"{log.name}: {f.sentence} {f.remedy}".rstrip())
             for f in findings.faults
-        ]  # fmt: skip
+        ]
     late = {f.run for f in found if f.name == ENCODER_DELAY}
     if late:
         gears = {log.name: gear for log in logs if (gear := measured_gear(log)) is not None}

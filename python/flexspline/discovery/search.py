@@ -437,8 +437,7 @@ class Searcher:
     def _kept(self, problem: Problem, work: Working, effect: Effect, given: Given) -> float:
         """What an effect gains beside a model and columns that are given."""
         table, own = self._apart(problem, work, effect, given)
-        left = table.without(np.setdiff1d(np.arange(len(table.total) - 1), own))
-        return gain_of(left, own, np.diag(table.total))[0]
+        return table.gain(own, np.setdiff1d(np.arange(len(table.total) - 1), own))
 
     def _apart(
         self, problem: Problem, work: Working, effect: Effect, given: Given

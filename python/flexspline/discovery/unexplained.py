@@ -249,26 +249,18 @@ def _summary(overlap: Overlap, work: Working, net: float) -> Leftover:
     groups = [ceiling.groups[k] for k in overlap.chosen]
     ends = len(overlap.owners) + np.cumsum([0, *(group.count for group in groups)])
     at = [np.arange(a, b) for a, b in pairwise(ends.tolist())]
-    own, raw = np.arange(len(overlap.owners)), np.diag(table.total)
-    everything = np.concatenate([np.empty(0, dtype=np.intp), *at])
-    gain = gain_of(table.without(own), everything, raw)[0] if len(at) else 0.0
+    own, none = np.arange(len(overlap.owners)), np.empty(0, dtype=np.intp)
+    gain = table.gain(np.concatenate([none, *at]), own)
     told = [{channel_told(c, known_load) for c in group.channels} for group in groups]
     carried = {}
     for name in dict.fromkeys(c for names in told for c in sorted(names)):
         rest = [a for names, a in zip(told, at, strict=True) if name not in names]
-        kept = np.concatenate([np.empty(0, dtype=np.intp), *rest])
-        without = gain_of(table.without(own), kept, raw)[0] if len(rest) else 0.0
-        carried[name] = gain - without
-    share = net / max(net + _named_gain(overlap, table, work), TINY)
+        carried[name] = gain - table.gain(np.concatenate([none, *rest]), own)
+    named = np.isin(overlap.owners, [effect.name for effect in work.named])
+    by_names = table.gain(np.flatnonzero(named), np.flatnonzero(~named))
+    share = net / max(net + by_names, TINY)
     survives = _survival(overlap, work, set(carried))
     return Leftover(tuple(groups), gain, net, share, carried, survives)
-
-
-def _named_gain(overlap: Overlap, table: Table, work: Working) -> float:
-    """What all names explain beside the base, in χ²."""
-    named = np.isin(overlap.owners, [effect.name for effect in work.named])
-    mine, base = np.flatnonzero(named), np.flatnonzero(~named)
-    return gain_of(table.without(base), mine, np.diag(table.total))[0] if len(mine) else 0.0
 
 
 def _survival(overlap: Overlap, work: Working, carriers: set[str]) -> dict[str, float]:

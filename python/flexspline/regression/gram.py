@@ -419,6 +419,12 @@ class Table:
         """Products of what the model's columns leave of all others, (C + 1, C + 1)."""
         return left_by(self.total, model)
 
+    def gain(self, columns: Columns, model: Columns) -> float:
+        """Squares over σ² that some columns explain beside those of a model."""
+        if not len(columns):
+            return 0.0
+        return gain_of(self.without(model), columns, np.diag(self.total))[0]
+
 
 def solved(products: Array, model: Columns, base: int | None = None) -> Array:
     """Coefficients of least squares, (m,), of least norm where columns depend on each other.
