@@ -14,7 +14,7 @@ from hidden_logs import LOAD, friction_of, log_of, noise, rich_run
 import flexspline
 from flexspline.discovery.analysis import Rival
 from flexspline.discovery.candidates import EXCLUDED
-from flexspline.discovery.result import Discovery, DrivenRun, Motion
+from flexspline.discovery.result import Discovery, Motion
 from flexspline.discovery.slices import HeldRun, frequency_bands, order_bands, slices, telling
 from flexspline.experiment.plan import Outlook
 from flexspline.experiment.says import plan_sentence
@@ -287,7 +287,7 @@ def test_what_the_caller_excluded_is_not_said_to_lack_channels() -> None:
 def test_a_forward_simulation_that_got_worse_is_said_to_be_so(final: float, worse: bool) -> None:
     log = found().runs[0].log
     zero = np.zeros(len(log))
-    motion = Motion("output_position", "rad", (DrivenRun(log, zero, zero + 1.0, zero + final),))
+    motion = Motion("output_position", "rad", (HeldRun(log, zero, zero + 1.0, zero + final),))
     said = " ".join(str(replace(found(), motion=motion)).split())
     assert f"by 1 to {final} rad RMS" in said
     assert ("the names do not make this better" in said) is worse

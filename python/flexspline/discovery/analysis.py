@@ -35,7 +35,7 @@ from flexspline.regression.gram import (
     TINY,
     Sheet,
     Whitening,
-    edges_of,
+    left_of,
     solved,
     tabulated,
 )
@@ -455,9 +455,7 @@ def _small(problem: Problem, base: Working, final: Working, leftover: Leftover) 
 def contribution(problem: Problem, work: Working, name: str) -> list[Array]:
     """Return what one effect of a model adds to the target, (N,) for each run; NaN elsewhere."""
     values = np.where(work.effect_of == name, work.coefficients, 0.0)
-    sheet = Sheet(work.effects, work.coefficients, (), values)
-    folds = sum(len(edges_of(problem, number)) - 1 for number in range(len(problem.runs)))
-    left = sheet.left_over(problem, [np.empty(0)] * folds)
+    left = left_of(problem, work.effects, work.coefficients, values)
     return [run.target - rest for run, rest in zip(problem.runs, left, strict=True)]
 
 

@@ -245,20 +245,22 @@ def order_pools(
     the model, or the strongest found. `span`: rad that the output goes from end to end; of a low
     order half a period has to be seen, or it is an offset and a slope.
     """
-    own: dict[str, list[Harmonic]] = {}
     taken = {h for e in model for h in e.harmonics if e.name != FOLLOWER}
     taken |= {GRAVITY for e in model if e.name == "gravity"}
-    seen_of = {pair: span * abs(pair.turns) for pair in pairs(facts)}
     scanned_out = any(line.pair == "output_housing" for line in found)
-    low = [(k, pair) for k, pair in _low(facts, scanned_out) if not k * seen_of[pair] < np.pi]
-    for order, pair in [*low, *_of_facts(facts)]:
-        name = "kinematic_error" if target == "torsion" else _owner(order, pair, facts)
-        _add(own, name, (order, CORE_PAIRS[pair.name]), taken)
+    low = [(k, pair) for k, pair in _low(facts, scanned_out) if k * span * abs(pair.turns) >= np.pi]
+    wanted = [(_owner(k, pair, facts), (k, CORE_PAIRS[pair.name]))
+              for k, pair in [*low, *_of_facts(facts)]]  # fmt: skip
     for line in found[: SETTINGS.functions]:
         if isinstance(line.order, int) and line.pair:
-            name = "kinematic_error" if target == "torsion" else line.effect
-            name = "output_ripple" if name == "gravity" else name
-            _add(own, name, (line.order, CORE_PAIRS[line.pair]), taken)
+            name = "output_ripple" if line.effect == "gravity" else line.effect
+            wanted.append((name, (line.order, CORE_PAIRS[line.pair])))
+    if target == "torsion":
+        wanted = [("kinematic_error", harmonic) for _, harmonic in wanted]
+    own: dict[str, list[Harmonic]] = {}
+    for name, harmonic in dict.fromkeys(wanted):
+        if harmonic not in taken:
+            own.setdefault(name, []).append(harmonic)
     leading = [h for e in model if e.name in LEADERS for h in e.harmonics]
     seen = [(f.order, CORE_PAIRS[f.pair]) for f in found[: SETTINGS.tried - 1]
             if f.effect in LEADERS and isinstance(f.order, int) and f.pair]  # fmt: skip
@@ -296,13 +298,6 @@ def unseen_of(effects: Iterable[Effect], problem: Problem) -> dict[str, float]:
 def _allowed(name: str, orders: list[Harmonic]) -> tuple[Harmonic, ...]:
     known = CATALOGUE[name].pairs
     return tuple(h for h in orders if h[1] in known)[: _core.max_harmonics]
-
-
-def _add(
-    own: dict[str, list[Harmonic]], name: str, harmonic: Harmonic, taken: set[Harmonic]
-) -> None:
-    if harmonic not in taken and harmonic not in own.setdefault(name, []):
-        own[name].append(harmonic)
 
 
 def _low(facts: Mapping[str, Any], scanned_out: bool) -> list[tuple[int, Pair]]:

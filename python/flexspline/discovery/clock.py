@@ -107,12 +107,12 @@ def delay_behind(made: Analysis) -> Delay:
     taken = {step.effect.name: step.effect for step in made.steps}
     back = [taken[name] for name in made.doubted if name in taken]
     work, _ = searcher.fitted(made.final.with_effects(*back))
-    parts = []
-    for number, run in enumerate(problem.runs):
-        rows, target = work.rows(problem, number)
-        slope = np.gradient(work.predict(problem, number), run.log["time"])
-        parts.append((np.column_stack([rows, slope]), target))
-    late = _last_column(tabulated(problem, parts, searcher.whitening))
+    slopes = tuple(
+        np.gradient(work.predict(problem, number), run.log["time"])
+        for number, run in enumerate(problem.runs)
+    )
+    sheet = work.sheet(given=Functions(column=slopes))
+    late = _last_column(tabulated(problem, sheet, searcher.whitening))
     return replace(late, error=2.0 * late.error) if made.leftover.groups else late
 
 

@@ -32,7 +32,6 @@ from flexspline.discovery.settings import SETTINGS
 from flexspline.discovery.slices import HeldRun, Slice, slices
 from flexspline.errors import InputError
 from flexspline.fit.result import Fit, Parameter
-from flexspline.logs.log import Log
 from flexspline.model import PART_OF, Model, Part
 from flexspline.regression.gram import TINY
 from flexspline.regression.held_out import Fold, HeldOut
@@ -54,7 +53,6 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Discovery",
-    "DrivenRun",
     "Found",
     "Motion",
     "Unexplained",
@@ -90,22 +88,12 @@ UNLIKELY = "other effects, or what no name explains, are four times as likely"
 
 
 @dataclass(frozen=True, eq=False)
-class DrivenRun:
-    """One fold: its log, and measured and simulated values (N,) in the channel's unit."""
-
-    log: Log
-    measured: Array
-    base: Array
-    final: Array
-
-
-@dataclass(frozen=True, eq=False)
 class Motion:
     """Forward simulation before and after; RMSE in `unit`, over all rows of all folds."""
 
     channel: str
     unit: str
-    runs: tuple[DrivenRun, ...]
+    runs: tuple[HeldRun, ...]
 
     @property
     def base_rmse(self) -> float:
@@ -146,7 +134,7 @@ def _driven(made: Analysis, before: HeldOut, after: HeldOut, facts: dict[str, An
         log = log.rows(slice(first.first, first.last), note="one fold")
         one = simulate(_model(made, made.base, first, facts), log)
         two = simulate(_model(made, made.final, last, facts), log)
-        runs.append(DrivenRun(log, one.measured, one.simulated, two.simulated))
+        runs.append(HeldRun(log, one.measured, one.simulated, two.simulated))
     return Motion(one.channel, one.unit, tuple(runs))
 
 

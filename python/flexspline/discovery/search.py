@@ -67,11 +67,10 @@ from flexspline.orders import FoundOrder
 from flexspline.regression.gram import (
     Columns,
     Given,
-    Sheet,
     Table,
     Whitening,
-    edges_of,
     gain_of,
+    left_of,
     tabulated,
 )
 from flexspline.regression.thinned import rows_of, thinned
@@ -159,9 +158,7 @@ class Study:
     def scan(self, work: Working) -> None:
         """Look for orders in what a model leaves; those of earlier scans stay."""
         logs = [run.log for run in self.problem.runs]
-        sheet = Sheet(work.effects, work.coefficients, (), work.coefficients)
-        folds = sum(len(edges_of(self.problem, number)) - 1 for number in range(len(logs)))
-        residuals = sheet.left_over(self.problem, [np.empty(0)] * folds)
+        residuals = left_of(self.problem, work.effects, work.coefficients, work.coefficients)
         self.orders = joined(self.orders, scanned(logs, residuals, UNITS[self.target]))
 
 

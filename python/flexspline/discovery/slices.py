@@ -162,7 +162,7 @@ class HeldRun:
     measured: Array
     base: Array
     final: Array
-    load: Array | None
+    load: Array | None = None
 
     @property
     def counts(self) -> NDArray[np.bool_]:

@@ -18,7 +18,7 @@ from flexspline.comparison.runs import Compared, ComparedRun
 from flexspline.comparison.simulated import resolution
 from flexspline.comparison.velocity import velocity_noise, with_motion
 from flexspline.discovery.faults import DataFault
-from flexspline.discovery.result import Discovery, DrivenRun, Found, Motion, Unexplained
+from flexspline.discovery.result import Discovery, Found, Motion, Unexplained
 from flexspline.discovery.slices import HeldRun
 from flexspline.effects import Effect
 from flexspline.errors import InputError, listed
@@ -97,11 +97,7 @@ def discover_by_simulation(
         next_experiment=None,
         fit=fit,
         runs=held,
-        motion=Motion(
-            "output_position",
-            "rad",
-            tuple(DrivenRun(run.log, run.measured, run.base, run.final) for run in held),
-        ),
+        motion=Motion("output_position", "rad", held),
         not_tried=made.not_tried,
         refused=made.refused,
         doubted=(),

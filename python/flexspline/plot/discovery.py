@@ -28,8 +28,8 @@ from flexspline.plot.orders import spectrum_over
 from flexspline.plot.thin import outline
 
 if TYPE_CHECKING:
-    from flexspline.discovery.result import Discovery, DrivenRun
-    from flexspline.discovery.slices import Slice
+    from flexspline.discovery.result import Discovery
+    from flexspline.discovery.slices import HeldRun, Slice
 
 __all__ = [
     "driven_forward",
@@ -136,7 +136,7 @@ def driven_forward(made: Discovery, ax: Axes | None = None) -> Axes:
     assert made.motion is not None
     ax = axes_or_new(ax)
 
-    def gain(run: DrivenRun) -> float:
+    def gain(run: HeldRun) -> float:
         before, after = (np.nansum((run.measured - m) ** 2) for m in (run.base, run.final))
         return float(before - after if made.found else before)
 

@@ -466,18 +466,25 @@ def _inverse(products: Array, model: Columns) -> tuple[Array, Array, Array]:
     return (vectors[:, seen] / values[seen]) @ vectors[:, seen].T, scale, vectors[:, ~seen]
 
 
-def tabulated(
-    problem: Problem, columns: Sheet | Sequence[tuple[Array, Array]], whitening: Whitening
-) -> Table:
-    """Add up the products of columns and target: of a sheet, or of (N, C) and (N,) of each run."""
-    if isinstance(columns, Sheet) and columns.even(problem):
-        folds = columns.products(problem, whitening)
+def left_of(
+    problem: Problem, effects: tuple[Effect, ...], load: Array, values: Array
+) -> list[Array]:
+    """Return the target less what coefficients (P,) of effects make of it, (N,) for each run.
+
+    `load`: coefficients of which the load is made. NaN where a row does not count.
+    """
+    folds = sum(len(edges_of(problem, number)) - 1 for number in range(len(problem.runs)))
+    return Sheet(effects, load, (), values).left_over(problem, [np.empty(0)] * folds)
+
+
+def tabulated(problem: Problem, sheet: Sheet, whitening: Whitening) -> Table:
+    """Add up the products of the columns of a sheet and the target."""
+    if sheet.even(problem):
+        folds = sheet.products(problem, whitening)
         return Table(folds / whitening.variance, _rows_of_folds(problem, whitening))
-    if isinstance(columns, Sheet):
-        columns = [columns.rows(problem, number) for number in range(len(problem.runs))]
     products = []
-    for number, (rows, target) in enumerate(columns):
-        made, at = whitening(np.column_stack([rows, target]), problem.runs[number])
+    for number, run in enumerate(problem.runs):
+        made, at = whitening(np.column_stack(sheet.rows(problem, number)), run)
         blocks = fold_blocks(problem, number, at)
         plain = np.asfortranarray(made[:, :-1])
         high, _ = _core.accumulate_rows(plain, made[:, -1], blocks, None, False, problem.threads)
