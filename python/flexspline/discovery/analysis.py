@@ -16,8 +16,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.discovery.basis import Functions, channel_told, nameless_of
-from flexspline.discovery.evidence import Offer, offers, price
+from flexspline.discovery.basis import Functions, nameless_of
+from flexspline.discovery.evidence import Offer, offers
 from flexspline.discovery.search import (
     Searcher,
     Study,
@@ -27,22 +27,18 @@ from flexspline.discovery.search import (
 from flexspline.discovery.settings import SETTINGS
 from flexspline.discovery.unexplained import Ceiling, Leftover, leftover_of, looked_at
 from flexspline.effects import Effect
-from flexspline.fit.memory import settled
 from flexspline.fit.problem import Problem
-from flexspline.fit.ripple import FOLLOWER, LEADERS
 from flexspline.logs.checks.dependence import Dependence, dependences
 from flexspline.regression.gram import (
     TINY,
     Sheet,
     Whitening,
     left_of,
-    solved,
-    tabulated,
 )
 from flexspline.regression.held_out import HeldOut, held_out, plain_rows
 from flexspline.regression.thinned import rows_of
 from flexspline.regression.whitening import first_whitening, restricted_whitening
-from flexspline.regression.working import Working, refitted, solved_at, started, working
+from flexspline.regression.working import Working, refitted, started, working
 from flexspline.report.numbers import percent
 
 __all__ = [
@@ -69,7 +65,7 @@ class Rival:
     """Another candidate in the place of a named effect.
 
     `gain`: what it explains there, and `own` what the named effect explains, in χ². `left`: |t|
-    that the named effect keeps beside it, and `adds` what it keeps beside the named effect.
+    that the named effect keeps beside it.
     `form`: of what the named effect explains, that its form may miss. `tied`: the two channels,
     one of which each of them reads, if in these runs one is nearly a function of the other; else
     empty. `moved`: by how much the forms of the other names may move a gain, in χ².
@@ -79,7 +75,6 @@ class Rival:
     gain: float
     own: float
     left: float
-    adds: float
     form: float
     tied: tuple[str, ...] = ()
     moved: float = 0.0
@@ -130,16 +125,6 @@ class Rival:
         )  # fmt: skip
         return next((reason for holds, reason in rules if holds), "")
 
-    @property
-    def inside(self) -> bool:
-        """Whether the named effect is another form of it: it adds nothing, and lacks little.
-
-        Where the load is a function of the angle, friction that follows the angle holds every form
-        of friction that follows the load. That it fits better, with more numbers, is a matter of
-        form as long as it is no more than a form may miss.
-        """
-        return self.adds < SETTINGS.told and self.gain >= (1.0 - SETTINGS.bends) * self.own
-
 
 def rivals_of(searcher: Searcher, work: Working, effect: Effect) -> list[Rival]:
     """Return the rivals of a named effect, the best first."""
@@ -160,9 +145,7 @@ def rivals_of(searcher: Searcher, work: Working, effect: Effect) -> list[Rival]:
             if searcher.forbidden(trial, offer.effect.name):
                 continue
         left = float(np.sqrt(max(kept - len(effect.terms), 0.0)))
-        more = gain_of(offer.columns, dictionary.model) - len(offer.columns)
-        adds = float(np.sqrt(max(more, 0.0)))
-        found.append(Rival(offer.effect, gain, own, left, adds, form, moved=moved))
+        found.append(Rival(offer.effect, gain, own, left, form, moved=moved))
     return sorted(found, key=lambda rival: -rival.gain)
 
 
@@ -174,7 +157,7 @@ def simplest(searcher: Searcher, work: Working) -> Working:
     """
     for effect in work.named:
         rivals = rivals_of(searcher, work, effect)
-        equals = [r.effect for r in rivals if r.by_t or r.inside or r.gain >= r.own]
+        equals = [r.effect for r in rivals if r.by_t or r.gain >= r.own]
         for plain in sorted(equals, key=freedom):
             if freedom(plain) >= freedom(effect):
                 break
@@ -183,35 +166,7 @@ def simplest(searcher: Searcher, work: Working) -> Working:
             if not searcher.forbidden(trial, plain.name):
                 work = trial
                 break
-    return _leading(searcher, work)
-
-
-def _leading(searcher: Searcher, work: Working) -> Working:
-    """Replace ripple that changes with speed by its plain kinds where they explain as much.
-
-    It holds the orders of all of them, and with a resonance far away it is their sum. What is named
-    of them already takes its orders in.
-    """
-    follower = next((e for e in work.named if e.name == FOLLOWER), None)
-    if follower is None:
-        return work
-    named = {e.name: e.harmonics for e in work.named if e.name in LEADERS}
-    rest = [e for e in work.effects if e.name not in (FOLLOWER, *named)]
-    offered = {c.name: c.variants[0] for c in searcher.study.candidates(rest) if c.name in LEADERS}
-    teeth = set(offered[COGGING].harmonics) if COGGING in offered else set()
-    taken = {h for orders in named.values() for h in orders}
-    more = [h for h in follower.harmonics if h not in taken]
-    plain = []
-    for name, ripple in offered.items():
-        own = [h for h in more if (h in teeth) == (name == COGGING)]
-        if own or name in named:
-            plain.append(ripple.with_orders([*named.get(name, ()), *own]))
-    if not plain:
-        return work
-    trial, squares = searcher.fitted(work.having([*rest, *plain]))
-    _, left = searcher.fitted(work)
-    _, without = searcher.fitted(work.without(FOLLOWER))
-    return trial if squares - left < SETTINGS.bends * (without - left) else work
+    return work
 
 
 def _refitted(
@@ -223,9 +178,6 @@ def _refitted(
     _, both = searcher.fitted(trial.with_effects(effect))
     without = searcher.fitted(others)[1]
     return min(kept, max(squares - both, 0.0)), max(without - squares, 0.0), trial
-
-
-MOST_KEPT = 0.5  # of each run's rows that stay at least, where those of unknown past are left out
 
 
 @dataclass(frozen=True, eq=False)
@@ -264,7 +216,6 @@ class Analysis:
         `plain`: an effect of the base that is left out.
         """
         part = study.thinned()
-        part.problem = _known(part.problem, self.final.effects)
         study.orders = part.orders = self.study.orders
         searcher = replace(self.searcher, study=study)
         base, _ = searcher.fitted(self.base.without(plain))
@@ -364,7 +315,6 @@ def analysed(look: FirstLook, say: Callable[[str], object]) -> Analysis:
     whole, study, base, first = look.whole, look.part, look.base, look.noise
     whole.tied = study.tied = tied_channels(looked_at(whole.problem), base)
     lax, _ = Searcher(study, first, True, say).run(base)
-    study.problem = _known(study.problem, lax.effects)
     study.scan(lax)
     beside = leftover_of(Ceiling(whole.problem, first), lax).groups
     whitening = restricted_whitening(study.problem, lax, Functions(beside) if beside else None)
@@ -381,38 +331,17 @@ def analysed(look: FirstLook, say: Callable[[str], object]) -> Analysis:
     say("what is left")
     ceiling = Ceiling(whole.problem, whitening)
     leftover, doubted = leftover_of(ceiling, final), []
-    at_first, closed = leftover.net, _small(ceiling.problem, base, final, leftover) is not None
-
-    def without(name: str) -> tuple[Working, Leftover]:
-        rest = searcher.pruned(searcher.fitted(final.without(name))[0])
-        return rest, leftover_of(ceiling, rest)
-
-    while True:
-        small = _small(ceiling.problem, base, final, leftover) if closed else None
-        stand_in = _stand_in(searcher, final, leftover, at_first, small)
-        if stand_in is None:
-            break
+    at_first = leftover.net
+    while stand_in := _stand_in(searcher, final, leftover, at_first):
         doubted.append(stand_in)
-        final, leftover = without(stand_in)
-    final = searcher.pruned(simplest(searcher, final))
-    for name in [e.name for e in final.named]:
-        effect = next((e for e in final.named if e.name == name), None)
-        if effect is None or effect.info.remembers:
-            continue
-        if _of_one_part(ceiling, final, name, leftover):
-            doubted.append(name)
-            final, leftover = without(name)
+        final = searcher.pruned(searcher.fitted(final.without(stand_in))[0])
+        leftover = leftover_of(ceiling, final)
+    plain = searcher.pruned(simplest(searcher, final))
+    if plain is not final:
+        final, leftover = plain, leftover_of(ceiling, plain)
     return Analysis(
         whole, study, base, final, searcher, tuple(steps), leftover, tuple(doubted), ceiling
-    )  # fmt: skip
-
-
-def _known(problem: Problem, effects: Sequence[Effect]) -> Problem:
-    """Leave out the rows at which effects still depend on what came before, if each run has few."""
-    runs = tuple(replace(run, unbroken=run.stretches) for run in problem.runs)  # a part stays one
-    left = settled(replace(problem, runs=runs), effects)
-    both = zip(left.runs, problem.runs, strict=True)
-    return left if all(a.counted >= MOST_KEPT * b.counted for a, b in both) else problem
+    )
 
 
 def _everything(study: Study, work: Working) -> Sheet:
@@ -420,36 +349,6 @@ def _everything(study: Study, work: Working) -> Sheet:
     wanted = [e for c in study.candidates(work.effects) for e in c.effects]
     nameless = Functions(tuple(nameless_of(study.problem, pairs=False)))
     return work.sheet(beside=list(dict.fromkeys(wanted)), given=nameless)
-
-
-def _small(problem: Problem, base: Working, final: Working, leftover: Leftover) -> list[str] | None:
-    """Names without which next to nothing of the gap opens again; None where much of it is open.
-
-    Nor may such a name close half of what is left without it. The gap is what names and
-    flexible functions explain. Where names explain more than half of it in the noise's own metric,
-    but not nearly all, the target's unit decides, on left-out folds: the noise sees more of what a
-    form misses, such as the shape of a jump.
-    """
-    if not final.named or leftover.share >= 0.5:
-        return None
-    plain, functions = plain_rows(problem, final), Functions(leftover.groups)
-
-    def left(work: Working, beside: Functions | None = None) -> float:
-        return held_out(problem, work, plain, beside).squares
-
-    before, after = left(base), left(final)
-    if leftover.share > 1.0 - SETTINGS.most:
-        floor = min(left(final, functions), after)
-        if before - after < SETTINGS.most * (before - floor):
-            return None
-    found = []
-    for effect in final.named:
-        rest, _ = solved_at(problem, final.without(effect.name), plain)
-        lacking = left(rest)
-        opened = lacking - after
-        if opened < SETTINGS.bends * (before - after) and opened < 0.5 * lacking:
-            found.append(effect.name)
-    return found
 
 
 def contribution(problem: Problem, work: Working, name: str) -> list[Array]:
@@ -480,75 +379,14 @@ def tied_channels(problem: Problem, work: Working) -> tuple[Dependence, ...]:
     return tuple(one for one in found if known or (one.channel, one.of) != trivial)
 
 
-def _of_one_part(ceiling: Ceiling, work: Working, name: str, leftover: Leftover) -> bool:
-    """Whether what carries a name acts one way only, or grows with the speed, as no effect does.
-
-    Let f be what a name explains and m the sign of the velocity, or the speed over its mean under
-    f², less one. Of a cause that is (1 + c m) f, c m f is left over beside f: c = 1 of one that
-    acts forward alone, or grows with the speed where the name does not, and ½ where it is three
-    times as large forward. Beside all others it then explains at least c² of what f does by m².
-
-    Forms of friction and of resonances are off by such a part too. So the speed is asked about only
-    where the name's own channels carry all that is left, and that is more than a small part.
-    """
-    problem, whitening = ceiling.problem, ceiling.whitening
-    if not all("output_velocity" in run.log for run in problem.runs):
-        return False
-    parts = [np.nan_to_num(part) for part in contribution(problem, work, name)]
-    velocity = [run.log["output_velocity"] for run in problem.runs]
-    turned, own = _left_by(problem, work, whitening, name, parts, [np.sign(v) for v in velocity])
-    (effect,) = (e for e in work.named if e.name == name)
-    known = problem.known_load
-    carried = {channel_told(c, known) for group in leftover.groups for c in group.channels}
-    if (
-        abs(turned) > 0.5
-        or ceiling.share * leftover.net < SETTINGS.little * own
-        or not carried <= {*effect.reads}
-    ):
-        return abs(turned) > 0.5
-    sums = [(f**2 @ np.abs(v), f @ f) for f, v in zip(parts, velocity, strict=True)]
-    mean = sum(a for a, _ in sums) / max(sum(b for _, b in sums), TINY)
-    faster = [np.abs(v) / mean - 1.0 for v in velocity]
-    return 0.5 < _left_by(problem, work, whitening, name, parts, faster)[0] < 2.0
-
-
-def _left_by(
-    problem: Problem,
-    work: Working,
-    whitening: Whitening,
-    name: str,
-    parts: Sequence[Array],
-    by: Sequence[Array],
-) -> tuple[float, float]:
-    """How much of a name's part (N,) times `by` is left over, 0 if chance; and the name's gain."""
-    turned = tuple(f * m for f, m in zip(parts, by, strict=True))
-    squares, turned_squares = (sum(float(one @ one) for one in own) for own in (parts, turned))
-    table = tabulated(problem, work.sheet(given=Functions(column=turned)), whitening)
-    model, owners = np.arange(len(table.total) - 2), np.array(work.owners())
-    last = np.array([len(model)])
-    own = table.gain(model[owners == name], model[owners != name])
-    gain = table.gain(last, model)
-    share = float(solved(table.total, np.append(model, last))[-1])
-    least = 0.5**2 * own * turned_squares / max(squares, TINY)
-    return share if gain > max(least, price(1, 1.0, len(work.named))) else 0.0, own
-
-
-def _stand_in(
-    searcher: Searcher,
-    work: Working,
-    leftover: Leftover,
-    at_first: float,
-    small: Sequence[str] | None,
-) -> str | None:
+def _stand_in(searcher: Searcher, work: Working, leftover: Leftover, at_first: float) -> str | None:
     """The named effect that most clearly stands in for something else, if one does.
 
     That is one of which functions without a name hold most, where they still explain a part as
-    large as a small part of it; or one beside which they explain far more. Where names explain
-    nearly all, what a form misses is sure as well, and free functions of a name's own channels
-    hold the name: there only names that explain little of it are asked (`_small`). Where no more is
-    left than the form of a name may miss, no name is taken back. `at_first`: what was left before
-    any name was taken back, in χ²; a name that was is part of what is left now, and no reason to
-    take back others.
+    large as a small part of it; or one beside which they explain far more. Where no more is left
+    than the form of a name may miss, no name is taken back. `at_first`: what was left before any
+    name was taken back, in χ²; a name that was is part of what is left now, and no reason to take
+    back others.
     """
     if not leftover.groups or not work.named:
         return None
@@ -556,11 +394,9 @@ def _stand_in(
     gains = {e.name: dictionary.gain(e.name) for e in work.named}
     if leftover.net <= max(form_of(e) * gains[e.name] for e in work.named):
         return None
-    shares = {name: leftover.net / max(gain, TINY)
-              for name, gain in gains.items() if small is None or name in small}  # fmt: skip
-    larger = SETTINGS.overwhelming if small is None else 1.0
-    doubted = [n for n, share in shares.items()
-               if share > larger * leftover.net / max(at_first, TINY)
-               or (share > SETTINGS.little
-                   and leftover.survives[n] < SETTINGS.stand_in)]  # fmt: skip
+    shares = {name: leftover.net / max(gain, TINY) for name, gain in gains.items()}
+    most = SETTINGS.overwhelming * leftover.net / max(at_first, TINY)
+    held = [name for name, kept in leftover.survives.items() if kept < SETTINGS.stand_in]
+    doubted = [name for name, share in shares.items()
+               if share > most or (share > SETTINGS.little and name in held)]  # fmt: skip
     return max(doubted, key=lambda name: shares[name], default=None)

@@ -506,9 +506,8 @@ def greedy(left: Array, raw: Array, groups: NDArray[np.intp]) -> Iterator[float]
 def cost_of(dictionary: Dictionary, work: Working, name: str) -> float:
     """Return the price of a name of the model, its shapes known."""
     own = dictionary.own(name)
-    own = own[own < len(work.free)]  # shapes come behind all coefficients
-    left = dictionary.table.without(dictionary.without([name]))[np.ix_(own, own)]
-    return price_of(name, dictionary.target, left, 1.0, len(dictionary.candidates))
+    count = int(np.count_nonzero(own < len(work.free)))  # shapes come behind all coefficients
+    return price_of(name, count, dictionary.target, 1.0, len(dictionary.candidates))
 
 
 def _rank(offer: Offer) -> float:
