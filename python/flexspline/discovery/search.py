@@ -8,6 +8,10 @@ takes the best that
 - gains more than the form of a name may miss (`missed`),
 - is physically possible (`physics.py`).
 
+What was best alone need not be best beside others: after each step a name that no longer pays goes,
+and one is exchanged for another, one for two, or two for one, where that explains more above its
+price. All of these are asked of one table of products, and only the best is fitted.
+
 No form is exact: what a named effect's own misses is a share of all that it explains, and beside a
 large effect that is as much as a small one explains.
 
@@ -317,7 +321,7 @@ class Searcher:
         return cost, self._missed(dictionary, work, effect, dictionary.gain(effect.name))
 
     def _examined(self, work: Working, squares: float) -> tuple[Working, float]:
-        """Replace or drop names where that is better: each once by one or two, any two by one."""
+        """Drop names, or exchange them where that is better: one for one or two, two for one."""
         names = [effect.name for effect in work.named]
         for out in (out for count in (1, 2) for out in combinations(names, count)):
             if {*out} <= {e.name for e in work.named}:
@@ -325,29 +329,25 @@ class Searcher:
         return work, squares
 
     def _changed(self, work: Working, squares: float, out: Sequence[str]) -> tuple[Working, float]:
-        """The better one of a model and the same with something else in the place of some names."""
+        """The better one of a model, the same without a name that does not pay, and an exchange."""
         dictionary = self.study.dictionary(work, self.whitening, without=out)
-        own, cost = [e for e in work.named if e.name in out], 0.0
-        rest = work.without(*out)
-        for effect in own:
-            own_cost, missed = self._owed(dictionary, work, effect)
-            if len(out) == 1 and dictionary.gain(effect.name) < max(own_cost, missed):
-                return self.fitted(rest)
-            cost += own_cost
-        gain = dictionary.gain(*out)
-        for made in self._instead(dictionary, dictionary.without(out), gain - cost, len(out)):
-            if not self._worthy(made[0], dictionary, rest, dictionary.without(out)):
-                continue
-            added = [offer.effect for offer in made]
-            if {(e.name, e.harmonics) for e in added} >= {(e.name, e.harmonics) for e in own}:
-                break  # the next step takes it
-            trial, left = self.fitted(rest.with_effects(*added))
-            paid = sum(offer.price for offer in made)
-            more = max(sum(map(freedom, added)) - sum(map(freedom, own)), 0)
-            margin = SETTINGS.negligible * gain * more
-            if left + paid + margin < squares + cost and self._pays(trial, added):
-                return trial, left
-            break
+        model, rest = dictionary.without(out), work.without(*out)
+        own = [effect for effect in work.named if effect.name in out]
+        owed = [self._owed(dictionary, work, effect) for effect in own]
+        gain, cost = dictionary.gain(*out), sum(price for price, _ in owed)
+        if len(out) == 1 and gain < max(owed[0]):
+            return self.fitted(rest)
+        instead = self._instead(dictionary, model, gain - cost, len(out))
+        best = next((o for o in instead if self._worthy(o[0], dictionary, rest, model)), [])
+        added = [offer.effect for offer in best]
+        same = {(e.name, e.harmonics) for e in own} <= {(e.name, e.harmonics) for e in added}
+        if not best or same:  # what there is, and one more, is the next step's
+            return work, squares
+        trial, left = self.fitted(rest.with_effects(*added))
+        margin = max(sum(map(freedom, added)) - sum(map(freedom, own)), 0)
+        paid = sum(offer.price for offer in best) + SETTINGS.negligible * gain * margin
+        if left + paid < squares + cost and self._pays(trial, added):
+            return trial, left
         return work, squares
 
     def _instead(
@@ -363,7 +363,7 @@ class Searcher:
             for first in single[: SETTINGS.tried]:
                 beside = np.concatenate([model, first.columns])
                 more = (o for o in offers(dictionary, beside) if o.effect.name != first.effect.name)
-                made.append([first, max(more, key=_rank)])
+                made += [[first, second] for second in sorted(more, key=_rank)[-1:]]
         made.sort(key=lambda both: sum(map(_rank, both)), reverse=True)
         return [both for both in made if sum(offer.net for offer in both) > least]
 
