@@ -38,7 +38,7 @@ from flexspline.regression.gram import (
 from flexspline.regression.held_out import HeldOut, held_out, plain_rows
 from flexspline.regression.thinned import rows_of
 from flexspline.regression.whitening import first_whitening, restricted_whitening
-from flexspline.regression.working import Working, refitted, started, working
+from flexspline.regression.working import Working, refitted, solved_at, started, working
 from flexspline.report.numbers import percent
 
 __all__ = [
@@ -331,8 +331,13 @@ def analysed(look: FirstLook, say: Callable[[str], object]) -> Analysis:
     say("what is left")
     ceiling = Ceiling(whole.problem, whitening)
     leftover, doubted = leftover_of(ceiling, final), []
-    at_first = leftover.net
-    while stand_in := _stand_in(searcher, final, leftover, at_first):
+    at_first, rows = leftover.net, ceiling.problem
+    closed = _small(rows, base, final, leftover) is not None
+    while True:
+        small = _small(rows, base, final, leftover) if closed else None
+        stand_in = _stand_in(searcher, final, leftover, at_first, small)
+        if stand_in is None:
+            break
         doubted.append(stand_in)
         final = searcher.pruned(searcher.fitted(final.without(stand_in))[0])
         leftover = leftover_of(ceiling, final)
@@ -349,6 +354,36 @@ def _everything(study: Study, work: Working) -> Sheet:
     wanted = [e for c in study.candidates(work.effects) for e in c.effects]
     nameless = Functions(tuple(nameless_of(study.problem, pairs=False)))
     return work.sheet(beside=list(dict.fromkeys(wanted)), given=nameless)
+
+
+def _small(problem: Problem, base: Working, final: Working, leftover: Leftover) -> list[str] | None:
+    """Names without which next to nothing of the gap opens again; None where much of it is open.
+
+    Nor may such a name close half of what is left without it. The gap is what names and
+    flexible functions explain. Where names explain more than half of it in the noise's own metric,
+    but not nearly all, the target's unit decides, on left-out folds: the noise sees more of what a
+    form misses, such as the shape of a jump.
+    """
+    if not final.named or leftover.share >= 0.5:
+        return None
+    plain, functions = plain_rows(problem, final), Functions(leftover.groups)
+
+    def left(work: Working, beside: Functions | None = None) -> float:
+        return held_out(problem, work, plain, beside).squares
+
+    before, after = left(base), left(final)
+    if leftover.share > 1.0 - SETTINGS.most:
+        floor = min(left(final, functions), after)
+        if before - after < SETTINGS.most * (before - floor):
+            return None
+    found = []
+    for effect in final.named:
+        rest, _ = solved_at(problem, final.without(effect.name), plain)
+        lacking = left(rest)
+        opened = lacking - after
+        if opened < SETTINGS.bends * (before - after) and opened < 0.5 * lacking:
+            found.append(effect.name)
+    return found
 
 
 def contribution(problem: Problem, work: Working, name: str) -> list[Array]:
@@ -379,14 +414,22 @@ def tied_channels(problem: Problem, work: Working) -> tuple[Dependence, ...]:
     return tuple(one for one in found if known or (one.channel, one.of) != trivial)
 
 
-def _stand_in(searcher: Searcher, work: Working, leftover: Leftover, at_first: float) -> str | None:
+def _stand_in(
+    searcher: Searcher,
+    work: Working,
+    leftover: Leftover,
+    at_first: float,
+    small: Sequence[str] | None,
+) -> str | None:
     """The named effect that most clearly stands in for something else, if one does.
 
     That is one of which functions without a name hold most, where they still explain a part as
-    large as a small part of it; or one beside which they explain far more. Where no more is left
-    than the form of a name may miss, no name is taken back. `at_first`: what was left before any
-    name was taken back, in χ²; a name that was is part of what is left now, and no reason to take
-    back others.
+    large as a small part of it; or one beside which they explain far more. Where names explain
+    nearly all, what a form misses is sure as well, and free functions of a name's own channels
+    hold the name: there only names that explain little of it are asked (`_small`). Where no more is
+    left than the form of a name may miss, no name is taken back. `at_first`: what was left before
+    any name was taken back, in χ²; a name that was is part of what is left now, and no reason to
+    take back others.
     """
     if not leftover.groups or not work.named:
         return None
@@ -394,9 +437,11 @@ def _stand_in(searcher: Searcher, work: Working, leftover: Leftover, at_first: f
     gains = {e.name: dictionary.gain(e.name) for e in work.named}
     if leftover.net <= max(form_of(e) * gains[e.name] for e in work.named):
         return None
-    shares = {name: leftover.net / max(gain, TINY) for name, gain in gains.items()}
-    most = SETTINGS.overwhelming * leftover.net / max(at_first, TINY)
-    held = [name for name, kept in leftover.survives.items() if kept < SETTINGS.stand_in]
-    doubted = [name for name, share in shares.items()
-               if share > most or (share > SETTINGS.little and name in held)]  # fmt: skip
+    shares = {name: leftover.net / max(gain, TINY)
+              for name, gain in gains.items() if small is None or name in small}  # fmt: skip
+    larger = SETTINGS.overwhelming if small is None else 1.0
+    doubted = [n for n, share in shares.items()
+               if share > larger * leftover.net / max(at_first, TINY)
+               or (share > SETTINGS.little
+                   and leftover.survives[n] < SETTINGS.stand_in)]  # fmt: skip
     return max(doubted, key=lambda name: shares[name], default=None)

@@ -258,7 +258,8 @@ def _orders(
         trials = []
         for atom in (a for a in atoms if a not in chosen):
             both = np.concatenate([columns, dictionary.at[atom]])
-            trials.append((gain_of(left, both, raw)[0], atom, both))
+            if not chosen or _parted(left, both, raw):
+                trials.append((gain_of(left, both, raw)[0], atom, both))
         if not trials:
             break
         reached, atom, both = max(trials, key=lambda trial: trial[0])
@@ -288,10 +289,17 @@ def _exchanged(
             for atom in (a for a in atoms if a not in chosen):
                 trial = [*chosen[:place], atom, *chosen[place + 1 :]]
                 both = np.concatenate([dictionary.at[a] for a in trial])
-                if (reached := gain_of(left, both, raw)[0]) > best[0]:
+                if (reached := gain_of(left, both, raw)[0]) > best[0] and _parted(left, both, raw):
                     best = (reached, place, atom, both)
         if best[0] <= gain * (1.0 + SINGULAR):
             break
         gain, place, atom, columns = best
         chosen[place] = atom
     return columns, gain
+
+
+def _parted(left: Array, columns: Columns, raw: Array) -> bool:
+    """Whether every mix of these columns keeps a share of its squares beside the model."""
+    scale = np.sqrt(np.maximum(raw[columns], TINY))
+    products = left[np.ix_(columns, columns)] / np.outer(scale, scale)
+    return float(np.linalg.eigvalsh(products)[0]) >= SETTINGS.negligible
