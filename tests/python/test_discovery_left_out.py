@@ -112,9 +112,9 @@ def test_both_readings_are_told_where_one_channel_follows_another(name: str) -> 
 
 def test_folds_that_tell_forms_apart_do_not_tell_tied_causes_apart() -> None:
     rival = effect("position_dependent_friction")
-    apart = Rival(rival, gain=900.0, own=1000.0, left=12.0, form=0.007)
-    tied = Rival(rival, 900.0, 1000.0, 12.0, 0.007, ("reference_torque", "output_position"))
-    less = Rival(rival, 790.0, 1000.0, 12.0, 0.007, ("reference_torque", "output_position"))
+    apart = Rival(rival, gain=900.0, own=1000.0, left=12.0, adds=3.0, form=0.007)
+    tied = Rival(rival, 900.0, 1000.0, 12.0, 3.0, 0.007, ("reference_torque", "output_position"))
+    less = Rival(rival, 790.0, 1000.0, 12.0, 3.0, 0.007, ("reference_torque", "output_position"))
     assert not apart.alias and tied.alias and not less.alias
     said = tied.why("load_dependent_friction")
     assert said.endswith("reference_torque is nearly a function of output_position in these runs")

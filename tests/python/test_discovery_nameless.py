@@ -9,6 +9,7 @@ import pytest
 from hidden_logs import LOAD, log_of, rich_run
 from scipy.signal import lfilter
 
+from flexspline.discovery.analysis import Rival
 from flexspline.discovery.basis import PAST, Functions, nameless_of, past_of
 from flexspline.discovery.unexplained import kept, repeated
 from flexspline.effects import effect
@@ -89,6 +90,16 @@ def test_a_sliver_of_its_column_does_not_save_a_name(cause: float, share: float)
     assert free[0, -1] ** 2 / free[0, 0] == pytest.approx(40_000 * cause**2, rel=0.05)
     left = kept(table, np.array([0]), np.array([], dtype=np.intp), np.array([1]))
     assert left == pytest.approx(share, abs=0.001)
+
+
+def rival(gain: float, adds: float) -> Rival:
+    return Rival(effect("gravity"), gain, own=1000.0, left=31.6, adds=adds, form=0.007)
+
+
+def test_a_plainer_form_stands_for_a_name_only_where_it_lacks_what_a_form_may_miss() -> None:
+    assert rival(gain=960.0, adds=0.0).inside
+    assert not rival(gain=880.0, adds=0.0).inside  # it keeps eleven standard errors
+    assert not rival(gain=960.0, adds=4.0).inside  # it explains something else as well
 
 
 def places(seed: int) -> Problem:

@@ -173,7 +173,8 @@ def test_the_figure_has_a_panel_for_each_view() -> None:
 def test_an_alias_says_by_which_rule_it_is_one(
     gain: float, left: float, form: float, alias: bool, said: str
 ) -> None:
-    rival = Rival(flexspline.effect("gravity"), gain, 100.0, left, form)
+    adds = np.sqrt(max(gain + left**2 - 100.0, 0.0))
+    rival = Rival(flexspline.effect("gravity"), gain, 100.0, left, adds, form)
     assert rival.alias is alias
     if alias:
         why = rival.why("a")
@@ -189,7 +190,7 @@ def test_what_forms_of_other_names_may_move_tells_nothing_apart(
     gain: float, left: float, moved: float, alias: bool
 ) -> None:
     """Two that explain most of the same: t² = 484 of 1000 is left of the one beside the other."""
-    rival = Rival(flexspline.effect("gravity"), gain, 1000.0, left, 0.007, moved=moved)
+    rival = Rival(flexspline.effect("gravity"), gain, 1000.0, left, 1.0, 0.007, moved=moved)
     assert rival.alias is alias
     assert not alias or "by that much the forms of other names may be off" in rival.why("a")
 

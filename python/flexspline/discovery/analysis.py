@@ -65,7 +65,7 @@ class Rival:
     """Another candidate in the place of a named effect.
 
     `gain`: what it explains there, and `own` what the named effect explains, in χ². `left`: |t|
-    that the named effect keeps beside it.
+    that the named effect keeps beside it, and `adds` what it keeps beside the named effect.
     `form`: of what the named effect explains, that its form may miss. `tied`: the two channels,
     one of which each of them reads, if in these runs one is nearly a function of the other; else
     empty. `moved`: by how much the forms of the other names may move a gain, in χ².
@@ -75,6 +75,7 @@ class Rival:
     gain: float
     own: float
     left: float
+    adds: float
     form: float
     tied: tuple[str, ...] = ()
     moved: float = 0.0
@@ -125,6 +126,16 @@ class Rival:
         )  # fmt: skip
         return next((reason for holds, reason in rules if holds), "")
 
+    @property
+    def inside(self) -> bool:
+        """Whether the named effect is another form of it: it adds nothing, and lacks little.
+
+        Where the load is a function of the angle, friction that follows the angle holds every form
+        of friction that follows the load. That it fits better, with more numbers, is a matter of
+        form as long as it is no more than a form may miss.
+        """
+        return self.adds < SETTINGS.told and self.gain >= (1.0 - SETTINGS.bends) * self.own
+
 
 def rivals_of(searcher: Searcher, work: Working, effect: Effect) -> list[Rival]:
     """Return the rivals of a named effect, the best first."""
@@ -145,7 +156,9 @@ def rivals_of(searcher: Searcher, work: Working, effect: Effect) -> list[Rival]:
             if searcher.forbidden(trial, offer.effect.name):
                 continue
         left = float(np.sqrt(max(kept - len(effect.terms), 0.0)))
-        found.append(Rival(offer.effect, gain, own, left, form, moved=moved))
+        more = gain_of(offer.columns, dictionary.model) - len(offer.columns)
+        adds = float(np.sqrt(max(more, 0.0)))
+        found.append(Rival(offer.effect, gain, own, left, adds, form, moved=moved))
     return sorted(found, key=lambda rival: -rival.gain)
 
 
@@ -157,7 +170,7 @@ def simplest(searcher: Searcher, work: Working) -> Working:
     """
     for effect in work.named:
         rivals = rivals_of(searcher, work, effect)
-        equals = [r.effect for r in rivals if r.by_t or r.gain >= r.own]
+        equals = [r.effect for r in rivals if r.by_t or r.inside or r.gain >= r.own]
         for plain in sorted(equals, key=freedom):
             if freedom(plain) >= freedom(effect):
                 break
