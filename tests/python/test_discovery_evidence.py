@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.optimize import nnls
 from scipy.stats import chi2
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "bench"))
@@ -17,7 +16,7 @@ from hidden.cases import cases
 from hidden.trial import Outcome, tried
 
 from flexspline.discovery.candidates import Candidate
-from flexspline.discovery.evidence import Dictionary, offers, price
+from flexspline.discovery.evidence import Dictionary, cone_gain, cone_price, offers, price
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import effect
 from flexspline.regression.gram import Table
@@ -44,15 +43,19 @@ def test_a_mass_of_a_drive_has_one_sign_and_of_a_sensor_either() -> None:
         assert offer.price == pytest.approx(chi2.isf(SETTINGS.alpha / forms, 1))
 
 
-@pytest.mark.parametrize("alike", [0.5, 0.8, 0.95])
-def test_springs_reach_the_price_of_two_columns_no_more_often_than_is_said(alike: float) -> None:
-    """Of four columns with the correlation of springs, their coefficients of one sign."""
-    products = 40.0 * ((1.0 - alike) * np.eye(4) + alike)
-    root = np.linalg.cholesky(products).T
+@pytest.mark.parametrize("alike", [0.0, 0.5, 0.95])
+@pytest.mark.parametrize("either", [False, True])
+def test_coefficients_of_one_sign_reach_their_price_as_often_as_is_said(
+    alike: float, either: bool
+) -> None:
+    """Of three columns with some correlation, under nothing but chance."""
+    products = 40.0 * ((1.0 - alike) * np.eye(3) + alike)
     share, draws = 0.05, 2000
-    pulls = np.random.default_rng(4).normal(size=(draws, 4))
-    gains = np.array([pull @ pull - nnls(root, pull)[1] ** 2 for pull in pulls])
-    assert np.mean(gains > chi2.isf(share, 2)) <= share + 2.0 * np.sqrt(share / draws)
+    pulls = np.random.default_rng(4).multivariate_normal(np.zeros(3), products, draws)
+    gains = np.array([cone_gain(products, pull, either) for pull in pulls])
+    paid = cone_price(products, share, either)
+    assert np.mean(gains > paid) == pytest.approx(share, abs=4.0 * np.sqrt(share / draws))
+    assert paid < chi2.isf(share, 3)
 
 
 @cache

@@ -16,8 +16,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.discovery.basis import Functions, nameless_of
-from flexspline.discovery.evidence import Offer, offers
+from flexspline.discovery.basis import Functions, channel_told, nameless_of
+from flexspline.discovery.evidence import Offer, offers, price
 from flexspline.discovery.search import (
     Searcher,
     Study,
@@ -34,6 +34,8 @@ from flexspline.regression.gram import (
     Sheet,
     Whitening,
     left_of,
+    solved,
+    tabulated,
 )
 from flexspline.regression.held_out import HeldOut, held_out, plain_rows
 from flexspline.regression.thinned import rows_of
@@ -198,8 +200,7 @@ class Analysis:
     """Base and final model, the search that led there, and what is left.
 
     `part`: the study of the rows that were searched first, all of them where they are few.
-    `ceiling`: functions without a name.
-    `doubted`: names that only stood in for a cause without a name, and were taken back.
+    `ceiling`: the flexible basis. `rejected`: names that were spurious, as that tells.
     `generalised`: whether the model is fitted by generalised least squares.
     """
 
@@ -210,7 +211,7 @@ class Analysis:
     searcher: Searcher
     steps: tuple[Offer, ...]
     leftover: Leftover
-    doubted: tuple[str, ...]
+    rejected: tuple[str, ...]
     ceiling: Ceiling
     generalised: bool = False
 
@@ -343,22 +344,33 @@ def analysed(look: FirstLook, say: Callable[[str], object]) -> Analysis:
         steps += more
     say("what is left")
     ceiling = Ceiling(whole.problem, whitening)
-    leftover, doubted = leftover_of(ceiling, final), []
+    leftover, rejected = leftover_of(ceiling, final), []
     at_first, rows = leftover.net, ceiling.problem
     closed = _small(rows, base, final, leftover) is not None
+
+    def without(name: str) -> tuple[Working, Leftover]:
+        rest = searcher.pruned(searcher.fitted(final.without(name))[0])
+        return rest, leftover_of(ceiling, rest)
+
     while True:
         small = _small(rows, base, final, leftover) if closed else None
         stand_in = _stand_in(searcher, final, leftover, at_first, small)
         if stand_in is None:
             break
-        doubted.append(stand_in)
-        final = searcher.pruned(searcher.fitted(final.without(stand_in))[0])
-        leftover = leftover_of(ceiling, final)
+        rejected.append(stand_in)
+        final, leftover = without(stand_in)
     plain = searcher.pruned(simplest(searcher, final))
     if plain is not final:
         final, leftover = plain, leftover_of(ceiling, plain)
+    for name in [e.name for e in final.named]:
+        effect = next((e for e in final.named if e.name == name), None)
+        if effect is None or effect.info.remembers:
+            continue
+        if _of_one_part(ceiling, final, name, leftover):
+            rejected.append(name)
+            final, leftover = without(name)
     return Analysis(
-        whole, study, base, final, searcher, tuple(steps), leftover, tuple(doubted), ceiling
+        whole, study, base, final, searcher, tuple(steps), leftover, tuple(rejected), ceiling
     )
 
 
@@ -425,6 +437,56 @@ def tied_channels(problem: Problem, work: Working) -> tuple[Dependence, ...]:
     trivial = ("load", "output_acceleration")  # what an inertia of the model carries
     known = problem.known_load is not None
     return tuple(one for one in found if known or (one.channel, one.of) != trivial)
+
+
+def _of_one_part(ceiling: Ceiling, work: Working, name: str, leftover: Leftover) -> bool:
+    """Whether what carries a name acts one way only, or grows with the speed, as no effect does.
+
+    Let f be what a name explains and m the sign of the velocity, or the speed over its mean under
+    f², less one. Of a cause that is (1 + c m) f, c m f is left over beside f: c = 1 of one that
+    acts forward alone, or grows with the speed where the name does not, and ½ where it is three
+    times as large forward. Beside all others it then explains at least c² of what f does by m².
+
+    Forms of friction and of resonances are off by such a part too. So the speed is asked about only
+    where the name's own channels carry all that is left, and that is more than a small part.
+    """
+    problem, whitening = ceiling.problem, ceiling.whitening
+    if not all("output_velocity" in run.log for run in problem.runs):
+        return False
+    parts = [np.nan_to_num(part) for part in contribution(problem, work, name)]
+    velocity = [run.log["output_velocity"] for run in problem.runs]
+    turned, own = _left_by(problem, work, whitening, name, parts, [np.sign(v) for v in velocity])
+    (effect,) = (e for e in work.named if e.name == name)
+    known = problem.known_load
+    carried = {channel_told(c, known) for group in leftover.groups for c in group.channels}
+    little = ceiling.share * leftover.net < SETTINGS.little * own
+    if abs(turned) > 0.5 or little or not carried <= {*effect.reads}:
+        return abs(turned) > 0.5
+    sums = [(f**2 @ np.abs(v), f @ f) for f, v in zip(parts, velocity, strict=True)]
+    mean = sum(a for a, _ in sums) / max(sum(b for _, b in sums), TINY)
+    faster = [np.abs(v) / mean - 1.0 for v in velocity]
+    return 0.5 < _left_by(problem, work, whitening, name, parts, faster)[0] < 2.0
+
+
+def _left_by(
+    problem: Problem,
+    work: Working,
+    whitening: Whitening,
+    name: str,
+    parts: Sequence[Array],
+    by: Sequence[Array],
+) -> tuple[float, float]:
+    """How much of a name's part (N,) times `by` is left over, 0 if chance; and the name's gain."""
+    turned = tuple(f * m for f, m in zip(parts, by, strict=True))
+    squares, turned_squares = (sum(float(one @ one) for one in own) for own in (parts, turned))
+    table = tabulated(problem, work.sheet(given=Functions(column=turned)), whitening)
+    model, owners = np.arange(len(table.total) - 2), np.array(work.owners())
+    last = np.array([len(model)])
+    own = table.gain(model[owners == name], model[owners != name])
+    gain = table.gain(last, model)
+    share = float(solved(table.total, np.append(model, last))[-1])
+    least = 0.5**2 * own * turned_squares / max(squares, TINY)
+    return share if gain > max(least, price(1, 1.0, len(work.named))) else 0.0, own
 
 
 def _stand_in(

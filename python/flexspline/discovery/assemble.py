@@ -162,7 +162,7 @@ def assembled(
         motion=driven_apart(made, before, after, fit.model.facts),
         not_tried=made.study.not_tried,
         refused=_refused(made),
-        doubted=made.doubted,
+        doubted=made.rejected,
         plan=plan,
         also_seen=held.also_seen,
         inputs=inputs,

@@ -1,4 +1,4 @@
-"""Functions without a name: what any smooth dependence on a channel, or on two, would explain.
+"""A flexible basis: what any smooth dependence on a channel, or on two, would explain.
 
 A cause that is not in the catalogue still depends on something measured. Functions of each channel,
 and of every two, stand for it: a few powers, which need little evidence, and hats (their products

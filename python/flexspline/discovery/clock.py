@@ -105,7 +105,7 @@ def delay_behind(made: Analysis) -> Delay:
     """
     problem, searcher = made.study.problem, made.searcher
     taken = {step.effect.name: step.effect for step in made.steps}
-    back = [taken[name] for name in made.doubted if name in taken]
+    back = [taken[name] for name in made.rejected if name in taken]
     work, _ = searcher.fitted(made.final.with_effects(*back))
     slopes = tuple(
         np.gradient(work.predict(problem, number), run.log["time"])

@@ -7,6 +7,15 @@ each pays, so that effects with many columns or forms and those with few compete
 single coefficient whose sign physics tells has half that chance. A ripple pays for each order that
 it takes, out of all that it may have.
 
+Springs of a hysteresis all brake: what they explain lies in the cone that their columns span with
+coefficients of one sign. Chance finds less in a cone than in the whole space: with G the products
+of the columns and c ~ N(0, G) their pulls where nothing is there,
+
+    P(gain > s) = Σ_j w_j P(χ²_j > s),     w_j: probability that j coefficients are not zero
+
+(chi-bar squared). Columns that are alike span a narrow cone, in which nearly one is free. Source:
+Silvapulle & Sen 2005, Constrained Statistical Inference, section 3.4.
+
 How well the other folds predict one is counted with how well they can know it: a fold may go where
 no other went, to a joint's angle or a temperature, and a plain error there would condemn every
 right effect. They predict the density N(X_f β, σ² (1 + X_f A⁻¹ X_fᵀ)). With A = G + Λ (products
@@ -22,15 +31,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import brentq, nnls
 from scipy.special import gammaln
 from scipy.stats import chi2, norm
 
 from flexspline.discovery.candidates import Candidate, span_of, unseen
-from flexspline.discovery.physics import COULOMB, LOOPS, STRIBECK, level_of, one_signed
+from flexspline.discovery.physics import COULOMB, STRIBECK, level_of, one_signed
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect
 from flexspline.fit.problem import Problem
@@ -48,6 +58,8 @@ from flexspline.regression.working import Working
 __all__ = [
     "Dictionary",
     "Offer",
+    "cone_gain",
+    "cone_price",
     "dictionary_of",
     "equivalent_t",
     "held_out_gain",
@@ -71,15 +83,15 @@ def _share(forms: float, rivals: int) -> float:
     return SETTINGS.alpha / max(rivals, 1) / forms
 
 
-def price_of(name: str, columns: int, target: str, forms: float, rivals: int) -> float:
-    """Return the price of an effect.
+def price_of(name: str, target: str, products: Array, forms: float, rivals: int) -> float:
+    """Return the price of an effect with the signs that physics allows.
 
-    One coefficient whose sign physics tells has half the chance. Springs all brake, and are alike:
-    with coefficients of one sign, chance finds no more in them than in two columns.
+    `products`: (K, K) of its columns over σ², less what the model holds of them.
     """
-    signed = columns == 1 and one_signed(name, target)
-    free = min(columns, 2) if name in LOOPS else columns
-    return price(max(free, 1), 0.5 * forms if signed else forms, rivals)
+    signs, count = one_signed(name, target), len(products)
+    if signs and count > 1:
+        return cone_price(products, _share(forms, rivals), signs > 1)
+    return price(max(count, 1), 0.5 * forms if signs else forms, rivals)
 
 
 def equivalent_t(gain: float, columns: int) -> float:
@@ -222,26 +234,77 @@ def _offer(candidate: Candidate, dictionary: Dictionary, left: Array, raw: Array
                 for v, atoms in zip(candidate.variants, candidate.atoms, strict=True)]  # fmt: skip
         return max(made, key=lambda offer: offer.net)
     forms = 0.5 * (1 + len(candidate.variants))
-    side = float(one_signed(candidate.name, dictionary.target))
-    side = dictionary.coulomb if candidate.name == STRIBECK else side
+    signs = one_signed(candidate.name, dictionary.target)
+    side = dictionary.coulomb if candidate.name == STRIBECK else float(signs == 1)
     side = 0.0 if dictionary.simulated else side
-    gains = [_gain(left, dictionary.at[v], raw, side) for v in candidate.variants]
+    gains = [_gain(left, dictionary.at[v], raw, signs, side) for v in candidate.variants]
     best = max(range(len(gains)), key=lambda k: gains[k][0])
     gain, seen = gains[best]
     variant = candidate.variants[best]
-    cost = price_of(candidate.name, seen, dictionary.target, forms, rivals)
-    return Offer(variant, dictionary.at[variant], gain, cost + SHAPE_PRICE * (forms > 1.0))
+    columns = dictionary.at[variant]
+    if seen == len(columns):
+        products = left[np.ix_(columns, columns)]
+        cost = price_of(candidate.name, dictionary.target, products, forms, rivals)
+    else:
+        cost = price(max(seen, 1), forms, rivals)
+    return Offer(variant, columns, gain, cost + SHAPE_PRICE * (forms > 1.0))
 
 
-def _gain(left: Array, columns: Columns, raw: Array, side: float) -> tuple[float, int]:
-    """What columns explain, and how many are seen.
+def _gain(left: Array, columns: Columns, raw: Array, signs: int, side: float) -> tuple[float, int]:
+    """What columns explain with the signs that physics allows, and how many are seen.
 
-    A single coefficient has the sign of `side`, where that has one: with the other, friction that
-    fades over a higher speed may bend the whole curve.
+    Springs that slip later explain what those that slip sooner leave, and all of them brake: with
+    coefficients of any sign they fit the noise around a reversal. A single coefficient has the sign
+    of `side`, where that has one: with the other, friction that fades over a higher speed may bend
+    the whole curve.
     """
+    gain, seen = gain_of(left, columns, raw)
     if len(columns) == 1 and side * left[columns[0], -1] < 0.0:
-        return 0.0, 1
-    return gain_of(left, columns, raw)
+        return 0.0, seen
+    if not signs or seen < len(columns) or seen == 1:
+        return gain, seen
+    return cone_gain(left[np.ix_(columns, columns)], left[columns, -1], signs > 1), seen
+
+
+def cone_gain(products: Array, pulls: Array, either: bool) -> float:
+    """Squares that coefficients of one sign explain: the positive one, or `either`.
+
+    `products`: (K, K) of the columns, over σ². `pulls`: (K,), products of columns and target.
+    """
+    scale = np.sqrt(np.maximum(np.diag(products), TINY))
+    values, vectors = np.linalg.eigh(products / np.outer(scale, scale))
+    seen = values > SINGULAR * max(float(values.max()), TINY)
+    root = np.sqrt(values[seen])[:, None] * vectors[:, seen].T
+    along = vectors[:, seen].T @ (pulls / scale) / np.sqrt(values[seen])
+    sides = (along, -along) if either else (along,)
+    return float(max(along @ along - nnls(root, side)[1] ** 2 for side in sides))
+
+
+def cone_price(products: Array, share: float, either: bool) -> float:
+    """Return the gain that chance exceeds in a share of all logs, with coefficients of one sign.
+
+    `products`, `either`: as for `cone_gain`.
+    """
+    scale = np.sqrt(np.maximum(np.diag(products), TINY))
+    alike = np.round(products / np.outer(scale, scale), 2)  # what is alike is asked again and again
+    weights = np.array(_free(tuple(map(tuple, alike.tolist()))))
+    share = 0.5 * share if either else share
+
+    def above(gain: float) -> float:
+        return float(weights[1:] @ chi2.sf(gain, np.arange(1, len(weights)))) - share
+
+    return float(brentq(above, 0.0, chi2.isf(share, len(products))))
+
+
+@lru_cache
+def _free(alike: tuple[tuple[float, ...], ...]) -> tuple[float, ...]:
+    """How often 0, 1, … K of the coefficients are positive where nothing is there, (K + 1,)."""
+    values, vectors = np.linalg.eigh(np.array(alike))
+    root = np.sqrt(np.maximum(values, SINGULAR))[:, None] * vectors.T
+    count, draws = len(alike), SETTINGS.rows // SETTINGS.functions
+    pulls = np.random.default_rng(0).normal(size=(draws, count))
+    free = [np.count_nonzero(nnls(root, pull)[0]) for pull in pulls]
+    return tuple((np.bincount(free, minlength=count + 1) / draws).tolist())
 
 
 def _orders(

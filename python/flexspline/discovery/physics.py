@@ -66,9 +66,14 @@ DRIVES = ("motor_torque", "motor_current")
 POSITIVE_MASS = ("inertia",)
 
 
-def one_signed(name: str, target: str) -> bool:
-    """Whether a coefficient of an effect has a positive sign for sure: a drive's."""
-    return target in DRIVES and name in (*DISSIPATES, *POSITIVE_MASS)
+def one_signed(name: str, target: str) -> int:
+    """How many signs the coefficients of an effect may all have: 1, 2 of a sensor; 0: any of each.
+
+    A single coefficient whose sign nothing tells has any.
+    """
+    if name in LOOPS:
+        return 2 if _either(name, target) else 1
+    return int(target in DRIVES and name in (*DISSIPATES, *POSITIVE_MASS))
 
 
 def impossible(work: Working, name: str, problem: Problem, scatter: float = 0.0) -> str:

@@ -323,13 +323,17 @@ class Searcher:
     def _examined(self, work: Working, squares: float) -> tuple[Working, float]:
         """Drop names, or exchange them where that is better: one for one or two, two for one."""
         names = [effect.name for effect in work.named]
-        for out in (out for count in (1, 2) for out in combinations(names, count)):
+        counts = (1,) if self.lax else (1, 2)
+        for out in (out for count in counts for out in combinations(names, count)):
             if {*out} <= {e.name for e in work.named}:
                 work, squares = self._changed(work, squares, out)
         return work, squares
 
     def _changed(self, work: Working, squares: float, out: Sequence[str]) -> tuple[Working, float]:
-        """The better one of a model, the same without a name that does not pay, and an exchange."""
+        """The best of a model: as it is, less a name that does not pay, or with an exchange.
+
+        Two in the place of one have to be better than that one and the best that may follow it.
+        """
         dictionary = self.study.dictionary(work, self.whitening, without=out)
         model, rest = dictionary.without(out), work.without(*out)
         own = [effect for effect in work.named if effect.name in out]
@@ -337,35 +341,40 @@ class Searcher:
         gain, cost = dictionary.gain(*out), sum(price for price, _ in owed)
         if len(out) == 1 and gain < max(owed[0]):
             return self.fitted(rest)
-        instead = self._instead(dictionary, model, gain - cost, len(out))
-        best = next((o for o in instead if self._worthy(o[0], dictionary, rest, model)), [])
-        added = [offer.effect for offer in best]
-        same = {(e.name, e.harmonics) for e in own} <= {(e.name, e.harmonics) for e in added}
-        if not best or same:  # what there is, and one more, is the next step's
+        instead = (o for o in self._instead(dictionary, model, out) if _net(o) > gain - cost)
+        best = next((o for o in instead if self._worthy(o[0], dictionary, rest, model)), None)
+        if best is None:
             return work, squares
+        least = gain - cost
+        if len(best) > len(out):
+            least += _net(self._worth(dictionary, work, dictionary.model)[:1])
+        added = [offer.effect for offer in best]
         trial, left = self.fitted(rest.with_effects(*added))
         margin = max(sum(map(freedom, added)) - sum(map(freedom, own)), 0)
         paid = sum(offer.price for offer in best) + SETTINGS.negligible * gain * margin
-        if left + paid < squares + cost and self._pays(trial, added):
+        if squares + gain - left - paid > least and self._pays(trial, added):
             return trial, left
         return work, squares
 
     def _instead(
-        self, dictionary: Dictionary, model: Columns, least: float, count: int
+        self, dictionary: Dictionary, model: Columns, out: Sequence[str]
     ) -> list[list[Offer]]:
-        """Return what may take the place of `count` names, the best first: one, or two for one.
+        """Return what may take the place of some names, the best first: one, or two for one.
 
-        `least`: by how much it has to gain more than its price.
+        Of two names one may stay, in another form.
         """
-        single = sorted(offers(dictionary, model), key=_rank, reverse=True)
-        made = [[offer] for offer in single]
-        if count == 1:
-            for first in single[: SETTINGS.tried]:
-                beside = np.concatenate([model, first.columns])
-                more = (o for o in offers(dictionary, beside) if o.effect.name != first.effect.name)
-                made += [[first, second] for second in sorted(more, key=_rank)[-1:]]
-        made.sort(key=lambda both: sum(map(_rank, both)), reverse=True)
-        return [both for both in made if sum(offer.net for offer in both) > least]
+        others = out if len(out) == 1 else ()
+
+        def beside(columns: Columns, *but: str) -> list[Offer]:
+            made = [o for o in offers(dictionary, columns) if o.effect.name not in (*others, *but)]
+            return sorted(made, key=_rank, reverse=True)
+
+        made = [[offer] for offer in beside(model)]
+        two = len(out) == 1 and not self.lax
+        for (first,) in made[: SETTINGS.tried] if two else ():
+            both = np.concatenate([model, first.columns])
+            made += [[first, second] for second in beside(both, first.effect.name)[:1]]
+        return sorted(made, key=lambda those: sum(map(_rank, those)), reverse=True)
 
     def _pays(self, work: Working, added: Sequence[Effect]) -> bool:
         """Whether new names of a fitted model are possible and gain what they owe."""
@@ -379,11 +388,7 @@ class Searcher:
 
     def _best(self, work: Working, squares: float) -> tuple[Working, float, Offer] | None:
         dictionary = self.study.dictionary(work, self.whitening)
-        made = offers(dictionary, dictionary.model, plain=True)
-        made = sorted(made, key=_rank, reverse=True)
-        worthy = [
-            offer for offer in made if self._worthy(offer, dictionary, work, dictionary.model)
-        ]
+        worthy = self._worth(dictionary, work, dictionary.model)
         while worthy:
             near = [o for o in worthy if o.gain >= SETTINGS.most * worthy[0].gain][: SETTINGS.tried]
             trials = [trial for o in near if (trial := self._tried(o, dictionary, work, squares))]
@@ -391,6 +396,11 @@ class Searcher:
                 return max(trials, key=lambda trial: _rank(trial[2]))
             worthy = [offer for offer in worthy if offer not in near]
         return None
+
+    def _worth(self, dictionary: Dictionary, work: Working, model: Columns) -> list[Offer]:
+        """Offers beside a model that are worth a fit, the best first."""
+        made = sorted(offers(dictionary, model, plain=True), key=_rank, reverse=True)
+        return [offer for offer in made if self._worthy(offer, dictionary, work, model)]
 
     def _worthy(self, offer: Offer, dictionary: Dictionary, work: Working, model: Columns) -> bool:
         """Whether an offer beside a model, and its columns, is worth a fit of its shapes."""
@@ -506,8 +516,14 @@ def greedy(left: Array, raw: Array, groups: NDArray[np.intp]) -> Iterator[float]
 def cost_of(dictionary: Dictionary, work: Working, name: str) -> float:
     """Return the price of a name of the model, its shapes known."""
     own = dictionary.own(name)
-    count = int(np.count_nonzero(own < len(work.free)))  # shapes come behind all coefficients
-    return price_of(name, count, dictionary.target, 1.0, len(dictionary.candidates))
+    own = own[own < len(work.free)]  # shapes come behind all coefficients
+    left = dictionary.table.without(dictionary.without([name]))[np.ix_(own, own)]
+    return price_of(name, dictionary.target, left, 1.0, len(dictionary.candidates))
+
+
+def _net(made: Sequence[Offer]) -> float:
+    """Gain of all above the price of all."""
+    return sum(offer.net for offer in made)
 
 
 def _rank(offer: Offer) -> float:

@@ -410,11 +410,6 @@ class Table:
         """(C + 1, C + 1), over all folds."""
         return np.asarray(self.folds.sum(axis=0))
 
-    def of(self, columns: Columns) -> Table:
-        """Return the table of some columns, in this order, with y behind them."""
-        chosen = np.append(columns, self.folds.shape[1] - 1)
-        return Table(self.folds[:, chosen[:, None], chosen], self.rows)
-
     def without(self, model: Columns) -> Array:
         """Products of what the model's columns leave of all others, (C + 1, C + 1)."""
         return left_by(self.total, model)
