@@ -6,6 +6,7 @@ not asserted here; it stands in the report of the notebook.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from functools import cache
 
@@ -113,6 +114,14 @@ def test_springs_of_presliding_brake_one_and_all(joint: int) -> None:
     assert min(values) >= 0.0 < max(values)
     (where,) = [one.where for one in arm(joint).found if one.effect == "presliding_friction"]
     assert where.endswith("both directions, built up anew after each reversal")
+
+
+@pytest.mark.parametrize("made", [lambda: arm(1), lambda: arm(2), lambda: current()])
+def test_a_name_keeps_no_more_beside_a_rival_than_it_has(made: Callable[[], Discovery]) -> None:
+    for one in made().found:
+        assert one.rivals and all(rival.keeps <= one.t * (1.0 + 1e-9) for rival in one.rivals)
+        told = re.findall(r"t = (\d+\.\d)", one.evidence)
+        assert told and all(float(t) <= one.t + 0.05 for t in told)
 
 
 def test_joint_4_lacks_no_friction_of_velocity_or_load() -> None:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from functools import cache
-from typing import cast
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -181,3 +182,20 @@ def test_what_follows_a_tied_channel_may_bend_a_name(
 ) -> None:
     named = effect("load_dependent_friction")
     assert missed(cast(Dictionary, Gains()), named, effect(name), tied) == share * 1000.0
+
+
+@pytest.mark.parametrize(("known", "stays"), [(None, False), ("reference_torque", True)])
+def test_what_reads_the_load_of_the_model_goes_with_what_makes_it(
+    known: str | None, stays: bool
+) -> None:
+    """A fit of the rest had ended in "sensor_lag depends on the load, which nothing tells"."""
+    study: Any = SimpleNamespace(problem=SimpleNamespace(known_load=known))
+    white = Whitening(np.ones(1), 1.0, 1)
+    names = ["offset", "inertia", "sensor_lag", "viscous_friction"]
+    model = working([effect(name) for name in names], 1, {})
+    rest = Searcher(study, white).less(model, "inertia")
+    assert ("sensor_lag" in [e.name for e in rest.effects]) is stays
+    assert [e.name for e in rest.effects if e.name != "sensor_lag"] == [
+        "offset",
+        "viscous_friction",
+    ]

@@ -70,7 +70,8 @@ class Rival:
     that the named effect keeps beside it, and `adds` what it keeps beside the named effect.
     `form`: of what the named effect explains, that its form may miss. `tied`: the two channels,
     one of which each of them reads, if in these runs one is nearly a function of the other; else
-    empty. `moved`: by how much the forms of the other names may move a gain, in χ².
+    empty. `moved`: by how much the forms of the other names may move a gain, in χ². `counted`: of a
+    t of the search, what the final fit bears out.
     """
 
     effect: Effect
@@ -81,6 +82,7 @@ class Rival:
     form: float
     tied: tuple[str, ...] = ()
     moved: float = 0.0
+    counted: float = 1.0
 
     @property
     def name(self) -> str:
@@ -90,6 +92,11 @@ class Rival:
     def share(self) -> float:
         """Of what the named effect explains, what it explains in its place; at most one."""
         return float(min(self.gain / max(self.own, TINY), 1.0))
+
+    @property
+    def keeps(self) -> float:
+        """`left` as it is printed, beside a t of the named effect that counts both."""
+        return self.left * self.counted
 
     @property
     def by_t(self) -> bool:
@@ -112,12 +119,12 @@ class Rival:
         most = self.gain >= SETTINGS.most * self.own
         much, beside = (
             f"explains {percent(self.share)} as much",
-            f"{named} keeps t = {self.left:.1f}",
+            f"{named} keeps t = {self.keeps:.1f}",
         )
         rules = (
             (self.by_t, f"beside it {beside}"),
             (most and kept < self.form * self.own,
-             f"it {much}, and what {named} keeps beside it, t = {self.left:.1f}, is no more than "
+             f"it {much}, and what {named} keeps beside it, t = {self.keeps:.1f}, is no more than "
              "its form may miss"),
             (lost <= 0.0 or (same and lost < SETTINGS.told**2),
              f"in its place it {much}, and {beside} beside it"),
@@ -217,7 +224,7 @@ class Analysis:
 
     def without(self, name: str) -> Analysis:
         """Return the analysis with one effect fewer: the others refitted, what is left anew."""
-        final, _ = self.searcher.fitted(self.final.without(name))
+        final, _ = self.searcher.fitted(self.searcher.less(self.final, name))
         if name in [e.name for e in self.base.effects]:
             base, _ = self.searcher.fitted(self.base.without(name))
             return replace(self, base=base, final=final)
@@ -349,7 +356,7 @@ def analysed(look: FirstLook, say: Callable[[str], object]) -> Analysis:
     closed = _small(rows, base, final, leftover) is not None
 
     def without(name: str) -> tuple[Working, Leftover]:
-        rest = searcher.pruned(searcher.fitted(final.without(name))[0])
+        rest = searcher.pruned(searcher.fitted(searcher.less(final, name))[0])
         return rest, leftover_of(ceiling, rest)
 
     while True:

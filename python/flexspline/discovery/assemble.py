@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -237,8 +238,11 @@ def _found(
     `group`: the names that lower the held-out error together, and `rmse` by how much.
     """
     made, shown = held.made, held.shown[effect.name]
-    rivals = [*held.rivals[effect.name]]
     t = min(shown.t, equivalent_t(*wald(held.fit, effect.name, held=True)))
+    found = held.rivals[effect.name]
+    most = max(shown.t, *(rival.left for rival in found), TINY)
+    counted = t / most if np.isfinite(t) else 1.0  # runs without noise
+    rivals = [replace(rival, counted=counted) for rival in found]
     aliases = tuple(rival.name for rival in rivals if rival.alias)
     parts = contribution(made.part.problem, made.final, effect.name)
     return Found(
@@ -278,7 +282,7 @@ def _evidence(
         best = others[0]
         said += (
             f"; the next best in its place, {best.name}, explains {percent(best.share)} of that "
-            f"and leaves it t = {best.left:.1f}"
+            f"and leaves it t = {best.keeps:.1f}"
         )
     told = [f"{r.name} ({r.why(effect.name)})" for r in rivals if r.alias]
     if told:

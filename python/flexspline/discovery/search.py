@@ -310,8 +310,16 @@ class Searcher:
             worst = min(net, key=lambda name: net[name])
             if net[worst] > 0.0:
                 break
-            work, _ = self.fitted(work.without(worst))
+            work, _ = self.fitted(self.less(work, worst))
         return work
+
+    def less(self, work: Working, *names: str) -> Working:
+        """The model without some effects, and without those that read a load which these made."""
+        rest = work.without(*names)
+        known = self.study.problem.known_load is not None
+        if known or any(effect.info.carries_load for effect in rest.effects):
+            return rest
+        return rest.without(*(effect.name for effect in rest.named if "load" in effect.reads))
 
     def _owed(self, dictionary: Dictionary, work: Working, effect: Effect) -> tuple[float, float]:
         """What a name has to gain beside all others: its price, its shapes known; and `_missed`."""
@@ -335,12 +343,14 @@ class Searcher:
         Two in the place of one have to be better than that one and the best that may follow it.
         """
         dictionary = self.study.dictionary(work, self.whitening, without=out)
-        model, rest = dictionary.without(out), work.without(*out)
+        model, rest = dictionary.without(out), self.less(work, *out)
         own = [effect for effect in work.named if effect.name in out]
         owed = [self._owed(dictionary, work, effect) for effect in own]
         gain, cost = dictionary.gain(*out), sum(price for price, _ in owed)
         if len(out) == 1 and gain < max(owed[0]):
             return self.fitted(rest)
+        if len(rest.effects) + len(out) < len(work.effects):  # others read the load of these
+            return work, squares
         instead = (o for o in self._instead(dictionary, model, out) if _net(o) > gain - cost)
         best = next((o for o in instead if self._worthy(o[0], dictionary, rest, model)), None)
         if best is None:
@@ -366,7 +376,8 @@ class Searcher:
         others = out if len(out) == 1 else ()
 
         def beside(columns: Columns, *but: str) -> list[Offer]:
-            made = [o for o in offers(dictionary, columns) if o.effect.name not in (*others, *but)]
+            made = offers(dictionary, columns, plain=True)
+            made = [offer for offer in made if offer.effect.name not in (*others, *but)]
             return sorted(made, key=_rank, reverse=True)
 
         made = [[offer] for offer in beside(model)]

@@ -269,7 +269,7 @@ def best_rivals(made: Discovery, one: Found) -> list[tuple[str, str, str]]:
             f"{100.0 * rival.share:.0f} %",
             f"not told apart: {rival.why(one.effect)}"
             if rival.alias
-            else f"worse: {one.effect} keeps t = {rival.left:.1f}",
+            else f"worse: {one.effect} keeps t = {rival.keeps:.1f}",
         )
         for rival in one.rivals[:MOST_RIVALS]
     ]
