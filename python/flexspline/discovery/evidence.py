@@ -214,23 +214,29 @@ class Offer:
 def offers(dictionary: Dictionary, model: Columns, *, plain: bool = False) -> list[Offer]:
     """Return every candidate in its best form beside these columns of the model.
 
-    `plain`: ripple of the output for what one sine, gravity, leaves: over less than a turn many
-    orders follow it.
+    `plain`: several orders of the output for what one sine, gravity, leaves alone: over less than
+    a turn many orders follow it.
     """
     left, raw = dictionary.table.without(model), np.diag(dictionary.table.total)
-    named = ["gravity"] if plain else []
-    sine = [dictionary.at[c.variants[0]] for c in dictionary.candidates if c.name in named]
-    leaves = dictionary.table.without(np.concatenate([model, *sine])) if sine else left
-    return [
-        _offer(candidate, dictionary, leaves if candidate.name == "output_ripple" else left, raw)
-        for candidate in dictionary.candidates
-    ]
+    made = [_offer(candidate, dictionary, left, raw) for candidate in dictionary.candidates]
+    sine = [dictionary.at[c.variants[0]] for c in dictionary.candidates if c.name == "gravity"]
+    if not plain or not sine:
+        return made
+    leaves = dictionary.table.without(np.concatenate([model, *sine]))
+    for k, candidate in enumerate(dictionary.candidates):
+        if candidate.name == "output_ripple":
+            one = _offer(candidate, dictionary, left, raw, most=1)
+            made[k] = max(one, _offer(candidate, dictionary, leaves, raw), key=lambda o: o.net)
+    return made
 
 
-def _offer(candidate: Candidate, dictionary: Dictionary, left: Array, raw: Array) -> Offer:
+def _offer(
+    candidate: Candidate, dictionary: Dictionary, left: Array, raw: Array, most: int | None = None
+) -> Offer:
+    """A candidate in its best form; of a ripple `most` orders, or as many as pay."""
     rivals = len(dictionary.candidates)
     if candidate.atoms:
-        made = [_orders(v, atoms, dictionary, left, raw)
+        made = [_orders(v, atoms, dictionary, left, raw, most or len(atoms))
                 for v, atoms in zip(candidate.variants, candidate.atoms, strict=True)]  # fmt: skip
         return max(made, key=lambda offer: offer.net)
     forms = 0.5 * (1 + len(candidate.variants))
@@ -308,16 +314,21 @@ def _free(alike: tuple[tuple[float, ...], ...]) -> tuple[float, ...]:
 
 
 def _orders(
-    variant: Effect, atoms: tuple[Effect, ...], dictionary: Dictionary, left: Array, raw: Array
+    variant: Effect,
+    atoms: tuple[Effect, ...],
+    dictionary: Dictionary,
+    left: Array,
+    raw: Array,
+    most: int,
 ) -> Offer:
-    """Take the orders of a ripple effect one after the other, as long as one gains its `price`.
+    """Take `most` orders of a ripple one after the other, as long as one gains its `price`.
 
     Nor is an order taken that explains less than the form of the others may miss.
     """
     chosen: list[Effect] = []
     columns, gain, cost = np.empty(0, dtype=np.intp), 0.0, 0.0
     each = price(2, len(atoms), len(dictionary.candidates))
-    while len(chosen) < len(atoms):
+    while len(chosen) < most:
         trials = []
         for atom in (a for a in atoms if a not in chosen):
             both = np.concatenate([columns, dictionary.at[atom]])

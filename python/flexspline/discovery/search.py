@@ -371,12 +371,14 @@ class Searcher:
     ) -> list[list[Offer]]:
         """Return what may take the place of some names, the best first: one, or two for one.
 
-        Of two names one may stay, in another form.
+        Of two names one may stay, in another form. Where gravity leaves, orders of the output may
+        take its place.
         """
         others = out if len(out) == 1 else ()
+        plain = "gravity" not in out
 
         def beside(columns: Columns, *but: str) -> list[Offer]:
-            made = offers(dictionary, columns, plain=True)
+            made = offers(dictionary, columns, plain=plain)
             made = [offer for offer in made if offer.effect.name not in (*others, *but)]
             return sorted(made, key=_rank, reverse=True)
 
