@@ -43,6 +43,34 @@ def test_a_mass_of_a_drive_has_one_sign_and_of_a_sensor_either() -> None:
         assert offer.price == pytest.approx(chi2.isf(SETTINGS.alpha / forms, 1))
 
 
+@pytest.mark.parametrize(("orders", "as_much"), [([5], 1.0), ([2, 5], 0.6)])
+def test_one_order_is_offered_as_it_is_and_several_for_what_one_sine_leaves(
+    orders: list[int], as_much: float
+) -> None:
+    """Over a third of a turn, of a torque of these orders; a sine follows half of the second."""
+    q = np.linspace(-1.0, 1.0, 400)
+    waves = {k: np.column_stack([np.cos(k * q), np.sin(k * q)]) for k in (1, *range(2, 7))}
+    y = np.sum([waves[k] @ [1.0, 2.0] for k in orders], axis=0)
+    rows = np.column_stack([np.ones(len(q)), *waves.values(), y])
+    ripple = effect("output_ripple")
+    atoms = tuple(ripple.with_orders([(k, "output_on_housing")]) for k in range(2, 7))
+    every = ripple.with_orders([(k, "output_on_housing") for k in range(2, 7)])
+    candidates = (
+        Candidate("gravity", (effect("gravity"),)),
+        Candidate("output_ripple", (every,), (atoms,)),
+    )
+    at = {e: np.arange(3 + 2 * k, 5 + 2 * k) for k, e in enumerate(atoms)}
+    at[candidates[0].variants[0]] = np.arange(1, 3)
+    table = Table((rows.T @ rows)[None] * 1e4, np.array([len(q)]))
+    dictionary = Dictionary("sensor_torque", table, np.arange(1), ("offset",), candidates, at)
+    (_, free), (_, plain) = (
+        offers(dictionary, np.arange(1), plain=plain) for plain in (False, True)
+    )
+    assert [k for k, _ in free.effect.harmonics] == orders
+    assert as_much * free.gain <= plain.gain * (1.0 + 1e-9)
+    assert (plain.gain >= free.gain * (1.0 - 1e-9)) == (len(orders) == 1)
+
+
 @pytest.mark.parametrize("alike", [0.0, 0.5, 0.95])
 @pytest.mark.parametrize("either", [False, True])
 def test_coefficients_of_one_sign_reach_their_price_as_often_as_is_said(
