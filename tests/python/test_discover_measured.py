@@ -116,6 +116,13 @@ def test_springs_of_presliding_brake_one_and_all(joint: int) -> None:
     assert where.endswith("both directions, built up anew after each reversal")
 
 
+@pytest.mark.parametrize("made", [lambda: arm(1), lambda: arm(4), lambda: current()])
+def test_no_name_stands_beside_more_that_is_unexplained(made: Callable[[], Discovery]) -> None:
+    found = made()
+    assert found.names
+    assert found.unexplained is None or found.unexplained.share <= 0.5
+
+
 @pytest.mark.parametrize("made", [lambda: arm(1), lambda: arm(2), lambda: current()])
 def test_a_name_keeps_no_more_beside_a_rival_than_it_has(made: Callable[[], Discovery]) -> None:
     for one in made().found:

@@ -19,7 +19,7 @@ import flexspline
 from flexspline.discovery import analysis, confirmation
 from flexspline.discovery.candidates import DIRECTIONS, LAG, TAKEN, freedoms, held_of, with_freedoms
 from flexspline.discovery.confirmation import ERRORS, Shown, significance, together
-from flexspline.discovery.result import UNLIKELY, Discovery
+from flexspline.discovery.result import LESSER, UNLIKELY, Discovery
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect, effect
 from flexspline.fit.result import Fit
@@ -150,7 +150,7 @@ def test_a_name_is_withdrawn_for_one_of_two_reasons(more: dict[str, float], why:
 class Made:
     """An analysis of names, as far as `confirmed` asks it."""
 
-    generalised = False
+    generalised, unexplained = False, 0.0
 
     def __init__(self, names: list[str], given: list[str], refused: dict[str, str]) -> None:
         self.names, self.given = names, given
@@ -275,6 +275,18 @@ def test_a_first_name_less_likely_than_one_in_five_is_none(
     held, refused = confirmed(monkeypatch, each, sure=sure)
     assert [*held.shown] == [*each][2 - kept :]
     assert refused == ({} if kept == 2 else {"viscous_friction": UNLIKELY})
+
+
+@pytest.mark.parametrize(("unexplained", "kept"), [(0.49, 2), (0.51, 0)])
+def test_no_name_stands_beside_more_that_is_unexplained(
+    monkeypatch: pytest.MonkeyPatch, unexplained: float, kept: int
+) -> None:
+    """Whoever reads that most of the gap is unexplained reads no answer beside it."""
+    monkeypatch.setattr(Made, "unexplained", unexplained)
+    each: dict[str, dict[str, float]] = {"viscous_friction": {}, "gravity": {}}
+    held, refused = confirmed(monkeypatch, each)
+    assert [*held.shown] == [*each][:kept]
+    assert refused == ({} if kept else dict.fromkeys(each, LESSER))
 
 
 def test_no_name_raises_the_error_of_those_before_it(monkeypatch: pytest.MonkeyPatch) -> None:

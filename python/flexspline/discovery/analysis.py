@@ -292,6 +292,23 @@ class Analysis:
             )
         return [*models, final] if final.named else models
 
+    @cached_property
+    def unexplained(self) -> float:
+        """Share of the gap above the noise floor that functions without a name close held out.
+
+        In the noise's own metric, where slow noise does not hide it; by the evidence where runs go
+        where no other went, so that squares on left-out folds tell nothing.
+        """
+        if not self.leftover.groups:
+            return 0.0
+        functions = Functions(self.leftover.groups)
+        first, last, least = (
+            held_out(self.part.problem, work, self.whitening, beside).squares
+            for work, beside in ((self.base, None), (self.final, None), (self.final, functions))
+        )
+        share = (last - least) / (first - least) if min(first, last) > least else None
+        return float(min(self.leftover.share if share is None else share, 1.0))
+
     @property
     def searched(self) -> float:
         """Share of the rows that were searched first."""

@@ -192,28 +192,15 @@ def _runs(made: Analysis, before: HeldOut, after: HeldOut) -> tuple[HeldRun, ...
 def _unexplained(
     made: Analysis, rows: Whitening, steps: list[float]
 ) -> tuple[Unexplained | None, float]:
-    """What is left above the noise floor, if it matters; and the floor.
-
-    How much matters is told in the noise's own metric, where slow noise does not hide it; by the
-    evidence where runs go where no other went, so that squares on left-out folds tell nothing.
-    """
-    groups = made.leftover.groups
-    if not groups:
+    """What is left above the noise floor, if it matters; and the floor."""
+    if not made.leftover.groups or made.unexplained < SETTINGS.bends:
         return None, steps[-1]
-    problem = made.part.problem
-    functions = Functions(groups)
-    first, last, least = (
-        held_out(problem, work, made.whitening, beside).squares
-        for work, beside in ((made.base, None), (made.final, None), (made.final, functions))
-    )
-    share = (last - least) / (first - least) if min(first, last) > least else made.leftover.share
-    if share < SETTINGS.bends:
-        return None, steps[-1]
+    problem, functions = made.part.problem, Functions(made.leftover.groups)
     floor = held_out(problem, made.final, rows, functions).rmse
     if made.part is not made.study:
         floor *= steps[-1] / held_out(problem, made.final, rows).rmse
     floor = min(floor, *steps)
-    return Unexplained(float(min(share, 1.0)), tuple(made.leftover.channels)), floor
+    return Unexplained(made.unexplained, tuple(made.leftover.channels)), floor
 
 
 def _again(made: Analysis, left: HeldOut, steps: list[float]) -> tuple[Unexplained | None, float]:

@@ -13,11 +13,13 @@ the error of a coefficient large that the runs tell from zero well (Davies 1987)
 them; but neither may the errors that are printed reach zero.
 
 Nor is it a name where something else is four times as likely: of any, other effects that explain as
-much; of the first, what no name explains as well. Of several names, one that closes less than a
-form may miss of what all of them close held out, and less than a hundredth of what is left without
-it, with a tenth of the t of the largest at most, is real but too small to matter: it is listed as
-also seen and is no part of the model. Ripple that is small in RMS may be as plain as the rest,
-beside slow noise. Blocks are longer than the residual's memory (two seconds at least).
+much; of the first, what no name explains as well. Where that is more than what all names explain,
+held out, what is missing is not known, and none of them is the answer. Of several names, one that
+closes less than a form may miss of what all of them close held out, and less than a hundredth of
+what is left without it, with a tenth of the t of the largest at most, is real but too small to
+matter: it is listed as also seen and is no part of the model. Ripple that is small in RMS may be as
+plain as the rest, beside slow noise. Blocks are longer than the residual's memory (two seconds at
+least).
 """
 
 from __future__ import annotations
@@ -31,7 +33,13 @@ from scipy.stats import chi2
 
 from flexspline.discovery.analysis import Analysis, Rival, rivals_of
 from flexspline.discovery.evidence import equivalent_t
-from flexspline.discovery.result import NOT_LOWER, NOT_SIGNIFICANT, UNLIKELY, confidence
+from flexspline.discovery.result import (
+    LESSER,
+    NOT_LOWER,
+    NOT_SIGNIFICANT,
+    UNLIKELY,
+    confidence,
+)
 from flexspline.discovery.search import cost_of
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect
@@ -132,9 +140,10 @@ def confirmed(made: Analysis, fitted: Callable[[Working], Fit], base: Sequence[s
             rivals = _rivals(made)
             sure = {name: _confidence(made, fit, name, own) for name, own in rivals.items()}
             unlikely = _unlikely(rivals, sure)
-            if not unlikely:
+            lesser = list(rivals) if made.unexplained > 0.5 else []
+            if not unlikely and not lesser:
                 return Confirmed(made, fit, shown, tuple(small), rivals, sure)
-            name, why = unlikely[-1], UNLIKELY
+            name, why = (unlikely[-1], UNLIKELY) if unlikely else (lesser[-1], LESSER)
         if why == SMALL:
             one = shown[name]
             small.append(AlsoSeen(name, *one.rmse, one.t, one.share))

@@ -84,6 +84,7 @@ Array = NDArray[np.float64]
 DRIVES = ("motor_torque", "motor_current")
 NOT_SIGNIFICANT, NOT_LOWER = "not significant in the final fit", "does not lower the held-out error"
 UNLIKELY = "other effects, or what no name explains, are four times as likely"
+LESSER = "more of the gap stays unexplained than names explain"
 """Why a name is withdrawn that the search had found."""
 
 
@@ -274,7 +275,7 @@ class Discovery:
     @property
     def withdrawn(self) -> dict[str, str]:
         """Names that the search found and these runs do not bear out, with the reason."""
-        whys = (NOT_SIGNIFICANT, NOT_LOWER, UNLIKELY)
+        whys = (NOT_SIGNIFICANT, NOT_LOWER, UNLIKELY, LESSER)
         return {name: why for name, why in self.refused.items() if why in whys}
 
     @property
