@@ -120,7 +120,7 @@ def test_springs_of_presliding_brake_one_and_all(joint: int) -> None:
 def test_no_name_stands_beside_more_that_is_unexplained(made: Callable[[], Discovery]) -> None:
     found = made()
     assert found.names
-    assert found.unexplained is None or found.unexplained.share <= 0.5
+    assert found.unexplained is None or found.unexplained.share_of_variance <= 0.5
 
 
 @pytest.mark.parametrize("made", [lambda: arm(1), lambda: arm(2), lambda: current()])
