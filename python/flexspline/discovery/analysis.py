@@ -294,7 +294,7 @@ class Analysis:
 
     @cached_property
     def unexplained(self) -> float:
-        """Share of the gap above the noise floor that functions without a name close held out.
+        """Share of the gap above the noise floor that a flexible basis alone closes held out.
 
         In the noise's own metric, where slow noise does not hide it; by the evidence where runs go
         where no other went, so that squares on left-out folds tell nothing.

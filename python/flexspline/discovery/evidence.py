@@ -218,16 +218,17 @@ def offers(dictionary: Dictionary, model: Columns, *, plain: bool = False) -> li
     a turn many orders follow it.
     """
     left, raw = dictionary.table.without(model), np.diag(dictionary.table.total)
-    made = [_offer(candidate, dictionary, left, raw) for candidate in dictionary.candidates]
     sine = [dictionary.at[c.variants[0]] for c in dictionary.candidates if c.name == "gravity"]
-    if not plain or not sine:
-        return made
-    leaves = dictionary.table.without(np.concatenate([model, *sine]))
-    for k, candidate in enumerate(dictionary.candidates):
-        if candidate.name == "output_ripple":
-            one = _offer(candidate, dictionary, left, raw, most=1)
-            made[k] = max(one, _offer(candidate, dictionary, leaves, raw), key=lambda o: o.net)
-    return made
+    plain = plain and bool(sine)
+    leaves = dictionary.table.without(np.concatenate([model, *sine])) if plain else left
+
+    def best(candidate: Candidate) -> Offer:
+        if not plain or candidate.name != "output_ripple":
+            return _offer(candidate, dictionary, left, raw)
+        one = _offer(candidate, dictionary, left, raw, most=1)
+        return max(one, _offer(candidate, dictionary, leaves, raw), key=lambda offer: offer.net)
+
+    return [best(candidate) for candidate in dictionary.candidates]
 
 
 def _offer(
@@ -321,7 +322,7 @@ def _orders(
     raw: Array,
     most: int,
 ) -> Offer:
-    """Take `most` orders of a ripple one after the other, as long as one gains its `price`.
+    """Take up to `most` orders of a ripple, one after the other, while one gains its `price`.
 
     Nor is an order taken that explains less than the form of the others may miss.
     """
