@@ -7,11 +7,9 @@ export: one C++ core from the notebook to the robot.
 from __future__ import annotations
 
 import importlib
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-__version__ = "0.1.0"
-
+from flexspline.about import __version__, get_include
 from flexspline.effects import CATALOGUE, Effect, effect
 from flexspline.errors import FlexsplineWarning, InputError
 from flexspline.fit.fitting import fit
@@ -135,8 +133,3 @@ def __getattr__(name: str) -> Any:
     if name not in _HOME:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(importlib.import_module(f"{__name__}.{_HOME[name]}"), name)
-
-
-def get_include() -> str:
-    """Return the folder of the core's C++ headers, for a compiler's -I."""
-    return str(Path(__file__).parent / "include")

@@ -7,7 +7,7 @@ import textwrap
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from flexspline import __version__
+from flexspline.about import __version__
 from flexspline.cpp_text import comment, identifier, include, literal, string_literal
 from flexspline.errors import InputError, shortened
 from flexspline.estimation.plan import Plan, plan_of

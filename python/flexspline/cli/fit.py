@@ -7,7 +7,6 @@ from typing import Any
 
 import click
 
-from flexspline import fit as fit_effects
 from flexspline.cli.help import Taught, effects_by_target, repairs
 from flexspline.cli.options import (
     bandwidth,
@@ -24,6 +23,7 @@ from flexspline.cli.options import (
 )
 from flexspline.cli.runs import Reading, on_terminal, simulations
 from flexspline.files import whole_folder
+from flexspline.fit.fitting import fit as fit_effects
 
 __all__ = ["fit"]
 

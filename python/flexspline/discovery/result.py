@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline import __version__
+from flexspline.about import __version__
 from flexspline.discovery.analysis import Analysis
 from flexspline.discovery.faults import DataFault
 from flexspline.discovery.settings import SETTINGS

@@ -7,7 +7,7 @@ import textwrap
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from flexspline import __version__
+from flexspline.about import __version__
 from flexspline.files import atomic_write
 from flexspline.report.calibration_content import (
     calibration_lines,

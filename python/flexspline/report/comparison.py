@@ -7,7 +7,7 @@ import os
 import textwrap
 from typing import TYPE_CHECKING, Any
 
-from flexspline import __version__
+from flexspline.about import __version__
 from flexspline.comparison.says import floor_sentence
 from flexspline.files import atomic_write
 from flexspline.report.comparison_content import (

@@ -6,7 +6,7 @@ import os
 import textwrap
 from typing import TYPE_CHECKING, Any
 
-from flexspline import __version__
+from flexspline.about import __version__
 from flexspline.errors import listed
 from flexspline.files import atomic_write
 from flexspline.report.content import known_groups, parameter_lines

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from flexspline import __version__
+from flexspline.about import __version__
 from flexspline.files import atomic_write
 from flexspline.report.content import known_groups, parameter_lines
 from flexspline.report.facts import log_facts, model_facts, python_call
