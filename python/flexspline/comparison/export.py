@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from flexspline.about import __version__
 from flexspline.comparison.bands import OrderPeak
 from flexspline.comparison.says import floor_sentence
-from flexspline.report.inputs import bandwidth_used, inputs_json
+from flexspline.prepared import bandwidth_used, inputs_json
 from flexspline.schema import checked_json
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from flexspline.comparison.bands import Band, OrderPeak
+from flexspline.comparison.bands import Band, OrderPeak, worst_band
 from flexspline.comparison.locate import Place
 from flexspline.comparison.runs import ComparedRun
 from flexspline.errors import InputError, did_you_mean, listed
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from flexspline.orders import OrderAnalysis
     from flexspline.prepared import Preparation
 
-__all__ = ["Comparison", "Follows", "Remembered"]
+__all__ = ["Comparison", "Follows", "Remembered", "ranked"]
 
 
 @dataclass(frozen=True)
@@ -178,3 +178,10 @@ class Comparison:
         from flexspline.report.comparison import write_comparison_report
 
         write_comparison_report(self, path)
+
+
+def ranked(made: Comparison) -> list[str]:
+    """Return the names of `made.by`, what the gap follows first, then by their worst band."""
+    first = [f.name for f in made.follows if f.name in made.by]
+    rest = [name for name in made.by if name not in first]
+    return [*first, *sorted(rest, key=lambda name: -worst_band(made.by[name]).excess)]

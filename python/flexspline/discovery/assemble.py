@@ -23,11 +23,11 @@ from flexspline.experiment.limits import Limits
 from flexspline.experiment.planning import planned
 from flexspline.fit.problem import Problem
 from flexspline.fit.ripple import CORE_PAIRS
+from flexspline.formatting.numbers import percent
 from flexspline.logs.channel_noise import ChannelNoise
 from flexspline.orders.parts import Candidate, Pair, owner, pairs
 from flexspline.regression.gram import TINY, Whitening, by_runs
 from flexspline.regression.held_out import HeldOut, held_out
-from flexspline.report.numbers import percent
 
 __all__ = ["assembled", "where"]
 

@@ -32,13 +32,13 @@ from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import CATALOGUE, TARGETS, Effect, Harmonic, ShapeInfo
 from flexspline.errors import InputError
 from flexspline.fit.problem import Problem
-from flexspline.fit.requirements import gear_for, require_load, require_one_unit
 from flexspline.fit.ripple import CORE_PAIRS, FOLLOWER, LEADERS
 from flexspline.logs.channel_noise import ChannelNoise
 from flexspline.logs.log import Log
 from flexspline.orders import FoundOrder, find_orders
 from flexspline.orders.parts import Candidate as OrderCandidate
 from flexspline.orders.parts import Pair, owner, pairs
+from flexspline.requirements import gear_for, require_load, require_one_unit
 from flexspline.signals import channels_for
 
 __all__ = [

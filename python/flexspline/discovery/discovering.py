@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
+from flexspline.comparison.base import based
 from flexspline.discovery.analysis import Analysis, FirstLook, analysed, first_look
 from flexspline.discovery.assemble import assembled
 from flexspline.discovery.candidates import LAG, TAKEN, freedoms, held_of, unseen_of, with_freedoms
@@ -43,7 +44,6 @@ from flexspline.errors import InputError
 from flexspline.experiment.limits import Limits
 from flexspline.fit.fitting import fit, fit_near, simulation_settings, with_orders
 from flexspline.fit.problem import Problem, problem_of
-from flexspline.fit.requirements import require_apart
 from flexspline.fit.result import Fit
 from flexspline.forward.servo import PositionServo
 from flexspline.logs.left_out import Kept, at_work, only_experiments
@@ -54,7 +54,7 @@ from flexspline.output_error.discovering import discover_by_simulation
 from flexspline.output_error.regression import with_servo_torque
 from flexspline.prepared import Preparation, learned, prepared
 from flexspline.regression.working import Working
-from flexspline.simulator.base import based
+from flexspline.requirements import require_apart
 from flexspline.simulator.record import SIMULATED, Simulated
 
 __all__ = ["discover"]

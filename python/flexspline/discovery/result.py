@@ -33,10 +33,10 @@ from flexspline.discovery.slices import HeldRun, Slice, slices
 from flexspline.errors import InputError
 from flexspline.fit.result import Fit, Parameter
 from flexspline.model import PART_OF, Model, Part
+from flexspline.prepared import bandwidth_used, inputs_json
 from flexspline.regression.gram import TINY
 from flexspline.regression.held_out import Fold, HeldOut
 from flexspline.regression.working import Working
-from flexspline.report.inputs import bandwidth_used, inputs_json
 from flexspline.schema import checked_json
 
 if TYPE_CHECKING:

@@ -129,10 +129,10 @@ def fit(
     from flexspline.fit.late_load import beside_delay, can_be_late
     from flexspline.fit.offsets import OFFSET, taken_out
     from flexspline.fit.problem import problem_of
-    from flexspline.fit.requirements import require_apart, require_one_unit
     from flexspline.fit.ripple import with_found_orders
     from flexspline.logs.log import Log
     from flexspline.prepared import learned, preparations_for, prepared
+    from flexspline.requirements import require_apart, require_one_unit
 
     if robust not in (None, "huber"):
         raise InputError(f"robust is {robust!r}; give 'huber' or None")

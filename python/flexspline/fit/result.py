@@ -20,8 +20,8 @@ from flexspline.model import Model, Part, Prediction
 if TYPE_CHECKING:
     import pandas
 
+    from flexspline.fit.simulation import SimulationFit
     from flexspline.logs.channel_noise import ChannelNoise
-    from flexspline.output_error.result import SimulationFit
 
 __all__ = ["Delay", "Fit", "FittedRun", "Parameter"]
 
@@ -197,7 +197,7 @@ class Fit:
 
         Effects that cannot be told apart come as one, "a + b".
         """
-        from flexspline.report.shares import shares
+        from flexspline.fit.shares import shares
 
         return shares(self)
 

@@ -16,7 +16,6 @@ from flexspline.comparison.assemble import assembled as compared_all
 from flexspline.comparison.result import Comparison
 from flexspline.comparison.runs import Compared, ComparedRun
 from flexspline.comparison.simulated import resolution
-from flexspline.comparison.velocity import velocity_noise, with_motion
 from flexspline.discovery.faults import DataFault
 from flexspline.discovery.result import Discovery, Found, Motion, Unexplained
 from flexspline.discovery.slices import HeldRun
@@ -24,6 +23,7 @@ from flexspline.effects import Effect
 from flexspline.errors import InputError, listed
 from flexspline.fit.result import Fit
 from flexspline.logs.log import Log
+from flexspline.logs.velocity import velocity_noise, with_motion
 from flexspline.model import Model
 from flexspline.output_error.assemble import assembled
 from flexspline.output_error.errors import errors_of
