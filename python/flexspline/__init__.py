@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from flexspline.forward.result import ForwardRun
     from flexspline.forward.servo import PositionServo
     from flexspline.forward.simulating import simulate
+    from flexspline.logs.checks import Findings, check
     from flexspline.logs.convert import convert
     from flexspline.logs.log import Log
     from flexspline.logs.read import read_log
@@ -61,6 +62,7 @@ __all__ = [
     "Discovery",
     "Effect",
     "Estimate",
+    "Findings",
     "Fit",
     "FlexsplineWarning",
     "ForwardRun",
@@ -81,6 +83,7 @@ __all__ = [
     "accumulate",
     "calibrate",
     "certify",
+    "check",
     "compare",
     "convert",
     "discover",
@@ -103,6 +106,7 @@ _HOME = {
     "Differentiator": "estimators",
     "Discovery": "discovery.result",
     "Estimate": "estimation",
+    "Findings": "logs.checks",
     "Fit": "fit.result",
     "ForwardRun": "forward.result",
     "Limits": "experiment.limits",
@@ -120,6 +124,7 @@ _HOME = {
     "accumulate": "fit.streaming",
     "calibrate": "calibration.calibrating",
     "certify": "certification",
+    "check": "logs.checks",
     "compare": "comparison.comparing",
     "discover": "discovery.discovering",
     "estimate": "estimation",

@@ -33,8 +33,6 @@ __all__ = ["fit", "fit_near", "simulation_settings", "with_orders"]
 
 ROWS_A_PARAMETER = 3
 SETTLING_ROUNDS = 3
-NO_TORSION = ("wrapped_angle", "motor_reversed", "gear_ratio")
-"""Faults with which q Ñ − θ is hundreds of rad of nothing; of other targets they are warnings."""
 
 
 def fit(
@@ -371,9 +369,7 @@ def _checked(
     sentences = []
     for log in runs:
         findings = check(log, effects=asked, target=target)
-        findings.raise_errors()
-        if target == "torsion":
-            findings.raise_named(NO_TORSION)
+        findings.raise_forbidding(target)
         sentences += [f"{log.name}: {f.sentence} {f.remedy}".rstrip() for f in findings.faults]
     return sentences
 

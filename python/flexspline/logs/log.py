@@ -18,6 +18,7 @@ from flexspline.logs.facts import Fact, checked_facts
 
 if TYPE_CHECKING:
     import pandas
+    from matplotlib.figure import Figure
 
 __all__ = ["Log", "Source"]
 
@@ -158,6 +159,23 @@ class Log:
         said = f"kept {len(columns['time'])} of {len(self)} rows" if note is None else note
         history = (*self.history, said) if said else self.history
         return Log(columns, self.facts, history, self.source)
+
+    def plot(self, *, effects: Sequence[str] = (), target: str | None = None) -> Figure:
+        """Return a figure of the channels over time, with what `check` finds in them.
+
+        Parameters
+        ----------
+        effects, target : what is to be fitted, as for `check`.
+
+        Raises
+        ------
+        InputError
+            For an effect or target that does not exist.
+        """
+        from flexspline.logs.checks import check
+        from flexspline.plot.channels import plot_channels
+
+        return plot_channels(self, check(self, effects=effects, target=target))
 
     def to_frame(self) -> pandas.DataFrame:
         """Return a copy as a pandas table with one column for each channel."""
