@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
 
+from flexspline.deprecated import fit
 from flexspline.effects import CATALOGUE, Effect, effect
 from flexspline.errors import FlexsplineWarning, InputError
-from flexspline.fit.fitting import fit
 
 if TYPE_CHECKING:
     from flexspline.calibration.calibrating import calibrate
@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from flexspline.experiment.experimenting import next_experiment
     from flexspline.experiment.limits import Limits
     from flexspline.experiment.plan import Plan
+    from flexspline.fit.options import FitOptions
     from flexspline.fit.result import Fit
     from flexspline.fit.streaming import accumulate
     from flexspline.forward.result import ForwardRun
@@ -49,6 +50,8 @@ if TYPE_CHECKING:
     from flexspline.logs.log import Log
     from flexspline.logs.read import read_log
     from flexspline.model import Model, Part, Prediction
+    from flexspline.output_error.fitting import fit_motion
+    from flexspline.output_error.settings import MotionOptions
 
 __all__ = [
     "CATALOGUE",
@@ -64,6 +67,7 @@ __all__ = [
     "Estimate",
     "Findings",
     "Fit",
+    "FitOptions",
     "FlexsplineWarning",
     "ForwardRun",
     "InputError",
@@ -71,6 +75,7 @@ __all__ = [
     "Log",
     "Merge",
     "Model",
+    "MotionOptions",
     "Observer",
     "Part",
     "Plan",
@@ -90,6 +95,7 @@ __all__ = [
     "effect",
     "estimate",
     "fit",
+    "fit_motion",
     "get_include",
     "next_experiment",
     "read_log",
@@ -108,11 +114,13 @@ _HOME = {
     "Estimate": "estimation",
     "Findings": "logs.checks",
     "Fit": "fit.result",
+    "FitOptions": "fit.options",
     "ForwardRun": "forward.result",
     "Limits": "experiment.limits",
     "Log": "logs.log",
     "Merge": "estimators",
     "Model": "model",
+    "MotionOptions": "output_error.settings",
     "Observer": "estimators",
     "Part": "model",
     "Plan": "experiment.plan",
@@ -129,6 +137,7 @@ _HOME = {
     "discover": "discovery.discovering",
     "estimate": "estimation",
     "convert": "logs.convert",
+    "fit_motion": "output_error.fitting",
     "next_experiment": "experiment.experimenting",
     "read_log": "logs.read",
     "simulate": "forward.simulating",

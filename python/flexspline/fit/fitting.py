@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from tqdm import tqdm
 
@@ -20,16 +18,15 @@ if TYPE_CHECKING:  # what is heavy is imported where it is used: `flexspline --h
 
     from flexspline.fit.estimate import Estimate, Given
     from flexspline.fit.names import Bounds
+    from flexspline.fit.options import FitOptions
     from flexspline.fit.problem import Problem
     from flexspline.fit.result import Fit
-    from flexspline.forward.servo import PositionServo
     from flexspline.logs.log import Log
     from flexspline.model import Model
-    from flexspline.output_error.settings import Settings
     from flexspline.prepared import Preparation
     from flexspline.simulator.record import Simulated
 
-__all__ = ["fit", "fit_near", "simulation_settings", "with_orders"]
+__all__ = ["fit", "fit_near", "runs_of", "with_orders"]
 
 ROWS_A_PARAMETER = 3
 SETTLING_ROUNDS = 3
@@ -42,27 +39,17 @@ def fit(
     *,
     known_load: str | None = None,
     lowpass: float | None = None,
-    bandwidth: float | None = None,
     orders: Mapping[str, Sequence[int]] | None = None,
     fixed: Mapping[str, float] | None = None,
     bounds: Mapping[str, Bounds] | None = None,
     priors: Mapping[str, tuple[float, float]] | None = None,
-    robust: str | None = None,
-    offset_per_run: bool = False,
-    into: Model | None = None,
     checks: bool = True,
-    simulation: Log | Sequence[Log] | None = None,
-    simulated_torque: str | None = None,
-    threads: int = 1,
-    progress: bool = False,
-    by: str = "regression",
-    controller: PositionServo | str | os.PathLike[str] | None = None,
-    free_controller: Sequence[str] = (),
-    starts: int = 8,
-    folds: int = 4,
-    seed: int = 0,
+    into: Model | None = None,
+    options: FitOptions | None = None,
 ) -> Fit:
-    """Fit effects to logs by least squares, of the torque or of the motion that it makes.
+    """Fit effects to logs by least squares of the target on the measured motion.
+
+    To fit the motion that these effects make when simulated, see `fit_motion`.
 
     Parameters
     ----------
@@ -73,38 +60,15 @@ def fit(
     known_load : channel that holds τ_load [Nm], such as "reference_torque". Without it a
         reference channel is left unused.
     lowpass : Hz; zero phase, on the target and on every row alike.
-    bandwidth : Hz, -3 dB to which the motion of the output is smoothed before rows read it. None:
-        the runs tell how noisy each channel is, and noisy ones are smoothed to what tells them
-        best (`Fit.inputs`); exact ones are read as recorded. ``float("inf")``: all channels are
-        read as recorded, whatever their noise.
     orders : {"output_ripple": [1, 2, 4]}; a ripple effect without orders gets those that the
         order analysis finds in the residual of the others.
     fixed : {"inertia": 0.02}: parameters that are not fitted, by "effect.term", shape name, or
         effect alone where that is unique; in their units.
     bounds : {"viscous_friction": (0, None)}: limits; a parameter that ends there is said to.
     priors : {"inertia": (0.0192, 0.001)}: value and standard error known from elsewhere.
-    robust : "huber" weighs down outliers and pushes (Huber & Ronchetti 2009); None does not.
-    offset_per_run : one offset for each run instead of one for all.
-    into : a model of the same joint that receives this part.
     checks : look at the logs first; what makes a fit meaningless is refused, faults are warned of.
-    simulation, simulated_torque : what any simulator predicts of the target, as for `compare`; the
-        effects are fitted to what it lacks, and the model corrects it.
-    threads : for the sums over the logs.
-    progress : show what is being done on standard error.
-    by : "regression" of the target on the measured motion; or "simulation": from there on to the
-        parameters whose forward simulation, from the first row to the end, misses the measured
-        output_position least (a drive with the effect inertia; what is said of it is in
-        `Fit.simulation`).
-
-    Those of by="simulation" alone:
-
-    controller : the servo's law that drives the simulation, or the path of its `servo.json`; None:
-        the measured motor torque does. Without a torque channel, `duty` gives the regression's.
-    free_controller : fields of the law that are fitted too, of "torque" and "back_emf".
-    starts : descents: from the regression, from where short pieces of the runs are missed least,
-        and the others around the regression by `seed`.
-    folds : every `folds`-th run is left out in turn (of fewer runs, as many blocks of each); what
-        the fits without find is within the intervals.
+    into : a model of the same joint that receives this part.
+    options : what few calls need, see `FitOptions`.
 
     Returns
     -------
@@ -113,52 +77,28 @@ def fit(
     Raises
     ------
     InputError
-        For unknown names, missing channels, values that are not finite, or too few rows; by
-        simulation also without inertia or motion.
+        For unknown names, missing channels, values that are not finite, or too few rows.
 
     Notes
     -----
     Least squares: turlapati_intrinsic_dynamics (3)–(6), (15), (16). The design matrix of (16)
     has no inverse as printed; what it leaves undetermined is found and named (see
-    `Fit.confounded`). By simulation: Ljung 1999, System identification, output-error models.
+    `Fit.confounded`).
     """
     from flexspline.fit.assemble import assembled
     from flexspline.fit.estimate import Given, estimate
     from flexspline.fit.late_load import beside_delay, can_be_late
     from flexspline.fit.offsets import OFFSET, taken_out
+    from flexspline.fit.options import FitOptions
     from flexspline.fit.problem import problem_of
-    from flexspline.fit.requirements import require_apart, require_one_unit
+    from flexspline.fit.requirements import require_one_unit
     from flexspline.fit.ripple import with_found_orders
-    from flexspline.logs.log import Log
     from flexspline.prepared import learned, preparations_for, prepared
 
-    if robust not in (None, "huber"):
-        raise InputError(f"robust is {robust!r}; give 'huber' or None")
-    runs = [logs] if isinstance(logs, Log) else list(logs)
-    if not runs:
-        raise InputError("there is no log to fit; give at least one")
-    for run in runs:
-        if not isinstance(run, Log):
-            raise InputError(
-                f"logs holds a {type(run).__name__}; give logs, as read_log makes them"
-            )
-    require_apart(runs)
+    how = FitOptions() if options is None else options
+    runs = runs_of(logs)
     chosen = with_orders(effects, orders or {})
-    foreign = simulation is not None or simulated_torque is not None
-    if by != "regression" or controller is not None or free_controller:
-        if foreign:
-            raise InputError(
-                "by='simulation' drives the effects alone; leave the foreign simulation out"
-            )
-        _require_simulation(by, priors, offset_per_run, bandwidth)
-        regression = partial(
-            fit, chosen, target=target, known_load=known_load, lowpass=lowpass, fixed=fixed,
-            bounds=bounds, robust=robust, checks=checks, threads=threads, bandwidth=math.inf,
-        )  # fmt: skip
-        settings = simulation_settings(
-            controller, free_controller, starts, folds, seed, threads, progress
-        )
-        return _by_simulation(chosen, runs, target, settings, regression, bounds or {}, into)
+    foreign = how.simulation is not None or how.simulated_torque is not None
     if known_load is None:
         chosen = [e.without_load() for e in chosen]
     require_one_unit(chosen, target, known_load)
@@ -167,16 +107,16 @@ def fit(
     if foreign:
         from flexspline.simulator.taken import take
 
-        taken = take(runs, target, known_load, simulation, simulated_torque)
+        taken = take(runs, target, known_load, how.simulation, how.simulated_torque)
         runs, simulated = list(taken.logs), taken.simulated
         remarks = tuple(remark.sentence for remark in taken.remarks)
     warnings = _checked(runs, chosen, target, known_load) if checks else []
-    given = Given(fixed or {}, bounds or {}, priors or {}, robust == "huber")
-    centred = offset_per_run and taken_out(chosen, runs, given)
+    given = Given(fixed or {}, bounds or {}, priors or {}, how.robust == "huber")
+    centred = how.offset_per_run and taken_out(chosen, runs, given)
     at = [e.name for e in chosen].index(OFFSET) if centred else 0
     offset = (at, chosen.pop(at)) if centred else None
 
-    noise, ways = learned(runs, target, known_load, bandwidth)
+    noise, ways = learned(runs, target, known_load, how.bandwidth)
     ways = _read_by(chosen, known_load, ways)
     fine = [prepared(log, ways) for log in runs]
 
@@ -189,8 +129,8 @@ def fit(
             target,
             known_load=known_load,
             lowpass_hz=lowpass,
-            threads=threads,
-            offset_per_run=offset_per_run and not centred,
+            threads=how.threads,
+            offset_per_run=how.offset_per_run and not centred,
             preparations=ways,
             inputs=inputs,
             counted=rows,
@@ -206,7 +146,8 @@ def fit(
     def again(problem: Problem, made: Estimate) -> Estimate:
         return estimate(problem, made.linear.effects, given, bar.update, near=True)
 
-    with tqdm(desc="solving", unit=" solves", disable=not progress, leave=False, delay=1.0) as bar:
+    quiet = not how.progress
+    with tqdm(desc="solving", unit=" solves", disable=quiet, leave=False, delay=1.0) as bar:
         chosen, found, said = with_found_orders(chosen, problem)
         posed = problem(chosen)
         _require_rows(posed, chosen)
@@ -218,9 +159,9 @@ def fit(
         bar.set_description("errors and validation")
         said = [*remarks, *warnings, *said]
         inputs = tuple(noise.values())
-        raw = bandwidth == math.inf and bool(preparations_for(noise, target, known_load))
+        raw = how.bandwidth == math.inf and bool(preparations_for(noise, target, known_load))
         whole = assembled(posed, made, into, said, found, offset, inputs, late, raw)
-        return replace(whole, bandwidth=bandwidth)
+        return replace(whole, bandwidth=how.bandwidth)
 
 
 def _read_by(
@@ -307,37 +248,27 @@ def fit_near(
     return assembled(problem, made, into, [], None)
 
 
-def _require_simulation(
-    by: str, priors: object, offset_per_run: bool, bandwidth: float | None
-) -> None:
-    if by not in ("regression", "simulation"):
-        raise InputError(f"by is {by!r}; give 'regression' or 'simulation'")
-    if by == "regression":
-        raise InputError("a controller drives a simulation; give by='simulation' or leave it out")
-    if priors:
-        raise InputError("by='simulation' takes no priors; fix or bound the parameter instead")
-    if bandwidth is not None and bandwidth != math.inf:
-        raise InputError("by='simulation' compares the motion as it is; leave bandwidth out")
-    if offset_per_run:
-        raise InputError("by='simulation' takes one offset for all runs; leave offset_per_run out")
+def runs_of(logs: Log | Sequence[Log]) -> list[Log]:
+    """Return logs as a list of runs that can be fitted together.
 
+    Raises
+    ------
+    InputError
+        Where there is none, something else, or one twice.
+    """
+    from flexspline.fit.requirements import require_apart
+    from flexspline.logs.log import Log
 
-def simulation_settings(
-    controller: PositionServo | str | os.PathLike[str] | None, free: Sequence[str], *rest: Any
-) -> Settings:
-    """Return `Settings`; the law may be a path of its `servo.json`."""
-    from flexspline.forward.servo import PositionServo
-    from flexspline.output_error.settings import Settings
-
-    if isinstance(controller, (str, os.PathLike)):
-        controller = PositionServo.load(controller)
-    return Settings(controller, (free,) if isinstance(free, str) else tuple(free), *rest)
-
-
-def _by_simulation(*given: Any) -> Fit:
-    from flexspline.output_error.fitting import fit_by_simulation
-
-    return fit_by_simulation(*given)
+    runs = [logs] if isinstance(logs, Log) else list(logs)
+    if not runs:
+        raise InputError("there is no log to fit; give at least one")
+    for run in runs:
+        if not isinstance(run, Log):
+            raise InputError(
+                f"logs holds a {type(run).__name__}; give logs, as read_log makes them"
+            )
+    require_apart(runs)
+    return runs
 
 
 def with_orders(

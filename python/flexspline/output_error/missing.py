@@ -28,6 +28,7 @@ from flexspline.discovery.candidates import possible
 from flexspline.effects import Effect
 from flexspline.errors import InputError
 from flexspline.fit.fitting import fit
+from flexspline.fit.options import FitOptions
 from flexspline.output_error.cost import Cost
 from flexspline.output_error.fitting import EVALUATIONS, cost_of, starts_of
 from flexspline.output_error.folds import Folds, folds_of
@@ -141,10 +142,10 @@ class _Way:
         """The regression, the miss around it, and the folds; `steps` from row to row."""
         regression = fit(
             effects, self.logs, self.target, known_load=self.known_load, fixed=self.fixed,
-            checks=False, threads=self.settings.threads,
+            checks=False, options=FitOptions(threads=self.settings.options.threads),
         )  # fmt: skip
         cost = cost_of(regression, self.logs, self.settings, {}, lambda: None, steps)
-        return regression, cost, folds_of(cost.counts, self.settings.folds)
+        return regression, cost, folds_of(cost.counts, self.settings.options.folds)
 
 
 def search(
