@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache, partial
 
 import calibration_logs as bench
@@ -58,7 +59,7 @@ def _chains() -> Cases:
         ),
     }
     made: Cases = {
-        f"estimate/{name}": of(lambda m=model: fx.estimate(m(), raw()), estimate_numbers)
+        f"estimate/{name}": of(partial(_of_rig, model), estimate_numbers)
         for name, model in models.items()
     }
     made["estimate/kinova"] = of(
@@ -67,6 +68,10 @@ def _chains() -> Cases:
     for joint in (2, 7):
         made[f"estimate/iiwa joint {joint}"] = of(partial(_iiwa, joint), estimate_numbers)
     return made
+
+
+def _of_rig(model: Callable[[], fx.Model]) -> fx.Estimate:
+    return fx.estimate(model(), raw())
 
 
 @cache
@@ -128,7 +133,7 @@ def _fits() -> Cases:
         "fit/simulated, useless": of(report_fits.useless_fit, fit_numbers),
         "fit/simulated, robust, an offset for each run": of(_robust, fit_numbers),
     }
-    for hidden in ("slow", "ripple", "warm", "reversal", "loaded"):
+    for hidden in ("slow", "ripple", "loaded"):
         name = f"compare/simulated, {hidden}"
         made[name] = of(partial(comparison_logs.comparison, hidden), comparison_numbers)
     return made
@@ -136,7 +141,7 @@ def _fits() -> Cases:
 
 def _robust() -> fx.Fit:
     logs = [report_fits.run(number) for number in range(3)]
-    effects = ["coulomb_friction", "viscous_friction"]
+    effects = ["offset", "coulomb_friction", "viscous_friction"]
     return fx.fit(effects, logs, "sensor_torque", robust="huber", offset_per_run=True)
 
 

@@ -59,7 +59,8 @@ def needs_logs(name: str) -> bool:
 
 def measured_cases() -> Cases:
     """Return what computes the numbers of each case, by its name."""
-    return _ur10e() | _kinova() | _iiwa() | _others() | _lab() | {"collision/ur10e": _pushes}
+    made = _ur10e() | _kinova() | _iiwa() | _two_encoders() | _xl330() | _lab()
+    return made | {"collision/ur10e": _pushes}
 
 
 def _ur10e() -> Cases:
@@ -173,9 +174,8 @@ def iiwa_as_recorded(joint: int) -> fx.Fit:
     return fx.fit(MOVES, logs, "sensor_torque")
 
 
-def _others() -> Cases:
+def _two_encoders() -> Cases:
     hysteresis: Effects = ["offset", "torsional_hysteresis"]
-    loaded: Effects = [*FRICTION[1:], "gravity", "load_dependent_friction"]
     return {
         "fit/two encoders, joint 1": of(
             lambda: fx.fit([*hysteresis, "kinematic_error"], aligned(1), "torsion"), fit_numbers
@@ -190,6 +190,12 @@ def _others() -> Cases:
         "discover/two encoders, joint 1": of(
             lambda: fx.discover(["offset"], aligned(1), target="torsion"), discovery_numbers
         ),
+    }
+
+
+def _xl330() -> Cases:
+    loaded: Effects = [*FRICTION[1:], "gravity", "load_dependent_friction"]
+    return {
         "fit/xl330": of(
             lambda: fx.fit(
                 loaded, [_pendulum(run) for run in TWELVE], "motor_torque", lowpass=5.0, fixed=KNOWN

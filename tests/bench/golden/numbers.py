@@ -99,15 +99,14 @@ def fit_numbers(fit: fx.Fit) -> Numbers:
     made: Numbers = {"parameters": joined(p.name for p in fit.parameters)}
     made["not determined"] = joined(p.name for p in fit.parameters if not p.determined)
     made["states"] = joined(f"{p.name}: {p.state}" for p in fit.parameters if p.state != "fitted")
-    for p, variance in zip(fit.parameters, np.diag(fit.covariance), strict=True):
+    for p in fit.parameters:
         made[p.name] = plain(p.value)
         made[f"{p.name} error"] = plain(p.standard_error)
-        made[f"{p.name} naive error"] = plain(p.naive_error)
-        made[f"{p.name} variance"] = plain(variance)
+    for number, variance in enumerate(np.diag(fit.covariance)):  # of those that are free
+        made[f"variance {number:02d}"] = plain(variance)
     made |= picked("", fit, ("rmse", "cv_rmse", "condition", "folds", "exact", "generalised"))
     for number, score in enumerate(fit.scores[1:], start=1):
-        label = f"score {number:02d} {score.group}"
-        made |= picked(label, score, ("rows", "rmse", "cv_rmse", "bias"))
+        made[f"score {number:02d} {score.group}"] = plain(score.cv_rmse)
     return made | _noise(fit) | _beside(fit)
 
 
@@ -165,6 +164,7 @@ def _left(found: fx.Discovery) -> Numbers:
     made: Numbers = {f"rows {name}": plain(count) for name, count in found.rows.items()}
     if found.unexplained is not None:
         made["unexplained share"] = plain(found.unexplained.share_of_variance)
+        made["unexplained depends on"] = joined(found.unexplained.depends_on)
     for one in found.also_seen:
         made |= picked(f"also seen {one.effect}", one, ("t", "share_of_gap"))
     if found.motion is not None:
@@ -193,7 +193,7 @@ def comparison_numbers(made: fx.Comparison) -> Numbers:
         numbers[f"follows {one.name} also"] = joined(one.also)
     for name, bands in made.by.items():
         for number, band in enumerate(bands):
-            numbers |= picked(f"{name} {number}", band, ("rows", "rmse", "excess"))
+            numbers |= picked(f"{name} {number}", band, ("rmse", "excess"))
     for peak in made.orders[:10]:
         numbers |= picked(f"order {peak.order:g} {peak.pair}", peak, ("amplitude", "error"))
     memory = ("order", "seconds", "innovation", "velocity")
