@@ -142,7 +142,8 @@ def _fits() -> Cases:
 def _robust() -> fx.Fit:
     logs = [report_fits.run(number) for number in range(3)]
     effects = ["offset", "coulomb_friction", "viscous_friction"]
-    return fx.fit(effects, logs, "sensor_torque", robust="huber", offset_per_run=True)
+    options = fx.FitOptions(robust="huber", offset_per_run=True)
+    return fx.fit(effects, logs, "sensor_torque", options=options)
 
 
 def _arm() -> Numbers:
