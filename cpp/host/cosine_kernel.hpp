@@ -4,7 +4,7 @@
 ///
 /// π/2 is subtracted in three parts of 33 bits, the first of them exactly for |x| <= 1e6; beyond
 /// it, for infinities and for NaN the answer is NaN. Absolute error < 2e-16. Source: fdlibm
-/// (k_sin.c, k_cos.c, e_rem_pio2.c), Sun Microsystems 1993.
+/// (k_sin.c, k_cos.c, e_rem_pio2.c), [Sun1993].
 #pragma once
 
 #include <math.h>

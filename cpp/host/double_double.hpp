@@ -5,7 +5,7 @@
 ///
 /// Products overflow in the splitting beyond 1e292. NaN and infinity stay not finite.
 /// This header must be compiled without contraction (-ffp-contract=off) and never with -ffast-math.
-/// Source: Dekker 1971; Knuth TAOCP 2, 4.2.2; Joldes, Muller, Popescu 2017.
+/// Source: [Dekker1971]; [Knuth1997], 4.2.2; [Joldes2017].
 #pragma once
 
 #include <cmath>

@@ -5,7 +5,7 @@
 ///
 /// A sum of 256 samples per lane loses less than 256 · 2⁻¹⁰⁵ of Σ|x y|; blocks are then joined in
 /// double-double. Without FMA products beyond 1e292 overflow in the splitting (NaN).
-/// Source: Dekker 1971; Ogita, Rump, Oishi 2005 (Dot2).
+/// Source: [Dekker1971]; [Ogita2005] (Dot2).
 #pragma once
 
 #include "host/lanes.hpp"

@@ -7,8 +7,8 @@
 /// ones, relative to its own squared length, falls below `tolerance` is dependent: coefficient 0,
 /// and `dependence` says of what it is made. Error of the coefficients: about κ² ε, ε = 1e-16
 /// plain, 1e-32 double-double, κ = `condition`. A column of zeros is dependent (of nothing). Not
-/// finite entries: std::invalid_argument. Source: Higham, Accuracy and Stability of Numerical
-/// Algorithms, 2002, chapters 10 and 20.
+/// finite entries: std::invalid_argument. Source: [Higham2002], Accuracy and Stability of
+/// Numerical Algorithms, chapters 10 and 20.
 #pragma once
 
 #include <vector>

@@ -148,7 +148,7 @@ def errors_of(rig: Rig, rows: Array, residual: Array) -> Uncertainty:
 
 
 def newey_west(rows: Array, residual: Array) -> Array:
-    """Standard errors with Bartlett weights (Newey & West 1987), runs joined as usual."""
+    """Standard errors with Bartlett weights [NeweyWest1987], runs joined as usual."""
     scores = rows * residual[:, None]
     lags = int(4 * (len(rows) / 100.0) ** (2.0 / 9.0))
     meat = scores.T @ scores

@@ -10,7 +10,7 @@ namespace {
 template <typename S>
 using Compensation = TemperatureCompensation<S>;
 
-/// zhang (24) as torque: −62.738 mNm/mV times b, from 25 °C.
+/// zhang_disturbance_elimination (24) as torque: −62.738 mNm/mV times b, from 25 °C.
 template <typename S>
 constexpr typename Compensation<S>::Config paper{.reference_temperature = S(25),
                                                  .coefficients = {S(0.02261), S(-0.00064)},

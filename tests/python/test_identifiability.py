@@ -1,6 +1,6 @@
 """What the data cannot tell apart is named, what is known of it is right, and nothing else is.
 
-The first case is Turlapati's own basis, (16): two sigmoids and an offset.
+The first case is that of turlapati_intrinsic_dynamics (16): two sigmoids and an offset.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def groups(fit) -> list[set[str]]:
     return [{name.split(".")[1] for name in group.names} for group in fit.confounded]
 
 
-# Turlapati (16)
+# turlapati_intrinsic_dynamics (16)
 
 
 def test_two_sigmoids_and_an_offset_are_confounded_by_name_and_nothing_else_is():

@@ -7,8 +7,8 @@
 /// the frequency is wrong by 6.1e-5 (ω h)⁴ of itself, stable while ω h < 2.98. Order 6: ten
 /// kicks, 1.5e-7 (ω h)⁶, stable while ω h < 3.13; for equal error below 1e-5 it needs fewer
 /// kicks. Numbers: from the trace of a step's matrix.
-/// Source: order 4: Omelyan, Mryglod & Folk 2002 ("PEFRL", equation 20); order 6: Blanes & Moan
-/// 2002, table 2 (S₁₀, order 6).
+/// Source: order 4: [Omelyan2002] ("PEFRL", equation 20); order 6:
+/// [BlanesMoan2002], table 2 (S₁₀, order 6).
 #pragma once
 
 #include <array>

@@ -7,7 +7,7 @@
 /// losses a series is the cheapest way to any accuracy: it is worked out to as many terms as are
 /// wanted, goes as far as they reach, and gives every instant on the way. It is not symplectic:
 /// without losses the energy moves within the accuracy, so such joints go by steps (`step.hpp`).
-/// Source: Jorba & Zou 2005, sections 2 and 3.
+/// Source: [JorbaZou2005], sections 2 and 3.
 #pragma once
 
 #include "host/simulation/joint.hpp"

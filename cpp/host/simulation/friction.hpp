@@ -8,8 +8,8 @@
 /// level is the sliding one at v = 0, so that a body leaves its rest without a jump. In the
 /// catalogue the sign is smoothed and temperature enters as a polynomial: a simulated joint is
 /// more than the model fitted to it.
-/// Source: full_range_torque_estimation (21), (22) for direction and polynomial; Olsson et al. 1998
-/// for Stribeck; Madsen et al. 2020 for the load.
+/// Source: full_range_torque_estimation (21), (22) for direction and polynomial; [Olsson1998]
+/// for Stribeck; [Madsen2020] for the load.
 #pragma once
 
 #include "flexspline/math.hpp"

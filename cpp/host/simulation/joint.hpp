@@ -8,7 +8,7 @@
 /// them. τ_load is what the joint pushes on outside: a given torque and an obstacle. The kinematic
 /// error works as a varying ratio, so it takes no energy. Structural damping is proportional to
 /// θ̇/Ñ − q̇. A rigid gear is one mass, J + Ñ² J_m, at the output.
-/// Source: full_range_torque_estimation Fig. 3, (2), (9)–(16), (23); Hunt & Crossley 1975 for the
+/// Source: full_range_torque_estimation Fig. 3, (2), (9)–(16), (23); [HuntCrossley1975] for the
 /// obstacle.
 #pragma once
 

@@ -3,7 +3,7 @@
 ///   a(σ) = Σ a_k σᵏ,    (a b)_k = Σ a_j b_{k−j},  j = 0 … k
 ///
 /// Coefficients come one order after the other, as the recurrences of an equation give them.
-/// Source: Moore 1966, chapter 11; Jorba & Zou 2005, section 2.
+/// Source: [Moore1966], chapter 11; [JorbaZou2005], section 2.
 #pragma once
 
 #include <array>

@@ -8,7 +8,7 @@
 /// and nothing is lost in it. A stiffness of 0 means rigid, a shape c of 0 means linear. The
 /// inverse has no closed form; it is found from a neighbour by the third-order series of the
 /// inverse function, repeated until nothing moves. |u| ends at a pole.
-/// Source: full_range_torque_estimation (9)–(16), Zhang et al. 2014, with the signs of the log.
+/// Source: full_range_torque_estimation (9)–(16), [Zhang2015], with the signs of the log.
 #pragma once
 
 #include "flexspline/gear_compliance.hpp"

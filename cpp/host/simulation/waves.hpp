@@ -3,7 +3,7 @@
 ///   w(θ, q) = Σ a cos(o β + φ),   β the angle of a pair of parts: n_θ θ + n_q q
 ///
 /// Angles go as integer phases, so that order 404 of a hundred turns keeps its digits.
-/// Source: full_range_torque_estimation (23); pairs: spec/log_format.md.
+/// Source: full_range_torque_estimation (23).
 #pragma once
 
 #include <vector>

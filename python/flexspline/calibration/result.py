@@ -41,7 +41,7 @@ class CalibrationResult:
     calibration, compensation : the estimators; None where the runs cannot give them.
     torque_parameters : k, zero, c_k, g, lag in Nm; empty where the sensitivity is not known.
     voltage_parameters : s = 1/k, v₀, d_k, h, lag in V.
-    drift_polynomial : A′_j of zhang (11), b(T) = Σ A′_j T^j in V, T in °C.
+    drift_polynomial : A′_j of zhang_disturbance_elimination (11), b(T) = Σ A′_j T^j in V, T in °C.
     confounded : coefficients in volts that the runs cannot tell apart.
     runs : errors of reading, row by row.
     legs, points : of the reference: rising and falling, plateaus or bins on them.

@@ -7,7 +7,7 @@ are both in cell j
     var(mean of cell j) = s_j² / n_j² Σ_h ρ_h A_j(h) = s_j² τ_j / n_j
 
 and n_j / τ_j rows are independent. A_j is counted at a few lags and taken as straight between.
-The mean square has the same with ρ_h² (Gaussian noise), times 2. Source: Bartlett 1946. Where
+The mean square has the same with ρ_h² (Gaussian noise), times 2. Source: [Bartlett1946]. Where
 means of long batches scatter more than the model says, the sums of ρ are that much larger.
 """
 

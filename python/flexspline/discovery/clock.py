@@ -6,7 +6,7 @@ A load L that is late by d leaves, to first order,
 
 of target y and model X β. What may be missing follows the load too, so d is estimated beside
 everything that may be missing: all candidates of the search and flexible functions of every
-channel (Frisch & Waugh 1933), before any name is looked for. The delay of a recorder is the same in
+channel [FrischWaugh1933], before any name is looked for. The delay of a recorder is the same in
 all folds: their scatter is part of its error. Names that are found later make it more precise,
 within that error. The slope L′ is that of the load as rows read it, smoothed, so that the cell's
 noise does not attenuate d.

@@ -9,7 +9,7 @@ reader asks two plain questions, and a name that fails one of them is withdrawn:
                                             more than two standard errors
 
 Of an effect that is not there the shapes mean nothing, and where they are hardly known they make
-the error of a coefficient large that the runs tell from zero well (Davies 1987). So its test holds
+the error of a coefficient large that the runs tell from zero well [Davies1987]. So its test holds
 them; but neither may the errors that are printed reach zero.
 
 Nor is it a name where something else is four times as likely: of any, other effects that explain as

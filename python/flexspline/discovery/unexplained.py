@@ -5,7 +5,7 @@ functions stay.
 
 Functions follow no wave or bump that is finer than they are, and slow noise takes it in. What comes
 again at the same place in another run is no noise, whatever its form: `repeated` asks the nearest
-neighbours (Cover and Hart 1967).
+neighbours [CoverHart1967].
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ With Q the columns X made orthonormal and r the residual, the logarithms of the 
 
     (BᵀB − BᵀQ QᵀB)⁻¹ Bᵀr
 
-and the coefficients follow (Kaufman 1975, a variable projection method for solving separable
+and the coefficients follow ([Kaufman1975], a variable projection method for solving separable
 nonlinear least squares problems). The load that a model makes by itself is held for the step.
 """
 

@@ -2,12 +2,12 @@
 
 In noise with memory, e = A⁻¹ w, plain least squares counts the slow part of the noise over and
 over. Filtered by A rows and target have white noise, and least squares on them is the best there
-is (Aitken 1936; A from the residual: Cochrane & Orcutt 1949),
+is ([Aitken1936]; A from the residual: [CochraneOrcutt1949]),
 
     β_g = (X̃ᵀX̃)⁻¹ X̃ᵀỹ,     cov β_g = σ² (X̃ᵀX̃)⁻¹,     X̃ = A X
 
 if the model is right. If it lacks something, both miss it, each in its own way, and the plain fit
-is the one that predicts. Whether that is so shows in how far they are apart (Hausman 1978):
+is the one that predicts. Whether that is so shows in how far they are apart [Hausman1978]:
 
     H = (β_g − β)ᵀ (cov β − cov β_g)⁺ (β_g − β)     χ² with the rank's degrees of freedom
 

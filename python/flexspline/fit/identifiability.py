@@ -2,7 +2,7 @@
 
 With columns scaled to length one and the singular values s of the design, a direction has the
 condition index s_max / s. Directions with an index above 30 are near dependencies; coefficients
-with more than half of their variance in them are confounded (Belsley, Kuh and Welsch 1980),
+with more than half of their variance in them are confounded [Belsley1980],
 unless each is resolved all the same: ten standard errors from zero and an index below 10⁴, or,
 where a prior holds one of them, no error above a tenth of the largest contribution. A direction
 that data and priors do not see at all (to rounding) is an exact dependency. What is known of a

@@ -7,7 +7,7 @@ known load L that is taken off the target and that the rows read leaves, to firs
 
 which is often more than all other noise, follows the load and not time, and is no autoregression.
 So c stands beside the rows while coefficients are found, and their errors are those beside it
-(partialling out: Frisch & Waugh 1933). L′ is that of the load as the rows read it, smoothed, so
+(partialling out: [FrischWaugh1933]). L′ is that of the load as the rows read it, smoothed, so
 that the cell's noise does not attenuate d. Nothing is moved: the model predicts from the runs as
 they are, and its residual holds what the delay makes.
 """

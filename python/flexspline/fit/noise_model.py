@@ -25,8 +25,8 @@ with <·> the expectation that makes Q of C above.
 
 One pass collects C. Likelihoods are conditional on the first p rows of every stretch of samples.
 
-Sources: Patterson & Thompson 1971 (restricted likelihood), Cooper & Thompson 1977 (ARMA), Dempster,
-Laird & Rubin 1977 (EM), Meng & Rubin 1991 (information), Hurvich & Tsai 1989 (AICc picks p).
+Sources: [PattersonThompson1971] (restricted likelihood), [CooperThompson1977] (ARMA),
+[Dempster1977] (EM), [MengRubin1991] (information), [HurvichTsai1989] (AICc picks p).
 """
 
 from __future__ import annotations
@@ -142,7 +142,7 @@ def pieces(
     """Cut chunks into blocks of one stretch: (starts anew, rows @ basis, noise, slope).
 
     With Huber weights w the noise is w·r and the slope its derivative: 1 inside the threshold, 0
-    outside (Huber & Ronchetti 2009, section 7.6). One chunk of `every` is read, and starts anew.
+    outside ([HuberRonchetti2009], section 7.6). One chunk of `every` is read, and starts anew.
     """
     position = 0
     for number, chunk in enumerate(chunks()):

@@ -1,7 +1,7 @@
 """One offset for each of many runs, without a column for each.
 
 The offset of a run is in no other run. Least squares beside it is least squares on rows and target
-less their means in the run (Frisch & Waugh 1933, Lovell 1963),
+less their means in the run [FrischWaugh1933], [Lovell1963],
 
     y − X β − o_r  →  (y − ȳ_r) − (X − X̄_r) β,     o_r = ȳ_r − X̄_r β
 

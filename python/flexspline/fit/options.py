@@ -24,7 +24,7 @@ class FitOptions:
         the runs tell how noisy each channel is, and noisy ones are smoothed to what tells them
         best (`Fit.inputs`); exact ones are read as recorded. ``float("inf")``: all channels are
         read as recorded, whatever their noise.
-    robust : "huber" weighs down outliers and pushes (Huber & Ronchetti 2009); None does not.
+    robust : "huber" weighs down outliers and pushes [HuberRonchetti2009]; None does not.
     offset_per_run : one offset for each run instead of one for all.
     simulation, simulated_torque : what any simulator predicts of the target, as for `compare`; the
         effects are fitted to what it lacks, and the model corrects it.

@@ -2,7 +2,7 @@
 
     w = min(1, k s / |r|),   k = 1.345,   s = 1.4826 · median |r − median r|
 
-95 % efficient on normal noise. Source: Huber and Ronchetti 2009, Robust Statistics.
+95 % efficient on normal noise. Source: [HuberRonchetti2009], Robust Statistics.
 """
 
 from __future__ import annotations

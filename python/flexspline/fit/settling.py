@@ -3,7 +3,7 @@
 A round maps a load x to the load g(x) of the coefficients that it leads to. Where x ← g(x) does not
 settle, the last few rounds tell how the miss f = g − x follows x, and the next load is where that
 straight line has no miss: x = g − (ΔX + ΔF) w, with w the least squares solution of ΔF w = f.
-Source: Walker & Ni 2011, Anderson acceleration for fixed-point iterations.
+Source: [WalkerNi2011], Anderson acceleration for fixed-point iterations.
 """
 
 from __future__ import annotations

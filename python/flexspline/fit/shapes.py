@@ -8,7 +8,7 @@ from the bottoms of other valleys that the grid has seen: a Stribeck speed of 0.
 viscous line that bends at 0.9 rad/s can look alike on a coarse grid. The width of a loop leaves
 kinks in the squares, at which steps get stuck: there a bounded simplex search goes on. Who comes
 from a search has the valley already and only descends.
-Sources: Golub and Pereyra 1973, variable projection; Kaufman 1975, its Gauss–Newton step.
+Sources: [GolubPereyra1973], variable projection; [Kaufman1975], its Gauss–Newton step.
 """
 
 from __future__ import annotations

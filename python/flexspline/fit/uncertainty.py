@@ -7,7 +7,7 @@ model Ω (autoregressive, starting anew in each stretch):
 
 exactly, if the filter runs on over zeros behind the last row of a stretch. An interval is
 value ± t·error, with Student's t of ν degrees of freedom, because the noise model is estimated
-too (Satterthwaite 1946; for restricted likelihood Kenward & Roger 1997):
+too ([Satterthwaite1946]; for restricted likelihood [KenwardRoger1997]):
 
     ν = 2 / (gᵀ cov(φ) g + 2 / (n - P)),     g = ∂ log(error²) / ∂φ
 

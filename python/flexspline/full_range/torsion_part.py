@@ -132,7 +132,7 @@ def with_mesh_stiffness(part: Part, stiffness: float, effective_ratio: float) ->
 
 
 def fit_mesh_stiffness(part: Part, logs: Log | Sequence[Log], **options: Any) -> Fit:
-    """Fit K_m0 and the offset to a stiffness run and keep all else (c2 of the third paper).
+    """Fit K_m0 and offset to a stiffness run, keep all else: c2, full_range_torque_estimation.
 
     Parameters
     ----------

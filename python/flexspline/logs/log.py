@@ -131,7 +131,7 @@ class Log:
     def effective_ratio(self) -> float | None:
         """Ñ, turns of the motor side per turn of the output; None without `gear_ratio`.
 
-        N + 1 where the circular spline is the output, else N (`log_format.md`).
+        N + 1 where the circular spline is the output, else N.
         """
         if "gear_ratio" not in self.facts:
             return None

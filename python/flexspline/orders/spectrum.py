@@ -135,7 +135,7 @@ def order_spectrum(
     -----
     The smooth part (offset, cubic of the angle, a parabola of a changing speed) of each
     direction of each run is taken out. At each order k the amplitude is that of the fit of
-    cos kq and sin kq: uneven samples, even samples and part of a turn alike (Lomb 1976).
+    cos kq and sin kq: uneven samples, even samples and part of a turn alike [Lomb1976].
     """
     logs = [logs] if isinstance(logs, Log) else list(logs)
     arrays, channel, unit = chosen_values(logs, values, unit)
@@ -181,8 +181,8 @@ def time_spectrum(
 
     Notes
     -----
-    Linear trend taken out, Hann window (Harris 1978): a sine between two frequencies shows up
-    to 15 % too small; peaks are refined by the window's own shape (Grandke 1983).
+    Linear trend taken out, Hann window [Harris1978]: a sine between two frequencies shows up
+    to 15 % too small; peaks are refined by the window's own shape [Grandke1983].
     """
     (data,), channel, unit = chosen_values(
         [log], values if isinstance(values, str) else [values], unit

@@ -87,7 +87,7 @@ def fit_motion(
 
     Notes
     -----
-    Ljung 1999, System identification, output-error models.
+    [Ljung1999], System identification, output-error models.
     """
     how = MotionOptions() if options is None else options
     settings, runs = settings_of(controller, how), runs_of(logs)
