@@ -66,6 +66,7 @@ def test_the_commands_of_the_table_run_in_their_order(
     monkeypatch.chdir(after_the_demo)
     assert [command.split()[1] for command in TABLE] == [
         "convert",
+        "check",
         "fit",
         "predict",
         "calibrate",

@@ -250,6 +250,18 @@ def test_thinning_out_is_the_same_as_handing_over_every_third_row_of_each_run():
     assert (thin.rows, thin.length) == (len(kept), 3 * len(kept))
 
 
+def test_a_chunk_of_which_thinning_out_leaves_no_row_changes_nothing():
+    rows, residual = problem()
+    basis = orthonormal(rows)
+    whole, short = (cut(rows, residual, length=length) for length in (600, 2))
+    noise = noise_model(whole, basis, decimation=3)
+    state = np.full((noise.order, 2), 7.0)
+    left, same = noise.filter(np.empty((0, 2)), state)
+    assert noise.order > 0 and left.shape == (0, 2) and (same == state).all()
+    one, other = (parameter_uncertainty(chunks, basis, noise) for chunks in (whole, short))
+    np.testing.assert_allclose(other.covariance, one.covariance, rtol=1e-9)
+
+
 def test_slow_noise_under_white_noise_is_found_by_higher_orders():
     generator = np.random.default_rng(6)
     slow = lfilter([1.0], [1.0, -0.98], generator.normal(size=40_000)) * np.sqrt(1 - 0.98**2)

@@ -130,8 +130,8 @@ class NoiseModel:
 
     def filter(self, columns: Array, state: Array) -> tuple[Array, Array]:
         """Columns (n, K) through 1/A, with the state (p, K) carried in and out."""
-        if self.order == 0:
-            return columns, state
+        if self.order == 0 or not len(columns):
+            return columns, state  # of no rows SciPy gives a state that nobody has written
         filtered, state = lfilter([1.0], self.denominator, columns.T, zi=state.T)
         return filtered.T, state.T
 
