@@ -13,6 +13,7 @@ from flexspline.about import __version__, get_include
 from flexspline.effects import CATALOGUE, Effect, effect
 from flexspline.errors import FlexsplineWarning, InputError
 from flexspline.fit.fitting import fit
+from flexspline.presentation import register_renderers
 
 if TYPE_CHECKING:
     from flexspline.calibration.calibrating import calibrate
@@ -90,6 +91,8 @@ __all__ = [
     "read_log",
     "simulate",
 ]
+
+register_renderers()
 
 _HOME = {
     "Calibration": "estimators",
