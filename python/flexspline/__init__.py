@@ -9,10 +9,11 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
+import flexspline.fit as _folder  # noqa: F401  first, or its import would take the function's name
 from flexspline.about import __version__, get_include
 from flexspline.effects import CATALOGUE, Effect, effect
 from flexspline.errors import FlexsplineWarning, InputError
-from flexspline.fit.fitting import fit
+from flexspline.fitting import fit
 from flexspline.presentation import register_renderers
 
 if TYPE_CHECKING:
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from flexspline.comparison.comparing import compare
     from flexspline.comparison.result import Comparison
     from flexspline.discovery.discovering import discover
+    from flexspline.discovery.experimenting import next_experiment
     from flexspline.discovery.result import Discovery
     from flexspline.estimation import Estimate, estimate
     from flexspline.estimators import (
@@ -35,7 +37,6 @@ if TYPE_CHECKING:
         TemperatureCompensation,
         Thermistor,
     )
-    from flexspline.experiment.experimenting import next_experiment
     from flexspline.experiment.limits import Limits
     from flexspline.experiment.plan import Plan
     from flexspline.fit.result import Fit
@@ -125,7 +126,7 @@ _HOME = {
     "discover": "discovery.discovering",
     "estimate": "estimation",
     "convert": "logs.convert",
-    "next_experiment": "experiment.experimenting",
+    "next_experiment": "discovery.experimenting",
     "read_log": "logs.read",
     "simulate": "forward.simulating",
 }

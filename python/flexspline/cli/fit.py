@@ -23,7 +23,7 @@ from flexspline.cli.options import (
 )
 from flexspline.cli.runs import Reading, on_terminal, simulations
 from flexspline.files import whole_folder
-from flexspline.fit.fitting import fit as fit_effects
+from flexspline.fitting import fit as fit_effects
 
 __all__ = ["fit"]
 

@@ -16,6 +16,7 @@ from tqdm import tqdm
 from flexspline.comparison.base import based
 from flexspline.discovery.analysis import Analysis, FirstLook, analysed, first_look
 from flexspline.discovery.assemble import assembled
+from flexspline.discovery.by_simulation import discover_by_simulation
 from flexspline.discovery.candidates import LAG, TAKEN, freedoms, held_of, unseen_of, with_freedoms
 from flexspline.discovery.clock import (
     SENSOR,
@@ -42,15 +43,14 @@ from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect
 from flexspline.errors import InputError
 from flexspline.experiment.limits import Limits
-from flexspline.fit.fitting import fit, fit_near, simulation_settings, with_orders
 from flexspline.fit.problem import Problem, problem_of
 from flexspline.fit.result import Fit
+from flexspline.fitting import fit, fit_near, simulation_settings, with_orders
 from flexspline.forward.servo import PositionServo
 from flexspline.logs.left_out import Kept, at_work, only_experiments
 from flexspline.logs.log import Log
 from flexspline.logs.sampling import has_value, sampled
 from flexspline.model import Model
-from flexspline.output_error.discovering import discover_by_simulation
 from flexspline.output_error.regression import with_servo_torque
 from flexspline.prepared import Preparation, learned, prepared
 from flexspline.regression.working import Working
@@ -103,7 +103,7 @@ def discover(
     progress : show what is being tried on standard error.
     threads : for the sums over the logs.
     by : "regression" of the target; or "simulation": the effects whose forward simulation misses
-        the measured output_position less, where only motion is measured (`output_error/`).
+        the measured output_position less, where only motion is measured (`discovery/missing.py`).
     controller, free_controller : of by="simulation" alone, as for `fit`.
 
     Returns

@@ -172,7 +172,7 @@ def _refit(
     part: Part, logs: Log | Sequence[Log], free: Sequence[str], options: Mapping[str, Any]
 ) -> Fit:
     """Fit the effects `free`, those the part lacks included, and hold the others."""
-    from flexspline.fit.fitting import fit
+    from flexspline.fitting import fit
 
     known = [e.name for e in part.effects]
     effects = [*part.effects, *(effect(name) for name in free if name not in known)]
