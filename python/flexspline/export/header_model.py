@@ -6,9 +6,9 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from flexspline.cpp_text import boolean, comment, identifier, literal, number, whole
 from flexspline.effects import Effect, TermInfo, unit_in
 from flexspline.errors import InputError
+from flexspline.export.cpp_text import boolean, comment, identifier, literal, number, whole
 from flexspline.formatting.numbers import plus_minus
 from flexspline.model import Model, Part
 from flexspline.signals import gear_of
