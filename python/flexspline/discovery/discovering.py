@@ -47,7 +47,7 @@ from flexspline.fit.problem import Problem, problem_of
 from flexspline.fit.result import Fit
 from flexspline.fitting import fit, fit_near, simulation_settings, with_orders
 from flexspline.forward.servo import PositionServo
-from flexspline.logs.left_out import Kept, at_work, only_experiments
+from flexspline.logs.checks.left_out import Kept, at_work, only_experiments
 from flexspline.logs.log import Log
 from flexspline.logs.sampling import has_value, sampled
 from flexspline.model import Model
@@ -119,10 +119,10 @@ def discover(
     Notes
     -----
     Stuck tails, homing moves and rows in which a drive is off or its joint rests are left out
-    first, and said to be (`logs/left_out.py`). How names are chosen: `discovery/search.py`; what
-    evidence is: `discovery/evidence.py`. The model is fitted by generalised least squares in the
-    noise's memory where that agrees with plain least squares as for a right model, by plain least
-    squares otherwise (`fit/generalised.py`).
+    first, and said to be (`logs/checks/left_out.py`). How names are chosen: `discovery/search.py`;
+    what evidence is: `discovery/evidence.py`. The model is fitted by generalised least squares in
+    the noise's memory where that agrees with plain least squares as for a right model, by plain
+    least squares otherwise (`fit/generalised.py`).
     """
     runs = [logs] if isinstance(logs, Log) else list(logs)
     if not runs:
