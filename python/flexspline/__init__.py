@@ -7,14 +7,14 @@ export: one C++ core from the notebook to the robot.
 from __future__ import annotations
 
 import importlib
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-__version__ = "0.1.0"
-
+import flexspline.fit as _folder  # noqa: F401  first, or its import would take the function's name
+from flexspline.about import __version__, get_include
 from flexspline.deprecated import fit
 from flexspline.effects import CATALOGUE, Effect, effect
 from flexspline.errors import FlexsplineWarning, InputError
+from flexspline.presentation import register_renderers
 
 if TYPE_CHECKING:
     from flexspline.calibration.calibrating import calibrate
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from flexspline.comparison.comparing import compare
     from flexspline.comparison.result import Comparison
     from flexspline.discovery.discovering import discover
+    from flexspline.discovery.experimenting import next_experiment
     from flexspline.discovery.result import Discovery
     from flexspline.estimation import Estimate, estimate
     from flexspline.estimators import (
@@ -36,7 +37,6 @@ if TYPE_CHECKING:
         TemperatureCompensation,
         Thermistor,
     )
-    from flexspline.experiment.experimenting import next_experiment
     from flexspline.experiment.limits import Limits
     from flexspline.experiment.plan import Plan
     from flexspline.fit.options import FitOptions
@@ -102,6 +102,8 @@ __all__ = [
     "simulate",
 ]
 
+register_renderers()
+
 _HOME = {
     "Calibration": "estimators",
     "CalibrationResult": "calibration.result",
@@ -138,7 +140,7 @@ _HOME = {
     "estimate": "estimation",
     "convert": "logs.convert",
     "fit_motion": "output_error.fitting",
-    "next_experiment": "experiment.experimenting",
+    "next_experiment": "discovery.experimenting",
     "read_log": "logs.read",
     "simulate": "forward.simulating",
 }
@@ -149,8 +151,3 @@ def __getattr__(name: str) -> Any:
     if name not in _HOME:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(importlib.import_module(f"{__name__}.{_HOME[name]}"), name)
-
-
-def get_include() -> str:
-    """Return the folder of the core's C++ headers, for a compiler's -I."""
-    return str(Path(__file__).parent / "include")

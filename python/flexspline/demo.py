@@ -19,8 +19,8 @@ from flexspline.discovery.result import Discovery
 from flexspline.effects import Effect, effect
 from flexspline.export import export
 from flexspline.files import whole_folder
-from flexspline.fit.fitting import fit
 from flexspline.fit.result import Fit
+from flexspline.fitting import fit
 from flexspline.logs.checks import check
 from flexspline.logs.convert import write_log
 from flexspline.logs.log import Log, Source

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-import flexspline
-from flexspline.cpp_text import include
+from flexspline.about import get_include
 from flexspline.export import namespace_of
+from flexspline.export.cpp_text import include
 from flexspline.logs.log import Log
 from flexspline.model import Model
 from flexspline.prepared import prepared
@@ -72,7 +72,7 @@ def run_exported(header: Path, model: Model, log: Log) -> str:
         remembers = any(effect.info.remembers for effect in part.effects)
         source.write_text(_program(header, list(channels), remembers))
         device = Path(folder) / "device"
-        include = ["-I", flexspline.get_include(), "-I", str(header.parent.resolve())]
+        include = ["-I", get_include(), "-I", str(header.parent.resolve())]
         built = _run([compiler, *FLAGS, *include, str(source), "-o", str(device)])
         if built.returncode:
             why = next(iter(built.stderr.splitlines()), "no message")

@@ -7,8 +7,8 @@ import warnings
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
+from flexspline import fitting
 from flexspline.errors import InputError
-from flexspline.fit import fitting
 from flexspline.fit.options import FitOptions
 
 if TYPE_CHECKING:

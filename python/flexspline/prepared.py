@@ -28,6 +28,8 @@ from flexspline.parallel import in_order
 __all__ = [
     "MOTION",
     "Preparation",
+    "bandwidth_used",
+    "inputs_json",
     "learned",
     "noise_of_channels",
     "preparations_for",
@@ -109,6 +111,28 @@ def preparations_of(record: Mapping[str, Any]) -> tuple[Preparation, ...]:
         Preparation(str(one["channel"]), str(one["source"]), float(one["bandwidth"]))
         for one in record.get("prepared", ())
     )
+
+
+def inputs_json(
+    inputs: Sequence[ChannelNoise], ways: Sequence[Preparation]
+) -> list[dict[str, Any]]:
+    """Return the noise of each channel and how rows read it, as `comparison.json` holds it."""
+    used = {way.channel: way.bandwidth for way in ways}
+    return [
+        {
+            "channel": noise.channel,
+            "noise": noise.noise,
+            "quantum": noise.quantum,
+            "bandwidth": noise.bandwidth,
+            "bandwidth_used": used.get(noise.channel),
+        }
+        for noise in inputs
+    ]
+
+
+def bandwidth_used(ways: Sequence[Preparation]) -> float | None:
+    """-3 dB of the output's motion as rows read it, Hz; None where it is as recorded."""
+    return next((way.bandwidth for way in ways if way.channel == "output_velocity"), None)
 
 
 def prepared(log: Log, preparations: Iterable[Preparation]) -> Log:

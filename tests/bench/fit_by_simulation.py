@@ -25,7 +25,7 @@ from xl330_servo import CHOSEN, FORMS, HELD_OUT, TWELVE, fitted, runs
 
 import flexspline
 from flexspline.fit.result import Fit
-from flexspline.output_error.result import StartEnd
+from flexspline.fit.simulation import StartEnd
 
 
 def main() -> None:

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 import flexspline
 from flexspline.comparison.result import Comparison
-from flexspline.comparison.reversal import since_reversal
 from flexspline.logs import Log
+from flexspline.logs.reversal import since_reversal
 from flexspline.model import Model, Part
 
 Array = NDArray[np.float64]

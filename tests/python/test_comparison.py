@@ -10,13 +10,13 @@ import flexspline
 from flexspline import InputError
 from flexspline.comparison.edges import even_edges, growing_edges, in_bins, labels_of
 from flexspline.comparison.memory import memory_of
-from flexspline.comparison.reversal import since_reversal
 from flexspline.comparison.rows import rows_of
 from flexspline.comparison.runs import predicted
 from flexspline.comparison.search import ALPHA
-from flexspline.comparison.velocity import velocity_noise
 from flexspline.effects import effect
 from flexspline.logs import Log
+from flexspline.logs.reversal import since_reversal
+from flexspline.logs.velocity import velocity_noise
 from flexspline.model import Model, Part
 
 CLEAN = 100

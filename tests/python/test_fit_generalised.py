@@ -13,11 +13,11 @@ from hidden_logs import LOAD, friction_of, log_of, rich_run
 import flexspline
 from flexspline.effects import Effect
 from flexspline.fit.estimate import Estimate, Given, estimate
-from flexspline.fit.fitting import fit_near
 from flexspline.fit.newton import newton
 from flexspline.fit.prewhitening import filtered as filtered_rows
 from flexspline.fit.problem import Problem, problem_of
 from flexspline.fit.result import Fit
+from flexspline.fitting import fit_near
 from flexspline.logs.log import Log
 
 NAMES = ("offset", "coulomb_friction", "viscous_friction", "inertia")

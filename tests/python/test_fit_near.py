@@ -12,9 +12,9 @@ import flexspline
 from flexspline.effects import Effect
 from flexspline.fit.bends import bent
 from flexspline.fit.estimate import Given, estimate
-from flexspline.fit.fitting import fit_near
 from flexspline.fit.names import shapes_of
 from flexspline.fit.problem import Problem, problem_of
+from flexspline.fitting import fit_near
 from flexspline.logs.log import Log
 
 TARGET = "sensor_torque"

@@ -16,11 +16,11 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from flexspline.cpp_names import WORDS
-from flexspline.cpp_text import comment, identifier, include, namespace_name, string_literal
 from flexspline.effects import CATALOGUE, effect
 from flexspline.errors import InputError
-from flexspline.header import header_text
+from flexspline.export.cpp_names import WORDS
+from flexspline.export.cpp_text import comment, identifier, include, namespace_name, string_literal
+from flexspline.export.header import header_text
 from flexspline.model import Model, Part
 
 RECORD = {

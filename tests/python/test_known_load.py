@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 import flexspline
 from flexspline import InputError, effect
 from flexspline.effects import Effect
-from flexspline.fit.requirements import require_one_unit
 from flexspline.logs.log import Log
 from flexspline.model import Model
+from flexspline.requirements import require_one_unit
 
 LOAD = "reference_torque"
 RATIO, CONSTANT = 101.0, 0.08  # Ñ, Nm/A

@@ -12,8 +12,8 @@ import report_fits
 
 import flexspline
 from flexspline.errors import InputError
+from flexspline.fit.shares import shares
 from flexspline.report.html import write_report
-from flexspline.report.shares import shares
 from flexspline.report.tables import compare_scores
 
 VOID = {"meta", "br", "img", "link", "hr"}

@@ -11,8 +11,8 @@ import pytest
 import report_fits
 
 from flexspline.fit.result import Fit
-from flexspline.report.numbers import plus_minus, short_names, truncated
-from flexspline.report.ripple import ripple_orders
+from flexspline.fit.ripple_orders import ripple_orders
+from flexspline.formatting.numbers import plus_minus, short_names, truncated
 from flexspline.report.text import fit_text
 
 GOLDEN = Path(__file__).parents[1] / "golden"

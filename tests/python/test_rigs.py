@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from flexspline.errors import InputError
 from flexspline.logs.checks import check
-from flexspline.rigs.sensor import OUTPUT_BITS, SENSOR_STEP, SPEEDS, play, sensor_rig
+from flexspline.logs.play import play
+from flexspline.rigs.sensor import OUTPUT_BITS, SENSOR_STEP, SPEEDS, sensor_rig
 
 
 def play_by_loop(position: list[float], slip: float) -> list[float]:

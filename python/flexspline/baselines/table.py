@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from flexspline.report.numbers import short
-from flexspline.report.rows import rows_html, rows_text
+from flexspline.formatting.numbers import short
+from flexspline.formatting.rows import rows_html, rows_text
 
 if TYPE_CHECKING:
     import pandas

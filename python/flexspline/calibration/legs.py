@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.logs.grain import white_noise
+from flexspline.logs.play import play
 from flexspline.logs.segments import true_ranges
-from flexspline.rigs import play
 
 __all__ = ["Leg", "Points", "legs_of", "points_on", "slack_of"]
 

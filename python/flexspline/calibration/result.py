@@ -22,6 +22,7 @@ from flexspline.fit.identifiability import Confounded
 from flexspline.fit.result import Parameter
 from flexspline.fit.uncertainty import Uncertainty
 from flexspline.model import Model
+from flexspline.rendering import render
 
 if TYPE_CHECKING:
     import pandas
@@ -173,9 +174,7 @@ class CalibrationResult:
         return pandas.DataFrame([asdict(figure) for figure in self.figures]).set_index("name")
 
     def __str__(self) -> str:
-        from flexspline.report.calibration import calibration_text
-
-        return calibration_text(self)
+        return render("calibration", "text", self)
 
     def __repr__(self) -> str:
         return (
@@ -184,21 +183,15 @@ class CalibrationResult:
         )
 
     def _repr_html_(self) -> str:
-        from flexspline.report.calibration import calibration_html
-
-        return calibration_html(self)
+        return render("calibration", "html", self)
 
     def plot(self) -> Any:
         """Return a figure: drift (Fig. 16), before and after (Fig. 17), calibration (Fig. 18)."""
-        from flexspline.plot.calibration import plot_calibration
-
-        return plot_calibration(self)
+        return render("calibration", "figure", self)
 
     def report(self, path: str | os.PathLike[str]) -> None:
         """Write a self-contained HTML report, whole or not at all."""
-        from flexspline.report.calibration import write_calibration_report
-
-        write_calibration_report(self, path)
+        render("calibration", "report", self, path)
 
 
 def _rms(columns: Sequence[Array]) -> float:

@@ -16,13 +16,13 @@ from scipy.signal import medfilt
 from flexspline import _core
 from flexspline.errors import InputError, did_you_mean, listed
 from flexspline.estimators import Thermistor
-from flexspline.fit.requirements import IMAGINABLE
 from flexspline.logs.channels import CHANNELS
 from flexspline.logs.checks import check
 from flexspline.logs.checks.findings import Finding
 from flexspline.logs.grain import quantum, white_noise
 from flexspline.logs.log import Log
 from flexspline.logs.segments import runs as unbroken
+from flexspline.requirements import IMAGINABLE
 
 __all__ = ["CalibrationRun", "calibration_runs", "why_unexcited"]
 

@@ -21,7 +21,7 @@ from flexspline import _core
 from flexspline.calibration.runs import CalibrationRun
 from flexspline.fit.sums import Solution, solve
 from flexspline.logs.grain import white_noise
-from flexspline.rigs import play
+from flexspline.logs.play import play
 
 __all__ = ["beside_structure", "quiet", "structure_columns"]
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import flexspline
+from flexspline.about import PACKAGE, get_include
 from flexspline.certification.devices import Device
 from flexspline.certification.tools import call, found, host_compiler
 
@@ -40,13 +40,13 @@ class Sizes:
 
 def firmware_folder() -> Path:
     """The firmware's sources: those of the installed package, else those of the checkout."""
-    package = Path(flexspline.__file__).resolve().parent
+    package = PACKAGE.resolve()
     installed = package / "firmware"
     return installed if installed.is_dir() else package.parents[1] / "cpp" / "firmware"
 
 
 def _include() -> Path:
-    installed = Path(flexspline.get_include())
+    installed = Path(get_include())
     return installed if installed.is_dir() else firmware_folder().parent / "include"
 
 

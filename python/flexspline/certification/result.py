@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from flexspline import __version__
+from flexspline.about import __version__
 from flexspline.certification.differences import OutputDifference
 
 __all__ = ["Certificate", "Cost", "OutputDifference"]

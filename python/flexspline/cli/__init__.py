@@ -6,7 +6,7 @@ import sys
 
 import click
 
-from flexspline import __version__
+from flexspline.about import __version__
 from flexspline.cli.calibrate import command as calibrate
 from flexspline.cli.certify import certify
 from flexspline.cli.check import check

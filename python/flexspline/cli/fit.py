@@ -25,6 +25,7 @@ from flexspline.cli.options import (
 from flexspline.cli.runs import Reading, on_terminal, simulations
 from flexspline.errors import InputError
 from flexspline.files import whole_folder
+from flexspline.fitting import fit as fit_effects
 
 __all__ = ["fit"]
 
@@ -143,7 +144,6 @@ def fit(
           --controller servo.json --free-controller back_emf \\
           --effects inertia,gravity,coulomb_friction,load_dependent_friction --out servo
     """
-    from flexspline.fit.fitting import fit as fit_effects
     from flexspline.fit.options import FitOptions
     from flexspline.model import Model
     from flexspline.output_error.fitting import fit_motion

@@ -25,10 +25,11 @@ from flexspline.comparison.rows import Rows
 from flexspline.comparison.search import ALPHA, CellTests, Search
 from flexspline.comparison.turning import Turning
 
-__all__ = ["Band", "OrderPeak", "bands_of", "overall", "peaks_of"]
+__all__ = ["Band", "OrderPeak", "bands_of", "overall", "peaks_of", "worst_band"]
 
 Array = NDArray[np.float64]
 
+LEAST_EFFECTIVE = 5.0  # rows that a band is worth, to be called the worst
 _DOUBTFUL = 0.25  # of the floor's square, from which the velocity's noise matters
 
 
@@ -129,6 +130,12 @@ def bands_of(
         )
         for k in np.flatnonzero(count > 0).tolist()
     ]
+
+
+def worst_band(bands: Sequence[Band]) -> Band:
+    """Return the band with the largest excess, of those with enough rows to tell."""
+    known = [band for band in bands if band.effective_rows >= LEAST_EFFECTIVE] or list(bands)
+    return max(known, key=lambda band: (band.significant, band.excess, band.rmse))
 
 
 def peaks_of(turning: Turning) -> list[OrderPeak]:

@@ -73,7 +73,7 @@ def compare(
     Notes
     -----
     Sources: `comparison/search.py` (what the residual follows), `comparison/memory.py` (effective
-    samples), `comparison/velocity.py` (errors in variables).
+    samples), `logs/velocity.py` (errors in variables).
     """
     from flexspline.comparison.analysis import analysed
     from flexspline.comparison.assemble import assembled
@@ -101,7 +101,7 @@ def compare(
 
         notes: tuple[str, ...] = ()
         if foreign and not simulated_motion:
-            from flexspline.simulator.base import based
+            from flexspline.comparison.base import based
 
             base = based(model, runs, target, known_load, simulation, simulated_torque)
             model, runs = base.model, base.logs

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.comparison.edges import even_edges, growing_edges, in_bins, labels_of
-from flexspline.comparison.reversal import since_reversal
 from flexspline.comparison.rows import Rows
 from flexspline.comparison.runs import Compared, ComparedRun
+from flexspline.logs.reversal import since_reversal
 
 __all__ = ["DIRECTIONS", "Covariate", "covariates_of"]
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from flexspline import __version__
+from flexspline.about import __version__
 from flexspline.comparison.bands import OrderPeak
 from flexspline.comparison.says import floor_sentence
-from flexspline.report.inputs import bandwidth_used, inputs_json
+from flexspline.prepared import bandwidth_used, inputs_json
 from flexspline.schema import checked_json
 
 if TYPE_CHECKING:

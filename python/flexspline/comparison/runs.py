@@ -11,12 +11,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.comparison.velocity import velocity_noise, with_motion
 from flexspline.errors import InputError
 from flexspline.fit.resolution import away_from_ends, coarser, resolved_rows
 from flexspline.logs.channel_noise import ChannelNoise
 from flexspline.logs.log import Log
 from flexspline.logs.segments import median_step
+from flexspline.logs.velocity import velocity_noise, with_motion
 from flexspline.model import Model, Part
 from flexspline.part import PART_OF
 from flexspline.prepared import VELOCITY, Preparation, learned, prepared

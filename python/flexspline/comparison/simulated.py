@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.comparison.runs import LOADS, Compared, ComparedRun, load_of, load_source_of
-from flexspline.comparison.velocity import velocity_noise, with_motion
 from flexspline.errors import InputError
 from flexspline.forward.servo import PositionServo
 from flexspline.forward.simulating import simulate
 from flexspline.logs.grain import quantum, white_noise
 from flexspline.logs.log import Log
+from flexspline.logs.velocity import velocity_noise, with_motion
 from flexspline.model import Model
 from flexspline.simulator.taken import covered, onto_clock, paired
 

@@ -28,6 +28,7 @@ from flexspline.discovery.settings import SETTINGS
 from flexspline.discovery.unexplained import Ceiling, Leftover, leftover_of, looked_at
 from flexspline.effects import Effect
 from flexspline.fit.problem import Problem
+from flexspline.formatting.numbers import percent
 from flexspline.logs.checks.dependence import Dependence, dependences
 from flexspline.regression.gram import (
     TINY,
@@ -41,7 +42,6 @@ from flexspline.regression.held_out import HeldOut, held_out, plain_rows
 from flexspline.regression.thinned import rows_of
 from flexspline.regression.whitening import first_whitening, restricted_whitening
 from flexspline.regression.working import Working, refitted, solved_at, started, working
-from flexspline.report.numbers import percent
 
 __all__ = [
     "Analysis",

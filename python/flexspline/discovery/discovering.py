@@ -13,8 +13,10 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
+from flexspline.comparison.base import based
 from flexspline.discovery.analysis import Analysis, FirstLook, analysed, first_look
 from flexspline.discovery.assemble import assembled
+from flexspline.discovery.by_simulation import discover_by_simulation
 from flexspline.discovery.candidates import LAG, TAKEN, freedoms, held_of, unseen_of, with_freedoms
 from flexspline.discovery.clock import (
     SENSOR,
@@ -41,22 +43,20 @@ from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect
 from flexspline.errors import InputError
 from flexspline.experiment.limits import Limits
-from flexspline.fit.fitting import fit, fit_near, with_orders
 from flexspline.fit.options import FitOptions
 from flexspline.fit.problem import Problem, problem_of
-from flexspline.fit.requirements import require_apart
 from flexspline.fit.result import Fit
+from flexspline.fitting import fit, fit_near, with_orders
 from flexspline.forward.servo import PositionServo
-from flexspline.logs.left_out import Kept, at_work, only_experiments
+from flexspline.logs.checks.left_out import Kept, at_work, only_experiments
 from flexspline.logs.log import Log
 from flexspline.logs.sampling import has_value, sampled
 from flexspline.model import Model
-from flexspline.output_error.discovering import discover_by_simulation
 from flexspline.output_error.regression import with_servo_torque
 from flexspline.output_error.settings import MotionOptions, settings_of
 from flexspline.prepared import Preparation, learned, prepared
 from flexspline.regression.working import Working
-from flexspline.simulator.base import based
+from flexspline.requirements import require_apart
 from flexspline.simulator.record import SIMULATED, Simulated
 
 __all__ = ["discover"]
@@ -105,7 +105,7 @@ def discover(
     progress : show what is being tried on standard error.
     threads : for the sums over the logs.
     by : "regression" of the target; or "simulation": the effects whose forward simulation misses
-        the measured output_position less, where only motion is measured (`output_error/`).
+        the measured output_position less, where only motion is measured (`discovery/missing.py`).
     controller, free_controller : of by="simulation" alone, as for `fit_motion`.
 
     Returns
@@ -121,10 +121,10 @@ def discover(
     Notes
     -----
     Stuck tails, homing moves and rows in which a drive is off or its joint rests are left out
-    first, and said to be (`logs/left_out.py`). How names are chosen: `discovery/search.py`; what
-    evidence is: `discovery/evidence.py`. The model is fitted by generalised least squares in the
-    noise's memory where that agrees with plain least squares as for a right model, by plain least
-    squares otherwise (`fit/generalised.py`).
+    first, and said to be (`logs/checks/left_out.py`). How names are chosen: `discovery/search.py`;
+    what evidence is: `discovery/evidence.py`. The model is fitted by generalised least squares in
+    the noise's memory where that agrees with plain least squares as for a right model, by plain
+    least squares otherwise (`fit/generalised.py`).
     """
     runs = [logs] if isinstance(logs, Log) else list(logs)
     if not runs:

@@ -26,6 +26,7 @@ from flexspline.errors import InputError
 from flexspline.fit.problem import Problem
 from flexspline.fit.resolution import away_from_ends, coarser, resolved_rows, with_fastest
 from flexspline.fit.result import Fit
+from flexspline.formatting.numbers import short
 from flexspline.logs.checks import check
 from flexspline.logs.checks.findings import NO_TORSION, Finding
 from flexspline.logs.checks.gear import TOLD, Gear, measured_gear
@@ -35,7 +36,6 @@ from flexspline.logs.segments import median_step
 from flexspline.model import Model
 from flexspline.regression.gram import TINY, Whitening
 from flexspline.regression.working import started, working
-from flexspline.report.numbers import short
 from flexspline.signals import target_of
 
 __all__ = [

@@ -39,7 +39,6 @@ from flexspline.discovery.basis import (
 )
 from flexspline.discovery.candidates import (
     GRAVITY,
-    SHARED,
     Candidate,
     candidates_for,
     joined,
@@ -62,8 +61,8 @@ from flexspline.discovery.physics import LOOPS, driving_spring, impossible
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import UNITS, Effect
 from flexspline.errors import InputError
+from flexspline.fit.names import SHARED
 from flexspline.fit.problem import Problem, problem_of
-from flexspline.fit.requirements import require_one_unit
 from flexspline.logs.checks.dependence import Dependence
 from flexspline.logs.derive import differentiate
 from flexspline.logs.log import Log
@@ -79,6 +78,7 @@ from flexspline.regression.gram import (
 )
 from flexspline.regression.thinned import rows_of, thinned
 from flexspline.regression.working import Working, refitted, started
+from flexspline.requirements import require_one_unit
 
 __all__ = [
     "Searcher",

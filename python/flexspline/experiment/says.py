@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from flexspline.effects import CATALOGUE
 from flexspline.experiment.plan import ENOUGH, TAKEN, Outlook
 from flexspline.experiment.words import joined, short
-from flexspline.report.numbers import short_names
+from flexspline.formatting.numbers import short_names
 
 __all__ = ["plan_sentence"]
 

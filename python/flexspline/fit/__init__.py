@@ -5,8 +5,6 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from flexspline.fit.fitting import fit
-
 if TYPE_CHECKING:
     from flexspline.fit.identifiability import Combination, Confounded
     from flexspline.fit.result import Fit, FittedRun, Parameter
@@ -24,7 +22,6 @@ __all__ = [
     "Solution",
     "Sums",
     "accumulate",
-    "fit",
 ]
 
 _HOME = {

@@ -19,6 +19,7 @@ from flexspline.effects import Effect, ShapeInfo
 from flexspline.errors import InputError, did_you_mean, listed
 
 __all__ = [
+    "SHARED",
     "Bounds",
     "Constraints",
     "ShapeParameter",
@@ -32,6 +33,9 @@ __all__ = [
 
 Array = NDArray[np.float64]
 Bounds = tuple[float | None, float | None]
+
+SHARED = ("direction_width", "mesh_shape")
+"""Shapes of which a model has one: what it has is taken."""
 
 
 @dataclass(frozen=True)

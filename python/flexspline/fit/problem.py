@@ -15,18 +15,18 @@ from flexspline import _core
 from flexspline.effects import Effect, require_effects
 from flexspline.errors import InputError
 from flexspline.fit.memory import kept_rows, settled
-from flexspline.fit.requirements import (
-    gear_for,
-    require_change,
-    require_finite,
-    require_load,
-)
 from flexspline.fit.sums import Sums, joined
 from flexspline.logs.derive import LowPass, lowpass
 from flexspline.logs.local_fit import require_bandwidth
 from flexspline.logs.log import Log
 from flexspline.logs.segments import runs, true_ranges
 from flexspline.prepared import Preparation, prepared
+from flexspline.requirements import (
+    gear_for,
+    require_change,
+    require_finite,
+    require_load,
+)
 from flexspline.signals import channels_for, core_channels, target_of
 from flexspline.simulator.record import Simulated, simulation_of
 

@@ -16,12 +16,13 @@ from flexspline.fit.scores import Score
 from flexspline.fit.uncertainty import Uncertainty
 from flexspline.logs.log import Log
 from flexspline.model import Model, Part, Prediction
+from flexspline.rendering import render
 
 if TYPE_CHECKING:
     import pandas
 
+    from flexspline.fit.simulation import SimulationFit
     from flexspline.logs.channel_noise import ChannelNoise
-    from flexspline.output_error.result import SimulationFit
 
 __all__ = ["Delay", "Fit", "FittedRun", "Parameter"]
 
@@ -197,7 +198,7 @@ class Fit:
 
         Effects that cannot be told apart come as one, "a + b".
         """
-        from flexspline.report.shares import shares
+        from flexspline.fit.shares import shares
 
         return shares(self)
 
@@ -230,9 +231,7 @@ class Fit:
         return pandas.DataFrame([asdict(s) for s in self.scores]).set_index(["group", "label"])
 
     def __str__(self) -> str:
-        from flexspline.report.text import fit_text
-
-        return fit_text(self)
+        return render("fit", "text", self)
 
     def __repr__(self) -> str:
         return (
@@ -241,18 +240,12 @@ class Fit:
         )
 
     def _repr_html_(self) -> str:
-        from flexspline.report.html import fit_html
-
-        return fit_html(self)
+        return render("fit", "html", self)
 
     def plot(self) -> Any:
         """Return a figure: measured against predicted, residuals, components, orders."""
-        from flexspline.plot.fit import plot_fit
-
-        return plot_fit(self)
+        return render("fit", "figure", self)
 
     def report(self, path: Any) -> None:
         """Write a self-contained HTML report, whole or not at all."""
-        from flexspline.report.html import write_report
-
-        write_report(self, path)
+        render("fit", "report", self, path)

@@ -9,9 +9,9 @@ import numpy as np
 from flexspline import _core
 from flexspline.effects import Effect, effect, require_effects
 from flexspline.errors import InputError
-from flexspline.fit.requirements import gear_for, require_finite, require_load
 from flexspline.fit.sums import Sums, joined
 from flexspline.logs.log import Log
+from flexspline.requirements import gear_for, require_finite, require_load
 from flexspline.signals import channels_for, core_channels, target_of
 
 __all__ = ["accumulate"]

@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from flexspline import _core
 from flexspline.effects import Effect
 from flexspline.errors import InputError, listed
-from flexspline.fit.requirements import require_one_unit
 from flexspline.forward.servo import PositionServo
 from flexspline.forward.start import motor_offset, require_finite, start_of
 from flexspline.logs.log import Log
 from flexspline.logs.read import with_motor_torque
 from flexspline.logs.segments import runs
 from flexspline.model import Model, Part
+from flexspline.requirements import require_one_unit
 from flexspline.signals import gear_of, torque_of_current
 
 __all__ = ["DriveInputs", "drive_inputs", "require_movable", "require_no_delay"]

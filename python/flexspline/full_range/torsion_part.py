@@ -172,7 +172,7 @@ def _refit(
     part: Part, logs: Log | Sequence[Log], free: Sequence[str], options: Mapping[str, Any]
 ) -> Fit:
     """Fit the effects `free`, those the part lacks included, and hold the others."""
-    import flexspline
+    from flexspline.fitting import fit
 
     known = [e.name for e in part.effects]
     effects = [*part.effects, *(effect(name) for name in free if name not in known)]
@@ -187,7 +187,7 @@ def _refit(
     fixed = {**held, **dict(options.get("fixed") or {})}
     rest = {key: value for key, value in options.items() if key != "fixed"}
     rest.setdefault("known_load", part.known_load)
-    return flexspline.fit(effects, logs, "torsion", fixed=fixed, **rest)
+    return fit(effects, logs, "torsion", fixed=fixed, **rest)
 
 
 def _shape_name(its: Effect, shape: str) -> str:

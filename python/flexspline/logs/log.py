@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexspline.errors import InputError, did_you_mean, listed
 from flexspline.logs.channels import CHANNELS
 from flexspline.logs.facts import Fact, checked_facts
+from flexspline.rendering import render
 
 if TYPE_CHECKING:
     import pandas
@@ -172,10 +173,7 @@ class Log:
         InputError
             For an effect or target that does not exist.
         """
-        from flexspline.logs.checks import check
-        from flexspline.plot.channels import plot_channels
-
-        return plot_channels(self, check(self, effects=effects, target=target))
+        return render("log", "figure", self, tuple(effects), target)
 
     def to_frame(self) -> pandas.DataFrame:
         """Return a copy as a pandas table with one column for each channel."""

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from flexspline.fit.problem import problem_of
 from flexspline.fit.result import Fit, FittedRun, Parameter
 from flexspline.fit.scores import scores_of
+from flexspline.fit.simulation import RunGap, SimulationFit, StartEnd
 from flexspline.fit.uncertainty import Uncertainty
 from flexspline.model import Model
 from flexspline.output_error.regression import with_servo_torque
-from flexspline.output_error.result import RunGap, SimulationFit, StartEnd
 from flexspline.output_error.search import best_of
 from flexspline.plain import plain_json
 

@@ -14,8 +14,8 @@ from tqdm import tqdm
 
 from flexspline.effects import Effect
 from flexspline.errors import InputError, listed
-from flexspline.fit.fitting import fit, runs_of, with_orders
 from flexspline.fit.options import FitOptions
+from flexspline.fitting import fit, runs_of, with_orders
 from flexspline.forward.drive import DriveInputs, drive_inputs, require_no_delay
 from flexspline.logs.derive import differentiate
 from flexspline.output_error.cost import Cost

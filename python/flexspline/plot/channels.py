@@ -11,6 +11,7 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from flexspline.logs.channels import CHANNELS
+from flexspline.logs.checks import check
 from flexspline.plot.canvas import (
     GREY,
     INK,
@@ -26,13 +27,18 @@ if TYPE_CHECKING:
     from flexspline.logs.checks import Finding, Findings
     from flexspline.logs.log import Log
 
-__all__ = ["channel_over_time", "plot_channels"]
+__all__ = ["channel_over_time", "plot_channels", "plot_log"]
 
 COLOURS = {"error": PALETTE[3], "fault": PALETTE[1], "note": GREY}
 WHOLE = 0.98  # share of the run from which a finding is of the channel and not of a place in it
 EVERYWHERE = ("time", "all")  # channels of findings that concern every channel
 MOST_NAMED = 3
 NARROWEST = 0.003  # of the axis' width, that a single row is seen
+
+
+def plot_log(log: Log, effects: Sequence[str] = (), target: str | None = None) -> PlainFigure:
+    """Return the figure of a log with all that `check` finds for these effects and this target."""
+    return plot_channels(log, check(log, effects=effects, target=target))
 
 
 def plot_channels(log: Log, findings: Findings | None = None) -> PlainFigure:

@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from flexspline.comparison.bands import Band
+from flexspline.comparison.result import ranked
 from flexspline.orders.parts import pairs
 from flexspline.plot.canvas import (
     GREY,
@@ -22,7 +23,6 @@ from flexspline.plot.canvas import (
     orders_axis,
     titled,
 )
-from flexspline.report.comparison_content import ranked
 
 if TYPE_CHECKING:
     from flexspline.comparison.result import Comparison

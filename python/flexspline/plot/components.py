@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from flexspline.errors import InputError, listed
+from flexspline.fit.shares import contributions
 from flexspline.plot.canvas import (
     GREY,
     INK,
@@ -19,7 +20,6 @@ from flexspline.plot.canvas import (
     titled,
 )
 from flexspline.plot.thin import banded, outline
-from flexspline.report.shares import contributions
 
 if TYPE_CHECKING:
     from flexspline.fit.result import Fit, FittedRun

@@ -10,11 +10,11 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from flexspline.errors import InputError
+from flexspline.fit.ripple_orders import ripple_orders
 from flexspline.logs.log import Log
 from flexspline.orders.stretches import stretches
 from flexspline.orders.transform import fourier_sums
 from flexspline.plot.canvas import GREY, INK, PALETTE, axes_or_new, legend, orders_axis, titled
-from flexspline.report.ripple import ripple_orders
 
 if TYPE_CHECKING:
     from flexspline.fit.result import Fit

@@ -7,8 +7,9 @@ import textwrap
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from flexspline import __version__
+from flexspline.about import __version__
 from flexspline.files import atomic_write
+from flexspline.formatting.numbers import short
 from flexspline.report.calibration_content import (
     calibration_lines,
     calibration_verdict,
@@ -18,7 +19,6 @@ from flexspline.report.calibration_content import (
     told,
 )
 from flexspline.report.html import templates
-from flexspline.report.numbers import short
 
 if TYPE_CHECKING:
     from flexspline.calibration.result import CalibrationResult

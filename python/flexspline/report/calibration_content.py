@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.report.numbers import plus_minus, short
+from flexspline.formatting.numbers import plus_minus, short
 from flexspline.report.verdict import Verdict
 
 if TYPE_CHECKING:

@@ -8,10 +8,10 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from flexspline import __version__
+from flexspline.about import __version__
 from flexspline.files import atomic_write
+from flexspline.formatting.numbers import short
 from flexspline.report.html import templates
-from flexspline.report.numbers import short
 from flexspline.schema import checked_json
 
 if TYPE_CHECKING:

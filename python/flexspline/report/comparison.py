@@ -7,20 +7,20 @@ import os
 import textwrap
 from typing import TYPE_CHECKING, Any
 
-from flexspline import __version__
+from flexspline.about import __version__
+from flexspline.comparison.result import ranked
 from flexspline.comparison.says import floor_sentence
 from flexspline.files import atomic_write
+from flexspline.formatting.numbers import short
 from flexspline.report.comparison_content import (
     band_tables,
     base_told,
     followed,
     order_rows,
-    ranked,
     worst_rows,
 )
 from flexspline.report.html import templates
 from flexspline.report.inputs import input_rows, smoothed_rows
-from flexspline.report.numbers import short
 
 if TYPE_CHECKING:
     from flexspline.comparison.result import Comparison

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from flexspline.comparison.bands import Band
+from flexspline.comparison.bands import Band, worst_band
+from flexspline.comparison.result import ranked
 from flexspline.comparison.says import sized
 
 if TYPE_CHECKING:
@@ -15,15 +16,12 @@ __all__ = [
     "base_told",
     "followed",
     "order_rows",
-    "ranked",
-    "worst_band",
     "worst_rows",
 ]
 
 Row = tuple[str, ...]
 
 LEAST_CHANCE = 1e-9
-LEAST_EFFECTIVE = 5.0  # rows that a band is worth, to be called the worst
 LONGEST_LABEL = 34
 MOST_ORDERS = 8
 
@@ -33,19 +31,6 @@ def base_told(made: Comparison) -> list[str]:
     if not made.foreign:
         return [*made.notes]
     return [f"The base is what a simulation says: {made.foreign}.", *made.notes]
-
-
-def ranked(made: Comparison) -> list[str]:
-    """Return the names of `made.by`, what the gap follows first, then by their worst band."""
-    first = [f.name for f in made.follows if f.name in made.by]
-    rest = [name for name in made.by if name not in first]
-    return [*first, *sorted(rest, key=lambda name: -worst_band(made.by[name]).excess)]
-
-
-def worst_band(bands: tuple[Band, ...]) -> Band:
-    """Return the band with the largest excess, of those with enough rows to tell."""
-    known = [band for band in bands if band.effective_rows >= LEAST_EFFECTIVE] or list(bands)
-    return max(known, key=lambda band: (band.significant, band.excess, band.rmse))
 
 
 def worst_rows(made: Comparison) -> list[Row]:

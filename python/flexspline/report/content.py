@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexspline.errors import listed
-from flexspline.report.numbers import plus_minus, short, short_names
-from flexspline.report.ripple import PAIRS, RippleOrder, ripple_orders
+from flexspline.fit.ripple_orders import PAIRS, RippleOrder, ripple_orders
+from flexspline.formatting.numbers import plus_minus, short, short_names
 
 if TYPE_CHECKING:
     from flexspline.fit.result import Fit, Parameter

@@ -6,9 +6,10 @@ import os
 import textwrap
 from typing import TYPE_CHECKING, Any
 
-from flexspline import __version__
+from flexspline.about import __version__
 from flexspline.errors import listed
 from flexspline.files import atomic_write
+from flexspline.formatting.numbers import plus_minus, short
 from flexspline.report.content import known_groups, parameter_lines
 from flexspline.report.discovery_content import (
     best_rivals,
@@ -25,7 +26,6 @@ from flexspline.report.discovery_content import (
 )
 from flexspline.report.facts import log_facts, model_facts
 from flexspline.report.html import templates
-from flexspline.report.numbers import plus_minus, short
 from flexspline.report.verdict import TARGET_WORDS
 
 if TYPE_CHECKING:

@@ -10,9 +10,9 @@ from flexspline.discovery.candidates import DIRECTIONS, EXCLUDED, TAKEN
 from flexspline.discovery.settings import SETTINGS
 from flexspline.discovery.slices import telling
 from flexspline.errors import listed
+from flexspline.formatting.numbers import decimals_for, plus_minus, short
 from flexspline.report.content import ParameterLine, parameter_lines
 from flexspline.report.inputs import input_rows
-from flexspline.report.numbers import decimals_for, plus_minus, short
 from flexspline.report.verdict import TARGET_WORDS
 
 if TYPE_CHECKING:

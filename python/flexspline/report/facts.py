@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from flexspline.effects import Effect
+from flexspline.formatting.numbers import short
 from flexspline.logs.channels import CHANNELS
-from flexspline.report.numbers import short
 
 if TYPE_CHECKING:
     from flexspline.fit.result import Fit
-    from flexspline.output_error.result import SimulationFit
+    from flexspline.fit.simulation import SimulationFit
 
 __all__ = ["LogFacts", "log_facts", "model_facts", "python_call"]
 

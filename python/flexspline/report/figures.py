@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import matplotlib
+from matplotlib.figure import Figure
 
 from flexspline.plot.canvas import INK, Panel, PlainFigure, axes_or_new
 from flexspline.plot.fit import panels
@@ -43,7 +44,7 @@ def drawn(panel: Panel) -> ReportFigure:
     return ReportFigure(inline_svg(figure, ax.get_title(loc="left")), panel.look_for)
 
 
-def inline_svg(figure: PlainFigure, name: str) -> str:
+def inline_svg(figure: Figure, name: str) -> str:
     """Return an SVG element whose dark lines and text have the colour of the text around it.
 
     `name` is read out to who cannot see it, and keeps ids apart within a page.

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from flexspline import __version__
+from flexspline.about import __version__
 from flexspline.files import atomic_write
+from flexspline.fit.shares import shares
+from flexspline.formatting.numbers import short
 from flexspline.report.content import known_groups, parameter_lines
 from flexspline.report.facts import log_facts, model_facts, python_call
 from flexspline.report.inputs import delay_sentence, input_rows
-from flexspline.report.numbers import short
-from flexspline.report.shares import shares
 from flexspline.report.tables import grouped_scores, score_rows
 from flexspline.report.verdict import TARGET_WORDS, trust, validation_sentence, verdict
 

@@ -1,20 +1,19 @@
-"""How noisy the channels of some runs are, and how rows read them, for text, HTML and JSON."""
+"""How noisy the channels of some runs are, and how rows read them, for text and HTML."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from flexspline.formatting.numbers import plus_minus, short
 from flexspline.logs.channels import CHANNELS
-from flexspline.report.numbers import plus_minus, short
 
 if TYPE_CHECKING:
     from flexspline.fit.result import Delay
     from flexspline.logs.channel_noise import ChannelNoise
     from flexspline.prepared import Preparation
 
-__all__ = ["HEADING", "bandwidth_used", "delay_sentence", "input_rows", "inputs_json",
-           "smoothed_rows"]  # fmt: skip
+__all__ = ["HEADING", "delay_sentence", "input_rows", "smoothed_rows"]
 
 AS_RECORDED = "as recorded"
 HEADING = ("channel", "noise, RMS", "quantum", "bandwidth [Hz]", "as the rows read it")
@@ -52,28 +51,6 @@ def smoothed_rows(
     names = {_named(way.channel) for way in ways if way.channel in read}
     rows = [row for row in input_rows(inputs, ways) if row[0] in names]
     return [HEADING, *rows] if rows else []
-
-
-def inputs_json(
-    inputs: Sequence[ChannelNoise], ways: Sequence[Preparation]
-) -> list[dict[str, Any]]:
-    """Return the table as `comparison.json` holds it."""
-    used = {way.channel: way.bandwidth for way in ways}
-    return [
-        {
-            "channel": noise.channel,
-            "noise": noise.noise,
-            "quantum": noise.quantum,
-            "bandwidth": noise.bandwidth,
-            "bandwidth_used": used.get(noise.channel),
-        }
-        for noise in inputs
-    ]
-
-
-def bandwidth_used(ways: Sequence[Preparation]) -> float | None:
-    """-3 dB of the output's motion as rows read it, Hz; None where it is as recorded."""
-    return next((way.bandwidth for way in ways if way.channel == "output_velocity"), None)
 
 
 def delay_sentence(delay: Delay | None, unit: str) -> str:

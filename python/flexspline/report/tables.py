@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from flexspline.errors import InputError, listed
 from flexspline.fit.scores import Score
-from flexspline.report.numbers import decimals_for, truncated
+from flexspline.formatting.numbers import decimals_for, truncated
 
 if TYPE_CHECKING:
     import pandas

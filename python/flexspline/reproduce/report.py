@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexspline import __version__
+from flexspline.about import __version__
 
 if TYPE_CHECKING:
     import pandas

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from tqdm import tqdm
 
-from flexspline import __version__
+from flexspline.about import __version__
 from flexspline.errors import InputError, did_you_mean, listed
 from flexspline.files import whole_folder
 from flexspline.reproduce.claims import PAPERS, Verdict, judged

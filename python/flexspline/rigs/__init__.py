@@ -3,8 +3,9 @@
 A rig that contains exactly the model under test proves nothing.
 """
 
+from flexspline.logs.play import play
 from flexspline.rigs.full_range import FullRangeRig, full_range_rig
-from flexspline.rigs.sensor import FACTS, Rig, Truth, play, sensor_rig
+from flexspline.rigs.sensor import FACTS, Rig, Truth, sensor_rig
 from flexspline.rigs.turlapati import TurlapatiRig, turlapati_rig
 from flexspline.rigs.zhang import ZhangRig, zhang_rig
 

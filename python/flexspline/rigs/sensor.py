@@ -24,10 +24,11 @@ from flexspline.effects import effect
 from flexspline.errors import InputError
 from flexspline.logs.derive import differentiate
 from flexspline.logs.log import Log
+from flexspline.logs.play import play
 from flexspline.model import Model, Part
 from flexspline.rigs.recorder import Recorder
 
-__all__ = ["FACTS", "Rig", "Truth", "play", "sensor_rig"]
+__all__ = ["FACTS", "Rig", "Truth", "sensor_rig"]
 
 Array = NDArray[np.float64]
 
@@ -205,26 +206,6 @@ def _noise(truth: Truth, rows: int, rng: np.random.Generator) -> Array:
     white = rng.normal(0.0, truth.noise * np.sqrt(1.0 - memory**2), rows)
     start = rng.normal(0.0, truth.noise) * memory
     return np.asarray(lfilter([1.0], [1.0, -memory], white, zi=[start])[0])
-
-
-def play(position: Array, slip: float) -> Array:
-    """Return where the far end of an elastic-plastic element sits, (N,).
-
-    p_k = min(q_k + s, max(q_k − s, p_{k−1})),  p_0 = q_0: it follows once the spring is
-    stretched by s. Clamps compose to clamps, so the recursion is a scan in log2(N) passes over
-    the arrays [HillisSteele1986].
-    """
-    low, high = position - slip, position + slip
-    low[0] = high[0] = position[0]
-    step = 1
-    while step < len(position):
-        before_low, before_high = low[:-step], high[:-step]
-        now_low, now_high = low[step:], high[step:]
-        new_low = np.clip(before_low, now_low, now_high)
-        new_high = np.clip(before_high, now_low, now_high)
-        low, high = np.concatenate([low[:step], new_low]), np.concatenate([high[:step], new_high])
-        step *= 2
-    return low
 
 
 def _rounded(values: Array, step: float) -> Array:

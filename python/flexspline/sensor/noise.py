@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from flexspline.errors import InputError
-from flexspline.report.numbers import short
-from flexspline.report.rows import rows_html, rows_text
+from flexspline.formatting.numbers import short
+from flexspline.formatting.rows import rows_html, rows_text
 from flexspline.sensor.bridge import Bridge
 from flexspline.sensor.electronics import Electronics
 

@@ -91,9 +91,9 @@ def fit(
     from flexspline.fit.offsets import OFFSET, taken_out
     from flexspline.fit.options import FitOptions
     from flexspline.fit.problem import problem_of
-    from flexspline.fit.requirements import require_one_unit
     from flexspline.fit.ripple import with_found_orders
     from flexspline.prepared import learned, preparations_for, prepared
+    from flexspline.requirements import require_one_unit
 
     how = FitOptions() if options is None else options
     runs = runs_of(logs)
@@ -256,8 +256,8 @@ def runs_of(logs: Log | Sequence[Log]) -> list[Log]:
     InputError
         Where there is none, something else, or one twice.
     """
-    from flexspline.fit.requirements import require_apart
     from flexspline.logs.log import Log
+    from flexspline.requirements import require_apart
 
     runs = [logs] if isinstance(logs, Log) else list(logs)
     if not runs:

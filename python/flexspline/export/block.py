@@ -17,8 +17,8 @@ from flexspline.effects import Effect
 from flexspline.errors import InputError
 from flexspline.estimation.plan import Plan, plan_of
 from flexspline.estimators import Thermistor
-from flexspline.header_model import by_motor_encoder
-from flexspline.header_stages import LIMITS
+from flexspline.export.header_model import by_motor_encoder
+from flexspline.export.header_stages import LIMITS
 from flexspline.model import Model, Part
 from flexspline.signals import gear_of
 

@@ -10,8 +10,8 @@ from __future__ import annotations
 import re
 from pathlib import PurePath
 
-from flexspline.cpp_names import WORDS, is_taken
 from flexspline.errors import InputError, shortened
+from flexspline.export.cpp_names import WORDS, is_taken
 
 __all__ = [
     "boolean",

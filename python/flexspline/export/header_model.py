@@ -6,11 +6,11 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from flexspline.cpp_text import boolean, comment, identifier, literal, number, whole
 from flexspline.effects import Effect, TermInfo, unit_in
 from flexspline.errors import InputError
+from flexspline.export.cpp_text import boolean, comment, identifier, literal, number, whole
+from flexspline.formatting.numbers import plus_minus
 from flexspline.model import Model, Part
-from flexspline.report.numbers import plus_minus
 from flexspline.signals import gear_of
 
 __all__ = ["by_motor_encoder", "gear_text", "model_lines", "type_name"]

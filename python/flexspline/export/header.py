@@ -7,12 +7,12 @@ import textwrap
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from flexspline import __version__
-from flexspline.cpp_text import comment, identifier, include, literal, string_literal
+from flexspline.about import __version__
 from flexspline.errors import InputError, shortened
 from flexspline.estimation.plan import Plan, plan_of
-from flexspline.header_chain import chain_head, chain_includes, chain_lines
-from flexspline.header_model import by_motor_encoder, model_lines
+from flexspline.export.cpp_text import comment, identifier, include, literal, string_literal
+from flexspline.export.header_chain import chain_head, chain_includes, chain_lines
+from flexspline.export.header_model import by_motor_encoder, model_lines
 from flexspline.logs.channels import CHANNELS
 from flexspline.model import Model, Part
 from flexspline.model_warnings import MARGIN, widened

@@ -14,21 +14,20 @@ import numpy as np
 from flexspline.comparison.analysis import analysed
 from flexspline.comparison.assemble import assembled as compared_all
 from flexspline.comparison.result import Comparison
-from flexspline.comparison.runs import Compared, ComparedRun
 from flexspline.comparison.simulated import resolution
-from flexspline.comparison.velocity import velocity_noise, with_motion
 from flexspline.discovery.faults import DataFault
+from flexspline.discovery.missing import Driven, Missing, Say, Step, search
 from flexspline.discovery.result import Discovery, Found, Motion, Unexplained
-from flexspline.discovery.slices import HeldRun
+from flexspline.discovery.slices import HeldRun, compared_motion
 from flexspline.effects import Effect
 from flexspline.errors import InputError, listed
 from flexspline.fit.result import Fit
 from flexspline.logs.log import Log
+from flexspline.logs.velocity import with_motion
 from flexspline.model import Model
 from flexspline.output_error.assemble import assembled
 from flexspline.output_error.errors import errors_of
 from flexspline.output_error.fitting import require_drive, require_motion
-from flexspline.output_error.missing import Driven, Missing, Say, Step, search
 from flexspline.output_error.settings import Settings
 
 __all__ = ["discover_by_simulation"]
@@ -167,14 +166,3 @@ def _left(held: Sequence[HeldRun]) -> Comparison:
         return compared_all(compared, analysed(compared, lambda _: None), {})
     except InputError as error:
         raise InputError(f"what the simulation leaves cannot be looked at: {error}") from error
-
-
-def compared_motion(held: Sequence[HeldRun], which: str) -> Compared:
-    """Return runs whose held-out motion, "base" or "final", is compared with the measured one."""
-    runs = tuple(
-        ComparedRun(run.log, run.measured, getattr(run, which), np.zeros(len(run.log)), None,
-                    velocity_noise(run.log))
-        for run in held
-    )  # fmt: skip
-    floor = resolution([run.measured for run in held])
-    return Compared(runs, "output_position", "rad", True, None, "", "Nm", floor)

@@ -7,11 +7,11 @@ import warnings
 from dataclasses import replace
 from pathlib import Path
 
-from flexspline.block import block_bytes
-from flexspline.cpp_text import namespace_name
 from flexspline.errors import FlexsplineWarning, InputError, did_you_mean
+from flexspline.export.block import block_bytes
+from flexspline.export.cpp_text import namespace_name
+from flexspline.export.header import header_text
 from flexspline.files import atomic_write
-from flexspline.header import header_text
 from flexspline.model import PART_OF, Model
 from flexspline.model_warnings import part_warnings, refuse_warnings
 

@@ -62,6 +62,7 @@ def next_experiment(
     (of a known load) and temperature are taken to be what a rig can set; give limits of two equal
     numbers for what cannot.
     """
+    from flexspline.discovery.candidates import shaped
     from flexspline.discovery.result import Discovery
     from flexspline.experiment.planning import planned
     from flexspline.fit.result import Fit
@@ -77,7 +78,8 @@ def next_experiment(
     cutoff = lowpass or (fit.lowpass if fit is not None else None)
     problem, work = _prepared(part, [rival for _, rival in pairs], runs, cutoff)
     whitening = restricted_whitening(problem, work)
-    return planned(problem, work, whitening, pairs, fit if rivals is None else None, limits)
+    asked = fit if rivals is None else None
+    return planned(problem, work, whitening, pairs, shaped, asked, limits)
 
 
 def _declared(given: Model | Fit | Discovery) -> list[tuple[str, Effect]]:

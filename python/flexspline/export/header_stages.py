@@ -7,10 +7,10 @@ import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
-from flexspline.cpp_text import comment, identifier, literal
 from flexspline.errors import InputError
 from flexspline.estimators import Thermistor
-from flexspline.header_model import gear_text
+from flexspline.export.cpp_text import comment, identifier, literal
+from flexspline.export.header_model import gear_text
 
 __all__ = ["stage_lines"]
 

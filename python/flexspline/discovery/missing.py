@@ -1,9 +1,9 @@
 """What a drive lacks where only its motion is measured: searched in the forward simulation.
 
 Each effect of the catalogue that can be driven forward is fitted beside the base by the motion
-(`fitting.py`), from the base's own optimum and from the regression's. Those that lower the error
-most are fitted again without each fold, and one is named where the rows that its fits never counted
-are missed by less, run by run:
+(`output_error/fitting.py`), from the base's own optimum and from the regression's. Those that lower
+the error most are fitted again without each fold, and one is named where the rows that its fits
+never counted are missed by less, run by run:
 
     d_r = ln(RMS_r of the base / RMS_r with it)        t = mean(d) √n / s(d)
 
@@ -27,8 +27,8 @@ from scipy.stats import t as student
 from flexspline.discovery.candidates import possible
 from flexspline.effects import Effect
 from flexspline.errors import InputError
-from flexspline.fit.fitting import fit
 from flexspline.fit.options import FitOptions
+from flexspline.fitting import fit
 from flexspline.output_error.cost import Cost
 from flexspline.output_error.fitting import EVALUATIONS, cost_of, starts_of
 from flexspline.output_error.folds import Folds, folds_of

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from flexspline.cpp_text import literal
 from flexspline.errors import listed
 from flexspline.estimation.plan import Plan
 from flexspline.estimation.preprocessing import made_by, reads_of
 from flexspline.estimators import ESTIMATORS
-from flexspline.header_model import model_lines
-from flexspline.header_stages import stage_lines
+from flexspline.export.cpp_text import literal
+from flexspline.export.header_model import model_lines
+from flexspline.export.header_stages import stage_lines
 from flexspline.logs.causal import lateness
 from flexspline.model import Model
 from flexspline.part import Part

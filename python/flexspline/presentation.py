@@ -1,0 +1,44 @@
+"""Where the function is that shows a result, for each kind of result and each form.
+
+`report` writes text and HTML, `plot` draws; both read results, so that results cannot import them.
+They ask `rendering` instead, which knows this table from `flexspline/__init__.py` on.
+"""
+
+from __future__ import annotations
+
+from flexspline.rendering import register
+
+__all__ = ["RENDERERS", "register_renderers"]
+
+RENDERERS = {
+    ("log", "figure"): "flexspline.plot.channels:plot_log",
+    ("fit", "text"): "flexspline.report.text:fit_text",
+    ("fit", "html"): "flexspline.report.html:fit_html",
+    ("fit", "report"): "flexspline.report.html:write_report",
+    ("fit", "figure"): "flexspline.plot.fit:plot_fit",
+    ("calibration", "text"): "flexspline.report.calibration:calibration_text",
+    ("calibration", "html"): "flexspline.report.calibration:calibration_html",
+    ("calibration", "report"): "flexspline.report.calibration:write_calibration_report",
+    ("calibration", "figure"): "flexspline.plot.calibration:plot_calibration",
+    ("comparison", "text"): "flexspline.report.comparison:comparison_text",
+    ("comparison", "html"): "flexspline.report.comparison:comparison_html",
+    ("comparison", "report"): "flexspline.report.comparison:write_comparison_report",
+    ("comparison", "figure"): "flexspline.plot.comparison:plot_comparison",
+    ("discovery", "text"): "flexspline.report.discovery:discovery_text",
+    ("discovery", "html"): "flexspline.report.discovery:discovery_html",
+    ("discovery", "report"): "flexspline.report.discovery:write_discovery_report",
+    ("discovery", "figure"): "flexspline.plot.discovery:plot_discovery",
+    ("estimate", "figure"): "flexspline.plot.estimate:plot_estimate",
+    ("experiment", "figure"): "flexspline.plot.experiment:plot_plan",
+    ("full range", "speed"): "flexspline.plot.full_range:error_over_speed",
+    ("full range", "validation"): "flexspline.plot.full_range:validation",
+    ("full range", "torque"): "flexspline.plot.full_range:torque_by_method",
+    ("order spectrum", "axes"): "flexspline.plot.spectra:draw_orders",
+    ("time spectrum", "axes"): "flexspline.plot.spectra:draw_frequencies",
+}
+
+
+def register_renderers() -> None:
+    """Let every result find what shows it."""
+    for (kind, form), home in RENDERERS.items():
+        register(kind, form, home)

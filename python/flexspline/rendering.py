@@ -1,0 +1,37 @@
+"""Results are shown by functions that they do not know.
+
+A result asks for the function by its kind and a form, such as "fit" and "html"; `presentation`,
+above all results, says where each is. It is imported when it is first asked for, so that neither
+matplotlib nor jinja2 is loaded before something is drawn or written.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any, Literal, overload
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["register", "render"]
+
+_HOMES: dict[tuple[str, str], str] = {}
+
+
+def register(kind: str, form: str, home: str) -> None:
+    """Say where the function is that shows results of a kind: "package.module:function"."""
+    _HOMES[kind, form] = home
+
+
+@overload
+def render(kind: str, form: Literal["text", "html"], *shown: Any) -> str: ...
+@overload
+def render(kind: str, form: Literal["figure"], *shown: Any) -> Figure: ...
+@overload
+def render(kind: str, form: str, *shown: Any, **options: Any) -> Any: ...
+
+
+def render(kind: str, form: str, *shown: Any, **options: Any) -> Any:
+    """Return what the registered function makes of a result and of all that it is given besides."""
+    module, _, name = _HOMES[kind, form].partition(":")
+    return getattr(importlib.import_module(module), name)(*shown, **options)
