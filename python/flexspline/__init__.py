@@ -9,7 +9,6 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-import flexspline.fit as _folder  # noqa: F401  first, or its import would take the function's name
 from flexspline.about import __version__, get_include
 from flexspline.deprecated import fit
 from flexspline.effects import CATALOGUE, Effect, effect
@@ -39,12 +38,13 @@ if TYPE_CHECKING:
     )
     from flexspline.experiment.limits import Limits
     from flexspline.experiment.plan import Plan
-    from flexspline.fit.options import FitOptions
-    from flexspline.fit.result import Fit
-    from flexspline.fit.streaming import accumulate
+    from flexspline.exporting.exporting import export
     from flexspline.forward.result import ForwardRun
     from flexspline.forward.servo import PositionServo
     from flexspline.forward.simulating import simulate
+    from flexspline.least_squares.options import FitOptions
+    from flexspline.least_squares.result import Fit
+    from flexspline.least_squares.streaming import accumulate
     from flexspline.logs.checks import Findings, check
     from flexspline.logs.convert import convert
     from flexspline.logs.log import Log
@@ -94,6 +94,7 @@ __all__ = [
     "discover",
     "effect",
     "estimate",
+    "export",
     "fit",
     "fit_motion",
     "get_include",
@@ -115,8 +116,8 @@ _HOME = {
     "Discovery": "discovery.result",
     "Estimate": "estimation",
     "Findings": "logs.checks",
-    "Fit": "fit.result",
-    "FitOptions": "fit.options",
+    "Fit": "least_squares.result",
+    "FitOptions": "least_squares.options",
     "ForwardRun": "forward.result",
     "Limits": "experiment.limits",
     "Log": "logs.log",
@@ -131,13 +132,14 @@ _HOME = {
     "ReadingChecks": "estimators",
     "TemperatureCompensation": "estimators",
     "Thermistor": "estimators",
-    "accumulate": "fit.streaming",
+    "accumulate": "least_squares.streaming",
     "calibrate": "calibration.calibrating",
     "certify": "certification",
     "check": "logs.checks",
     "compare": "comparison.comparing",
     "discover": "discovery.discovering",
     "estimate": "estimation",
+    "export": "exporting.exporting",
     "convert": "logs.convert",
     "fit_motion": "output_error.fitting",
     "next_experiment": "discovery.experimenting",
@@ -146,8 +148,27 @@ _HOME = {
 }
 
 
+_ROOMS = (
+    "baselines",
+    "collision",
+    "full_range",
+    "observer",
+    "plot",
+    "rigs",
+    "sensor",
+    "simulation",
+)
+"""Sub-packages with an interface of their own, as in `flexspline.simulation.Joint`."""
+
+
 def __getattr__(name: str) -> Any:
     """Import a public name when it is first used (PEP 562): the package starts quickly."""
+    if name in _ROOMS:
+        return importlib.import_module(f"{__name__}.{name}")
     if name not in _HOME:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(importlib.import_module(f"{__name__}.{_HOME[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted([*__all__, *_ROOMS])

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from flexspline import fitting
 from flexspline.errors import InputError
-from flexspline.fit.options import FitOptions
+from flexspline.least_squares.options import FitOptions
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from flexspline.fit.result import Fit
+    from flexspline.least_squares.result import Fit
 
 __all__ = ["fit"]
 

@@ -16,11 +16,11 @@ if TYPE_CHECKING:  # what is heavy is imported where it is used: `flexspline --h
     import numpy as np
     from numpy.typing import NDArray
 
-    from flexspline.fit.estimate import Estimate, Given
-    from flexspline.fit.names import Bounds
-    from flexspline.fit.options import FitOptions
-    from flexspline.fit.problem import Problem
-    from flexspline.fit.result import Fit
+    from flexspline.least_squares.estimate import Estimate, Given
+    from flexspline.least_squares.names import Bounds
+    from flexspline.least_squares.options import FitOptions
+    from flexspline.least_squares.problem import Problem
+    from flexspline.least_squares.result import Fit
     from flexspline.logs.log import Log
     from flexspline.model import Model
     from flexspline.prepared import Preparation
@@ -85,13 +85,13 @@ def fit(
     has no inverse as printed; what it leaves undetermined is found and named (see
     `Fit.confounded`).
     """
-    from flexspline.fit.assemble import assembled
-    from flexspline.fit.estimate import Given, estimate
-    from flexspline.fit.late_load import beside_delay, can_be_late
-    from flexspline.fit.offsets import OFFSET, taken_out
-    from flexspline.fit.options import FitOptions
-    from flexspline.fit.problem import problem_of
-    from flexspline.fit.ripple import with_found_orders
+    from flexspline.least_squares.assemble import assembled
+    from flexspline.least_squares.estimate import Given, estimate
+    from flexspline.least_squares.late_load import beside_delay, can_be_late
+    from flexspline.least_squares.offsets import OFFSET, taken_out
+    from flexspline.least_squares.options import FitOptions
+    from flexspline.least_squares.problem import problem_of
+    from flexspline.least_squares.ripple import with_found_orders
     from flexspline.prepared import learned, preparations_for, prepared
     from flexspline.requirements import require_one_unit
 
@@ -185,8 +185,13 @@ def _resolved(
     posed: Callable[[Sequence[Log], Sequence[Effect], list[NDArray[np.bool_]] | None], Problem],
 ) -> list[NDArray[np.bool_]] | None:
     """Which rows the recorder resolves, see `resolution.py`; None for all of exact runs."""
-    from flexspline.fit.estimate import Given, estimate
-    from flexspline.fit.resolution import away_from_ends, coarser, resolved_rows, with_fastest
+    from flexspline.least_squares.estimate import Given, estimate
+    from flexspline.least_squares.resolution import (
+        away_from_ends,
+        coarser,
+        resolved_rows,
+        with_fastest,
+    )
     from flexspline.prepared import MOTION, VELOCITY, prepared
 
     if not ways:
@@ -234,10 +239,10 @@ def fit_near(
     InputError
         For too few rows.
     """
-    from flexspline.fit.assemble import assembled
-    from flexspline.fit.estimate import Given, estimate
-    from flexspline.fit.generalised import generalised
-    from flexspline.fit.memory import settled
+    from flexspline.least_squares.assemble import assembled
+    from flexspline.least_squares.estimate import Given, estimate
+    from flexspline.least_squares.generalised import generalised
+    from flexspline.least_squares.memory import settled
 
     _require_rows(problem, effects)
     problem, given = settled(problem, effects), Given(fixed, bounds, {}, False)
@@ -275,7 +280,7 @@ def with_orders(
     effects: str | Effect | Iterable[str | Effect], orders: Mapping[str, Sequence[int]]
 ) -> list[Effect]:
     """Return effects by their names, ripples with the orders that are given by name of effect."""
-    from flexspline.fit.names import resolve
+    from flexspline.least_squares.names import resolve
 
     named = [effects] if isinstance(effects, (str, Effect)) else effects
     chosen = [e if isinstance(e, Effect) else effect(e) for e in named]
@@ -314,8 +319,8 @@ def _settled(
     near: bool = False,
 ) -> tuple[Problem, Estimate]:
     """Estimate again until the rows left out for unknown memory are those of the widths found."""
-    from flexspline.fit.estimate import estimate
-    from flexspline.fit.memory import settled
+    from flexspline.least_squares.estimate import estimate
+    from flexspline.least_squares.memory import settled
 
     for _ in range(SETTLING_ROUNDS):
         again = settled(problem, made.linear.effects)

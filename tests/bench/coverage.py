@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import butter, lfilter, sosfiltfilt
 
-from flexspline.fit.noise_model import Chunk, noise_model
-from flexspline.fit.uncertainty import Uncertainty, parameter_uncertainty
+from flexspline.least_squares.noise_model import Chunk, noise_model
+from flexspline.least_squares.uncertainty import Uncertainty, parameter_uncertainty
 
 Array = NDArray[np.float64]
 

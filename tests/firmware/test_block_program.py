@@ -14,8 +14,8 @@ from chain_rig import BY_GEAR, BY_MOTOR, CALIBRATION, COLLISION, KALMAN, MERGE
 
 from flexspline import Collision, Compliance, InputError, Observer, effect
 from flexspline.effects import CATALOGUE
-from flexspline.export import export
-from flexspline.export.block import block_bytes
+from flexspline.exporting import export
+from flexspline.exporting.block import block_bytes
 from flexspline.model import Model, Part
 
 FRESH = b""

@@ -14,7 +14,7 @@ from recorded_joint import INERTIA, LEVEL, LOAD, OFFSET, VISCOUS, base, exact, f
 import flexspline
 from flexspline.effects import effect
 from flexspline.errors import InputError
-from flexspline.export.header import header_text
+from flexspline.exporting.header import header_text
 from flexspline.logs.convert import write_log
 from flexspline.logs.log import Log
 from flexspline.prepared import learned

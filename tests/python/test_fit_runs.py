@@ -21,10 +21,10 @@ from fit_logs import (
 
 import flexspline
 from flexspline import FitOptions, effect
-from flexspline.fit.linear import fit_linear
-from flexspline.fit.names import coefficient_names, constraints_of
-from flexspline.fit.problem import problem_of
-from flexspline.fit.robust import huber_weights
+from flexspline.least_squares.linear import fit_linear
+from flexspline.least_squares.names import coefficient_names, constraints_of
+from flexspline.least_squares.problem import problem_of
+from flexspline.least_squares.robust import huber_weights
 from flexspline.logs.derive import lowpass_log
 
 HELD = {"direction_width": WIDTH}
@@ -121,7 +121,7 @@ def test_the_length_of_the_blocks_does_not_matter(rows):
 def test_the_length_of_the_pieces_that_the_errors_are_read_in_does_not_matter(lowpass, monkeypatch):
     logs = [log_of(1), log_of(2, 700)]
     whole = fitted(logs, lowpass=lowpass)
-    monkeypatch.setattr(sys.modules["flexspline.fit.problem"], "CHUNK", 333)
+    monkeypatch.setattr(sys.modules["flexspline.least_squares.problem"], "CHUNK", 333)
     pieces = fitted(logs, lowpass=lowpass)
     assert [p.standard_error for p in pieces.parameters[:4]] == pytest.approx(
         [p.standard_error for p in whole.parameters[:4]], rel=1e-6

@@ -13,7 +13,7 @@ from hidden_logs import LOAD, WIDTH, friction_of, log_of, noise, rich_run
 
 import flexspline
 from flexspline import InputError, Log, Model
-from flexspline.export import export
+from flexspline.exporting import export
 from flexspline.simulator.taken import take
 
 ROWS = 3000

@@ -18,9 +18,15 @@ from hypothesis import strategies as st
 
 from flexspline.effects import CATALOGUE, effect
 from flexspline.errors import InputError
-from flexspline.export.cpp_names import WORDS
-from flexspline.export.cpp_text import comment, identifier, include, namespace_name, string_literal
-from flexspline.export.header import header_text
+from flexspline.exporting.cpp_names import WORDS
+from flexspline.exporting.cpp_text import (
+    comment,
+    identifier,
+    include,
+    namespace_name,
+    string_literal,
+)
+from flexspline.exporting.header import header_text
 from flexspline.model import Model, Part
 
 RECORD = {

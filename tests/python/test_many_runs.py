@@ -12,10 +12,10 @@ from fit_logs import FRICTION, WIDTH, autoregressive, friction, log_with, rows_o
 
 import flexspline
 from flexspline import FitOptions, _core
-from flexspline.fit.result import Fit
+from flexspline.least_squares.result import Fit
 from flexspline.logs.log import Log
 
-offsets = importlib.import_module("flexspline.fit.offsets")
+offsets = importlib.import_module("flexspline.least_squares.offsets")
 NAMES = ["viscous_friction", "offset", "coulomb_friction", "inertia"]
 
 
@@ -138,7 +138,7 @@ class Counted:
 def test_work_and_memory_grow_with_the_runs_and_not_with_their_square(
     monkeypatch: pytest.MonkeyPatch, own: bool
 ) -> None:
-    problem = importlib.import_module("flexspline.fit.problem").Problem
+    problem = importlib.import_module("flexspline.least_squares.problem").Problem
     monkeypatch.setattr(
         problem,
         "design",

@@ -12,7 +12,7 @@ from output_error_logs import EFFECTS, KNOWN, STEP, TRUE, law, runs
 import flexspline
 from flexspline import MotionOptions
 from flexspline.errors import InputError
-from flexspline.fit.result import Fit
+from flexspline.least_squares.result import Fit
 from flexspline.logs.convert import write_log
 from flexspline.model import Model
 from flexspline.plot import simulated_motion

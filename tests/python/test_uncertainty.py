@@ -17,8 +17,14 @@ from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
 from flexspline.errors import InputError
-from flexspline.fit.noise_model import Chunk, Chunks, NoiseModel, lagged_products, noise_model
-from flexspline.fit.uncertainty import Prior, Uncertainty, parameter_uncertainty
+from flexspline.least_squares.noise_model import (
+    Chunk,
+    Chunks,
+    NoiseModel,
+    lagged_products,
+    noise_model,
+)
+from flexspline.least_squares.uncertainty import Prior, Uncertainty, parameter_uncertainty
 
 _study = Path(__file__).parents[1] / "bench" / "coverage.py"
 _spec = importlib.util.spec_from_file_location("coverage_study", _study)

@@ -8,8 +8,8 @@ import numpy as np
 from measured import xl330
 
 import flexspline
-from flexspline.fit.result import Fit
 from flexspline.forward import PositionServo
+from flexspline.least_squares.result import Fit
 from flexspline.logs.log import Log
 from flexspline.logs.repairs import repaired
 

@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 
 from flexspline.calibration.drift import Shape
 from flexspline.calibration.regression import Regression
-from flexspline.fit.identifiability import Confounded, confounded_groups
-from flexspline.fit.result import Parameter
-from flexspline.fit.uncertainty import Uncertainty
+from flexspline.least_squares.identifiability import Confounded, confounded_groups
+from flexspline.least_squares.result import Parameter
+from flexspline.least_squares.uncertainty import Uncertainty
 
 __all__ = [
     "confounded",

@@ -18,9 +18,9 @@ from flexspline.calibration.thermal import Thermal, ThermalLeg
 from flexspline.calibration.views import CalibratedRun
 from flexspline.errors import InputError, did_you_mean, listed
 from flexspline.estimators import Calibration, TemperatureCompensation
-from flexspline.fit.identifiability import Confounded
-from flexspline.fit.result import Parameter
-from flexspline.fit.uncertainty import Uncertainty
+from flexspline.least_squares.identifiability import Confounded
+from flexspline.least_squares.result import Parameter
+from flexspline.least_squares.uncertainty import Uncertainty
 from flexspline.model import Model
 from flexspline.rendering import render
 

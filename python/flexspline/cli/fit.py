@@ -144,7 +144,7 @@ def fit(
           --controller servo.json --free-controller back_emf \\
           --effects inertia,gravity,coulomb_friction,load_dependent_friction --out servo
     """
-    from flexspline.fit.options import FitOptions
+    from flexspline.least_squares.options import FitOptions
     from flexspline.model import Model
     from flexspline.output_error.fitting import fit_motion
     from flexspline.output_error.settings import MotionOptions

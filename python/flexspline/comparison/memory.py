@@ -1,6 +1,6 @@
 """What the noise remembers, and so how many independent rows a cell is worth.
 
-The noise is autoregressive (`fit/noise_model.py`), fitted to what `heldout.py` leaves of the
+The noise is autoregressive (`noise_model.py`), fitted to what `heldout.py` leaves of the
 residual where the joint moves. With its autocorrelation ρ_h and A_j(h) pairs of rows h apart that
 are both in cell j
 
@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.comparison.rows import Rows
-from flexspline.fit.noise_model import Chunk, NoiseModel, noise_model
+from flexspline.least_squares.noise_model import Chunk, NoiseModel, noise_model
 
 __all__ = ["Memory", "memory_of"]
 

@@ -21,7 +21,7 @@ from flexspline.discovery.result import Discovery, Found, Motion, Unexplained
 from flexspline.discovery.slices import HeldRun, compared_motion
 from flexspline.effects import Effect
 from flexspline.errors import InputError, listed
-from flexspline.fit.result import Fit
+from flexspline.least_squares.result import Fit
 from flexspline.logs.log import Log
 from flexspline.logs.velocity import with_motion
 from flexspline.model import Model

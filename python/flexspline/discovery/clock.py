@@ -30,7 +30,7 @@ from flexspline.discovery.basis import RATE, Functions, nameless_of
 from flexspline.discovery.candidates import LAG
 from flexspline.discovery.faults import DataFault
 from flexspline.discovery.settings import SETTINGS
-from flexspline.fit.late_load import slopes_by
+from flexspline.least_squares.late_load import slopes_by
 from flexspline.logs.log import Log
 from flexspline.regression.gram import (
     SINGULAR,

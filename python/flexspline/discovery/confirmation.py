@@ -43,8 +43,8 @@ from flexspline.discovery.result import (
 from flexspline.discovery.search import cost_of
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect
-from flexspline.fit.names import coefficient_names
-from flexspline.fit.result import Fit
+from flexspline.least_squares.names import coefficient_names
+from flexspline.least_squares.result import Fit
 from flexspline.logs.checks.dependence import Dependence
 from flexspline.regression.gram import SINGULAR, TINY
 from flexspline.regression.held_out import HeldOut, fall_of

@@ -43,11 +43,11 @@ from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect
 from flexspline.errors import InputError
 from flexspline.experiment.limits import Limits
-from flexspline.fit.options import FitOptions
-from flexspline.fit.problem import Problem, problem_of
-from flexspline.fit.result import Fit
 from flexspline.fitting import fit, fit_near, with_orders
 from flexspline.forward.servo import PositionServo
+from flexspline.least_squares.options import FitOptions
+from flexspline.least_squares.problem import Problem, problem_of
+from flexspline.least_squares.result import Fit
 from flexspline.logs.checks.left_out import Kept, at_work, only_experiments
 from flexspline.logs.log import Log
 from flexspline.logs.sampling import has_value, sampled
@@ -124,7 +124,7 @@ def discover(
     first, and said to be (`logs/checks/left_out.py`). How names are chosen: `discovery/search.py`;
     what evidence is: `discovery/evidence.py`. The model is fitted by generalised least squares in
     the noise's memory where that agrees with plain least squares as for a right model, by plain
-    least squares otherwise (`fit/generalised.py`).
+    least squares otherwise (`least_squares/generalised.py`).
     """
     runs = [logs] if isinstance(logs, Log) else list(logs)
     if not runs:

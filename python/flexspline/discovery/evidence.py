@@ -43,7 +43,7 @@ from flexspline.discovery.candidates import Candidate, span_of, unseen
 from flexspline.discovery.physics import COULOMB, STRIBECK, level_of, one_signed
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect
-from flexspline.fit.problem import Problem
+from flexspline.least_squares.problem import Problem
 from flexspline.regression.gram import (
     SINGULAR,
     TINY,

@@ -13,8 +13,8 @@ from flexspline.experiment.limits import Limits
 if TYPE_CHECKING:  # what is heavy is imported where it is used
     from flexspline.discovery.result import Discovery
     from flexspline.experiment.plan import Plan
-    from flexspline.fit.problem import Problem
-    from flexspline.fit.result import Fit
+    from flexspline.least_squares.problem import Problem
+    from flexspline.least_squares.result import Fit
     from flexspline.logs.log import Log
     from flexspline.model import Model, Part
     from flexspline.regression.working import Working
@@ -65,7 +65,7 @@ def next_experiment(
     from flexspline.discovery.candidates import shaped
     from flexspline.discovery.result import Discovery
     from flexspline.experiment.planning import planned
-    from flexspline.fit.result import Fit
+    from flexspline.least_squares.result import Fit
     from flexspline.logs.log import Log
     from flexspline.regression.whitening import restricted_whitening
 
@@ -124,7 +124,7 @@ def _prepared(
     part: Part, rivals: Sequence[Effect], logs: Sequence[Log], lowpass: float | None
 ) -> tuple[Problem, Working]:
     """Runs made ready for a model and rivals, and the model with its coefficients."""
-    from flexspline.fit.problem import problem_of
+    from flexspline.least_squares.problem import problem_of
     from flexspline.regression.working import working
 
     if not logs:

@@ -27,8 +27,8 @@ from scipy.stats import t as student
 from flexspline.discovery.candidates import possible
 from flexspline.effects import Effect
 from flexspline.errors import InputError
-from flexspline.fit.options import FitOptions
 from flexspline.fitting import fit
+from flexspline.least_squares.options import FitOptions
 from flexspline.output_error.cost import Cost
 from flexspline.output_error.fitting import EVALUATIONS, cost_of, starts_of
 from flexspline.output_error.folds import Folds, folds_of
@@ -37,7 +37,7 @@ from flexspline.output_error.search import Descent, best_of, descend
 from flexspline.output_error.settings import Settings
 
 if TYPE_CHECKING:
-    from flexspline.fit.result import Fit
+    from flexspline.least_squares.result import Fit
     from flexspline.logs.log import Log
 
 __all__ = ["Driven", "Missing", "Step", "driven_model", "search", "told"]

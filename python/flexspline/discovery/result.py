@@ -31,7 +31,7 @@ from flexspline.discovery.faults import DataFault
 from flexspline.discovery.settings import SETTINGS
 from flexspline.discovery.slices import HeldRun, Slice, slices
 from flexspline.errors import InputError
-from flexspline.fit.result import Fit, Parameter
+from flexspline.least_squares.result import Fit, Parameter
 from flexspline.model import PART_OF, Model, Part
 from flexspline.prepared import bandwidth_used, inputs_json
 from flexspline.regression.gram import TINY

@@ -32,7 +32,7 @@ from flexspline.discovery.basis import (
 )
 from flexspline.discovery.evidence import held_out_gain
 from flexspline.discovery.settings import SETTINGS
-from flexspline.fit.problem import Problem
+from flexspline.least_squares.problem import Problem
 from flexspline.regression.gram import (
     SINGULAR,
     TINY,

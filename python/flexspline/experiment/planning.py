@@ -16,8 +16,8 @@ from flexspline.experiment.words import short
 if TYPE_CHECKING:  # what is heavy is imported where it is used
     from flexspline.experiment.information import Layout, Question, Rivalry
     from flexspline.experiment.search import Bench, Scored
-    from flexspline.fit.problem import Problem
-    from flexspline.fit.result import Fit
+    from flexspline.least_squares.problem import Problem
+    from flexspline.least_squares.result import Fit
     from flexspline.logs.log import Log
     from flexspline.regression.gram import Whitening
     from flexspline.regression.working import Working
@@ -174,7 +174,7 @@ def _doubled(
 
 def _fastest_ripple(effects: Sequence[Effect], problem: Problem, velocity: float) -> float:
     """Highest frequency of ripple at this speed [rad/s] of the output, Hz; ∞ of no known gear."""
-    from flexspline.fit.ripple import CORE_PAIRS
+    from flexspline.least_squares.ripple import CORE_PAIRS
     from flexspline.orders.parts import pairs
 
     turns = {CORE_PAIRS[p.name]: abs(p.turns) for p in pairs(problem.runs[0].log.facts)}
@@ -218,7 +218,7 @@ def _rivalry(
     shaped: Shaped,
 ) -> Rivalry:
     from flexspline.experiment.information import Rivalry
-    from flexspline.fit.names import SHARED
+    from flexspline.least_squares.names import SHARED
     from flexspline.regression.working import refitted
 
     others = [e for e in work.effects if e.name != named]

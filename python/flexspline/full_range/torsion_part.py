@@ -18,7 +18,7 @@ from flexspline.logs.log import Log
 from flexspline.part import Part
 
 if TYPE_CHECKING:
-    from flexspline.fit.result import Fit
+    from flexspline.least_squares.result import Fit
 
 __all__ = [
     "GearCompliance",

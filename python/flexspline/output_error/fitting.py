@@ -14,9 +14,9 @@ from tqdm import tqdm
 
 from flexspline.effects import Effect
 from flexspline.errors import InputError, listed
-from flexspline.fit.options import FitOptions
 from flexspline.fitting import fit, runs_of, with_orders
 from flexspline.forward.drive import DriveInputs, drive_inputs, require_no_delay
+from flexspline.least_squares.options import FitOptions
 from flexspline.logs.derive import differentiate
 from flexspline.output_error.cost import Cost
 from flexspline.output_error.errors import errors_of
@@ -29,9 +29,9 @@ from flexspline.output_error.space import space_of
 from flexspline.part import PART_OF
 
 if TYPE_CHECKING:
-    from flexspline.fit.names import Bounds
-    from flexspline.fit.result import Fit
     from flexspline.forward.servo import PositionServo
+    from flexspline.least_squares.names import Bounds
+    from flexspline.least_squares.result import Fit
     from flexspline.logs.log import Log
     from flexspline.model import Model
 

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from flexspline.errors import InputError
-from flexspline.fit.options import require_robust
 from flexspline.forward.servo import PositionServo
+from flexspline.least_squares.options import require_robust
 
 __all__ = ["MotionOptions", "Settings", "settings_of"]
 

@@ -32,8 +32,8 @@ from scipy.ndimage import correlate1d
 
 from flexspline import _core
 from flexspline.effects import Effect
-from flexspline.fit.problem import Problem, Run
-from flexspline.fit.validation import RUNS_NEEDED, run_edges
+from flexspline.least_squares.problem import Problem, Run
+from flexspline.least_squares.validation import RUNS_NEEDED, run_edges
 from flexspline.logs.local_fit import LocalFit
 from flexspline.logs.segments import runs as unbroken_runs
 from flexspline.parallel import in_order

@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.fit.problem import Problem
+from flexspline.least_squares.problem import Problem
 from flexspline.regression.gram import (
     SINGULAR,
     TINY,

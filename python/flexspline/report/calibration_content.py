@@ -14,7 +14,7 @@ from flexspline.report.verdict import Verdict
 if TYPE_CHECKING:
     from flexspline.calibration.figures import Figure
     from flexspline.calibration.result import CalibrationResult
-    from flexspline.fit.result import Parameter
+    from flexspline.least_squares.result import Parameter
 
 __all__ = [
     "CalibrationLine",

@@ -11,8 +11,8 @@ from flexspline.formatting.numbers import short
 from flexspline.logs.channels import CHANNELS
 
 if TYPE_CHECKING:
-    from flexspline.fit.result import Fit
-    from flexspline.fit.simulation import SimulationFit
+    from flexspline.least_squares.result import Fit
+    from flexspline.least_squares.simulation import SimulationFit
 
 __all__ = ["LogFacts", "log_facts", "model_facts", "python_call"]
 

@@ -15,7 +15,7 @@ from flexspline.plot.canvas import INK, Panel, PlainFigure, axes_or_new
 from flexspline.plot.fit import panels
 
 if TYPE_CHECKING:
-    from flexspline.fit.result import Fit
+    from flexspline.least_squares.result import Fit
 
 __all__ = ["ReportFigure", "drawn", "inline_svg", "report_figures"]
 

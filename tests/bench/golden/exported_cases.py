@@ -22,7 +22,7 @@ from every_effect import all_of, exported, rich
 
 import flexspline as fx
 from flexspline.effects import TARGETS
-from flexspline.export import export
+from flexspline.exporting import export
 from golden.estimated_cases import iiwa_watched, kinova_watched, raw
 from golden.measured_cases import ur10e_fit
 from golden.numbers import Cases, NotRunError, Numbers, certificate_numbers, plain, sha
