@@ -5,7 +5,7 @@
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
 
-#include "flexspline/batch/accumulate.hpp"
+#include "host/accumulate.hpp"
 
 namespace flexspline::bindings {
 

@@ -1,5 +1,5 @@
 #include "bindings.hpp"
-#include "flexspline/batch/by_name.hpp"
+#include "host/by_name.hpp"
 
 namespace flexspline::bindings {
 namespace {

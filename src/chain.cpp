@@ -1,8 +1,8 @@
 #include <algorithm>
 #include <string>
 
-#include "flexspline/batch/replay_chain.hpp"
-#include "flexspline/batch/replay_preprocessing.hpp"
+#include "host/replay_chain.hpp"
+#include "host/replay_preprocessing.hpp"
 #include "stages.hpp"
 
 namespace flexspline::bindings {

@@ -2,7 +2,7 @@
 #include <string>
 
 #include "bindings.hpp"
-#include "flexspline/batch/by_name.hpp"
+#include "host/by_name.hpp"
 
 namespace flexspline::bindings {
 namespace {

@@ -3,8 +3,8 @@
 #include <string>
 
 #include "bindings.hpp"
-#include "flexspline/batch/replay.hpp"
-#include "flexspline/batch/replay_estimators.hpp"
+#include "host/replay.hpp"
+#include "host/replay_estimators.hpp"
 
 namespace flexspline::bindings {
 namespace {

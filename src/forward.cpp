@@ -1,7 +1,7 @@
 #include <stdexcept>
 
 #include "bindings.hpp"
-#include "flexspline/batch/forward/drive.hpp"
+#include "host/forward/drive.hpp"
 
 namespace flexspline::bindings {
 

@@ -1,5 +1,5 @@
 #include "bindings.hpp"
-#include "flexspline/batch/replay_structural_damping.hpp"
+#include "host/replay_structural_damping.hpp"
 
 namespace flexspline::bindings {
 

@@ -1,5 +1,5 @@
 #include "bindings.hpp"
-#include "flexspline/batch/kernels.hpp"
+#include "host/kernels.hpp"
 
 PYBIND11_MODULE(_core, module) {
   using namespace flexspline::bindings;

@@ -1,4 +1,4 @@
-#include "flexspline/batch/screening.hpp"
+#include "host/screening.hpp"
 
 #include <limits>
 #include <memory>

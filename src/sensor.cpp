@@ -1,6 +1,6 @@
 #include "bindings.hpp"
-#include "flexspline/batch/replay_ripple.hpp"
-#include "flexspline/batch/replay_sensor.hpp"
+#include "host/replay_ripple.hpp"
+#include "host/replay_sensor.hpp"
 
 namespace flexspline::bindings {
 

@@ -3,7 +3,7 @@
 #include <stdexcept>
 
 #include "bindings.hpp"
-#include "flexspline/batch/simulation/simulate.hpp"
+#include "host/simulation/simulate.hpp"
 
 namespace flexspline::bindings {
 

@@ -1,4 +1,4 @@
-#include "flexspline/batch/solve.hpp"
+#include "host/solve.hpp"
 
 #include "bindings.hpp"
 

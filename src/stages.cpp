@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <map>
+#include <set>
 #include <stdexcept>
 #include <string>
 
@@ -13,21 +14,36 @@ namespace {
 
 using Config = StagesConfig;
 
-/// An entry of the chain's configuration: the fields of one estimator in model.json.
+/// An entry of the chain's configuration: the fields of one estimator in model.json. It knows which
+/// of them were asked for, so that one that nobody reads is refused and not passed over; how it was
+/// made (`record`) is for people.
 struct Entry {
   std::string name;
   py::dict fields;
+  mutable std::set<std::string> known{"record"};
+
+  bool has(const char* field) const {
+    known.insert(field);
+    return fields.contains(field);
+  }
 
   template <typename T>
   T get(const char* field) const {
-    if (!fields.contains(field)) refuse("'" + name + "' lacks '" + field + "'");
+    if (!has(field)) refuse("'" + name + "' lacks '" + field + "'");
     return fields[field].cast<T>();
   }
   double number(const char* field) const { return get<double>(field); }
 
+  void require_all_known() const {
+    for (const auto& [key, value] : fields) {
+      const auto field = key.cast<std::string>();
+      if (!known.contains(field)) refuse("'" + name + "' has no '" + field + "'");
+    }
+  }
+
   /// (low, high), or everything where it is None or missing.
   void range(const char* field, double& low, double& high) const {
-    if (!fields.contains(field) || fields[field].is_none()) return;
+    if (!has(field) || fields[field].is_none()) return;
     const auto pair = get<std::pair<double, double>>(field);
     low = pair.first;
     high = pair.second;
@@ -57,7 +73,8 @@ struct Entry {
 Gear<double> gear_from(const Entry& entry) {
   const auto spline =
       entry.choice<OutputSpline>("output_spline", std::array{"unknown", "circular", "flex"});
-  return Gear<double>::from_ratio(entry.number("effective_ratio"), spline, true);
+  return Gear<double>::from_ratio(entry.number("effective_ratio"), spline,
+                                  entry.get<bool>("motor_encoder"));
 }
 
 /// Fields that are not there keep what the core has in their place: no limit.
@@ -75,10 +92,12 @@ void read_checks(const Entry& entry, Config& config) {
                                     {"twist", &made.twist},
                                     {"forget", &made.forget},
                                     {"apart", &made.apart}}) {
-    if (entry.fields.contains(name)) *value = entry.number(name);
+    if (entry.has(name)) *value = entry.number(name);
   }
-  if (entry.fields.contains("gear")) {
-    made.gear = gear_from({"gear", entry.get<py::dict>("gear")});
+  if (entry.has("gear")) {
+    const Entry gear{"gear", entry.get<py::dict>("gear")};
+    made.gear = gear_from(gear);
+    gear.require_all_known();
   }
 }
 
@@ -108,6 +127,7 @@ void read_calibration(const Entry& entry, Config& config) {
   made.sensitivity = entry.number("sensitivity");
   made.zero = entry.number("zero");
   entry.range("voltage_range", made.low, made.high);
+  entry.has("full_scale");  // known: of the figures that people read
 }
 
 MomentumObserver<double>::Config observer_from(const Entry& entry) {
@@ -122,21 +142,25 @@ void read_observer(const Entry& entry, Config& config) {
 }
 
 void read_compliant_observer(const Entry& entry, Config& config) {
+  enum class Input : unsigned char { compliance };
+  entry.choice<Input>("input", std::array{"compliance"});
+  entry.has("rotor_inertia");  // known: it is part of the model that the observer is given
   config.compliant_observer = observer_from(entry);
 }
 
 void read_compliance(const Entry& entry, Config& config) {
   config.compliance = {entry.number("mesh_stiffness"), entry.number("mesh_shape"),
                        entry.number("margin")};
-  if (!entry.fields.contains("hysteresis")) return;
+  if (!entry.has("hysteresis")) return;
   const Entry loop{"hysteresis", entry.get<py::dict>("hysteresis")};
   config.hysteresis.emplace().load_width = loop.number("load_width");
   loop.fill("heights", config.hysteresis->heights);
+  loop.require_all_known();
 }
 
 void read_merge(const Entry& entry, Config& config) {
   enum class Method : unsigned char { logistic, kalman };
-  if (entry.fields.contains("at_rest")) {
+  if (entry.has("at_rest")) {
     config.at_rest =
         entry.choice<AtRest>("at_rest", std::array{"compliance", "compliant_observer"});
   }
@@ -185,7 +209,9 @@ StagesConfig stages_from(const py::dict& entries) {
     }
     const auto found = readers.find(name);
     if (found == readers.end()) refuse("there is no stage '" + name + "'");
-    found->second({name, value.cast<py::dict>()}, config);
+    const Entry entry{name, value.cast<py::dict>()};
+    found->second(entry, config);
+    entry.require_all_known();
   }
   return config;
 }

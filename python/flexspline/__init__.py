@@ -10,9 +10,10 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 from flexspline.about import __version__, get_include
+from flexspline.deprecated import fit
 from flexspline.effects import CATALOGUE, Effect, effect
 from flexspline.errors import FlexsplineWarning, InputError
-from flexspline.fit.fitting import fit
+from flexspline.presentation import register_renderers
 
 if TYPE_CHECKING:
     from flexspline.calibration.calibrating import calibrate
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from flexspline.comparison.comparing import compare
     from flexspline.comparison.result import Comparison
     from flexspline.discovery.discovering import discover
+    from flexspline.discovery.experimenting import next_experiment
     from flexspline.discovery.result import Discovery
     from flexspline.estimation import Estimate, estimate
     from flexspline.estimators import (
@@ -34,18 +36,22 @@ if TYPE_CHECKING:
         TemperatureCompensation,
         Thermistor,
     )
-    from flexspline.experiment.experimenting import next_experiment
     from flexspline.experiment.limits import Limits
     from flexspline.experiment.plan import Plan
-    from flexspline.fit.result import Fit
-    from flexspline.fit.streaming import accumulate
+    from flexspline.exporting.exporting import export
     from flexspline.forward.result import ForwardRun
     from flexspline.forward.servo import PositionServo
     from flexspline.forward.simulating import simulate
+    from flexspline.least_squares.options import FitOptions
+    from flexspline.least_squares.result import Fit
+    from flexspline.least_squares.streaming import accumulate
+    from flexspline.logs.checks import Findings, check
     from flexspline.logs.convert import convert
     from flexspline.logs.log import Log
     from flexspline.logs.read import read_log
     from flexspline.model import Model, Part, Prediction
+    from flexspline.output_error.fitting import fit_motion
+    from flexspline.output_error.settings import MotionOptions
 
 __all__ = [
     "CATALOGUE",
@@ -59,7 +65,9 @@ __all__ = [
     "Discovery",
     "Effect",
     "Estimate",
+    "Findings",
     "Fit",
+    "FitOptions",
     "FlexsplineWarning",
     "ForwardRun",
     "InputError",
@@ -67,6 +75,7 @@ __all__ = [
     "Log",
     "Merge",
     "Model",
+    "MotionOptions",
     "Observer",
     "Part",
     "Plan",
@@ -79,17 +88,22 @@ __all__ = [
     "accumulate",
     "calibrate",
     "certify",
+    "check",
     "compare",
     "convert",
     "discover",
     "effect",
     "estimate",
+    "export",
     "fit",
+    "fit_motion",
     "get_include",
     "next_experiment",
     "read_log",
     "simulate",
 ]
+
+register_renderers()
 
 _HOME = {
     "Calibration": "estimators",
@@ -101,12 +115,15 @@ _HOME = {
     "Differentiator": "estimators",
     "Discovery": "discovery.result",
     "Estimate": "estimation",
-    "Fit": "fit.result",
+    "Findings": "logs.checks",
+    "Fit": "least_squares.result",
+    "FitOptions": "least_squares.options",
     "ForwardRun": "forward.result",
     "Limits": "experiment.limits",
     "Log": "logs.log",
     "Merge": "estimators",
     "Model": "model",
+    "MotionOptions": "output_error.settings",
     "Observer": "estimators",
     "Part": "model",
     "Plan": "experiment.plan",
@@ -115,21 +132,43 @@ _HOME = {
     "ReadingChecks": "estimators",
     "TemperatureCompensation": "estimators",
     "Thermistor": "estimators",
-    "accumulate": "fit.streaming",
+    "accumulate": "least_squares.streaming",
     "calibrate": "calibration.calibrating",
     "certify": "certification",
+    "check": "logs.checks",
     "compare": "comparison.comparing",
     "discover": "discovery.discovering",
     "estimate": "estimation",
+    "export": "exporting.exporting",
     "convert": "logs.convert",
-    "next_experiment": "experiment.experimenting",
+    "fit_motion": "output_error.fitting",
+    "next_experiment": "discovery.experimenting",
     "read_log": "logs.read",
     "simulate": "forward.simulating",
 }
 
 
+_ROOMS = (
+    "baselines",
+    "collision",
+    "full_range",
+    "observer",
+    "plot",
+    "rigs",
+    "sensor",
+    "simulation",
+)
+"""Sub-packages with an interface of their own, as in `flexspline.simulation.Joint`."""
+
+
 def __getattr__(name: str) -> Any:
     """Import a public name when it is first used (PEP 562): the package starts quickly."""
+    if name in _ROOMS:
+        return importlib.import_module(f"{__name__}.{name}")
     if name not in _HOME:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(importlib.import_module(f"{__name__}.{_HOME[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted([*__all__, *_ROOMS])

@@ -17,10 +17,10 @@ from flexspline.demo_device import run_exported
 from flexspline.discovery.discovering import discover
 from flexspline.discovery.result import Discovery
 from flexspline.effects import Effect, effect
-from flexspline.export import export
+from flexspline.exporting import export
 from flexspline.files import whole_folder
-from flexspline.fit.fitting import fit
-from flexspline.fit.result import Fit
+from flexspline.fitting import fit
+from flexspline.least_squares.result import Fit
 from flexspline.logs.checks import check
 from flexspline.logs.convert import write_log
 from flexspline.logs.log import Log, Source

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from flexspline.about import get_include
-from flexspline.cpp_text import include
-from flexspline.export import namespace_of
+from flexspline.exporting import namespace_of
+from flexspline.exporting.cpp_text import include
 from flexspline.logs.log import Log
 from flexspline.model import Model
 from flexspline.prepared import prepared

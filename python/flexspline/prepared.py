@@ -2,8 +2,8 @@
 
 Rows of a noisy channel are noisy regressors: their coefficients are attenuated, and what they no
 longer explain looks for another effect. A regressor that is replaced by what the recording lets
-one expect of it, E[x | recorded], leaves no such bias (regression calibration: Carroll, Ruppert,
-Stefanski and Crainiceanu 2006). Of a channel whose noise is flat that is the channel smoothed up to
+one expect of it, E[x | recorded], leaves no such bias (regression calibration:
+[Carroll2006]). Of a channel whose noise is flat that is the channel smoothed up to
 where its signal exceeds the noise (`logs/channel_noise.py`). Position, velocity and acceleration of
 the output are one smoothed motion, from the channel that tells the velocity best. The target is
 never smoothed.

@@ -11,6 +11,7 @@ from flexspline.rendering import register
 __all__ = ["RENDERERS", "register_renderers"]
 
 RENDERERS = {
+    ("log", "figure"): "flexspline.plot.channels:plot_log",
     ("fit", "text"): "flexspline.report.text:fit_text",
     ("fit", "html"): "flexspline.report.html:fit_html",
     ("fit", "report"): "flexspline.report.html:write_report",

@@ -78,8 +78,8 @@ def require_change(target: str, columns: Sequence[Array]) -> None:
 def require_one_unit(effects: Sequence[Effect], target: str, known_load: str | None) -> None:
     """Refuse effects of a load that would be a sum of Nm and A.
 
-    The load is the known one and that of the model's own inertia and gravity (spec/effects.md,
-    "Load"), which of a motor current is in A.
+    The load is the known one and that of the model's own inertia and gravity,
+    which of a motor current is in A.
     """
     if target != "motor_current" or known_load is None:
         return
@@ -94,7 +94,7 @@ def require_one_unit(effects: Sequence[Effect], target: str, known_load: str | N
 
 
 def require_load(effects: Sequence[Effect], known_load: str | None) -> None:
-    """Refuse effects of a load that nothing tells (spec/effects.md, "Load")."""
+    """Refuse effects of a load that neither a channel nor the model tells."""
     if known_load is not None:
         return
     own = any(effect.info.carries_load for effect in effects)

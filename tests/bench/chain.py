@@ -24,7 +24,7 @@ import flexspline
 from flexspline.certification.building import STRICT, firmware_folder
 from flexspline.certification.rows import rows_of
 from flexspline.certification.tools import host_compiler
-from flexspline.export import export
+from flexspline.exporting import export
 from flexspline.logs.log import Log
 from flexspline.model import Model
 

@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import butter, lfilter, sosfiltfilt
 
-from flexspline.fit.noise_model import Chunk, noise_model
-from flexspline.fit.uncertainty import Uncertainty, parameter_uncertainty
+from flexspline.least_squares.noise_model import Chunk, noise_model
+from flexspline.least_squares.uncertainty import Uncertainty, parameter_uncertainty
 
 Array = NDArray[np.float64]
 
@@ -148,7 +148,7 @@ def errors_of(rig: Rig, rows: Array, residual: Array) -> Uncertainty:
 
 
 def newey_west(rows: Array, residual: Array) -> Array:
-    """Standard errors with Bartlett weights (Newey & West 1987), runs joined as usual."""
+    """Standard errors with Bartlett weights [NeweyWest1987], runs joined as usual."""
     scores = rows * residual[:, None]
     lags = int(4 * (len(rows) / 100.0) ** (2.0 / 9.0))
     meat = scores.T @ scores

@@ -24,8 +24,8 @@ import numpy as np
 from xl330_servo import CHOSEN, FORMS, HELD_OUT, TWELVE, fitted, runs
 
 import flexspline
-from flexspline.fit.result import Fit
-from flexspline.fit.simulation import StartEnd
+from flexspline.least_squares.result import Fit
+from flexspline.least_squares.simulation import StartEnd
 
 
 def main() -> None:

@@ -1,4 +1,4 @@
-"""Least squares of Turlapati (16) against its named alternatives, in one process.
+"""Least squares of turlapati_intrinsic_dynamics (16) and its named alternatives, in one process.
 
     python tests/bench/fit_speed.py                 # a minute: N = 10⁶
     python tests/bench/fit_speed.py --rows 1e7      # the long one; numpy takes a while

@@ -131,7 +131,12 @@ def drawn(case: Case) -> Drawn:
 def intervals_of(one: Drawn, way: str) -> list[Interval]:
     """Fit the model to the runs and return what is said of each parameter."""
     made = flexspline.fit(
-        MODEL, one.logs, one.case.target, known_load=LOAD, checks=False, bandwidth=WAYS[way]
+        MODEL,
+        one.logs,
+        one.case.target,
+        known_load=LOAD,
+        checks=False,
+        options=flexspline.FitOptions(bandwidth=WAYS[way]),
     )
     source = next((p.source for p in made.part.preparations if "accel" in p.channel), "")
     return [

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from flexspline.effects import Effect
-from flexspline.fit.ripple import CORE_PAIRS
+from flexspline.least_squares.ripple import CORE_PAIRS
 from flexspline.logs.log import Log
 from flexspline.orders import pairs
 

@@ -5,7 +5,8 @@
 
 using namespace flexspline;
 
-TEST_CASE_TEMPLATE("a voltage becomes torque by zhang (25)", S, float, double) {
+TEST_CASE_TEMPLATE("a voltage becomes torque by the published line", S, float, double) {
+  // zhang_disturbance_elimination (25)
   const Calibration<S> made{S(62.738), S(2.1835), S(-0.1), S(1.1)};
   FlaggedTorque<S> out;
   REQUIRE(made.torque(S(0), S(0), out) == Status::ok);

@@ -1,35 +1,11 @@
 #include <doctest/doctest.h>
 
 #include "estimator_cases.hpp"
-#include "flexspline/batch/replay_chain.hpp"
+#include "flexspline/estimators/chain.hpp"
 
 using namespace flexspline;
 
 namespace {
-
-/// Every stage.
-template <typename S>
-typename Chain<S>::Config whole() {
-  typename Chain<S>::Config config;
-  config.thermistor = {S(3.3), S(10000), S(10000), S(3435), S(25)};
-  config.compensation = {.coefficients = {S(0.02), S(-0.0006)},
-                         .gradient = S(0.1),
-                         .thermal_lag = S(30),
-                         .low = S(20),
-                         .high = S(45)};
-  config.sensor = true;
-  config.calibration = {S(62.738), S(2.1835), S(-1), S(1.2)};
-  config.observer = {S(100), Discretisation::exact};
-  config.compliance = {S(15548), S(0.0487L), S(0.05L)};
-  config.hysteresis = {S(2), {S(3e-6L), S(2e-6L), S(1e-6L), S(1e-6L)}};
-  config.compliant_observer = {S(60), Discretisation::exact};
-  config.logistic = {S(500), S(0.001L)};
-  auto& collision = config.collision.emplace();
-  collision.negative.fill(S(5));
-  collision.positive.fill(S(5));
-  config.watched = Watched::merged;
-  return config;
-}
 
 /// A joint that swings, as its channels.
 template <typename S>
@@ -64,7 +40,7 @@ bool same(const typename Chain<S>::Output& a, const typename Chain<S>::Output& b
 
 template <typename S>
 struct Device {
-  typename Chain<S>::Config config = whole<S>();
+  typename Chain<S>::Config config = whole_chain<S>();
   typename Chain<S>::State state{};
   typename Chain<S>::Output out{};
 
@@ -80,7 +56,7 @@ struct Device {
 
 TEST_CASE_TEMPLATE("the chain gives what its stages give one by one", S, float, double) {
   Device<S> device;
-  const auto config = whole<S>();
+  const auto config = whole_chain<S>();
   typename TemperatureCompensation<S>::State body;
   typename MomentumObserver<S>::State observer, link;
   typename LoadHysteresis<S>::State springs;
@@ -221,7 +197,7 @@ TEST_CASE_TEMPLATE("a bad period changes nothing at all", S, float, double) {
 
 TEST_CASE_TEMPLATE("periods that no joint has do not add up until nothing runs any more", S, float,
                    double) {
-  auto config = whole<S>();
+  auto config = whole_chain<S>();
   config.kalman = typename Chain<S>::Kalman::Config{};
   Device<S> device{config};
   device.run(0, 20);
@@ -239,7 +215,7 @@ TEST_CASE_TEMPLATE("periods that no joint has do not add up until nothing runs a
 
 TEST_CASE_TEMPLATE("a temperature that no instrument measures is no temperature", S, float,
                    double) {
-  auto config = whole<S>();
+  auto config = whole_chain<S>();
   config.thermistor = std::nullopt;
   Device<S> device{config};
   for (const S absurd : {S(-300), S(1e19), S(20000)}) {
@@ -363,33 +339,4 @@ TEST_CASE("the observer of a link takes off the inertia that the compliance leav
   CHECK(device.out.external_compliance == doctest::Approx(push + inertia * acceleration));
   CHECK(device.out.external_compliant_observer ==
         doctest::Approx(push * (1 - std::exp(-decay))).epsilon(1e-9));
-}
-
-TEST_CASE("a replayed chain repeats what it has where time stands still") {
-  const std::array<double, 4> time{0, 0.001, 0.001, 0.002}, torque{1, 2, 9, 3};
-  std::array<double, 4> external{};
-  std::array<std::uint8_t, 4> flags{}, faults{};
-  std::array<std::uint16_t, 4> missed{};
-  std::array<bool, 4> contact{};
-  batch::LogChain::Config config;
-  config.sensor = true;
-  const batch::ChainColumn<batch::LogChain::Input, const double> in{
-      &batch::LogChain::Input::sensor_torque, torque.data()};
-  const batch::ChainColumn<batch::LogChain::Output, double> out{
-      &batch::LogChain::Output::external_sensor, external.data()};
-  batch::replay_chain(config, {4,
-                               time.data(),
-                               {&in, 1},
-                               {&out, 1},
-                               flags.data(),
-                               faults.data(),
-                               missed.data(),
-                               contact.data()});
-  CHECK(external == std::array<double, 4>{1, 2, 2, 3});
-  CHECK(missed == std::array<std::uint16_t, 4>{0, 0, 4, 0});
-}
-
-TEST_CASE("a chain's stages are those that are configured") {
-  CHECK(batch::configured(whole<double>()) == Stage{255});
-  CHECK(batch::configured({}) == Stage::none);
 }

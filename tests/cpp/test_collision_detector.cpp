@@ -3,7 +3,7 @@
 #include <vector>
 
 #include "estimator_cases.hpp"
-#include "flexspline/batch/replay_estimators.hpp"
+#include "flexspline/estimators/collision_detector.hpp"
 
 using namespace flexspline;
 
@@ -98,17 +98,4 @@ TEST_CASE_TEMPLATE("one band needs no edges", S, float, double) {
   REQUIRE(One::step({.negative = {S(1)}, .positive = {S(1)}}, state, S(2), S(100), S(1), contact) ==
           Status::ok);
   CHECK(contact);
-}
-
-TEST_CASE("a replayed contact goes on after a bad row") {
-  const double nan = not_a_number<double>;
-  const std::array<double, 6> time{0, 1, 2, 2, 3, 4}, residual{0, 2, nan, 0, 0.2, 0}, still{};
-  std::array<bool, 6> contact{};
-  CollisionDetector<double>::Config config{.release = 0.5, .hold = 1.5};
-  config.negative.fill(1);
-  config.positive.fill(1);
-  batch::replay_collision_detector(time.data(), residual.data(), still.data(), 6, config,
-                                   contact.data());
-  // the good row at 2 s counts from 1 s, that at 3 s ends it
-  CHECK(contact == std::array<bool, 6>{false, true, true, true, false, false});
 }

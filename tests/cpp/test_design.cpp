@@ -3,8 +3,8 @@
 #include <limits>
 #include <vector>
 
-#include "flexspline/batch/accumulate.hpp"
-#include "flexspline/batch/by_name.hpp"
+#include "host/accumulate.hpp"
+#include "host/by_name.hpp"
 #include "random_samples.hpp"
 
 using namespace flexspline;

@@ -3,7 +3,7 @@
 #include <cmath>
 #include <limits>
 
-#include "flexspline/batch/replay.hpp"
+#include "flexspline/estimators/differentiator.hpp"
 #include "random_samples.hpp"
 
 using namespace flexspline;
@@ -113,19 +113,4 @@ TEST_CASE_TEMPLATE("a run in two parts equals the run in one", S, float, double)
   const auto whole = run<S>(20, 1e-3, 700, path);
   const auto half = run<S>(20, 1e-3, 300, path);
   CHECK(same(run<S>(20, 1e-3, 400, path, half, 300), whole));
-}
-
-TEST_CASE("a replay repeats the last good values at bad rows and goes on") {
-  const double nan = std::numeric_limits<double>::quiet_NaN();
-  const std::array<double, 6> time{nan, 0.0, 0.001, 0.001, 0.002, 0.003};
-  const std::array<double, 6> position{0.0, 0.0, 0.01, 0.02, nan, 0.03};
-  std::array<double, 6> velocity{}, acceleration{};
-  batch::replay_differentiator(time.data(), position.data(), time.size(), {50.0}, velocity.data(),
-                               acceleration.data());
-  CHECK(velocity[0] == 0.0);
-  CHECK(velocity[2] > 0.0);
-  CHECK(velocity[3] == velocity[2]);
-  CHECK(velocity[4] == velocity[2]);
-  CHECK(velocity[5] > velocity[2]);
-  CHECK(math::is_finite(acceleration[5]));
 }

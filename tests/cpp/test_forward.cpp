@@ -4,7 +4,7 @@
 #include <random>
 #include <vector>
 
-#include "flexspline/batch/forward/drive.hpp"
+#include "host/forward/drive.hpp"
 
 using namespace flexspline;
 using namespace flexspline::batch;

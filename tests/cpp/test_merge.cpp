@@ -1,7 +1,8 @@
 #include <doctest/doctest.h>
 
 #include "estimator_cases.hpp"
-#include "flexspline/batch/replay_estimators.hpp"
+#include "flexspline/estimators/kalman_merge.hpp"
+#include "flexspline/estimators/logistic_merge.hpp"
 
 using namespace flexspline;
 

@@ -3,7 +3,7 @@
 #include <vector>
 
 #include "estimator_cases.hpp"
-#include "flexspline/batch/replay_estimators.hpp"
+#include "flexspline/estimators/momentum_observer.hpp"
 
 using namespace flexspline;
 
@@ -185,15 +185,4 @@ TEST_CASE_TEMPLATE("a gain, a period or a discretisation that changes takes effe
   step(64, 0.0078125, Discretisation::exact, -std::expm1(-0.5));
   step(64, 0.0078125, Discretisation::euler, 0.5);
   step(64, 0.0078125, Discretisation::exact, -std::expm1(-0.5));
-}
-
-TEST_CASE("a replay says at which row Euler cannot be stable") {
-  const std::array<double, 5> time{0, 0.01, 0.02, 0.05, 0.06}, zero{};
-  std::array<double, 5> external{};
-  const auto run = [&](Discretisation how) {
-    return batch::replay_observer(time.data(), zero.data(), zero.data(), 5, {100, how},
-                                  external.data());
-  };
-  CHECK(run(Discretisation::euler) == 3);
-  CHECK(run(Discretisation::exact) == 5);
 }

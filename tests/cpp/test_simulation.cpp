@@ -3,7 +3,7 @@
 #include <cmath>
 #include <vector>
 
-#include "flexspline/batch/simulation/simulate.hpp"
+#include "host/simulation/simulate.hpp"
 
 using namespace flexspline;
 using namespace flexspline::batch::simulation;

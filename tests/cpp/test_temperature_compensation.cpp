@@ -1,7 +1,7 @@
 #include <doctest/doctest.h>
 
 #include "estimator_cases.hpp"
-#include "flexspline/batch/replay_estimators.hpp"
+#include "flexspline/estimators/temperature_compensation.hpp"
 
 using namespace flexspline;
 
@@ -10,7 +10,7 @@ namespace {
 template <typename S>
 using Compensation = TemperatureCompensation<S>;
 
-/// zhang (24) as torque: −62.738 mNm/mV times b, from 25 °C.
+/// zhang_disturbance_elimination (24) as torque: −62.738 mNm/mV times b, from 25 °C.
 template <typename S>
 constexpr typename Compensation<S>::Config paper{.reference_temperature = S(25),
                                                  .coefficients = {S(0.02261), S(-0.00064)},
@@ -104,16 +104,4 @@ TEST_CASE_TEMPLATE("a drift in two parts equals the drift in one", S, float, dou
     return state;
   };
   CHECK(same<S>(run(run({}, 0, 40), 40, 100), run({}, 0, 100)));
-}
-
-TEST_CASE("a replayed drift is unknown before the first temperature and waits for the next") {
-  const double nan = not_a_number<double>;
-  const std::array<double, 5> time{0, 1, 2, 3, 4}, temperature{nan, 25, nan, nan, 35};
-  std::array<double, 5> torque{};
-  Compensation<double>::Config config{.coefficients = {1.0}, .thermal_lag = 2.0};
-  batch::replay_temperature_compensation(time.data(), temperature.data(), 5, config, torque.data());
-  CHECK(std::isnan(torque[0]));
-  CHECK(torque[1] == 0);
-  CHECK(torque[3] == 0);
-  CHECK(torque[4] == doctest::Approx(10 * (1 - std::exp(-1.5))).epsilon(1e-14));
 }

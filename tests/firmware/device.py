@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 import flexspline
-from flexspline.export import export
+from flexspline.exporting import export
 from flexspline.logs.log import Log
 from flexspline.logs.segments import runs
 from flexspline.model import Model

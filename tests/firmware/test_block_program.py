@@ -13,9 +13,9 @@ import pytest
 from chain_rig import BY_GEAR, BY_MOTOR, CALIBRATION, COLLISION, KALMAN, MERGE
 
 from flexspline import Collision, Compliance, InputError, Observer, effect
-from flexspline.block import block_bytes
 from flexspline.effects import CATALOGUE
-from flexspline.export import export
+from flexspline.exporting import export
+from flexspline.exporting.block import block_bytes
 from flexspline.model import Model, Part
 
 FRESH = b""

@@ -21,7 +21,7 @@ from flexspline.certification import certifying, tools
 from flexspline.certification.building import firmware_folder
 from flexspline.certification.devices import DEVICES
 from flexspline.cli import commands
-from flexspline.export import export
+from flexspline.exporting import export
 from flexspline.logs.convert import write_log
 from flexspline.logs.log import Log
 

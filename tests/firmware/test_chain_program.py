@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 import flexspline
 from flexspline import Collision, Compliance, InputError, Merge, Observer, ReadingChecks, effect
 from flexspline.estimation import Status
-from flexspline.export import export
+from flexspline.exporting import export
 from flexspline.logs.log import Log
 from flexspline.logs.segments import median_step, runs
 from flexspline.model import Model, Part

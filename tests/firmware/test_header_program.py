@@ -13,7 +13,7 @@ from every_effect import LOAD, all_of, exported, motion, rich
 
 import flexspline
 from flexspline.effects import Effect, effect, unit_in
-from flexspline.export import export
+from flexspline.exporting import export
 from flexspline.logs.log import Log
 from flexspline.model import PART_OF, Model, Part
 from flexspline.prepared import prepared

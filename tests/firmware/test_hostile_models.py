@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 import flexspline
-from flexspline.cpp_names import OF_THE_C_LIBRARY
 from flexspline.effects import effect
 from flexspline.errors import InputError
-from flexspline.export import export, namespace_of
+from flexspline.exporting import export, namespace_of
+from flexspline.exporting.cpp_names import OF_THE_C_LIBRARY
 from flexspline.logs.log import Log
 from flexspline.model import Model, Part
 

@@ -10,7 +10,7 @@ import pytest
 from every_effect import LOAD, motion
 
 from flexspline.effects import effect
-from flexspline.export import export
+from flexspline.exporting import export
 from flexspline.model import Model, Part
 from flexspline.model_warnings import rows_outside
 

@@ -3,8 +3,9 @@
     V = (τ + bend(τ) + memory(τ) + ripple) / k + b(T_body) + noise
     T_body follows the thermometer's T by a first-order lag; noise is AR(1)
 
-with k of zhang (25) and b of (24). The model knows k and b alone; bend (a cubic), memory (play
-elements in series: hysteresis), ripple and noise are what its figures have to show or survive.
+with k of zhang_disturbance_elimination (25) and b of (24). The model knows k and b alone; bend
+(a cubic), memory (play elements in series: hysteresis), ripple and noise are what its figures
+have to show or survive.
 """
 
 from __future__ import annotations

@@ -22,3 +22,13 @@ def data_folder() -> Path:
             pytest.fail(sentence)
         pytest.skip(sentence)
     return folder
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    """Let CI fail where a test was skipped: it has all extras, tools and logs."""
+    reporter = session.config.pluginmanager.get_plugin("terminalreporter")
+    if os.environ.get("CI") != "true" or reporter is None:
+        return
+    for report in reporter.stats.get("skipped", []):
+        reporter.write_line(f"\nskipped in CI, which has all: {report.nodeid}", red=True)
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED

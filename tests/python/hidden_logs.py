@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 import flexspline
 from flexspline.effects import Effect
-from flexspline.fit.result import Fit
+from flexspline.least_squares.result import Fit
 from flexspline.logs.log import Log
 
 RATIO = 101.0  # N + 1: the circular spline is the output

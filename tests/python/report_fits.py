@@ -9,7 +9,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 import flexspline
-from flexspline.fit.result import Fit
+from flexspline.least_squares.result import Fit
 from flexspline.logs import Log
 
 MEMORY = 0.9  # of the noise, from one sample to the next

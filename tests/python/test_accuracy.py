@@ -14,9 +14,9 @@ from fit_logs import WIDTH, chosen, friction, log_with, motion, rows_of
 
 import flexspline
 from flexspline import effect
-from flexspline.fit.linear import fit_linear
-from flexspline.fit.names import coefficient_names, constraints_of
-from flexspline.fit.problem import problem_of
+from flexspline.least_squares.linear import fit_linear
+from flexspline.least_squares.names import coefficient_names, constraints_of
+from flexspline.least_squares.problem import problem_of
 
 SAMPLES = 500
 

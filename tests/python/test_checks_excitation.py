@@ -163,3 +163,14 @@ def test_a_misspelt_name_is_refused_with_a_proposal(kwargs: dict[str, object]) -
 def test_every_effect_can_be_asked_for() -> None:
     for effect in EFFECTS:
         check(sound_log(1, duration=3.0), effects=[effect])
+
+
+def test_pole_pairs_that_nobody_states_are_asked_for_and_not_assumed() -> None:
+    time = np.arange(4000) / 500.0
+    bare = Log.from_arrays(time=time, output_position=2.0 * time, facts={"gear_ratio": 100})
+    (found,) = check(bare, effects=["cogging"]).named("no_excitation")
+    assert "pole pairs is not stated" in found.sentence and found.remedy == "State pole_pairs."
+    # order 100 × pairs at 2 rad/s: 220 Hz of 7 pairs is below half the rate, 255 Hz of 8 above
+    for pairs, enough in ((7, True), (8, False)):
+        said = check(bare.with_facts({"pole_pairs": pairs}), effects=["cogging"])
+        assert bool(said.named("no_excitation")) is not enough

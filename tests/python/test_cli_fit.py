@@ -15,7 +15,7 @@ import pytest
 from cli_calls import EFFECTS, call, fitted, small_rig, write_runs
 
 import flexspline
-from flexspline.fit.result import Fit
+from flexspline.least_squares.result import Fit
 from flexspline.logs.convert import write_log
 from flexspline.model import Model
 
@@ -157,7 +157,7 @@ def test_a_second_fit_replaces_its_files_and_keeps_others(tmp_path: Path, runs: 
 SLOW = """
 import signal, sys, time
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a background job starts without it
-from flexspline.fit.result import Fit
+from flexspline.least_squares.result import Fit
 def slow(self, path):
     path.write_text("half")
     print("writing", flush=True)

@@ -312,6 +312,8 @@ def test_a_kalman_merge_runs_in_the_chain() -> None:
     [
         ({"observers": {}}, "there is no stage 'observers'"),
         ({"observer": {"gain": 1.0}}, "'observer' lacks 'discretisation'"),
+        ({"observer": {**CHAIN["observer"], "gian": 1.0}}, "'observer' has no 'gian'"),
+        ({"reading_checks": {"most_speeds": 3.0}}, "'reading_checks' has no 'most_speeds'"),
         (
             {"observer": {"gain": 1.0, "input": "torque", "discretisation": "exact"}},
             "'observer' does not know input 'torque'",

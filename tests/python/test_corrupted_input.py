@@ -17,8 +17,8 @@ from hypothesis import strategies as st
 
 import flexspline
 from flexspline import InputError, Model
-from flexspline.block import block_bytes
-from flexspline.header import header_text
+from flexspline.exporting.block import block_bytes
+from flexspline.exporting.header import header_text
 
 MODEL = json.loads(chain_rig.angle_joint().to_json())
 WORDS = ("", "Nm", "motor_torque", "exact", "offset", "2", "NaN")

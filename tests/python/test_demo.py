@@ -15,7 +15,7 @@ import flexspline
 from flexspline import demo_device
 from flexspline.demo import BASE, HELD_OUT, TRAINING
 from flexspline.demo_device import COMPILERS, run_exported
-from flexspline.export import export
+from flexspline.exporting import export
 from flexspline.model import Model
 
 needs_a_compiler = pytest.mark.skipif(

@@ -17,7 +17,7 @@ from measured import KINOVA_SPEEDS, kinova, two_encoder, ur10e
 import flexspline
 from flexspline.effects import Effect, effect
 from flexspline.logs.checks.gear import measured_gear
-from flexspline.logs.left_out import resting
+from flexspline.logs.checks.left_out import resting
 from flexspline.logs.log import Log
 from flexspline.logs.repairs import repaired
 from flexspline.model import Model

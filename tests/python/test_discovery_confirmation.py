@@ -22,7 +22,7 @@ from flexspline.discovery.confirmation import ERRORS, Shown, significance, toget
 from flexspline.discovery.result import LESSER, UNLIKELY, Discovery
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect, effect
-from flexspline.fit.result import Fit
+from flexspline.least_squares.result import Fit
 from flexspline.logs.log import Log
 from flexspline.prepared import noise_of_channels
 from flexspline.regression.held_out import fall_of

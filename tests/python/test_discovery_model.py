@@ -14,7 +14,7 @@ from flexspline.demo_device import run_exported
 from flexspline.discovery.result import Discovery
 from flexspline.effects import effect
 from flexspline.estimators import TemperatureCompensation
-from flexspline.export import export
+from flexspline.exporting import export
 from flexspline.logs.log import Log
 from flexspline.part import Part, part_to_json
 

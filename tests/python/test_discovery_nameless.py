@@ -13,7 +13,7 @@ from flexspline.discovery.analysis import Rival
 from flexspline.discovery.basis import PAST, Functions, nameless_of, past_of
 from flexspline.discovery.unexplained import kept, repeated
 from flexspline.effects import effect
-from flexspline.fit.problem import Problem, problem_of
+from flexspline.least_squares.problem import Problem, problem_of
 from flexspline.regression.gram import Table, Whitening
 from flexspline.regression.held_out import HeldOut, held_out
 from flexspline.regression.working import solved_at, working

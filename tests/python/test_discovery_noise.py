@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 
 import flexspline
 from flexspline.discovery.search import study_of
-from flexspline.fit.noise_model import NoiseModel
+from flexspline.least_squares.noise_model import NoiseModel
 from flexspline.logs.log import Log
 from flexspline.regression.gram import Whitening
 from flexspline.regression.whitening import restricted_whitening

@@ -9,7 +9,7 @@ import pytest
 
 import flexspline
 from flexspline.discovery.physics import driving_spring, impossible, spring_bounds
-from flexspline.fit.problem import problem_of
+from flexspline.least_squares.problem import problem_of
 from flexspline.logs.log import Log
 from flexspline.regression.working import working
 

@@ -19,7 +19,7 @@ import flexspline
 from flexspline import _core
 from flexspline.discovery.basis import Functions, Nameless
 from flexspline.discovery.search import Study, study_of
-from flexspline.fit.problem import Problem
+from flexspline.least_squares.problem import Problem
 from flexspline.logs.log import Log
 from flexspline.regression import gram
 from flexspline.regression.gram import Sheet, Whitening, edges_of, solved, tabulated

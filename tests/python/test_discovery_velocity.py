@@ -12,7 +12,7 @@ import pytest
 import flexspline
 from flexspline.discovery.faults import DataFault, graded
 from flexspline.effects import effect
-from flexspline.header import header_text
+from flexspline.exporting.header import header_text
 from flexspline.logs.log import Log
 from flexspline.prepared import Preparation, noise_of_channels, preparations_for, prepared
 

@@ -12,12 +12,12 @@ from hidden_logs import LOAD, friction_of, log_of, rich_run
 
 import flexspline
 from flexspline.effects import Effect
-from flexspline.fit.estimate import Estimate, Given, estimate
-from flexspline.fit.fitting import fit_near
-from flexspline.fit.newton import newton
-from flexspline.fit.prewhitening import filtered as filtered_rows
-from flexspline.fit.problem import Problem, problem_of
-from flexspline.fit.result import Fit
+from flexspline.fitting import fit_near
+from flexspline.least_squares.estimate import Estimate, Given, estimate
+from flexspline.least_squares.newton import newton
+from flexspline.least_squares.prewhitening import filtered as filtered_rows
+from flexspline.least_squares.problem import Problem, problem_of
+from flexspline.least_squares.result import Fit
 from flexspline.logs.log import Log
 
 NAMES = ("offset", "coulomb_friction", "viscous_friction", "inertia")

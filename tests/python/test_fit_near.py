@@ -10,11 +10,11 @@ from hidden_logs import LOAD, friction_of, log_of, noise, rich_run
 
 import flexspline
 from flexspline.effects import Effect
-from flexspline.fit.bends import bent
-from flexspline.fit.estimate import Given, estimate
-from flexspline.fit.fitting import fit_near
-from flexspline.fit.names import shapes_of
-from flexspline.fit.problem import Problem, problem_of
+from flexspline.fitting import fit_near
+from flexspline.least_squares.bends import bent
+from flexspline.least_squares.estimate import Given, estimate
+from flexspline.least_squares.names import shapes_of
+from flexspline.least_squares.problem import Problem, problem_of
 from flexspline.logs.log import Log
 
 TARGET = "sensor_torque"

@@ -20,11 +20,11 @@ from fit_logs import (
 )
 
 import flexspline
-from flexspline import effect
-from flexspline.fit.linear import fit_linear
-from flexspline.fit.names import coefficient_names, constraints_of
-from flexspline.fit.problem import problem_of
-from flexspline.fit.robust import huber_weights
+from flexspline import FitOptions, effect
+from flexspline.least_squares.linear import fit_linear
+from flexspline.least_squares.names import coefficient_names, constraints_of
+from flexspline.least_squares.problem import problem_of
+from flexspline.least_squares.robust import huber_weights
 from flexspline.logs.derive import lowpass_log
 
 HELD = {"direction_width": WIDTH}
@@ -73,7 +73,7 @@ def test_the_order_of_the_runs_does_not_matter():
 def test_an_offset_for_each_run_is_found_and_the_model_keeps_their_mean():
     shifts = [0.0, 0.3, -0.2]
     logs = [log_of(seed, 2000, shift) for seed, shift in enumerate(shifts)]
-    fit = fitted(logs, offset_per_run=True)
+    fit = fitted(logs, options=FitOptions(offset_per_run=True))
     for seed, shift in enumerate(shifts):
         offset = fit[f"offset.run {seed}"]
         assert abs(offset.value - (-0.12 + shift)) < 4 * offset.standard_error < 0.1
@@ -92,7 +92,7 @@ def test_an_offset_for_each_run_is_found_and_the_model_keeps_their_mean():
 def test_runs_of_one_name_have_offsets_of_different_names():
     logs = [log_of(0), log_of(1)]
     logs = [log.with_facts({"name": "run"}) for log in logs]
-    names = [p.name for p in fitted(logs, offset_per_run=True).parameters]
+    names = [p.name for p in fitted(logs, options=FitOptions(offset_per_run=True)).parameters]
     assert "offset.run (1)" in names and "offset.run (2)" in names
 
 
@@ -121,7 +121,7 @@ def test_the_length_of_the_blocks_does_not_matter(rows):
 def test_the_length_of_the_pieces_that_the_errors_are_read_in_does_not_matter(lowpass, monkeypatch):
     logs = [log_of(1), log_of(2, 700)]
     whole = fitted(logs, lowpass=lowpass)
-    monkeypatch.setattr(sys.modules["flexspline.fit.problem"], "CHUNK", 333)
+    monkeypatch.setattr(sys.modules["flexspline.least_squares.problem"], "CHUNK", 333)
     pieces = fitted(logs, lowpass=lowpass)
     assert [p.standard_error for p in pieces.parameters[:4]] == pytest.approx(
         [p.standard_error for p in whole.parameters[:4]], rel=1e-6
@@ -234,7 +234,7 @@ def test_the_weights_are_those_of_huber_about_the_median_deviation():
 def test_pushes_move_a_robust_fit_by_less_than_its_errors_but_least_squares_by_far_more(seed):
     clean, spoilt = pushed(seed)
     truth = fitted(clean)
-    robust, plain = fitted(spoilt, robust="huber"), fitted(spoilt)
+    robust, plain = fitted(spoilt, options=FitOptions(robust="huber")), fitted(spoilt)
     for name in ("level", "viscosity", "inertia"):
         moved = abs(robust[name].value - truth[name].value)
         assert moved < 2 * robust[name].standard_error
@@ -245,14 +245,14 @@ def test_pushes_move_a_robust_fit_by_less_than_its_errors_but_least_squares_by_f
 
 def test_a_robust_fit_of_clean_data_is_nearly_least_squares():
     clean, _ = pushed(4)
-    plain, robust = fitted(clean), fitted(clean, robust="huber")
+    plain, robust = fitted(clean), fitted(clean, options=FitOptions(robust="huber"))
     for name in ("offset", "level", "viscosity", "inertia"):
         assert abs(plain[name].value - robust[name].value) < plain[name].standard_error
 
 
 def test_a_robust_fit_is_the_fixed_point_of_its_weights():
     _, spoilt = pushed(5)
-    fit = fitted(spoilt, robust="huber")
+    fit = fitted(spoilt, options=FitOptions(robust="huber"))
     residual = fit.runs[0].residual
     (weights,) = huber_weights([residual], [fit.runs[0].counts])
     rows = rows_of(friction(), spoilt)
@@ -267,7 +267,7 @@ def test_weights_low_pass_and_ill_condition_go_together():
     effects = chosen("offset", effect("output_ripple", orders=[1, 2, 3]))
     noise = 0.02 * np.random.default_rng(0).standard_t(2, size=2000)
     log = simulated(effects, [0.1, 0.2, 0.1, 0.05, 0.0, 0.0, 0.1], channels, noise)
-    fit = fitted(log, effects, fixed={}, lowpass=10.0, robust="huber")
+    fit = fitted(log, effects, fixed={}, lowpass=10.0, options=FitOptions(robust="huber"))
     (run,) = posed([log], effects, lowpass_hz=10.0).runs
     rows = posed([log], effects, lowpass_hz=10.0).rows(effects, 0, np.empty(0))
     counts = fit.runs[0].counts
@@ -280,6 +280,6 @@ def test_weights_low_pass_and_ill_condition_go_together():
 
 def test_a_robust_fit_finds_the_direction_width_too():
     _, spoilt = pushed(6)
-    fit = fitted(spoilt, robust="huber", fixed={})
+    fit = fitted(spoilt, options=FitOptions(robust="huber"), fixed={})
     width = fit["direction_width"]
     assert abs(width.value - WIDTH) < 4 * width.standard_error < WIDTH

@@ -24,8 +24,8 @@ from torsion_logs import (
 
 import flexspline
 from flexspline import InputError, effect
-from flexspline.fit.problem import problem_of
-from flexspline.fit.result import Fit
+from flexspline.least_squares.problem import problem_of
+from flexspline.least_squares.result import Fit
 from flexspline.logs.log import Log
 
 SPRINGS = ["offset", "mesh_compliance", "wave_generator_compliance"]

@@ -9,10 +9,10 @@ import pytest
 from fit_logs import FRICTION, WIDTH, autoregressive, friction, log_with, motion, rows_of, simulated
 
 import flexspline
-from flexspline.fit.estimate import Given, estimate
-from flexspline.fit.problem import problem_of
-from flexspline.fit.scores import score, scores_of
-from flexspline.fit.validation import cross_validate
+from flexspline.least_squares.estimate import Given, estimate
+from flexspline.least_squares.problem import problem_of
+from flexspline.least_squares.scores import score, scores_of
+from flexspline.least_squares.validation import cross_validate
 
 HELD = {"direction_width": WIDTH}
 

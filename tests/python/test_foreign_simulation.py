@@ -13,7 +13,7 @@ from hidden_logs import LOAD, WIDTH, friction_of, log_of, noise, rich_run
 
 import flexspline
 from flexspline import InputError, Log, Model
-from flexspline.export import export
+from flexspline.exporting import export
 from flexspline.simulator.taken import take
 
 ROWS = 3000
@@ -82,7 +82,11 @@ def test_of_a_current_the_load_is_taken_off_in_amperes(holds_load: bool) -> None
     log = log.with_columns({"motor_current": current, "simulated_torque": says}, note="in A")
     log = log.with_facts({"torque_constant": 0.1})
     fit = flexspline.fit(
-        ["offset"], log, "motor_current", known_load=LOAD, simulated_torque="simulated_torque"
+        ["offset"],
+        log,
+        "motor_current",
+        known_load=LOAD,
+        options=flexspline.FitOptions(simulated_torque="simulated_torque"),
     )
     left = log["sensor_torque"] - log[LOAD] - run(1)["simulated_torque"]
     assert fit.part.simulated is not None and fit.part.simulated.holds_load is holds_load
@@ -100,7 +104,11 @@ def test_files_on_their_own_clocks_give_what_columns_give(found: flexspline.Disc
         span = np.ptp(exact)
         assert np.abs(log["simulated_torque"] - exact).max() < 0.01 * span
     fit = flexspline.fit(
-        ["motor_crosstalk"], logs, "sensor_torque", known_load=LOAD, simulation=files
+        ["motor_crosstalk"],
+        logs,
+        "sensor_torque",
+        known_load=LOAD,
+        options=flexspline.FitOptions(simulation=files),
     )
     assert fit["leakage"].value == pytest.approx(
         found.parameters("motor_crosstalk")[0].value, rel=0.02

@@ -125,7 +125,7 @@ def test_a_delay_of_the_recorder_is_refused_in_one_sentence(target: str, load: s
     log = log.with_columns({"motor_current": log["motor_torque"] / 0.1}, note="simulated")
     for refused in (
         lambda: flexspline.simulate(model, log),
-        lambda: flexspline.fit(effects, log, target, known_load=load, by="simulation"),
+        lambda: flexspline.fit_motion(effects, log, target, known_load=load),
     ):
         with pytest.raises(InputError, match=rf"{LATE} of the {target} part.*repair shift") as said:
             refused()

@@ -16,11 +16,17 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from flexspline.cpp_names import WORDS
-from flexspline.cpp_text import comment, identifier, include, namespace_name, string_literal
 from flexspline.effects import CATALOGUE, effect
 from flexspline.errors import InputError
-from flexspline.header import header_text
+from flexspline.exporting.cpp_names import WORDS
+from flexspline.exporting.cpp_text import (
+    comment,
+    identifier,
+    include,
+    namespace_name,
+    string_literal,
+)
+from flexspline.exporting.header import header_text
 from flexspline.model import Model, Part
 
 RECORD = {

@@ -29,7 +29,7 @@ from hidden_logs import (
 
 import flexspline
 from flexspline.effects import effect
-from flexspline.fit.result import Fit
+from flexspline.least_squares.result import Fit
 from flexspline.logs.log import Log
 
 BASE = [

@@ -33,7 +33,7 @@ from scipy.signal import lsim
 from torsion_logs import bouc_wen
 
 from flexspline.effects import effect
-from flexspline.fit.result import Fit
+from flexspline.least_squares.result import Fit
 from flexspline.logs.log import Log
 
 BASE = [

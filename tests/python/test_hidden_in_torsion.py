@@ -12,7 +12,7 @@ from torsion_logs import C_M, K_M0, LOAD, RATIO, log_of, noise, stiffness_run
 import flexspline
 from flexspline.discovery.faults import DataFault, with_measured_ratio
 from flexspline.effects import effect
-from flexspline.fit.result import Fit
+from flexspline.least_squares.result import Fit
 from flexspline.logs.log import Log
 
 BASE = ["offset", effect("mesh_compliance", mesh_shape=C_M)]

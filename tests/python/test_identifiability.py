@@ -1,6 +1,6 @@
 """What the data cannot tell apart is named, what is known of it is right, and nothing else is.
 
-The first case is Turlapati's own basis, (16): two sigmoids and an offset.
+The first case is that of turlapati_intrinsic_dynamics (16): two sigmoids and an offset.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import flexspline
-from flexspline import effect
+from flexspline import FitOptions, effect
 
 HELD = {"direction_width": WIDTH}
 RIPPLE = effect("output_ripple", orders=[1, 2])
@@ -51,7 +51,7 @@ def groups(fit) -> list[set[str]]:
     return [{name.split(".")[1] for name in group.names} for group in fit.confounded]
 
 
-# Turlapati (16)
+# turlapati_intrinsic_dynamics (16)
 
 
 def test_two_sigmoids_and_an_offset_are_confounded_by_name_and_nothing_else_is():
@@ -162,7 +162,11 @@ def test_two_near_dependencies_that_share_nothing_stay_two_groups():
     log = simulated(friction(), FRICTION, channels, 0.01 * generator.normal(size=2000))
     log = log.with_columns({"temperature": warm}, note="warm all the time")
     as_recorded = float("inf")  # the angle is another motion's
-    fit = fitted([*friction()[1:3], "temperature_drift"], log, bandwidth=as_recorded)
+    fit = fitted(
+        [*friction()[1:3], "temperature_drift"],
+        log,
+        options=FitOptions(bandwidth=as_recorded),
+    )
     assert sorted(map(sorted, groups(fit))) == [["level", "viscosity"], ["linear", "quadratic"]]
     assert not any(group.exact for group in fit.confounded)
 

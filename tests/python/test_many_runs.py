@@ -11,11 +11,11 @@ import pytest
 from fit_logs import FRICTION, WIDTH, autoregressive, friction, log_with, rows_of
 
 import flexspline
-from flexspline import _core
-from flexspline.fit.result import Fit
+from flexspline import FitOptions, _core
+from flexspline.least_squares.result import Fit
 from flexspline.logs.log import Log
 
-offsets = importlib.import_module("flexspline.fit.offsets")
+offsets = importlib.import_module("flexspline.least_squares.offsets")
 NAMES = ["viscous_friction", "offset", "coulomb_friction", "inertia"]
 
 
@@ -54,7 +54,7 @@ def test_offsets_that_are_taken_out_are_those_of_a_column_for_each_run(
     logs = [run_of(k, 80, phi) for k in range(20)]
 
     def make() -> Fit:
-        return fitted(logs, offset_per_run=True, lowpass=lowpass)
+        return fitted(logs, options=FitOptions(offset_per_run=True), lowpass=lowpass)
 
     few, one = make(), with_columns(monkeypatch, make)
     # Behind a low pass one row of three is news, whose mean is not that of all rows; and columns
@@ -77,7 +77,7 @@ def test_offsets_that_are_taken_out_are_those_of_a_column_for_each_run(
 
 def test_the_offset_of_each_of_many_runs_covers_the_truth() -> None:
     logs = [run_of(k, 60, 0.6) for k in range(100)]
-    made = fitted(logs, offset_per_run=True, fixed={"direction_width": WIDTH})
+    made = fitted(logs, options=FitOptions(offset_per_run=True), fixed={"direction_width": WIDTH})
     truth = []
     for k in range(100):
         generator = np.random.default_rng([k, 1])
@@ -94,7 +94,7 @@ def test_the_offset_of_each_of_many_runs_covers_the_truth() -> None:
 
 def test_what_a_user_says_of_one_offset_is_heard() -> None:
     logs = [run_of(k) for k in range(20)]
-    made = fitted(logs, offset_per_run=True, fixed={"offset.run 3": 0.5})
+    made = fitted(logs, options=FitOptions(offset_per_run=True), fixed={"offset.run 3": 0.5})
     assert made["offset.run 3"].value == 0.5 and made["offset.run 3"].state == "fixed"
 
 
@@ -104,7 +104,11 @@ def test_a_term_that_is_constant_in_each_run_is_not_determined_beside_the_offset
         for k in range(20)
     ]
     made = flexspline.fit(
-        [*NAMES, "temperature_drift"], logs, "sensor_torque", offset_per_run=True, checks=False
+        [*NAMES, "temperature_drift"],
+        logs,
+        "sensor_torque",
+        options=FitOptions(offset_per_run=True),
+        checks=False,
     )
     assert not made["temperature_drift.linear"].determined
     assert made["viscosity"].determined
@@ -134,7 +138,7 @@ class Counted:
 def test_work_and_memory_grow_with_the_runs_and_not_with_their_square(
     monkeypatch: pytest.MonkeyPatch, own: bool
 ) -> None:
-    problem = importlib.import_module("flexspline.fit.problem").Problem
+    problem = importlib.import_module("flexspline.least_squares.problem").Problem
     monkeypatch.setattr(
         problem,
         "design",
@@ -145,7 +149,11 @@ def test_work_and_memory_grow_with_the_runs_and_not_with_their_square(
         logs = [run_of(k) for k in range(count)]
         Counted.work = 0
         tracemalloc.start()
-        made = fitted(logs, offset_per_run=own, fixed={"direction_width": WIDTH})
+        made = fitted(
+            logs,
+            options=FitOptions(offset_per_run=own),
+            fixed={"direction_width": WIDTH},
+        )
         taken[count] = (Counted.work / count, tracemalloc.get_traced_memory()[1] / count)
         tracemalloc.stop()
         assert made.folds <= 40

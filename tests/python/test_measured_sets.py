@@ -11,7 +11,7 @@ from measured import KINOVA_SPEEDS, iiwa, kinova, two_encoder, ur10e, xl330
 from numpy.typing import NDArray
 
 import flexspline
-from flexspline.fit.result import Fit
+from flexspline.least_squares.result import Fit
 from flexspline.logs import Log, differentiate, repaired
 from flexspline.logs.checks import check, measured_gear
 from flexspline.orders import find_orders

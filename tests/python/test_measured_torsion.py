@@ -16,7 +16,7 @@ import pytest
 from cli_calls import call
 
 import flexspline
-from flexspline.fit.result import Fit
+from flexspline.least_squares.result import Fit
 from flexspline.logs.checks.gear import measured_gear
 from flexspline.logs.convert import write_log
 from flexspline.logs.log import Log

@@ -13,7 +13,7 @@ from cli_calls import call
 import flexspline
 from flexspline.effects import Effect, effect
 from flexspline.errors import FlexsplineWarning, InputError
-from flexspline.export import export
+from flexspline.exporting import export
 from flexspline.logs.convert import write_log
 from flexspline.logs.log import Log
 from flexspline.model import PART_OF, Model, Part

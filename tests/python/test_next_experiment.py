@@ -18,7 +18,7 @@ from flexspline.cli import commands
 from flexspline.effects import effect
 from flexspline.experiment.family import _kinds
 from flexspline.experiment.limits import Bounds
-from flexspline.fit.result import Fit
+from flexspline.least_squares.result import Fit
 from flexspline.logs.log import Log
 
 ANGLE, MOTOR = "a load tied to the angle", "a motor that follows the load"

@@ -1,4 +1,4 @@
-"""What rigid body and intrinsic torque leave of the sensors: turlapati (1), (2)."""
+"""What body and intrinsic torque leave of the sensors: turlapati_intrinsic_dynamics (1), (2)."""
 
 from __future__ import annotations
 

@@ -10,8 +10,9 @@ from cli_calls import call
 from output_error_logs import EFFECTS, KNOWN, STEP, TRUE, law, runs
 
 import flexspline
+from flexspline import MotionOptions
 from flexspline.errors import InputError
-from flexspline.fit.result import Fit
+from flexspline.least_squares.result import Fit
 from flexspline.logs.convert import write_log
 from flexspline.model import Model
 from flexspline.plot import simulated_motion
@@ -22,10 +23,14 @@ FREE = ("torque", "back_emf")
 @cache
 def wrong_start() -> Fit:
     """From a law whose torque is 1.5 times and whose back-EMF is half of the true one."""
-    return flexspline.fit(
-        EFFECTS, runs(), "motor_torque", fixed=KNOWN, by="simulation", starts=2,
-        controller=law(torque=0.375, back_emf=0.03), free_controller=FREE,
-    )  # fmt: skip
+    return flexspline.fit_motion(
+        EFFECTS,
+        runs(),
+        "motor_torque",
+        fixed=KNOWN,
+        controller=law(torque=0.375, back_emf=0.03),
+        options=MotionOptions(starts=2, free_controller=FREE),
+    )
 
 
 @cache
@@ -34,8 +39,12 @@ def open_loop() -> Fit:
     from flexspline.output_error.regression import with_servo_torque
 
     given = [with_servo_torque(log, law(), "motor_torque") for log in runs()[:2]]
-    return flexspline.fit(
-        EFFECTS, given, "motor_torque", fixed={"gravity.cosine": 0.0}, by="simulation", starts=2
+    return flexspline.fit_motion(
+        EFFECTS,
+        given,
+        "motor_torque",
+        fixed={"gravity.cosine": 0.0},
+        options=MotionOptions(starts=2),
     )
 
 
@@ -73,10 +82,14 @@ def test_all_starts_end_at_the_same_joint():
 
 def test_an_arm_that_goes_over_the_top_is_found_from_pieces_of_its_runs():
     # from the regression the search ends 0.24 rad off: a turn more or less of the arm
-    fit = flexspline.fit(
-        EFFECTS, runs(6, 9), "motor_torque", fixed=KNOWN, by="simulation", starts=2,
-        controller=law(torque=0.3, back_emf=0.04), free_controller=FREE,
-    )  # fmt: skip
+    fit = flexspline.fit_motion(
+        EFFECTS,
+        runs(6, 9),
+        "motor_torque",
+        fixed=KNOWN,
+        controller=law(torque=0.3, back_emf=0.04),
+        options=MotionOptions(starts=2, free_controller=FREE),
+    )
     from_regression, from_pieces = (start.rmse for start in fit.simulation.starts)
     assert from_regression > 0.1 and from_pieces < 3.0 * STEP
     for name, value in TRUE.items():
@@ -105,10 +118,14 @@ def test_measured_torque_drives_where_there_is_no_law():
 
 def test_the_same_seed_gives_the_same_fit_on_any_number_of_threads():
     def fit(threads):
-        return flexspline.fit(
-            EFFECTS[:3], runs()[:2], "motor_torque", fixed=KNOWN, by="simulation", starts=2,
-            folds=2, controller=law(), threads=threads,
-        )  # fmt: skip
+        return flexspline.fit_motion(
+            EFFECTS[:3],
+            runs()[:2],
+            "motor_torque",
+            fixed=KNOWN,
+            controller=law(),
+            options=MotionOptions(starts=2, folds=2, threads=threads),
+        )
 
     assert fit(1).simulation.starts == fit(2).simulation.starts
 
@@ -128,7 +145,7 @@ def test_the_command_leaves_model_law_and_report(tmp_path):
         "model.json", "servo.json", "report.html"
     }  # fmt: skip
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
-    assert "Starts ended at" in page and "run 1" in page and "by=&#39;simulation&#39;" in page
+    assert "Starts ended at" in page and "run 1" in page and "flexspline.fit_motion(" in page
     assert "simulated position is off by" in " ".join(made.output.split())
 
 
@@ -147,16 +164,10 @@ def test_its_figure_shows_measured_and_simulated_motion_of_the_worst_run_and_of_
 WRONG = {
     "needs the effect inertia": {"effects": EFFECTS[1:]},
     "the target is sensor_torque": {"target": "sensor_torque"},
-    "give 'regression' or 'simulation'": {"by": "motion"},
-    "give by='simulation'": {"by": "regression"},
-    "takes no priors": {"priors": {"inertia": (0.03, 0.01)}},
-    "leave offset_per_run out": {"offset_per_run": True},
     "scales all coefficients alike": {"fixed": {"gravity.cosine": 0.0}},
-    "'limit' cannot be fitted": {"free_controller": ["limit"]},
+    "'limit' cannot be fitted": {"options": MotionOptions(free_controller=["limit"])},
     "give a guess above zero": {"controller": law(back_emf=0.0)},
     "give the controller": {"controller": None},
-    "starts is 0": {"starts": 0},
-    "folds is 1": {"folds": 1},
     "no parameter 'inertai'": {"bounds": {"inertai": (0.0, 1.0)}},
 }
 
@@ -165,22 +176,35 @@ WRONG = {
 def test_a_wrong_call_is_told_what_to_do(sentence):
     given = {
         "effects": EFFECTS, "logs": runs()[:2], "target": "motor_torque", "fixed": KNOWN,
-        "by": "simulation", "controller": law(), "free_controller": FREE, **WRONG[sentence],
+        "controller": law(), "options": MotionOptions(free_controller=FREE), **WRONG[sentence],
     }  # fmt: skip
     with pytest.raises(InputError, match=sentence):
-        flexspline.fit(**given)
+        flexspline.fit_motion(**given)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "sentence"),
+    [
+        ({"starts": 0}, "starts is 0; give a whole number from 1 up"),
+        ({"folds": 1}, "folds is 1; give a whole number from 2 up"),
+        ({"robust": "tukey"}, "robust is 'tukey'; give 'huber' or None"),
+    ],
+)
+def test_options_that_cannot_be_are_refused_where_they_are_made(wrong, sentence):
+    with pytest.raises(InputError, match=sentence):
+        MotionOptions(**wrong)
+    with pytest.raises(TypeError, match="start"):
+        MotionOptions(start=3)
 
 
 def test_runs_that_do_not_move_are_refused():
     still = runs()[0].with_columns({"output_position": np.zeros(len(runs()[0]))}, note="held")
     with pytest.raises(InputError, match="no log moves"):
-        flexspline.fit(
-            EFFECTS, still, "motor_torque", fixed=KNOWN, by="simulation", controller=law()
-        )
+        flexspline.fit_motion(EFFECTS, still, "motor_torque", fixed=KNOWN, controller=law())
 
 
 def test_a_log_without_torque_and_duty_is_refused():
     kept = {name: runs()[0][name] for name in runs()[0].channels if name != "duty"}
     log = flexspline.Log.from_arrays(**kept, facts=dict(runs()[0].facts))
     with pytest.raises(InputError, match="motor_torque or duty"):
-        flexspline.fit(EFFECTS, log, "motor_torque", by="simulation", controller=law())
+        flexspline.fit_motion(EFFECTS, log, "motor_torque", controller=law())

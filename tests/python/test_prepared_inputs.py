@@ -11,7 +11,7 @@ from recorded_joint import LOAD, RATIO, base, exact, recorded, runs
 
 import flexspline
 from flexspline.effects import effect
-from flexspline.fit.problem import Problem, problem_of
+from flexspline.least_squares.problem import Problem, problem_of
 from flexspline.logs.log import Log
 from flexspline.prepared import (
     Preparation,

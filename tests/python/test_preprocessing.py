@@ -24,7 +24,7 @@ from chain_rig import (
 import flexspline
 from flexspline import Collision, Differentiator, InputError, ReadingChecks
 from flexspline.estimation import Status
-from flexspline.export import export
+from flexspline.exporting import export
 from flexspline.model import Model
 
 DERIVED = ("output_velocity", "output_acceleration")

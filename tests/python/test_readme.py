@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 import shlex
+import subprocess
+import sys
 from pathlib import Path
 
 import calibration_logs
@@ -66,6 +68,7 @@ def test_the_commands_of_the_table_run_in_their_order(
     monkeypatch.chdir(after_the_demo)
     assert [command.split()[1] for command in TABLE] == [
         "convert",
+        "check",
         "fit",
         "predict",
         "calibrate",
@@ -94,3 +97,18 @@ def test_the_python_example_runs(
 @pytest.mark.parametrize("link", sorted(set(LINKS)))
 def test_a_link_leads_to_a_file(link: str) -> None:
     assert (ROOT / link).is_file()
+
+
+def test_what_the_text_names_is_there_after_one_import() -> None:
+    named = sorted(set(re.findall(r"`flexspline((?:\.\w+)+)", README)))
+    assert len(named) > 3
+    asked = "import flexspline\n" + "\n".join(f"flexspline{name}" for name in named)
+    subprocess.run([sys.executable, "-c", asked], check=True)
+
+
+def test_completion_offers_public_names_alone() -> None:
+    asked = "import flexspline; print(*dir(flexspline))"
+    said = subprocess.run([sys.executable, "-c", asked], check=True, capture_output=True, text=True)
+    names = said.stdout.split()
+    assert {"fit", "fit_motion", "check", "export", "Log", "simulation"} <= set(names)
+    assert not {"importlib", "annotations", "TYPE_CHECKING", "Any", "deprecated"} & set(names)

@@ -17,8 +17,14 @@ from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
 from flexspline.errors import InputError
-from flexspline.fit.noise_model import Chunk, Chunks, NoiseModel, lagged_products, noise_model
-from flexspline.fit.uncertainty import Prior, Uncertainty, parameter_uncertainty
+from flexspline.least_squares.noise_model import (
+    Chunk,
+    Chunks,
+    NoiseModel,
+    lagged_products,
+    noise_model,
+)
+from flexspline.least_squares.uncertainty import Prior, Uncertainty, parameter_uncertainty
 
 _study = Path(__file__).parents[1] / "bench" / "coverage.py"
 _spec = importlib.util.spec_from_file_location("coverage_study", _study)
@@ -248,6 +254,18 @@ def test_thinning_out_is_the_same_as_handing_over_every_third_row_of_each_run():
     few = parameter_uncertainty(chunks, basis, noise_model(chunks, basis))
     np.testing.assert_allclose(thin.covariance, few.covariance, rtol=1e-7, atol=1e-14)
     assert (thin.rows, thin.length) == (len(kept), 3 * len(kept))
+
+
+def test_a_chunk_of_which_thinning_out_leaves_no_row_changes_nothing():
+    rows, residual = problem()
+    basis = orthonormal(rows)
+    whole, short = (cut(rows, residual, length=length) for length in (600, 2))
+    noise = noise_model(whole, basis, decimation=3)
+    state = np.full((noise.order, 2), 7.0)
+    left, same = noise.filter(np.empty((0, 2)), state)
+    assert noise.order > 0 and left.shape == (0, 2) and (same == state).all()
+    one, other = (parameter_uncertainty(chunks, basis, noise) for chunks in (whole, short))
+    np.testing.assert_allclose(other.covariance, one.covariance, rtol=1e-9)
 
 
 def test_slow_noise_under_white_noise_is_found_by_higher_orders():

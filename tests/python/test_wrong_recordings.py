@@ -18,7 +18,7 @@ from flexspline.collision import (
     standstill_residual,
 )
 from flexspline.errors import InputError
-from flexspline.fit.fitting import fit
+from flexspline.fitting import fit
 from flexspline.logs.log import Log
 from flexspline.observer import observe, observer_noise
 from flexspline.sensor import Bridge, Electronics, Gauge, Heating, common_bridge, noise_budget

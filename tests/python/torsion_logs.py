@@ -90,7 +90,7 @@ def own_rows(seed: int, effects: list[Effect], values: Array, noisy: bool = True
 def bouc_wen(load: Array, time: Array, width: float, exponent: float = 1.0) -> Array:
     """Hysteretic part in [-1, 1] of a path (N,), from its differential equation.
 
-        z' = (u' − |u'| z |z|^(n−1) / 2 − u' |z|^n / 2) / width        (Bouc 1967, Wen 1976)
+        z' = (u' − |u'| z |z|^(n−1) / 2 − u' |z|^n / 2) / width        [Bouc1967], [Wen1976]
 
     An oracle that shares nothing with the springs of the core.
     """

@@ -19,7 +19,7 @@ import numpy as np
 from flexspline import Calibration, Certificate, Model, effect
 from flexspline.certification.result import Cost, OutputDifference
 from flexspline.estimation import Estimate
-from flexspline.export import export
+from flexspline.exporting import export
 from flexspline.files import atomic_write
 from flexspline.logs.convert import write_log
 from flexspline.logs.log import Log

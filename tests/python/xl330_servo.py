@@ -8,8 +8,8 @@ import numpy as np
 from measured import xl330
 
 import flexspline
-from flexspline.fit.result import Fit
 from flexspline.forward import PositionServo
+from flexspline.least_squares.result import Fit
 from flexspline.logs.log import Log
 from flexspline.logs.repairs import repaired
 
@@ -66,14 +66,13 @@ def runs(names: Sequence[str]) -> list[Log]:
 def fitted(form: str, *, starts: int = 8, threads: int = 2) -> Fit:
     """Fit a form of the model to the twelve logs."""
     effects, more = FORMS[form]
-    return flexspline.fit(
+    return flexspline.fit_motion(
         effects,
         runs(TWELVE),
         "motor_torque",
         fixed={**KNOWN, **more},
-        by="simulation",
         controller=LAW,
-        free_controller=("torque", "back_emf"),
-        starts=starts,
-        threads=threads,
+        options=flexspline.MotionOptions(
+            free_controller=("torque", "back_emf"), starts=starts, threads=threads
+        ),
     )

@@ -8,7 +8,7 @@
 /// finite u from which the slope overflows starts it anew: what is remembered is near the largest
 /// number, and would keep the slope infinite for ever.
 ///
-/// The sum carries its rounding on (Kahan 1965): in float the small steps of a lag of minutes at
+/// The sum carries its rounding on [Kahan1965]: in float the small steps of a lag of minutes at
 /// 1 kHz would else be lost.
 #pragma once
 

@@ -15,8 +15,8 @@
 /// 2.4e-7 w in float; as coarse as they are themselves far beyond w). On that grid all sums are
 /// exact, so a spring that never slips is where it was whenever the path is, after any number of
 /// steps.
-/// Source: Al-Bender et al. 2005, The generalized Maxwell-slip model; in gears
-/// full_range_torque_estimation §I and its ref. 13 (Tjahjowidodo et al. 2013).
+/// Source: [AlBender2005], The generalized Maxwell-slip model; in gears
+/// full_range_torque_estimation §I and its ref. 13 [Tjahjowidodo2013].
 #pragma once
 
 #include "flexspline/row.hpp"

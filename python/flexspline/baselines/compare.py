@@ -20,7 +20,7 @@ from flexspline.baselines.ripple import (
 from flexspline.baselines.table import MethodScore, RippleComparison
 from flexspline.effects import Effect
 from flexspline.errors import InputError
-from flexspline.fit.fitting import fit
+from flexspline.fitting import fit
 from flexspline.logs.log import Log
 from flexspline.logs.segments import standstill, true_ranges
 from flexspline.signals import core_channels, gear_of

@@ -108,7 +108,7 @@ def kernel_drift(logs: Log | Sequence[Log], *, seed: int = 1) -> KernelDrift:
 
     The sensitivity is fitted first, with drift as a polynomial; then the kernel takes what it
     leaves. Least-squares support vectors are ridge regression with a kernel and an offset
-    (Suykens 2002); the paper's particle swarm is replaced by cross-validation over a grid.
+    [Suykens2002]; the paper's particle swarm is replaced by cross-validation over a grid.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Removal of ripple from a reading as the first paper's references do it: refs. 10, 11, 13, 14."""
+"""Removal of ripple from a reading as refs. 10, 11, 13, 14 of zhang_disturbance_elimination."""
 
 from __future__ import annotations
 

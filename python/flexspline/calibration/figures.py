@@ -8,18 +8,19 @@ scale.
                         rise only
     non-linearity       |C − line|, the line that makes it least ("independent" linearity, best
                         straight line), that of the calibration itself (least squares, as in
-                        zhang §4.3), or the one through the ends ("terminal based")
-    hysteresis          |up − down| at the same reference, averages over the cycles (VDI/VDE 2638
-                        and ISO 376 call it reversibility error, and divide by the actual value)
+                        zhang_disturbance_elimination §4.3), or the one through the ends
+                        ("terminal based")
+    hysteresis          |up − down| at the same reference, averages over the cycles ([VDI2008]
+                        and [ISO2011] call it reversibility error, and divide by the actual value)
     repeatability       largest less least D at the same reference approached from the same side,
                         over the cycles
     combined error      |D| of any single leg: what all of them make of one reading
 
-Sources: ANSI/ISA-51.1-1979 (R1993), the terms "linearity", "hysteresis", "repeatability" and
-"accuracy, measured"; VDI/VDE/DKD 2638; JCGM 200:2012 (VIM) 2.21, 2.39. What a set of runs cannot
+Sources: [ISA1979] (R1993), the terms "linearity", "hysteresis", "repeatability" and
+"accuracy, measured"; [VDI2008]; [JCGM2012] (VIM) 2.21, 2.39. What a set of runs cannot
 show is None with the reason: there is no hysteresis without unloading, no repeatability without a
-second cycle. zhang §4.3 describes loading in one direction only, yet prints 0.903 % of hysteresis;
-that 0.878 % and 0.903 % are percent of 70 Nm is our reading.
+second cycle. zhang_disturbance_elimination §4.3 describes loading in one direction only, yet
+prints 0.903 % of hysteresis; that 0.878 % and 0.903 % are percent of 70 Nm is our reading.
 """
 
 from __future__ import annotations
@@ -85,7 +86,7 @@ class Figure:
 
 DEFINITIONS = {
     "non-linearity": "from the best straight line (least largest deviation; ISA-51.1 independent)",
-    "non-linearity, least squares": "from the line of the calibration (zhang §4.3)",
+    "non-linearity, least squares": "from the line of the calibration (least squares)",
     "non-linearity, terminal based": "from the line through both ends (ISA-51.1)",
     "hysteresis": "rising less falling at the same reference (ISA-51.1)",
     "repeatability": "spread at the same reference from the same side, over cycles (ISA-51.1)",

@@ -3,8 +3,8 @@
     k = 1/s,   zero = −v₀/s,   c_k = −d_k/s,   g = −h/s
 
 to first order, from the covariance of (s, v₀, d_k, h, lag): all of them lean on s, and their
-errors are correlated through it. In volts, zhang (11): A′₀ … A′_n, the drift as a polynomial in T
-itself, is a linear map of (v₀, d_k) about T₀.
+errors are correlated through it. In volts, zhang_disturbance_elimination (11):
+A′₀ … A′_n, the drift as a polynomial in T itself, is a linear map of (v₀, d_k) about T₀.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 
 from flexspline.calibration.drift import Shape
 from flexspline.calibration.regression import Regression
-from flexspline.fit.identifiability import Confounded, confounded_groups
-from flexspline.fit.result import Parameter
-from flexspline.fit.uncertainty import Uncertainty
+from flexspline.least_squares.identifiability import Confounded, confounded_groups
+from flexspline.least_squares.result import Parameter
+from flexspline.least_squares.uncertainty import Uncertainty
 
 __all__ = [
     "confounded",
@@ -118,9 +118,9 @@ def torque_parameters(
 
 
 def drift_polynomial(made: Regression) -> tuple[Parameter, ...]:
-    """A′₀ … A′_n of zhang (11), b(T) = Σ A′_j T^j in V with T in °C, without lag and gradient.
+    """A′₀ … A′_n, b(T) = Σ A′_j T^j in V with T in °C, without lag and gradient.
 
-    (24) prints 0.0102 T² − 0.8704 T − 21.39, in mV.
+    zhang_disturbance_elimination (11); its (24) prints 0.0102 T² − 0.8704 T − 21.39, in mV.
     """
     shape, first = made.shape, 1 if made.shape.sensitivity else 0
     n = shape.degree + 1

@@ -21,9 +21,9 @@ from flexspline import _core
 from flexspline.calibration.drift import Shape, drift_columns, rows_of, target_of
 from flexspline.calibration.runs import CalibrationRun
 from flexspline.calibration.structure import beside_structure, quiet
-from flexspline.fit.noise_model import BLOCK, Chunk, noise_model
-from flexspline.fit.sums import Solution, Sums, solve
-from flexspline.fit.uncertainty import Uncertainty, parameter_uncertainty
+from flexspline.least_squares.noise_model import BLOCK, Chunk, noise_model
+from flexspline.least_squares.sums import Solution, Sums, solve
+from flexspline.least_squares.uncertainty import Uncertainty, parameter_uncertainty
 from flexspline.logs.segments import median_step
 
 __all__ = [

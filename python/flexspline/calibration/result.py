@@ -18,10 +18,11 @@ from flexspline.calibration.thermal import Thermal, ThermalLeg
 from flexspline.calibration.views import CalibratedRun
 from flexspline.errors import InputError, did_you_mean, listed
 from flexspline.estimators import Calibration, TemperatureCompensation
-from flexspline.fit.identifiability import Confounded
-from flexspline.fit.result import Parameter
-from flexspline.fit.uncertainty import Uncertainty
+from flexspline.least_squares.identifiability import Confounded
+from flexspline.least_squares.result import Parameter
+from flexspline.least_squares.uncertainty import Uncertainty
 from flexspline.model import Model
+from flexspline.rendering import render
 
 if TYPE_CHECKING:
     import pandas
@@ -41,7 +42,7 @@ class CalibrationResult:
     calibration, compensation : the estimators; None where the runs cannot give them.
     torque_parameters : k, zero, c_k, g, lag in Nm; empty where the sensitivity is not known.
     voltage_parameters : s = 1/k, v₀, d_k, h, lag in V.
-    drift_polynomial : A′_j of zhang (11), b(T) = Σ A′_j T^j in V, T in °C.
+    drift_polynomial : A′_j of zhang_disturbance_elimination (11), b(T) = Σ A′_j T^j in V, T in °C.
     confounded : coefficients in volts that the runs cannot tell apart.
     runs : errors of reading, row by row.
     legs, points : of the reference: rising and falling, plateaus or bins on them.
@@ -173,9 +174,7 @@ class CalibrationResult:
         return pandas.DataFrame([asdict(figure) for figure in self.figures]).set_index("name")
 
     def __str__(self) -> str:
-        from flexspline.report.calibration import calibration_text
-
-        return calibration_text(self)
+        return render("calibration", "text", self)
 
     def __repr__(self) -> str:
         return (
@@ -184,21 +183,15 @@ class CalibrationResult:
         )
 
     def _repr_html_(self) -> str:
-        from flexspline.report.calibration import calibration_html
-
-        return calibration_html(self)
+        return render("calibration", "html", self)
 
     def plot(self) -> Any:
         """Return a figure: drift (Fig. 16), before and after (Fig. 17), calibration (Fig. 18)."""
-        from flexspline.plot.calibration import plot_calibration
-
-        return plot_calibration(self)
+        return render("calibration", "figure", self)
 
     def report(self, path: str | os.PathLike[str]) -> None:
         """Write a self-contained HTML report, whole or not at all."""
-        from flexspline.report.calibration import write_calibration_report
-
-        write_calibration_report(self, path)
+        render("calibration", "report", self, path)
 
 
 def _rms(columns: Sequence[Array]) -> float:

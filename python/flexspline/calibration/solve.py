@@ -26,8 +26,8 @@ from flexspline.calibration.says import warnings_of
 from flexspline.calibration.validation import cross_validate
 from flexspline.calibration.views import views_of
 from flexspline.estimators import Calibration
-from flexspline.fit.identifiability import Confounded
-from flexspline.fit.result import Parameter
+from flexspline.least_squares.identifiability import Confounded
+from flexspline.least_squares.result import Parameter
 from flexspline.logs.log import Log
 from flexspline.model import Model
 from flexspline.plain import plain_json

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from flexspline import _core
 from flexspline.calibration.runs import CalibrationRun
-from flexspline.fit.sums import Solution, solve
+from flexspline.least_squares.sums import Solution, solve
 from flexspline.logs.grain import white_noise
 from flexspline.logs.play import play
 

@@ -1,7 +1,8 @@
 """Drift with temperature: how much before and after, and whether warming differs from cooling.
 
-zhang §4.2 ignores the difference, because there the temperature only rose. A body that warms from
-one side lags its thermistor, so that on the way up the reading is that of a colder body: the two
+zhang_disturbance_elimination §4.2 ignores the difference, because there the temperature only
+rose. A body that warms from one side lags its thermistor, so that on the way up the reading is
+that of a colder body: the two
 legs part. What is left of it after the compensation says whether a thermal lag is worth fitting.
 
 Means over a tenth of the range of temperatures each, of the rows without load where there are any

@@ -22,7 +22,7 @@ from flexspline.calibration.regression import (
     sums_of,
 )
 from flexspline.calibration.runs import CalibrationRun
-from flexspline.fit.validation import BLOCKS, FARTHEST, RUNS_NEEDED
+from flexspline.least_squares.validation import BLOCKS, FARTHEST, RUNS_NEEDED
 
 __all__ = ["Validation", "cross_validate"]
 

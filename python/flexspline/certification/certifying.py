@@ -30,7 +30,7 @@ from flexspline.errors import InputError
 from flexspline.estimation.measurable import measurable
 from flexspline.estimation.plan import plan_of
 from flexspline.estimation.preprocessing import with_derivatives
-from flexspline.export import export
+from flexspline.exporting import export
 from flexspline.logs.log import Log
 from flexspline.logs.read import with_motor_torque
 from flexspline.model import Model

@@ -2,8 +2,8 @@
 
 QEMU counts instructions, not cycles. What an instruction costs is weighed over the machine code of
 the step (how often each is run is not known), memory without wait states, by Arm's table as Texas
-Instruments prints it for the Cortex-M4F of the CC13x2 (SWCU192, November 2021, tables 3-25 and
-3-27, after Arm's Cortex-M4 Technical Reference Manual, tables 3-1 and 7-1):
+Instruments prints it for the Cortex-M4F of the CC13x2 ([TI2021], tables 3-25 and
+3-27, after Arm's Cortex-M4 Technical Reference Manual [Arm2010], tables 3-1 and 7-1):
 
     load or store of a word or a float    2, of a double 3, of a list 1 + words
     float between FPU and core            2

@@ -9,6 +9,7 @@ import click
 from flexspline.about import __version__
 from flexspline.cli.calibrate import command as calibrate
 from flexspline.cli.certify import certify
+from flexspline.cli.check import check
 from flexspline.cli.compare import compare
 from flexspline.cli.contract import Commands
 from flexspline.cli.convert import convert
@@ -40,7 +41,7 @@ def commands() -> None:
     \b
     The path:
       read     your runs, CSV in SI units     flexspline convert (from other formats)
-      check    are the data sound?            done by fit, before it starts
+      check    are the data sound?            flexspline check
       calibrate  a bridge's volts to torque   flexspline calibrate
       fit      effects to a target            flexspline fit
       judge    held-out error, confounding    what fit prints, and report.html
@@ -65,12 +66,13 @@ def commands() -> None:
       flexspline export --model joint/model.json --format header --out joint.hpp
 
     Each command explains itself: flexspline fit --help. Exit codes: 0 done; 2 the input or the
-    call is wrong, and one line on standard error says what to do; 1 a defect of flexspline.
+    call is wrong, and one line on standard error says what to do; 1 a defect of flexspline; 3, of
+    check alone, the data forbid a fit.
     """
 
 
 COMMANDS = (
-    fit, calibrate, predict, simulate, compare, discover, estimate, export, certify, convert,
+    check, fit, calibrate, predict, simulate, compare, discover, estimate, export, certify, convert,
     demo, reproduce,
 )  # fmt: skip
 

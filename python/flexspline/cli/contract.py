@@ -1,6 +1,7 @@
 """Exit codes and the one line on standard error.
 
-0 done    1 a defect    2 wrong input or call    130 interrupted    141 reader went away
+0 done    1 a defect    2 wrong input or call    3 of check alone: the data forbid a fit
+130 interrupted    141 reader went away
 """
 
 from __future__ import annotations

@@ -48,8 +48,8 @@ def export(
     Example:
       flexspline export --model joint/model.json --format header --out joint.hpp
     """
-    from flexspline.export import export as export_model
-    from flexspline.export import export_warnings
+    from flexspline.exporting import export as export_model
+    from flexspline.exporting import export_warnings
     from flexspline.model import Model
 
     refuse_overwriting(out, [model_path])

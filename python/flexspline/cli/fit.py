@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -22,8 +23,9 @@ from flexspline.cli.options import (
     threads,
 )
 from flexspline.cli.runs import Reading, on_terminal, simulations
+from flexspline.errors import InputError
 from flexspline.files import whole_folder
-from flexspline.fit.fitting import fit as fit_effects
+from flexspline.fitting import fit as fit_effects
 
 __all__ = ["fit"]
 
@@ -36,6 +38,22 @@ def _bound(text: str) -> tuple[float | None, float | None]:
 def _prior(text: str) -> tuple[float, float]:
     value, error = (float(part) for part in text.split(":"))
     return value, error
+
+
+def _refuse_of_motion(options: dict[str, Any], foreign: bool) -> None:
+    """Refuse what a fit of the motion cannot take."""
+    if foreign:
+        raise InputError(
+            "--by simulation drives the effects alone; leave the foreign simulation out"
+        )
+    if options["prior"]:
+        raise InputError("--by simulation takes no --prior; fix or bound the parameter instead")
+    if options["bandwidth"] is not None and options["bandwidth"] != math.inf:
+        raise InputError("--by simulation compares the motion as it is; leave --bandwidth out")
+    if options["offset_per_run"]:
+        raise InputError(
+            "--by simulation takes one offset for all runs; leave --offset-per-run out"
+        )
 
 
 @click.command(cls=Taught, sections=(effects_by_target, repairs))
@@ -126,36 +144,52 @@ def fit(
           --controller servo.json --free-controller back_emf \\
           --effects inertia,gravity,coulomb_friction,load_dependent_friction --out servo
     """
+    from flexspline.least_squares.options import FitOptions
     from flexspline.model import Model
+    from flexspline.output_error.fitting import fit_motion
+    from flexspline.output_error.settings import MotionOptions
 
     effects = named_effects(names)
     model = None if into is None else Model.load(into)
     with whole_folder(out, last="model.json") as draft:
         column = None if simulation else simulated_torque
         logs = reading.logs(runs, {} if model is None else model.facts, column)
-        made = fit_effects(
-            effects,
-            logs,
-            target,
-            known_load=options["known_load"],
-            lowpass=options["lowpass"],
-            bandwidth=options["bandwidth"],
-            orders=options["orders"],
-            fixed=options["fix"],
-            bounds=options["bound"],
-            priors=options["prior"],
-            robust="huber" if options["robust"] else None,
-            offset_per_run=options["offset_per_run"],
-            into=model,
-            simulation=simulations(simulation, simulated_torque),
-            simulated_torque=simulated_torque,
-            threads=options["threads"],
-            progress=on_terminal(),
-            by=options["by"],
-            controller=options["controller"],
-            free_controller=[name for name in options["free_controller"].split(",") if name],
-            starts=options["starts"],
-        )
+        shared = {
+            "known_load": options["known_load"],
+            "lowpass": options["lowpass"],
+            "orders": options["orders"],
+            "fixed": options["fix"],
+            "bounds": options["bound"],
+            "into": model,
+        }
+        how = {
+            "robust": "huber" if options["robust"] else None,
+            "threads": options["threads"],
+            "progress": on_terminal(),
+        }
+        foreign = simulations(simulation, simulated_torque)
+        if options["by"] == "simulation":
+            _refuse_of_motion(options, foreign is not None or simulated_torque is not None)
+            free = [name for name in options["free_controller"].split(",") if name]
+            asked = MotionOptions(free_controller=free, starts=options["starts"], **how)
+            made = fit_motion(
+                effects, logs, target, controller=options["controller"], options=asked, **shared
+            )
+        else:
+            if options["controller"] or options["free_controller"]:
+                raise InputError(
+                    "--controller drives a simulation; give --by simulation or leave it out"
+                )
+            rest = FitOptions(
+                bandwidth=options["bandwidth"],
+                offset_per_run=options["offset_per_run"],
+                simulation=foreign,
+                simulated_torque=simulated_torque,
+                **how,
+            )
+            made = fit_effects(
+                effects, logs, target, priors=options["prior"], options=rest, **shared
+            )
         if made.simulation is not None and made.simulation.controller is not None:
             made.simulation.controller.save(draft / "servo.json")
         made.report(draft / "report.html")

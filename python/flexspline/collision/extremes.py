@@ -11,8 +11,8 @@ region of ξ and σ. That is wider than the profile likelihood's one degree, for
 a bias that no likelihood knows of. The tail of Gaussian noise looks shorter at any level than it
 is (ξ < 0, and 0 in the limit), so what is plausible with ξ ≥ 0 alone counts as plausible too. The
 clusters' counts vary more than Poisson's where the residual's spread changes; ζ's share of the
-deviance is divided by their dispersion. Sources: Coles 2001, An Introduction to
-Statistical Modeling of Extreme Values, ch. 4, 5; Ferro and Segers 2003 on declustering.
+deviance is divided by their dispersion. Sources: [Coles2001], An Introduction to
+Statistical Modeling of Extreme Values, ch. 4, 5; [FerroSegers2003] on declustering.
 """
 
 from __future__ import annotations

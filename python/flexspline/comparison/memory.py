@@ -1,13 +1,13 @@
 """What the noise remembers, and so how many independent rows a cell is worth.
 
-The noise is autoregressive (`fit/noise_model.py`), fitted to what `heldout.py` leaves of the
+The noise is autoregressive (`noise_model.py`), fitted to what `heldout.py` leaves of the
 residual where the joint moves. With its autocorrelation ρ_h and A_j(h) pairs of rows h apart that
 are both in cell j
 
     var(mean of cell j) = s_j² / n_j² Σ_h ρ_h A_j(h) = s_j² τ_j / n_j
 
 and n_j / τ_j rows are independent. A_j is counted at a few lags and taken as straight between.
-The mean square has the same with ρ_h² (Gaussian noise), times 2. Source: Bartlett 1946. Where
+The mean square has the same with ρ_h² (Gaussian noise), times 2. Source: [Bartlett1946]. Where
 means of long batches scatter more than the model says, the sums of ρ are that much larger.
 """
 
@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.comparison.rows import Rows
-from flexspline.fit.noise_model import Chunk, NoiseModel, noise_model
+from flexspline.least_squares.noise_model import Chunk, NoiseModel, noise_model
 
 __all__ = ["Memory", "memory_of"]
 

@@ -12,6 +12,7 @@ from flexspline.comparison.bands import Band, OrderPeak, worst_band
 from flexspline.comparison.locate import Place
 from flexspline.comparison.runs import ComparedRun
 from flexspline.errors import InputError, did_you_mean, listed
+from flexspline.rendering import render
 
 if TYPE_CHECKING:
     import pandas
@@ -152,9 +153,7 @@ class Comparison:
         return comparison_json(self)
 
     def __str__(self) -> str:
-        from flexspline.report.comparison import comparison_text
-
-        return comparison_text(self)
+        return render("comparison", "text", self)
 
     def __repr__(self) -> str:
         return (
@@ -163,21 +162,15 @@ class Comparison:
         )
 
     def _repr_html_(self) -> str:
-        from flexspline.report.comparison import comparison_html
-
-        return comparison_html(self)
+        return render("comparison", "html", self)
 
     def plot(self) -> Figure:
         """Return the map: excess over the floor against each covariate, the worst first."""
-        from flexspline.plot.comparison import plot_comparison
-
-        return plot_comparison(self)
+        return render("comparison", "figure", self)
 
     def report(self, path: str | os.PathLike[str]) -> None:
         """Write a self-contained HTML report, whole or not at all."""
-        from flexspline.report.comparison import write_comparison_report
-
-        write_comparison_report(self, path)
+        render("comparison", "report", self, path)
 
 
 def ranked(made: Comparison) -> list[str]:

@@ -27,8 +27,8 @@ from flexspline.discovery.search import (
 from flexspline.discovery.settings import SETTINGS
 from flexspline.discovery.unexplained import Ceiling, Leftover, leftover_of, looked_at
 from flexspline.effects import Effect
-from flexspline.fit.problem import Problem
 from flexspline.formatting.numbers import percent
+from flexspline.least_squares.problem import Problem
 from flexspline.logs.checks.dependence import Dependence, dependences
 from flexspline.regression.gram import (
     TINY,

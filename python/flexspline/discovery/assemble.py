@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from flexspline.discovery.analysis import Analysis, Rival, contribution
 from flexspline.discovery.basis import Functions, channel_told
+from flexspline.discovery.candidates import shaped
 from flexspline.discovery.confirmation import Confirmed, together, wald
 from flexspline.discovery.evidence import equivalent_t
 from flexspline.discovery.faults import DataFault
@@ -21,9 +22,9 @@ from flexspline.effects import UNITS, Effect
 from flexspline.errors import listed
 from flexspline.experiment.limits import Limits
 from flexspline.experiment.planning import planned
-from flexspline.fit.problem import Problem
-from flexspline.fit.ripple import CORE_PAIRS
 from flexspline.formatting.numbers import percent
+from flexspline.least_squares.problem import Problem
+from flexspline.least_squares.ripple import CORE_PAIRS
 from flexspline.logs.channel_noise import ChannelNoise
 from flexspline.orders.parts import Candidate, Pair, owner, pairs
 from flexspline.regression.gram import TINY, Whitening, by_runs
@@ -145,7 +146,7 @@ def assembled(
         for effect in group
     ]
     pairs = [(one.effect, rival.effect) for one in found for rival in one.rivals if rival.alias]
-    plan = planned(problem, made.final, made.whitening, pairs, fit, limits)
+    plan = planned(problem, made.final, made.whitening, pairs, shaped, fit, limits)
     return Discovery(
         target=problem.target,
         unit=UNITS[problem.target],

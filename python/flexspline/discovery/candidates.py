@@ -31,8 +31,9 @@ from flexspline import _core
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import CATALOGUE, TARGETS, Effect, Harmonic, ShapeInfo
 from flexspline.errors import InputError
-from flexspline.fit.problem import Problem
-from flexspline.fit.ripple import CORE_PAIRS, FOLLOWER, LEADERS
+from flexspline.least_squares.names import SHARED
+from flexspline.least_squares.problem import Problem
+from flexspline.least_squares.ripple import CORE_PAIRS, FOLLOWER, LEADERS
 from flexspline.logs.channel_noise import ChannelNoise
 from flexspline.logs.log import Log
 from flexspline.orders import FoundOrder, find_orders
@@ -144,9 +145,6 @@ def _both_ways(logs: Sequence[Log]) -> bool:
 
 
 Array = NDArray[np.float64]
-
-SHARED = ("direction_width", "mesh_shape")
-"""One for the whole model: what the model has is taken."""
 
 SEEN = (0.5, 2.0)  # of an order's largest frequency: a resonance beyond bends nothing that is seen
 UNIT_CHANNELS = {

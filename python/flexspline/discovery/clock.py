@@ -6,7 +6,7 @@ A load L that is late by d leaves, to first order,
 
 of target y and model X β. What may be missing follows the load too, so d is estimated beside
 everything that may be missing: all candidates of the search and flexible functions of every
-channel (Frisch & Waugh 1933), before any name is looked for. The delay of a recorder is the same in
+channel [FrischWaugh1933], before any name is looked for. The delay of a recorder is the same in
 all folds: their scatter is part of its error. Names that are found later make it more precise,
 within that error. The slope L′ is that of the load as rows read it, smoothed, so that the cell's
 noise does not attenuate d.
@@ -30,7 +30,7 @@ from flexspline.discovery.basis import RATE, Functions, nameless_of
 from flexspline.discovery.candidates import LAG
 from flexspline.discovery.faults import DataFault
 from flexspline.discovery.settings import SETTINGS
-from flexspline.fit.late_load import slopes_by
+from flexspline.least_squares.late_load import slopes_by
 from flexspline.logs.log import Log
 from flexspline.regression.gram import (
     SINGULAR,

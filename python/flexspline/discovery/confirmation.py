@@ -9,7 +9,7 @@ reader asks two plain questions, and a name that fails one of them is withdrawn:
                                             more than two standard errors
 
 Of an effect that is not there the shapes mean nothing, and where they are hardly known they make
-the error of a coefficient large that the runs tell from zero well (Davies 1987). So its test holds
+the error of a coefficient large that the runs tell from zero well [Davies1987]. So its test holds
 them; but neither may the errors that are printed reach zero.
 
 Nor is it a name where something else is four times as likely: of any, other effects that explain as
@@ -43,8 +43,8 @@ from flexspline.discovery.result import (
 from flexspline.discovery.search import cost_of
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect
-from flexspline.fit.names import coefficient_names
-from flexspline.fit.result import Fit
+from flexspline.least_squares.names import coefficient_names
+from flexspline.least_squares.result import Fit
 from flexspline.logs.checks.dependence import Dependence
 from flexspline.regression.gram import SINGULAR, TINY
 from flexspline.regression.held_out import HeldOut, fall_of

@@ -16,6 +16,7 @@ from tqdm import tqdm
 from flexspline.comparison.base import based
 from flexspline.discovery.analysis import Analysis, FirstLook, analysed, first_look
 from flexspline.discovery.assemble import assembled
+from flexspline.discovery.by_simulation import discover_by_simulation
 from flexspline.discovery.candidates import LAG, TAKEN, freedoms, held_of, unseen_of, with_freedoms
 from flexspline.discovery.clock import (
     SENSOR,
@@ -42,16 +43,17 @@ from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect
 from flexspline.errors import InputError
 from flexspline.experiment.limits import Limits
-from flexspline.fit.fitting import fit, fit_near, simulation_settings, with_orders
-from flexspline.fit.problem import Problem, problem_of
-from flexspline.fit.result import Fit
+from flexspline.fitting import fit, fit_near, with_orders
 from flexspline.forward.servo import PositionServo
-from flexspline.logs.left_out import Kept, at_work, only_experiments
+from flexspline.least_squares.options import FitOptions
+from flexspline.least_squares.problem import Problem, problem_of
+from flexspline.least_squares.result import Fit
+from flexspline.logs.checks.left_out import Kept, at_work, only_experiments
 from flexspline.logs.log import Log
 from flexspline.logs.sampling import has_value, sampled
 from flexspline.model import Model
-from flexspline.output_error.discovering import discover_by_simulation
 from flexspline.output_error.regression import with_servo_torque
+from flexspline.output_error.settings import MotionOptions, settings_of
 from flexspline.prepared import Preparation, learned, prepared
 from flexspline.regression.working import Working
 from flexspline.requirements import require_apart
@@ -103,8 +105,8 @@ def discover(
     progress : show what is being tried on standard error.
     threads : for the sums over the logs.
     by : "regression" of the target; or "simulation": the effects whose forward simulation misses
-        the measured output_position less, where only motion is measured (`output_error/`).
-    controller, free_controller : of by="simulation" alone, as for `fit`.
+        the measured output_position less, where only motion is measured (`discovery/missing.py`).
+    controller, free_controller : of by="simulation" alone, as for `fit_motion`.
 
     Returns
     -------
@@ -119,10 +121,10 @@ def discover(
     Notes
     -----
     Stuck tails, homing moves and rows in which a drive is off or its joint rests are left out
-    first, and said to be (`logs/left_out.py`). How names are chosen: `discovery/search.py`; what
-    evidence is: `discovery/evidence.py`. The model is fitted by generalised least squares in the
-    noise's memory where that agrees with plain least squares as for a right model, by plain least
-    squares otherwise (`fit/generalised.py`).
+    first, and said to be (`logs/checks/left_out.py`). How names are chosen: `discovery/search.py`;
+    what evidence is: `discovery/evidence.py`. The model is fitted by generalised least squares in
+    the noise's memory where that agrees with plain least squares as for a right model, by plain
+    least squares otherwise (`least_squares/generalised.py`).
     """
     runs = [logs] if isinstance(logs, Log) else list(logs)
     if not runs:
@@ -244,9 +246,10 @@ def _by_simulation(
     recordings = only_experiments(runs, "output_position")  # a servo's law knows when it is off
     runs = [one.log for one in recordings]
     task = replace(task, effects=tuple(with_orders(task.effects, task.orders)))
-    settings = simulation_settings(
-        controller, free_controller, 2, SETTINGS.tried, 0, task.threads, False
+    options = MotionOptions(
+        free_controller=free_controller, starts=2, folds=SETTINGS.tried, threads=task.threads
     )
+    settings = settings_of(controller, options)
     law = settings.controller
     driven = [log if law is None else with_servo_torque(log, law, task.target) for log in runs]
     faults = data_faults(driven, task.effects, task.target, task.known_load, task.threads)
@@ -353,8 +356,10 @@ class _Recorded:
         if any(e.ripple and not e.harmonics for e in effects):
             effects = fit(
                 effects, self.logs, task.target, known_load=task.known_load, lowpass=task.lowpass,
-                fixed=task.fixed, checks=False, threads=task.threads, bandwidth=float("inf"),
-                simulated_torque=SIMULATED if task.simulated else None,
+                fixed=task.fixed, checks=False, options=FitOptions(
+                    threads=task.threads, bandwidth=float("inf"),
+                    simulated_torque=SIMULATED if task.simulated else None,
+                ),
             ).part.effects  # fmt: skip
         effects = with_freedoms(effects, free)
         study = study_of(effects, self.logs, exclude=(*task.exclude, *exclude), **self._posed)

@@ -14,7 +14,7 @@ of the columns and c ~ N(0, G) their pulls where nothing is there,
     P(gain > s) = Σ_j w_j P(χ²_j > s),     w_j: probability that j coefficients are not zero
 
 (chi-bar squared). Columns that are alike span a narrow cone, in which nearly one is free. Source:
-Silvapulle & Sen 2005, Constrained Statistical Inference, section 3.4.
+[SilvapulleSen2005], Constrained Statistical Inference, section 3.4.
 
 How well the other folds predict one is counted with how well they can know it: a fold may go where
 no other went, to a joint's angle or a temperature, and a plain error there would condemn every
@@ -24,7 +24,7 @@ over σ², prior), b = Xᵀy,
     2 ln p(y_f | others) = m(all) − m(all but f),     m = bᵀ A⁻¹ b − ln |A|     (+ y_f alone)
 
 Columns on trial have a prior: in columns of length one their coefficients have the mean square
-gain / count. Source: Bishop 2006, Pattern Recognition and Machine Learning, section 3.5.
+gain / count. Source: [Bishop2006], Pattern Recognition and Machine Learning, section 3.5.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ from flexspline.discovery.candidates import Candidate, span_of, unseen
 from flexspline.discovery.physics import COULOMB, STRIBECK, level_of, one_signed
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect
-from flexspline.fit.problem import Problem
+from flexspline.least_squares.problem import Problem
 from flexspline.regression.gram import (
     SINGULAR,
     TINY,

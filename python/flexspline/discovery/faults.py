@@ -23,13 +23,12 @@ from numpy.typing import NDArray
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect
 from flexspline.errors import InputError
-from flexspline.fit.fitting import NO_TORSION
-from flexspline.fit.problem import Problem
-from flexspline.fit.resolution import away_from_ends, coarser, resolved_rows, with_fastest
-from flexspline.fit.result import Fit
 from flexspline.formatting.numbers import short
+from flexspline.least_squares.problem import Problem
+from flexspline.least_squares.resolution import away_from_ends, coarser, resolved_rows, with_fastest
+from flexspline.least_squares.result import Fit
 from flexspline.logs.checks import check
-from flexspline.logs.checks.findings import Finding
+from flexspline.logs.checks.findings import NO_TORSION, Finding
 from flexspline.logs.checks.gear import TOLD, Gear, measured_gear
 from flexspline.logs.log import Log
 from flexspline.logs.repairs import move_earlier

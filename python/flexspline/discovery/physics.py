@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.discovery.settings import SETTINGS
-from flexspline.fit.names import Bounds
-from flexspline.fit.problem import Problem
+from flexspline.least_squares.names import Bounds
+from flexspline.least_squares.problem import Problem
 from flexspline.regression.gram import TINY
 from flexspline.regression.working import Working
 

@@ -31,12 +31,13 @@ from flexspline.discovery.faults import DataFault
 from flexspline.discovery.settings import SETTINGS
 from flexspline.discovery.slices import HeldRun, Slice, slices
 from flexspline.errors import InputError
-from flexspline.fit.result import Fit, Parameter
+from flexspline.least_squares.result import Fit, Parameter
 from flexspline.model import PART_OF, Model, Part
 from flexspline.prepared import bandwidth_used, inputs_json
 from flexspline.regression.gram import TINY
 from flexspline.regression.held_out import Fold, HeldOut
 from flexspline.regression.working import Working
+from flexspline.rendering import render
 from flexspline.schema import checked_json
 
 if TYPE_CHECKING:
@@ -315,18 +316,14 @@ class Discovery:
 
     def plot(self) -> Figure:
         """Return a figure: one held-out run before and after, where the gap shrank, orders."""
-        from flexspline.plot.discovery import plot_discovery
-
-        return plot_discovery(self)
+        return render("discovery", "figure", self)
 
     def to_json(self) -> str:
         """Return the text of `discovery.json`."""
         return discovery_json(self)
 
     def __str__(self) -> str:
-        from flexspline.report.discovery import discovery_text
-
-        return discovery_text(self)
+        return render("discovery", "text", self)
 
     def __repr__(self) -> str:
         names = ", ".join(self.names) or "nothing"
@@ -336,15 +333,11 @@ class Discovery:
         )
 
     def _repr_html_(self) -> str:
-        from flexspline.report.discovery import discovery_html
-
-        return discovery_html(self)
+        return render("discovery", "html", self)
 
     def report(self, path: str | os.PathLike[str]) -> None:
         """Write a self-contained HTML report, whole or not at all."""
-        from flexspline.report.discovery import write_discovery_report
-
-        write_discovery_report(self, path)
+        render("discovery", "report", self, path)
 
 
 FORMAT = "flexspline-discovery"

@@ -39,7 +39,6 @@ from flexspline.discovery.basis import (
 )
 from flexspline.discovery.candidates import (
     GRAVITY,
-    SHARED,
     Candidate,
     candidates_for,
     joined,
@@ -62,7 +61,8 @@ from flexspline.discovery.physics import LOOPS, driving_spring, impossible
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import UNITS, Effect
 from flexspline.errors import InputError
-from flexspline.fit.problem import Problem, problem_of
+from flexspline.least_squares.names import SHARED
+from flexspline.least_squares.problem import Problem, problem_of
 from flexspline.logs.checks.dependence import Dependence
 from flexspline.logs.derive import differentiate
 from flexspline.logs.log import Log

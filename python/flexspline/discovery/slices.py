@@ -32,10 +32,12 @@ from flexspline.comparison.assemble import assembled
 from flexspline.comparison.bands import Band
 from flexspline.comparison.result import Comparison
 from flexspline.comparison.runs import Compared, ComparedRun, located
+from flexspline.comparison.simulated import resolution
 from flexspline.discovery.settings import SETTINGS
-from flexspline.fit.scores import LEAST_ROWS, bands, groups
+from flexspline.least_squares.scores import LEAST_ROWS, bands, groups
 from flexspline.logs.log import Log
 from flexspline.logs.segments import median_step, runs, true_ranges
+from flexspline.logs.velocity import velocity_noise
 from flexspline.orders.parts import effective_ratio, output_angle
 
 if TYPE_CHECKING:
@@ -45,6 +47,7 @@ __all__ = [
     "Disagreement",
     "HeldRun",
     "Slice",
+    "compared_motion",
     "disagreement",
     "frequency_bands",
     "order_bands",
@@ -252,8 +255,6 @@ def disagreement(made: Discovery) -> Disagreement:
         Where too few rows count.
     """
     if made.by == "simulation":
-        from flexspline.output_error.discovering import compared_motion
-
         return _judged(made, compared_motion(made.runs, "base"))
     part = made.model.part(made.target)
     runs = tuple(
@@ -263,6 +264,17 @@ def disagreement(made: Discovery) -> Disagreement:
     )  # fmt: skip
     source = part.known_load or "the model's own inertia and gravity"
     return _judged(made, Compared(runs, made.target, made.unit, False, made.fit.lowpass, source))
+
+
+def compared_motion(held: Sequence[HeldRun], which: str) -> Compared:
+    """Return runs whose held-out motion, "base" or "final", is compared with the measured one."""
+    runs = tuple(
+        ComparedRun(run.log, run.measured, getattr(run, which), np.zeros(len(run.log)), None,
+                    velocity_noise(run.log))
+        for run in held
+    )  # fmt: skip
+    floor = resolution([run.measured for run in held])
+    return Compared(runs, "output_position", "rad", True, None, "", "Nm", floor)
 
 
 def _judged(made: Discovery, compared: Compared) -> Disagreement:

@@ -5,7 +5,7 @@ functions stay.
 
 Functions follow no wave or bump that is finer than they are, and slow noise takes it in. What comes
 again at the same place in another run is no noise, whatever its form: `repeated` asks the nearest
-neighbours (Cover and Hart 1967).
+neighbours [CoverHart1967].
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from flexspline.discovery.basis import (
 )
 from flexspline.discovery.evidence import held_out_gain
 from flexspline.discovery.settings import SETTINGS
-from flexspline.fit.problem import Problem
+from flexspline.least_squares.problem import Problem
 from flexspline.regression.gram import (
     SINGULAR,
     TINY,

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from flexspline.errors import InputError, did_you_mean, listed
 from flexspline.estimation.status import Status
+from flexspline.rendering import render
 
 if TYPE_CHECKING:
     import pandas
@@ -132,6 +133,4 @@ class Estimate:
 
     def plot(self) -> Any:
         """Return a figure: the external torques over time, contacts shaded, flags below."""
-        from flexspline.plot.estimate import plot_estimate
-
-        return plot_estimate(self)
+        return render("estimate", "figure", self)

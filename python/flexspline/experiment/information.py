@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 
 from flexspline.effects import CATALOGUE, Effect
 from flexspline.experiment.trust import Trust
-from flexspline.fit.names import coefficient_names
-from flexspline.fit.problem import Problem, Run
+from flexspline.least_squares.names import coefficient_names
+from flexspline.least_squares.problem import Problem, Run
 from flexspline.regression.gram import Columns, Whitening, left_by
 from flexspline.regression.working import Working
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from flexspline.errors import InputError, did_you_mean, listed
 
 if TYPE_CHECKING:
-    from flexspline.fit.problem import Problem
+    from flexspline.least_squares.problem import Problem
 
 __all__ = ["Bounds", "Limits", "bounds_of", "parsed_limits"]
 

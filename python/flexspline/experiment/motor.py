@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.effects import effect
-from flexspline.fit.problem import problem_of
+from flexspline.least_squares.problem import problem_of
 from flexspline.logs.log import Log
 from flexspline.regression.gram import Whitening
 from flexspline.regression.working import Working, started, working

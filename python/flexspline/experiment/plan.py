@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 from flexspline.experiment.limits import Bounds
 from flexspline.logs.log import Log
+from flexspline.rendering import render
 
 if TYPE_CHECKING:
-    from flexspline.plot.canvas import PlainFigure
+    from matplotlib.figure import Figure
 
 __all__ = ["ENOUGH", "TAKEN", "Outlook", "Plan"]
 
@@ -94,11 +95,9 @@ class Plan:
 
         write_log(self.log, path)
 
-    def plot(self) -> PlainFigure:
+    def plot(self) -> Figure:
         """Return a figure: angle, speed, load and temperature over time, and what is expected."""
-        from flexspline.plot.experiment import plot_plan
-
-        return plot_plan(self)
+        return render("experiment", "figure", self)
 
     def __str__(self) -> str:
         return self.sentence
@@ -107,4 +106,5 @@ class Plan:
         return f"<Plan of {self.log.duration:.3g} s: {self.sentence}>"
 
     def _repr_png_(self) -> Any:
-        return self.plot()._repr_png_()
+        figure: Any = self.plot()  # a `PlainFigure`
+        return figure._repr_png_()

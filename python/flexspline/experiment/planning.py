@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, replace
 from typing import TYPE_CHECKING
 
@@ -16,11 +16,13 @@ from flexspline.experiment.words import short
 if TYPE_CHECKING:  # what is heavy is imported where it is used
     from flexspline.experiment.information import Layout, Question, Rivalry
     from flexspline.experiment.search import Bench, Scored
-    from flexspline.fit.problem import Problem
-    from flexspline.fit.result import Fit
+    from flexspline.least_squares.problem import Problem
+    from flexspline.least_squares.result import Fit
     from flexspline.logs.log import Log
     from flexspline.regression.gram import Whitening
     from flexspline.regression.working import Working
+
+    Shaped = Callable[[Effect, tuple[Effect, ...], Problem], Sequence[Effect]]
 
 __all__ = ["planned"]
 
@@ -35,6 +37,7 @@ def planned(
     work: Working,
     whitening: Whitening,
     pairs: Sequence[tuple[str, Effect]],
+    shaped: Shaped,
     fit: Fit | None,
     limits: Limits | None = None,
 ) -> Plan | None:
@@ -44,6 +47,8 @@ def planned(
     ----------
     problem, work, whitening : recorded runs, model and noise of a discovery.
     pairs : name of an effect of the model, and the rival, with orders where it has any.
+    shaped : makes of a rival, of the effects beside it and of the runs the rival in all shapes
+        that are worth a look.
     fit : whose undetermined parameters are asked for; None for no parameter.
 
     Returns
@@ -53,7 +58,7 @@ def planned(
     from flexspline.experiment.information import layout_of, pieces_of
 
     pieces, times = pieces_of(problem)
-    rivalries = [_rivalry(pieces, work, whitening, a, b) for a, b in pairs[:MOST_QUESTIONS]]
+    rivalries = [_rivalry(pieces, work, whitening, a, b, shaped) for a, b in pairs[:MOST_QUESTIONS]]
     parameters = _undetermined(fit, pairs)[: MOST_QUESTIONS - len(rivalries)]
     layout = layout_of(work, rivalries, parameters)
     if not layout.questions:
@@ -169,7 +174,7 @@ def _doubled(
 
 def _fastest_ripple(effects: Sequence[Effect], problem: Problem, velocity: float) -> float:
     """Highest frequency of ripple at this speed [rad/s] of the output, Hz; ∞ of no known gear."""
-    from flexspline.fit.ripple import CORE_PAIRS
+    from flexspline.least_squares.ripple import CORE_PAIRS
     from flexspline.orders.parts import pairs
 
     turns = {CORE_PAIRS[p.name]: abs(p.turns) for p in pairs(problem.runs[0].log.facts)}
@@ -205,10 +210,15 @@ def _bench(
 
 
 def _rivalry(
-    problem: Problem, work: Working, whitening: Whitening, named: str, rival: Effect
+    problem: Problem,
+    work: Working,
+    whitening: Whitening,
+    named: str,
+    rival: Effect,
+    shaped: Shaped,
 ) -> Rivalry:
-    from flexspline.discovery.candidates import SHARED, shaped
     from flexspline.experiment.information import Rivalry
+    from flexspline.least_squares.names import SHARED
     from flexspline.regression.working import refitted
 
     others = [e for e in work.effects if e.name != named]

@@ -23,7 +23,7 @@ from flexspline.experiment.plan import ENOUGH, TAKEN
 from flexspline.experiment.recording import Excitation, as_problem, commanded
 from flexspline.experiment.setting import settings
 from flexspline.experiment.trust import Trust
-from flexspline.fit.problem import Problem
+from flexspline.least_squares.problem import Problem
 from flexspline.parallel import in_order
 from flexspline.regression.gram import Whitening
 

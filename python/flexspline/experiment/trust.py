@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.fit.problem import Problem
+from flexspline.least_squares.problem import Problem
 from flexspline.logs.log import Log
 from flexspline.regression.gram import Whitening
 from flexspline.regression.working import Working

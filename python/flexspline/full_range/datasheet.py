@@ -1,4 +1,4 @@
-"""Compliance of a gear from its catalogue (c1 of the third paper).
+"""Compliance of a gear from its catalogue (c1 of full_range_torque_estimation).
 
 A catalogue gives the output's stiffness in three ranges of torque, K1 to T1, K2 to T2 and K3
 above, and what a reversal loses, the lost motion (or hysteresis loss). The paper's law of the
@@ -29,8 +29,8 @@ product K_w0 c_w leaves little room (Ñ = 101 or an unrounded arcmin miss the pr
 alone does: 5 / (4 % of a rated 40 Nm) is 3.125 as well, with the torque of the output taken for
 that of the motor. We keep the reading whose sides agree.
 
-Sources: full_range_torque_estimation (15), (16), Table III and its ref. 17 (Zhang, Ahmad & Liu
-2014), which the text names for the constants; the catalogue's numbers as listed by the project
+Sources: full_range_torque_estimation (15), (16), Table III and its ref. 17 [Zhang2015],
+which the text names for the constants; the catalogue's numbers as listed by the project
 AimanHaidar/harmonic-drive-selector, those of size 32 also in Harmonic Drive's manual of the CHA.
 """
 

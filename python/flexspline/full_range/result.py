@@ -27,6 +27,7 @@ from flexspline.full_range.transition import Transition, merge_weight
 from flexspline.logs.log import Log
 from flexspline.logs.read import with_motor_torque
 from flexspline.model import Model
+from flexspline.rendering import render
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -135,21 +136,18 @@ class FullRange:
 
     def plot_speed(self, ax: Axes | None = None) -> Axes:
         """Draw RMSE against speed (Fig. 7)."""
-        from flexspline.plot.full_range import error_over_speed
-
-        return error_over_speed(self.curve, ax, transition=self.transition)
+        drawn: Axes = render("full range", "speed", self.curve, ax, transition=self.transition)
+        return drawn
 
     def plot_validation(self, log: Log) -> Figure:
         """Draw torque, torsion, velocity, motor torque and λ of a log (Fig. 8)."""
-        from flexspline.plot.full_range import validation
-
-        return validation(self, log)
+        drawn: Figure = render("full range", "validation", self, log)
+        return drawn
 
     def plot_torque(self, log: Log, ax: Axes | None = None, **options: Any) -> Axes:
         """Draw the estimates of a log beside its reference (Fig. 9)."""
-        from flexspline.plot.full_range import torque_by_method
-
-        return torque_by_method(self, log, ax, **options)
+        drawn: Axes = render("full range", "torque", self, log, ax, **options)
+        return drawn
 
     def _signals(self, log: Log) -> Signals:
         return signals_of(self.variants[self.kept], log, self.settings)

@@ -1,4 +1,4 @@
-"""Scores of torque estimates as in Table I of the third paper, and by speed as in its Fig. 7.
+"""Scores of torque estimates as in Table I and Fig. 7 (by speed) of full_range_torque_estimation.
 
     RMSE = √(mean e²),  bias = mean e,  variance = mean (e − bias)² = RMSE² − bias²,  e = τ̂ − τ
 

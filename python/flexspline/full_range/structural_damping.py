@@ -1,6 +1,6 @@
 """Structural damping (sd of Table I): the formula is the core's, its parameters from training.
 
-A reading: the paper names only its ref. 23 (Ismail, Windelberg & Liu 2021); see
+A reading: the paper names only its ref. 23 [Ismail2021]; see
 `flexspline/estimators/structural_damping.hpp`. The torsion has the kinematic error and the wave
 generator taken off, as for the compliance. For a time constant T the torque is linear in B and τ_0,
 so only T is searched.

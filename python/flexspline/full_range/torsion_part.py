@@ -18,7 +18,7 @@ from flexspline.logs.log import Log
 from flexspline.part import Part
 
 if TYPE_CHECKING:
-    from flexspline.fit.result import Fit
+    from flexspline.least_squares.result import Fit
 
 __all__ = [
     "GearCompliance",
@@ -132,7 +132,7 @@ def with_mesh_stiffness(part: Part, stiffness: float, effective_ratio: float) ->
 
 
 def fit_mesh_stiffness(part: Part, logs: Log | Sequence[Log], **options: Any) -> Fit:
-    """Fit K_m0 and the offset to a stiffness run and keep all else (c2 of the third paper).
+    """Fit K_m0 and offset to a stiffness run, keep all else: c2, full_range_torque_estimation.
 
     Parameters
     ----------
@@ -172,7 +172,7 @@ def _refit(
     part: Part, logs: Log | Sequence[Log], free: Sequence[str], options: Mapping[str, Any]
 ) -> Fit:
     """Fit the effects `free`, those the part lacks included, and hold the others."""
-    from flexspline.fit.fitting import fit
+    from flexspline.fitting import fit
 
     known = [e.name for e in part.effects]
     effects = [*part.effects, *(effect(name) for name in free if name not in known)]

@@ -2,7 +2,7 @@
 
 The error of the merged estimate (19) is λ e_o + (1 − λ) e_c, so its square needs three sums in
 each of many narrow bands of speed, and any α and q̇_trans is tried without the rows. Blocks of
-time drawn again with replacement (Künsch 1989) tell how well the optimum is known.
+time drawn again with replacement [Kuensch1989] tell how well the optimum is known.
 """
 
 from __future__ import annotations

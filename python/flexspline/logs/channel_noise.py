@@ -2,7 +2,7 @@
 
 The power spectral density of a recorded channel is that of its signal S(f), which falls steeply
 (motions, loads and temperatures have a bandwidth), and that of what the recorder adds, N, which is
-flat: quantisation of a signal that moves over many steps (Widrow 1956) and electronic noise. N is
+flat: quantisation of a signal that moves over many steps [Widrow1956] and electronic noise. N is
 the level of the highest octave; the bandwidth is the highest frequency with S > N: below it the
 channel speaks, above it only its noise does. The best smoother for a derivative of order k is the
 one whose response G loses and lets pass the least,
@@ -11,7 +11,7 @@ one whose response G loses and lets pass the least,
 
 which is where a Wiener filter, S / (S + N), would end too.
 
-Spectra are averaged over segments (Welch 1967) of the second differences, whose own spectrum is
+Spectra are averaged over segments [Welch1967] of the second differences, whose own spectrum is
 flat enough for no leakage to hide the floor, and divided by the gain of these differences.
 """
 

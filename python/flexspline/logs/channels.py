@@ -1,4 +1,4 @@
-"""The channels of a log: name, SI unit and meaning, as `spec/log_format.md` has them."""
+"""The channels of a log: name, SI unit and meaning."""
 
 from __future__ import annotations
 

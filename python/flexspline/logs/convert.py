@@ -1,4 +1,4 @@
-"""A foreign file and a map in TOML become a run in the format of `log_format.md`."""
+"""A foreign file and a map in TOML become a run: channels in SI units, facts, one table."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ Value by a quadratic, slope and curvature by a quartic all have the same frequen
 
 times 1, 2πjf and -(2πf)². No phase. At the bandwidth B: -3 dB (0.7071). At B/4: 0.998, at B/2:
 0.970, at 2B: 0.071, at 3B: 0.0007. H = 4.5σ = 1.05 / B.
-Source: Savitzky and Golay 1964 with Gaussian weights (Fan and Gijbels 1996, local polynomials).
+Source: [SavitzkyGolay1964] with Gaussian weights ([FanGijbels1996], local polynomials).
 """
 
 from __future__ import annotations

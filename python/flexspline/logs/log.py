@@ -15,9 +15,11 @@ from numpy.typing import ArrayLike, NDArray
 from flexspline.errors import InputError, did_you_mean, listed
 from flexspline.logs.channels import CHANNELS
 from flexspline.logs.facts import Fact, checked_facts
+from flexspline.rendering import render
 
 if TYPE_CHECKING:
     import pandas
+    from matplotlib.figure import Figure
 
 __all__ = ["Log", "Source"]
 
@@ -130,7 +132,7 @@ class Log:
     def effective_ratio(self) -> float | None:
         """Ñ, turns of the motor side per turn of the output; None without `gear_ratio`.
 
-        N + 1 where the circular spline is the output, else N (`log_format.md`).
+        N + 1 where the circular spline is the output, else N.
         """
         if "gear_ratio" not in self.facts:
             return None
@@ -158,6 +160,20 @@ class Log:
         said = f"kept {len(columns['time'])} of {len(self)} rows" if note is None else note
         history = (*self.history, said) if said else self.history
         return Log(columns, self.facts, history, self.source)
+
+    def plot(self, *, effects: Sequence[str] = (), target: str | None = None) -> Figure:
+        """Return a figure of the channels over time, with what `check` finds in them.
+
+        Parameters
+        ----------
+        effects, target : what is to be fitted, as for `check`.
+
+        Raises
+        ------
+        InputError
+            For an effect or target that does not exist.
+        """
+        return render("log", "figure", self, tuple(effects), target)
 
     def to_frame(self) -> pandas.DataFrame:
         """Return a copy as a pandas table with one column for each channel."""

@@ -15,7 +15,7 @@ def play(position: Array, slip: float) -> Array:
 
     p_k = min(q_k + s, max(q_k − s, p_{k−1})),  p_0 = q_0: it follows once the spring is
     stretched by s. Clamps compose to clamps, so the recursion is a scan in log2(N) passes over
-    the arrays (Hillis & Steele 1986).
+    the arrays [HillisSteele1986].
     """
     low, high = position - slip, position + slip
     low[0] = high[0] = position[0]

@@ -56,7 +56,7 @@ def read_log(
         with unit, sign, scale, bits and clock. Columns that already have a channel's name
         need no entry; all others are ignored, and named in the history.
     gear_ratio, output_spline, pole_pairs, slots, torque_constant
-        Facts of the joint (`log_format.md`); `torque_constant` in Nm/A at the motor. With it
+        Facts of the joint; `torque_constant` in Nm/A at the motor. With it
         and a motor_current, motor_torque is derived where the file has none.
     rate : float, optional
         Samples per second [Hz] of a file without time stamps.

@@ -58,7 +58,7 @@ class FoundOrder:
     chance : float
         Probability that noise alone gives such a peak anywhere in the scan.
     label, effect : str
-        What turns, in words; the owner of the order in `effects.md`, "" for none.
+        What turns, in words; the effect that owns the order, "" for none.
     aliases : tuple of str
         What else turns within the resolution.
     shares : tuple of Share

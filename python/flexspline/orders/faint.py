@@ -3,7 +3,7 @@
 Where runs cover part of a turn each, the low orders of all runs together are few and not
 alike, and a floor that allows for red noise leaves little certain. What stands out of the
 median of the other low orders is still worth seeing. It is listed apart, never counted as
-found, with an error from leaving out one run at a time (jackknife: Efron 1982), which holds
+found, with an error from leaving out one run at a time (jackknife: [Efron1982]), which holds
 for noise of any colour since runs are independent.
 """
 

@@ -10,8 +10,8 @@ orders, power / F follows an F(2, 2 M_e) law, so that
 
 is again unit exponential. A sum of G surprises follows a gamma law of shape G. Over a scan of
 C independent orders the largest passes x about C sqrt(π x / 3) e^(-x) times: what is oversampled
-adds to the chances. Sources: Scargle 1982; Davies 1987 and Baluev 2008 (the crossing rate),
-Trunk 1978 (smallest of).
+adds to the chances. Sources: [Scargle1982]; [Davies1987] and [Baluev2008] (the crossing rate),
+[Trunk1978] (smallest of).
 """
 
 from __future__ import annotations

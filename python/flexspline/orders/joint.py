@@ -8,7 +8,7 @@ stretches
     steady      β = (Σ cov_g⁻¹)⁻¹ Σ cov_g⁻¹ β_g            what keeps its phase,
 
 with w_g = 1 / (A² + tr cov_g): stretches count alike unless they are too noisy for A
-(DerSimonian and Laird 1986).
+[DerSimonianLaird1986].
 """
 
 from __future__ import annotations

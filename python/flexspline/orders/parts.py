@@ -5,7 +5,6 @@ Ripple belongs to a pair of parts. The angle of every pair is a whole-numbered s
     angle = a · θ + b · q,     θ ≈ +Ñ q,
 
 so that order m of a pair is order m · (a Ñ + b) per output turn.
-Source: `shared/spec/log_format.md` (angles), `shared/spec/effects.md` (owners).
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ from flexspline.logs import Log
 __all__ = ["Candidate", "Pair", "candidates", "effective_ratio", "output_angle", "owner", "pairs"]
 
 _MOST = 10  # whole orders on either side that are listed
-_LOBES = 4  # harmonics of the wave generator that count as its ripple (effects.md)
+_LOBES = 4  # harmonics of the wave generator that count as its ripple
 
 
 @dataclass(frozen=True)
@@ -97,7 +96,7 @@ def pairs(facts: Log | Mapping[str, object]) -> tuple[Pair, ...]:
 
     Notes
     -----
-    Source: the table in `log_format.md`. Without `output_spline` nobody can say against which
+    Without `output_spline` nobody can say against which
     spline the wave generator's angle counts, so these two pairs are left out.
     """
     known = facts.facts if isinstance(facts, Log) else facts
@@ -197,7 +196,8 @@ def owner(found: Candidate, facts: Mapping[str, object], *, alone: bool) -> tupl
 
     Notes
     -----
-    Source: `effects.md`, "Ripple orders are found, not assumed".
+    Order 1 of the output alone is `gravity`, else `output_ripple`; what pole pairs or slots
+    explain is `cogging`; without them low orders are `wave_generator_ripple`, others `cogging`.
     """
     if found.pair.motor == 0:
         return ("gravity" if found.order == 1 and alone else "output_ripple"), found.label

@@ -15,6 +15,7 @@ from flexspline.logs import Log
 from flexspline.orders.parts import Pair, effective_ratio, pairs
 from flexspline.orders.stretches import Stretch, Values, chosen_values, stretches
 from flexspline.orders.transform import fourier_sums
+from flexspline.rendering import render
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -53,17 +54,8 @@ class OrderSpectrum:
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the amplitude over the order."""
-        from flexspline.plot.canvas import axes_or_new
-
-        ax = axes_or_new(ax, 9, 4)
-        ax.plot(self.order, self.amplitude, linewidth=0.7)
-        side, other = self.pair.rsplit("_", 1) if "_" in self.pair else (self.pair, "")
-        ax.set(
-            xlabel=f"order [per turn of {side.replace('_', ' ')} against {other}]",
-            ylabel=f"amplitude of {self.channel} [{self.unit or '1'}]",
-            ylim=(0, None),
-        )
-        return ax
+        drawn: Axes = render("order spectrum", "axes", self, ax)
+        return drawn
 
 
 @dataclass(frozen=True)
@@ -78,25 +70,8 @@ class TimeSpectrum:
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the amplitude over the frequency, its largest peaks marked."""
-        from flexspline.plot.canvas import axes_or_new
-
-        ax = axes_or_new(ax, 9, 4)
-        ax.plot(self.frequency, self.amplitude, linewidth=0.7)
-        for frequency, height in self.peaks[:10]:
-            ax.annotate(
-                f"{frequency:.4g}",
-                (frequency, height),
-                (0, 4),
-                textcoords="offset points",
-                fontsize=8,
-                ha="center",
-            )
-        ax.set(
-            xlabel="frequency [Hz]",
-            ylim=(0, None),
-            ylabel=f"amplitude of {self.channel} [{self.unit or '1'}]",
-        )
-        return ax
+        drawn: Axes = render("time spectrum", "axes", self, ax)
+        return drawn
 
 
 def step_turns(parts: Sequence[Stretch]) -> int:
@@ -135,7 +110,7 @@ def order_spectrum(
     -----
     The smooth part (offset, cubic of the angle, a parabola of a changing speed) of each
     direction of each run is taken out. At each order k the amplitude is that of the fit of
-    cos kq and sin kq: uneven samples, even samples and part of a turn alike (Lomb 1976).
+    cos kq and sin kq: uneven samples, even samples and part of a turn alike [Lomb1976].
     """
     logs = [logs] if isinstance(logs, Log) else list(logs)
     arrays, channel, unit = chosen_values(logs, values, unit)
@@ -181,8 +156,8 @@ def time_spectrum(
 
     Notes
     -----
-    Linear trend taken out, Hann window (Harris 1978): a sine between two frequencies shows up
-    to 15 % too small; peaks are refined by the window's own shape (Grandke 1983).
+    Linear trend taken out, Hann window [Harris1978]: a sine between two frequencies shows up
+    to 15 % too small; peaks are refined by the window's own shape [Grandke1983].
     """
     (data,), channel, unit = chosen_values(
         [log], values if isinstance(values, str) else [values], unit

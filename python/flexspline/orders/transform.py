@@ -5,7 +5,7 @@
 The samples are spread on a fine even grid of angle with a short smooth kernel, one FFT
 turns the grid into orders, and the kernel's own transform is divided out. The angle is
 folded after P turns, which changes nothing at orders that are multiples of 1/P.
-Source: Barnett, Magland, af Klinteberg 2019 (kernel "exponential of semicircle"): with
+Source: [Barnett2019] (kernel "exponential of semicircle"): with
 width 6 and twofold grid the error is about 1e-5 of Σ|y|.
 """
 

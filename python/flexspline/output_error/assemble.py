@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.fit.problem import problem_of
-from flexspline.fit.result import Fit, FittedRun, Parameter
-from flexspline.fit.scores import scores_of
-from flexspline.fit.simulation import RunGap, SimulationFit, StartEnd
-from flexspline.fit.uncertainty import Uncertainty
+from flexspline.least_squares.problem import problem_of
+from flexspline.least_squares.result import Fit, FittedRun, Parameter
+from flexspline.least_squares.scores import scores_of
+from flexspline.least_squares.simulation import RunGap, SimulationFit, StartEnd
+from flexspline.least_squares.uncertainty import Uncertainty
 from flexspline.model import Model
 from flexspline.output_error.regression import with_servo_torque
 from flexspline.output_error.search import best_of

@@ -12,7 +12,7 @@ Each parameter has the larger of its two errors, correlations are those of (Jᵀ
 interval is z ± t s with Student's t of K − 1 degrees of freedom: it holds what every fold finds,
 because t √((K − 1)/K) > 1. All in the coordinates of the search (logarithms of what is positive);
 the ends are carried over to the parameter.
-Sources: Efron & Stein 1981; for clusters Bell & McCaffrey 2002 (CR3), Cameron & Miller 2015.
+Sources: [EfronStein1981]; for clusters [BellMcCaffrey2002] (CR3), [CameronMiller2015].
 """
 
 from __future__ import annotations

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import math
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,7 +14,9 @@ from tqdm import tqdm
 
 from flexspline.effects import Effect
 from flexspline.errors import InputError, listed
+from flexspline.fitting import fit, runs_of, with_orders
 from flexspline.forward.drive import DriveInputs, drive_inputs, require_no_delay
+from flexspline.least_squares.options import FitOptions
 from flexspline.logs.derive import differentiate
 from flexspline.output_error.cost import Cost
 from flexspline.output_error.errors import errors_of
@@ -19,17 +24,18 @@ from flexspline.output_error.folds import folds_of, refitted
 from flexspline.output_error.pieces import by_pieces
 from flexspline.output_error.regression import with_servo_torque
 from flexspline.output_error.search import best_of, descend, drawn_starts
-from flexspline.output_error.settings import Settings
+from flexspline.output_error.settings import MotionOptions, Settings, settings_of
 from flexspline.output_error.space import space_of
 from flexspline.part import PART_OF
 
 if TYPE_CHECKING:
-    from flexspline.fit.names import Bounds
-    from flexspline.fit.result import Fit
+    from flexspline.forward.servo import PositionServo
+    from flexspline.least_squares.names import Bounds
+    from flexspline.least_squares.result import Fit
     from flexspline.logs.log import Log
     from flexspline.model import Model
 
-__all__ = ["EVALUATIONS", "cost_of", "fit_by_simulation", "require_drive", "require_motion",
+__all__ = ["EVALUATIONS", "cost_of", "fit_motion", "require_drive", "require_motion",
            "starts_of"]  # fmt: skip
 
 STILL = 1e-6  # rad: an output that moves less does not move
@@ -38,8 +44,65 @@ MOST_STEPS = 16
 EVALUATIONS = 25  # of each descent
 
 
-def fit_by_simulation(
-    effects: Sequence[Effect],
+def fit_motion(
+    effects: str | Effect | Iterable[str | Effect],
+    logs: Log | Sequence[Log],
+    target: str,
+    *,
+    controller: PositionServo | str | os.PathLike[str] | None = None,
+    known_load: str | None = None,
+    lowpass: float | None = None,
+    orders: Mapping[str, Sequence[int]] | None = None,
+    fixed: Mapping[str, float] | None = None,
+    bounds: Mapping[str, Bounds] | None = None,
+    checks: bool = True,
+    into: Model | None = None,
+    options: MotionOptions | None = None,
+) -> Fit:
+    """Fit a drive's effects so that the simulated motion is the measured one.
+
+    From the regression that `fit` makes on to the parameters whose forward simulation, from the
+    first row to the end, misses the measured output_position least.
+
+    Parameters
+    ----------
+    effects : as for `fit`; inertia is among them.
+    logs : one or several runs of one joint, with output_position [rad].
+    target : "motor_torque" [Nm at the output] or "motor_current" [A].
+    controller : the servo's law that drives the simulation, or the path of its `servo.json`; None:
+        the measured motor torque does. Without a torque channel, `duty` gives the regression's.
+    known_load, orders, fixed, bounds, checks, into : as for `fit`.
+    lowpass : Hz, of the regression alone; the motion is compared as it is.
+    options : what few calls need, see `MotionOptions`.
+
+    Returns
+    -------
+    Fit; what is said of the motion is in `Fit.simulation`.
+
+    Raises
+    ------
+    InputError
+        As for `fit`; for a target that is not the drive, without inertia or motion, and where a
+        scale of all torques is free.
+
+    Notes
+    -----
+    [Ljung1999], System identification, output-error models.
+    """
+    how = MotionOptions() if options is None else options
+    settings, runs = settings_of(controller, how), runs_of(logs)
+    chosen = with_orders(effects, orders or {})
+    regression = FitOptions(bandwidth=math.inf, robust=how.robust, threads=how.threads)
+    regress = partial(
+        fit, chosen, target=target, known_load=known_load, lowpass=lowpass, fixed=fixed,
+        bounds=bounds, checks=checks, options=regression,
+    )  # fmt: skip
+    require_drive(chosen, target)
+    require_motion(runs)
+    return _best_motion(runs, target, settings, regress, bounds or {}, into)
+
+
+def _best_motion(
     logs: Sequence[Log],
     target: str,
     settings: Settings,
@@ -47,36 +110,22 @@ def fit_by_simulation(
     bounds: Mapping[str, Bounds],
     into: Model | None,
 ) -> Fit:
-    """Fit effects so that the simulated motion is the measured one.
-
-    Parameters
-    ----------
-    regress : the ordinary fit of runs, where the search starts.
-    bounds, into : as in `fit`.
-
-    Raises
-    ------
-    InputError
-        For a target that is not the drive, without inertia or motion, and where a scale of all
-        torques is free.
-    """
+    """Descend from the regression, and from around it, to where the motion is missed least."""
     from flexspline.output_error.assemble import assembled
 
-    require_drive(effects, target)
-    require_motion(logs)
     law = settings.controller
     driven = [log if law is None else with_servo_torque(log, law, target) for log in logs]
-    with tqdm(desc="regression", unit=" simulations", disable=not settings.progress,
+    with tqdm(desc="regression", unit=" simulations", disable=not settings.options.progress,
               leave=False, delay=1.0) as bar:  # fmt: skip
         regression = regress(driven)
         cost = cost_of(regression, driven, settings, bounds, lambda: bar.update())
         found = []
         for number, start in enumerate(starts_of(cost, regression, settings)):
-            bar.set_description(f"start {number + 1} of {settings.starts}")
+            bar.set_description(f"start {number + 1} of {settings.options.starts}")
             found.append(descend(cost, start, EVALUATIONS))
         best = best_of(found)
         bar.set_description("without each fold")
-        folds = folds_of(cost.counts, settings.folds)
+        folds = folds_of(cost.counts, settings.options.folds)
         without = refitted(cost, best, folds, EVALUATIONS)
         errors = errors_of(cost, best.point, [fold.point for fold in without])
         return assembled(regression, cost, found, folds, without, errors, law, logs, into)
@@ -103,14 +152,14 @@ def cost_of(
     _require_scale(regression, settings.free)
     space = space_of(regression.part, law, regression.parameters, bounds, settings.free)
     runs = [drive_inputs(regression.model, log, target=target, controller=law) for log in driven]
-    cost = Cost(space, runs, [_counts(run) for run in runs], 1, settings.threads, tick)
+    cost = Cost(space, runs, [_counts(run) for run in runs], 1, settings.options.threads, tick)
     return replace(cost, steps=_steps(cost) if steps is None else steps)
 
 
 def starts_of(cost: Cost, regression: Fit, settings: Settings) -> list[Any]:
     """The regression, where pieces of the runs are missed least, and points drawn around it."""
-    drawn = drawn_starts(cost, settings.starts, settings.seed)
-    if settings.starts == 1:
+    drawn = drawn_starts(cost, settings.options.starts, settings.options.seed)
+    if settings.options.starts == 1:
         return drawn
     velocities = [_velocity(run.log) for run in regression.runs]
     shooting = descend(by_pieces(cost, velocities), cost.space.start, EVALUATIONS)
@@ -125,13 +174,13 @@ def _velocity(log: Log) -> Any:
 def require_drive(effects: Sequence[Effect], target: str) -> None:
     if PART_OF.get(target, "drive") != "drive":
         raise InputError(
-            f"by='simulation' fits a drive's motion, but the target is {target}; give the target "
-            "motor_torque or motor_current, or leave by out"
+            f"a simulated motion is that of a drive, but the target is {target}; give the target "
+            "motor_torque or motor_current, or fit the target itself"
         )
     names = [effect.name for effect in effects]
     if "inertia" not in names:
         raise InputError(
-            "by='simulation' needs the effect inertia, without which nothing can be driven "
+            "a simulated motion needs the effect inertia, without which nothing can be driven "
             f"forward; the effects are {listed(names) or 'none'}; add it"
         )
     require_no_delay(effects, target)
@@ -141,7 +190,7 @@ def require_motion(logs: Sequence[Log]) -> None:
     for log in logs:
         if "output_position" not in log:
             raise InputError(
-                f"log '{log.name}': by='simulation' compares the channel output_position, which is "
+                f"log '{log.name}': a simulated motion is compared with output_position, which is "
                 f"not among {listed(log.channels)}; map a column to it"
             )
     if all(np.ptp(log["output_position"]) < STILL for log in logs):

@@ -3,7 +3,7 @@
 What a wrong parameter does to a motion grows with time, and with it the number of valleys between
 which a descent can get lost: over a piece the miss is nearly linear in the parameters. Where the
 pieces are missed least is a better place to start from than the regression.
-Source: Bock 1983, multiple shooting, without the conditions that join the pieces.
+Source: [Bock1983], multiple shooting, without the conditions that join the pieces.
 """
 
 from __future__ import annotations

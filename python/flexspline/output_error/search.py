@@ -1,4 +1,4 @@
-"""Descents of the cost from several starts: least squares by trust regions (Branch et al. 1999)."""
+"""Descents of the cost from several starts: least squares by trust regions [Branch1999]."""
 
 from __future__ import annotations
 

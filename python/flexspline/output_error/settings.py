@@ -2,34 +2,83 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 from flexspline.errors import InputError
 from flexspline.forward.servo import PositionServo
+from flexspline.least_squares.options import require_robust
 
-__all__ = ["Settings"]
+__all__ = ["MotionOptions", "Settings", "settings_of"]
 
 
-@dataclass(frozen=True)
-class Settings:
-    """How a fit by simulation searches.
+@dataclass(frozen=True, kw_only=True)
+class MotionOptions:
+    """Options of `fit_motion` that few calls need.
 
-    `controller`: the servo's law, or None. `free`: its fields that are fitted. `starts`, `folds`:
-    how many. `seed`: of the starts. `threads`: that simulations are shared among.
+    Parameters
+    ----------
+    free_controller : fields of the servo's law that are fitted too, of "torque" and "back_emf".
+    starts : descents: from the regression, from where short pieces of the runs are missed least,
+        and the others around the regression by `seed`.
+    folds : every `folds`-th run is left out in turn (of fewer runs, as many blocks of each); what
+        the fits without find is within the intervals.
+    seed : of the starts.
+    robust : "huber" weighs down outliers in the regression that comes first; None does not.
+    threads : that simulations are shared among.
+    progress : show what is being done on standard error.
+
+    Raises
+    ------
+    InputError
+        Where starts, folds or robust are something else.
     """
 
-    controller: PositionServo | None
-    free: tuple[str, ...]
-    starts: int
-    folds: int
-    seed: int
-    threads: int
-    progress: bool
+    free_controller: str | Sequence[str] = ()
+    starts: int = 8
+    folds: int = 4
+    seed: int = 0
+    robust: str | None = None
+    threads: int = 1
+    progress: bool = False
 
     def __post_init__(self) -> None:
+        require_robust(self.robust)
         for name, least in (("starts", 1), ("folds", 2)):
             value = getattr(self, name)
             if not isinstance(value, int) or value < least:
                 raise InputError(f"{name} is {value!r}; give a whole number from {least} up")
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How a fit by simulation searches: the servo's law, or None, and the options."""
+
+    controller: PositionServo | None
+    options: MotionOptions = field(default_factory=MotionOptions)
+
+    def __post_init__(self) -> None:
         if self.free and self.controller is None:
             raise InputError("free_controller names fields of a controller; give the controller")
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        """Fields of the law that are fitted."""
+        free = self.options.free_controller
+        return (free,) if isinstance(free, str) else tuple(free)
+
+
+def settings_of(
+    controller: PositionServo | str | os.PathLike[str] | None, options: MotionOptions
+) -> Settings:
+    """Return `Settings`; the law may be a path of its `servo.json`.
+
+    Raises
+    ------
+    InputError
+        Where that file is no law, or fields are to be fitted of none.
+    """
+    if isinstance(controller, (str, os.PathLike)):
+        controller = PositionServo.load(controller)
+    return Settings(controller, options)

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.errors import InputError, listed
-from flexspline.fit.names import Bounds, pair_of, resolve, shapes_of
-from flexspline.fit.result import Parameter
 from flexspline.forward.servo import PositionServo
+from flexspline.least_squares.names import Bounds, pair_of, resolve, shapes_of
+from flexspline.least_squares.result import Parameter
 from flexspline.part import Part
 
 __all__ = ["FREE_OF_A_LAW", "Searched", "Space", "space_of"]

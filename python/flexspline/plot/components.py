@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from flexspline.errors import InputError, listed
-from flexspline.fit.shares import contributions
+from flexspline.least_squares.shares import contributions
 from flexspline.plot.canvas import (
     GREY,
     INK,
@@ -22,7 +22,7 @@ from flexspline.plot.canvas import (
 from flexspline.plot.thin import banded, outline
 
 if TYPE_CHECKING:
-    from flexspline.fit.result import Fit, FittedRun
+    from flexspline.least_squares.result import Fit, FittedRun
 
 __all__ = ["components"]
 

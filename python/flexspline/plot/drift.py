@@ -25,7 +25,7 @@ from flexspline.plot.canvas import (
 from flexspline.plot.thin import spread_evenly
 
 if TYPE_CHECKING:
-    from flexspline.fit.result import Fit
+    from flexspline.least_squares.result import Fit
 
 __all__ = ["drift_curve"]
 

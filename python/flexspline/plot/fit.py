@@ -16,7 +16,7 @@ from flexspline.plot.orders import order_spectra
 from flexspline.plot.residuals import has_channel, measured_against_predicted, residual_over
 
 if TYPE_CHECKING:
-    from flexspline.fit.result import Fit
+    from flexspline.least_squares.result import Fit
 
 __all__ = ["panels", "plot_fit"]
 

@@ -1,4 +1,4 @@
-"""Figures of the full-range estimate: 7, 8 and 9 of the third paper."""
+"""Figures of the full-range estimate: 7, 8 and 9 of full_range_torque_estimation."""
 
 from __future__ import annotations
 

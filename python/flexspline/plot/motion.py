@@ -13,7 +13,7 @@ from flexspline.plot.canvas import GREY, PALETTE, axes_or_new, legend, plain, ti
 from flexspline.plot.thin import outline
 
 if TYPE_CHECKING:
-    from flexspline.fit.result import Fit
+    from flexspline.least_squares.result import Fit
 
 __all__ = ["simulated_motion"]
 

@@ -23,7 +23,7 @@ from flexspline.plot.canvas import (
 from flexspline.plot.thin import banded, outline, spread_evenly
 
 if TYPE_CHECKING:
-    from flexspline.fit.result import Fit, FittedRun
+    from flexspline.least_squares.result import Fit, FittedRun
 
 __all__ = ["has_channel", "measured_against_predicted", "residual_over"]
 

@@ -2,7 +2,7 @@
 
 With autoregressive noise, e_t = Σ φ_k e_{t−k} + w_t, least squares on rows and target filtered by
 A = 1 − Σ φ_k z^−k weighs evidence as it is: sums of squares over the innovation variance σ² are
-χ², and slow noise is not counted once for each sample (Cochrane & Orcutt 1949).
+χ², and slow noise is not counted once for each sample [CochraneOrcutt1949].
 
 A run of an hour has millions of rows, and model and candidates together more than a hundred
 columns. Sums of products need a few rows at a time only, so the core makes these, filters them,
@@ -32,8 +32,8 @@ from scipy.ndimage import correlate1d
 
 from flexspline import _core
 from flexspline.effects import Effect
-from flexspline.fit.problem import Problem, Run
-from flexspline.fit.validation import RUNS_NEEDED, run_edges
+from flexspline.least_squares.problem import Problem, Run
+from flexspline.least_squares.validation import RUNS_NEEDED, run_edges
 from flexspline.logs.local_fit import LocalFit
 from flexspline.logs.segments import runs as unbroken_runs
 from flexspline.parallel import in_order

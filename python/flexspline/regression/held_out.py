@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.fit.problem import Problem
+from flexspline.least_squares.problem import Problem
 from flexspline.regression.gram import (
     SINGULAR,
     TINY,
@@ -98,7 +98,7 @@ def held_out(
 def _ridge(table: Table, own: int) -> Array:
     """What is added to the products, (C + 1, C + 1), for columns behind the model's own.
 
-    Ridge regression by empirical Bayes (Hoerl, Kennard and Baldwin 1975): of m columns that explain
+    Ridge regression by empirical Bayes [Hoerl1975]: of m columns that explain
     χ² together, each explains (χ² − m) / m beyond chance, and is that size times a normal number.
     """
     columns, raw = np.arange(own, len(table.total) - 1), np.diag(table.total)

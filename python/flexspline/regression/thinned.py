@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from flexspline import _core
-from flexspline.fit.problem import Problem, Run
+from flexspline.least_squares.problem import Problem, Run
 
 __all__ = ["rows_of", "thinned"]
 

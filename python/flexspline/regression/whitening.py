@@ -2,7 +2,7 @@
 
 A hidden effect that is slow looks like slow noise to a model of the base's residual, and would be
 filtered away with it. So the first noise is that of a residual from which everything known was
-taken out, and too white; the second is the restricted likelihood's (`fit/noise_model.py`) beside
+taken out, and too white; the second is the restricted likelihood's (`noise_model.py`) beside
 whatever a first look with the first has found.
 
 Many recorders smooth what they record. Little is left of it at high frequencies, and noise without
@@ -22,8 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz
 
-from flexspline.fit.noise_model import Chunk, noise_model
-from flexspline.fit.problem import Problem, Run
+from flexspline.least_squares.noise_model import Chunk, noise_model
+from flexspline.least_squares.problem import Problem, Run
 from flexspline.regression.gram import (
     SINGULAR,
     TINY,

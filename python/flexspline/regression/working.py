@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.effects import Effect
-from flexspline.fit.names import ShapeParameter, coefficient_names, resolve, shapes_of
-from flexspline.fit.problem import Problem
+from flexspline.least_squares.names import ShapeParameter, coefficient_names, resolve, shapes_of
+from flexspline.least_squares.problem import Problem
 from flexspline.regression.gram import (
     SINGULAR,
     Given,

@@ -14,7 +14,7 @@ from flexspline.report.verdict import Verdict
 if TYPE_CHECKING:
     from flexspline.calibration.figures import Figure
     from flexspline.calibration.result import CalibrationResult
-    from flexspline.fit.result import Parameter
+    from flexspline.least_squares.result import Parameter
 
 __all__ = [
     "CalibrationLine",
@@ -119,7 +119,7 @@ def told(result: CalibrationResult) -> list[str]:
     if result.shape.degree:
         terms = [_term(p, k) for k, p in enumerate(result.drift_polynomial)]
         polynomial = " ".join(reversed(terms)).removeprefix("+ ")
-        said.append(f"Reading without load (zhang (11)): b(T) = {polynomial} mV, T in °C.")
+        said.append(f"Reading without load: b(T) = {polynomial} mV, T in °C.")
     said += _legs(result)
     if result.unit == "V" and result.thermal is not None:
         before, after = _spread(result.thermal.both)

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexspline.errors import listed
-from flexspline.fit.ripple_orders import PAIRS, RippleOrder, ripple_orders
 from flexspline.formatting.numbers import plus_minus, short, short_names
+from flexspline.least_squares.ripple_orders import PAIRS, RippleOrder, ripple_orders
 
 if TYPE_CHECKING:
-    from flexspline.fit.result import Fit, Parameter
+    from flexspline.least_squares.result import Fit, Parameter
 
 __all__ = ["KnownGroup", "ParameterLine", "known_groups", "naive_remark", "parameter_lines"]
 

@@ -11,8 +11,8 @@ from flexspline.formatting.numbers import short
 from flexspline.logs.channels import CHANNELS
 
 if TYPE_CHECKING:
-    from flexspline.fit.result import Fit
-    from flexspline.fit.simulation import SimulationFit
+    from flexspline.least_squares.result import Fit
+    from flexspline.least_squares.simulation import SimulationFit
 
 __all__ = ["LogFacts", "log_facts", "model_facts", "python_call"]
 
@@ -80,35 +80,43 @@ def python_call(fit: Fit) -> str:
     lines = [repr(effects), "logs", repr(fit.target)]
     if fit.part.known_load is not None:
         lines.append(f"known_load={fit.part.known_load!r}")
-    if fit.part.simulated is not None:
-        own_files = fit.part.simulated.own_files
-        lines += ["simulation=simulation"] if own_files else []
-        lines.append(f"simulated_torque={fit.part.simulated.column!r}")
     if fit.lowpass is not None:
         lines.append(f"lowpass={fit.lowpass!r}")
-    if fit.bandwidth is not None:
-        told = f"{fit.bandwidth!r}" if math.isfinite(fit.bandwidth) else "float('inf')"
-        lines.append(f"bandwidth={told}")
     orders = {e.name: _orders(e) for e in fit.part.effects if e.harmonics}
     fixed = {p.name: p.value for p in fit.parameters if p.state == "fixed"}
     priors = {p.name: p.prior for p in fit.parameters if p.prior is not None}
     for key, value in (("orders", orders), ("fixed", fixed), ("priors", priors)):
         if value:
             lines.append(f"{key}={value!r}")
+    if fit.simulation is not None and fit.simulation.controller is not None:
+        lines.append(f"controller={fit.simulation.controller!r}")
+    name, kind = (
+        ("fit", "FitOptions") if fit.simulation is None else ("fit_motion", "MotionOptions")
+    )
+    options = _fit_options(fit) if fit.simulation is None else _motion_options(fit.simulation)
+    if options:
+        lines.append(f"options=flexspline.{kind}({', '.join(options)})")
+    return f"fit = flexspline.{name}(\n" + "".join(f"    {line},\n" for line in lines) + ")"
+
+
+def _fit_options(fit: Fit) -> list[str]:
+    options = []
+    if fit.part.simulated is not None:
+        options += ["simulation=simulation"] if fit.part.simulated.own_files else []
+        options.append(f"simulated_torque={fit.part.simulated.column!r}")
+    if fit.bandwidth is not None:
+        told = f"{fit.bandwidth!r}" if math.isfinite(fit.bandwidth) else "float('inf')"
+        options.append(f"bandwidth={told}")
     own_offset = f"offset.{fit.runs[0].log.name}"
     if own_offset != "offset.offset" and own_offset in [p.name for p in fit.parameters]:
-        lines.append("offset_per_run=True")
-    if fit.simulation is not None:
-        lines += _simulated_call(fit.simulation)
-    return "fit = flexspline.fit(\n" + "".join(f"    {line},\n" for line in lines) + ")"
+        options.append("offset_per_run=True")
+    return options
 
 
-def _simulated_call(found: SimulationFit) -> list[str]:
-    lines = ["by='simulation'", f"starts={len(found.starts)}", f"folds={len(found.folds)}"]
+def _motion_options(found: SimulationFit) -> list[str]:
     free = [name.removeprefix("controller.") for name in found.names if "controller." in name]
-    if found.controller is not None:
-        lines.append(f"controller={found.controller!r}")
-    return [*lines, f"free_controller={free!r}"] if free else lines
+    given = [f"starts={len(found.starts)}", f"folds={len(found.folds)}"]
+    return [*given, f"free_controller={free!r}"] if free else given
 
 
 def _orders(effect: Effect) -> list[int | tuple[int, str]]:

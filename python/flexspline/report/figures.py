@@ -9,12 +9,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import matplotlib
+from matplotlib.figure import Figure
 
 from flexspline.plot.canvas import INK, Panel, PlainFigure, axes_or_new
 from flexspline.plot.fit import panels
 
 if TYPE_CHECKING:
-    from flexspline.fit.result import Fit
+    from flexspline.least_squares.result import Fit
 
 __all__ = ["ReportFigure", "drawn", "inline_svg", "report_figures"]
 
@@ -43,7 +44,7 @@ def drawn(panel: Panel) -> ReportFigure:
     return ReportFigure(inline_svg(figure, ax.get_title(loc="left")), panel.look_for)
 
 
-def inline_svg(figure: PlainFigure, name: str) -> str:
+def inline_svg(figure: Figure, name: str) -> str:
     """Return an SVG element whose dark lines and text have the colour of the text around it.
 
     `name` is read out to who cannot see it, and keeps ids apart within a page.

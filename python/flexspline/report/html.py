@@ -11,8 +11,8 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from flexspline.about import __version__
 from flexspline.files import atomic_write
-from flexspline.fit.shares import shares
 from flexspline.formatting.numbers import short
+from flexspline.least_squares.shares import shares
 from flexspline.report.content import known_groups, parameter_lines
 from flexspline.report.facts import log_facts, model_facts, python_call
 from flexspline.report.inputs import delay_sentence, input_rows
@@ -20,7 +20,7 @@ from flexspline.report.tables import grouped_scores, score_rows
 from flexspline.report.verdict import TARGET_WORDS, trust, validation_sentence, verdict
 
 if TYPE_CHECKING:
-    from flexspline.fit.result import Fit
+    from flexspline.least_squares.result import Fit
 
 __all__ = ["fit_html", "templates", "write_report"]
 

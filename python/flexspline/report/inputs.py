@@ -9,7 +9,7 @@ from flexspline.formatting.numbers import plus_minus, short
 from flexspline.logs.channels import CHANNELS
 
 if TYPE_CHECKING:
-    from flexspline.fit.result import Delay
+    from flexspline.least_squares.result import Delay
     from flexspline.logs.channel_noise import ChannelNoise
     from flexspline.prepared import Preparation
 

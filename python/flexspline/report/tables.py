@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.errors import InputError, listed
-from flexspline.fit.scores import Score
 from flexspline.formatting.numbers import decimals_for, truncated
+from flexspline.least_squares.scores import Score
 
 if TYPE_CHECKING:
     import pandas
 
-    from flexspline.fit.result import Fit
+    from flexspline.least_squares.result import Fit
 
 __all__ = ["ScoreTable", "compare_scores", "grouped_scores", "score_rows"]
 

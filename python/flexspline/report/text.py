@@ -12,7 +12,7 @@ from flexspline.report.tables import score_rows
 from flexspline.report.verdict import TARGET_WORDS, trust, verdict
 
 if TYPE_CHECKING:
-    from flexspline.fit.result import Fit
+    from flexspline.least_squares.result import Fit
 
 __all__ = ["fit_text"]
 

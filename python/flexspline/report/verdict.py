@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexspline.errors import listed
-from flexspline.fit.ripple_orders import ripple_orders
 from flexspline.formatting.numbers import short, short_names
+from flexspline.least_squares.ripple_orders import ripple_orders
 
 if TYPE_CHECKING:
-    from flexspline.fit.result import Fit
+    from flexspline.least_squares.result import Fit
 
 __all__ = ["TARGET_WORDS", "Verdict", "spread", "trust", "validation_sentence", "verdict"]
 

@@ -15,9 +15,9 @@ set down as order 201 of the output.
 
 More physics than any model under test, each range chosen once, before any claim was computed:
 
-- Friction: Stribeck 0.2–1 Nm within 0.02–0.1 rad/s (Olsson et al. 1998: 10–20 %), a load share of
-  1–6 % (Graabæk et al. 2024), fading by 0.2–0.8 %/K (Coulomb) and 1–2.5 %/K (viscous) (Madsen et
-  al. 2020). Printed levels hold at the training's temperature and where the joint begins to move.
+- Friction: Stribeck 0.2–1 Nm within 0.02–0.1 rad/s ([Olsson1998]: 10–20 %), a load share of
+  1–6 % [Graabaek2024], fading by 0.2–0.8 %/K (Coulomb) and 1–2.5 %/K (viscous) [Madsen2020].
+  Printed levels hold at the training's temperature and where the joint begins to move.
   0.1–0.5 Nm of Coulomb friction are the output bearings', who hide it from the torsion.
 - Gear: K_m0 of c2 within 5 %, c_m within 10 %; the wave generator gives way under what it
   *transmits*, not under the motor torque as in (16), with 0.3–1 of the lost motion of c1 (a

@@ -12,8 +12,9 @@ oven and brake in `flexspline.rigs.zhang_bench`. Of the joint and the arm, each 
 before any claim was computed:
 
 - Joint of size 20: rotor 3–8e-5 kg m², mesh 1.2–2e4 Nm/rad, friction 3–6 Nm at the output with
-  Stribeck and load share, kinematic error of order 2 of 2–5 mrad at the motor (full_range Table
-  III: 4.4), current ripple of 1–4 mNm. The clocks of drive and logger differ by up to 50 ppm.
+  Stribeck and load share, kinematic error of order 2 of 2–5 mrad at the motor (Table III of
+  full_range_torque_estimation: 4.4), current ripple of 1–4 mNm. The clocks of drive and logger
+  differ by up to 50 ppm.
 - Friction beyond the sensor, which (23) has not: 2–10 mNm, a light ball bearing's.
 - The arm's true ml² + J and mgl lie within 3 % and 1 % of Table 2: errors of identification.
 - Sensor gain at small torques within 1 %: the line of 70 Nm, not the slope at zero. Gauges part by

@@ -85,7 +85,7 @@ class WaveStrain:
 
     References
     ----------
-    zhang_disturbance_elimination (1)–(3), Fig. 7; Hashimoto (its ref. 12).
+    zhang_disturbance_elimination (1)–(3), Fig. 7; [Hashimoto1993] (its ref. 12).
 
     Raises
     ------

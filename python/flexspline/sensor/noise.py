@@ -114,7 +114,7 @@ def noise_budget(
 
     References
     ----------
-    zhang_disturbance_elimination §2.2, Fig. 5 for the chain; Johnson and Nyquist 1928 for 4kTR.
+    zhang_disturbance_elimination §2.2, Fig. 5 for the chain; [Johnson1928], [Nyquist1928] for 4kTR.
     """
     if not math.isfinite(load):
         raise InputError(f"noise budget: load = {load:g} Nm; give a finite torque")

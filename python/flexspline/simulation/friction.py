@@ -30,8 +30,8 @@ class Friction:
 
     Notes
     -----
-    Source: full_range_torque_estimation (21), (22); Olsson et al. 1998 (Stribeck); Madsen et al.
-    2020 (load and temperature).
+    Source: full_range_torque_estimation (21), (22); [Olsson1998] (Stribeck);
+    [Madsen2020] (load and temperature).
     """
 
     coulomb_forward: float = at_least(0.0)

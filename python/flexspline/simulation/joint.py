@@ -40,7 +40,7 @@ class Joint:
     J_m θ̈ = τ_m − (τ + z/Ñ) (1 + ∂θ_err/∂θ) − friction and
     J q̈ = (τ + z/Ñ) (Ñ − ∂θ_err/∂q) − τ_load − gravity · sin(q − q₀) − ripple − friction, τ the
     spring's torque at the wave generator, z the hysteresis beside it, which sees the wind-up as
-    the spring does. A rigid gear gives (J + Ñ² J_m) q̈ = Ñ τ_m − …. Signs as in `log_format.md`:
+    the spring does. A rigid gear gives (J + Ñ² J_m) q̈ = Ñ τ_m − …. Signs as in a log:
     τ_load is positive when the joint pushes outward. Source: full_range_torque_estimation Fig. 3.
     """
 

@@ -36,7 +36,7 @@ class Harmonic:
     order : periods per turn of the pair, 1 … 1 000 000.
     amplitude : in the unit of the place where it stands.
     phase : rad.
-    pair : one of `PAIRS`, see the table of `log_format.md`.
+    pair : one of `PAIRS`.
     """
 
     order: int = whole(1, 1_000_000, 1)
@@ -216,7 +216,7 @@ class Obstacle:
 
     Notes
     -----
-    Source: Hunt & Crossley 1975: the torque has no jump at the touch.
+    Source: [HuntCrossley1975]: the torque has no jump at the touch.
     """
 
     angle: float = 0.0

@@ -51,7 +51,7 @@ def forms_of(name: str, joint: Joint) -> list[Effect]:
 
 
 def _orders(name: str, joint: Joint) -> list[tuple[int, str]]:
-    """The orders that belong to a ripple effect by effects.md."""
+    """The orders that belong to a ripple effect."""
     other = "circular_spline" if joint.output_spline == "circular" else "flexspline"
     motor = [(k, "motor_on_stator") for k in LOW]
     beside = [(k, f"wave_generator_on_{other}") for k in LOW]

@@ -12,7 +12,7 @@ namespace flexspline {
 /// At τ = 0: 0, in the middle. Far above w: ∓c. Odd in τ. Linear in c, half the dead zone, ≥ 0:
 /// outward torque lets the motor run ahead, as for mesh_compliance. w: the torque that brings the
 /// parts to lie fully against each other.
-/// Source: Nordin and Gutman 2002, Controlling mechanical systems with backlash, a survey.
+/// Source: [NordinGutman2002], Controlling mechanical systems with backlash, a survey.
 template <typename S>
 struct Backlash {
   static constexpr std::string_view name = "backlash";

@@ -9,7 +9,7 @@ namespace flexspline {
 ///   τ = Σ_k  a_k cos(k θ) + b_k sin(k θ)
 ///
 /// Linear in a and b. Orders are multiples of pole or slot counts.
-/// Source: Madsen et al. 2020, Comprehensive modeling and identification of nonlinear joint
+/// Source: [Madsen2020], Comprehensive modeling and identification of nonlinear joint
 /// dynamics.
 template <typename S, std::size_t K>
 struct Cogging : Harmonics<S, K> {

@@ -11,7 +11,7 @@ namespace flexspline {
 /// c, b: half of what level and viscosity forward exceed those backward by. Beside Coulomb friction
 /// C and viscous friction B the joint then brakes with (C + c) + (B + b) v forward and with
 /// (C − c) + (B − b) |v| backward. At v = 0: 0. Even in v. Linear in c and b.
-/// Source: direction-dependent friction of geared joints, Armstrong-Hélouvry et al. 1994, §2.
+/// Source: direction-dependent friction of geared joints, [ArmstrongHelouvry1994], §2.
 template <typename S>
 struct DirectionDependentFriction {
   static constexpr std::string_view name = "direction_dependent_friction";

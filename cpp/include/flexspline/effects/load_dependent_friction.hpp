@@ -9,7 +9,7 @@ namespace flexspline {
 ///   τ = c · |τ_load| · d(v),     d(v) = tanh(v / v_d)
 ///
 /// At v = 0: 0. Without load: 0. Odd in v. Linear in c.
-/// Source: full_range_torque_estimation §I and its refs. 7, 8 (Madsen et al. 2020).
+/// Source: full_range_torque_estimation §I and its refs. 7, 8, [Madsen2020] and [Graabaek2024].
 template <typename S>
 struct LoadDependentFriction {
   static constexpr std::string_view name = "load_dependent_friction";

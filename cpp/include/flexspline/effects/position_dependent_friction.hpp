@@ -11,7 +11,7 @@ namespace flexspline {
 ///
 /// At v = 0: 0. Odd in v, so that it takes work in both directions as long as coulomb_friction is
 /// larger. Linear in a and b. Ripple is the same in both directions; this turns its sign.
-/// Source: Armstrong-Hélouvry 1991, Control of machines with friction; d as in coulomb_friction.
+/// Source: [ArmstrongHelouvry1991], Control of machines with friction; d as in coulomb_friction.
 template <typename S>
 struct PositionDependentFriction {
   static constexpr std::string_view name = "position_dependent_friction";

@@ -13,7 +13,7 @@ namespace flexspline {
 /// coulomb_friction, which then takes what does not build up. At rest the springs stay as they are:
 /// friction holds. Steps of q are taken the short way, so it must turn less than half a turn
 /// between samples.
-/// Source: Al-Bender et al. 2005, The generalized Maxwell-slip model.
+/// Source: [AlBender2005], The generalized Maxwell-slip model.
 template <typename S>
 struct PreslidingFriction {
   using Elements = MaxwellSlip<S, 4>;

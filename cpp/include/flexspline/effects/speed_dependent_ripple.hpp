@@ -15,7 +15,7 @@ namespace flexspline {
 /// with v across the ripple (its phase turns) and with v² along it. Far above: −1 times the ripple,
 /// which is then gone. As if the speed had been held: it must change little while the resonance
 /// rings. Linear in a and b.
-/// Source: Tuttle and Seering 1996, A nonlinear model of a harmonic drive gear transmission.
+/// Source: [TuttleSeering1996], A nonlinear model of a harmonic drive gear transmission.
 template <typename S, std::size_t K>
 struct SpeedDependentRipple : Harmonics<S, K> {
   static constexpr std::string_view name = "speed_dependent_ripple";

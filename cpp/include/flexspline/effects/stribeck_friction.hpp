@@ -10,7 +10,7 @@ namespace flexspline {
 ///
 /// At v = 0: 0. Far above v_s: 2e-22 c, not less: a product of it that is subnormal is slow on a
 /// PC and flushed on some devices. Odd in v. Linear in c.
-/// Source: Olsson et al. 1998, Friction models and friction compensation; d as in coulomb_friction.
+/// Source: [Olsson1998], Friction models and friction compensation; d as in coulomb_friction.
 template <typename S>
 struct StribeckFriction {
   static constexpr std::string_view name = "stribeck_friction";

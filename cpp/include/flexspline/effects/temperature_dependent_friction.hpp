@@ -10,7 +10,7 @@ namespace flexspline {
 ///
 /// At T₀ and at v = 0: 0. Odd in v. Linear in both. The square is there because viscosity falls
 /// like an exponential: over 20 K a straight line misses a tenth of the change.
-/// Source: full_range_torque_estimation §I; Simoni et al. 2015, Friction modeling with temperature
+/// Source: full_range_torque_estimation §I; [Simoni2015], Friction modeling with temperature
 /// effects for industrial robot manipulators.
 template <typename S>
 struct TemperatureDependentFriction {

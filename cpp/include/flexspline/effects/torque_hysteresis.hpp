@@ -12,8 +12,8 @@ namespace flexspline {
 /// bolts, its glue. Linear in c, half the height of each one's loop, ≥ 0 where the reading lags
 /// behind. The slope that all have after a reversal of the load is part of the loop; that of the
 /// whole is gain_error.
-/// Source: zhang_disturbance_elimination states 0.903 % after (25); the model is that of Al-Bender
-/// et al. 2005.
+/// Source: zhang_disturbance_elimination states 0.903 % after (25); the model is that of
+/// [AlBender2005].
 template <typename S>
 struct TorqueHysteresis {
   using Elements = MaxwellSlip<S, 4>;

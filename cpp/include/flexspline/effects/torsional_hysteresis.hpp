@@ -13,7 +13,7 @@ namespace flexspline {
 /// of each one's loop, ≥ 0 where the loop costs energy: a rising load has not yet turned the motor
 /// ahead as far as it will; a motor that turns forward runs ahead of an output that rubs. Steps of
 /// θ are taken the short way, so it must turn less than half a turn between samples. Source:
-/// full_range_torque_estimation §I (refs. 11 to 13); the step beyond its (14).
+/// full_range_torque_estimation §I (refs. 11 to 13, [Tjahjowidodo2013]); the step beyond its (14).
 template <typename S>
 struct TorsionalHysteresis {
   using Elements = MaxwellSlip<S, 4>;

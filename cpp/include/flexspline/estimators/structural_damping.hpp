@@ -12,7 +12,7 @@
 /// exact for a rate that is constant over the period. A bad period or a value that is not finite
 /// changes nothing.
 /// Source: a reading. full_range_torque_estimation names the method sd and gives only its ref. 23
-/// (Ismail, Windelberg & Liu 2021), which we have not seen. Its abstract says "structural damping",
+/// [Ismail2021], which we have not seen. Its abstract says "structural damping",
 /// "linear dynamic model" and "torsional rate"; the formula, τ = τ_0 + B Δθ̇ under a low pass with a
 /// time constant T and a threshold on Δθ, is as the repository allwinlucious/MasterThesis quotes it
 /// (chapter 2, eq. 2.2).

@@ -16,7 +16,7 @@
 /// (1) of the paper has one ε_w in both gauges of a pair: that is the stretching t here, and
 /// leaves nothing of the sinusoid in (2). Hashimoto's pair, and (2) as it is meant, differ by
 /// 2 b: the bending.
-/// Source: zhang_disturbance_elimination (1)–(5), Fig. 8; Hashimoto 1993 (its ref. 12).
+/// Source: zhang_disturbance_elimination (1)–(5), Fig. 8; [Hashimoto1993] (its ref. 12).
 #pragma once
 
 #include <array>

@@ -8,7 +8,7 @@
 /// low pass where the input is.
 ///
 /// Noise as variances in V², each at the place where it arises:
-///   thermal noise of a resistance R   4 k T R per Hz     (Johnson, Nyquist 1928)
+///   thermal noise of a resistance R   4 k T R per Hz     [Johnson1928], [Nyquist1928]
 ///   noise bandwidth of an RC low pass  1 / (4 R C) Hz
 ///   rounding to LSB                    LSB² / 12
 ///   thermal noise of the RC itself     k T / C

@@ -46,7 +46,7 @@ def check(
     Parameters
     ----------
     log : any log, broken ones too
-    effects : names of `spec/effects.md` that are to be fitted: missing channels and lacking
+    effects : names of the catalogue that are to be fitted: missing channels and lacking
         excitation are then found as well
     target : the channel to be fitted (or ``torsion``): it has to be there
     threads : checks that are made at the same time

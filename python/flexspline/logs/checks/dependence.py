@@ -2,7 +2,7 @@
 
 The share of a channel's variance that a smooth function of another one explains is told on folds
 that the function was not fitted to. From nine tenths on the variance of a coefficient is inflated
-tenfold (Marquardt 1970), and runs are said not to tell the two apart.
+tenfold [Marquardt1970], and runs are said not to tell the two apart.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ __all__ = ["Dependence", "dependences"]
 
 Array = NDArray[np.float64]
 
-INFLATED = 10.0  # Marquardt 1970: variance inflation from which two columns are collinear
+INFLATED = 10.0  # [Marquardt1970]: variance inflation from which two columns are collinear
 FOLDS = 8  # blocks of rows, where there are fewer than four runs
 ROWS = 4000  # of each run, evenly spread
 PIECES, OF_TIME = 16, 3  # of the cubic spline; a drift that bends more is none

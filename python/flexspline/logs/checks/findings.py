@@ -9,11 +9,13 @@ from typing import Literal
 
 from flexspline.errors import InputError
 
-__all__ = ["Finding", "Findings", "Severity"]
+__all__ = ["NO_TORSION", "Finding", "Findings", "Severity"]
 
 Severity = Literal["error", "fault", "note"]
 
 ORDER: tuple[Severity, ...] = ("error", "fault", "note")
+NO_TORSION = ("wrapped_angle", "motor_reversed", "gear_ratio")
+"""Faults with which q Ñ − θ is hundreds of rad of nothing; of other targets they are warnings."""
 
 
 @dataclass(frozen=True)
@@ -78,9 +80,18 @@ class Findings(Sequence[Finding]):
         """Findings of one name."""
         return tuple(f for f in self.items if f.name == name)
 
+    def forbidding(self, target: str | None = None) -> tuple[Finding, ...]:
+        """Findings with which no fit is made: errors, and of torsion what makes nonsense of it."""
+        wrong = NO_TORSION if target == "torsion" else ()
+        return tuple(f for f in self.items if f.severity == "error" or f.name in wrong)
+
     def raise_errors(self) -> None:
         """Raise `InputError` with the first error's sentence and remedy, if there is one."""
         self._raise(self.errors)
+
+    def raise_forbidding(self, target: str | None) -> None:
+        """Raise `InputError` with the first finding that forbids a fit of this target."""
+        self._raise(self.forbidding(target))
 
     def raise_named(self, names: Iterable[str]) -> None:
         """Raise `InputError` with the first finding of these names, whatever its severity."""

@@ -116,7 +116,7 @@ def turn_of(share: float) -> Need:
     return need
 
 
-def sampled(order_of: Callable[[Log, float], float]) -> Need:
+def sampled(order_of: Callable[[Log, float], float | None]) -> Need:
     """Ripple of the lowest order of an effect below half the rate."""
 
     def need(log: Log, motion: Motion | None) -> Lack | None:
@@ -126,6 +126,8 @@ def sampled(order_of: Callable[[Log, float], float]) -> Need:
         if ratio is None:
             return 0.0, "", "no gear ratio is stated", "State gear_ratio."
         order = order_of(log, ratio)
+        if order is None:
+            return 0.0, "", "the number of pole pairs is not stated", "State pole_pairs."
         fast = np.abs(motion.velocity) * order / (2 * np.pi) > 0.5 * log.rate
         share = float(np.mean(fast))
         if share < 0.1:
@@ -221,5 +223,6 @@ def lasting(seconds: float) -> Need:
     return need
 
 
-def teeth(log: Log, ratio: float) -> float:
-    return ratio * float(log.facts.get("pole_pairs", 7))
+def teeth(log: Log, ratio: float) -> float | None:
+    """Lowest order of cogging per turn of the output; None where the pole pairs are not stated."""
+    return ratio * float(log.facts["pole_pairs"]) if "pole_pairs" in log.facts else None

@@ -67,7 +67,7 @@ def time_order(log: Log) -> Iterator[Finding]:
             _span(same),
             float(same.size),
             "rows",
-            f"{_rows(same.size)} repeat the time of the row before, first row {same[0]}.",
+            f"the time of the row before is repeated in {_rows(same.size)}, first row {same[0]}.",
             "Ask for the repair drop_duplicates.",
         )
 
@@ -91,8 +91,8 @@ def dropped_samples(log: Log) -> Iterator[Finding]:
         _span(long + 1),
         float(missing),
         "rows",
-        f"about {_rows(missing)} missing in {long.size} places, first before row {long[0] + 1}; "
-        f"the longest step is {widest:.4g} s where {step:.4g} s is usual.",
+        f"about {_rows(missing)} missing in {_counted(long.size, 'place')}, first before row "
+        f"{long[0] + 1}; the longest step is {widest:.4g} s where {step:.4g} s is usual.",
         "Nothing bridges a gap of more than 2.5 steps; resample=RATE closes shorter ones.",
     )
 
@@ -135,4 +135,8 @@ def _span(rows: NDArray[np.intp]) -> tuple[int, int]:
 
 
 def _rows(count: int) -> str:
-    return f"{count} row" + ("" if count == 1 else "s")
+    return _counted(count, "row")
+
+
+def _counted(count: int, what: str) -> str:
+    return f"{count} {what}" + ("" if count == 1 else "s")

@@ -62,7 +62,7 @@ def clipped(log: Log) -> Iterator[Finding]:
     """
     resting = at_rest(log)
     for channel in MEASURED:
-        if channel not in log:
+        if channel not in log or not np.isfinite(log[channel]).any():
             continue
         values = log[channel]
         for limit in {float(np.nanmax(values)), float(np.nanmin(values))}:

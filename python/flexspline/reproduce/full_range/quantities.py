@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 import flexspline.full_range as fr
-from flexspline.fit.result import Fit
+from flexspline.least_squares.result import Fit
 from flexspline.reproduce.full_range.study import RATIO, Study
 from flexspline.rigs.full_range import KINEMATIC_ERROR, full_range_rig
 

@@ -13,8 +13,8 @@ from functools import cached_property
 import numpy as np
 
 import flexspline.full_range as fr
-from flexspline.fit.fitting import fit
-from flexspline.fit.result import Fit
+from flexspline.fitting import fit
+from flexspline.least_squares.result import Fit
 from flexspline.logs.derive import differentiate
 from flexspline.logs.log import Log
 from flexspline.part import Part

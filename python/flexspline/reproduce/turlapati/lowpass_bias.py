@@ -14,7 +14,7 @@ import numpy as np
 from scipy.signal import butter, lfilter
 
 from flexspline.effects import effect
-from flexspline.fit.fitting import fit
+from flexspline.fitting import fit
 from flexspline.logs.log import Log
 
 __all__ = ["Left", "amplitude_left"]

@@ -9,8 +9,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.fit.fitting import fit
-from flexspline.fit.result import Fit
+from flexspline.fitting import fit
+from flexspline.least_squares.result import Fit
 from flexspline.logs.derive import lowpass
 from flexspline.logs.log import Log
 from flexspline.reproduce.turlapati.lowpass_bias import amplitude_left

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline import _core
-from flexspline.fit.fitting import fit
-from flexspline.fit.result import Fit
+from flexspline.fitting import fit
+from flexspline.least_squares.result import Fit
 from flexspline.logs.derive import differentiate
 from flexspline.logs.log import Log
 from flexspline.reproduce.zhang.arm import Arm

@@ -1,0 +1,69 @@
+"""`flexspline check`: the audit of runs alone, before anything is fitted."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from flexspline.cli.help import Taught, effects_by_target, repairs
+from flexspline.cli.options import named_effects, reading, target
+from flexspline.cli.runs import Reading
+from flexspline.errors import printable
+from flexspline.files import atomic_write, whole_folder
+
+__all__ = ["check"]
+
+FORBIDDEN = 3  # exit code: findings that forbid a fit
+
+
+@click.command(cls=Taught, sections=(effects_by_target, repairs))
+@click.argument("runs", nargs=-1, required=True, metavar="RUN.csv...")
+@click.option(
+    "--effects",
+    "names",
+    metavar="A,B,C",
+    default="none",
+    help="Effects to be fitted: missing channels and lacking excitation are found too.",
+)
+@target(required=False)
+@click.option("--out", metavar="DIR", help="Folder for check.json and report.html with figures.")
+@reading()
+@click.pass_context
+def check(
+    ctx: click.Context,
+    runs: tuple[str, ...],
+    names: str,
+    target: str | None,
+    out: str | None,
+    reading: Reading,
+) -> None:
+    """Look for what is wrong with runs; nothing is changed and nothing is fitted.
+
+    Prints, for each run, what makes every fit meaningless (error), what a fit would take for
+    physics (fault) and what is worth knowing (note): dropped, repeated and missing rows, delays,
+    wrapped angles, wrong units and signs, stuck ends, homing moves, clipping, quanta. Each says
+    where, how much, and which repair to ask for. DIR receives check.json and report.html.
+
+    Exit code 0: can be fitted; 3: an error forbids every fit; 2: the call is wrong or a file
+    cannot be read.
+
+    \b
+    Examples:
+      flexspline check run1.csv run2.csv
+      flexspline check run*.csv --target motor_torque --effects viscous_friction,inertia --out audit
+    """
+    from flexspline.logs.checks import check as look_at
+    from flexspline.report.check import check_json, check_verdict, write_check_report
+
+    effects = named_effects(names)
+    audits = [(log, look_at(log, effects=effects, target=target)) for log in reading.logs(runs)]
+    lines = [line for _, found in audits for line in (*str(found).split("\n"), "")]
+    click.echo("\n".join(map(printable, (*lines, check_verdict(audits, target)))))
+    if out is not None:
+        with whole_folder(out, last="check.json") as draft:
+            write_check_report(audits, draft / "report.html", target)
+            atomic_write(draft / "check.json", check_json(audits, target))
+        click.echo(f"\nwrote {Path(out) / 'check.json'} and {Path(out) / 'report.html'}")
+    if any(found.forbidding(target) for _, found in audits):
+        ctx.exit(FORBIDDEN)

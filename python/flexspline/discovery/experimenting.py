@@ -1,0 +1,153 @@
+"""`next_experiment`: from a model and the runs that confound its causes to the run to record."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from flexspline.effects import Effect, effect
+from flexspline.errors import InputError, listed
+from flexspline.experiment.limits import Limits
+
+if TYPE_CHECKING:  # what is heavy is imported where it is used
+    from flexspline.discovery.result import Discovery
+    from flexspline.experiment.plan import Plan
+    from flexspline.least_squares.problem import Problem
+    from flexspline.least_squares.result import Fit
+    from flexspline.logs.log import Log
+    from flexspline.model import Model, Part
+    from flexspline.regression.working import Working
+
+__all__ = ["next_experiment"]
+
+Pair = tuple[str | Effect, str | Effect]
+
+
+def next_experiment(
+    model_or_discovery: Model | Fit | Discovery,
+    rivals: Pair | Iterable[Pair] | None,
+    logs: Log | Sequence[Log],
+    *,
+    limits: Limits | None = None,
+    target: str | None = None,
+    lowpass: float | None = None,
+) -> Plan | None:
+    """Compute the run that best separates causes which the recorded runs confound.
+
+    Parameters
+    ----------
+    model_or_discovery : the model of these runs; a fit or a discovery has one.
+    rivals : pairs of effects, one that the model has and one that may stand in its place; or one
+        pair. None: what a discovery declared indistinguishable, and parameters that the fit left
+        undetermined.
+    logs : the recorded runs.
+    limits : what the next run may do; what is left open is what the recorded runs did.
+    target : of which part, where the model has several.
+    lowpass : Hz, with which the model was fitted; a fit or a discovery tells it.
+
+    Returns
+    -------
+    Plan, or None where nothing is confounded.
+
+    Raises
+    ------
+    InputError
+        For a pair of which the model has none or both, or that these runs have no channels for.
+
+    Notes
+    -----
+    Runs of the kinds in `experiment/family.py` are scored by the t that is expected
+    (`experiment/information.py`), in the noise that the model leaves in the recorded runs. Load
+    (of a known load) and temperature are taken to be what a rig can set; give limits of two equal
+    numbers for what cannot.
+    """
+    from flexspline.discovery.candidates import shaped
+    from flexspline.discovery.result import Discovery
+    from flexspline.experiment.planning import planned
+    from flexspline.least_squares.result import Fit
+    from flexspline.logs.log import Log
+    from flexspline.regression.whitening import restricted_whitening
+
+    given = model_or_discovery
+    fit = given.fit if isinstance(given, Discovery) else given if isinstance(given, Fit) else None
+    model = given.model if isinstance(given, (Discovery, Fit)) else given
+    part = model.part(target or (fit.target if fit is not None else None))
+    pairs = _declared(given) if rivals is None else _asked(rivals, part)
+    runs = [logs] if isinstance(logs, Log) else list(logs)
+    cutoff = lowpass or (fit.lowpass if fit is not None else None)
+    problem, work = _prepared(part, [rival for _, rival in pairs], runs, cutoff)
+    whitening = restricted_whitening(problem, work)
+    asked = fit if rivals is None else None
+    return planned(problem, work, whitening, pairs, shaped, asked, limits)
+
+
+def _declared(given: Model | Fit | Discovery) -> list[tuple[str, Effect]]:
+    """Pairs that a discovery declared indistinguishable."""
+    from flexspline.discovery.result import Discovery
+
+    if not isinstance(given, Discovery):
+        return []
+    return [
+        (one.effect, rival.effect)
+        for one in given.found
+        for rival in one.rivals
+        if rival.name in one.indistinguishable_from
+    ]
+
+
+def _asked(rivals: Pair | Iterable[Pair], part: Part) -> list[tuple[str, Effect]]:
+    """Pairs with the name of the model's effect in front, and the rival behind."""
+    given = list(rivals)
+    single = len(given) == 2 and all(isinstance(one, (str, Effect)) for one in given)
+    names, made = [e.name for e in part.effects], []
+    for pair in [given] if single else given:
+        effects = [e if isinstance(e, Effect) else effect(str(e)) for e in pair]  # type: ignore[union-attr]
+        inside = [e for e in effects if e.name in names]
+        outside = [e for e in effects if e.name not in names]
+        if len(inside) != 1 or len(outside) != 1:
+            raise InputError(
+                f"of the rivals {listed(e.name for e in effects)} one must be in the model and one "
+                f"not; the model has {listed(names)}"
+            )
+        (rival,) = outside
+        if rival.ripple and not rival.harmonics:
+            raise InputError(
+                f"the rival '{rival.name}' has no orders; give them, as in "
+                f"effect('{rival.name}', orders=[1])"
+            )
+        made.append((inside[0].name, rival.without_load() if part.known_load is None else rival))
+    return made
+
+
+def _prepared(
+    part: Part, rivals: Sequence[Effect], logs: Sequence[Log], lowpass: float | None
+) -> tuple[Problem, Working]:
+    """Runs made ready for a model and rivals, and the model with its coefficients."""
+    from flexspline.least_squares.problem import problem_of
+    from flexspline.regression.working import working
+
+    if not logs:
+        raise InputError("there is no log to look at; give at least one")
+    problem = problem_of(
+        [_with_motion(log) for log in logs],
+        [*part.effects, *rivals],
+        part.target,
+        known_load=part.known_load,
+        lowpass_hz=lowpass,
+        threads=1,
+    )
+    runs = tuple(replace(run, stretches=run.unbroken) for run in problem.runs)
+    work = working(part.effects, len(part.effects), {})
+    return replace(problem, runs=runs), replace(work, coefficients=part.coefficients.copy())
+
+
+def _with_motion(log: Log) -> Log:
+    """The log with the derivatives of its position."""
+    from flexspline.logs.derive import differentiate
+
+    names = [n for n in ("output_velocity", "output_acceleration") if n not in log]
+    if not names or "output_position" not in log:
+        return log
+    made = differentiate(log)
+    return log.with_columns({n: made[n] for n in names}, note=made.history[-1])

@@ -1,0 +1,231 @@
+"""Parameters of a model as a block of bytes that replaces those of a running program.
+
+The layout is that of `flexspline/block.hpp`, the order that of `flexspline/parameters.hpp`: a block
+fits a program that was compiled with the header of a model of the same structure.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import struct
+import zlib
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from flexspline.effects import Effect
+from flexspline.errors import InputError
+from flexspline.estimation.plan import Plan, plan_of
+from flexspline.estimators import Thermistor
+from flexspline.exporting.header_model import by_motor_encoder
+from flexspline.exporting.header_stages import LIMITS
+from flexspline.model import Model, Part
+from flexspline.signals import gear_of
+
+__all__ = ["SCALARS", "block_bytes"]
+
+SCALARS = ("float", "double")
+VERSION = 1
+LARGEST = {
+    "float": float.fromhex("0x1.fffffep+127"),
+    "double": float.fromhex("0x1.fffffffffffffp+1023"),
+}
+SMALLEST = {"float": float.fromhex("0x1p-126"), "double": float.fromhex("0x1p-1022")}
+SPLINES = ("unknown", "circular", "flex")
+NO_GEAR = {"effective_ratio": 1.0, "output_spline": "unknown", "motor_encoder": False}
+PAIRS = (
+    "output_on_housing",
+    "motor_on_stator",
+    "wave_generator_on_flexspline",
+    "wave_generator_on_circular_spline",
+)
+
+Entry = Mapping[str, Any]
+
+
+def block_bytes(model: Model, scalar: str = "float", target: str | None = None) -> bytes:
+    """Return the block of a model: of its chain where it has estimators, else of one part.
+
+    Parameters
+    ----------
+    scalar : "float" or "double", as the program was compiled.
+    target : which part, where there are several and no estimators.
+
+    Raises
+    ------
+    InputError
+        For another scalar, a part that is not there, or a number that the scalar cannot hold.
+    """
+    if scalar not in SCALARS:
+        raise InputError(f"there is no scalar '{scalar}'; give float or double")
+    block = _Block(scalar)
+    if model.estimators and target is None:
+        block.joint(model, plan_of(model))
+    else:
+        block.model("model", model, model.part(target))
+    return block.bytes()
+
+
+class _Block:
+    """Numbers in the order of the core's visit, and the outline of what they belong to."""
+
+    def __init__(self, scalar: str) -> None:
+        self.scalar = scalar
+        self.letter, self.size = ("f", 4) if scalar == "float" else ("d", 8)
+        self.payload, self.outline = bytearray(), bytearray()
+
+    def bytes(self) -> bytes:
+        structure, size = zlib.crc32(self.outline), len(self.payload)
+        head = struct.pack("<4sBBHII", b"FLXJ", VERSION, self.size, 0, structure, size)
+        made = head + self.payload
+        return made + struct.pack("<I", zlib.crc32(made))
+
+    def structure(self, name: str, count: int = 0) -> None:
+        self.outline += name.encode() + struct.pack("<BH", 0, count)
+
+    def numbers(self, name: str, values: Sequence[float]) -> None:
+        self.structure(name, len(values))
+        for value in values:
+            self._refuse(name, value)
+        self.payload += struct.pack(f"<{len(values)}{self.letter}", *values)
+
+    def words(self, name: str, values: Sequence[int]) -> None:
+        self.structure(name, 1)
+        self.payload += struct.pack(f"<{len(values)}I", *values)
+
+    def _refuse(self, name: str, value: float) -> None:
+        fits = value in (0.0, math.inf) or (
+            SMALLEST[self.scalar] <= abs(value) <= LARGEST[self.scalar]
+        )
+        if not fits:
+            raise InputError(f"{name} = {value:g} does not fit into a {self.scalar}; fit it again")
+
+    def model(self, name: str, model: Model | None, part: Part | None) -> None:
+        self.structure(name)
+        if model is None or part is None:
+            self._gear(NO_GEAR)
+            return
+        self._gear(gear_of(model.facts, by_motor_encoder(part)))
+        first = 0
+        for effect in part.effects:
+            last = first + len(effect.terms)
+            if effect.terms:
+                self._effect(effect, part.coefficients[first:last].tolist())
+            first = last
+
+    def _gear(self, gear: Mapping[str, Any]) -> None:
+        whole = math.floor(gear["effective_ratio"])
+        fraction = int((gear["effective_ratio"] - whole) * 2.0**64)
+        spline, encoder = SPLINES.index(gear["output_spline"]), int(gear["motor_encoder"])
+        self.words("gear", (whole, fraction & 0xFFFFFFFF, fraction >> 32, spline, encoder))
+
+    def _effect(self, effect: Effect, coefficients: Sequence[float]) -> None:
+        self.structure(effect.name)
+        for order, pair in effect.harmonics:
+            self.words("harmonic", (order, PAIRS.index(pair)))
+        for name, value in effect.shapes.items():
+            self.numbers(name, (value,))
+        self.numbers("coefficients", coefficients)
+
+    def joint(self, model: Model, plan: Plan) -> None:
+        sensing = {**plan.preprocessing, **plan.sensing}
+        for name, entries in (("sensing", sensing), ("estimating", plan.estimating)):
+            self.structure(name)
+            self._stages(entries, plan.has_sensor)
+        for name in ("sensor", "observed", "torsion", "carried"):
+            part = getattr(plan, name)
+            self.model(f"{name} model", model if part is not None else None, part)
+        self.structure("joint")
+        self.numbers("effective_ratio", (plan.effective_ratio,))
+        self.numbers("inertia", (plan.inertia,))
+        self.numbers("link_inertia", (plan.link_inertia,))
+        self._range(plan.temperature_range)
+
+    def _stages(self, entries: Mapping[str, Entry], has_sensor: bool) -> None:
+        if "reading_checks" in entries:
+            self._checks(entries["reading_checks"])
+        if "differentiator" in entries:
+            self.structure("differentiator")
+            made = entries["differentiator"]
+            self._stage(made["makes"], made, ("bandwidth",))
+        if "thermistor" in entries:
+            names = tuple(field.name for field in dataclasses.fields(Thermistor))
+            self._stage("thermistor", entries["thermistor"], names)
+        if "temperature_compensation" in entries:
+            self._compensation(entries["temperature_compensation"])
+        if has_sensor:
+            self.structure("sensor")
+        if "calibration" in entries:
+            self._stage("calibration", entries["calibration"], ("sensitivity", "zero"))
+            self._range(entries["calibration"].get("voltage_range"))
+        if "observer" in entries:
+            self._observer("observer", entries["observer"])
+            self.structure(f"by {entries['observer']['input']}")
+        if "compliance" in entries:
+            self._compliance(entries["compliance"])
+        if "compliant_observer" in entries:
+            self._observer("compliant_observer", entries["compliant_observer"])
+        if "merge" in entries:
+            self._merge(entries["merge"])
+        if "collision" in entries:
+            self._collision(entries["collision"])
+
+    def _stage(self, name: str, entry: Entry, fields: Sequence[str]) -> None:
+        self.structure(name)
+        for field in fields:
+            self.numbers(field, (float(entry[field]),))
+
+    def _range(self, ends: Sequence[float] | None) -> None:
+        largest = LARGEST[self.scalar]
+        for name, value in zip(("low", "high"), ends or (-largest, largest), strict=True):
+            self.numbers(name, (value,))
+
+    def _checks(self, entry: Entry) -> None:
+        self.structure("reading_checks")
+        largest = LARGEST[self.scalar]
+        for name in ("voltage", "thermistor_voltage", "temperature"):
+            low, high = entry.get(f"{name}_range", (-largest, largest))
+            self.numbers(f"least_{name}", (low,))
+            self.numbers(f"most_{name}", (high,))
+        for name in LIMITS:
+            off = 0.0 if name in ("way", "twist") else largest
+            self.numbers(name, (float(entry.get(name, off)),))
+        self._gear(entry.get("gear", NO_GEAR))
+
+    def _compensation(self, entry: Entry) -> None:
+        self._stage("temperature_compensation", entry, ("reference_temperature",))
+        self.numbers("coefficients", entry["coefficients"])
+        for name in ("gradient", "thermal_lag"):
+            self.numbers(name, (entry[name],))
+        self._range(entry.get("temperature_range"))
+
+    def _observer(self, name: str, entry: Entry) -> None:
+        self.structure(name)
+        self._stage(entry["discretisation"], entry, ("gain",))
+
+    def _compliance(self, entry: Entry) -> None:
+        self._stage("compliance", entry, ("mesh_stiffness", "mesh_shape", "margin"))
+        loop = entry.get("hysteresis")
+        if loop is not None:
+            self._stage("hysteresis", loop, ("load_width",))
+            self.numbers("heights", loop["heights"])
+
+    def _merge(self, entry: Entry) -> None:
+        if entry.get("method") == "kalman":
+            self.structure("kalman")
+        self._stage("logistic", entry, ("alpha", "transition_velocity"))
+        if entry.get("method") == "kalman":
+            self.numbers("walk", (entry["walk"],))
+            for name in ("observer", "compliance"):
+                for state, value in zip(("rest", "motion"), entry[f"{name}_noise"], strict=True):
+                    self.numbers(f"{name}_{state}", (value,))
+        self.structure(f"at rest {entry['at_rest']}")
+
+    def _collision(self, entry: Entry) -> None:
+        self.structure("collision")
+        for name in ("negative", "positive"):
+            self.numbers(name, entry[name])
+        self.numbers("speed_edges", entry["speed_edges"])
+        for name in ("release", "hold"):
+            self.numbers(name, (entry[name],))
+        self.structure(f"watches {entry['input']}")

@@ -1,0 +1,259 @@
+"""A part of a model as a C++ header that compiles with the core's headers alone."""
+
+from __future__ import annotations
+
+import hashlib
+import textwrap
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from flexspline.about import __version__
+from flexspline.errors import InputError, shortened
+from flexspline.estimation.plan import Plan, plan_of
+from flexspline.exporting.cpp_text import comment, identifier, include, literal, string_literal
+from flexspline.exporting.header_chain import chain_head, chain_includes, chain_lines
+from flexspline.exporting.header_model import by_motor_encoder, model_lines
+from flexspline.logs.channels import CHANNELS
+from flexspline.model import Model, Part
+from flexspline.model_warnings import MARGIN, widened
+from flexspline.simulator.record import Simulated
+
+__all__ = ["header_text"]
+
+MEANING = {
+    "sensor_torque": "what the sensor reads beside the load: true torque = sensor_torque - this",
+    "motor_torque": "what the joint takes: torque at the output = ratio * motor_torque - this",
+    "motor_current": "the motor current that the joint takes beside a known load",
+    "torsion": "output_position * ratio - motor_position",
+}
+
+USE = {
+    "output_position": (
+        "flexspline::Status read = flexspline::read_radians(q, at.output_position);  // rad",
+        "// better, from an encoder's counts: at.output_position = {turns, {fraction of a turn}};",
+        "// the fraction in 2^-32 turns (float) or 2^-64 turns (double)",
+    ),
+    "motor_position": ("// likewise at.motor_position",),
+    "output_velocity": ("at.output_velocity = velocity;  // rad/s",),
+    "output_acceleration": ("at.output_acceleration = acceleration;  // rad/s^2",),
+    "temperature": ("at.temperature = temperature;  // deg C",),
+    "motor_torque": ("at.motor_torque = motor_torque;  // Nm at the motor's shaft",),
+    "period": ("at.period = period;  // s since the last sample whose status was ok",),
+    "time": ("at.time = time;  // s since the run began",),
+    "load": ("at.known_load = load;  // Nm at the output, 0 where nothing is known of it",),
+}
+
+UNITS = {name: channel.unit for name, channel in CHANNELS.items()} | {"known_load": "Nm"}
+
+COUNTED = {
+    "period": ("s", "since the last sample whose status was ok; any at the first"),
+    "time": ("s", "since the run began, as in the logs"),
+}
+
+
+def header_text(model: Model, namespace: str, target: str | None = None) -> str:
+    """Return the header of one part of a model, and of its estimators where it has any.
+
+    A model with several parts, estimators and no target gives the estimators alone.
+
+    Raises
+    ------
+    InputError
+        Where there is no such part, an estimator lacks what it reads, or the core cannot hold a
+        number.
+    """
+    namespace = identifier(namespace)
+    plan = plan_of(model) if model.estimators else None
+    several = plan is not None and target is None and len(model.parts) != 1
+    part = None if several else model.part(target)
+    includes, constants = {"flexspline/model.hpp"}, []  # constants: refused before any hashing
+    if part is not None:
+        includes |= {f"flexspline/effects/{e.name}.hpp" for e in part.effects if e.terms}
+        constants += [*_validity(part), *model_lines(model, part), ""]
+    if plan is not None:
+        includes |= {"flexspline/joint.hpp", *chain_includes(plan)}
+        constants += [*chain_lines(model, plan), ""]
+    lines = [
+        *_comment(_head(model, part, plan, namespace)),
+        "#pragma once",
+        "",
+        "#include <array>",
+        "#include <string_view>",
+        "",
+        *map(include, sorted(includes)),
+        "",
+        f"namespace {namespace} {{",
+        "",
+        *_facts(model, part),
+        "",
+        *constants,
+        f"}}  // namespace {namespace}",
+        "",
+    ]
+    return "\n".join(lines)
+
+
+def _head(model: Model, part: Part | None, plan: Plan | None, namespace: str) -> Iterator[str]:
+    """Paragraphs of the comment at the top; lines that start with a blank are kept as they are."""
+    joint = model.facts.get("joint")
+    yield (
+        f"Model of {f'joint {joint}' if joint else 'a joint'} for the core of flexspline, exported "
+        f"by flexspline {__version__}; export it again instead of editing it."
+    )
+    yield ""
+    yield f"Model: SHA-256 {_sha256(model)}"
+    for log in _logs(model, part):
+        digest = f"SHA-256 {log['sha256']}" if log["sha256"] else "not from a file"
+        yield f"Log:   {log['name']}, {log['rows']} rows, {digest}"
+    if part is not None:
+        yield ""
+        if part.simulated is None:
+            yield f"Predicts {part.target} [{part.unit}]: {MEANING[part.target]}."
+        else:
+            yield from _correction(part, part.simulated)
+        yield ""
+        yield from _expectations(model, part)
+        yield ""
+        yield "Use, in C++20 with flexspline.get_include() in the include path and contraction of"
+        yield "floating-point operations off (-ffp-contract=off), once per control period:"
+        yield ""
+        yield "    flexspline::Sample<float> at;  // float or double; lives on between periods"
+        yield from _call(part, namespace)
+    if plan is not None:
+        yield ""
+        yield from chain_head(plan, namespace)
+
+
+def _correction(part: Part, simulated: Simulated) -> Iterator[str]:
+    """What a part alone is that corrects a simulation."""
+    load = ""
+    if part.known_load is not None:
+        load = ", with the known load in it" if simulated.holds_load else ", without the known load"
+    yield (
+        f"THE CORRECTION ALONE: what a simulation lacks of {part.target} [{part.unit}]. Add what "
+        f"it predicts{load}; in the logs {simulated.words}."
+    )
+    for file in simulated.files:
+        digest = f"SHA-256 {file.sha256}" if file.sha256 else "not from a file"
+        yield f"Simulation: {file.name}, {digest}"
+
+
+def _logs(model: Model, part: Part | None) -> list[Mapping[str, Any]]:
+    """The logs of the part, or of all parts where the header is of the estimators alone."""
+    parts = model.parts.values() if part is None else (part,)
+    found = [log for known in parts for log in known.record.get("logs", ())]
+    return [log for number, log in enumerate(found) if log not in found[:number]]
+
+
+def _call(part: Part, namespace: str) -> Iterator[str]:
+    """The lines of the example from the result's declaration on."""
+    result = "torsion" if part.target == "torsion" else "torque"
+    remembers = any(effect.info.remembers for effect in part.effects)
+    yield f"    float {result} = 0;"
+    if remembers:
+        yield f"    {namespace}::Model<float>::State state;  // lives on too; {{}} after a gap"
+    yield ""
+    for line in (line for name in _reads(part) for line in USE.get(name, ())):
+        yield f"    {line}"
+    given = f"at, state, {result}" if remembers else f"at, {result}"
+    kept = f"{result} and state keep their last good values"
+    kept = kept if remembers else f"{result} keeps its last good value"
+    yield f"    flexspline::Status status = {namespace}::model<float>.predict({given});"
+    yield f"    // anything but flexspline::Status::ok: {kept}"
+    if _flagged(part):
+        yield f"    flexspline::Flag flags = {namespace}::validity::flags(at);"
+        yield "    // flexspline::Flag::extrapolated: outside of what the model was fitted to"
+
+
+def _expectations(model: Model, part: Part) -> Iterator[str]:
+    """What the model expects of its channels."""
+    for name in _reads(part):
+        if name == "load":
+            known = part.known_load or "none in the logs: zero"
+            yield f"Reads known_load [Nm]: {known}"
+        else:
+            unit, meaning = COUNTED.get(name) or CHANNELS[name]
+            yield f"Reads {name} [{unit}]: {meaning}"
+    for one in part.preparations:
+        yield f"Expects {one.channel} {one.how} (-3 dB), zero phase, as in the logs of the fit."
+    hertz = part.record.get("lowpass")
+    if hertz:
+        yield f"Fitted to target and rows low-passed at {hertz:g} Hz (-3 dB), zero phase."
+    history = (line for log in part.record.get("logs", ()) for line in log.get("history", ()))
+    for sentence in dict.fromkeys(line for line in history if "zero phase" in line):
+        yield f"In the logs: {sentence}"
+
+
+def _reads(part: Part) -> list[str]:
+    """Channels that the sample must hold, in the order of `USE`."""
+    reads = {channel for effect in part.effects for channel in effect.reads}
+    if "motor_position" in reads:
+        reads.add("output_position")
+        if not by_motor_encoder(part):
+            reads.remove("motor_position")
+    return [name for name in USE if name in reads]
+
+
+def _validity(part: Part) -> Iterator[str]:
+    ranges: Mapping[str, Any] = part.record.get("validity", {})
+    if not ranges:
+        return
+    yield "/// Range of each channel in the logs of the fit; the model extrapolates outside."
+    yield "namespace validity {"
+    for name, (low, high) in ranges.items():
+        if name not in UNITS:
+            raise InputError(
+                f"the model's validity has {shortened(ascii(name), 80)}, which is no channel; take "
+                "it out of the model or fit it again"
+            )
+        ends = ", ".join(literal(value, f"validity of {name}") for value in (low, high))
+        yield "template <typename S>"
+        yield f"inline constexpr std::array<S, 2> {identifier(name)}{{  // {comment(UNITS[name])}"
+        yield f"    {ends}}};"
+    yield from _flags(part)
+    yield "}  // namespace validity"
+    yield ""
+
+
+def _flags(part: Part) -> Iterator[str]:
+    """The function that says whether a sample is outside of the ranges, as `predict` has it."""
+    checked = _flagged(part)
+    if not checked:
+        return
+    yield ""
+    yield f"/// `extrapolated` {MARGIN:.0%} of a range or more beyond it; angles in every turn."
+    yield "template <typename S>"
+    yield "constexpr flexspline::Flag flags(const flexspline::Sample<S>& at) noexcept {"
+    yield "  auto found = flexspline::Flag::none;"
+    for name in checked:
+        low, high = widened(*part.record["validity"][name])
+        what = f"validity of {name}"
+        yield f"  found = found | flexspline::extrapolated(at.{identifier(name)},"
+        yield f"      {literal(low, what)}, {literal(high, what)});"
+    yield "  return found;"
+    yield "}"
+
+
+def _flagged(part: Part) -> list[str]:
+    """Channels of a sample that the part reads and has a range of."""
+    reads = ["known_load" if name == "load" else name for name in _reads(part)]
+    return [name for name in reads if name in part.record.get("validity", {})]
+
+
+def _facts(model: Model, part: Part | None) -> Iterator[str]:
+    if part is not None:
+        yield f"inline constexpr std::string_view target = {string_literal(part.target)};"
+        yield f"inline constexpr std::string_view unit = {string_literal(part.unit)};"
+    yield "inline constexpr std::string_view model_sha256 ="
+    yield f"    {string_literal(_sha256(model))};"
+
+
+def _sha256(model: Model) -> str:
+    """SHA-256 of the file that `Model.save` writes."""
+    return hashlib.sha256(model.to_json().encode()).hexdigest()
+
+
+def _comment(paragraphs: Iterator[str]) -> Iterator[str]:
+    for text in map(comment, paragraphs):
+        pieces = [text] if text.startswith("  ") else textwrap.wrap(text, 96) or [""]
+        yield from (f"// {piece}".rstrip() for piece in pieces)

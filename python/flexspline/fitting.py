@@ -1,0 +1,341 @@
+"""`fit`: from logs and names of effects to a model with errors and scores."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from tqdm import tqdm
+
+from flexspline.effects import Effect, effect
+from flexspline.errors import InputError
+
+if TYPE_CHECKING:  # what is heavy is imported where it is used: `flexspline --help` is quick
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from flexspline.least_squares.estimate import Estimate, Given
+    from flexspline.least_squares.names import Bounds
+    from flexspline.least_squares.options import FitOptions
+    from flexspline.least_squares.problem import Problem
+    from flexspline.least_squares.result import Fit
+    from flexspline.logs.log import Log
+    from flexspline.model import Model
+    from flexspline.prepared import Preparation
+    from flexspline.simulator.record import Simulated
+
+__all__ = ["fit", "fit_near", "runs_of", "with_orders"]
+
+ROWS_A_PARAMETER = 3
+SETTLING_ROUNDS = 3
+
+
+def fit(
+    effects: str | Effect | Iterable[str | Effect],
+    logs: Log | Sequence[Log],
+    target: str,
+    *,
+    known_load: str | None = None,
+    lowpass: float | None = None,
+    orders: Mapping[str, Sequence[int]] | None = None,
+    fixed: Mapping[str, float] | None = None,
+    bounds: Mapping[str, Bounds] | None = None,
+    priors: Mapping[str, tuple[float, float]] | None = None,
+    checks: bool = True,
+    into: Model | None = None,
+    options: FitOptions | None = None,
+) -> Fit:
+    """Fit effects to logs by least squares of the target on the measured motion.
+
+    To fit the motion that these effects make when simulated, see `fit_motion`.
+
+    Parameters
+    ----------
+    effects : names of `CATALOGUE`, or `Effect` with shapes to start from and orders.
+    logs : one or several runs of one joint.
+    target : "sensor_torque" [Nm], "motor_torque" [Nm at the output], "motor_current" [A] or
+        "torsion" [rad].
+    known_load : channel that holds τ_load [Nm], such as "reference_torque". Without it a
+        reference channel is left unused.
+    lowpass : Hz; zero phase, on the target and on every row alike.
+    orders : {"output_ripple": [1, 2, 4]}; a ripple effect without orders gets those that the
+        order analysis finds in the residual of the others.
+    fixed : {"inertia": 0.02}: parameters that are not fitted, by "effect.term", shape name, or
+        effect alone where that is unique; in their units.
+    bounds : {"viscous_friction": (0, None)}: limits; a parameter that ends there is said to.
+    priors : {"inertia": (0.0192, 0.001)}: value and standard error known from elsewhere.
+    checks : look at the logs first; what makes a fit meaningless is refused, faults are warned of.
+    into : a model of the same joint that receives this part.
+    options : what few calls need, see `FitOptions`.
+
+    Returns
+    -------
+    Fit
+
+    Raises
+    ------
+    InputError
+        For unknown names, missing channels, values that are not finite, or too few rows.
+
+    Notes
+    -----
+    Least squares: turlapati_intrinsic_dynamics (3)–(6), (15), (16). The design matrix of (16)
+    has no inverse as printed; what it leaves undetermined is found and named (see
+    `Fit.confounded`).
+    """
+    from flexspline.least_squares.assemble import assembled
+    from flexspline.least_squares.estimate import Given, estimate
+    from flexspline.least_squares.late_load import beside_delay, can_be_late
+    from flexspline.least_squares.offsets import OFFSET, taken_out
+    from flexspline.least_squares.options import FitOptions
+    from flexspline.least_squares.problem import problem_of
+    from flexspline.least_squares.ripple import with_found_orders
+    from flexspline.prepared import learned, preparations_for, prepared
+    from flexspline.requirements import require_one_unit
+
+    how = FitOptions() if options is None else options
+    runs = runs_of(logs)
+    chosen = with_orders(effects, orders or {})
+    foreign = how.simulation is not None or how.simulated_torque is not None
+    if known_load is None:
+        chosen = [e.without_load() for e in chosen]
+    require_one_unit(chosen, target, known_load)
+    simulated: Simulated | None = None
+    remarks: tuple[str, ...] = ()
+    if foreign:
+        from flexspline.simulator.taken import take
+
+        taken = take(runs, target, known_load, how.simulation, how.simulated_torque)
+        runs, simulated = list(taken.logs), taken.simulated
+        remarks = tuple(remark.sentence for remark in taken.remarks)
+    warnings = _checked(runs, chosen, target, known_load) if checks else []
+    given = Given(fixed or {}, bounds or {}, priors or {}, how.robust == "huber")
+    centred = how.offset_per_run and taken_out(chosen, runs, given)
+    at = [e.name for e in chosen].index(OFFSET) if centred else 0
+    offset = (at, chosen.pop(at)) if centred else None
+
+    noise, ways = learned(runs, target, known_load, how.bandwidth)
+    ways = _read_by(chosen, known_load, ways)
+    fine = [prepared(log, ways) for log in runs]
+
+    def posed_on(
+        inputs: Sequence[Log], these: Sequence[Effect], rows: Sequence[NDArray[np.bool_]] | None
+    ) -> Problem:
+        made = problem_of(
+            runs,
+            these,
+            target,
+            known_load=known_load,
+            lowpass_hz=lowpass,
+            threads=how.threads,
+            offset_per_run=how.offset_per_run and not centred,
+            preparations=ways,
+            inputs=inputs,
+            counted=rows,
+            simulated=simulated,
+        )
+        return replace(made, centred=centred)
+
+    counted = _resolved(runs, fine, chosen, ways, target, posed_on)
+
+    def problem(these: Sequence[Effect]) -> Problem:
+        return posed_on(fine, these, counted)
+
+    def again(problem: Problem, made: Estimate) -> Estimate:
+        return estimate(problem, made.linear.effects, given, bar.update, near=True)
+
+    quiet = not how.progress
+    with tqdm(desc="solving", unit=" solves", disable=quiet, leave=False, delay=1.0) as bar:
+        chosen, found, said = with_found_orders(chosen, problem)
+        posed = problem(chosen)
+        _require_rows(posed, chosen)
+        made = estimate(posed, chosen, given, bar.update)
+        posed, made = _settled(posed, made, given, bar.update)
+        late = None
+        if can_be_late(posed, [e.name for e in chosen]):
+            made, late = beside_delay(posed, made, again)
+        bar.set_description("errors and validation")
+        said = [*remarks, *warnings, *said]
+        inputs = tuple(noise.values())
+        raw = how.bandwidth == math.inf and bool(preparations_for(noise, target, known_load))
+        whole = assembled(posed, made, into, said, found, offset, inputs, late, raw)
+        return replace(whole, bandwidth=how.bandwidth)
+
+
+def _read_by(
+    effects: Sequence[Effect], known_load: str | None, ways: Sequence[Preparation]
+) -> tuple[Preparation, ...]:
+    """The preparations of channels that rows of these effects read."""
+    read = {channel for effect in effects for channel in effect.reads}
+    if "motor_position" in read:  # without a motor encoder it is made of the output's
+        read.add("output_position")
+    if known_load is not None:
+        read.add(known_load)
+    return tuple(way for way in ways if way.channel in read)
+
+
+def _resolved(
+    runs: Sequence[Log],
+    fine: Sequence[Log],
+    effects: Sequence[Effect],
+    ways: Sequence[Preparation],
+    target: str,
+    posed: Callable[[Sequence[Log], Sequence[Effect], list[NDArray[np.bool_]] | None], Problem],
+) -> list[NDArray[np.bool_]] | None:
+    """Which rows the recorder resolves, see `resolution.py`; None for all of exact runs."""
+    from flexspline.least_squares.estimate import Given, estimate
+    from flexspline.least_squares.resolution import (
+        away_from_ends,
+        coarser,
+        resolved_rows,
+        with_fastest,
+    )
+    from flexspline.prepared import MOTION, VELOCITY, prepared
+
+    if not ways:
+        return None
+    inside = [away_from_ends(log, log, ways) for log in runs]
+    if target == "torsion" or not any(way.channel == VELOCITY for way in ways):
+        return inside
+    these = with_fastest([e for e in effects if e.harmonics or not e.ripple])
+    exact = posed(fine, these, inside)
+    motion = [way for way in coarser(ways) if way.channel in MOTION]
+    coarse = [
+        one.with_columns(
+            {w.channel: made[w.channel] for w in motion}, note="motion further smoothed"
+        )
+        for one, made in ((one, prepared(log, motion)) for one, log in zip(fine, runs, strict=True))
+    ]
+    blurred = posed(coarse, these, inside)
+    made = estimate(exact, these, Given({}, {}, {}, False), lambda: None).linear
+    both = [problem.predict(made.effects, made.coefficients) for problem in (exact, blurred)]
+    measured = [run.target for run in exact.runs]
+    told = resolved_rows(runs, measured, list(zip(*both, strict=True)))
+    return [a & b for a, b in zip(inside, told, strict=True)]
+
+
+def fit_near(
+    problem: Problem,
+    effects: Sequence[Effect],
+    fixed: Mapping[str, float],
+    bounds: Mapping[str, Bounds],
+    into: Model | None,
+    *,
+    general: bool = False,
+) -> Fit:
+    """Fit effects whose orders and shapes a search has found: both are refined, none looked for.
+
+    Parameters
+    ----------
+    problem : as `problem_of` makes it for these effects.
+    fixed, bounds, into : as for `fit`.
+    general : by generalised least squares where that and plain least squares agree as those of a
+        right model do (`generalised.py`).
+
+    Raises
+    ------
+    InputError
+        For too few rows.
+    """
+    from flexspline.least_squares.assemble import assembled
+    from flexspline.least_squares.estimate import Given, estimate
+    from flexspline.least_squares.generalised import generalised
+    from flexspline.least_squares.memory import settled
+
+    _require_rows(problem, effects)
+    problem, given = settled(problem, effects), Given(fixed, bounds, {}, False)
+    made = estimate(problem, effects, given, lambda: None, near=True)
+    problem, made = _settled(problem, made, given, lambda: None, near=True)
+    if general:
+        made = generalised(made) or made
+    return assembled(problem, made, into, [], None)
+
+
+def runs_of(logs: Log | Sequence[Log]) -> list[Log]:
+    """Return logs as a list of runs that can be fitted together.
+
+    Raises
+    ------
+    InputError
+        Where there is none, something else, or one twice.
+    """
+    from flexspline.logs.log import Log
+    from flexspline.requirements import require_apart
+
+    runs = [logs] if isinstance(logs, Log) else list(logs)
+    if not runs:
+        raise InputError("there is no log to fit; give at least one")
+    for run in runs:
+        if not isinstance(run, Log):
+            raise InputError(
+                f"logs holds a {type(run).__name__}; give logs, as read_log makes them"
+            )
+    require_apart(runs)
+    return runs
+
+
+def with_orders(
+    effects: str | Effect | Iterable[str | Effect], orders: Mapping[str, Sequence[int]]
+) -> list[Effect]:
+    """Return effects by their names, ripples with the orders that are given by name of effect."""
+    from flexspline.least_squares.names import resolve
+
+    named = [effects] if isinstance(effects, (str, Effect)) else effects
+    chosen = [e if isinstance(e, Effect) else effect(e) for e in named]
+    for name, its in orders.items():
+        at = resolve(name, [e.name for e in chosen], "orders")
+        chosen[at] = chosen[at].with_orders(its)
+    return chosen
+
+
+def _checked(
+    runs: Sequence[Log], effects: Sequence[Effect], target: str, known_load: str | None
+) -> list[str]:
+    """Refuse what makes a fit meaningless and return the faults as sentences.
+
+    The checks know a load as reference_torque; with another channel they cannot judge effects
+    that read it, and the fit looks after these itself.
+    """
+    from flexspline.logs.checks import check
+
+    elsewhere = known_load not in (None, "reference_torque")
+    asked = [e.name for e in effects if not (elsewhere and "load" in e.reads)]
+    sentences = []
+    for log in runs:
+        findings = check(log, effects=asked, target=target)
+        findings.raise_forbidding(target)
+        sentences += [f"{log.name}: {f.sentence} {f.remedy}".rstrip() for f in findings.faults]
+    return sentences
+
+
+def _settled(
+    problem: Problem,
+    made: Estimate,
+    given: Given,
+    tick: Callable[[], object],
+    *,
+    near: bool = False,
+) -> tuple[Problem, Estimate]:
+    """Estimate again until the rows left out for unknown memory are those of the widths found."""
+    from flexspline.least_squares.estimate import estimate
+    from flexspline.least_squares.memory import settled
+
+    for _ in range(SETTLING_ROUNDS):
+        again = settled(problem, made.linear.effects)
+        if again.runs == problem.runs:
+            break
+        problem, made = again, estimate(again, made.linear.effects, given, tick, near=near)
+    return problem, made
+
+
+def _require_rows(problem: Problem, effects: Sequence[Effect]) -> None:
+    rows = sum(run.counted for run in problem.runs)
+    parameters = problem.parameters(effects) + problem.centred * len(problem.runs)
+    needed = ROWS_A_PARAMETER * parameters + 20
+    if rows < needed:
+        raise InputError(
+            f"the logs have {rows} rows that count, but {parameters} "
+            f"coefficients need {needed} at least; record longer runs or leave effects out"
+        )

@@ -1,0 +1,334 @@
+"""From an estimate to a `Fit`: errors, confounded groups, scores, and the model to keep."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexspline.effects import Effect, unit_in
+from flexspline.least_squares.derived import sign_warnings
+from flexspline.least_squares.estimate import Estimate, counts_of, residuals_of
+from flexspline.least_squares.estimate_errors import uncertainty_of
+from flexspline.least_squares.identifiability import Confounded, confounded_groups
+from flexspline.least_squares.late_load import LateLoad
+from flexspline.least_squares.loops import loop_warnings
+from flexspline.least_squares.memory import memory_warnings
+from flexspline.least_squares.offsets import offset_parameters
+from flexspline.least_squares.problem import Problem
+from flexspline.least_squares.result import Delay, Fit, FittedRun, Parameter
+from flexspline.least_squares.scores import scores_of
+from flexspline.least_squares.uncertainty import Uncertainty
+from flexspline.least_squares.validation import cross_validate
+from flexspline.logs.channel_noise import ChannelNoise
+from flexspline.model import Model, Part
+from flexspline.parallel import together
+from flexspline.plain import plain_json
+
+__all__ = ["assembled"]
+
+Array = NDArray[np.float64]
+
+BOUND = {-1: "at lower bound", 0: "fitted", 1: "at upper bound"}
+LOOSE = 1.0  # a shape whose error is larger than itself is not determined
+
+
+def assembled(
+    problem: Problem,
+    made: Estimate,
+    into: Model | None,
+    warnings: Sequence[str],
+    orders: Any,
+    offset: tuple[int, Effect] | None = None,
+    inputs: tuple[ChannelNoise, ...] = (),
+    late: LateLoad | None = None,
+    as_recorded: bool = False,
+) -> Fit:
+    """Put everything together that a user sees of a fit.
+
+    Parameters
+    ----------
+    into : model that receives the part, or None for a new one.
+    warnings : sentences of the checks; those of the fit are added.
+    orders : the order analysis that chose orders, or None.
+    offset : where these were taken out, the effect of which each run has its own and its place
+        among the effects; else None.
+    inputs : noise of each channel of the runs.
+    late : the delay of the load beside which the estimate was made, or None. What it makes of the
+        target stays in the residuals.
+    as_recorded : whether noisy channels are read as recorded, for the user asked for that.
+    """
+    (uncertainty, delay), validation = together(
+        problem.threads, lambda: _errors(made, late), lambda: cross_validate(made)
+    )
+    held_out_residuals = validation.residuals
+    if late is not None:
+        held_out_residuals = tuple(
+            residual + late.of(k) for k, residual in enumerate(validation.residuals)
+        )
+    confounded = _confounded(problem, made, uncertainty)
+    parameters = _parameters(problem, made, uncertainty, confounded)
+    effects, values = made.linear.effects, _shared(problem, made)
+    if offset is not None:
+        own = offset_parameters(problem, made, uncertainty, offset[1])
+        parameters = (*parameters[: len(made.names)], *own, *parameters[len(made.names) :])
+        before = effects[: offset[0]]
+        mean = float(np.mean([p.value for p in own]))
+        values = np.insert(values, sum(len(e.terms) for e in before), mean)
+        effects = (*before, offset[1], *effects[offset[0] :])
+    residuals = residuals_of(problem, made.linear)
+    scores = scores_of(problem, residuals, held_out_residuals)
+    runs = tuple(
+        FittedRun(run.log, run.target, run.target - residual, held_out, counts_of(run))
+        for run, residual, held_out in zip(problem.runs, residuals, held_out_residuals, strict=True)
+    )
+    covariance = uncertainty.covariance
+    validated = {"by": validation.by, "folds": validation.folds}
+    record = _record(problem, made, parameters, confounded, uncertainty)
+    record["scores"] = [asdict(s) for s in scores]
+    record["validated"] = validated
+    if as_recorded:
+        record["prepared"] = []
+    if delay is not None:
+        record["delay"] = asdict(delay)
+    part = Part(
+        problem.target,
+        effects,
+        values,
+        problem.known_load,
+        plain_json(record),
+        problem.simulated,
+    )
+    facts = _facts(problem)
+    model = (into or Model({})).with_part(part, facts)
+    found = Fit(
+        model=model,
+        target=problem.target,
+        parameters=parameters,
+        confounded=tuple(confounded),
+        runs=runs,
+        scores=scores,
+        validated_by=validation.by,
+        folds=validation.folds,
+        uncertainty=uncertainty,
+        covariance=covariance,
+        lowpass=problem.lowpass,
+        warnings=(*warnings, *_warnings(made, uncertainty)),
+        exact=made.linear.exact,
+        condition=made.linear.solution.condition,
+        orders=orders,
+        inputs=inputs,
+        delay=delay,
+    )
+    return replace(found, warnings=(*found.warnings, *sign_warnings(found), *loop_warnings(found)))
+
+
+def _errors(made: Estimate, late: LateLoad | None) -> tuple[Uncertainty, Delay | None]:
+    """Errors of the parameters, and the delay of the load with its own."""
+    if late is None:
+        return made.uncertainty, None
+    whole = uncertainty_of(made, late.columns)
+    freedom = whole.degrees_of_freedom
+    shape = replace(whole, basis=whole.basis[:-1], degrees_of_freedom=freedom[:-1])
+    error = float(whole.standard_errors[-1])
+    counts = [counts_of(run) for run in made.tangent.problem.runs]
+    makes = np.concatenate([late.of(k)[rows] for k, rows in enumerate(counts)])
+    rms = float(np.sqrt(np.mean(makes**2)))
+    return shape, Delay(late.channel, late.seconds, error, rms)
+
+
+def _confounded(problem: Problem, made: Estimate, uncertainty: Uncertainty) -> list[Confounded]:
+    """Groups among the coefficients that are neither fixed nor at a bound."""
+    shapes = len(made.free_shapes)
+
+    def errors_of(directions: Array) -> Array:
+        return uncertainty.errors_of(np.hstack([directions, np.zeros((len(directions), shapes))]))
+
+    units = _units(problem, made)
+    return confounded_groups(
+        made.linear.solution,
+        [made.names[k] for k in made.fitted],
+        [units[k] for k in made.fitted],
+        made.linear.coefficients[made.fitted],
+        errors_of,
+        made.linear.prior_rows,
+    )
+
+
+def _units(problem: Problem, made: Estimate) -> list[str]:
+    """Unit of each coefficient, in the order of `names`."""
+    load, terms = problem.known_load, [t for e in made.linear.effects for t in e.terms]
+    units = [unit_in(term.unit, problem.target, load) for term in terms]
+    ordered = [""] * len(made.names)
+    for number in range(len(problem.runs)):
+        for column, at in enumerate(problem.place(made.linear.effects, number)):
+            ordered[at] = units[column]
+    return ordered
+
+
+def _parameters(
+    problem: Problem,
+    made: Estimate,
+    uncertainty: Uncertainty,
+    confounded: Sequence[Confounded],
+) -> tuple[Parameter, ...]:
+    hidden = {name for group in confounded for name in group.names}
+    values = np.concatenate(
+        [
+            made.linear.coefficients[made.fitted],
+            [shape.value(made.linear.effects) for shape in made.free_shapes],
+        ]
+    )
+    table = {
+        "error": uncertainty.standard_errors,
+        "naive": uncertainty.naive_standard_errors,
+        "low": uncertainty.intervals(values)[:, 0],
+        "high": uncertainty.intervals(values)[:, 1],
+        "news": uncertainty.effective_samples_of,
+    }
+    units = _units(problem, made)
+    found = []
+    for k, name in enumerate(made.names):
+        at = int(np.searchsorted(made.fitted, k))
+        row = at if at < len(made.fitted) and made.fitted[at] == k else None
+        held = bool(np.isfinite(made.constraints.held[k]))
+        state = "fixed" if held else BOUND[int(made.linear.at_bound[k])]
+        prior = None
+        if np.isfinite(made.constraints.prior[k]):
+            prior = (float(made.constraints.prior[k]), float(made.constraints.prior_error[k]))
+        determined = name not in hidden
+        state = state if determined else "not determined"
+        value = float(made.linear.coefficients[k])
+        found.append(
+            _parameter(name, "coefficient", value, units[k], state, determined, prior, table, row)
+        )
+    return (*found, *_shape_parameters(made, table))
+
+
+def _shape_parameters(made: Estimate, table: Mapping[str, Array]) -> list[Parameter]:
+    found = []
+    free = [shape.name for shape in made.free_shapes]
+    for shape in made.shapes:
+        value = shape.value(made.linear.effects)
+        row = len(made.fitted) + free.index(shape.name) if shape.name in free else None
+        determined, state = True, "fixed"
+        if shape.name in made.searched.flat:
+            determined, state = False, "not determined"
+        elif shape.name in made.searched.at_bound:
+            state = BOUND[made.searched.at_bound[shape.name]]
+        if row is not None and not table["error"][row] < LOOSE * value:
+            determined, state = False, "not determined"
+        found.append(
+            _parameter(
+                shape.name, "shape", value, shape.info.unit, state, determined, None, table, row
+            )
+        )
+    return found
+
+
+def _parameter(
+    name: str,
+    kind: str,
+    value: float,
+    unit: str,
+    state: str,
+    determined: bool,
+    prior: tuple[float, float] | None,
+    table: Mapping[str, Array],
+    row: int | None,
+) -> Parameter:
+    def at(key: str) -> float:
+        return float("nan") if row is None else float(table[key][row])
+
+    interval = (at("low"), at("high")) if row is not None else (value, value)
+    return Parameter(
+        name,
+        kind,
+        value,
+        at("error"),
+        at("naive"),
+        interval,
+        unit,
+        state,
+        determined,
+        prior,
+        at("news"),
+    )
+
+
+def _shared(problem: Problem, made: Estimate) -> Array:
+    """Coefficients in the order of the effects' terms; offsets of runs become their mean."""
+    places = [problem.place(made.linear.effects, k) for k in range(len(problem.runs))]
+    return np.asarray(np.mean([made.linear.coefficients[place] for place in places], axis=0))
+
+
+def _record(
+    problem: Problem,
+    made: Estimate,
+    parameters: Sequence[Parameter],
+    confounded: Sequence[Confounded],
+    uncertainty: Uncertainty,
+) -> dict[str, Any]:
+    channels = sorted({name for run in problem.runs for name in run.channels} - {"period"})
+    return {
+        "parameters": [asdict(p) for p in parameters],
+        "covariance": {
+            "names": [made.names[k] for k in made.fitted] + [s.name for s in made.free_shapes],
+            "matrix": uncertainty.covariance.tolist(),
+        },
+        "confounded": [asdict(group) for group in confounded],
+        "noise": {
+            "autoregression": uncertainty.noise.coefficients.tolist(),
+            "innovation_variance": uncertainty.noise.innovation_variance,
+            "effective_samples": uncertainty.effective_samples,
+            "filtered": made.denominator is not None,
+        },
+        "lowpass": problem.lowpass,
+        **(
+            {"prepared": [p.to_json() for p in problem.preparations]}
+            if problem.preparations
+            else {}
+        ),
+        "channels": channels,
+        "validity": {
+            name: [
+                min(float(run.channels[name].min()) for run in problem.runs),
+                max(float(run.channels[name].max()) for run in problem.runs),
+            ]
+            for name in channels
+        },
+        "logs": [
+            {
+                "name": run.log.name,
+                "sha256": run.log.source.sha256 if run.log.source else None,
+                "rows": len(run),
+                "history": list(run.log.history),
+            }
+            for run in problem.runs
+        ],
+    }
+
+
+def _facts(problem: Problem) -> dict[str, Any]:
+    known = ("joint", "gear_ratio", "output_spline", "pole_pairs", "slots", "torque_constant")
+    facts = problem.runs[0].log.facts
+    return {key: facts[key] for key in known if key in facts}
+
+
+def _warnings(made: Estimate, uncertainty: Uncertainty) -> list[str]:
+    said = []
+    if not uncertainty.reliable:
+        said.append(uncertainty.statement)
+    for name, side in made.searched.at_bound.items():
+        if side:
+            said.append(f"{name} ended on its {BOUND[side][3:]}: the model may lack something else")
+    for k in np.flatnonzero(made.linear.at_bound):
+        side = int(made.linear.at_bound[k])
+        said.append(f"{made.names[k]} ended on its {BOUND[side][3:]}")
+    said += memory_warnings(made.tangent.problem, made.linear.effects)
+    for name in made.searched.flat:
+        said.append(f"{name} changes nothing in these runs and keeps its value")
+    return said

@@ -1,0 +1,194 @@
+"""What follows from fitted parameters and has a name of its own: stiffnesses, lost motion, loops.
+
+A torsion is linear in compliances, in rad/Nm; engineers and full_range_torque_estimation
+(Table III) speak of stiffnesses. Errors by the delta method, first order: gradient · β.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexspline.effects import unit_in
+from flexspline.orders.parts import effective_ratio
+
+if TYPE_CHECKING:
+    from flexspline.least_squares.result import Fit
+
+__all__ = ["DERIVED", "Derived", "Formula", "derived_of", "sign_warnings"]
+
+STEP = 1e-6  # relative: the central difference is good to 1e-9 of a smooth formula
+ROUGH = 0.5  # relative error from which the first order says nothing
+
+
+@dataclass(frozen=True)
+class Formula:
+    """A quantity of one effect: `value` of its terms and shapes by name, and Ñ as "ratio"."""
+
+    name: str
+    unit: str
+    value: Callable[[Mapping[str, float]], float]
+
+
+@dataclass(frozen=True)
+class Derived:
+    """A quantity that follows from the parameters, in `unit`, with its standard error.
+
+    The error is NaN where all parameters behind it are fixed.
+    """
+
+    name: str
+    value: float
+    standard_error: float
+    unit: str
+
+
+DERIVED: Mapping[str, tuple[Formula, ...]] = {
+    "mesh_compliance": (
+        Formula("mesh stiffness K_m0", "Nm/rad", lambda p: p["ratio"] / p["compliance"]),
+        Formula(
+            "largest mesh torsion, at the output",
+            "rad",
+            lambda p: np.pi * p["compliance"] / (2 * p["mesh_shape"] * p["ratio"]),
+        ),
+    ),
+    "wave_generator_compliance": (
+        Formula("wave generator stiffness K_w0", "Nm/rad", lambda p: 1.0 / p["compliance"]),
+        Formula(
+            "lost motion each way, at the motor",
+            "rad",
+            lambda p: p["compliance"] / p["wave_generator_shape"],
+        ),
+    ),
+    "torsional_hysteresis": (
+        Formula(
+            "half the loop of the hysteresis, at the motor",
+            "rad",
+            lambda p: p["wide"] + p["half"] + p["quarter"] + p["eighth"],
+        ),
+        Formula(
+            "half the loop of the hysteresis, at the output",
+            "rad",
+            lambda p: (p["wide"] + p["half"] + p["quarter"] + p["eighth"]) / p["ratio"],
+        ),
+    ),
+    "backlash": (
+        Formula("dead zone of the backlash, at the motor", "rad", lambda p: 2.0 * p["half_gap"]),
+        Formula(
+            "dead zone of the backlash, at the output",
+            "rad",
+            lambda p: 2.0 * p["half_gap"] / p["ratio"],
+        ),
+    ),
+    "presliding_friction": (
+        Formula(
+            "level of the presliding friction once it slips",
+            "Nm",
+            lambda p: p["wide"] + p["half"] + p["quarter"] + p["eighth"],
+        ),
+    ),
+    "torque_hysteresis": (
+        Formula(
+            "half the loop of the sensor's hysteresis",
+            "Nm",
+            lambda p: p["wide"] + p["half"] + p["quarter"] + p["eighth"],
+        ),
+    ),
+    "speed_dependent_ripple": (
+        Formula(
+            "resonance frequency",
+            "Hz",
+            lambda p: p["ratio"] * p["resonance_velocity"] / (2 * np.pi),
+        ),
+    ),
+    "sensor_lag": (
+        Formula(
+            "smoothing over lateness (a lag has 1, a delay 0.5)",
+            "1",
+            lambda p: p["smoothing_time"] / p["lateness"],
+        ),
+    ),
+}
+
+_DISSIPATE = (
+    "mesh_compliance",
+    "wave_generator_compliance",
+    "torsional_hysteresis",
+    "backlash",
+    "presliding_friction",
+)
+POSITIVE = tuple(DERIVED[name][0].name for name in _DISSIPATE)
+"""Negative, a spring or a brake would give energy."""
+
+
+def derived_of(fit: Fit) -> tuple[Derived, ...]:
+    """Return the derived quantities of a fit's effects.
+
+    Left out are those that are not finite, that the data do not see, and whose error is more than
+    half of their value, where the first order of the delta method no longer holds.
+    """
+    found = []
+    ratio = effective_ratio(fit.model.facts)
+    for effect in fit.part.effects:
+        prefix = f"{effect.name}."
+        values = {
+            p.name.removeprefix(prefix): p.value
+            for p in fit.parameters
+            if p.name.startswith(prefix)
+        }
+        values["ratio"] = np.nan if ratio is None else ratio
+        for formula in DERIVED.get(effect.name, ()):
+            value = _value(formula, values)
+            if np.isfinite(value):
+                error = _error(fit, prefix, formula, values)
+                if error > ROUGH * abs(value):
+                    continue
+                unit = formula.unit
+                if fit.target != "torsion":
+                    unit = unit_in(unit, fit.target, fit.part.known_load)
+                found.append(Derived(formula.name, value, error, unit))
+    return tuple(found)
+
+
+def sign_warnings(fit: Fit) -> list[str]:
+    """What a compliance or a loop of the wrong sign says: a spring or a brake that gives energy."""
+    return [
+        f"{d.name} is negative: the sign of a torque or of a position may be turned"
+        for d in fit.derived
+        if d.name in POSITIVE and d.value < 0.0
+    ]
+
+
+def _value(formula: Formula, values: Mapping[str, float]) -> float:
+    try:
+        return float(formula.value(values))
+    except ZeroDivisionError:
+        return float("nan")
+
+
+def _error(fit: Fit, prefix: str, formula: Formula, values: Mapping[str, float]) -> float:
+    names = fit.part.record["covariance"]["names"]
+    gradient = np.zeros(len(names))
+    for k, name in enumerate(names):
+        short = name.removeprefix(prefix)
+        if not name.startswith(prefix):
+            continue
+        step = STEP * abs(values[short]) or STEP
+        ends = [_value(formula, {**values, short: values[short] + d}) for d in (-step, step)]
+        gradient[k] = (ends[1] - ends[0]) / (2.0 * step)
+    if not gradient.any():
+        return float("nan")
+    if not _seen(fit, gradient):
+        return float("inf")
+    return float(fit.uncertainty.errors_of(gradient[None])[0])
+
+
+def _seen(fit: Fit, gradient: NDArray[np.float64]) -> bool:
+    """Whether the data see the combination: it lies in the span of the basis."""
+    basis = fit.uncertainty.basis
+    left = gradient - basis @ np.linalg.lstsq(basis, gradient, rcond=None)[0]
+    return bool(np.linalg.norm(left) <= 1e-6 * np.linalg.norm(gradient))

@@ -1,0 +1,289 @@
+"""The estimate itself: shapes around coefficients, weights and priors around both."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import block_diag
+
+from flexspline.effects import Effect
+from flexspline.errors import InputError
+from flexspline.least_squares.bends import Bent, bent
+from flexspline.least_squares.linear import LinearFit, fit_linear
+from flexspline.least_squares.names import (
+    Bounds,
+    Constraints,
+    ShapeParameter,
+    coefficient_names,
+    constraints_of,
+    finite,
+    pair_of,
+    shapes_of,
+)
+from flexspline.least_squares.noise_model import NoiseModel, noise_model
+from flexspline.least_squares.problem import Problem, Run
+from flexspline.least_squares.robust import huber_weights
+from flexspline.least_squares.shapes import ShapeFit, fit_shapes
+from flexspline.least_squares.tangent import Tangent
+
+if TYPE_CHECKING:
+    from flexspline.least_squares.uncertainty import Uncertainty
+
+__all__ = ["Estimate", "Given", "estimate"]
+
+Array = NDArray[np.float64]
+
+LONG = 1_000_000  # rows from which the noise model reads one chunk of several
+ROBUST_ROUNDS = 30
+ROBUST_STANDS = 1e-5
+UNSEEN = 1e-12
+
+
+@dataclass(frozen=True)
+class Given:
+    """What is known or wanted of the parameters beforehand, by name, in their units."""
+
+    fixed: Mapping[str, float]
+    bounds: Mapping[str, Bounds]
+    priors: Mapping[str, tuple[float, float]]
+    robust: bool
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """The solution and what it was found with.
+
+    `names`: of the coefficients (P,). `free_shapes`: shapes fitted and not at a bound; `shapes`:
+    all. `tangent`: rows of `fitted` and `free_shapes` at the solution. `basis`: the directions of
+    these that data and priors determine. `noise_variance`: what priors were weighed by.
+    `denominator`: A, by which rows were filtered (`generalised.py`); None of a plain fit.
+    """
+
+    names: list[str]
+    linear: LinearFit
+    constraints: Constraints
+    searched: ShapeFit
+    shapes: tuple[ShapeParameter, ...]
+    free_shapes: tuple[ShapeParameter, ...]
+    tangent: Tangent
+    basis: Array
+    noise_variance: float
+    denominator: Array | None = None
+
+    @property
+    def fitted(self) -> NDArray[np.intp]:
+        """Numbers of the coefficients that are neither fixed nor at a bound."""
+        return self.linear.fitted
+
+    @cached_property
+    def uncertainty(self) -> Uncertainty:
+        """Errors of fitted coefficients and free shapes, in this order; made once."""
+        from flexspline.least_squares.estimate_errors import uncertainty_of
+
+        return uncertainty_of(self)
+
+    @property
+    def prior_rows(self) -> Array:
+        """(m, F + S), rows that priors add to the tangent."""
+        return _beside_shapes(self.linear.prior_rows, len(self.free_shapes))
+
+
+def estimate(
+    problem: Problem,
+    effects: Sequence[Effect],
+    given: Given,
+    tick: Callable[[], object],
+    *,
+    near: bool = False,
+) -> Estimate:
+    """Fit coefficients and shapes.
+
+    With priors the fit is made twice: the first, without them, gives the long-run variance of the
+    noise, which the second weighs the priors by. `near`: whether the effects' shapes lie in the
+    right valley, so that the search need not look for others.
+
+    Raises
+    ------
+    InputError
+        For a name that is no parameter, or bounds that leave nothing.
+    """
+    runs = [run.log.name for run in problem.runs] if problem.offset_per_run else []
+    names = coefficient_names(effects, runs)
+    shapes = shapes_of(effects)
+    fixed, fixed_shapes = _split(given.fixed, shapes)
+    bounds, shape_bounds = _split(given.bounds, shapes)
+    for shape in shapes:
+        if shape.name in fixed_shapes:
+            value = finite(fixed_shapes[shape.name], f"fixed: {shape.name}")
+            effects = shape.set(effects, value)
+    priors, shape_priors = _split(given.priors, shapes)
+    for name in shape_priors:
+        raise InputError(f"priors: {name} is a shape, which takes no prior; fix or bound it")
+    constraints = constraints_of(names, fixed, bounds, priors, [shape.name for shape in shapes])
+    search = _Search(
+        problem,
+        tuple(effects),
+        constraints,
+        [shape for shape in shapes if shape.name not in fixed_shapes],
+        {s.name: _limits(s, shape_bounds[s.name]) for s in shapes if s.name in shape_bounds},
+        given.robust,
+        tick,
+        near,
+    )
+    made = _finished(names, shapes, search, 0.0)
+    if constraints.informed:
+        noise = noise_of(made)
+        made = _finished(names, shapes, search, noise.long_run_variance * noise.decimation)
+    return made
+
+
+def noise_of(made: Estimate) -> NoiseModel:
+    """Return the model of the noise around an estimate."""
+    decimation = made.tangent.problem.decimation
+    offsets = made.tangent.problem.centred
+    chunks = made.tangent.some(read_of(made))
+    return noise_model(chunks, made.basis, decimation=decimation, offsets=offsets)
+
+
+def read_of(made: Estimate) -> int:
+    """One chunk of how many tells of the noise: of long logs some are enough."""
+    return max(1, sum(run.counted for run in made.tangent.problem.runs) // LONG)
+
+
+@dataclass(frozen=True)
+class _Search:
+    problem: Problem
+    effects: tuple[Effect, ...]
+    constraints: Constraints
+    free: list[ShapeParameter]
+    limits: dict[str, tuple[float, float]]
+    robust: bool
+    tick: Callable[[], object]
+    near: bool
+
+    def run(self, variance: float, weights: list[Array] | None, exact: bool) -> ShapeFit:
+        def solve(effects: tuple[Effect, ...], start: Array | None) -> LinearFit:
+            return fit_linear(
+                self.problem,
+                effects,
+                self.constraints,
+                start=start,
+                weights=weights,
+                noise_variance=variance,
+                exact=exact,
+            )
+
+        def bend(found: LinearFit, shapes: Sequence[ShapeParameter]) -> Bent:
+            return bent(self.problem, found, self.constraints, shapes, weights)
+
+        return fit_shapes(
+            self.effects, self.free, solve, self.limits, bend, self.tick, near=self.near
+        )
+
+    def run_robust(self, variance: float) -> tuple[ShapeFit, list[Array] | None]:
+        """Search again with the weights of the last residuals until the coefficients stand."""
+        found, weights = self.run(variance, None, False), None
+        for _ in range(ROBUST_ROUNDS if self.robust else 0):
+            linear = found.linear
+            residuals = residuals_of(self.problem, linear)
+            counted = [counts_of(run) for run in self.problem.runs]
+            weights = huber_weights(residuals, counted)
+            near = replace(self, effects=linear.effects, near=True)
+            found = near.run(variance, weights, linear.exact)
+            if _stands(found.linear, linear):
+                break
+        return found, weights
+
+
+def _stands(now: LinearFit, before: LinearFit) -> bool:
+    """Whether no contribution has moved by more than a small share of the largest one."""
+    lengths = now.solution.lengths
+    moved = (now.coefficients - before.coefficients)[now.fitted] * lengths
+    largest = np.abs(now.coefficients[now.fitted] * lengths).max(initial=0.0)
+    return bool((np.abs(moved) <= ROBUST_STANDS * largest).all())
+
+
+def residuals_of(problem: Problem, linear: LinearFit) -> list[Array]:
+    """Measured minus predicted, (N,) for each run."""
+    predicted = problem.predict(linear.effects, linear.coefficients)
+    return [run.target - p for run, p in zip(problem.runs, predicted, strict=True)]
+
+
+def counts_of(run: Run) -> NDArray[np.bool_]:
+    """Rows of a run that count, (N,)."""
+    mask = np.zeros(len(run), dtype=bool)
+    for first, last in run.stretches:
+        mask[first:last] = True
+    return mask
+
+
+def _finished(
+    names: list[str], shapes: Sequence[ShapeParameter], search: _Search, variance: float
+) -> Estimate:
+    searched, weights = search.run_robust(variance)
+    linear = searched.linear
+    active = tuple(s for s in search.free if searched.at_bound.get(s.name) == 0)
+    tangent = Tangent(
+        search.problem, linear.effects, linear.coefficients, linear.fitted, active, weights
+    )
+    basis = _basis(linear, tangent)
+    return Estimate(
+        names, linear, search.constraints, searched, tuple(shapes), active, tangent, basis, variance
+    )
+
+
+def _basis(linear: LinearFit, tangent: Tangent) -> Array:
+    """Directions of coefficients and shapes that are determined; rows @ basis ≈ orthonormal."""
+    coefficients = linear.solution.basis
+    bends = len(tangent.shapes)
+    if not bends:
+        return coefficients
+    basis = block_diag(coefficients, np.eye(bends))
+    known = _beside_shapes(linear.prior_rows, bends) @ basis
+    gram = known.T @ known
+    for chunk in tangent():
+        rows = chunk.rows @ basis
+        gram += rows.T @ (rows if chunk.weights is None else chunk.weights[:, None] * rows)
+    scale = np.sqrt(np.diag(gram))
+    scale = np.where(scale > 0.0, scale, 1.0)
+    values, vectors = np.linalg.eigh(gram / np.outer(scale, scale))
+    seen = values > UNSEEN * values[-1]
+    return np.asarray(basis @ (vectors[:, seen] / np.sqrt(values[seen]) / scale[:, None]))
+
+
+def _beside_shapes(rows: Array, shapes: int) -> Array:
+    """Rows over coefficients (m, F), with zeros for the shapes."""
+    return np.hstack([rows, np.zeros((len(rows), shapes))])
+
+
+def _split(
+    options: Mapping[str, Any], shapes: Sequence[ShapeParameter]
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Split options by name into those of coefficients and those of shapes (by full name)."""
+    known = [shape.name for shape in shapes]
+    coefficients: dict[str, Any] = {}
+    found: dict[str, Any] = {}
+    for name, value in options.items():
+        matches = [full for full in known if full == name or full.split(".")[-1] == name]
+        if len(matches) == 1:
+            found[matches[0]] = value
+        else:
+            coefficients[name] = value
+    return coefficients, found
+
+
+def _limits(shape: ShapeParameter, limits: Bounds) -> tuple[float, float]:
+    bounds = pair_of(limits, f"bounds: {shape.name}", "(low, high)")
+    low = max(shape.info.lower, shape.info.lower if bounds[0] is None else bounds[0])
+    high = min(shape.info.upper, shape.info.upper if bounds[1] is None else bounds[1])
+    if not low < high:
+        raise InputError(
+            f"bounds: {shape.name} from {bounds[0]} to {bounds[1]} leaves nothing of "
+            f"{shape.info.lower} to {shape.info.upper} {shape.info.unit}; give a wider range"
+        )
+    return low, high

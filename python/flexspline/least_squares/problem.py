@@ -1,0 +1,369 @@
+"""What a fit explains: runs with their channels as the core wants them, and the target."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from itertools import pairwise
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexspline import _core
+from flexspline.effects import Effect, require_effects
+from flexspline.errors import InputError
+from flexspline.least_squares.memory import kept_rows, settled
+from flexspline.least_squares.sums import Sums, joined
+from flexspline.logs.derive import LowPass, lowpass
+from flexspline.logs.local_fit import require_bandwidth
+from flexspline.logs.log import Log
+from flexspline.logs.segments import runs, true_ranges
+from flexspline.prepared import Preparation, prepared
+from flexspline.requirements import (
+    gear_for,
+    require_change,
+    require_finite,
+    require_load,
+)
+from flexspline.signals import channels_for, core_channels, target_of
+from flexspline.simulator.record import Simulated, simulation_of
+
+__all__ = ["Problem", "Run", "problem_of"]
+
+Array = NDArray[np.float64]
+T = TypeVar("T")
+
+SECONDS_A_BLOCK = 2.0
+MOST_BLOCKS = 400
+CHUNK = 1 << 15
+ROUNDING = 1e-12  # of a column's size: what is left of one that is constant in a run
+KEPT = 24  # filtered effects of each run
+
+
+@dataclass(frozen=True)
+class Run:
+    """One log made ready: channels for the core, the target, and the pieces without gaps.
+
+    `log`: with its inputs prepared; the target is that of the log as recorded. `channels`: name ->
+    (N,) in SI units, "known_load" among them. `target`: (N,), y. `unbroken`: row ranges
+    [first, last) without a gap. `stretches`: the rows of these that count; the beginning may be
+    left out, where an effect still depends on what came before the run.
+    `low_pass`: of the target, for the rows; None without one. `whole`: `unbroken` before rows were
+    left out that do not count: through these time, and the noise, go on. None where none were.
+    `blur`: what a prediction changes by with the motion smoothed further, (N,), where it was asked.
+    """
+
+    log: Log
+    channels: dict[str, Array]
+    target: Array
+    unbroken: tuple[tuple[int, int], ...]
+    stretches: tuple[tuple[int, int], ...]
+    low_pass: LowPass | None = None
+    whole: tuple[tuple[int, int], ...] | None = None
+    blur: Array | None = None
+
+    def __len__(self) -> int:
+        return len(self.target)
+
+    @property
+    def counted(self) -> int:
+        """Rows that count."""
+        return sum(last - first for first, last in self.stretches)
+
+    def mean(self, values: Array) -> Array:
+        """Mean of values (N,) or (N, K) over the rows that count."""
+        total = sum(values[first:last].sum(axis=0) for first, last in self.stretches)
+        return np.asarray(total / max(self.counted, 1))
+
+    def centred(self, values: Array) -> Array:
+        """Values (N,) or (N, K) less their mean; zero where nothing but rounding is left."""
+        rest = values - self.mean(values)
+        parts = [slice(first, last) for first, last in self.stretches]
+        size = np.max([np.abs(values[part]).max(axis=0) for part in parts], axis=0, initial=0.0)
+        left = np.max([np.abs(rest[part]).max(axis=0) for part in parts], axis=0, initial=0.0)
+        return np.where(left > ROUNDING * size, rest, 0.0)
+
+    def blocks(self, length: int) -> list[tuple[int, int]]:
+        """Cut the stretches into blocks of about `length` rows, none shorter than half."""
+        return _blocks(self.stretches, length)
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Runs that one model explains.
+
+    `gear`: effective ratio, output spline and whether the motor's angle is measured, as
+    `_core.Design` takes them. `lowpass`: Hz, on target and rows alike, or None. `preparations`: of
+    the channels that rows read. `centred`: whether an offset of each run is taken out of target and
+    rows (`offsets.py`).
+    `simulated`: the foreign simulation whose prediction is taken off every target, or None.
+    """
+
+    runs: tuple[Run, ...]
+    target: str
+    gear: dict[str, Any]
+    known_load: str | None
+    lowpass: float | None
+    threads: int
+    block_rows: int
+    offset_per_run: bool = False
+    preparations: tuple[Preparation, ...] = ()
+    centred: bool = False
+    simulated: Simulated | None = None
+    kept: dict[Any, Array] = field(default_factory=dict, compare=False, repr=False)
+    remembered: _core.Remembered = field(
+        default_factory=_core.Remembered, compare=False, repr=False
+    )
+
+    def place(self, effects: Sequence[Effect], number: int) -> NDArray[np.intp]:
+        """Number of the parameter behind each column of the core for a run, (P,).
+
+        One offset for each run stands behind all other parameters.
+        """
+        columns = np.arange(sum(len(effect.terms) for effect in effects))
+        at = _offset_column(effects) if self.offset_per_run else None
+        if at is None:
+            return columns
+        return np.where(columns == at, len(columns) - 1 + number, columns - (columns > at))
+
+    def once(self, key: Any, make: Callable[[], T]) -> T:
+        """Return what `make` makes, which is kept: models come and go, the runs stay."""
+        kept: dict[Any, Any] = self.kept
+        if key not in kept:
+            kept[key] = make()
+        made: T = kept[key]
+        return made
+
+    def design(self, effects: Sequence[Effect]) -> _core.Design:
+        return _core.Design([effect.for_core() for effect in effects], **self.gear)
+
+    def sums(
+        self,
+        effects: Sequence[Effect],
+        load: Array,
+        *,
+        held: Array | None = None,
+        weights: Sequence[Array] | None = None,
+        exact: bool = False,
+    ) -> Sums:
+        """Sums of products of [rows, y] of all blocks.
+
+        Parameters
+        ----------
+        load : (P,), coefficients from which the load is made; (0,) for the known load alone.
+        held : (P,), what is taken off the target beforehand; None for nothing.
+        weights : an array (N,) for each run, or None.
+        exact : sum in double-double.
+        """
+        design = self.design(effects)
+        nothing = np.empty(0)
+        pieces = []
+        for number, run in enumerate(self.runs):
+            place = self.place(effects, number)
+            blocks = run.blocks(self.block_rows)
+            weight = None if weights is None else weights[number]
+            off = nothing if held is None or not held.any() else held[place]
+            carried = load[place] if load.size else nothing
+            if self.lowpass is None and not self.centred:
+                high, low = design.accumulate(
+                    run.channels,
+                    run.target,
+                    blocks,
+                    carried,
+                    off,
+                    weight,
+                    exact,
+                    True,
+                    self.threads,
+                )
+            else:
+                rows = self.rows(effects, number, carried)
+                target = run.target - rows @ off if off.size else run.target
+                if self.centred:
+                    rows, target = run.centred(rows), run.centred(target)
+                if weight is not None and exact:
+                    root = np.sqrt(weight)
+                    rows, target, weight = rows * root[:, None], target * root, None
+                high, low = _core.accumulate_rows(rows, target, blocks, weight, exact, self.threads)
+            lengths = np.array([last - first for first, last in blocks], dtype=np.int64)
+            label = np.full(len(blocks), number, dtype=np.int64)
+            pieces.append(Sums(high, low, lengths, label))
+            if self.offset_per_run:
+                pieces[-1] = pieces[-1].spread(place, self.parameters(effects))
+        return joined(pieces)
+
+    @property
+    def decimation(self) -> int:
+        """Every how many rows the noise is news: above a low pass nothing is left to look at."""
+        if self.lowpass is None:
+            return 1
+        rate = float(np.median([run.log.rate for run in self.runs]))
+        return max(1, int(rate / (2.5 * self.lowpass)))
+
+    def parameters(self, effects: Sequence[Effect]) -> int:
+        """How many coefficients there are."""
+        return int(self.place(effects, len(self.runs) - 1).max(initial=-1)) + 1
+
+    def rows(self, effects: Sequence[Effect], number: int, load: Array) -> Array:
+        """Low-passed design matrix of a whole run, (N, P).
+
+        The search for shapes asks for the same columns again and again: those that no load
+        changes are kept, the last few of each effect.
+        """
+        run = self.runs[number]
+        if self.lowpass is None:
+            return np.asarray(self.design(effects).rows(run.channels, len(run), load))
+        columns = [np.empty((len(run), 0))]
+        for k, effect in enumerate(effects):
+            if "load" in effect.reads:
+                first = sum(len(e.terms) for e in effects[:k])
+                raw = self.design(effects).rows(run.channels, len(run), load)
+                made = self.smooth(run, np.asarray(raw)[:, first : first + len(effect.terms)])
+            else:
+                key = (number, effect)
+                if key not in self.kept:
+                    raw = self.design([effect]).rows(run.channels, len(run), np.empty(0))
+                    self.kept[key] = self.smooth(run, np.asarray(raw))
+                    if len(self.kept) > KEPT * len(self.runs):
+                        self.kept.pop(next(iter(self.kept)))
+                made = self.kept[key]
+            columns.append(made)
+        return np.asfortranarray(np.hstack(columns))
+
+    def smooth(self, run: Run, values: Array) -> Array:
+        """Values (N,) or (N, K) of a whole run, low-passed as the target is."""
+        return values if run.low_pass is None else run.low_pass(values)
+
+    def predict(self, effects: Sequence[Effect], coefficients: Array) -> list[Array]:
+        """Rows times coefficients, an array (N,) for each run."""
+        return [self.predict_run(effects, coefficients, k) for k in range(len(self.runs))]
+
+    def predict_run(self, effects: Sequence[Effect], coefficients: Array, number: int) -> Array:
+        """Rows times coefficients of one run, (N,), and its own offset where that is taken out."""
+        values = self.combined(effects, coefficients, number)
+        run = self.runs[number]
+        return values + run.mean(run.target) if self.centred else values
+
+    def combined(self, effects: Sequence[Effect], weights: Array, number: int) -> Array:
+        """Rows of one run, as they are fitted, times weights: (N,)."""
+        run, place = self.runs[number], self.place(effects, number)
+        values = self.design(effects).predict(run.channels, len(run), weights[place])
+        values = self.smooth(run, np.asarray(values))
+        return run.centred(values) if self.centred else values
+
+    def pieces(self) -> Iterator[tuple[int, int, int]]:
+        """Run number and row range of pieces small enough to hold a design matrix of."""
+        for number, run in enumerate(self.runs):
+            for first, last in run.stretches:
+                for start in range(first, last, CHUNK):
+                    yield number, start, min(start + CHUNK, last)
+
+
+def problem_of(
+    logs: Sequence[Log],
+    effects: Sequence[Effect],
+    target: str,
+    *,
+    known_load: str | None,
+    lowpass_hz: float | None,
+    threads: int,
+    offset_per_run: bool = False,
+    preparations: Sequence[Preparation] = (),
+    inputs: Sequence[Log] | None = None,
+    counted: Sequence[NDArray[np.bool_]] | None = None,
+    simulated: Simulated | None = None,
+) -> Problem:
+    """Make logs ready for a fit of these effects to this target, or to what a simulation leaves.
+
+    `preparations`: how channels are made that the rows read; the target is that of the logs as
+    they are. `inputs`: these logs with the channels so made, where rows were taken out since.
+    `counted`: rows (N,) of each log that count; None for all.
+
+    Raises
+    ------
+    InputError
+        For an unknown target, an effect that does not act on it, a channel that is missing and
+        cannot be derived, values that are not finite, or logs that disagree on the gear.
+    """
+    require_effects(effects, target)
+    require_load(effects, known_load)
+    if offset_per_run and "offset" not in [effect.name for effect in effects]:
+        raise InputError("offset_per_run needs the effect 'offset'; add it to the effects")
+    gear = gear_for(logs, target, effects, known_load)
+    inputs = [*inputs] if inputs is not None else [prepared(log, preparations) for log in logs]
+    made = [
+        _run(*both, effects, target, known_load, lowpass_hz, simulated)
+        for both in zip(logs, inputs, strict=True)
+    ]
+    if counted is not None:
+        made = [_cut(run, rows) for run, rows in zip(made, counted, strict=True)]
+    require_change(target, [run.target for run in made])
+    rate = float(np.median([run.log.rate for run in made]))
+    rows = sum(run.counted for run in made)
+    block = max(round(SECONDS_A_BLOCK * rate), rows // MOST_BLOCKS, 1)
+    problem = Problem(
+        tuple(made), target, gear, known_load, lowpass_hz, threads, block, offset_per_run,
+        preparations=tuple(preparations), simulated=simulated,
+    )  # fmt: skip
+    return settled(problem, effects)
+
+
+@lru_cache(maxsize=256)  # a search asks for the same ones each time that it solves
+def _blocks(stretches: tuple[tuple[int, int], ...], length: int) -> list[tuple[int, int]]:
+    cut: list[tuple[int, int]] = []
+    for first, last in stretches:
+        count = max(1, round((last - first) / length))
+        cut += pairwise(np.linspace(first, last, count + 1).astype(int).tolist())
+    return cut
+
+
+def _offset_column(effects: Sequence[Effect]) -> int | None:
+    names = [effect.name for effect in effects for _ in effect.terms]
+    return names.index("offset") if "offset" in names else None
+
+
+def _cut(run: Run, counted: NDArray[np.bool_]) -> Run:
+    """The run with the rows that count; what an effect remembers goes on through the others."""
+    pieces = [
+        (first + int(a), first + int(b))
+        for first, last in run.stretches
+        for a, b in true_ranges(counted[first:last])
+    ]
+    if not pieces:
+        return run
+    rows = tuple(pieces)
+    return replace(run, unbroken=rows, stretches=rows, whole=run.whole or run.unbroken)
+
+
+def _run(
+    log: Log,
+    made: Log,
+    effects: Sequence[Effect],
+    target: str,
+    known_load: str | None,
+    cutoff: float | None,
+    simulated: Simulated | None,
+) -> Run:
+    if len(log) < 2:
+        raise InputError(f"log '{log.name}': one row is no run; leave it out or record longer")
+    y = target_of(log, target, known_load)
+    if simulated is not None:
+        y = y - simulation_of(log, target, simulated, known_load)
+    log = channels_for(made, effects, known_load)
+    channels = core_channels(log, effects, known_load)
+    require_finite(log, {**channels, target: y})
+    stretches = [(int(first), int(last)) for first, last in runs(log["time"])]
+    if cutoff is not None:
+        require_bandwidth(cutoff, log.rate, f"log '{log.name}', low pass")
+        smooth = lowpass(y, log["time"], cutoff)
+        y = smooth.values
+        stretches = kept_rows(stretches, smooth.valid)
+        if not stretches:
+            raise InputError(
+                f"log '{log.name}': a low pass of {cutoff:g} Hz leaves no row that it sees from "
+                "both sides; give a longer log or a higher cutoff"
+            )
+    filtered = None if cutoff is None else LowPass(log["time"], cutoff)
+    return Run(log, channels, y, tuple(stretches), tuple(stretches), filtered)

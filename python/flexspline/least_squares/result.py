@@ -1,0 +1,251 @@
+"""What a fit found: a model, how sure it is, and how good."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexspline.effects import UNITS
+from flexspline.least_squares.derived import Derived, derived_of
+from flexspline.least_squares.identifiability import Confounded
+from flexspline.least_squares.scores import Score
+from flexspline.least_squares.uncertainty import Uncertainty
+from flexspline.logs.log import Log
+from flexspline.model import Model, Part, Prediction
+from flexspline.rendering import render
+
+if TYPE_CHECKING:
+    import pandas
+
+    from flexspline.least_squares.simulation import SimulationFit
+    from flexspline.logs.channel_noise import ChannelNoise
+
+__all__ = ["Delay", "Fit", "FittedRun", "Parameter"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A coefficient or a shape, as the fit left it.
+
+    Parameters
+    ----------
+    name : "effect.term", "effect.shape", "direction_width" or "controller.field".
+    kind : "coefficient", "shape" or, of a fit by simulation, "controller".
+    value, standard_error : in `unit`; the error is NaN where there is none (fixed, at a bound).
+    naive_error : as if the noise were white, for comparison.
+    interval : ends of the 95 % confidence interval.
+    state : "fitted", "fixed", "at lower bound", "at upper bound" or "not determined".
+    determined : whether the data (and priors) determine it by itself.
+    prior : (value, standard error) it was given, or None.
+    effective_samples : independent samples that its error is worth.
+    """
+
+    name: str
+    kind: str
+    value: float
+    standard_error: float
+    naive_error: float
+    interval: tuple[float, float]
+    unit: str
+    state: str
+    determined: bool
+    prior: tuple[float, float] | None
+    effective_samples: float
+
+    @property
+    def significant(self) -> bool:
+        """Whether the interval leaves out zero."""
+        return not self.interval[0] <= 0.0 <= self.interval[1]
+
+
+@dataclass(frozen=True)
+class FittedRun:
+    """One run with its target and residuals, arrays (N,) in the unit of the target.
+
+    `log` has the derived channels. `counts`: rows that the fit used. `held_out`: residuals of
+    fits that never saw the row, NaN where it does not count.
+    """
+
+    log: Log
+    measured: Array
+    predicted: Array
+    held_out: Array
+    counts: NDArray[np.bool_]
+
+    @property
+    def residual(self) -> Array:
+        return self.measured - self.predicted
+
+
+@dataclass(frozen=True)
+class Delay:
+    """By how much a channel is later than the target, s, with its standard error.
+
+    `rmse`: what that makes of the residual, in the unit of the target.
+    """
+
+    channel: str
+    seconds: float
+    standard_error: float
+    rmse: float
+
+
+@dataclass(frozen=True)
+class Fit:
+    """The result of `fit`: prints as a verdict, one line for each term.
+
+    Parameters
+    ----------
+    model : ready to predict, save and export.
+    parameters : coefficients and shapes, in the order of the effects.
+    confounded : groups that the data cannot tell apart, with what is known of them.
+    runs : targets and residuals.
+    scores : overall (first), by run, direction, speed, temperature, near reversals.
+    validated_by : "runs", "blocks" or "folds of runs": what the cross-validation left out, and
+        `folds` of them.
+    uncertainty : covariance and noise model behind the errors.
+    warnings : sentences about the logs and the fit.
+    exact : whether the sums had to be double-double.
+    condition : of the design, columns scaled to length one.
+    orders : the analysis that found the orders of ripple effects, or None.
+    simulation : of a fit by simulation: how far the motion is missed, and how it was searched.
+        The parameters, errors and `folds` are then those of the motion, `noise` the regression's.
+    inputs : noise of each channel of the runs; how they were prepared stands in the model.
+    delay : of the known load behind the target, beside which the parameters were found; None where
+        the load is exact, or an effect is such a delay.
+    bandwidth : Hz, of the output's motion, as it was asked for; None: as the runs tell.
+    """
+
+    model: Model
+    target: str
+    parameters: tuple[Parameter, ...]
+    confounded: tuple[Confounded, ...]
+    runs: tuple[FittedRun, ...]
+    scores: tuple[Score, ...]
+    validated_by: str
+    folds: int
+    uncertainty: Uncertainty
+    covariance: Array
+    lowpass: float | None
+    warnings: tuple[str, ...]
+    exact: bool
+    condition: float
+    orders: Any
+    simulation: SimulationFit | None = None
+    inputs: tuple[ChannelNoise, ...] = ()
+    delay: Delay | None = None
+    bandwidth: float | None = None
+
+    @property
+    def part(self) -> Part:
+        """The part of the model that this fit made."""
+        return self.model.part(self.target)
+
+    @property
+    def unit(self) -> str:
+        """Unit of the target."""
+        return UNITS[self.target]
+
+    @property
+    def generalised(self) -> bool:
+        """Whether rows were filtered by the noise's memory (`least_squares/generalised.py`)."""
+        return bool(self.part.record["noise"].get("filtered", False))
+
+    @property
+    def score(self) -> Score:
+        """The score of all rows."""
+        return self.scores[0]
+
+    @property
+    def rmse(self) -> float:
+        """Root mean square of the residual, in the unit of the target."""
+        return self.score.rmse
+
+    @property
+    def cv_rmse(self) -> float:
+        """The same on rows that the fit never saw."""
+        return self.score.cv_rmse
+
+    def __getitem__(self, name: str) -> Parameter:
+        """Return a parameter by "effect.term", or by one part of it if that is unique."""
+        from flexspline.least_squares.names import resolve
+
+        names = [parameter.name for parameter in self.parameters]
+        return self.parameters[resolve(name, names, "fit")]
+
+    @cached_property
+    def derived(self) -> tuple[Derived, ...]:
+        """Quantities that follow from the parameters, such as a stiffness from a compliance."""
+        return derived_of(self)
+
+    @cached_property
+    def effective_samples(self) -> float:
+        """Independent samples that the runs are worth for a mean."""
+        return self.uncertainty.effective_samples
+
+    def predict(self, log: Log) -> Prediction:
+        """Return measured and predicted y of any log; see `Model.predict`."""
+        return self.model.predict(log, self.target)
+
+    def shares(self) -> dict[str, float]:
+        """Return each effect's RMS contribution over all rows, by name, in the target's unit.
+
+        Effects that cannot be told apart come as one, "a + b".
+        """
+        from flexspline.least_squares.shares import shares
+
+        return shares(self)
+
+    def to_frame(self) -> pandas.DataFrame:
+        """Return the parameters as a table."""
+        import pandas
+
+        rows = {
+            p.name: {
+                "value": p.value if p.determined else np.nan,
+                "standard_error": p.standard_error if p.determined else np.nan,
+                "unit": p.unit,
+                "lower": p.interval[0] if p.determined else np.nan,
+                "upper": p.interval[1] if p.determined else np.nan,
+                "state": p.state,
+                "determined": p.determined,
+                "naive_error": p.naive_error,
+            }
+            for p in self.parameters
+        }
+        frame = pandas.DataFrame(list(rows.values()), index=list(rows))
+        return frame.rename_axis("parameter")
+
+    def scores_frame(self) -> pandas.DataFrame:
+        """Return the scores as a table."""
+        from dataclasses import asdict
+
+        import pandas
+
+        return pandas.DataFrame([asdict(s) for s in self.scores]).set_index(["group", "label"])
+
+    def __str__(self) -> str:
+        return render("fit", "text", self)
+
+    def __repr__(self) -> str:
+        return (
+            f"<Fit of {self.target}: {len(self.parameters)} parameters, RMSE {self.rmse:.4g} "
+            f"{self.unit}, held out {self.cv_rmse:.4g} {self.unit}>"
+        )
+
+    def _repr_html_(self) -> str:
+        return render("fit", "html", self)
+
+    def plot(self) -> Any:
+        """Return a figure: measured against predicted, residuals, components, orders."""
+        return render("fit", "figure", self)
+
+    def report(self, path: Any) -> None:
+        """Write a self-contained HTML report, whole or not at all."""
+        render("fit", "report", self, path)

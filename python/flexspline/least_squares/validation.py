@@ -1,0 +1,243 @@
+"""Residuals on rows that the fit never saw.
+
+Whole runs are left out where there are at least four, else contiguous blocks; of many runs several
+together, so that the work grows with the rows and not with rows times runs. What a fold's fit
+would be follows from sums over the other folds, around the solution of all:
+
+    δ = argmin Σ_other folds w (r − Z δ)²
+    (Σ_other w Z Zᵀ) δ = Σ_other w Z r = −Σ_fold w Z r
+
+with Z the tangent rows. The last step holds because Σ w Z r of all folds is zero at the solution;
+with priors it is their share, which every fold has. Without shapes the fold's residual is r − Z δ.
+With shapes Z is true near the solution only: where one moves further, the shapes go all, half or
+none of the way that δ says, whichever suits the other folds best, and the coefficients are solved
+for again there. Of generalised least squares Z and r are filtered, and folds are fitted anew.
+
+Where the runs' own offsets are taken out (`Problem.centred`), Z and r have no mean in a run. With
+s, c the sums of z and r over the m rows of it that a fold leaves out, the n others have the means
+−s/n and −c/n, and centred about these
+
+    Σ_other Z Zᵀ − s sᵀ/n,     Σ_other Z r − s c/n,     offset's move (sᵀδ − c)/n
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexspline.effects import Effect
+from flexspline.least_squares.estimate import Estimate, counts_of
+from flexspline.least_squares.linear import LinearFit, fit_linear
+from flexspline.least_squares.newton import newton
+from flexspline.least_squares.prewhitening import filtered_pieces
+from flexspline.least_squares.problem import Problem
+
+__all__ = ["Validation", "cross_validate", "folds_of"]
+
+Array = NDArray[np.float64]
+Fold = tuple[tuple[int, int, int], ...]
+"""Rows that are left out together: run and half-open range of each part."""
+
+RUNS_NEEDED = 4
+BLOCKS = 8
+MOST_FOLDS = 40  # runs or blocks beyond are left out several at a time
+WAYS = (0.0, 0.5, 1.0)
+NEAR = 0.01  # of its value that a shape may move along the tangent alone
+FARTHEST = np.log(4.0)  # that a shape may go from the solution of all, as a factor
+
+
+@dataclass(frozen=True)
+class Validation:
+    """Held-out residuals, an array (N,) for each run; NaN on rows that do not count.
+
+    `by`: "runs", "blocks" or "folds of runs". `folds`: how many.
+    """
+
+    residuals: tuple[Array, ...]
+    by: str
+    folds: int
+
+
+@dataclass(frozen=True)
+class _Moves:
+    """What leaving folds out does: δ (F + S,) of each, and the move of a run's own offset.
+
+    `offsets`: by fold and run, where offsets are taken out.
+    """
+
+    steps: list[Array]
+    offsets: dict[tuple[int, int], float]
+
+
+def cross_validate(made: Estimate) -> Validation:
+    """Leave out one run, or one block, or several of many, after the other."""
+    folds, by = folds_of(made.tangent.problem)
+    moves = _moves(made, folds)
+    find = _moved if _nearly_linear(made, moves.steps) else _refitted
+    return Validation(find(made, folds, moves), by, len(folds))
+
+
+def folds_of(problem: Problem) -> tuple[list[Fold], str]:
+    """Return what is left out in turn, and what that is in words."""
+    own_offsets = problem.offset_per_run or problem.centred
+    by_runs = len(problem.runs) >= RUNS_NEEDED and not own_offsets
+    parts = [
+        (number, first, last)
+        for number in range(len(problem.runs))
+        for first, last in pairwise(run_edges(problem, number, by_runs))
+    ]
+    count = min(len(parts), MOST_FOLDS)
+    many = len(parts) > MOST_FOLDS
+    by = ("folds of runs" if many else "runs") if by_runs else "blocks"
+    return [tuple(parts[k::count]) for k in range(count)], by
+
+
+def _nearly_linear(made: Estimate, moves: list[Array]) -> bool:
+    """Whether no fold moves a shape so far that the tangent would be wrong there."""
+    values = np.array([shape.value(made.linear.effects) for shape in made.free_shapes])
+    return all((np.abs(move[len(made.fitted) :]) <= NEAR * values).all() for move in moves)
+
+
+def _moves(made: Estimate, folds: Sequence[Fold]) -> _Moves:
+    """What the fit does without each fold."""
+    width, problem = made.basis.shape[1], made.tangent.problem
+    products = np.zeros((len(folds), width, width))
+    correlations = np.zeros((len(folds), width))
+    sums: dict[tuple[int, int], Array] = defaultdict(lambda: np.zeros(width + 2))
+    parts = _by_run(folds)
+    pieces = made.tangent.pieces()
+    if made.denominator is not None:
+        pieces = filtered_pieces(made.tangent, made.denominator)
+    for number, rows, chunk in pieces:
+        z = chunk.rows @ made.basis
+        weighted = z if chunk.weights is None else z * chunk.weights[:, None]
+        for fold, part in _inside(parts[number], rows):
+            products[fold] += weighted[part].T @ z[part]
+            correlations[fold] += weighted[part].T @ chunk.residual[part]
+            if problem.centred:
+                total = [chunk.residual[part].sum(), part.stop - part.start]
+                sums[fold, number] += np.append(z[part].sum(axis=0), total)
+    known = made.prior_rows @ made.basis
+    whole = products.sum(axis=0) + known.T @ known
+    left = {key: problem.runs[key[1]].counted - int(total[-1]) for key, total in sums.items()}
+    for key, count in left.items():
+        of_rows, of_residual = sums[key][:-2], sums[key][-2]
+        products[key[0]] += np.outer(of_rows, of_rows) / max(count, 1)
+        correlations[key[0]] += of_rows * of_residual / max(count, 1)
+    steps = [
+        np.linalg.lstsq(whole - without, -pull, rcond=1e-13)[0]
+        for without, pull in zip(products, correlations, strict=True)
+    ]
+    offsets = {
+        key: float(sums[key][:-2] @ steps[key[0]] - sums[key][-2]) / max(count, 1)
+        for key, count in left.items()
+    }
+    return _Moves([made.basis @ step for step in steps], offsets)
+
+
+def _moved(made: Estimate, folds: Sequence[Fold], moves: _Moves) -> tuple[Array, ...]:
+    """Held-out residuals of a linear fit, r − Z δ."""
+    residuals = [np.full(len(run), np.nan) for run in made.tangent.problem.runs]
+    parts = _by_run(folds)
+    for number, rows, chunk in made.tangent.pieces():
+        for fold, part in _inside(parts[number], rows):
+            held_out = chunk.residual[part] - chunk.rows[part] @ moves.steps[fold]
+            held_out -= moves.offsets.get((fold, number), 0.0)
+            residuals[number][rows.start + part.start : rows.start + part.stop] = held_out
+    return tuple(residuals)
+
+
+def _refitted(made: Estimate, folds: Sequence[Fold], moves: _Moves) -> tuple[Array, ...]:
+    """Held-out residuals of a fit with shapes."""
+    problem = made.tangent.problem
+    residuals = [np.full(len(run), np.nan) for run in problem.runs]
+    for fold, move in zip(folds, moves.steps, strict=True):
+        others = _without(problem, fold)
+        best = _fit_without(made, others, move)
+        for number, first, last in fold:
+            run = problem.runs[number]
+            predicted = others.predict_run(best.effects, best.coefficients, number)
+            rows = np.flatnonzero(counts_of(run))
+            rows = rows[(rows >= first) & (rows < last)]
+            residuals[number][rows] = (run.target - predicted)[rows]
+    return tuple(residuals)
+
+
+def _fit_without(made: Estimate, others: Problem, move: Array) -> LinearFit:
+    """The best fit to the other folds on the way that δ says."""
+    if made.denominator is not None:
+        apart = newton(replace(made, tangent=replace(made.tangent, problem=others)))
+        if apart is not None:
+            return apart.linear
+    tries = [
+        fit_linear(
+            others,
+            _shifted(made, way * move[len(made.fitted) :]),
+            made.constraints,
+            start=made.linear.coefficients,
+            weights=made.tangent.weights,
+            noise_variance=made.noise_variance,
+            exact=made.linear.exact,
+        )
+        for way in WAYS
+    ]
+    return min(tries, key=lambda fit: fit.squares)
+
+
+def _shifted(made: Estimate, step: Array) -> tuple[Effect, ...]:
+    """The effects with their shapes moved by `step` (S,), in proportion, within their bounds."""
+    effects = made.linear.effects
+    for shape, change in zip(made.free_shapes, step, strict=True):
+        value = shape.value(effects)
+        factor = np.exp(np.clip(change / value, -FARTHEST, FARTHEST))
+        effects = shape.set(
+            effects, float(np.clip(value * factor, shape.info.lower, shape.info.upper))
+        )
+    return effects
+
+
+def _without(problem: Problem, fold: Fold) -> Problem:
+    """The problem without the rows of a fold."""
+    runs = list(problem.runs)
+    for number, begin, end in fold:
+        kept = [
+            piece
+            for first, last in runs[number].stretches
+            for piece in ((first, min(last, begin)), (max(first, end), last))
+            if piece[0] < piece[1]
+        ]
+        runs[number] = replace(runs[number], stretches=tuple(kept))
+    return replace(problem, runs=tuple(runs))
+
+
+def run_edges(problem: Problem, number: int, by_runs: bool) -> list[int]:
+    """Rows at which the folds of a run begin, and its end."""
+    size = len(problem.runs[number])
+    if by_runs:
+        return [0, size]
+    count = max(2, round(BLOCKS / len(problem.runs)))
+    return [int(row) for row in np.linspace(0, size, count + 1)]
+
+
+def _by_run(folds: Sequence[Fold]) -> dict[int, list[tuple[int, int, int]]]:
+    """Number of the fold and row range of all parts of each run."""
+    found: dict[int, list[tuple[int, int, int]]] = defaultdict(list)
+    for at, fold in enumerate(folds):
+        for number, first, last in fold:
+            found[number].append((at, first, last))
+    return found
+
+
+def _inside(parts: Sequence[tuple[int, int, int]], rows: slice) -> list[tuple[int, slice]]:
+    """Folds that a piece of a run touches, with the rows of the piece that lie in each."""
+    found = []
+    for fold, first, last in parts:
+        begin, end = max(first, rows.start), min(last, rows.stop)
+        if begin < end:
+            found.append((fold, slice(begin - rows.start, end - rows.start)))
+    return found

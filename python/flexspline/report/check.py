@@ -1,0 +1,103 @@
+"""What is wrong with logs, as a report of one page and as numbers for scripts."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+from flexspline.about import __version__
+from flexspline.files import atomic_write
+from flexspline.formatting.numbers import short
+from flexspline.report.html import templates
+from flexspline.schema import checked_json
+
+if TYPE_CHECKING:
+    from flexspline.logs.checks import Findings
+    from flexspline.logs.log import Log
+
+__all__ = ["check_json", "check_verdict", "write_check_report"]
+
+Audits = Sequence[tuple["Log", "Findings"]]
+
+
+def check_verdict(audits: Audits, target: str | None = None) -> str:
+    """Return one sentence: whether the runs can be fitted, and what would be taken for physics."""
+    forbidden = [log.name for log, found in audits if found.forbidding(target)]
+    faulty = [log.name for log, found in audits if found.faults]
+    count = f"{len(audits)} runs" if len(audits) > 1 else "run"
+    if forbidden:
+        return f"No fit of {_named(forbidden)} can mean anything until the errors are repaired."
+    if faulty:
+        return f"Faults in {_named(faulty)} would be taken for physics; repair them before a fit."
+    return f"The {count} can be fitted; nothing in the data speaks against it."
+
+
+def check_json(audits: Audits, target: str | None = None) -> str:
+    """Return the text of `check.json`, which fits its schema; a size not known is null."""
+    content: dict[str, Any] = {
+        "format": "flexspline-check",
+        "version": 1,
+        "made_by": f"flexspline {__version__}",
+        "verdict": check_verdict(audits, target),
+        "fit_forbidden": any(found.forbidding(target) for _, found in audits),
+        "runs": [
+            {
+                "name": log.name,
+                "path": log.source.path if log.source else None,
+                "sha256": log.source.sha256 if log.source else None,
+                "rows": len(log),
+                "findings": [{**asdict(f), "size": _known(f.size)} for f in found],
+            }
+            for log, found in audits
+        ],
+    }
+    return checked_json(content, "check")
+
+
+def write_check_report(
+    audits: Audits, path: str | os.PathLike[str], target: str | None = None
+) -> None:
+    """Write a self-contained report, whole or not at all.
+
+    Raises
+    ------
+    InputError
+        Where the file cannot be written.
+    """
+    from flexspline.plot.channels import plot_channels
+    from flexspline.report.figures import inline_svg
+
+    runs = [
+        {
+            "name": log.name,
+            "rows": f"{len(log)} rows, {short(log.duration, 4)} s at {short(log.rate, 4)} Hz",
+            "path": log.source.path if log.source else "not from a file",
+            "sha256": log.source.sha256 if log.source else "",
+            "findings": list(found),
+            "svg": inline_svg(plot_channels(log, found), f"channels of run {k}, {log.name}"),
+        }
+        for k, (log, found) in enumerate(audits, 1)
+    ]
+    page = (
+        templates()
+        .get_template("check.html")
+        .render(
+            verdict=check_verdict(audits, target),
+            grave=any(found.errors or found.faults for _, found in audits),
+            runs=runs,
+            version=__version__,
+        )
+    )
+    atomic_write(path, page)
+
+
+def _named(names: Sequence[str]) -> str:
+    shown = ", ".join(names[:4])
+    return shown if len(names) <= 4 else f"{shown} and {len(names) - 4} more"
+
+
+def _known(size: float) -> float | None:
+    return size if math.isfinite(size) else None
