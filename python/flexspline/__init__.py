@@ -10,7 +10,6 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 from flexspline.about import __version__, get_include
-from flexspline.deprecated import fit
 from flexspline.effects import CATALOGUE, Effect, effect
 from flexspline.errors import FlexsplineWarning, InputError
 from flexspline.presentation import register_renderers
@@ -21,6 +20,7 @@ if TYPE_CHECKING:
     from flexspline.certification import Certificate, certify
     from flexspline.comparison.comparing import compare
     from flexspline.comparison.result import Comparison
+    from flexspline.deprecated import fit
     from flexspline.discovery.discovering import discover
     from flexspline.discovery.experimenting import next_experiment
     from flexspline.discovery.result import Discovery
@@ -141,6 +141,7 @@ _HOME = {
     "estimate": "estimation",
     "export": "exporting.exporting",
     "convert": "logs.convert",
+    "fit": "deprecated",
     "fit_motion": "output_error.fitting",
     "next_experiment": "discovery.experimenting",
     "read_log": "logs.read",
