@@ -1,21 +1,16 @@
 """Who may import whom: the rooms of the package in layers, and every arrow points down.
 
-An arrow is any import, wherever it stands: at the top of a module, inside a function, for types
-alone, by name (`import_module`), or by a string that names a module of ours, as in the tables
-`_HOME` and `RENDERERS`. `from flexspline import x` is an arrow to the package's top, unless x is a
-module.
+`arrows.py` says what an arrow is.
 """
 
 from __future__ import annotations
 
 import ast
 import importlib
-import re
-from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
 
 import pytest
+from arrows import cycles_of, faults_of
 
 import flexspline
 from flexspline.presentation import RENDERERS
@@ -62,132 +57,19 @@ LAYERS = (
 rows above its own in this table, not from its neighbours. Where a room lies in another one, the
 `__init__` of the outer belongs to the higher of both."""
 
-TOP = "flexspline"
+BY_TABLE = ("flexspline.rendering",)
+"""Modules that import what a table gives them whose strings are arrows where the table stands."""
+
 PACKAGE = Path(flexspline.__file__).parent
-OURS = re.compile(r"flexspline(\.\w+)+(:\w+)?")
-
-
-class Arrow(NamedTuple):
-    """A module, the line at which it names another one, and that one."""
-
-    module: str
-    line: int
-    target: str
-
-
-def modules_of(package: Path) -> dict[str, Path]:
-    """Every module by its dotted name; the compiled core by its stub."""
-    found = {}
-    for file in [*sorted(package.rglob("*.py")), *package.glob("_core.pyi")]:
-        parts = file.relative_to(package.parent).with_suffix("").parts
-        found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = file
-    return found
-
-
-def arrows_of(modules: dict[str, Path]) -> list[Arrow]:
-    """Every arrow between modules, each once."""
-    found = {}
-    for module, file in modules.items():
-        tree = ast.parse(file.read_text(encoding="utf-8"))
-        inside = module if file.stem == "__init__" else module.rpartition(".")[0]
-        for line, name in _named(tree, module, inside, modules):
-            while name and name not in modules:  # of a name in a module, the module
-                name = name.rpartition(".")[0]
-            if name and name != module:
-                found[Arrow(module, line, name)] = None
-    return list(found)
-
-
-def _named(
-    tree: ast.Module, module: str, inside: str, modules: dict[str, Path]
-) -> Iterator[tuple[int, str]]:
-    """Line and dotted name of all that a module of the package `inside` asks for."""
-    prose = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Import):
-            yield from ((node.lineno, alias.name) for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
-            above = inside.split(".")[: inside.count(".") + 2 - node.level] if node.level else []
-            base = ".".join([*above, *([node.module] if node.module else [])])
-            yield from ((node.lineno, f"{base}.{alias.name}") for alias in node.names)
-        elif isinstance(node, ast.Constant) and isinstance(node.value, str):
-            if id(node) not in prose and OURS.fullmatch(node.value):
-                name = node.value.replace(":", ".")
-                if ".".join(name.split(".")[:2]) in modules:  # no file such as flexspline.hpp
-                    yield node.lineno, name
-        elif isinstance(node, ast.Call) and node.args:
-            called = getattr(node.func, "attr", getattr(node.func, "id", ""))
-            if called in ("import_module", "__import__"):
-                name = _said(node.args[0], module)
-                yield node.lineno, inside + name if name.startswith(".") else name
-        elif isinstance(node, (ast.Assign, ast.AnnAssign)) and _of_homes(node):
-            homes = node.value.values if isinstance(node.value, ast.Dict) else []
-            yield from ((home.lineno, f"{inside}.{_said(home, module)}") for home in homes)
-
-
-def _of_homes(node: ast.Assign | ast.AnnAssign) -> bool:
-    names = node.targets if isinstance(node, ast.Assign) else [node.target]
-    return any(isinstance(name, ast.Name) and name.id == "_HOME" for name in names)
-
-
-def _said(text: ast.expr, module: str) -> str:
-    """A string as far as it is known before the program runs."""
-    known = ""
-    for part in text.values if isinstance(text, ast.JoinedStr) else [text]:
-        if isinstance(part, ast.Constant):
-            known += str(part.value)
-        elif isinstance(part, ast.FormattedValue) and ast.unparse(part.value) == "__name__":
-            known += module
-        else:
-            break
-    return known
-
-
-def room_of(module: str, rooms: dict[str, int]) -> str | None:
-    """The innermost room in which a module lies."""
-    name = module.partition(".")[2]
-    inner = [room for room in rooms if name and room.startswith(f"{name}.")]
-    if inner:  # an `__init__` that brings together what inner rooms have
-        return max([*inner, *({name} & rooms.keys())], key=rooms.__getitem__)
-    while name and name not in rooms:
-        name = name.rpartition(".")[0]
-    return name if name or module == TOP else None
-
-
-def faults_of(package: Path, layers: tuple[tuple[str, ...], ...]) -> list[str]:
-    """A sentence for each arrow that does not point down, and for each room without a layer."""
-    rooms = {room: height for height, row in enumerate(layers) for room in row}
-    modules = modules_of(package)
-    lying = {module: room_of(module, rooms) for module in modules}
-    said = [f"{m} has no layer: put it into LAYERS" for m, room in lying.items() if room is None]
-    said += [f"LAYERS has '{room}', which is no more" for room in rooms.keys() - lying.values()]
-    for module, line, target in arrows_of(modules):
-        here, there = lying[module], lying[target]
-        if here is None or there is None or here == there or rooms[there] < rooms[here]:
-            continue
-        side = "a neighbour" if rooms[there] == rooms[here] else "above it"
-        said.append(
-            f"{modules[module].relative_to(package).as_posix()}:{line} imports {target}, {side}: "
-            "move what it needs down, pass it as an argument, or register it from above"
-        )
-    return said
 
 
 def test_every_arrow_points_down() -> None:
-    assert faults_of(PACKAGE, LAYERS) == []
+    assert faults_of(PACKAGE, LAYERS, BY_TABLE) == []
 
 
-def test_rooms_form_no_cycle() -> None:
-    """Whatever the order of the layers: what imports nothing that is left goes, until all are."""
-    rooms = {room: height for height, row in enumerate(LAYERS) for room in row}
-    left: dict[str | None, set[str | None]] = {room: set() for room in rooms}
-    for module, _, target in arrows_of(modules_of(PACKAGE)):
-        here, there = room_of(module, rooms), room_of(target, rooms)
-        left[here] |= {there} - {here}
-    while free := [room for room, needs in left.items() if not needs & left.keys()]:
-        for room in free:
-            del left[room]
-    assert not left
+def test_sub_packages_form_no_cycle() -> None:
+    """Whatever the order of the layers, and rooms inside others taken with those."""
+    assert cycles_of(PACKAGE) == []
 
 
 @pytest.fixture
@@ -209,14 +91,22 @@ PLANTED = {
     "at the top": "from flexspline.high.deep import thing",
     "of a module": "from flexspline.high import deep",
     "of a module, whole": "import flexspline.high.deep as deep",
+    "of all names": "from flexspline.high.deep import *",
     "with dots": "from ..high import deep",
     "in a function": "def late():\n    from flexspline.high.deep import thing",
     "for types alone": "if TYPE_CHECKING:\n    from flexspline.high.deep import Thing",
     "by a name": 'importlib.import_module("flexspline.high.deep")',
     "by a name put together": 'import_module(f"flexspline.high.{name}")',
+    "by a sum": 'import_module("flexspline." + "high")',
+    "by a keyword": 'import_module(name="flexspline.high" + name)',
+    "by a name with dots": 'import_module("..high.deep", __package__)',
+    "by a name with dots, of a package": 'import_module("..high", package="flexspline.low")',
+    "for types as a string": 'thing: "flexspline.high.deep.Thing"',
     "in a table": 'RENDERERS = {"thing": "flexspline.high.deep:thing"}',
+    "in a table, put together": 'HOMES = {"thing": f"flexspline.high.{name}:thing"}',
     "of the top": "from flexspline import thing",
     "of the top, whole": "import flexspline",
+    "of the top, by a module's": "import flexspline.low.fine",
     "of the top by a name": '__import__("flexspline")',
     "of a neighbour": "from flexspline.beside import thing",
 }
@@ -228,6 +118,34 @@ def test_a_planted_arrow_is_found_with_its_line(kind: str, planted: Path) -> Non
     (fault,) = faults_of(planted, PLANTED_LAYERS)
     line = 3 if "\n" in PLANTED[kind] else 2
     assert fault.startswith(f"low/bad.py:{line} imports flexspline")
+
+
+@pytest.mark.parametrize("name", ["name", "NAMES[0]", '".".join(["flexspline", "high"])', "*names"])
+def test_a_name_that_nobody_can_tell_is_a_fault(name: str, planted: Path) -> None:
+    (planted / "low" / "bad.py").write_text(f"import_module({name})\n")
+    (fault,) = faults_of(planted, PLANTED_LAYERS)
+    assert fault.startswith("low/bad.py:1 imports what nobody can tell")
+    assert faults_of(planted, PLANTED_LAYERS, ("flexspline.low.bad",)) == []
+
+
+def test_a_module_that_asks_for_no_table_any_more_is_told(planted: Path) -> None:
+    faults = faults_of(planted, PLANTED_LAYERS, ("flexspline.low.fine",))
+    assert faults == ["BY_TABLE has flexspline.low.fine, which asks for no module of a table"]
+
+
+def test_a_module_from_elsewhere_is_no_arrow(planted: Path) -> None:
+    said = 'import numpy as np\nimport os.path\nimport_module("scipy.linalg")\nx = f"numpy.{np}"\n'
+    (planted / "low" / "fair.py").write_text(said)
+    assert faults_of(planted, PLANTED_LAYERS) == []
+
+
+def test_a_planted_cycle_is_found_and_what_hangs_on_it_is_not(planted: Path) -> None:
+    (planted / "low" / "inner.py").write_text("def late():\n    from flexspline.beside import x\n")
+    (planted / "beside" / "user.py").write_text("from flexspline.low.fine import thing\n")
+    assert cycles_of(planted) == [
+        "beside/user.py:1 imports flexspline.low.fine, which leads back to 'beside'",
+        "low/inner.py:2 imports flexspline.beside, which leads back to 'low'",
+    ]
 
 
 def test_names_of_a_table_of_homes_are_arrows(planted: Path) -> None:
@@ -252,6 +170,15 @@ def test_a_room_that_has_no_layer_and_one_that_is_no_more_are_told(planted: Path
         "flexspline.new has no layer: put it into LAYERS",
         "LAYERS has 'old', which is no more",
     ]
+
+
+def test_results_ask_for_all_that_the_table_has_and_for_nothing_else() -> None:
+    asked = set()
+    for file in PACKAGE.rglob("*.py"):
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "render":
+                asked.add(tuple(ast.literal_eval(word) for word in node.args[:2]))
+    assert asked == set(RENDERERS)
 
 
 @pytest.mark.parametrize("home", RENDERERS.values())
