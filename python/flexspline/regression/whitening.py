@@ -81,7 +81,7 @@ def _rough_whitening(
 
 
 def restricted_whitening(problem: Problem, work: Working, beside: Given | None = None) -> Whitening:
-    """Noise beside a model and functions without a name, what both swallow of it accounted for.
+    """Noise beside a model and a flexible basis, what both swallow of it accounted for.
 
     It starts from the residual of plain least squares beside all of them: from the model's own
     residual, what only the functions explain would begin as slow noise, and remain it. Not so
