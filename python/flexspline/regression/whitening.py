@@ -2,8 +2,8 @@
 
 A hidden effect that is slow looks like slow noise to a model of the base's residual, and would be
 filtered away with it. So the first noise is that of a residual from which everything known was
-taken out, and too white; the second is the restricted likelihood's (`noise_model.py`) beside
-whatever a first look with the first has found.
+taken out, and too white; the second is the restricted likelihood's (`least_squares/noise_model.py`)
+beside whatever a first look with the first has found.
 
 Many recorders smooth what they record. Little is left of it at high frequencies, and noise without
 a floor would weigh that little above all else: a form that is off by a thousandth there would count
