@@ -184,7 +184,7 @@ def _resolved(
     target: str,
     posed: Callable[[Sequence[Log], Sequence[Effect], list[NDArray[np.bool_]] | None], Problem],
 ) -> list[NDArray[np.bool_]] | None:
-    """Which rows the recorder resolves, see `resolution.py`; None for all of exact runs."""
+    """Rows that the recorder resolves (`least_squares/resolution.py`); None: all, of exact runs."""
     from flexspline.least_squares.estimate import Given, estimate
     from flexspline.least_squares.resolution import (
         away_from_ends,
@@ -232,7 +232,7 @@ def fit_near(
     problem : as `problem_of` makes it for these effects.
     fixed, bounds, into : as for `fit`.
     general : by generalised least squares where that and plain least squares agree as those of a
-        right model do (`generalised.py`).
+        right model do (`least_squares/generalised.py`).
 
     Raises
     ------

@@ -105,7 +105,7 @@ def part_from_json(name: str, content: dict[str, Any], label: str) -> Part:
     if PART_OF[content["target"]] != name:
         raise InputError(
             f"{label}: the target {content['target']} belongs to the part "
-            f"'{PART_OF[content['target']]}'; mend it or fit the model again"
+            f"'{PART_OF[content['target']]}'; correct it or fit the model again"
         )
     own = ("target", "unit", "known_load", "effects", "simulated")
     corrects = content.get("simulated")
@@ -123,7 +123,7 @@ def part_from_json(name: str, content: dict[str, Any], label: str) -> Part:
         if content["unit"] != UNITS[content["target"]]:
             raise InputError(
                 f"the unit is {content['unit']}, but the target {content['target']} is in "
-                f"{UNITS[content['target']]}; mend it or fit the model again"
+                f"{UNITS[content['target']]}; correct it or fit the model again"
             )
         record = {key: value for key, value in content.items() if key not in own}
         return Part(

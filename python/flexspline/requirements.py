@@ -40,13 +40,13 @@ def require_finite(log: Log, columns: Mapping[str, Array]) -> None:
             raise InputError(
                 f"log '{log.name}': {name} is {values[beyond[0]]:.4g} in row {beyond[0]}, which no "
                 f"instrument reads (rows of this kind: {len(beyond)}): an overload is written so; "
-                "leave such rows out (log.rows), or mend the recording"
+                "leave such rows out (log.rows), or correct the recording"
             )
         bad = np.flatnonzero(~np.isfinite(values))
         if len(bad):
             raise InputError(
                 f"log '{log.name}': {name} is not finite in {len(bad)} rows, first in row "
-                f"{bad[0]}; ask for the repair drop_invalid, or mend the recording"
+                f"{bad[0]}; ask for the repair drop_invalid, or correct the recording"
             )
 
 

@@ -40,7 +40,7 @@ def json_content(text: str, label: str) -> object:
         raise InputError(f"{label}: is nested too deep; give a model.json") from error
     except UnicodeEncodeError as error:
         raise InputError(
-            f"{label}: holds half of a character (U+D800 to U+DFFF); mend it or fit the model again"
+            f"{label}: holds half of a character (U+D800 to U+DFFF); correct it or fit again"
         ) from error
     except json.JSONDecodeError as error:
         raise InputError(
@@ -56,7 +56,7 @@ def require_schema(content: dict[str, Any], label: str) -> None:
     if first is not None:
         where = "/".join(str(part) for part in first.absolute_path) or "the top"
         wrong = shortened(first.message)
-        raise InputError(f"{label}: at {where}: {wrong}; mend it or fit the model again")
+        raise InputError(f"{label}: at {where}: {wrong}; correct it or fit the model again")
 
 
 def checked_json(content: Any, schema: str) -> str:

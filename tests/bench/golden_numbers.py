@@ -51,7 +51,7 @@ Outcome = tuple[str, Numbers, str, str]  # name, numbers, why it was not run, ho
 def main() -> None:
     given = _arguments()
     old = json.loads(given.file.read_text(encoding="utf-8")) if given.file.exists() else {}
-    names = sorted({*every_case(), *old.get("cases", {})})
+    names = sorted({*every_case(), *(old["cases"] if given.check else ())})
     chosen = [name for name in names if fnmatch.fnmatchcase(name, given.only)]
     if not chosen:
         raise SystemExit(f"no case is named like {given.only}")
@@ -68,6 +68,8 @@ def main() -> None:
         _written(given.file, old if given.only != "*" else {}, new, status)
     else:
         status = max(status, _checked(old, new), key=(0, 2, 1).index)
+        if len(new) < len(chosen):
+            print(f"{len(chosen) - len(new)} of {len(chosen)} cases NOT RUN OR FAILED, see above")
     raise SystemExit(status)
 
 
@@ -126,7 +128,8 @@ def _written(file: Path, old: dict[str, Any], new: dict[str, Numbers], status: i
     if status:
         print(f"{file} is not written: a case is missing")
         return
-    content = {"made on": machine(), "cases": merged(old.get("cases", {}), new)}
+    kept = {name: own for name, own in old.get("cases", {}).items() if name in every_case()}
+    content = {"made on": machine(), "cases": merged(kept, new)}
     text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False)
     file.write_text(text + "\n", encoding="utf-8")
     print(f"{file}: {len(text) / 1e3:.0f} kB")

@@ -231,7 +231,7 @@ def pendulum(run: str) -> Log:
 
 
 @pytest.mark.xfail(
-    reason="beside the acceleration that is made now, functions without a name explain more",
+    reason="beside the acceleration that is made now, functions of a flexible basis explain more",
     strict=True,
 )
 def test_friction_of_the_xl330_grows_with_its_load_first_of_all() -> None:

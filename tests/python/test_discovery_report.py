@@ -265,7 +265,7 @@ def test_names_that_were_all_taken_back_are_not_told_as_nothing_missing() -> Non
     made = replace(found(), found=(), doubted=("presliding_friction",), unexplained=None)
     said = str(made)
     assert "Nothing is missing" not in said and "which is noise" not in said
-    assert "Taken back: presliding_friction" in said
+    assert "Rejected: presliding_friction" in said
     assert "Nothing is missing" in str(replace(made, doubted=()))
 
 

@@ -17,7 +17,7 @@ from scipy.signal import lfilter
 
 import flexspline
 from flexspline import _core
-from flexspline.discovery.basis import Functions, Nameless
+from flexspline.discovery.basis import BasisFunctions, Functions
 from flexspline.discovery.search import Study, study_of
 from flexspline.least_squares.problem import Problem
 from flexspline.logs.log import Log
@@ -257,7 +257,9 @@ def test_functions_without_a_name_are_made_in_pieces(
 ) -> None:
     made = study([log(1, 3001, gap=1777), log(2, 2500)], cutoff=cutoff)
     whitening = Whitening(COLOURED, 1.0, made.problem.decimation)
-    sheet = model(made).sheet(given=Functions((Nameless(("time", "output_velocity"), powers, 2),)))
+    sheet = model(made).sheet(
+        given=Functions((BasisFunctions(("time", "output_velocity"), powers, 2),))
+    )
     monkeypatch.setattr(gram, "CHUNK", 500)
     found = tabulated(made.problem, sheet, whitening)
     assert_same(found.folds, plain_products(made.problem, sheet, whitening), by_fft=True)

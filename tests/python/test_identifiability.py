@@ -61,7 +61,7 @@ def test_two_sigmoids_and_an_offset_are_confounded_by_name_and_nothing_else_is()
     open_ones = {p.name for p in fit.parameters if not p.determined}
     assert open_ones == set(fit.confounded[0].names)
     assert {p.state for p in fit.parameters if not p.determined} == {"not determined"}
-    assert "cannot be told apart" in fit.confounded[0].sentence
+    assert "indistinguishable" in fit.confounded[0].sentence
 
 
 def test_the_confounded_basis_predicts_what_the_well_posed_one_does():
@@ -118,7 +118,7 @@ def test_no_bare_number_of_a_confounded_weight_is_printed():
         shown = fit[name].value
         for digits in (3, 4, 5):
             assert f"{shown:.{digits}f} ±" not in text
-    assert "cannot be told apart" in text
+    assert "indistinguishable" in text
     frame = fit.to_frame()
     assert frame.loc[list(fit.confounded[0].names), "value"].isna().all()
 

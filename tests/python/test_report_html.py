@@ -130,7 +130,7 @@ def test_a_table_of_fits_marks_the_best_of_each_row() -> None:
     assert f"<b>{rich.cv_rmse:.4f}</b>" in table.to_html()
     assert f"\\textbf{{{rich.cv_rmse:.4f}}}" in table.to_latex()
     assert "no\\_ripple" in table.to_latex() and "[Nm]" in table.to_latex()
-    assert str(table).splitlines()[0].startswith("RMSE on rows never seen [Nm]")
+    assert str(table).splitlines()[0].startswith("RMSE on held-out rows [Nm]")
     assert "*" in str(table).splitlines()[1]
     named = compare_scores({"a^2 ~ b\\": rich, "c": poor}).to_latex()
     assert "a\\textasciicircum{}2 \\textasciitilde{} b\\textbackslash{}" in named

@@ -1,8 +1,8 @@
 /// Friction of one side of a joint, as the forward simulation sees it: a true sign, no smoothing.
 ///
-///   sliding   τ = −s (c_s γ_c + m_s |τ_g| + b γ_c e^(−(v/v_s)²) + γ_v (d₁ |v| + d₂ |v|² + d₃
-///   |v|³)) static    any torque up to  c_s γ_c + m_s |τ_g| + b γ_c γ_c = e^(−k_c (T − T₀)),   γ_v
-///   = e^(−k_v (T − T₀))
+///   sliding   τ = −s (c_s γ_c + m_s |τ_g| + b γ_c e^(−(v/v_s)²) + γ_v (d₁ |v| + d₂ |v|² + d₃ |v|³))
+///   static    any torque up to  c_s γ_c + m_s |τ_g| + b γ_c
+///             γ_c = e^(−k_c (T − T₀)),   γ_v = e^(−k_v (T − T₀))
 ///
 /// s is the direction of motion, τ_g the torque that the gear transmits, at this side. The static
 /// level is the sliding one at v = 0, so that a body leaves its rest without a jump. In the

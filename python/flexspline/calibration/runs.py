@@ -167,7 +167,7 @@ def _require_possible(log: Log) -> None:
             raise InputError(
                 f"log '{log.name}': {channel} is {said} in row {rows[0]}, which cannot be (rows of "
                 f"this kind: {len(rows)}): an overload, a broken connection or another unit; leave "
-                "such rows out (log.rows) or mend the recording"
+                "such rows out (log.rows) or correct the recording"
             )
 
 
@@ -234,7 +234,7 @@ def _from_divider(log: Log, thermistor: Thermistor) -> Array:
             f"log '{log.name}': thermistor_voltage is no voltage of a divider at "
             f"{thermistor.supply_voltage:g} V in {len(bad)} rows, first in row {bad[0]} "
             f"({log['thermistor_voltage'][bad[0]]:.4g} V): open or short circuit, or another "
-            "supply; mend the recording or the constants"
+            "supply; correct the recording or the constants"
         )
     return found
 

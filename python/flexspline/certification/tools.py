@@ -87,4 +87,4 @@ def _reason(said: str, code: int) -> str:
         )
     lines = [line for line in said.splitlines() if "error" in line.lower()] or said.splitlines()
     first = lines[0].strip() if lines else "it says nothing"
-    return f"exit code {code}: {first}; mend the model or give other compiler options"
+    return f"exit code {code}: {first}; correct the model or give other compiler options"

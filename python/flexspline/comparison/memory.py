@@ -1,8 +1,8 @@
 """What the noise remembers, and so how many independent rows a cell is worth.
 
-The noise is autoregressive (`noise_model.py`), fitted to what `heldout.py` leaves of the
-residual where the joint moves. With its autocorrelation ρ_h and A_j(h) pairs of rows h apart that
-are both in cell j
+The noise is autoregressive (`least_squares/noise_model.py`), fitted to what `heldout.py` leaves of
+the residual where the joint moves. With its autocorrelation ρ_h and A_j(h) pairs of rows h apart
+that are both in cell j
 
     var(mean of cell j) = s_j² / n_j² Σ_h ρ_h A_j(h) = s_j² τ_j / n_j
 

@@ -64,8 +64,8 @@ def floor_sentence(made: Comparison) -> str:
     )
     return (
         f"The noise floor is {left}, band by band. Its memory (autoregressive, order "
-        f"{noise.order}, {seconds}) makes {made.overall.rows} rows worth "
-        f"{made.overall.effective_rows:.0f} independent ones, and every chance counts these.{doubt}"
+        f"{noise.order}, {seconds}) gives {made.overall.rows} rows an effective sample size of "
+        f"{made.overall.effective_rows:.0f}, by which every chance is counted.{doubt}"
     )
 
 

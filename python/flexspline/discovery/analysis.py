@@ -16,7 +16,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.discovery.basis import Functions, channel_told, nameless_of
+from flexspline.discovery.basis import Functions, channel_told, flexible_basis
 from flexspline.discovery.evidence import Offer, offers, price
 from flexspline.discovery.search import (
     Searcher,
@@ -401,8 +401,8 @@ def analysed(look: FirstLook, say: Callable[[str], object]) -> Analysis:
 def _everything(study: Study, work: Working) -> Sheet:
     """Columns of the model, all candidates and functions of each channel."""
     wanted = [e for c in study.candidates(work.effects) for e in c.effects]
-    nameless = Functions(tuple(nameless_of(study.problem, pairs=False)))
-    return work.sheet(beside=list(dict.fromkeys(wanted)), given=nameless)
+    flexible = Functions(tuple(flexible_basis(study.problem, pairs=False)))
+    return work.sheet(beside=list(dict.fromkeys(wanted)), given=flexible)
 
 
 def _small(problem: Problem, base: Working, final: Working, leftover: Leftover) -> list[str] | None:
@@ -522,7 +522,7 @@ def _stand_in(
 ) -> str | None:
     """The named effect that most clearly stands in for something else, if one does.
 
-    That is one of which functions without a name hold most, where they still explain a part as
+    That is one of which functions of a flexible basis hold most, where they still explain a part as
     large as a small part of it; or one beside which they explain far more. Where names explain
     nearly all, what a form misses is sure as well, and free functions of a name's own channels
     hold the name: there only names that explain little of it are asked (`_small`). Where no more is

@@ -39,12 +39,12 @@ __all__ = [
     "MOST_ROWS",
     "RATE",
     "ROUND",
+    "BasisFunctions",
     "Bent",
     "Functions",
-    "Nameless",
     "bent_forms",
     "channel_told",
-    "nameless_of",
+    "flexible_basis",
     "past_of",
     "places_of",
     "turning_over",
@@ -170,7 +170,7 @@ TOLD = {ROUND: "motor_position", DIRECTION: "output_velocity"}
 
 
 @dataclass(frozen=True)
-class Nameless:
+class BasisFunctions:
     """Functions of some channels: `columns` makes them, (N, C), from the values of these.
 
     `past`: whether they are of what a channel was, too.
@@ -187,17 +187,17 @@ def channel_told(name: str, known_load: str | None) -> str:
     return known_load or "" if name == RATE else TOLD.get(name, name)
 
 
-def nameless_of(problem: Problem, *, pairs: bool = True) -> list[Nameless]:
+def flexible_basis(problem: Problem, *, pairs: bool = True) -> list[BasisFunctions]:
     """Return functions of every channel that all runs have, and of every two."""
-    alone, crossed = problem.once("functions", lambda: _nameless(_sample(problem)))
+    alone, crossed = problem.once("functions", lambda: _flexible(_sample(problem)))
     return [*alone, *crossed] if pairs else [*alone]
 
 
-def _nameless(sample: Values) -> tuple[list[Nameless], list[Nameless]]:
+def _flexible(sample: Values) -> tuple[list[BasisFunctions], list[BasisFunctions]]:
     """All functions of every channel; and few of every channel and of every two."""
     past = [name for name in sample if name + PAST in sample]
     sample = {name: values for name, values in sample.items() if values.ndim == 1}
-    alone = [Nameless((name,), *_fine(sample, name)) for name in sample if name != DIRECTION]
+    alone = [BasisFunctions((name,), *_fine(sample, name)) for name in sample if name != DIRECTION]
     alone += [_memory(name) for name in past]
     straight = [name for name in sample if name not in (ROUND, DIRECTION)]
     made = [_powers(sample, (name,), POWERS) for name in straight]
@@ -205,13 +205,15 @@ def _nameless(sample: Values) -> tuple[list[Nameless], list[Nameless]]:
     made += [_powers(sample, both, CROSSED) for both in combinations(scaled, 2)]
     if ROUND in sample:
         made += [_waves(sample, name) for name in scaled]
-        made += [Nameless((ROUND,), _turning(ROUND, [k]), 2) for k in range(1, SETTINGS.lines + 1)]
+        made += [
+            BasisFunctions((ROUND,), _turning(ROUND, [k]), 2) for k in range(1, SETTINGS.lines + 1)
+        ]
     for name in (name for name in straight if name not in ("time", RATE)):
         made += [_varying(sample, name, other) for other in scaled if other != name]
     few = SETTINGS.tried + 1
     coarse = {name: _hats_of(sample, name, few) for name in straight if name != "time"}
     return alone, made + [
-        Nameless((a, b), _product(coarse[a][0], coarse[b][0]), coarse[a][1] * coarse[b][1])
+        BasisFunctions((a, b), _product(coarse[a][0], coarse[b][0]), coarse[a][1] * coarse[b][1])
         for a, b in combinations(coarse, 2)
     ]
 
@@ -270,9 +272,9 @@ def places_of(problem: Problem) -> Functions:
     first, last = np.quantile(angle, (SETTINGS.negligible, 1.0 - SETTINGS.negligible))
     counts = [SETTINGS.functions // 2, SETTINGS.functions, 2 * SETTINGS.functions]
 
-    def hats(count: int) -> Nameless:
+    def hats(count: int) -> BasisFunctions:
         knots = np.linspace(first, last, count)
-        return Nameless(
+        return BasisFunctions(
             ("output_position",), lambda values: _hats(values["output_position"], knots), count
         )
 
@@ -281,7 +283,7 @@ def places_of(problem: Problem) -> Functions:
 
 def _powers(
     sample: Values, names: tuple[str, ...], exponents: Sequence[tuple[int, ...]]
-) -> Nameless:
+) -> BasisFunctions:
     """Products of powers of channels, each counted from its middle in its own spread."""
     scaled = [_scaled(sample, name) for name in names]
 
@@ -289,13 +291,15 @@ def _powers(
         parts = np.column_stack([one(values) for one in scaled])
         return np.column_stack([np.prod(parts**powers, axis=1) for powers in exponents])
 
-    return Nameless(names, columns, len(exponents))
+    return BasisFunctions(names, columns, len(exponents))
 
 
-def _waves(sample: Values, name: str) -> Nameless:
+def _waves(sample: Values, name: str) -> BasisFunctions:
     """Low orders of the motor's angle that grow with a channel."""
     turning = _turning(ROUND, range(1, SETTINGS.tried + 1))
-    return Nameless((ROUND, name), _product(turning, _scaled(sample, name)), 2 * SETTINGS.tried)
+    return BasisFunctions(
+        (ROUND, name), _product(turning, _scaled(sample, name)), 2 * SETTINGS.tried
+    )
 
 
 def bent_forms(problem: Problem, effects: Sequence[Effect]) -> Bent | None:
@@ -329,22 +333,22 @@ def turning_over(problem: Problem, effects: Sequence[Effect]) -> Functions | Non
         v = values["output_velocity"]
         return np.asarray(v / np.hypot(v, width))[:, None]
 
-    return Functions((Nameless(("output_velocity",), columns, 1),))
+    return Functions((BasisFunctions(("output_velocity",), columns, 1),))
 
 
-def _memory(name: str) -> Nameless:
+def _memory(name: str) -> BasisFunctions:
     """What a channel is and was: itself and behind each lag."""
 
     def columns(values: Values) -> Array:
         return np.column_stack([values[name], values[name + PAST]])
 
-    return Nameless((name,), columns, 1 + SETTINGS.points, past=True)
+    return BasisFunctions((name,), columns, 1 + SETTINGS.points, past=True)
 
 
-def _varying(sample: Values, name: str, other: str) -> Nameless:
+def _varying(sample: Values, name: str, other: str) -> BasisFunctions:
     """A channel times every function of another: a coefficient that varies with it."""
     hats, count = _hats_of(sample, name, SETTINGS.functions)
-    return Nameless((name, other), _product(hats, _scaled(sample, other)), count)
+    return BasisFunctions((name, other), _product(hats, _scaled(sample, other)), count)
 
 
 def _scaled(sample: Values, name: str) -> Basis:
@@ -408,7 +412,7 @@ def _product(first: Basis, second: Basis) -> Basis:
 class Functions:
     """Several groups as the columns of a `Sheet`; behind them one column (N,) of each run."""
 
-    groups: tuple[Nameless, ...] = ()
+    groups: tuple[BasisFunctions, ...] = ()
     column: tuple[Array, ...] | None = None
 
     @property

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from scipy.constants import milli
 
 from flexspline.discovery.analysis import Analysis, FirstLook
-from flexspline.discovery.basis import RATE, Functions, nameless_of
+from flexspline.discovery.basis import RATE, Functions, flexible_basis
 from flexspline.discovery.candidates import LAG
 from flexspline.discovery.faults import DataFault
 from flexspline.discovery.settings import SETTINGS
@@ -72,7 +72,7 @@ def delay_beside_everything(look: FirstLook) -> Delay:
     load = problem.known_load
     static = [
         group
-        for group in nameless_of(problem, pairs=False)
+        for group in flexible_basis(problem, pairs=False)
         if RATE not in group.channels and not (group.past and load in group.channels)
     ]
     beside = [e for c in study.candidates(work.effects) if c.name != LAG for e in c.effects]

@@ -69,15 +69,15 @@ def confidence(gain: float, above: float, survives: float, left: float, aliases:
     Parameters
     ----------
     gain, above : what the name gains, and that above its price, by search and final fit.
-    survives : share of its gain that it keeps beside functions without a name.
+    survives : share of its gain that it keeps beside functions of a flexible basis.
     left : gain of these beside it.
     aliases : how many names explain the runs as well.
     """
     chance = np.exp(-0.5 * max(above, 0.0))
     beside = left / max(gain, TINY)
     beyond = float(np.clip(beside / SETTINGS.bends - 1.0, 0.0, 1.0))
-    nameless = beside + beyond * (1.0 - float(np.clip(survives, 0.0, 1.0)))
-    return float(min(1.0 / (1.0 + aliases + nameless + chance), 1.0 - SETTINGS.negligible))
+    flexible = beside + beyond * (1.0 - float(np.clip(survives, 0.0, 1.0)))
+    return float(min(1.0 / (1.0 + aliases + flexible + chance), 1.0 - SETTINGS.negligible))
 
 
 Array = NDArray[np.float64]

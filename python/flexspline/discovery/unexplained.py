@@ -24,10 +24,10 @@ from flexspline.discovery.basis import (
     DIRECTION,
     LEAD,
     ROUND,
+    BasisFunctions,
     Functions,
-    Nameless,
     channel_told,
-    nameless_of,
+    flexible_basis,
     values_of,
 )
 from flexspline.discovery.evidence import held_out_gain
@@ -75,7 +75,7 @@ class Ceiling:
     def __init__(self, problem: Problem, whitening: Whitening) -> None:
         self.problem, self.whitening = looked_at(problem), whitening
         self.share = rows_of(self.problem) / rows_of(problem)
-        self.groups = nameless_of(self.problem)
+        self.groups = flexible_basis(self.problem)
         ends = np.cumsum([0, *(group.count for group in self.groups)])
         self.at = [slice(a, b) for a, b in pairwise(ends.tolist())]
         width = self.at[-1].stop + 1
@@ -123,7 +123,7 @@ def looked_at(problem: Problem) -> Problem:
     return thinned(problem, SETTINGS.rows, round(SETTINGS.little * SETTINGS.rows), LEAD)
 
 
-def _functions(problem: Problem, groups: Sequence[Nameless]) -> list[Made]:
+def _functions(problem: Problem, groups: Sequence[BasisFunctions]) -> list[Made]:
     """Rows of all functions by stretch of each run; one noise after another asks for them."""
     kept: dict[Any, Any] = problem.kept
     stretches = [run.stretches for run in problem.runs]
@@ -191,7 +191,7 @@ class Leftover:
     channels, over its gain without them.
     """
 
-    groups: tuple[Nameless, ...]
+    groups: tuple[BasisFunctions, ...]
     gain: float
     net: float
     share: float
@@ -212,7 +212,7 @@ class Leftover:
 
 
 def leftover_of(ceiling: Ceiling, work: Working) -> Leftover:
-    """Find the functions without a name that still gain beside a model."""
+    """Find the functions of a flexible basis that still gain beside a model."""
     overlap = ceiling.beside(work)
     above = 0.0
     while len(overlap.chosen) < SETTINGS.tried:
@@ -329,7 +329,7 @@ def repeated(left: HeldOut) -> Repeated | None:
     largest = max(float(np.abs(run.target).max()) for run in problem.runs)
     if left.rmse <= SINGULAR * largest:
         return None  # rounding
-    alone = {c for group in nameless_of(problem) for c in group.channels} - {ROUND, DIRECTION}
+    alone = {c for group in flexible_basis(problem) for c in group.channels} - {ROUND, DIRECTION}
     names = [name for name in values_of(problem, 0, slice(0, 1)) if name in alone]
     step = max(1, 2 * sum(map(len, left.residuals)) // SETTINGS.rows)
     places, values = list[Array](), list[Array]()

@@ -63,7 +63,7 @@ class PositionServo:
             if not isinstance(value, (int, float)) or not math.isfinite(value):
                 raise InputError(f"servo: {field.name} is {value!r}; give a finite number")
         if self.limit <= 0.0 or self.encoder_step < 0.0:
-            raise InputError("servo: limit must be above 0 and encoder_step not below; mend them")
+            raise InputError("servo: limit must be above 0, encoder_step not below; correct them")
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> PositionServo:

@@ -71,8 +71,8 @@ class Confounded:
             return f"{self.names[0]} is not excited by these runs: nothing is known of it"
         names = ", ".join(self.names[:-1]) + " and " + self.names[-1]
         if self.exact:
-            return f"{names} cannot be told apart: their columns add up to nothing"
-        return f"{names} cannot be told apart in these runs (condition index {self.condition:.0f})"
+            return f"{names} are indistinguishable: their columns are linearly dependent"
+        return f"{names} are indistinguishable in these runs (condition index {self.condition:.0f})"
 
 
 def confounded_groups(

@@ -94,7 +94,7 @@ class SimulationFit:
 
     @property
     def verdict(self) -> str:
-        """How far the simulated motion is off on rows never seen, and what the fit gained."""
+        """How far the simulated motion is off on held-out rows, and what the fit gained."""
         law = "under the servo's law" if self.controller else "by the measured motor"
         return (
             f"Driven {law}, the simulated position is off by {_angle(self.held_out)} RMS on "

@@ -128,11 +128,12 @@ class Uncertainty:
     @property
     def statement(self) -> str:
         """Whether the intervals can be believed, in words."""
-        have = f"{self.length} samples are worth {self.effective_samples:.0f} independent ones"
-        need = f"{self.noise.parameters} parameters in this noise need {self.shortest_length}"
+        have = f"{self.length} samples (effective sample size {self.effective_samples:.0f})"
+        count, least = self.noise.parameters, self.shortest_length
+        need = f"{count} parameters in this noise need {least} samples"
         if self.reliable:
-            return f"Intervals hold: {have}; {need} samples."
-        return f"Intervals may be too narrow: {have}, but {need} samples; record longer logs."
+            return f"Intervals hold: {need}, there are {have}."
+        return f"Intervals may be too narrow: {need}, there are {have}; record longer logs."
 
 
 def parameter_uncertainty(

@@ -67,7 +67,7 @@ def expected_separation(made: Plan, ax: Axes | None = None) -> Axes:
         names = ["now", *(name for name, _ in others), "planned"]
         values = [first.now, *(t for _, t in others), first.expected]
         ax.axvline(
-            ENOUGH, color=GREY, linestyle="--", linewidth=1.0, label=f"told apart: {ENOUGH:g}"
+            ENOUGH, color=GREY, linestyle="--", linewidth=1.0, label=f"distinguished: {ENOUGH:g}"
         )
         ax.set_xlabel("expected separation t [–]")
     shown = [v if np.isfinite(v) else 0.0 for v in values]

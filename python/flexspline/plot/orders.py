@@ -95,7 +95,7 @@ def spectrum_over(logs: Sequence[Log], values: Sequence[Array]) -> tuple[Array, 
         rows += np.where(seen, len(part.values), 0.0)
     good = rows > 0
     if np.count_nonzero(good) < 3:
-        raise InputError("the joint turns too little for orders to be told apart; turn it further")
+        raise InputError("the joint turns too little for orders to be resolved; turn it further")
     return _peaks(order[good], np.sqrt(power[good] / rows[good]))
 
 

@@ -2,8 +2,8 @@
 
 A hidden effect that is slow looks like slow noise to a model of the base's residual, and would be
 filtered away with it. So the first noise is that of a residual from which everything known was
-taken out, and too white; the second is the restricted likelihood's (`noise_model.py`) beside
-whatever a first look with the first has found.
+taken out, and too white; the second is the restricted likelihood's (`least_squares/noise_model.py`)
+beside whatever a first look with the first has found.
 
 Many recorders smooth what they record. Little is left of it at high frequencies, and noise without
 a floor would weigh that little above all else: a form that is off by a thousandth there would count
@@ -81,7 +81,7 @@ def _rough_whitening(
 
 
 def restricted_whitening(problem: Problem, work: Working, beside: Given | None = None) -> Whitening:
-    """Noise beside a model and functions without a name, what both swallow of it accounted for.
+    """Noise beside a model and a flexible basis, what both swallow of it accounted for.
 
     It starts from the residual of plain least squares beside all of them: from the model's own
     residual, what only the functions explain would begin as slow noise, and remain it. Not so

@@ -58,9 +58,9 @@ class CalibrationLine:
 
 
 def calibration_verdict(result: CalibrationResult) -> Verdict:
-    """Return how good the calibration is on rows never seen, and what is wrong with it."""
+    """Return how good the calibration is on held-out rows, and what is wrong with it."""
     worst = f"{sized(result, result.worst_fold)} in the worst of {len(result.fold_rmses)} parts"
-    held = f"{sized(result, result.cv_rmse)} RMSE on rows never seen"
+    held = f"{sized(result, result.cv_rmse)} RMSE on held-out rows"
     if result.calibration is None:
         good = f"No calibration, but the drift in volts: {held}, {worst}."
     else:
@@ -180,7 +180,7 @@ def _line(
     elif shown.state == "fixed":
         remarks.append("given, not fitted")
     elif not shown.significant:
-        remarks, concern = ["not told apart from zero"], True
+        remarks, concern = ["not significant"], True
     if name in MEANS:
         remarks.append(MEANS[name])
     if name == "thermal_lag":

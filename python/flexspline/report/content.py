@@ -99,10 +99,11 @@ def naive_remark(fit: Fit) -> str:
     if not len(ratios):
         return ""
     low, middle, high = np.percentile(ratios, [0, 50, 100]).tolist()
+    naive = "Naive errors (all samples treated as independent)"
     if middle < 1.1:
-        return "Naive errors (every sample taken for news) would be about the same."
+        return f"{naive} would be about the same."
     spread = f" ({low:.1f} to {high:.1f})" if high > 1.2 * low else ""
-    return f"Naive errors (every sample taken for news) are {middle:.1f} times too small{spread}."
+    return f"{naive} are {middle:.1f} times too small{spread}."
 
 
 def _heading(effect: str, turns: str) -> str:
@@ -113,7 +114,7 @@ def _ripple_line(order: RippleOrder, heading: str) -> ParameterLine:
     counted = ""
     if order.turns != PAIRS["output_on_housing"] and np.isfinite(order.per_output_turn):
         counted = f"{order.per_output_turn:g} per output turn"
-    phase = f"phase {_angle(order)}" if order.significant else "not told apart from zero"
+    phase = f"phase {_angle(order)}" if order.significant else "not significant"
     return ParameterLine(
         f"order {order.order}",
         plus_minus(order.amplitude, order.amplitude_error),
@@ -148,7 +149,7 @@ def _line(fit: Fit, parameter: Parameter) -> ParameterLine:
         remarks.append(f"prior {plus_minus(*parameter.prior)}")
     if parameter.kind == "coefficient" and np.isfinite(parameter.standard_error):
         if not parameter.significant:
-            remarks.append("not told apart from zero")
+            remarks.append("not significant")
             concern = True
         remarks += _partners(fit, parameter)
     return ParameterLine(
@@ -200,4 +201,4 @@ def _partners(fit: Fit, parameter: Parameter) -> list[str]:
         for name, r in zip(names, correlation, strict=True)
         if abs(r) > TOGETHER and name != parameter.name and name not in hidden
     ]
-    return [f"moves together with {listed(tied, 2)}"] if tied else []
+    return [f"strongly correlated with {listed(tied, 2)}"] if tied else []

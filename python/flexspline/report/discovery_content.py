@@ -158,7 +158,7 @@ def remarks(made: Discovery) -> list[str]:
     if made.unexplained:
         share = 100.0 * made.unexplained.share_of_variance
         on = listed(made.unexplained.depends_on)
-        weighed = "" if made.by == "simulation" else ", weighed by how slow the noise is"
+        weighed = "" if made.by == "simulation" else " after prewhitening"
         said.append(
             f"Unexplained: {share:.0f} % of the gap above the noise floor{weighed}, depends on "
             f"{on}, in a way that no effect of the catalogue is seen to have."
@@ -170,10 +170,10 @@ def remarks(made: Discovery) -> list[str]:
         withdrawn = (f"{name} ({why})" for name, why in made.withdrawn.items())
         said.append(f"Withdrawn: {', '.join(withdrawn)}.")
     if made.doubted:
-        verbs = "stand in for what" if len(made.doubted) > 1 else "stands in for what"
-        hold = "" if made.unexplained else ", and these do not hold on what was left out"
+        are = "are spurious" if len(made.doubted) > 1 else "is spurious"
+        hold = "" if made.unexplained else " and does not hold on held-out rows"
         said.append(
-            f"Taken back: {listed(made.doubted)}, which {verbs} functions without a name explain "
+            f"Rejected: {listed(made.doubted)}, which {are}: a flexible basis explains the data "
             f"better{hold}."
         )
     if made.also_seen:
@@ -219,13 +219,13 @@ def estimator_sentence(made: Discovery) -> str:
         return "Parameters are those of least squares."
     return (
         "Parameters are those of generalised least squares: the noise is slow, and its memory is "
-        "counted in; plain least squares does not contradict them and foretells left-out rows no "
+        "counted in; plain least squares does not contradict them and predicts held-out rows no "
         "better."
     )
 
 
 def searched_sentence(made: Discovery) -> str:
-    """Return on which rows names and functions without a name were looked for."""
+    """Return on which rows names and functions of a flexible basis were looked for."""
     names, functions = made.searched["names"], made.searched["functions"]
     if min(names, functions) >= 1.0:
         return "All rows that count were searched, for names and for what has none."
@@ -267,7 +267,7 @@ def best_rivals(made: Discovery, one: Found) -> list[tuple[str, str, str]]:
         (
             rival.name,
             f"{100.0 * rival.share:.0f} %",
-            f"not told apart: {rival.why(one.effect)}"
+            f"indistinguishable: {rival.why(one.effect)}"
             if rival.alias
             else f"worse: {one.effect} keeps t = {rival.keeps:.1f}",
         )

@@ -117,7 +117,7 @@ class ScoreTable:
     ----------
     rows : (group, label) of each part, such as ("speed", "0.1 to 0.5 rad/s").
     models : names of the fits.
-    values : (rows, models), RMSE on rows never seen in `unit`; NaN where a fit has no such part.
+    values : (rows, models), RMSE on held-out rows in `unit`; NaN where a fit has no such part.
     unit : of the target.
     """
 
@@ -128,7 +128,7 @@ class ScoreTable:
 
     @property
     def title(self) -> str:
-        return f"RMSE on rows never seen [{self.unit}]"
+        return f"RMSE on held-out rows [{self.unit}]"
 
     def best(self) -> NDArray[np.bool_]:
         """Return which fit is best in each row, as printed, (rows, models)."""

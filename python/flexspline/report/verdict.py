@@ -1,4 +1,4 @@
-"""The verdict on a fit: how good on rows never seen, against what, and what is wrong with it."""
+"""The verdict on a fit: how good on held-out rows, against what, and what is wrong with it."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def verdict(fit: Fit) -> Verdict:
     share = 1.0 - (fit.cv_rmse / around) ** 2 if around > 0.0 else float("nan")
     what = TARGET_WORDS[fit.target]
     good = (
-        f"{_grade(share)} the {what} on rows never seen: "
+        f"{_grade(share)} the {what} on held-out rows: "
         f"{short(fit.cv_rmse)} {fit.unit} RMSE is left of a spread of "
         f"{short(around)} {fit.unit} ({_percent(share)} of the variance explained)."
     )
@@ -117,13 +117,13 @@ def _doubts(fit: Fit) -> list[str]:
     found = []
     if fit.cv_rmse > WORSE * fit.rmse:
         percent = round(100.0 * (fit.cv_rmse / fit.rmse - 1.0))
-        found.append(f"{percent} % worse on rows never seen than on its own")
+        found.append(f"{percent} % worse on held-out rows than on its own")
     shapes = [short_names(p.name) for p in fit.parameters if p.kind == "shape" and not p.determined]
     if shapes:
         found.append(f"shape not determined: {listed(shapes, 6)}")
     idle = _idle(fit)
     if idle:
-        found.append(f"not told apart from zero: {listed(idle, 6)}")
+        found.append(f"not significant: {listed(idle, 6)}")
     warned = len([said for said in fit.warnings if said != fit.uncertainty.statement])
     if warned:
         found.append(f"{warned} warning{'s' if warned > 1 else ''}, see below")

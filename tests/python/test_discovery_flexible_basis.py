@@ -10,7 +10,7 @@ from hidden_logs import LOAD, log_of, rich_run
 from scipy.signal import lfilter
 
 from flexspline.discovery.analysis import Rival
-from flexspline.discovery.basis import PAST, Functions, nameless_of, past_of
+from flexspline.discovery.basis import PAST, Functions, flexible_basis, past_of
 from flexspline.discovery.unexplained import kept, repeated
 from flexspline.effects import effect
 from flexspline.least_squares.problem import Problem, problem_of
@@ -32,7 +32,7 @@ def left_by(names: tuple[str, ...], values: Array) -> float:
     """Share of the squares of values that the best functions of some channels leave."""
     here = problem()
     left = []
-    for group in (g for g in nameless_of(here) if set(g.channels) == set(names)):
+    for group in (g for g in flexible_basis(here) if set(g.channels) == set(names)):
         made = np.column_stack([np.ones(ROWS), Functions((group,)).rows(here, 0, slice(0, ROWS))])
         rest = values - made @ np.linalg.lstsq(made, values, rcond=1e-10)[0]
         left.append(float(rest @ rest / np.sum((values - values.mean()) ** 2)))
@@ -122,7 +122,7 @@ def test_functions_of_noise_go_nowhere_in_places_that_no_other_run_has_seen(seed
     plain = Whitening(np.ones(1), 0.02**2, 1)
     work, _ = solved_at(here, work, plain)
     alone = held_out(here, work, plain).rmse
-    crossed = [g for g in nameless_of(here) if "output_position" in g.channels and g.count > 20]
+    crossed = [g for g in flexible_basis(here) if "output_position" in g.channels and g.count > 20]
     assert crossed
     beside = held_out(here, work, plain, Functions(tuple(crossed[:3]))).rmse
     assert beside < 1.02 * alone
@@ -139,7 +139,7 @@ def test_functions_that_explain_are_not_shrunk_away() -> None:
     work, _ = solved_at(here, working([effect("offset")], 1, {}), plain)
     best = min(
         held_out(here, work, plain, Functions((group,))).rmse
-        for group in nameless_of(here)
+        for group in flexible_basis(here)
         if group.channels == ("output_velocity",)
     )
     assert best < 0.1 * held_out(here, work, plain).rmse
