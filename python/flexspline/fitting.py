@@ -98,18 +98,10 @@ def fit(
     how = FitOptions() if options is None else options
     runs = runs_of(logs)
     chosen = with_orders(effects, orders or {})
-    foreign = how.simulation is not None or how.simulated_torque is not None
     if known_load is None:
         chosen = [e.without_load() for e in chosen]
     require_one_unit(chosen, target, known_load)
-    simulated: Simulated | None = None
-    remarks: tuple[str, ...] = ()
-    if foreign:
-        from flexspline.simulator.taken import take
-
-        taken = take(runs, target, known_load, how.simulation, how.simulated_torque)
-        runs, simulated = list(taken.logs), taken.simulated
-        remarks = tuple(remark.sentence for remark in taken.remarks)
+    runs, simulated, remarks = _with_simulation(runs, target, known_load, how)
     warnings = _checked(runs, chosen, target, known_load) if checks else []
     given = Given(fixed or {}, bounds or {}, priors or {}, how.robust == "huber")
     centred = how.offset_per_run and taken_out(chosen, runs, given)
@@ -162,6 +154,18 @@ def fit(
         raw = how.bandwidth == math.inf and bool(preparations_for(noise, target, known_load))
         whole = assembled(posed, made, into, said, found, offset, inputs, late, raw)
         return replace(whole, bandwidth=how.bandwidth)
+
+
+def _with_simulation(
+    runs: list[Log], target: str, known_load: str | None, how: FitOptions
+) -> tuple[list[Log], Simulated | None, list[str]]:
+    """The runs with what a simulation says of them, where there is one, and what is said of it."""
+    if how.simulation is None and how.simulated_torque is None:
+        return runs, None, []
+    from flexspline.simulator.taken import take
+
+    taken = take(runs, target, known_load, how.simulation, how.simulated_torque)
+    return [*taken.logs], taken.simulated, [remark.sentence for remark in taken.remarks]
 
 
 def _read_by(

@@ -107,6 +107,11 @@ def text_faults(
         first, second, *_ = slug.split("_")
         for found in re.finditer(rf"\b{first}(?:_{second})? {PLACE}", joined, re.IGNORECASE):
             yield f"cites '{found[0]}' by half a key; write {slug}"
+    yield from document_faults(text, documents)
+
+
+def document_faults(text: str, documents: set[str]) -> Iterator[str]:
+    """What files a text names that are not in the repository."""
     for name in DOCUMENT.findall(text):
         bare = name.removeprefix("flexspline/")  # where it is installed
         while bare.startswith("../"):

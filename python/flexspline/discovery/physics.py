@@ -86,8 +86,12 @@ def impossible(work: Working, name: str, problem: Problem, scatter: float = 0.0)
     see either sign, by the side of the friction on which it sits; so may what corrects a simulation
     that has too much of a friction or mass.
     """
-    if why := _bent_one_way(work, name, problem):
-        return why
+    why = _bent_one_way(work, name, problem) or _not_its_form(work, name, problem, scatter)
+    return why or (_wrong_sign(work, name, problem) if problem.simulated is None else "")
+
+
+def _not_its_form(work: Working, name: str, problem: Problem, scatter: float) -> str:
+    """Why the shape of an effect is not its own, "" where it is."""
     if name == STRIBECK and (why := _not_fading(work, problem)):
         return why
     values = work.values(name)
@@ -99,8 +103,12 @@ def impossible(work: Working, name: str, problem: Problem, scatter: float = 0.0)
         return "its loop would be no wider than the noise of the load"
     if name == LAG and problem.known_load is not None and values[0] < 0.0:
         return "a sensor cannot read a torque before it is there"
-    if problem.simulated is not None:
-        return ""
+    return ""
+
+
+def _wrong_sign(work: Working, name: str, problem: Problem) -> str:
+    """Why its sign cannot be, "" where it can."""
+    values = work.values(name)
     if name == STRIBECK and values[0] * level_of(work, COULOMB) < 0.0:
         return "it would lessen friction at low speed, where Stribeck's adds to it"
     if name == BENDING and _falls(work, problem):

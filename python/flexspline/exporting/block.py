@@ -10,7 +10,8 @@ import dataclasses
 import math
 import struct
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 from flexspline.effects import Effect
@@ -41,6 +42,7 @@ PAIRS = (
 )
 
 Entry = Mapping[str, Any]
+THERMISTOR = tuple(field.name for field in dataclasses.fields(Thermistor))
 
 
 def block_bytes(model: Model, scalar: str = "float", target: str | None = None) -> bytes:
@@ -142,33 +144,36 @@ class _Block:
         self._range(plan.temperature_range)
 
     def _stages(self, entries: Mapping[str, Entry], has_sensor: bool) -> None:
-        if "reading_checks" in entries:
-            self._checks(entries["reading_checks"])
-        if "differentiator" in entries:
-            self.structure("differentiator")
-            made = entries["differentiator"]
-            self._stage(made["makes"], made, ("bandwidth",))
-        if "thermistor" in entries:
-            names = tuple(field.name for field in dataclasses.fields(Thermistor))
-            self._stage("thermistor", entries["thermistor"], names)
-        if "temperature_compensation" in entries:
-            self._compensation(entries["temperature_compensation"])
-        if has_sensor:
-            self.structure("sensor")
-        if "calibration" in entries:
-            self._stage("calibration", entries["calibration"], ("sensitivity", "zero"))
-            self._range(entries["calibration"].get("voltage_range"))
-        if "observer" in entries:
-            self._observer("observer", entries["observer"])
-            self.structure(f"by {entries['observer']['input']}")
-        if "compliance" in entries:
-            self._compliance(entries["compliance"])
-        if "compliant_observer" in entries:
-            self._observer("compliant_observer", entries["compliant_observer"])
-        if "merge" in entries:
-            self._merge(entries["merge"])
-        if "collision" in entries:
-            self._collision(entries["collision"])
+        """The stages in the order of `parameters.hpp`; the sensor's own part stands among them."""
+        written: dict[str, Callable[[Entry], None]] = {
+            "reading_checks": self._checks,
+            "differentiator": self._differentiator,
+            "thermistor": partial(self._stage, "thermistor", fields=THERMISTOR),
+            "temperature_compensation": self._compensation,
+            "sensor": lambda _: self.structure("sensor"),
+            "calibration": self._calibration,
+            "observer": self._motor_observer,
+            "compliance": self._compliance,
+            "compliant_observer": partial(self._observer, "compliant_observer"),
+            "merge": self._merge,
+            "collision": self._collision,
+        }
+        there = {**entries, **({"sensor": {}} if has_sensor else {})}
+        for name, write in written.items():
+            if name in there:
+                write(there[name])
+
+    def _differentiator(self, entry: Entry) -> None:
+        self.structure("differentiator")
+        self._stage(entry["makes"], entry, ("bandwidth",))
+
+    def _calibration(self, entry: Entry) -> None:
+        self._stage("calibration", entry, ("sensitivity", "zero"))
+        self._range(entry.get("voltage_range"))
+
+    def _motor_observer(self, entry: Entry) -> None:
+        self._observer("observer", entry)
+        self.structure(f"by {entry['input']}")
 
     def _stage(self, name: str, entry: Entry, fields: Sequence[str]) -> None:
         self.structure(name)

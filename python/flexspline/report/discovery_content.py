@@ -154,61 +154,88 @@ def _together(faults: Sequence[DataFault]) -> str:
 
 def remarks(made: Discovery) -> list[str]:
     """Return what else has to be said: what is unexplained, what to record, what was not tried."""
-    said = []
-    if made.unexplained:
-        share = 100.0 * made.unexplained.share_of_variance
-        on = listed(made.unexplained.depends_on)
-        weighed = "" if made.by == "simulation" else " after prewhitening"
-        said.append(
-            f"Unexplained: {share:.0f} % of the gap above the noise floor{weighed}, depends on "
-            f"{on}, in a way that no effect of the catalogue is seen to have."
-        )
-        little = SETTINGS.negligible * made.final_rmse
-        if made.final_rmse - made.noise_floor < little:
-            said[-1] += f" Of the error itself that is less than {short(little)} {made.unit}."
-    if made.withdrawn:
-        withdrawn = (f"{name} ({why})" for name, why in made.withdrawn.items())
-        said.append(f"Withdrawn: {', '.join(withdrawn)}.")
-    if made.doubted:
-        are = "are spurious" if len(made.doubted) > 1 else "is spurious"
-        hold = "" if made.unexplained else " and does not hold on held-out rows"
-        said.append(
-            f"Rejected: {listed(made.doubted)}, which {are}: a flexible basis explains the data "
-            f"better{hold}."
-        )
-    if made.also_seen:
-        told = listed(also_seen_sentences(made), most=len(made.also_seen))
-        said.append(f"Also seen, too small to matter and no part of the model: {told}.")
-    if sentence := directions_sentence(made):
-        said.append(sentence)
-    said += [sentence for sentence in (rows_sentence(made), inputs_sentence(made)) if sentence]
-    if made.motion is not None and made.found and made.by != "simulation":
-        worse = (
-            ""
-            if made.motion.final_rmse <= made.motion.base_rmse
-            else (
-                ": the names do not make this better, for what a forward simulation misses adds up"
-            )
-        )
-        said.append(
-            f"Driven forward through {made.validated_by} that no fit saw, the model "
-            f"misses the {_channel(made.motion)} by {_motion(made)} RMS{worse}."
-        )
-    if made.fit.generalised:
-        said.append(estimator_sentence(made))
-    said += [one.sentence for one in made.dependences]
-    if made.next_experiment:
-        said.append(f"Next: {made.next_experiment}")
-    if min(made.searched.values()) < 1.0:
-        said.append(searched_sentence(made))
+    said = [
+        unexplained_sentence(made),
+        withdrawn_sentence(made),
+        rejected_sentence(made),
+        _also_seen(made),
+        directions_sentence(made),
+        rows_sentence(made),
+        inputs_sentence(made),
+        driven_sentence(made),
+        estimator_sentence(made) if made.fit.generalised else "",
+        *(one.sentence for one in made.dependences),
+        f"Next: {made.next_experiment}" if made.next_experiment else "",
+        searched_sentence(made) if min(made.searched.values()) < 1.0 else "",
+        *not_tried_sentences(made),
+    ]
+    return [sentence for sentence in said if sentence]
+
+
+def unexplained_sentence(made: Discovery) -> str:
+    """Return what is left that no effect explains, "" where nothing is."""
+    if not made.unexplained:
+        return ""
+    share = 100.0 * made.unexplained.share_of_variance
+    weighed = "" if made.by == "simulation" else " after prewhitening"
+    said = (
+        f"Unexplained: {share:.0f} % of the gap above the noise floor{weighed}, depends on "
+        f"{listed(made.unexplained.depends_on)}, in a way that no effect of the catalogue is seen "
+        "to have."
+    )
+    little = SETTINGS.negligible * made.final_rmse
+    if made.final_rmse - made.noise_floor < little:
+        said += f" Of the error itself that is less than {short(little)} {made.unit}."
+    return said
+
+
+def withdrawn_sentence(made: Discovery) -> str:
+    """Return which names were withdrawn, and why."""
+    withdrawn = ", ".join(f"{name} ({why})" for name, why in made.withdrawn.items())
+    return f"Withdrawn: {withdrawn}." if withdrawn else ""
+
+
+def rejected_sentence(made: Discovery) -> str:
+    """Return which names are spurious: a flexible basis explains the data better."""
+    if not made.doubted:
+        return ""
+    are = "are spurious" if len(made.doubted) > 1 else "is spurious"
+    hold = "" if made.unexplained else " and does not hold on held-out rows"
+    return (
+        f"Rejected: {listed(made.doubted)}, which {are}: a flexible basis explains the data "
+        f"better{hold}."
+    )
+
+
+def _also_seen(made: Discovery) -> str:
+    told = listed(also_seen_sentences(made), most=len(made.also_seen))
+    return f"Also seen, too small to matter and no part of the model: {told}." if told else ""
+
+
+def driven_sentence(made: Discovery) -> str:
+    """Return how far the model misses the motion where it is driven forward."""
+    if made.motion is None or not made.found or made.by == "simulation":
+        return ""
+    worse = ""
+    if made.motion.final_rmse > made.motion.base_rmse:
+        worse = ": the names do not make this better, for what a forward simulation misses adds up"
+    return (
+        f"Driven forward through {made.validated_by} that no fit saw, the model "
+        f"misses the {_channel(made.motion)} by {_motion(made)} RMS{worse}."
+    )
+
+
+def not_tried_sentences(made: Discovery) -> list[str]:
+    """Return the effects that were not tried, by the reason."""
     groups: dict[str, list[str]] = {EXCLUDED: [], TAKEN: [], "for lack of channels or facts": []}
     *_, lacking = groups.values()
     for name, reason in made.not_tried.items():
         groups.get(reason, lacking).append(name)
-    for why, names in groups.items():
-        if names:
-            said.append(f"Not tried, {why}: {listed(names, most=len(names))}.")
-    return said
+    return [
+        f"Not tried, {why}: {listed(names, most=len(names))}."
+        for why, names in groups.items()
+        if names
+    ]
 
 
 def estimator_sentence(made: Discovery) -> str:
