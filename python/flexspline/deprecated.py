@@ -1,8 +1,9 @@
-"""Calls as version 0.0 had them; each warns, and goes with version 0.2."""
+"""Calls as they were before 0.1; each warns, and goes with version 0.2."""
 
 from __future__ import annotations
 
 import functools
+import math
 import warnings
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any, TypeVar, cast
@@ -39,10 +40,11 @@ def _with_old_names(call: Call) -> Call:
             raise InputError(f"by is {by!r}; leave it out, or call fit_motion")
         if by == "simulation":
             return _motion(args, given, old)
-        if motion := [name for name in old if name in OF_MOTION]:
+        motion = [name for name in ("controller", "free_controller") if old.pop(name, None)]
+        if motion:
             raise InputError(f"{_listed(motion)} is of a simulated motion; call fit_motion")
-        if old:
-            _warn(f"give fit {_listed(old)} as options=FitOptions(...)", 3)
+        old = {name: value for name, value in old.items() if name in OF_FIT}
+        _warn("give fit what few calls need as options=FitOptions(...), and leave out by", 3)
         return call(*args, **given, options=FitOptions(**old))
 
     return cast(Call, taken)
@@ -55,7 +57,9 @@ def _motion(args: Any, given: dict[str, Any], old: dict[str, Any]) -> Fit:
     _warn("call fit_motion instead of fit with by='simulation'", 4)
     controller = old.pop("controller", None)
     known = {field.name for field in fields(MotionOptions)}
-    if refused := [name for name in (*old, *given) if name in {*OF_FIT, "priors"} - known]:
+    priors = {"priors": given.pop("priors")} if "priors" in given else {}
+    others = {name: old.pop(name) for name in [*old] if name not in known} | priors
+    if refused := [name for name, value in others.items() if value and value != math.inf]:
         raise InputError(f"a fit of the motion takes no {_listed(refused)}; leave it out")
     return fit_motion(*args, **given, controller=controller, options=MotionOptions(**old))
 

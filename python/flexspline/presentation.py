@@ -33,8 +33,8 @@ RENDERERS = {
     ("full range", "speed"): "flexspline.plot.full_range:error_over_speed",
     ("full range", "validation"): "flexspline.plot.full_range:validation",
     ("full range", "torque"): "flexspline.plot.full_range:torque_by_method",
-    ("order spectrum", "axes"): "flexspline.plot.spectra:draw_orders",
-    ("time spectrum", "axes"): "flexspline.plot.spectra:draw_frequencies",
+    ("order spectrum", "axes"): "flexspline.plot.orders:draw_orders",
+    ("time spectrum", "axes"): "flexspline.plot.orders:draw_frequencies",
 }
 
 

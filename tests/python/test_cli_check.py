@@ -40,7 +40,7 @@ def test_a_sound_run_ends_with_zero_and_says_so(tmp_path: Path) -> None:
     result = call("check", written(tmp_path, sound_log(SEED), "run1"))
     assert result.exit_code == 0, result.stderr
     assert "run1: nothing found" in result.stdout
-    assert "The run can be fitted; nothing in the data speaks against it." in result.stdout
+    assert "The run can be fitted: no error and no fault was found." in result.stdout
 
 
 def test_an_error_ends_with_three_and_names_run_row_and_repair(tmp_path: Path) -> None:

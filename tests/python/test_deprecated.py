@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import math
 from dataclasses import fields
 
 import numpy as np
@@ -13,6 +14,7 @@ import flexspline as fx
 from flexspline import FitOptions, InputError, MotionOptions
 
 MOST = 12
+PRIOR = {"inertia": (0.02, 0.001)}
 
 
 def run() -> fx.Log:
@@ -32,7 +34,7 @@ def test_a_fit_takes_twelve_arguments_at_most() -> None:
 def test_an_option_by_its_own_name_gives_the_same_numbers_and_warns() -> None:
     log = run()
     now = fx.fit(friction(), log, "sensor_torque", options=FitOptions(robust="huber", threads=2))
-    with pytest.warns(DeprecationWarning, match="robust, threads as options=FitOptions") as said:
+    with pytest.warns(DeprecationWarning, match="as options=FitOptions") as said:
         old = fx.fit(friction(), log, "sensor_torque", robust="huber", threads=2)  # type: ignore[call-arg]
     assert [p.value for p in old.parameters] == [p.value for p in now.parameters]
     assert said[0].filename == __file__
@@ -48,7 +50,9 @@ def test_old_names_that_cannot_be_are_refused() -> None:
     wrong = {
         "beside options; give it inside": {"threads": 2, "options": FitOptions()},
         "by is 'motion'; leave it out": {"by": "motion"},
-        "starts is of a simulated motion; call fit_motion": {"starts": 3},
+        "free_controller is of a simulated motion; call fit_motion": {
+            "free_controller": ["torque"]
+        },
         "robust is 'tukey'": {"robust": "tukey"},
     }
     for sentence, given in wrong.items():
@@ -64,10 +68,20 @@ def test_a_motion_by_the_old_name_is_one_of_the_new() -> None:
         pytest.warns(DeprecationWarning, match="call fit_motion") as said,
         pytest.raises(InputError, match="takes no bandwidth, priors; leave it out"),
     ):
-        fx.fit(friction(), log, "motor_torque", by="simulation", bandwidth=9, priors={})  # type: ignore[call-arg]
+        fx.fit(friction(), log, "motor_torque", by="simulation", bandwidth=9, priors=PRIOR)  # type: ignore[call-arg]
     assert said[0].filename == __file__
     with pytest.warns(DeprecationWarning), pytest.raises(InputError, match="needs the effect in"):
         fx.fit(["offset"], log, "motor_torque", by="simulation", starts=2)  # type: ignore[call-arg]
+
+
+def test_defaults_that_were_written_out_still_pass() -> None:
+    log = run()
+    with pytest.warns(DeprecationWarning):
+        old = fx.fit(friction(), log, "sensor_torque", by="regression", controller=None, starts=8)  # type: ignore[call-arg]
+    assert old.cv_rmse == fx.fit(friction(), log, "sensor_torque").cv_rmse
+    inert = {"priors": None, "bandwidth": math.inf, "offset_per_run": False, "simulation": None}
+    with pytest.warns(DeprecationWarning), pytest.raises(InputError, match="needs the effect in"):
+        fx.fit(["offset"], log, "motor_torque", by="simulation", **inert)  # type: ignore[arg-type]
 
 
 def test_every_public_name_is_there_and_is_what_it_says() -> None:

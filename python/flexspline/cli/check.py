@@ -26,7 +26,7 @@ FORBIDDEN = 3  # exit code: findings that forbid a fit
     default="none",
     help="Effects to be fitted: missing channels and lacking excitation are found too.",
 )
-@target(required=False)
+@target(required=False, says="What is to be fitted: it has to be there, and suit.")
 @click.option("--out", metavar="DIR", help="Folder for check.json and report.html with figures.")
 @reading()
 @click.pass_context

@@ -115,10 +115,12 @@ def threads(command: Command) -> Command:
     )(command)
 
 
-def target(required: bool) -> Callable[[Command], Command]:
+def target(required: bool, says: str = "") -> Callable[[Command], Command]:
     """--target, needed by fit; where a model has one part only, it can be left out."""
-    says = "What is explained." if required else "Which part, where the model has several."
-    return click.option("--target", type=click.Choice(list(TARGETS)), required=required, help=says)
+    usual = "What is explained." if required else "Which part, where the model has several."
+    return click.option(
+        "--target", type=click.Choice(list(TARGETS)), required=required, help=says or usual
+    )
 
 
 def lowpass(command: Command) -> Command:

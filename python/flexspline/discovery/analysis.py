@@ -539,8 +539,8 @@ def _stand_in(
     shares = {name: leftover.net / max(gain, TINY)
               for name, gain in gains.items() if small is None or name in small}  # fmt: skip
     larger = SETTINGS.overwhelming if small is None else 1.0
-    doubted = [n for n, share in shares.items()
+    spurious = [n for n, share in shares.items()
                if share > larger * leftover.net / max(at_first, TINY)
                or (share > SETTINGS.little
                    and leftover.survives[n] < SETTINGS.stand_in)]  # fmt: skip
-    return max(doubted, key=lambda name: shares[name], default=None)
+    return max(spurious, key=lambda name: shares[name], default=None)

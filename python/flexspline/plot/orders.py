@@ -1,4 +1,4 @@
-"""Spectrum over the angle: what turns with the joint, before and after the fit."""
+"""Spectra over the angle and over time: what turns with the joint, before and after a fit."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from flexspline.errors import InputError
 from flexspline.least_squares.ripple_orders import ripple_orders
 from flexspline.logs.log import Log
+from flexspline.orders.spectrum import OrderSpectrum, TimeSpectrum
 from flexspline.orders.stretches import stretches
 from flexspline.orders.transform import fourier_sums
 from flexspline.plot.canvas import GREY, INK, PALETTE, axes_or_new, legend, orders_axis, titled
@@ -19,7 +20,7 @@ from flexspline.plot.canvas import GREY, INK, PALETTE, axes_or_new, legend, orde
 if TYPE_CHECKING:
     from flexspline.least_squares.result import Fit
 
-__all__ = ["order_spectra", "spectrum_over"]
+__all__ = ["draw_frequencies", "draw_orders", "order_spectra", "spectrum_over"]
 
 Array = NDArray[np.float64]
 
@@ -107,3 +108,37 @@ def _peaks(order: Array, amplitude: Array) -> tuple[Array, Array]:
     ends = [*first[1:], len(order)]
     at = [a + int(np.argmax(amplitude[a:b])) for a, b in zip(first, ends, strict=True)]
     return order[at], highest
+
+
+def draw_orders(made: OrderSpectrum, ax: Axes | None = None) -> Axes:
+    """Draw the amplitude over the order."""
+    ax = axes_or_new(ax, 9, 4)
+    ax.plot(made.order, made.amplitude, linewidth=0.7)
+    side, other = made.pair.rsplit("_", 1) if "_" in made.pair else (made.pair, "")
+    ax.set(
+        xlabel=f"order [per turn of {side.replace('_', ' ')} against {other}]",
+        ylabel=f"amplitude of {made.channel} [{made.unit or '1'}]",
+        ylim=(0, None),
+    )
+    return ax
+
+
+def draw_frequencies(made: TimeSpectrum, ax: Axes | None = None) -> Axes:
+    """Draw the amplitude over the frequency, its largest peaks marked."""
+    ax = axes_or_new(ax, 9, 4)
+    ax.plot(made.frequency, made.amplitude, linewidth=0.7)
+    for frequency, height in made.peaks[:10]:
+        ax.annotate(
+            f"{frequency:.4g}",
+            (frequency, height),
+            (0, 4),
+            textcoords="offset points",
+            fontsize=8,
+            ha="center",
+        )
+    ax.set(
+        xlabel="frequency [Hz]",
+        ylim=(0, None),
+        ylabel=f"amplitude of {made.channel} [{made.unit or '1'}]",
+    )
+    return ax

@@ -32,7 +32,7 @@ def check_verdict(audits: Audits, target: str | None = None) -> str:
         return f"No fit of {_named(forbidden)} can mean anything until the errors are repaired."
     if faulty:
         return f"Faults in {_named(faulty)} would be taken for physics; repair them before a fit."
-    return f"The {count} can be fitted; nothing in the data speaks against it."
+    return f"The {count} can be fitted: no error and no fault was found."
 
 
 def check_json(audits: Audits, target: str | None = None) -> str:
@@ -86,7 +86,7 @@ def write_check_report(
         .get_template("check.html")
         .render(
             verdict=check_verdict(audits, target),
-            grave=any(found.errors or found.faults for _, found in audits),
+            grave=any(found.forbidding(target) or found.faults for _, found in audits),
             runs=runs,
             version=__version__,
         )
