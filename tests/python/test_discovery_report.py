@@ -14,13 +14,14 @@ from hidden_logs import LOAD, friction_of, log_of, noise, rich_run
 import flexspline
 from flexspline.discovery.analysis import Rival
 from flexspline.discovery.candidates import EXCLUDED
-from flexspline.discovery.result import Discovery, Motion
+from flexspline.discovery.result import LESSER, Discovery, Motion
 from flexspline.discovery.slices import HeldRun, frequency_bands, order_bands, slices, telling
 from flexspline.experiment.plan import Outlook
 from flexspline.experiment.says import plan_sentence
 from flexspline.logs.log import Log
 from flexspline.plot.comparison import bands_over, plot_comparison
 from flexspline.plot.discovery import held_out_run
+from flexspline.report.discovery_content import remarks
 
 BASE = ["offset", "coulomb_friction", "viscous_friction", "inertia"]
 ROWS = 2000
@@ -35,6 +36,26 @@ def found() -> Discovery:
         torque = c[LOAD] + friction_of(c) + noise(seed, ROWS) + 0.05 * c["motor_torque"]
         runs.append(log_of(c, sensor_torque=torque).with_facts({"name": f"run {seed}"}))
     return flexspline.discover(BASE, runs, target="sensor_torque", known_load=LOAD)
+
+
+def test_what_is_not_there_is_not_spoken_of() -> None:
+    bare = replace(found(), also_seen=(), refused={}, doubted=(), unexplained=None, motion=None,
+                   next_experiment=None, not_tried={})  # fmt: skip
+    for word in (
+        "Also seen",
+        "Withdrawn",
+        "Rejected",
+        "Unexplained",
+        "Driven",
+        "Next",
+        "Not tried",
+    ):
+        assert not any(said.startswith(word) for said in remarks(bare))
+    seen = replace(bare, also_seen=found().found, refused={"gravity": LESSER}, doubted=("a", "b"))
+    (also,) = (said for said in remarks(seen) if said.startswith("Also seen"))
+    assert "motor_crosstalk" in also
+    assert f"Withdrawn: gravity ({LESSER})." in remarks(seen)
+    assert any(said.startswith("Rejected: a, b, which are spurious") for said in remarks(seen))
 
 
 def turning(values: np.ndarray, rate: float = 100.0) -> Log:

@@ -208,8 +208,10 @@ def rejected_sentence(made: Discovery) -> str:
 
 
 def _also_seen(made: Discovery) -> str:
+    if not made.also_seen:
+        return ""
     told = listed(also_seen_sentences(made), most=len(made.also_seen))
-    return f"Also seen, too small to matter and no part of the model: {told}." if told else ""
+    return f"Also seen, too small to matter and no part of the model: {told}."
 
 
 def driven_sentence(made: Discovery) -> str:
