@@ -25,7 +25,7 @@ __all__ = ["best_rivals", "channel_rows", "discovery_call", "effect_lines", "est
            "verdict"]  # fmt: skip
 
 MOST_RIVALS = 3
-GRAVE = "Faults of the data, to be mended first"
+GRAVE = "Faults of the data, to be fixed first"
 LEFT_OUT = "Left out of the runs, before anything was searched"
 SMALL = "Seen in the data, too little to matter here"
 
