@@ -19,7 +19,6 @@ void bind_design(py::module_& module);
 void bind_screening(py::module_& module);
 void bind_solve(py::module_& module);
 void bind_estimators(py::module_& module);
-void bind_chain(py::module_& module);
 void bind_joint(py::module_& module);
 void bind_sensor(py::module_& module);
 void bind_full_range(py::module_& module);
@@ -32,6 +31,9 @@ struct Borrowed {
   std::vector<Array> arrays;
 };
 Borrowed borrow(const py::dict& columns, py::ssize_t size);
+
+/// Refuses coefficients that are not as many as columns.
+void require_size(std::span<const double> coefficients, std::size_t columns, bool may_be_empty);
 
 /// A column of the same length, or null for None.
 const double* column_or_null(const std::optional<Array>& array, std::size_t size, const char* name);

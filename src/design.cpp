@@ -37,13 +37,6 @@ batch::Design design_from(const std::vector<py::dict>& specs, double effective_r
           Gear<double>::from_ratio(effective_ratio, spline_by_name(output_spline), motor_encoder)};
 }
 
-void require_size(std::span<const double> coefficients, std::size_t columns, bool may_be_empty) {
-  if (coefficients.size() == columns || (may_be_empty && coefficients.empty())) return;
-  throw std::invalid_argument("the design has " + std::to_string(columns) +
-                              " columns, but there are " + std::to_string(coefficients.size()) +
-                              " coefficients");
-}
-
 std::span<const double> span_of(const Array& array) {
   return {array.data(), static_cast<std::size_t>(array.size())};
 }
@@ -184,6 +177,13 @@ py::tuple accumulate_rows(const FortranArray& rows, const Array& target,
 }
 
 }  // namespace
+
+void require_size(std::span<const double> coefficients, std::size_t columns, bool may_be_empty) {
+  if (coefficients.size() == columns || (may_be_empty && coefficients.empty())) return;
+  throw std::invalid_argument("the design has " + std::to_string(columns) +
+                              " columns, but there are " + std::to_string(coefficients.size()) +
+                              " coefficients");
+}
 
 const double* column_or_null(const std::optional<Array>& array, std::size_t size,
                              const char* name) {

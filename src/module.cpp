@@ -9,7 +9,6 @@ PYBIND11_MODULE(_core, module) {
   bind_screening(module);
   bind_solve(module);
   bind_estimators(module);
-  bind_chain(module);
   bind_joint(module);
   bind_sensor(module);
   bind_full_range(module);

@@ -52,6 +52,16 @@ inline std::size_t terms_of(const AnyEffect& any) {
       any);
 }
 
+inline bool reads_any(const AnyEffect& any, Channel channel) {
+  return std::visit([&](const auto& e) { return reads<std::remove_cvref_t<decltype(e)>>(channel); },
+                    any);
+}
+
+inline bool carries_load(const AnyEffect& any) {
+  return std::visit([](const auto& e) { return CarriesLoad<std::remove_cvref_t<decltype(e)>>; },
+                    any);
+}
+
 /// The columns of one effect for a block: term k of sample i at out[k · stride + i].
 template <typename Effect>
 void columns(const Effect& effect, const SampleBlock& block, double* out, std::size_t stride) {
@@ -131,6 +141,17 @@ void columns(const Effect& effect, const SampleBlock& block, double* out, std::s
     });
   }
   if constexpr (BentHarmonicEffect<Effect>) bend(effect, block, out, stride);
+}
+
+/// The torque of one effect in each row of its columns, term by term as `weighted`.
+inline void weigh(std::span<const double> coefficients, const double* columns, std::size_t stride,
+                  std::size_t count, double* torque) {
+  std::fill_n(torque, count, -0.0);  // −0 + x is x, bit by bit
+  for (std::size_t k = 0; k < coefficients.size(); ++k) {
+    run_wide([column = columns + k * stride, count, c = coefficients[k], torque] {
+      for (std::size_t i = 0; i < count; ++i) torque[i] += column[i] * c;
+    });
+  }
 }
 
 }  // namespace flexspline::batch

@@ -147,18 +147,10 @@ class Design {
   }
 
  private:
-  static bool reads_any(const AnyEffect& any, Channel channel) {
-    return std::visit(
-        [&](const auto& e) { return reads<std::remove_cvref_t<decltype(e)>>(channel); }, any);
-  }
   static SampleBlock::Angles angles_of(const AnyEffect& any) {
     if (reads_any(any, Channel::motor_position)) return SampleBlock::Angles::both_sides;
     if (reads_any(any, Channel::output_position)) return SampleBlock::Angles::output;
     return SampleBlock::Angles::none;
-  }
-  static bool carries_load(const AnyEffect& any) {
-    return std::visit([](const auto& e) { return CarriesLoad<std::remove_cvref_t<decltype(e)>>; },
-                      any);
   }
 
   /// The pair of a ripple effect's first harmonic.
@@ -264,13 +256,7 @@ class Design {
     for (const AnyEffect& any : effects_) {
       const std::size_t terms = terms_of(any);
       if (chosen(any)) {
-        std::fill_n(torque.begin(), count, -0.0);  // −0 + x is x, bit by bit
-        for (std::size_t k = 0; k < terms; ++k) {
-          const double* column = rows + k * stride;
-          run_wide([column, count, c = coefficient[k], to = torque.data()] {
-            for (std::size_t i = 0; i < count; ++i) to[i] += column[i] * c;
-          });
-        }
+        weigh({coefficient, terms}, rows, stride, count, torque.data());
         for (std::size_t i = 0; i < count; ++i) total[i] += torque[i];
       }
       rows += terms * stride;

@@ -22,7 +22,7 @@ inline constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
 /// Calls step(row, period) for each row; stops where it says `out_of_range`. The row where it
 /// stopped, or `size`.
 template <typename Step>
-std::size_t replay(const double* time, std::size_t size, Step step) noexcept {
+std::size_t replay(const double* time, std::size_t size, Step step) {
   bool started = false;
   double last = 0;
   for (std::size_t i = 0; i < size; ++i) {

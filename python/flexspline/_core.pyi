@@ -21,28 +21,6 @@ max_harmonics: int
 simulation_columns: list[str]
 simulation_elements: int
 
-class Chain:
-    """From raw channels to the external torque and a contact, as on the device."""
-
-    def __init__(self, config: dict[str, Any]) -> None: ...
-    def run(self, columns: dict[str, NDArray[np.float64]], size: int) -> dict[str, NDArray[Any]]:
-        """Results of each row by name, for the stages that the chain has.
-
-        A stage that misses a row keeps its last good values, NaN before the first, and sets its bit
-        in 'missed': 1 thermistor, 2 temperature_compensation, 4 sensor, 8 observer, 16 compliance,
-        32 merge, 64 collision, 128 compliant_observer. 'flags': 1 extrapolated, 2 saturated.
-        'faults', of reading_checks: 32 where sensor and observer disagree. Each run starts anew.
-        """
-
-    def prepare(
-        self, columns: dict[str, NDArray[np.float64]], size: int
-    ) -> dict[str, NDArray[Any]]:
-        """Readings by name as the chain takes them: checked, derivatives made; NaN is missing.
-
-        'faults' of each row: 1 sensor, 2 motor, 4 speed, 8 motion, 16 encoders, 64 temperature.
-        'missed': 256 differentiator. Each run starts anew.
-        """
-
 class Design:
     """Effects chosen at run time: rows, sums and predictions over arrays."""
 
@@ -89,6 +67,39 @@ class Design:
         threads: int,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Sums of products of [rows, target] of each block: (high, low)."""
+
+class Joint:
+    """From raw readings to the external torque and a contact, as on the device."""
+
+    def __init__(
+        self,
+        stages: dict[str, Any],
+        models: dict[str, tuple[Design, ArrayLike]] = ...,
+        *,
+        effective_ratio: float = ...,
+        inertia: float = ...,
+        link_inertia: float = ...,
+        low: float = ...,
+        high: float = ...,
+    ) -> None:
+        """`stages` as model.json has them; `models` by 'sensor', 'observed', 'torsion' and
+        'carried': a design and its coefficients; inertias [kg m² at the output]; parts were fitted
+        between temperatures `low` and `high` [°C].
+        """
+
+    def run(
+        self, columns: dict[str, NDArray[np.float64]], starts: Sequence[int], inputs: bool = ...
+    ) -> dict[str, NDArray[Any]]:
+        """Results of each row by name, for the stages that the joint has; NaN in rows that a
+        stage missed. It starts anew at the rows `starts`, which rise from 0.
+
+        'missed': 1 thermistor, 2 temperature_compensation, 4 sensor, 8 observer, 16 compliance,
+        32 merge, 64 collision, 128 compliant_observer, 256 differentiator. 'flags': 1 extrapolated,
+        2 saturated. 'faults', of reading_checks: 1 sensor, 2 motor, 4 speed, 8 motion, 16 encoders,
+        32 where sensor and observer disagree, 64 temperature. `inputs`: also what the stages read,
+        'velocity', 'momentum', 'motor_torque' at the output, 'observer_intrinsic', 'torsion',
+        'gear_known', 'link_momentum'.
+        """
 
 class Plant:
     """A fitted drive as a body that moves."""
@@ -329,16 +340,6 @@ def noise_variances(
     temperature: float,
 ) -> tuple[float, float, float, float]:
     """Variances at the converter [V²]: bridge, amplifier, low pass, rounding."""
-
-def mesh_torsion_left(
-    output_position: ArrayLike,
-    motor_position: ArrayLike,
-    rest: ArrayLike,
-    *,
-    effective_ratio: float,
-) -> NDArray[np.float64]:
-    """Torsion of the mesh [rad at the output]: what is left of q·ratio − θ after `rest`
-    [rad at the motor], the short way round."""
 
 def observe_momentum(
     time: ArrayLike, momentum: ArrayLike, known_torque: ArrayLike, *, gain: float, exact: bool

@@ -2,8 +2,8 @@
 
 #include "estimator_cases.hpp"
 #include "host/replay.hpp"
-#include "host/replay_chain.hpp"
 #include "host/replay_estimators.hpp"
+#include "host/replay_joint.hpp"
 
 using namespace flexspline;
 
@@ -58,31 +58,35 @@ TEST_CASE("a replayed contact goes on after a bad row") {
   CHECK(contact == std::array<bool, 6>{false, true, true, true, false, false});
 }
 
-TEST_CASE("a replayed chain repeats what it has where time stands still") {
-  const std::array<double, 4> time{0, 0.001, 0.001, 0.002}, torque{1, 2, 9, 3};
-  std::array<double, 4> external{};
+TEST_CASE("a row in which time stands still is missed, and the next counts from the one before") {
+  const std::array<double, 4> time{0, 0.5, 0.5, 1.5}, torque{1, 2, 9, 3};
+  std::array<double, 4> temperature{}, sensor{}, external{};
   std::array<std::uint8_t, 4> flags{}, faults{};
   std::array<std::uint16_t, 4> missed{};
-  std::array<bool, 4> contact{};
-  batch::LogChain::Config config;
-  config.sensor = true;
-  const batch::ChainColumn<batch::LogChain::Input, const double> in{
-      &batch::LogChain::Input::sensor_torque, torque.data()};
-  const batch::ChainColumn<batch::LogChain::Output, double> out{
-      &batch::LogChain::Output::external_sensor, external.data()};
-  batch::replay_chain(config, {4,
-                               time.data(),
-                               {&in, 1},
-                               {&out, 1},
-                               flags.data(),
-                               faults.data(),
-                               missed.data(),
-                               contact.data()});
-  CHECK(external == std::array<double, 4>{1, 2, 2, 3});
-  CHECK(missed == std::array<std::uint16_t, 4>{0, 0, 4, 0});
+  batch::LogJoint joint;
+  joint.sensing.sensor = true;
+  joint.estimating.observer = {1.0};
+  const std::array<std::size_t, 1> starts{0};
+  batch::JointLog log{4, starts, time.data()};
+  log.numbers[4] = torque.data();
+  batch::JointResults results{temperature.data(), sensor.data()};
+  results.outputs[1] = external.data();
+  results.flags = flags.data();
+  results.faults = faults.data();
+  results.missed = missed.data();
+  batch::replay_joint(joint, log, results);
+  CHECK(missed == std::array<std::uint16_t, 4>{0, 0, 12, 0});
+  CHECK(std::isnan(sensor[2]));
+  CHECK(std::isnan(external[2]));
+  MomentumObserver<double>::State alone;
+  double expected = 0;
+  for (const auto& [period, known] : {std::pair{1.0, 1.0}, {0.5, 2.0}, {1.0, 3.0}}) {
+    CHECK(MomentumObserver<double>::step({1.0}, alone, 0, known, period, expected) == Status::ok);
+  }
+  CHECK(external[3] == expected);
 }
 
-TEST_CASE("a chain's stages are those that are configured") {
+TEST_CASE("a joint's stages are those that are configured") {
   CHECK(batch::configured(whole_chain<double>()) == Stage{255});
   CHECK(batch::configured({}) == Stage::none);
 }

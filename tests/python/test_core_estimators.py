@@ -218,68 +218,100 @@ CHAIN = {
 }
 
 
+RATIO, INERTIA, LINK = 101.0, 0.4, 0.3
+INTRINSIC = {"sensor": 0.7, "observed": 0.5, "carried": 0.2}  # Nm, what each model says
+
+
 def channels() -> dict[str, Array]:
     return {
         "time": seconds(),
-        "voltage": 0.1 * smooth(10),
+        "sensor_voltage": 0.1 * smooth(10),
         "thermistor_voltage": 1.5 + 0.02 * smooth(11),
-        "sensor_intrinsic": smooth(12),
-        "momentum": smooth(13),
-        "observer_intrinsic": smooth(14),
-        "torsion": 5e-4 * smooth(15),
-        "gear_known": smooth(16),
-        "velocity": 0.01 * smooth(17),
+        "output_position": 0.01 * smooth(14),
+        "motor_position": RATIO * (0.01 * smooth(14) - 5e-4 * smooth(15)),
+        "output_velocity": 0.01 * smooth(17),
     }
 
 
-def test_the_chain_equals_its_stages_called_one_by_one() -> None:
+def joint(stages: dict[str, object]) -> _core.Joint:
+    gear = {"effective_ratio": RATIO, "output_spline": "unknown", "motor_encoder": True}
+    offset = _core.Design([{"name": "offset", "shapes": {}, "harmonics": []}], **gear)
+    models = {name: (offset, np.array([value])) for name, value in INTRINSIC.items()}
+    return _core.Joint(
+        stages,
+        {**models, "torsion": (_core.Design([], **gear), np.zeros(0))},
+        effective_ratio=RATIO,
+        inertia=INERTIA,
+        link_inertia=LINK,
+    )
+
+
+def test_the_joint_equals_its_stages_called_one_by_one() -> None:
     at = channels()
-    time = at["time"]
-    seen = _core.Chain(CHAIN).run(at, len(time))
+    time, velocity = at["time"], at["output_velocity"]
+    link = {"gain": 60.0, "input": "compliance", "discretisation": "exact"}
+    seen = joint({**CHAIN, "compliant_observer": link}).run(at, [0], inputs=True)
     temperature = _core.thermistor_temperature(at["thermistor_voltage"], **DIVIDER)
     entry = CHAIN["temperature_compensation"]
     assert isinstance(entry, dict)
     wanted = ("coefficients", "reference_temperature", "gradient", "thermal_lag")
     drift = _core.temperature_compensation(time, temperature, **{k: entry[k] for k in wanted})
-    sensor = 62.738 * at["voltage"] + 2.1835 + drift
+    sensor = 62.738 * at["sensor_voltage"] + 2.1835 + drift
+    exact = {"exact": True}
     observer = _core.observe_momentum(
-        time, at["momentum"], sensor - at["observer_intrinsic"], gain=100.0, exact=True
+        time, INERTIA * velocity, sensor - INTRINSIC["observed"], gain=100.0, **exact
     )
-    gear, saturated = _core.mesh_torque(at["torsion"], **MESH, margin=0.05)
-    compliance = gear - at["gear_known"]
-    weight = _core.merge_weight(at["velocity"], alpha=500.0, transition_velocity=0.001)
+    gear, saturated = _core.mesh_torque(seen["torsion"], **MESH, margin=0.05)
+    compliance = gear - INTRINSIC["carried"]
+    behind = _core.observe_momentum(time, LINK * velocity, compliance, gain=60.0, **exact)
+    weight = _core.merge_weight(velocity, alpha=500.0, transition_velocity=0.001)
     merged = compliance + weight * (observer - compliance)
-    contact = _core.detect_collision(time, merged, at["velocity"], **BAND, release=0.8, hold=0.1)
+    contact = _core.detect_collision(time, merged, velocity, **BAND, release=0.8, hold=0.1)
     outside = (temperature < 20.0) | (temperature > 45.0)
     expected = {
         "temperature": temperature,
         "sensor_torque": sensor,
-        "external_sensor": sensor - at["sensor_intrinsic"],
+        "external_sensor": sensor - INTRINSIC["sensor"],
         "external_compliance": compliance,
-        "merge_weight": weight,
         "contact": contact,
         "flags": saturated | outside,
         "missed": np.zeros(len(time)),
+        "faults": np.zeros(len(time)),
+        "velocity": velocity,
+        "momentum": INERTIA * velocity,
+        "link_momentum": LINK * velocity,
+        "observer_intrinsic": np.full(len(time), INTRINSIC["observed"]),
+        "gear_known": np.full(len(time), INTRINSIC["carried"]),
+        "motor_torque": np.full(len(time), np.nan),
     }
     for name, values in expected.items():
         np.testing.assert_array_equal(seen[name], values, err_msg=name)
-    # the chain adds up the periods that the replay takes as differences of times
-    for name, values in {"external_observer": observer, "external_merged": merged}.items():
+    # the joint adds up the periods that the replay takes as differences of times
+    summed = {
+        "external_observer": observer,
+        "external_compliant_observer": behind,
+        "external_merged": merged,
+    }
+    for name, values in summed.items():
         np.testing.assert_allclose(seen[name], values, rtol=0, atol=1e-9, err_msg=name)
-    assert seen.keys() == expected.keys() | {"external_observer", "external_merged"}
+    # the motor's angle of some 100 rad is rounded to 1e-14
+    np.testing.assert_allclose(seen["torsion"], 5e-4 * smooth(15), rtol=0, atol=1e-14)
+    assert seen.keys() == expected.keys() | summed.keys() | {"torsion"}
 
 
-def test_a_chain_gives_only_what_it_has_and_starts_anew_each_run() -> None:
-    chain = _core.Chain({"observer": {**CHAIN["observer"], "input": "motor_torque"}})
-    at = {"time": seconds(), "motor_torque": smooth(18), "momentum": smooth(19)}
-    first = chain.run(at, 2000)
-    assert first.keys() == {"external_observer", "flags", "missed"}
-    np.testing.assert_array_equal(
-        chain.run(at, 2000)["external_observer"], first["external_observer"]
-    )
+def test_a_joint_gives_only_what_it_has_and_starts_anew_where_it_is_told() -> None:
+    blind = _core.Joint({"observer": {**CHAIN["observer"], "input": "motor_torque"}})
+    at = {"time": seconds(), "motor_torque": smooth(18)}
+    whole = blind.run(at, [0])
+    marks = {"flags", "faults", "missed"}
+    assert whole.keys() == {"temperature", "sensor_torque", "external_observer"} | marks
+    again = blind.run(at, [0, 1000])["external_observer"]
+    np.testing.assert_array_equal(again[:1000], whole["external_observer"][:1000])
+    alone = {name: values[1000:] for name, values in at.items()}
+    np.testing.assert_array_equal(again[1000:], blind.run(alone, [0])["external_observer"])
 
 
-def test_a_kalman_merge_runs_in_the_chain() -> None:
+def test_a_kalman_merge_runs_in_the_joint() -> None:
     merge = {
         "alpha": 500.0,
         "transition_velocity": 0.001,
@@ -289,11 +321,10 @@ def test_a_kalman_merge_runs_in_the_chain() -> None:
         "compliance_noise": (1.0, 3.0),
     }
     at = channels()
-    seen = _core.Chain({**CHAIN, "merge": merge}).run(at, len(at["time"]))
-    assert "merge_weight" not in seen
+    seen = joint({**CHAIN, "merge": merge}).run(at, [0])
     expected = _core.merge_kalman(
         at["time"],
-        at["velocity"],
+        at["output_velocity"],
         seen["external_observer"],
         seen["external_compliance"],
         alpha=500.0,
@@ -320,16 +351,20 @@ def test_a_kalman_merge_runs_in_the_chain() -> None:
         ),
     ],
 )
-def test_a_chain_that_cannot_be_is_refused(config: dict[str, object], sentence: str) -> None:
+def test_a_joint_that_cannot_be_is_refused(config: dict[str, object], sentence: str) -> None:
     with pytest.raises(ValueError, match=sentence):
-        _core.Chain(config)
+        _core.Joint(config)
 
 
 def test_a_run_that_cannot_be_is_refused() -> None:
-    euler = {"gain": 250.0, "input": "motor_torque", "discretisation": "euler"}
-    with pytest.raises(ValueError, match="not stable by Euler at a period of"):
-        _core.Chain({"observer": euler}).run({"time": seconds()}, 2000)
     with pytest.raises(ValueError, match="it reads no channel 'torque'"):
-        _core.Chain({}).run({"time": seconds(), "torque": seconds()}, 2000)
+        _core.Joint({}).run({"time": seconds(), "torque": seconds()}, [0])
     with pytest.raises(ValueError, match="it needs the channel 'time'"):
-        _core.Chain({}).run({}, 2000)
+        _core.Joint({}).run({}, [0])
+    for starts in ([], [1], [0, 2000], [0, 5, 3]):
+        with pytest.raises(ValueError, match="starts are rows of the log that rise from 0"):
+            _core.Joint({}).run({"time": seconds()}, starts)
+    with pytest.raises(ValueError, match="there is no model 'drive'"):
+        _core.Joint({}, {"drive": (_core.Design([], 1.0, "unknown", False), np.zeros(0))})
+    with pytest.raises(ValueError, match="the design has 0 columns, but there are 2"):
+        _core.Joint({}, {"sensor": (_core.Design([], 1.0, "unknown", False), np.zeros(2))})

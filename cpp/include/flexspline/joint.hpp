@@ -24,11 +24,11 @@
 
 namespace flexspline {
 
-/// Models: `Sensor` of the sensor's part; `Observed` of the observer's torque, without inertia;
-/// `Torsion` without the mesh and what the chain knows of hysteresis; `Carried` of what the gear
-/// carries beside the load: gravity.
-/// `Model<S>`, without effects, where there is none. Stages (stages.hpp): `Sensing` up to the
-/// sensor's torque, checks and differentiator among them; `Estimating` behind it.
+/// Models (model.hpp, or host/any_model.hpp on a PC): `Sensor` of the sensor's part; `Observed` of the
+/// observer's torque, without inertia; `Torsion` without the mesh and what the chain knows of
+/// hysteresis; `Carried` of what the gear carries beside the load: gravity. `Model<S>`, without
+/// effects, where there is none. Stages (stages.hpp): `Sensing` up to the sensor's torque, checks
+/// and differentiator among them; `Estimating` behind it.
 template <typename S, typename Sensor, typename Observed, typename Torsion, typename Carried,
           typename Sensing = AnyStages<S>, typename Estimating = AnyStages<S>>
 struct Joint {
@@ -63,45 +63,69 @@ struct Joint {
     typename Carried::State carried;
   };
 
+  /// What went through a period, for who records more than the estimates.
+  struct Trace {
+    typename Chain::Input input;  ///< what the stages read, the models' predictions among it
+    typename Chain::Sensed sensed;
+  };
+
   /// One period. `out` keeps the last good value of a stage that missed.
   constexpr Status step(State& state, const Reading<S>& in,
                         typename Chain::Output& out) const noexcept {
+    Trace trace;
+    return step(state, in, out, trace);
+  }
+
+  /// The same with its trace; after a bad period that is the one before.
+  constexpr Status step(State& state, const Reading<S>& in, typename Chain::Output& out,
+                        Trace& trace) const noexcept {
     if (!Chain::is_period(in.period)) return Status::bad_period;
     out.flags = Flag::none;
     out.missed = Stage::none;
-    if constexpr (prepares) {
-      out.faults = Fault::none;
+    if constexpr (prepares) out.faults = Fault::none;
+    if (runs(sensing.checks) || runs(sensing.differentiator)) {
       Reading<S> prepared = in;
-      Preparing::step(sensing, state.prepared, prepared, out);
-      run(state, prepared, out);
+      if constexpr (prepares) Preparing::step(sensing, state.prepared, prepared, out);
+      run(state, prepared, out, trace);
       Preparing::compare(sensing, out);
     } else {
-      run(state, in, out);
+      run(state, in, out, trace);
     }
     return Status::ok;
   }
 
  private:
-  /// Sensing, models, estimating.
-  constexpr void run(State& state, const Reading<S>& in,
-                     typename Chain::Output& out) const noexcept {
-    typename Chain::Input input = channels(in);
-    const S temperature = Chain::measure(sensing, input, out);
-    if (Chain::is_temperature(temperature)) state.temperature = temperature;
-    Chain::compensate(sensing, state.chain, in.period, temperature, out);
-    const auto read = Chain::sense(sensing, state.chain, input);
-    Sample<S> at = sample(in, state.temperature);
-    const S intrinsic = sensing.sensor ? beside_load(in, at, state, read.torque) : S(0);
-    const S external = Chain::subtract(sensing, read, intrinsic, out);
-    at.known_load = sensing.sensor ? external : state.gear_load;
-    predict(in, at, state, input);
-    const S torque = math::is_finite(external) ? read.torque : Chain::missing;
-    Chain::estimate(estimating, state.chain, input, torque, external, out);
+  /// What the chain asks of the models in one sample.
+  struct Models {
+    const Joint& joint;
+    State& state;
+    const Reading<S>& in;
+    Sample<S> at;
+
+    constexpr void measured(S temperature) noexcept {
+      if (Chain::is_temperature(temperature)) state.temperature = temperature;
+    }
+    constexpr S beside_load(S torque, const typename Chain::Input&) noexcept {
+      at = sample(in, state.temperature);
+      return joint.sensing.sensor ? joint.beside_load(in, at, state, torque) : S(0);
+    }
+    constexpr void predict(S external, typename Chain::Input& input) noexcept {
+      Sample<S> loaded = at;
+      loaded.known_load = joint.sensing.sensor ? external : state.gear_load;
+      joint.predict(in, loaded, state, input);
+    }
+  };
+
+  constexpr void run(State& state, const Reading<S>& in, typename Chain::Output& out,
+                     Trace& trace) const noexcept {
+    trace.input = channels(in);
+    Models models{*this, state, in, {}};
+    trace.sensed = Chain::run(sensing, estimating, state.chain, trace.input, out, models);
     if (!sensing.sensor && given(estimating.compliance) && !has(out.missed, Stage::compliance) &&
         !has(out.flags, Flag::saturated)) {
       state.gear_load = out.external_compliance;
     }
-    out.flags = out.flags | extrapolated(at.temperature, low, high);
+    out.flags = out.flags | extrapolated(models.at.temperature, low, high);
   }
 
   /// What the stages read; infinite is missing.
@@ -144,7 +168,7 @@ struct Joint {
   /// What the sensor reads beside the load.
   constexpr S beside_load(const Reading<S>& in, Sample<S> at, State& state,
                           S torque) const noexcept {
-    if constexpr (Sensor::uses(Channel::load)) {
+    if (sensor.template reads<Channel::load>()) {
       at.known_load = torque - predicted(sensor, in, at, state.sensor_without_load);
     }
     return predicted(sensor, in, at, state.sensor);
@@ -163,8 +187,8 @@ struct Joint {
   template <typename Model>
   static constexpr S predicted(const Model& model, const Reading<S>& in, const Sample<S>& at,
                                typename Model::State& state) noexcept {
-    constexpr bool turns = Model::uses(Channel::motor_position);
-    constexpr bool angle = turns || Model::uses(Channel::output_position);
+    const bool turns = model.template reads<Channel::motor_position>();
+    const bool angle = turns || model.template reads<Channel::output_position>();
     if (angle && !in.output_position) return Chain::missing;
     if (turns && model.gear.motor_encoder && !in.motor_position) return Chain::missing;
     return model.torque(at, state);

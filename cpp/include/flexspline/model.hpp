@@ -87,6 +87,80 @@ constexpr T& state_of(Slot<I, T>& slot) noexcept {
   return slot.state;
 }
 
+/// What a model does with a sample, whatever holds its effects: `Model`, whose effects are types, or
+/// one that is put together at run time (`AnyModel` on a PC). It has
+///
+///   gear             relates the angles of the sample
+///   reads<channel>() whether any effect reads it
+///   remembers        whether any effect has a memory, `State`
+///   carried(at)      what its own effects add to the known load
+///   sum(at, state)   Σ row_i(sample) · coefficients_i, in the order of the list
+namespace evaluation {
+
+/// Fills what follows from the measured channels: the motor's angle, the pairs, the load.
+template <typename S, typename Model>
+constexpr void prepare(const Model& model, Sample<S>& at) noexcept {
+  if (model.template reads<Channel::motor_position>()) {
+    const Phase<S> q = at.output_position.phase;
+    if (!model.gear.motor_encoder) {
+      at.motor_position = {0, model.gear.motor_phase(at.output_position)};
+    }
+    at.wave_generator_on_flexspline = model.gear.against_flexspline(q, at.motor_position.phase);
+    at.wave_generator_on_circular_spline =
+        model.gear.against_circular_spline(q, at.motor_position.phase);
+  }
+  if (model.template reads<Channel::load>()) at.load = at.known_load + model.carried(at);
+}
+
+/// Whether all numbers that the model reads are finite.
+template <typename S, typename Model>
+constexpr bool readable(const Model& model, const Sample<S>& at) noexcept {
+  bool good = true;
+  if (model.template reads<Channel::output_velocity>()) good &= math::is_finite(at.output_velocity);
+  if (model.template reads<Channel::output_acceleration>()) {
+    good &= math::is_finite(at.output_acceleration);
+  }
+  if (model.template reads<Channel::temperature>()) good &= math::is_finite(at.temperature);
+  if (model.template reads<Channel::load>()) good &= math::is_finite(at.known_load);
+  if (model.template reads<Channel::motor_torque>()) good &= math::is_finite(at.motor_torque);
+  if (model.template reads<Channel::time>()) good &= math::is_finite(at.time);
+  return good;
+}
+
+/// The modelled torque at one instant, in the target's unit; `state` moves with each good sample.
+/// NaN or infinity in a channel that the model reads: `not_finite`; with effects that read it, a
+/// period that is not above zero: `bad_period`. `torque` and `state` keep their last good value.
+template <typename S, typename Model>
+constexpr Status predict(const Model& model, Sample<S> at, typename Model::State& state,
+                         S& torque) noexcept {
+  if (!readable(model, at)) return Status::not_finite;
+  if (model.template reads<Channel::period>() && !math::is_positive(at.period)) {
+    return Status::bad_period;
+  }
+  prepare(model, at);
+  typename Model::State next = state;
+  const S total = model.sum(at, next);
+  if (!math::is_finite(total)) return Status::not_finite;
+  state = next;
+  torque = total;
+  return Status::ok;
+}
+
+/// The torque of a sample whose channels are finite or NaN, NaN where the model cannot say; its
+/// period is good. Without memory nothing is looked at: what is NaN runs through.
+template <typename S, typename Model>
+constexpr S torque(const Model& model, Sample<S> at, typename Model::State& state) noexcept {
+  if (model.remembers) {
+    S found = std::numeric_limits<S>::quiet_NaN();
+    (void)predict(model, at, state, found);
+    return found;
+  }
+  prepare(model, at);
+  return model.sum(at, state);
+}
+
+}  // namespace evaluation
+
 /// The sum of effects, evaluated in the order of the list.
 ///
 ///   τ = Σ row_i(sample) · coefficients_i
@@ -106,59 +180,46 @@ struct Model {
   std::tuple<Part<S, Effects>...> parts;
 
   static constexpr bool uses([[maybe_unused]] Channel channel) noexcept {
-    return (reads<Effects>(channel) || ...);
+    return (flexspline::reads<Effects>(channel) || ...);
+  }
+  /// The same as a type, so that what is not read costs nothing.
+  template <Channel channel>
+  static constexpr std::bool_constant<uses(channel)> reads() noexcept {
+    return {};
   }
 
-  /// Fills what follows from the measured channels: the motor's angle, the pairs, the load.
-  constexpr void prepare(Sample<S>& at) const noexcept {
-    if constexpr (uses(Channel::motor_position)) {
-      const Phase<S> q = at.output_position.phase;
-      if (!gear.motor_encoder) at.motor_position = {0, gear.motor_phase(at.output_position)};
-      at.wave_generator_on_flexspline = gear.against_flexspline(q, at.motor_position.phase);
-      at.wave_generator_on_circular_spline =
-          gear.against_circular_spline(q, at.motor_position.phase);
-    }
-    if constexpr (uses(Channel::load)) {
-      at.load = at.known_load + carried(at);
-    }
-  }
+  /// See `evaluation::prepare`.
+  constexpr void prepare(Sample<S>& at) const noexcept { evaluation::prepare(*this, at); }
 
-  /// The modelled torque at one instant, in the target's unit. NaN or infinity in a channel
-  /// that the model reads: `not_finite`, and `torque` keeps its last good value.
+  /// See `evaluation::predict`.
   constexpr Status predict(const Sample<S>& at, S& torque) const noexcept
     requires(!remembers)
   {
     State none;
     return predict(at, none, torque);
   }
-
-  /// The same, one sample on: `state` moves with each good sample and stays at a bad one. With
-  /// effects that read it, a period that is not above zero is `bad_period`.
-  constexpr Status predict(Sample<S> at, State& state, S& torque) const noexcept {
-    if (!readable(at)) return Status::not_finite;
-    if constexpr (uses(Channel::period)) {
-      if (!math::is_positive(at.period)) return Status::bad_period;
-    }
-    prepare(at);
-    State next = state;
-    const S total = sum(at, next, std::index_sequence_for<Effects...>{});
-    if (!math::is_finite(total)) return Status::not_finite;
-    state = next;
-    torque = total;
-    return Status::ok;
+  constexpr Status predict(const Sample<S>& at, State& state, S& torque) const noexcept {
+    return evaluation::predict(*this, at, state, torque);
   }
 
-  /// The torque of a sample whose channels are finite or NaN, NaN where the model cannot say; its
-  /// period is good. Without memory nothing is looked at: what is NaN runs through.
-  constexpr S torque(Sample<S> at, State& state) const noexcept {
-    if constexpr (remembers) {
-      S found = std::numeric_limits<S>::quiet_NaN();
-      (void)predict(at, state, found);
-      return found;
-    } else {
-      prepare(at);
-      return sum(at, state, std::index_sequence_for<Effects...>{});
-    }
+  /// See `evaluation::torque`.
+  constexpr S torque(const Sample<S>& at, State& state) const noexcept {
+    return evaluation::torque(*this, at, state);
+  }
+
+  /// The torque of a sample that is prepared.
+  constexpr S sum(const Sample<S>& at, State& state) const noexcept {
+    return sum_of(at, state, std::index_sequence_for<Effects...>{});
+  }
+
+  /// What the model's own effects add to the known load.
+  constexpr S carried(const Sample<S>& at) const noexcept {
+    S total = S(0);
+    const auto add = [&]<typename Effect>(const Part<S, Effect>& part) {
+      if constexpr (CarriesLoad<Effect>) total += part.torque(at);
+    };
+    std::apply([&](const auto&... part) { (add(part), ...); }, parts);
+    return total;
   }
 
  private:
@@ -173,34 +234,11 @@ struct Model {
   }
 
   template <std::size_t... I>
-  constexpr S sum([[maybe_unused]] const Sample<S>& at, [[maybe_unused]] State& state,
-                  std::index_sequence<I...>) const noexcept {
+  constexpr S sum_of([[maybe_unused]] const Sample<S>& at, [[maybe_unused]] State& state,
+                     std::index_sequence<I...>) const noexcept {
     S total = -S(0);  // −0 + x is x, bit by bit
     ((total += torque_of<I>(at, state)), ...);
     return total;
-  }
-
-  /// What the model's own effects add to the known load.
-  constexpr S carried(const Sample<S>& at) const noexcept {
-    S total = S(0);
-    const auto add = [&]<typename Effect>(const Part<S, Effect>& part) {
-      if constexpr (CarriesLoad<Effect>) total += part.torque(at);
-    };
-    std::apply([&](const auto&... part) { (add(part), ...); }, parts);
-    return total;
-  }
-
-  static constexpr bool readable(const Sample<S>& at) noexcept {
-    bool good = true;
-    if constexpr (uses(Channel::output_velocity)) good &= math::is_finite(at.output_velocity);
-    if constexpr (uses(Channel::output_acceleration)) {
-      good &= math::is_finite(at.output_acceleration);
-    }
-    if constexpr (uses(Channel::temperature)) good &= math::is_finite(at.temperature);
-    if constexpr (uses(Channel::load)) good &= math::is_finite(at.known_load);
-    if constexpr (uses(Channel::motor_torque)) good &= math::is_finite(at.motor_torque);
-    if constexpr (uses(Channel::time)) good &= math::is_finite(at.time);
-    return good;
   }
 };
 

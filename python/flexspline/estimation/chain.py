@@ -9,12 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.errors import InputError, listed
+from flexspline.estimation.joint import run_joint
 from flexspline.estimation.measurable import measurable
-from flexspline.estimation.models import channel, model_inputs
 from flexspline.estimation.plan import Plan, plan_of
-from flexspline.estimation.preprocessing import Prepared, prepared, with_derivatives
+from flexspline.estimation.preprocessing import with_derivatives
 from flexspline.estimation.result import Estimate
-from flexspline.estimation.running import last_good, run_chain
 from flexspline.estimation.status import Status
 from flexspline.logs.log import Log
 from flexspline.logs.read import with_motor_torque
@@ -24,8 +23,6 @@ from flexspline.model import Model
 __all__ = ["estimate"]
 
 Array = NDArray[np.float64]
-Bits = NDArray[np.integer[Any]]
-Runs = NDArray[np.intp]
 
 STAGES = {  # bit of the core's stage: bit of the status, result, column
     4: (Status.NO_SENSOR, "external_sensor", "external_torque_sensor"),
@@ -39,12 +36,13 @@ STAGES = {  # bit of the core's stage: bit of the status, result, column
         "external_torque_compliant_observer",
     ),
 }
-THERMISTOR, COMPENSATION, SENSOR = 1, 2, 4
+CONTACT, DIFFERENTIATOR = 64, 256
+MOST_MISSED = 511  # all stages of the core
 FAULTS = 11  # places from the bits of the core's faults to those of the status
 
 
 def estimate(model: Model, log: Log, *, bandwidth: float | None = None) -> Estimate:
-    """Run a model's estimators over a log, sample by sample, as the joint would.
+    """Run a model's estimators over a log, sample by sample, by the code that the joint runs.
 
     The chain is the core's: reading checks, differentiator, thermistor, temperature compensation,
     calibration, the sensor's intrinsic part, observer, compliance, the link's observer, merge,
@@ -86,36 +84,23 @@ def estimate(model: Model, log: Log, *, bandwidth: float | None = None) -> Estim
     (14)–(20).
     """
     plan = plan_of(model)
-    ranges = _increasing(log)
+    _require_increasing(log)
     _require_stable(plan, log)
     said: dict[str, None] = {}  # sentences, each once, in order
     log = with_derivatives(plan, with_motor_torque(log), bandwidth, said)
-    read = prepared(plan.preprocessing, log, ranges)
-    log = read.log
-    sensed = _sensed(plan, log, ranges, said)
-    log = log.with_columns(
-        {"temperature": last_good(sensed["temperature"], ranges)}, note="as the chain knows it"
-    )
-    inputs = model_inputs(
-        model, plan, log, sensed["sensor_torque"], lambda sentence: said.update({sentence: None})
-    )
-    checks = {k: entry for k, entry in plan.preprocessing.items() if k == "reading_checks"}
-    config = {"sensor": plan.has_sensor, **checks, **plan.estimating}
-    found = run_chain(config, log, inputs, ranges)
-    columns = _columns(plan, read, sensed, found, ranges)
+    log = measurable(log, said, plan.preprocessing.get("reading_checks", {}))
+    columns = _columns(plan, log, run_joint(model, plan, log, said))
     _require_something(columns, log, tuple(said))
     return Estimate(log.name, columns, tuple(said))
 
 
-def _increasing(log: Log) -> Runs:
-    """Row ranges without a gap."""
+def _require_increasing(log: Log) -> None:
     bad = np.flatnonzero(~(np.diff(log["time"]) > 0.0))
     if bad.size or not np.isfinite(log["time"][0]):
         row = int(bad[0]) + 1 if bad.size else 0
         raise InputError(
             f"log '{log.name}': time does not increase at row {row}; repair the log before"
         )
-    return runs(log["time"])
 
 
 def _require_stable(plan: Plan, log: Log) -> None:
@@ -130,64 +115,26 @@ def _require_stable(plan: Plan, log: Log) -> None:
             )
 
 
-def _sensed(plan: Plan, log: Log, ranges: Runs, said: dict[str, None]) -> dict[str, Array]:
-    """Temperature and sensor torque, NaN where there is none, with their flags and `missed`."""
-    config, inputs = dict(plan.sensing), {}
-    log = measurable(log, said)
-    if "thermistor" in config and "thermistor_voltage" in log:
-        inputs["thermistor_voltage"] = channel(log, "thermistor_voltage")
-    elif config.pop("thermistor", None) is not None and "temperature" in log:
-        said["temperature is the log's own: it has no thermistor_voltage"] = None
-    inputs["temperature"] = channel(log, "temperature")
-    inputs["voltage"] = channel(log, "sensor_voltage")
-    if "calibration" in config and "sensor_voltage" not in log and "sensor_torque" in log:
-        config.pop("calibration")
-        config.pop("temperature_compensation", None)
-        said["sensor_torque is the log's own, not compensated: it has no sensor_voltage"] = None
-    inputs["sensor_torque"] = channel(log, "sensor_torque")
-    found = run_chain({"sensor": plan.has_sensor, **config}, log, inputs, ranges)
-    missed = found["missed"]
-    temperature = found.get("temperature", inputs["temperature"])
-    torque = found.get("sensor_torque", inputs["sensor_torque"])
-    return {
-        "temperature": _unless(missed & (THERMISTOR | COMPENSATION), temperature),
-        "sensor_torque": _unless(missed & SENSOR, torque),
-        "flags": found["flags"],
-    }
-
-
-def _columns(
-    plan: Plan, read: Prepared, sensed: Mapping[str, Array], found: Mapping[str, Any], ranges: Runs
-) -> dict[str, Array]:
-    log = read.log
+def _columns(plan: Plan, log: Log, found: Mapping[str, Any]) -> dict[str, Array]:
     columns = {"time": np.array(log["time"])}
-    columns |= {name: np.array(sensed[name]) for name in ("temperature", "sensor_torque")}
-    status = np.zeros(len(log), dtype=np.int64)
+    columns |= {name: found[name] for name in ("temperature", "sensor_torque")}
+    missed = found["missed"]
+    bits = np.zeros(MOST_MISSED + 1, dtype=np.int64)  # of the status, by those of `missed`
+    some = np.arange(MOST_MISSED + 1)
+    bits[(some & DIFFERENTIATOR) != 0] = Status.NO_VELOCITY
     for stage, (bit, result, name) in STAGES.items():
         if result in found:
-            columns[name] = _unless(found["missed"] & stage, found[result])
-            status |= np.where(found["missed"] & stage, int(bit), 0)
+            columns[name] = found[result]
+            bits[(some & stage) != 0] |= bit
+    if "contact" in columns:
+        columns["contact"] = np.where(missed & CONTACT, np.nan, columns["contact"])
+    status = bits[missed]
+    status |= found["flags"]
+    status |= found["faults"].astype(np.int64) << FAULTS
     if plan.sensing.keys() & {"thermistor", "temperature_compensation"}:
-        status |= np.where(np.isnan(sensed["temperature"]), int(Status.NO_TEMPERATURE), 0)
-    status |= _flagged(plan, log, sensed["flags"] | found["flags"])
-    status |= np.where(read.missed, int(Status.NO_VELOCITY), 0)
-    status |= (read.faults | found.get("faults", 0)).astype(np.int64) << FAULTS
-    status[ranges[:, 0]] |= int(Status.RESTARTED)
+        status[np.isnan(found["temperature"])] |= Status.NO_TEMPERATURE
+    status[runs(log["time"])[:, 0]] |= Status.RESTARTED
     return {**columns, "status": status.astype(np.float64)}
-
-
-def _flagged(plan: Plan, log: Log, flags: Bits) -> NDArray[np.int64]:
-    """Bits of extrapolation and saturation: those of the core are the same."""
-    made = flags.astype(np.int64)
-    if plan.temperature_range is not None:
-        low, high = plan.temperature_range
-        outside = (log["temperature"] < low) | (log["temperature"] > high)
-        made |= np.where(outside, int(Status.EXTRAPOLATED), 0)
-    return np.asarray(made)
-
-
-def _unless(missed: Bits, values: Array) -> Array:
-    return np.where(missed, np.nan, values)
 
 
 def _require_something(columns: Mapping[str, Array], log: Log, said: tuple[str, ...]) -> None:

@@ -35,12 +35,12 @@ HYSTERESIS = "torsional_hysteresis"
 
 @dataclass(frozen=True)
 class Plan:
-    """The two chains, and the parts of the model between them.
+    """The stages, and the parts of the model between them.
 
     Parameters
     ----------
     preprocessing : the stages before, likewise.
-    sensing, estimating : stages by key, with their fields as `_core.Chain` takes them.
+    sensing, estimating : stages by key, with their fields as `_core.Joint` takes them.
     has_sensor : whether the chain has a sensor torque.
     sensor : the sensor's part, or None.
     observed : the part of the observer's input without inertia, or None.
@@ -64,6 +64,16 @@ class Plan:
     link_inertia: float
     effective_ratio: float
     temperature_range: tuple[float, float] | None
+
+    @property
+    def models(self) -> dict[str, Part | None]:
+        """The parts by the core's names of its models."""
+        return {
+            "sensor": self.sensor,
+            "observed": self.observed,
+            "torsion": self.torsion,
+            "carried": self.carried,
+        }
 
 
 def plan_of(model: Model) -> Plan:

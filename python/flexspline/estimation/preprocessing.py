@@ -5,15 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from flexspline import _core
 from flexspline.errors import InputError, listed
 from flexspline.estimators import Differentiator, ReadingChecks
 from flexspline.estimators.differentiator import DERIVED
 from flexspline.logs.causal import differentiate_causal, lateness
-from flexspline.logs.local_fit import require_bandwidth
 from flexspline.logs.log import Log
 from flexspline.model import Model
 from flexspline.signals import gear_of
@@ -23,15 +18,13 @@ if TYPE_CHECKING:
 
 __all__ = [
     "BANDWIDTH",
-    "Prepared",
+    "READINGS",
     "made_by",
-    "prepared",
     "reads_of",
     "stages_before",
     "with_derivatives",
 ]
 
-Runs = NDArray[np.intp]
 Entries = dict[str, dict[str, Any]]
 
 BANDWIDTH = 20.0  # Hz, where neither model nor caller says one and the log's rate allows it
@@ -49,8 +42,9 @@ READINGS = (
 
 def reads_of(plan: Plan) -> set[str]:
     """Return the channels that the models between the stages, and the stages behind, read."""
-    parts = (plan.sensor, plan.observed, plan.torsion, plan.carried)
-    effects = [effect for part in parts if part is not None for effect in part.effects]
+    effects = [
+        effect for part in plan.models.values() if part is not None for effect in part.effects
+    ]
     reads = {name for effect in effects for name in effect.reads}
     if plan.inertia or plan.link_inertia or plan.estimating.keys() & {"merge", "collision"}:
         reads.add("output_velocity")
@@ -58,7 +52,7 @@ def reads_of(plan: Plan) -> set[str]:
 
 
 def stages_before(model: Model, plan: Plan) -> Entries:
-    """Return the model's first stages, as `_core.Chain` takes them; a derivative if it is read.
+    """Return the model's first stages, as `_core.Joint` takes them; a derivative if it is read.
 
     Raises
     ------
@@ -140,46 +134,3 @@ def _say_own(
 def made_by(entry: Mapping[str, Any]) -> tuple[str, ...]:
     """Return the channels that a differentiator of a plan makes."""
     return DERIVED if entry["makes"] == "both" else (f"output_{entry['makes']}",)
-
-
-class Prepared:
-    """A log as the stages behind take it, with what was found in each row, (N,)."""
-
-    def __init__(self, log: Log) -> None:
-        self.log = log
-        self.faults = np.zeros(len(log), dtype=np.uint8)
-        self.missed = np.zeros(len(log), dtype=np.uint16)
-
-
-def prepared(stages: Mapping[str, Any], log: Log, ranges: Runs) -> Prepared:
-    """Run the first stages over a log, each stretch without a gap from a fresh state.
-
-    Parameters
-    ----------
-    stages : of `stages_before`.
-    ranges : (R, 2), first and last row of each stretch.
-
-    Raises
-    ------
-    InputError
-        Where the differentiator's bandwidth does not suit the log's rate.
-    """
-    made = Prepared(log)
-    if not stages:
-        return made
-    columns = {name: np.array(log[name]) for name in READINGS if name in log}
-    entry = stages.get("differentiator")
-    if entry is not None:
-        label = f"{log.name}, derivative of output_position"
-        require_bandwidth(entry["bandwidth"], log.rate, label)
-        columns |= {name: np.full(len(log), np.nan) for name in made_by(entry)}
-    chain = _core.Chain(dict(stages))
-    for first, last in ranges:
-        rows = slice(int(first), int(last))
-        given = {name: data[rows] for name, data in columns.items()}
-        found = chain.prepare({"time": log["time"][rows], **given}, int(last - first))
-        for name, data in columns.items():
-            data[rows] = found[name]
-        made.faults[rows], made.missed[rows] = found["faults"], found["missed"]
-    made.log = log.with_columns(columns, note="checked and derived, as the chain takes it")
-    return made

@@ -13,7 +13,6 @@ from flexspline.exporting.header_model import model_lines
 from flexspline.exporting.header_stages import stage_lines
 from flexspline.logs.causal import lateness
 from flexspline.model import Model
-from flexspline.part import Part
 
 __all__ = ["chain_head", "chain_includes", "chain_lines"]
 
@@ -41,7 +40,7 @@ RESULTS = {
 
 def chain_includes(plan: Plan) -> set[str]:
     """Headers of the core that the chain's constants need."""
-    effects = (effect for part in _models(plan).values() if part for effect in part.effects)
+    effects = (effect for part in plan.models.values() if part for effect in part.effects)
     return {f"flexspline/effects/{effect.name}.hpp" for effect in effects if effect.terms}
 
 
@@ -88,7 +87,7 @@ def chain_lines(model: Model, plan: Plan) -> Iterator[str]:
     InputError
         Where a value of an estimator does not fit into a float; the sentence names it.
     """
-    models = _models(plan)
+    models = plan.models
     for name, part in models.items():
         if part is not None:
             yield from model_lines(model, part, f"{name}_model")
@@ -121,15 +120,6 @@ def chain_lines(model: Model, plan: Plan) -> Iterator[str]:
         for side, value in zip(("low", "high"), plan.temperature_range, strict=True):
             yield f"    .{side} = {literal(value, 'range of temperature')},  // deg C"
     yield "};"
-
-
-def _models(plan: Plan) -> dict[str, Part | None]:
-    return {
-        "sensor": plan.sensor,
-        "observed": plan.observed,
-        "torsion": plan.torsion,
-        "carried": plan.carried,
-    }
 
 
 def _made(plan: Plan) -> set[str]:

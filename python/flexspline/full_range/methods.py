@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from flexspline import _core
 from flexspline.errors import InputError
-from flexspline.estimation.models import model_inputs
+from flexspline.estimation.joint import run_joint
 from flexspline.estimation.plan import Plan, plan_of
 from flexspline.estimators import Compliance, Observer
 from flexspline.full_range.torsion_part import WAVE_GENERATOR, only
@@ -139,13 +139,14 @@ def signals_of(model: Model, log: Log, settings: Settings) -> Signals:
     InputError
         Where a part or a channel is missing.
     """
-    log, said = with_velocities(log), list[str]()
-    plan = plan_of(with_estimators(model, settings))
-    inputs = model_inputs(model, plan, log, np.full(len(log), np.nan), said.append)
+    log, said = with_velocities(log), dict[str, None]()
+    blind = with_estimators(model, settings)
+    plan = plan_of(blind)
+    inputs = run_joint(blind, plan, log, said, inputs=True)
     for name in ("momentum", "motor_torque", "observer_intrinsic", "torsion"):
         if not np.isfinite(inputs[name]).any():
             raise InputError(
-                f"log '{log.name}': {said[-1]}"
+                f"log '{log.name}': {[*said][-1]}"
                 if said
                 else f"log '{log.name}': {name} is not finite in any row"
             )

@@ -86,16 +86,21 @@ class Harmonics {
   }
   constexpr std::span<const Way> ways() const noexcept { return std::span(ways_).first(count_); }
 
+  /// Harmonic k of the row, where those before it are in `row` already.
+  constexpr math::Phasor<S> reach(std::size_t k, const Sample<S>& at,
+                                  std::span<const S> row) const noexcept {
+    const auto reached = [row](std::size_t i) {
+      return math::Phasor<S>{row[2 * i], row[2 * i + 1]};
+    };
+    const Way way = ways_[k];
+    return way.steps > 1 ? math::rotate(reached(way.from), reached(way.by)) : alone(k, at).phasor();
+  }
+
   constexpr Row<S, 2 * K> row(const Sample<S>& at) const noexcept {
     Row<S, 2 * K> result{};
     for_each_place<K>([&](std::size_t k) {
       if (k >= count_) return;
-      const auto reached = [&result](std::size_t i) {
-        return math::Phasor<S>{result[2 * i], result[2 * i + 1]};
-      };
-      const Way way = ways_[k];
-      const math::Phasor<S> p =
-          way.steps > 1 ? math::rotate(reached(way.from), reached(way.by)) : alone(k, at).phasor();
+      const math::Phasor<S> p = reach(k, at, result);
       result[2 * k] = p.cosine;
       result[2 * k + 1] = p.sine;
     });

@@ -13,7 +13,7 @@
 ///   collision      one of the external torques → contact
 ///
 /// A stage runs where it is given (stages.hpp), always in this order. What a model predicts is an
-/// input: Model on the joint, a design on a PC; the chain holds no effects. A stage whose input is
+/// input, or asked for between the stages (`run`): the chain holds no effects. A stage whose input is
 /// not finite, out of range, or missing because a stage before it missed, keeps its last good
 /// outputs and sets its bit in `missed`; its next period is longer. The one exception: temperatures
 /// come seldom, so the sensor goes on with the drift of the last one, once there was one. A bad
@@ -105,6 +105,13 @@ struct Chain {
       collision_wait = 0;
   };
 
+  /// What was sensed in a sample, NaN where there was nothing.
+  struct Sensed {
+    S temperature = missing;  ///< °C
+    S torque = missing;       ///< Nm, compensated
+  };
+
+  /// One sample whose models' predictions are inputs.
   template <typename Stages>
   static constexpr Status step(const Stages& stages, State& state, Input in, Output& out) noexcept {
     if (!is_period(in.period)) return Status::bad_period;
@@ -113,13 +120,36 @@ struct Chain {
     out.missed = Stage::none;
     in.velocity = math::finite_or_nan(in.velocity);
     in.torsion = math::finite_or_nan(in.torsion);
-    const S temperature = measure(stages, in, out);
-    compensate(stages, state, in.period, temperature, out);
-    const auto read = sense(stages, state, in);
-    const S sensor = subtract(stages, read, in.sensor_intrinsic, out);
-    estimate(stages, state, in, math::is_finite(sensor) ? read.torque : missing, sensor, out);
+    run(stages, stages, state, in, out, Given{});
     return Status::ok;
   }
+
+  /// One sample through all stages: those of `sensing` up to the sensor's torque, those of
+  /// `estimating` behind it. The models are told the temperature, measured(temperature), asked
+  /// beside_load(torque, in) for what the sensor reads beside the load, and predict(external, in)
+  /// fills in `in` what the stages behind read.
+  template <typename Sensing, typename Estimating, typename Models>
+  static constexpr Sensed run(const Sensing& sensing, const Estimating& estimating, State& state,
+                              Input& in, Output& out, Models&& models) noexcept {
+    const S temperature = measure(sensing, in, out);
+    models.measured(temperature);
+    compensate(sensing, state, in.period, temperature, out);
+    const auto read = sense(sensing, state, in);
+    const S intrinsic = models.beside_load(read.torque, in);
+    const S external = subtract(sensing, read, intrinsic, out);
+    models.predict(external, in);
+    const S torque = math::is_finite(external) ? read.torque : missing;
+    estimate(estimating, state, in, torque, external, out);
+    return {temperature, read.torque};
+  }
+
+ private:
+  /// Models that have said all beforehand.
+  struct Given {
+    static constexpr void measured(S) noexcept {}
+    static constexpr S beside_load(S, const Input& in) noexcept { return in.sensor_intrinsic; }
+    static constexpr void predict(S, Input&) noexcept {}
+  };
 
   /// The temperature, NaN where there is none.
   template <typename Stages>
@@ -197,7 +227,6 @@ struct Chain {
     watch(stages, state, in, watched, out);
   }
 
- private:
   /// Sets the bit of a stage that missed.
   static constexpr S miss(Stage stage, Output& out) noexcept {
     out.missed = out.missed | stage;

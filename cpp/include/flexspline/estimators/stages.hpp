@@ -80,6 +80,16 @@ constexpr const T* given(const Absent<T>&) noexcept {
   return nullptr;
 }
 
+/// Whether a stage runs; known to the compiler but for an optional one.
+template <typename T>
+constexpr bool runs(const T&) noexcept {
+  return !is_absent<const T>;
+}
+template <typename T>
+constexpr bool runs(const std::optional<T>& stage) noexcept {
+  return stage.has_value();
+}
+
 /// A chain of nothing.
 template <typename S>
 struct NoStages {

@@ -1,0 +1,234 @@
+/// A joint over a log, row by row, by the code of the device (flexspline/joint.hpp).
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <string_view>
+
+#include "flexspline/joint.hpp"
+#include "host/any_model.hpp"
+#include "host/replay_estimators.hpp"
+
+namespace flexspline::batch {
+
+/// A joint whose models and stages are chosen at run time.
+using LogJoint = Joint<double, AnyModel, AnyModel, AnyModel, AnyModel>;
+
+/// A number of a row by its name.
+template <typename Row>
+struct NamedField {
+  std::string_view name;
+  double Row::* field;
+};
+
+inline constexpr std::array<NamedField<Reading<double>>, 7> reading_numbers{{
+    {"output_velocity", &Reading<double>::output_velocity},
+    {"output_acceleration", &Reading<double>::output_acceleration},
+    {"motor_torque", &Reading<double>::motor_torque},
+    {"sensor_voltage", &Reading<double>::sensor_voltage},
+    {"sensor_torque", &Reading<double>::sensor_torque},
+    {"thermistor_voltage", &Reading<double>::thermistor_voltage},
+    {"temperature", &Reading<double>::temperature},
+}};
+
+/// What a stage makes of a row, NaN in rows that it missed.
+struct NamedOutput {
+  std::string_view name;
+  double LogJoint::Chain::Output::* field;
+  Stage by;
+};
+
+inline constexpr std::array<NamedOutput, 5> joint_outputs{{
+    {"external_sensor", &LogJoint::Chain::Output::external_sensor, Stage::sensor},
+    {"external_observer", &LogJoint::Chain::Output::external_observer, Stage::observer},
+    {"external_compliance", &LogJoint::Chain::Output::external_compliance, Stage::compliance},
+    {"external_compliant_observer", &LogJoint::Chain::Output::external_compliant_observer,
+     Stage::compliant_observer},
+    {"external_merged", &LogJoint::Chain::Output::external_merged, Stage::merge},
+}};
+
+/// What the stages read beside the channels.
+inline constexpr std::array<NamedField<LogJoint::Chain::Input>, 7> joint_inputs{{
+    {"velocity", &LogJoint::Chain::Input::velocity},
+    {"momentum", &LogJoint::Chain::Input::momentum},
+    {"motor_torque", &LogJoint::Chain::Input::motor_torque},
+    {"observer_intrinsic", &LogJoint::Chain::Input::observer_intrinsic},
+    {"torsion", &LogJoint::Chain::Input::torsion},
+    {"gear_known", &LogJoint::Chain::Input::gear_known},
+    {"link_momentum", &LogJoint::Chain::Input::link_momentum},
+}};
+
+/// The stages that a joint has.
+inline Stage configured(const AnyStages<double>& stages) noexcept {
+  const auto bit = [](bool has, Stage stage) { return has ? stage : Stage::none; };
+  return bit(stages.differentiator.has_value(), Stage::differentiator) |
+         bit(stages.thermistor.has_value(), Stage::thermistor) |
+         bit(stages.compensation.has_value(), Stage::compensation) |
+         bit(stages.sensor, Stage::sensor) | bit(stages.observer.has_value(), Stage::observer) |
+         bit(stages.compliance.has_value(), Stage::compliance) |
+         bit(stages.compliant_observer.has_value(), Stage::compliant_observer) |
+         bit(stages.logistic.has_value() || stages.kalman.has_value(), Stage::merge) |
+         bit(stages.collision.has_value(), Stage::collision);
+}
+
+/// The columns of a log that a joint reads, null where the log lacks one. The joint starts anew at
+/// the rows `starts`, which rise from 0.
+struct JointLog {
+  std::size_t size = 0;
+  std::span<const std::size_t> starts;
+  const double* time = nullptr;             ///< s
+  const double* output_position = nullptr;  ///< rad
+  const double* motor_position = nullptr;   ///< rad
+  std::array<const double*, reading_numbers.size()> numbers{};
+};
+
+/// The columns that a run fills, null where they are not asked for. Values are NaN in rows that
+/// their stage missed.
+struct JointResults {
+  double* temperature = nullptr;    ///< °C
+  double* sensor_torque = nullptr;  ///< Nm, compensated
+  std::array<double*, joint_outputs.size()> outputs{};
+  std::array<double*, joint_inputs.size()> inputs{};
+  std::uint8_t* contact = nullptr;
+  std::uint8_t* flags = nullptr;
+  std::uint8_t* faults = nullptr;
+  std::uint16_t* missed = nullptr;
+};
+
+inline std::optional<Angle<double>> angle_of(const double* radians, std::size_t row) noexcept {
+  Angle<double> angle;
+  if (radians == nullptr || read_radians(radians[row], angle) != Status::ok) return std::nullopt;
+  return angle;
+}
+
+/// A joint that has seen nothing.
+inline LogJoint::State start_of(const LogJoint& joint) {
+  LogJoint::State state;
+  state.sensor = state.sensor_without_load = joint.sensor.start();
+  state.observed = joint.observed.start();
+  state.torsion = joint.torsion.start();
+  state.carried = joint.carried.start();
+  return state;
+}
+
+/// What is read in one row; `period` as the replay has it, `time` since the log's first row.
+inline Reading<double> reading_of(const JointLog& log, std::size_t row, double period) noexcept {
+  Reading<double> in;
+  in.period = period;
+  in.time = log.time[row] - log.time[0];
+  in.output_position = angle_of(log.output_position, row);
+  in.motor_position = angle_of(log.motor_position, row);
+  for (std::size_t k = 0; k < log.numbers.size(); ++k) {
+    if (log.numbers[k] != nullptr) in.*reading_numbers[k].field = log.numbers[k][row];
+  }
+  return in;
+}
+
+/// Writes what a row gave; `good`: whether the joint took it.
+inline void write(const JointResults& to, std::size_t row, bool good, Stage all,
+                  const LogJoint::Chain::Output& out, const LogJoint::Trace& trace) noexcept {
+  const Stage missed = good ? out.missed : all;
+  const auto put = [row](double* column, bool known, double value) {
+    if (column != nullptr) column[row] = known && math::is_finite(value) ? value : unknown;
+  };
+  const bool warm = good && !has(missed, Stage::thermistor) && !has(missed, Stage::compensation);
+  put(to.temperature, warm, trace.sensed.temperature);
+  put(to.sensor_torque, good, trace.sensed.torque);
+  for (std::size_t k = 0; k < joint_outputs.size(); ++k) {
+    put(to.outputs[k], !has(missed, joint_outputs[k].by), out.*joint_outputs[k].field);
+  }
+  for (std::size_t k = 0; k < joint_inputs.size(); ++k) {
+    put(to.inputs[k], good, trace.input.*joint_inputs[k].field);
+  }
+  if (to.contact != nullptr) to.contact[row] = out.contact && !has(missed, Stage::collision);
+  to.flags[row] = static_cast<std::uint8_t>(good ? out.flags : Flag::none);
+  to.faults[row] = static_cast<std::uint8_t>(good ? out.faults : Fault::none);
+  to.missed[row] = static_cast<std::uint16_t>(missed);
+}
+
+/// Lets the models of a joint look ahead over what reaches them as it is read: angles and time, and
+/// the other channels where no stage before the chain changes them.
+class Ahead {
+ public:
+  Ahead(LogJoint& joint, const JointLog& log) : joint_(joint), log_(log) {
+    const auto know = [this](Channel channel, bool it) { known_[std::size_t(channel)] = it; };
+    const bool plain = !joint.sensing.checks && !joint.sensing.differentiator;
+    for (const Channel c : {Channel::output_position, Channel::motor_position, Channel::time}) {
+      know(c, true);
+    }
+    for (const Channel c :
+         {Channel::output_velocity, Channel::output_acceleration, Channel::motor_torque}) {
+      know(c, plain);
+    }
+  }
+
+  /// Rows from `row` on, as many as a block has room for and at most up to `last`, at the first of
+  /// them; then one after the other.
+  void turn_to(std::size_t row, std::size_t first, std::size_t last) {
+    const std::size_t place = (row - first) % SampleBlock::capacity;
+    if (place == 0) read(row, std::min(SampleBlock::capacity, last - row));
+    for (AnyModel* model : models()) {
+      if (place == 0) model->look_ahead(channels_, known_);
+      model->turn_to(place);
+    }
+  }
+
+ private:
+  std::array<AnyModel*, 4> models() {
+    return {&joint_.sensor, &joint_.observed, &joint_.torsion, &joint_.carried};
+  }
+
+  /// What a `Reading` has of these rows: NaN for what is missing.
+  void read(std::size_t row, std::size_t count) {
+    for (std::size_t k = 0; k < numbers_.size(); ++k) {
+      const double* from = log_.numbers[k];
+      for (std::size_t i = 0; i < count; ++i) {
+        numbers_[k][i] = from == nullptr ? unknown : math::finite_or_nan(from[row + i]);
+      }
+    }
+    for (std::size_t i = 0; i < count; ++i) {
+      time_[i] = math::finite_or_nan(log_.time[row + i] - log_.time[0]);
+    }
+    const auto at = [row](const double* angle) { return angle == nullptr ? angle : angle + row; };
+    channels_ = {.size = count,
+                 .output_position = at(log_.output_position),
+                 .output_velocity = numbers_[0].data(),
+                 .output_acceleration = numbers_[1].data(),
+                 .motor_position = at(log_.motor_position),
+                 .motor_torque = numbers_[2].data(),
+                 .time = time_.data()};
+  }
+
+  LogJoint& joint_;
+  const JointLog& log_;
+  AnyModel::Known known_{};
+  std::array<SampleBlock::Column<double>, 3> numbers_;  ///< the first of `reading_numbers`
+  SampleBlock::Column<double> time_;
+  Channels channels_;
+};
+
+/// A row whose time does not move on is missed by all stages; the period of the next one counts from
+/// the last good one.
+inline void replay_joint(LogJoint joint, const JointLog& log, const JointResults& to) {
+  const Stage all = configured(joint.sensing) | configured(joint.estimating);
+  const LogJoint::State fresh = start_of(joint);
+  Ahead ahead(joint, log);
+  LogJoint::State state = fresh;
+  LogJoint::Chain::Output out;
+  LogJoint::Trace trace;
+  for (std::size_t k = 0; k < log.starts.size(); ++k) {
+    const std::size_t first = log.starts[k];
+    const std::size_t last = k + 1 < log.starts.size() ? log.starts[k + 1] : log.size;
+    state = fresh;
+    replay(log.time + first, last - first, [&](std::size_t i, double period) {
+      const std::size_t row = first + i;
+      ahead.turn_to(row, first, last);
+      const Status status = joint.step(state, reading_of(log, row, period), out, trace);
+      write(to, row, status == Status::ok, all, out, trace);
+      return status;
+    });
+  }
+}
+
+}  // namespace flexspline::batch
