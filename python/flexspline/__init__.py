@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from flexspline.forward.simulating import simulate
     from flexspline.least_squares.options import FitOptions
     from flexspline.least_squares.result import Fit
-    from flexspline.least_squares.streaming import accumulate
+    from flexspline.least_squares.sums import accumulate
     from flexspline.logs.checks import Findings, check
     from flexspline.logs.convert import convert
     from flexspline.logs.log import Log
@@ -132,7 +132,7 @@ _HOME = {
     "ReadingChecks": "estimators",
     "TemperatureCompensation": "estimators",
     "Thermistor": "estimators",
-    "accumulate": "least_squares.streaming",
+    "accumulate": "least_squares.sums",
     "calibrate": "calibration.calibrating",
     "certify": "certification",
     "check": "logs.checks",

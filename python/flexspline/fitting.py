@@ -17,8 +17,7 @@ if TYPE_CHECKING:  # what is heavy is imported where it is used: `flexspline --h
     from numpy.typing import NDArray
 
     from flexspline.least_squares.estimate import Estimate, Given
-    from flexspline.least_squares.names import Bounds
-    from flexspline.least_squares.options import FitOptions
+    from flexspline.least_squares.options import Bounds, FitOptions
     from flexspline.least_squares.problem import Problem
     from flexspline.least_squares.result import Fit
     from flexspline.logs.log import Log
@@ -190,7 +189,7 @@ def _resolved(
 ) -> list[NDArray[np.bool_]] | None:
     """Rows that the recorder resolves (`least_squares/resolution.py`); None: all, of exact runs."""
     from flexspline.least_squares.estimate import Given, estimate
-    from flexspline.least_squares.resolution import (
+    from flexspline.least_squares.problem import (
         away_from_ends,
         coarser,
         resolved_rows,
@@ -246,7 +245,7 @@ def fit_near(
     from flexspline.least_squares.assemble import assembled
     from flexspline.least_squares.estimate import Given, estimate
     from flexspline.least_squares.generalised import generalised
-    from flexspline.least_squares.memory import settled
+    from flexspline.least_squares.problem import settled
 
     _require_rows(problem, effects)
     problem, given = settled(problem, effects), Given(fixed, bounds, {}, False)
@@ -284,7 +283,7 @@ def with_orders(
     effects: str | Effect | Iterable[str | Effect], orders: Mapping[str, Sequence[int]]
 ) -> list[Effect]:
     """Return effects by their names, ripples with the orders that are given by name of effect."""
-    from flexspline.least_squares.names import resolve
+    from flexspline.least_squares.options import resolve
 
     named = [effects] if isinstance(effects, (str, Effect)) else effects
     chosen = [e if isinstance(e, Effect) else effect(e) for e in named]
@@ -324,7 +323,7 @@ def _settled(
 ) -> tuple[Problem, Estimate]:
     """Estimate again until the rows left out for unknown memory are those of the widths found."""
     from flexspline.least_squares.estimate import estimate
-    from flexspline.least_squares.memory import settled
+    from flexspline.least_squares.problem import settled
 
     for _ in range(SETTLING_ROUNDS):
         again = settled(problem, made.linear.effects)

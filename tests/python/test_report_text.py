@@ -12,7 +12,7 @@ import report_fits
 
 from flexspline.formatting.numbers import plus_minus, short_names, truncated
 from flexspline.least_squares.result import Fit
-from flexspline.least_squares.ripple_orders import ripple_orders
+from flexspline.least_squares.ripple import ripple_orders
 from flexspline.report.text import fit_text
 
 GOLDEN = Path(__file__).parents[1] / "golden"

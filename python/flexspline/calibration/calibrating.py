@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from flexspline.calibration.parameters import Asked
 from flexspline.errors import InputError
 
 if TYPE_CHECKING:  # what is heavy is imported where it is used
@@ -16,29 +16,12 @@ if TYPE_CHECKING:  # what is heavy is imported where it is used
     from flexspline.logs.log import Log
     from flexspline.model import Model
 
-__all__ = ["Asked", "calibrate"]
+__all__ = ["calibrate"]
 
 ROWS_A_PARAMETER = 3
 ROWS_A_RUN = 8  # that the noise model looks back over before it starts
 ROWS_BESIDE = 40
 FIT = "fit"
-
-
-@dataclass(frozen=True)
-class Asked:
-    """What the caller wants. Lag in s, gradient in Nm/K, sensitivity in Nm/V; None: to be fitted.
-
-    `sensitivity` is None where it is to be fitted, else known.
-    """
-
-    reference: str | None
-    degree: int
-    reference_temperature: float
-    thermal_lag: float | None
-    gradient: float | None
-    sensitivity: float | None
-    full_scale: float | None
-    thermistor: Thermistor | None
 
 
 def calibrate(

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline import _core
-from flexspline.calibration.calibrating import Asked
-from flexspline.calibration.parameters import torque_coefficients
+from flexspline.calibration.parameters import Asked, torque_coefficients
 from flexspline.calibration.regression import Regression
 from flexspline.calibration.runs import CalibrationRun, why_unexcited
 from flexspline.estimators import Calibration, TemperatureCompensation, Thermistor

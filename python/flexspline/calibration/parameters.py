@@ -10,7 +10,7 @@ A′₀ … A′_n, the drift as a polynomial in T itself, is a linear map of (v
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from math import comb
 
 import numpy as np
@@ -18,11 +18,13 @@ from numpy.typing import NDArray
 
 from flexspline.calibration.drift import Shape
 from flexspline.calibration.regression import Regression
+from flexspline.estimators import Thermistor
 from flexspline.least_squares.identifiability import Confounded, confounded_groups
 from flexspline.least_squares.result import Parameter
 from flexspline.least_squares.uncertainty import Uncertainty
 
 __all__ = [
+    "Asked",
     "confounded",
     "drift_polynomial",
     "sensitivity_determined",
@@ -34,6 +36,23 @@ __all__ = [
 Array = NDArray[np.float64]
 
 RESOLVED = 10.0  # standard errors from zero below which a sensitivity is not determined
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What the caller wants. Lag in s, gradient in Nm/K, sensitivity in Nm/V; None: to be fitted.
+
+    `sensitivity` is None where it is to be fitted, else known.
+    """
+
+    reference: str | None
+    degree: int
+    reference_temperature: float
+    thermal_lag: float | None
+    gradient: float | None
+    sensitivity: float | None
+    full_scale: float | None
+    thermistor: Thermistor | None
 
 
 def _powers(unit: str, degree: int) -> str:

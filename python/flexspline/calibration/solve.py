@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.calibration.calibrating import Asked, require_rows, require_temperatures
+from flexspline.calibration.calibrating import require_rows, require_temperatures
 from flexspline.calibration.drift import Shape
 from flexspline.calibration.estimators import Estimators, estimators_of
 from flexspline.calibration.parameters import (
+    Asked,
     confounded,
     drift_polynomial,
     sensitivity_determined,

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.errors import InputError
-from flexspline.least_squares.resolution import away_from_ends, coarser, resolved_rows
+from flexspline.least_squares.problem import away_from_ends, coarser, resolved_rows
 from flexspline.logs.channel_noise import ChannelNoise
 from flexspline.logs.log import Log
 from flexspline.logs.segments import median_step

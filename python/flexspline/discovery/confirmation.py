@@ -43,7 +43,7 @@ from flexspline.discovery.result import (
 from flexspline.discovery.search import cost_of
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect
-from flexspline.least_squares.names import coefficient_names
+from flexspline.least_squares.options import coefficient_names
 from flexspline.least_squares.result import Fit
 from flexspline.logs.checks.dependence import Dependence
 from flexspline.regression.gram import SINGULAR, TINY

@@ -24,8 +24,13 @@ from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect
 from flexspline.errors import InputError
 from flexspline.formatting.numbers import short
-from flexspline.least_squares.problem import Problem
-from flexspline.least_squares.resolution import away_from_ends, coarser, resolved_rows, with_fastest
+from flexspline.least_squares.problem import (
+    Problem,
+    away_from_ends,
+    coarser,
+    resolved_rows,
+    with_fastest,
+)
 from flexspline.least_squares.result import Fit
 from flexspline.logs.checks import check
 from flexspline.logs.checks.findings import NO_TORSION, Finding

@@ -61,7 +61,7 @@ from flexspline.discovery.physics import LOOPS, driving_spring, impossible
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import UNITS, Effect
 from flexspline.errors import InputError
-from flexspline.least_squares.names import SHARED
+from flexspline.least_squares.options import SHARED
 from flexspline.least_squares.problem import Problem, problem_of
 from flexspline.logs.checks.dependence import Dependence
 from flexspline.logs.derive import differentiate

@@ -34,7 +34,7 @@ from flexspline.comparison.result import Comparison
 from flexspline.comparison.runs import Compared, ComparedRun, located
 from flexspline.comparison.simulated import resolution
 from flexspline.discovery.settings import SETTINGS
-from flexspline.least_squares.scores import LEAST_ROWS, bands, groups
+from flexspline.least_squares.validation import LEAST_ROWS, bands, groups
 from flexspline.logs.log import Log
 from flexspline.logs.segments import median_step, runs, true_ranges
 from flexspline.logs.velocity import velocity_noise

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from flexspline.effects import CATALOGUE, Effect
 from flexspline.experiment.trust import Trust
-from flexspline.least_squares.names import coefficient_names
+from flexspline.least_squares.options import coefficient_names
 from flexspline.least_squares.problem import Problem, Run
 from flexspline.regression.gram import Columns, Whitening, left_by
 from flexspline.regression.working import Working

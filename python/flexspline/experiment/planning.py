@@ -218,7 +218,7 @@ def _rivalry(
     shaped: Shaped,
 ) -> Rivalry:
     from flexspline.experiment.information import Rivalry
-    from flexspline.least_squares.names import SHARED
+    from flexspline.least_squares.options import SHARED
     from flexspline.regression.working import refitted
 
     others = [e for e in work.effects if e.name != named]

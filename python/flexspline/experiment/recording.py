@@ -15,8 +15,7 @@ from flexspline.experiment.limits import Bounds
 from flexspline.experiment.motion import smoothstep
 from flexspline.experiment.motor import Motor
 from flexspline.experiment.setting import Part, Setting
-from flexspline.least_squares.memory import kept_rows
-from flexspline.least_squares.problem import Problem, Run
+from flexspline.least_squares.problem import Problem, Run, kept_rows
 from flexspline.logs.derive import lowpass
 from flexspline.logs.log import Log
 from flexspline.logs.segments import runs

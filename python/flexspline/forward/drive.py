@@ -17,7 +17,8 @@ from flexspline.forward.start import motor_offset, require_finite, start_of
 from flexspline.logs.log import Log
 from flexspline.logs.read import with_motor_torque
 from flexspline.logs.segments import runs
-from flexspline.model import Model, Part
+from flexspline.model import Model
+from flexspline.part import Part
 from flexspline.requirements import require_one_unit
 from flexspline.signals import gear_of, torque_of_current
 

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from flexspline.least_squares.estimate import Estimate, noise_of, read_of
 from flexspline.least_squares.late_load import Beside, basis_beside
 from flexspline.least_squares.noise_model import Chunk, Chunks, noise_model
-from flexspline.least_squares.prewhitening import filtered
 from flexspline.least_squares.problem import Problem, Run
-from flexspline.least_squares.tangent import Tangent
+from flexspline.least_squares.shapes import Tangent, filtered
 from flexspline.least_squares.uncertainty import Prior, Uncertainty, parameter_uncertainty
 
 __all__ = ["uncertainty_of"]

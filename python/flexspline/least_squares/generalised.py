@@ -25,8 +25,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from flexspline.errors import InputError
-from flexspline.least_squares.estimate import Estimate
-from flexspline.least_squares.newton import newton
+from flexspline.least_squares.estimate import Estimate, newton
 from flexspline.least_squares.uncertainty import Uncertainty
 from flexspline.least_squares.validation import cross_validate
 

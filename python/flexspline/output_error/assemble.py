@@ -10,10 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.least_squares.problem import problem_of
-from flexspline.least_squares.result import Fit, FittedRun, Parameter
-from flexspline.least_squares.scores import scores_of
-from flexspline.least_squares.simulation import RunGap, SimulationFit, StartEnd
+from flexspline.least_squares.result import (
+    Fit,
+    FittedRun,
+    Parameter,
+    RunGap,
+    SimulationFit,
+    StartEnd,
+)
 from flexspline.least_squares.uncertainty import Uncertainty
+from flexspline.least_squares.validation import scores_of
 from flexspline.model import Model
 from flexspline.output_error.regression import with_servo_torque
 from flexspline.output_error.search import best_of

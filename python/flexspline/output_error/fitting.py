@@ -30,7 +30,7 @@ from flexspline.part import PART_OF
 
 if TYPE_CHECKING:
     from flexspline.forward.servo import PositionServo
-    from flexspline.least_squares.names import Bounds
+    from flexspline.least_squares.options import Bounds
     from flexspline.least_squares.result import Fit
     from flexspline.logs.log import Log
     from flexspline.model import Model

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from flexspline.errors import InputError, listed
-from flexspline.least_squares.shares import contributions
+from flexspline.least_squares.result import contributions
 from flexspline.plot.canvas import (
     GREY,
     INK,

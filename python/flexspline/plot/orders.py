@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from flexspline.errors import InputError
-from flexspline.least_squares.ripple_orders import ripple_orders
+from flexspline.least_squares.ripple import ripple_orders
 from flexspline.logs.log import Log
 from flexspline.orders.spectrum import OrderSpectrum, TimeSpectrum
 from flexspline.orders.stretches import stretches

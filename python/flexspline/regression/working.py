@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.effects import Effect
-from flexspline.least_squares.names import ShapeParameter, coefficient_names, resolve, shapes_of
+from flexspline.least_squares.options import ShapeParameter, coefficient_names, resolve, shapes_of
 from flexspline.least_squares.problem import Problem
 from flexspline.regression.gram import (
     SINGULAR,

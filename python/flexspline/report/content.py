@@ -10,7 +10,7 @@ import numpy as np
 
 from flexspline.errors import listed
 from flexspline.formatting.numbers import plus_minus, short, short_names
-from flexspline.least_squares.ripple_orders import PAIRS, RippleOrder, ripple_orders
+from flexspline.least_squares.ripple import PAIRS, RippleOrder, ripple_orders
 
 if TYPE_CHECKING:
     from flexspline.least_squares.result import Fit, Parameter

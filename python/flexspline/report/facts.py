@@ -11,8 +11,7 @@ from flexspline.formatting.numbers import short
 from flexspline.logs.channels import CHANNELS
 
 if TYPE_CHECKING:
-    from flexspline.least_squares.result import Fit
-    from flexspline.least_squares.simulation import SimulationFit
+    from flexspline.least_squares.result import Fit, SimulationFit
 
 __all__ = ["LogFacts", "log_facts", "model_facts", "python_call"]
 

@@ -12,7 +12,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from flexspline.about import __version__
 from flexspline.files import atomic_write
 from flexspline.formatting.numbers import short
-from flexspline.least_squares.shares import shares
+from flexspline.least_squares.result import shares
 from flexspline.report.content import known_groups, parameter_lines
 from flexspline.report.facts import log_facts, model_facts, python_call
 from flexspline.report.inputs import delay_sentence, input_rows

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from flexspline.errors import InputError, listed
 from flexspline.formatting.numbers import decimals_for, truncated
-from flexspline.least_squares.scores import Score
+from flexspline.least_squares.validation import Score
 
 if TYPE_CHECKING:
     import pandas

@@ -9,7 +9,7 @@ import numpy as np
 
 from flexspline.errors import listed
 from flexspline.formatting.numbers import short, short_names
-from flexspline.least_squares.ripple_orders import ripple_orders
+from flexspline.least_squares.ripple import ripple_orders
 
 if TYPE_CHECKING:
     from flexspline.least_squares.result import Fit

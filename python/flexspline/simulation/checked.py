@@ -29,17 +29,17 @@ def whole(lowest: int, highest: int, default: int) -> Any:
 
 def require_limits(owner: Any) -> None:
     """Raise InputError, with the name of the field, for a number outside its limits."""
-    for field in dataclasses.fields(owner):
-        value = getattr(owner, field.name)
+    for each in dataclasses.fields(owner):
+        value = getattr(owner, each.name)
         remedy = ""
-        if "whole" in field.metadata:
-            low, high = field.metadata["whole"]
+        if "whole" in each.metadata:
+            low, high = each.metadata["whole"]
             if not (isinstance(value, (int, float)) and value % 1 == 0 and low <= value <= high):
                 remedy = f"a whole number from {low} to {high}"
-        elif field.metadata or isinstance(value, (int, float)):
-            remedy = _remedy(field.metadata, value)
+        elif each.metadata or isinstance(value, (int, float)):
+            remedy = _remedy(each.metadata, value)
         if remedy:
-            name = f"{type(owner).__name__}.{field.name}"
+            name = f"{type(owner).__name__}.{each.name}"
             raise InputError(f"simulation: {name} is {value!r}; give {remedy}")
 
 

@@ -21,7 +21,7 @@ __all__ = ["Left", "amplitude_left"]
 
 SPEED = 0.5  # rad/s
 RATE = 1000.0  # Hz
-LOWPASS = 1.0  # Hz
+LOWPASS = 1.0  # Hz, §3.1
 AMPLITUDE = 0.2  # Nm
 
 
