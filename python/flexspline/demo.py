@@ -22,9 +22,8 @@ from flexspline.files import whole_folder
 from flexspline.fitting import fit
 from flexspline.least_squares.result import Fit
 from flexspline.logs.checks import check
-from flexspline.logs.convert import write_log
 from flexspline.logs.log import Log, Source
-from flexspline.logs.read import read_log
+from flexspline.logs.read import read_log, write_log
 from flexspline.rigs.recorder import Recorder
 from flexspline.rigs.sensor import SPEEDS, Rig, Truth, sensor_rig
 

@@ -15,8 +15,8 @@ from flexspline.comparison.runs import predicted
 from flexspline.comparison.search import ALPHA
 from flexspline.effects import effect
 from flexspline.logs import Log
-from flexspline.logs.reversal import since_reversal
-from flexspline.logs.velocity import velocity_noise
+from flexspline.logs.derive import velocity_noise
+from flexspline.logs.segments import since_reversal
 from flexspline.model import Model, Part
 
 CLEAN = 100

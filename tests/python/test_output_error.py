@@ -13,7 +13,7 @@ import flexspline
 from flexspline import MotionOptions
 from flexspline.errors import InputError
 from flexspline.least_squares.result import Fit
-from flexspline.logs.convert import write_log
+from flexspline.logs.read import write_log
 from flexspline.model import Model
 from flexspline.plot import simulated_motion
 

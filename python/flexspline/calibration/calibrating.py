@@ -123,7 +123,7 @@ def calibrate(
 def require_temperatures(runs: Sequence[CalibrationRun], degree: int) -> None:
     """Refuse a polynomial with more coefficients than the runs hold temperatures."""
     from flexspline.calibration.thermal import count_temperatures
-    from flexspline.logs.grain import white_noise
+    from flexspline.logs.quantisation import white_noise
 
     if degree == 0:
         return

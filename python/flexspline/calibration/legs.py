@@ -13,9 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.logs.grain import white_noise
-from flexspline.logs.play import play
-from flexspline.logs.segments import true_ranges
+from flexspline.logs.quantisation import white_noise
+from flexspline.logs.segments import play, true_ranges
 
 __all__ = ["Leg", "Points", "legs_of", "points_on", "slack_of"]
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from flexspline.calibration.regression import Regression
 from flexspline.calibration.runs import CalibrationRun
-from flexspline.logs.grain import white_noise
+from flexspline.logs.quantisation import white_noise
 
 if TYPE_CHECKING:
     from flexspline.calibration.result import CalibrationResult

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from flexspline import _core
 from flexspline.calibration.runs import CalibrationRun
 from flexspline.least_squares.sums import Solution, solve
-from flexspline.logs.grain import white_noise
-from flexspline.logs.play import play
+from flexspline.logs.quantisation import white_noise
+from flexspline.logs.segments import play
 
 __all__ = ["beside_structure", "quiet", "structure_columns"]
 

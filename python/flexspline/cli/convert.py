@@ -33,7 +33,7 @@ def convert(foreign: str, out: str, reading: Reading) -> None:
     and then
       flexspline convert recording.txt --columns map.toml --out run1.csv
     """
-    from flexspline.logs.convert import convert as convert_log
+    from flexspline.logs.read import convert as convert_log
 
     assert reading.columns is not None
     refuse_overwriting(out, [foreign, reading.columns])

@@ -72,7 +72,7 @@ class Reading:
     def _with_map(self) -> dict[str, Any]:
         if self.columns is None:
             return self.arguments
-        from flexspline.logs.convert import read_map
+        from flexspline.logs.read import read_map
 
         sections = read_map(self.columns)
         mapped = {"columns": sections["columns"], "facts": sections["facts"]}

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from flexspline.comparison.edges import even_edges, growing_edges, in_bins, labels_of
 from flexspline.comparison.rows import Rows
 from flexspline.comparison.runs import Compared, ComparedRun
-from flexspline.logs.reversal import since_reversal
+from flexspline.logs.segments import since_reversal
 
 __all__ = ["DIRECTIONS", "Covariate", "covariates_of"]
 

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from flexspline.errors import InputError
 from flexspline.least_squares.problem import away_from_ends, coarser, resolved_rows
 from flexspline.logs.channel_noise import ChannelNoise
+from flexspline.logs.derive import velocity_noise, with_motion
 from flexspline.logs.log import Log
 from flexspline.logs.segments import median_step
-from flexspline.logs.velocity import velocity_noise, with_motion
 from flexspline.model import Model, Part
 from flexspline.part import PART_OF
 from flexspline.prepared import VELOCITY, Preparation, learned, prepared

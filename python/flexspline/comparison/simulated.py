@@ -17,9 +17,9 @@ from flexspline.comparison.runs import LOADS, Compared, ComparedRun, load_of, lo
 from flexspline.errors import InputError
 from flexspline.forward.servo import PositionServo
 from flexspline.forward.simulating import simulate
-from flexspline.logs.grain import quantum, white_noise
+from flexspline.logs.derive import velocity_noise, with_motion
 from flexspline.logs.log import Log
-from flexspline.logs.velocity import velocity_noise, with_motion
+from flexspline.logs.quantisation import quantum, white_noise
 from flexspline.model import Model
 from flexspline.simulator.taken import covered, onto_clock, paired
 

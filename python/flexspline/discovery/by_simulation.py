@@ -22,8 +22,8 @@ from flexspline.discovery.slices import HeldRun, compared_motion
 from flexspline.effects import Effect
 from flexspline.errors import InputError, listed
 from flexspline.least_squares.result import Fit
+from flexspline.logs.derive import with_motion
 from flexspline.logs.log import Log
-from flexspline.logs.velocity import with_motion
 from flexspline.model import Model
 from flexspline.output_error.assemble import assembled
 from flexspline.output_error.errors import errors_of

@@ -49,8 +49,8 @@ from flexspline.least_squares.options import FitOptions
 from flexspline.least_squares.problem import Problem, problem_of
 from flexspline.least_squares.result import Fit
 from flexspline.logs.checks.left_out import Kept, at_work, only_experiments
+from flexspline.logs.derive import has_value, sampled
 from flexspline.logs.log import Log
-from flexspline.logs.sampling import has_value, sampled
 from flexspline.model import Model
 from flexspline.output_error.regression import with_servo_torque
 from flexspline.output_error.settings import MotionOptions, settings_of

@@ -35,9 +35,9 @@ from flexspline.comparison.runs import Compared, ComparedRun, located
 from flexspline.comparison.simulated import resolution
 from flexspline.discovery.settings import SETTINGS
 from flexspline.least_squares.validation import LEAST_ROWS, bands, groups
+from flexspline.logs.derive import velocity_noise
 from flexspline.logs.log import Log
 from flexspline.logs.segments import median_step, runs, true_ranges
-from flexspline.logs.velocity import velocity_noise
 from flexspline.orders.parts import effective_ratio, output_angle
 
 if TYPE_CHECKING:

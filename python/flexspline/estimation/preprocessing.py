@@ -12,7 +12,7 @@ from flexspline import _core
 from flexspline.errors import InputError, listed
 from flexspline.estimators import Differentiator, ReadingChecks
 from flexspline.estimators.differentiator import DERIVED
-from flexspline.logs.causal import differentiate_causal, lateness
+from flexspline.logs.derive import differentiate_causal, lateness
 from flexspline.logs.local_fit import require_bandwidth
 from flexspline.logs.log import Log
 from flexspline.model import Model

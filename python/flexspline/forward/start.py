@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.errors import InputError, listed
-from flexspline.logs.derive import differentiate
+from flexspline.logs.derive import differentiate, velocity_noise
 from flexspline.logs.log import Log
-from flexspline.logs.velocity import velocity_noise
 from flexspline.part import Part
 
 __all__ = ["motor_offset", "require_finite", "start_of"]

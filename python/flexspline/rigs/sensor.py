@@ -24,7 +24,7 @@ from flexspline.effects import effect
 from flexspline.errors import InputError
 from flexspline.logs.derive import differentiate
 from flexspline.logs.log import Log
-from flexspline.logs.play import play
+from flexspline.logs.segments import play
 from flexspline.model import Model, Part
 from flexspline.rigs.recorder import Recorder
 

@@ -23,8 +23,7 @@ from flexspline.logs.checks.motion import Motion, motion_of
 from flexspline.logs.checks.torque import SURE, motion_columns
 from flexspline.logs.checks.velocity import WITHIN
 from flexspline.logs.log import Log
-from flexspline.logs.reversal import since_reversal
-from flexspline.logs.segments import median_step
+from flexspline.logs.segments import median_step, since_reversal
 from flexspline.simulator.record import SIMULATED
 
 __all__ = ["late"]

@@ -17,10 +17,9 @@ from numpy.typing import NDArray
 from flexspline.errors import InputError, listed
 from flexspline.logs.checks.findings import Finding
 from flexspline.logs.columns import picked
-from flexspline.logs.delimited import Dialect
-from flexspline.logs.formats import read_table
+from flexspline.logs.derive import has_value, increasing_time
+from flexspline.logs.formats import Dialect, read_table
 from flexspline.logs.log import Log
-from flexspline.logs.sampling import has_value, increasing_time
 from flexspline.signals import target_of
 from flexspline.simulator.delay import late
 from flexspline.simulator.record import SIMULATED, Simulated, SimulatedFile

@@ -21,8 +21,8 @@ from flexspline.logs.checks.findings import Finding
 from flexspline.logs.checks.rows import LIVELY
 from flexspline.logs.checks.values import CONDITIONS, MEASURED, unwrapped
 from flexspline.logs.checks.velocity import WITHIN
-from flexspline.logs.grain import quantum, white_noise
 from flexspline.logs.log import Log
+from flexspline.logs.quantisation import quantum, white_noise
 from flexspline.logs.segments import median_step, true_ranges
 
 __all__ = ["drive_disabled", "homing_move", "stuck_tail"]

@@ -11,8 +11,8 @@ import numpy as np
 
 from flexspline.errors import listed
 from flexspline.logs.checks.motion import Motion
-from flexspline.logs.grain import white_noise
 from flexspline.logs.log import Log
+from flexspline.logs.quantisation import white_noise
 
 Lack = tuple[float, str, str, str]
 """Size, its unit, what the run lacks, what to record."""

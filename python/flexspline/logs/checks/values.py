@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from flexspline.logs.channels import CHANNELS
 from flexspline.logs.checks.findings import Finding
-from flexspline.logs.grain import quantum, white_noise
 from flexspline.logs.log import Log
+from flexspline.logs.quantisation import quantum, white_noise
 from flexspline.logs.segments import at_rest, true_ranges
 
 CONDITIONS = ("enabled", "supply_voltage", "temperature", "motor_temperature", "commanded_position")

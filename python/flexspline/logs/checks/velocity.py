@@ -14,8 +14,8 @@ import numpy as np
 from flexspline.logs.checks.delay import find_delay
 from flexspline.logs.checks.findings import Finding
 from flexspline.logs.checks.motion import Array, Motion, motion_of
-from flexspline.logs.grain import quantum
 from flexspline.logs.log import Log
+from flexspline.logs.quantisation import quantum
 from flexspline.logs.segments import median_step
 
 PAIRS = {"output_velocity": "output_position", "motor_velocity": "motor_position"}

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from flexspline import _core
 from flexspline.estimation import estimate
-from flexspline.logs.causal import differentiate_causal
+from flexspline.logs.derive import differentiate_causal
 from flexspline.logs.log import Log
 from flexspline.model import Model
 from flexspline.rigs.zhang import ARM, RATE, REST, Collision, ZhangRig

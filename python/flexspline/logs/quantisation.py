@@ -5,7 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["quantum", "white_noise"]
+__all__ = [
+    "quantum",
+    "white_noise",
+]
 
 Array = NDArray[np.float64]
 
