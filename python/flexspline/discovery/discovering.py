@@ -48,7 +48,7 @@ from flexspline.forward.servo import PositionServo
 from flexspline.least_squares.options import FitOptions
 from flexspline.least_squares.problem import Problem, problem_of
 from flexspline.least_squares.result import Fit
-from flexspline.logs.checks.left_out import Kept, at_work, only_experiments
+from flexspline.logs.checks.ends import Kept, at_work, only_experiments
 from flexspline.logs.derive import has_value, sampled
 from flexspline.logs.log import Log
 from flexspline.model import Model

@@ -33,8 +33,8 @@ from flexspline.least_squares.problem import (
 )
 from flexspline.least_squares.result import Fit
 from flexspline.logs.checks import check
+from flexspline.logs.checks.consistency import TOLD, Gear, measured_gear
 from flexspline.logs.checks.findings import NO_TORSION, Finding
-from flexspline.logs.checks.gear import TOLD, Gear, measured_gear
 from flexspline.logs.log import Log
 from flexspline.logs.repairs import move_earlier
 from flexspline.logs.segments import median_step

@@ -17,11 +17,9 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize_scalar
 
-from flexspline.logs.checks.delay import MOST_ROWS, block_error
+from flexspline.logs.checks.consistency import MOST_ROWS, SURE, WITHIN, block_error, motion_columns
 from flexspline.logs.checks.findings import Finding
 from flexspline.logs.checks.motion import Motion, motion_of
-from flexspline.logs.checks.torque import SURE, motion_columns
-from flexspline.logs.checks.velocity import WITHIN
 from flexspline.logs.log import Log
 from flexspline.logs.segments import median_step, since_reversal
 from flexspline.simulator.record import SIMULATED
