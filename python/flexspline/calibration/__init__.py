@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING, Any
 from flexspline.calibration.calibrating import calibrate
 
 if TYPE_CHECKING:
-    from flexspline.calibration.figures import Figure
-    from flexspline.calibration.result import CalibrationResult
-    from flexspline.calibration.views import CalibratedRun
+    from flexspline.calibration.accuracy import Figure
+    from flexspline.calibration.result import CalibratedRun, CalibrationResult
 
 __all__ = ["CalibratedRun", "CalibrationResult", "Figure", "calibrate"]
 
-_HOME = {"CalibratedRun": "views", "CalibrationResult": "result", "Figure": "figures"}
+_HOME = {"CalibratedRun": "result", "CalibrationResult": "result", "Figure": "accuracy"}
 
 
 def __getattr__(name: str) -> Any:

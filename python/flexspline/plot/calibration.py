@@ -29,7 +29,7 @@ from flexspline.plot.canvas import (
 from flexspline.plot.thin import spread_evenly
 
 if TYPE_CHECKING:
-    from flexspline.calibration.legs import Points
+    from flexspline.calibration.accuracy import Points
     from flexspline.calibration.result import CalibrationResult
 
 __all__ = [

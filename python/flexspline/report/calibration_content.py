@@ -12,7 +12,7 @@ from flexspline.formatting.numbers import plus_minus, short
 from flexspline.report.verdict import Verdict
 
 if TYPE_CHECKING:
-    from flexspline.calibration.figures import Figure
+    from flexspline.calibration.accuracy import Figure
     from flexspline.calibration.result import CalibrationResult
     from flexspline.least_squares.result import Parameter
 
