@@ -11,10 +11,10 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from flexspline.comparison.analysis import analysed
-from flexspline.comparison.assemble import assembled as compared_all
 from flexspline.comparison.result import Comparison
-from flexspline.comparison.simulated import resolution
+from flexspline.comparison.result import assembled as compared_all
+from flexspline.comparison.runs import resolution
+from flexspline.comparison.search import analysed
 from flexspline.discovery.faults import DataFault
 from flexspline.discovery.missing import Driven, Missing, Say, Step, search
 from flexspline.discovery.result import Discovery, Found, Motion, Unexplained

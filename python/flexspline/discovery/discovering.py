@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
-from flexspline.comparison.base import based
+from flexspline.comparison.comparing import based
 from flexspline.discovery.analysis import Analysis, FirstLook, analysed, first_look
 from flexspline.discovery.assemble import assembled
 from flexspline.discovery.by_simulation import discover_by_simulation

@@ -8,8 +8,7 @@ import textwrap
 from typing import TYPE_CHECKING, Any
 
 from flexspline.about import __version__
-from flexspline.comparison.result import ranked
-from flexspline.comparison.says import floor_sentence
+from flexspline.comparison.result import floor_sentence, ranked
 from flexspline.files import atomic_write
 from flexspline.formatting.numbers import short
 from flexspline.report.comparison_content import (

@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from flexspline.comparison.bands import Band, worst_band
-from flexspline.comparison.result import ranked
-from flexspline.comparison.says import sized
+from flexspline.comparison.result import ranked, sized
 
 if TYPE_CHECKING:
     from flexspline.comparison.result import Comparison

@@ -19,10 +19,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.comparison.rows import Rows
+from flexspline.comparison.runs import Rows
 from flexspline.least_squares.noise_model import Chunk, NoiseModel, noise_model
 
-__all__ = ["Memory", "memory_of"]
+__all__ = [
+    "Memory",
+    "memory_of",
+]
 
 Array = NDArray[np.float64]
 
