@@ -16,8 +16,7 @@ from flexspline.discovery.analysis import Rival
 from flexspline.discovery.candidates import EXCLUDED
 from flexspline.discovery.result import LESSER, Discovery, Motion
 from flexspline.discovery.slices import HeldRun, frequency_bands, order_bands, slices, telling
-from flexspline.experiment.plan import Outlook
-from flexspline.experiment.says import plan_sentence
+from flexspline.experiment.plan import Outlook, plan_sentence
 from flexspline.logs.log import Log
 from flexspline.plot.comparison import bands_over, plot_comparison
 from flexspline.plot.discovery import held_out_run
