@@ -25,8 +25,7 @@ from flexspline.least_squares.result import Fit
 from flexspline.logs.derive import with_motion
 from flexspline.logs.log import Log
 from flexspline.model import Model
-from flexspline.output_error.assemble import assembled
-from flexspline.output_error.errors import errors_of
+from flexspline.output_error.assemble import assembled, errors_of
 from flexspline.output_error.fitting import require_drive, require_motion
 from flexspline.output_error.settings import Settings
 

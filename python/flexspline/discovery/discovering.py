@@ -52,8 +52,7 @@ from flexspline.logs.checks.ends import Kept, at_work, only_experiments
 from flexspline.logs.derive import has_value, sampled
 from flexspline.logs.log import Log
 from flexspline.model import Model
-from flexspline.output_error.regression import with_servo_torque
-from flexspline.output_error.settings import MotionOptions, settings_of
+from flexspline.output_error.settings import MotionOptions, settings_of, with_servo_torque
 from flexspline.prepared import Preparation, learned, prepared
 from flexspline.regression.working import Working
 from flexspline.requirements import require_apart

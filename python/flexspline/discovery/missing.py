@@ -29,12 +29,9 @@ from flexspline.effects import Effect
 from flexspline.errors import InputError
 from flexspline.fitting import fit
 from flexspline.least_squares.options import FitOptions
-from flexspline.output_error.cost import Cost
+from flexspline.output_error.cost import Cost, Descent, Folds, best_of, descend, folds_of
 from flexspline.output_error.fitting import EVALUATIONS, cost_of, starts_of
-from flexspline.output_error.folds import Folds, folds_of
-from flexspline.output_error.regression import with_servo_torque
-from flexspline.output_error.search import Descent, best_of, descend
-from flexspline.output_error.settings import Settings
+from flexspline.output_error.settings import Settings, with_servo_torque
 
 if TYPE_CHECKING:
     from flexspline.least_squares.result import Fit
