@@ -15,8 +15,7 @@ from flexspline.plot.canvas import GREY, INK, PALETTE, PlainFigure, axes_or_new,
 from flexspline.plot.thin import outline
 
 if TYPE_CHECKING:
-    from flexspline.full_range.result import FullRange
-    from flexspline.full_range.scores import SpeedCurve
+    from flexspline.full_range.result import FullRange, SpeedCurve
     from flexspline.full_range.transition import Transition
 
 __all__ = ["error_over_speed", "torque_by_method", "validation"]

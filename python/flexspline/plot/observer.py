@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import ArrayLike
 
-from flexspline.observer.gain import observer_delay, observer_noise
+from flexspline.observer.observing import observer_delay, observer_noise
 from flexspline.plot.canvas import GREY, PALETTE, axes_or_new, legend, titled
 
 __all__ = ["observer_gain"]
