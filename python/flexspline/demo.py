@@ -24,8 +24,7 @@ from flexspline.least_squares.result import Fit
 from flexspline.logs.checks import check
 from flexspline.logs.log import Log, Source
 from flexspline.logs.read import read_log, write_log
-from flexspline.rigs.recorder import Recorder
-from flexspline.rigs.sensor import SPEEDS, Rig, Truth, sensor_rig
+from flexspline.rigs.sensor import SPEEDS, Recorder, Rig, Truth, sensor_rig
 
 __all__ = ["BASE", "Demo", "demo"]
 

@@ -18,8 +18,15 @@ from flexspline.reproduce.full_range.quantities import PUBLISHED, found_orders, 
 from flexspline.reproduce.full_range.study import RATIO, Study
 from flexspline.reproduce.full_range.tables import PER_TURN, table_1, table_2, table_3
 from flexspline.rigs import FullRangeRig, full_range_rig
-from flexspline.rigs.full_range import COULOMB, INERTIA, KINEMATIC_ERROR, MOTION, RATE
-from flexspline.rigs.hand import RESTING, pushes
+from flexspline.rigs.full_range import (
+    COULOMB,
+    INERTIA,
+    KINEMATIC_ERROR,
+    MOTION,
+    RATE,
+    RESTING,
+    pushes,
+)
 from flexspline.simulation import Start
 
 SEED = 3

@@ -5,11 +5,18 @@ is what truly happened; `trajectory.log(output_encoder=…, noise=…)` is what 
 """
 
 from flexspline.simulation.control import Servo, Start, Stop
-from flexspline.simulation.friction import Friction, SlipElement
 from flexspline.simulation.joint import Joint
-from flexspline.simulation.measure import Encoder, Noise, TorqueSensor
-from flexspline.simulation.parts import Gear, Harmonic, Motor, Obstacle, Output, Thermal
-from flexspline.simulation.trajectory import Trajectory
+from flexspline.simulation.parts import (
+    Friction,
+    Gear,
+    Harmonic,
+    Motor,
+    Obstacle,
+    Output,
+    SlipElement,
+    Thermal,
+)
+from flexspline.simulation.trajectory import Encoder, Noise, TorqueSensor, Trajectory
 
 __all__ = [
     "Encoder",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from flexspline.errors import InputError
-from flexspline.simulation.checked import above, at_least, require_limits, whole
+from flexspline.simulation.parts import above, at_least, require_limits, whole
 
 __all__ = ["Servo", "Start", "Stop"]
 

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from flexspline.baselines import compare_ripple_methods
 from flexspline.baselines.table import RippleComparison
 from flexspline.logs.log import Log
-from flexspline.rigs.zhang import FINE, LATE, RATE, SERVO, SPEED, ZhangRig
-from flexspline.rigs.zhang_bench import facts
+from flexspline.rigs.zhang import FINE, LATE, RATE, SERVO, SPEED, ZhangRig, facts
 from flexspline.rigs.zhang_sensor import SENSITIVITY
 from flexspline.sensor import Bridge
 from flexspline.simulation import Trajectory
