@@ -24,9 +24,9 @@ from flexspline.plot.canvas import (
     channel_label,
     legend,
     panelled,
+    spread_evenly,
     titled,
 )
-from flexspline.plot.thin import spread_evenly
 
 if TYPE_CHECKING:
     from flexspline.calibration.accuracy import Points

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, cast
 
 from flexspline.plot.canvas import GREY, INK, PALETTE, PlainFigure, axes_or_new, legend, titled
-from flexspline.plot.full_range import error_over_speed
+from flexspline.plot.estimate import error_over_speed
 from flexspline.reproduce.full_range.captions import CAPTIONS
 from flexspline.reproduce.full_range.quantities import PUBLISHED
 from flexspline.reproduce.full_range.study import Study
