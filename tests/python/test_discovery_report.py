@@ -20,7 +20,7 @@ from flexspline.experiment.plan import Outlook, plan_sentence
 from flexspline.logs.log import Log
 from flexspline.plot.comparison import bands_over, plot_comparison
 from flexspline.plot.discovery import held_out_run
-from flexspline.report.discovery_content import remarks
+from flexspline.report.discovery import remarks
 
 BASE = ["offset", "coulomb_friction", "viscous_friction", "inertia"]
 ROWS = 2000

@@ -68,7 +68,7 @@ def write_check_report(
         Where the file cannot be written.
     """
     from flexspline.plot.channels import plot_channels
-    from flexspline.report.figures import inline_svg
+    from flexspline.report.html import inline_svg
 
     runs = [
         {

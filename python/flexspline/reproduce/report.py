@@ -86,7 +86,7 @@ def report_page(made: Mapping[str, Reproduction]) -> str:
 
 
 def _chapter(made: Reproduction) -> Iterator[str]:
-    from flexspline.report.figures import inline_svg
+    from flexspline.report.html import inline_svg
 
     yield f"<h1>{html.escape(made.paper)}</h1>"
     yield claims_html(made)
