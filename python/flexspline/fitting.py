@@ -23,7 +23,7 @@ if TYPE_CHECKING:  # what is heavy is imported where it is used: `flexspline --h
     from flexspline.logs.log import Log
     from flexspline.model import Model
     from flexspline.prepared import Preparation
-    from flexspline.simulator.record import Simulated
+    from flexspline.simulator import Simulated
 
 __all__ = ["fit", "fit_near", "runs_of", "with_orders"]
 
@@ -161,7 +161,7 @@ def _with_simulation(
     """The runs with what a simulation says of them, where there is one, and what is said of it."""
     if how.simulation is None and how.simulated_torque is None:
         return runs, None, []
-    from flexspline.simulator.taken import take
+    from flexspline.simulator import take
 
     taken = take(runs, target, known_load, how.simulation, how.simulated_torque)
     return [*taken.logs], taken.simulated, [remark.sentence for remark in taken.remarks]

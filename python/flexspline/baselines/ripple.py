@@ -20,8 +20,7 @@ from flexspline import _core
 from flexspline.effects import Effect
 from flexspline.errors import InputError
 from flexspline.fitting import fit
-from flexspline.formatting.numbers import short
-from flexspline.formatting.rows import rows_html, rows_text
+from flexspline.formatting import rows_html, rows_text, short
 from flexspline.logs.log import Log
 from flexspline.logs.segments import standstill, true_ranges
 from flexspline.orders.parts import pairs

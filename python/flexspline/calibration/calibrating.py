@@ -32,7 +32,7 @@ from flexspline.least_squares.identifiability import Confounded
 from flexspline.least_squares.result import Parameter
 from flexspline.logs.log import Log
 from flexspline.model import Model
-from flexspline.plain import plain_json
+from flexspline.schema import plain_json
 
 if TYPE_CHECKING:
     from flexspline.estimators import Thermistor

@@ -50,8 +50,7 @@ def predict(
     import pandas
 
     from flexspline.files import atomic_writer
-    from flexspline.model import Model
-    from flexspline.model_warnings import refuse_warnings
+    from flexspline.model import Model, refuse_warnings
 
     refuse_overwriting(out, [run, model_path, *simulation])
     joint = Model.load(model_path)

@@ -28,7 +28,7 @@ from flexspline.collision.residual import Residual
 from flexspline.errors import InputError
 from flexspline.estimators.collision import Collision
 from flexspline.logs.segments import runs
-from flexspline.plain import plain_json
+from flexspline.schema import plain_json
 
 if TYPE_CHECKING:
     import pandas

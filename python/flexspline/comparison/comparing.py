@@ -16,7 +16,7 @@ from tqdm import tqdm
 from flexspline.errors import InputError
 from flexspline.logs.log import Log
 from flexspline.model import PART_OF, Model, Part
-from flexspline.simulator.taken import Remark, take
+from flexspline.simulator import Remark, take
 
 if TYPE_CHECKING:
     from flexspline.comparison.result import Comparison

@@ -35,7 +35,7 @@ from flexspline.model import Model, Part
 from flexspline.part import PART_OF
 from flexspline.prepared import VELOCITY, Preparation, learned, prepared
 from flexspline.signals import target_of
-from flexspline.simulator.taken import covered, onto_clock, paired
+from flexspline.simulator import covered, onto_clock, paired
 
 __all__ = [
     "LOADS",

@@ -18,21 +18,19 @@ from flexspline.discovery.analysis import Analysis, FirstLook, analysed, first_l
 from flexspline.discovery.assemble import assembled
 from flexspline.discovery.by_simulation import discover_by_simulation
 from flexspline.discovery.candidates import LAG, TAKEN, freedoms, held_of, unseen_of, with_freedoms
-from flexspline.discovery.clock import (
-    SENSOR,
-    Delay,
-    delay_behind,
-    delay_beside_everything,
-    lead_of,
-    load_delays,
-)
 from flexspline.discovery.confirmation import Confirmed, confirmed
 from flexspline.discovery.faults import (
+    SENSOR,
     DataFault,
+    Delay,
     away_from_ends,
     coarser,
     data_faults,
+    delay_behind,
+    delay_beside_everything,
     graded,
+    lead_of,
+    load_delays,
     resolved,
     with_measured_ratio,
 )
@@ -54,9 +52,9 @@ from flexspline.logs.log import Log
 from flexspline.model import Model
 from flexspline.output_error.settings import MotionOptions, settings_of, with_servo_torque
 from flexspline.prepared import Preparation, learned, prepared
-from flexspline.regression.working import Working
+from flexspline.regression.candidate_model import Working
 from flexspline.requirements import require_apart
-from flexspline.simulator.record import SIMULATED, Simulated
+from flexspline.simulator import SIMULATED, Simulated
 
 __all__ = ["discover"]
 

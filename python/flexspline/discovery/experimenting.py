@@ -17,7 +17,7 @@ if TYPE_CHECKING:  # what is heavy is imported where it is used
     from flexspline.least_squares.result import Fit
     from flexspline.logs.log import Log
     from flexspline.model import Model, Part
-    from flexspline.regression.working import Working
+    from flexspline.regression.candidate_model import Working
 
 __all__ = ["next_experiment"]
 
@@ -125,7 +125,7 @@ def _prepared(
 ) -> tuple[Problem, Working]:
     """Runs made ready for a model and rivals, and the model with its coefficients."""
     from flexspline.least_squares.problem import problem_of
-    from flexspline.regression.working import working
+    from flexspline.regression.candidate_model import working
 
     if not logs:
         raise InputError("there is no log to look at; give at least one")

@@ -34,9 +34,8 @@ from flexspline.errors import InputError
 from flexspline.least_squares.result import Fit, Parameter
 from flexspline.model import PART_OF, Model, Part
 from flexspline.prepared import bandwidth_used, inputs_json
+from flexspline.regression.candidate_model import Fold, HeldOut, Working
 from flexspline.regression.gram import TINY
-from flexspline.regression.held_out import Fold, HeldOut
-from flexspline.regression.working import Working
 from flexspline.rendering import render
 from flexspline.schema import checked_json
 
@@ -50,7 +49,7 @@ if TYPE_CHECKING:
     from flexspline.experiment.plan import Plan
     from flexspline.logs.channel_noise import ChannelNoise
     from flexspline.logs.checks.dependence import Dependence
-    from flexspline.simulator.record import Simulated
+    from flexspline.simulator import Simulated
 
 __all__ = [
     "Discovery",

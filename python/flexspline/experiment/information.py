@@ -41,8 +41,8 @@ from flexspline.least_squares.options import coefficient_names
 from flexspline.least_squares.problem import Problem, Run
 from flexspline.logs.local_fit import WIDEST
 from flexspline.logs.log import Log
+from flexspline.regression.candidate_model import Working
 from flexspline.regression.gram import Columns, Whitening, left_by
-from flexspline.regression.working import Working
 
 __all__ = [
     "Layout",

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from flexspline.effects import CATALOGUE
 from flexspline.experiment.limits import Bounds
-from flexspline.formatting.numbers import short_names
+from flexspline.formatting import short_names
 from flexspline.logs.log import Log
 from flexspline.rendering import render
 

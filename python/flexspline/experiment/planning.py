@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from flexspline.experiment.information import Rivalry
     from flexspline.least_squares.result import Fit
     from flexspline.logs.log import Log
-    from flexspline.regression.working import Working
+    from flexspline.regression.candidate_model import Working
 
     Shaped = Callable[[Effect, tuple[Effect, ...], Problem], Sequence[Effect]]
 
@@ -241,7 +241,7 @@ def _rivalry(
 ) -> Rivalry:
     from flexspline.experiment.information import Rivalry
     from flexspline.least_squares.options import SHARED
-    from flexspline.regression.working import refitted
+    from flexspline.regression.candidate_model import refitted
 
     others = [e for e in work.effects if e.name != named]
     variants = tuple(shaped(rival, tuple(others), problem))

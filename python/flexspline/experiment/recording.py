@@ -26,8 +26,8 @@ from flexspline.least_squares.problem import Problem, Run, kept_rows, problem_of
 from flexspline.logs.derive import lowpass
 from flexspline.logs.log import Log
 from flexspline.logs.segments import runs
+from flexspline.regression.candidate_model import Working, started, working
 from flexspline.regression.gram import Whitening
-from flexspline.regression.working import Working, started, working
 from flexspline.signals import channels_for, core_channels, gear_of
 
 __all__ = [

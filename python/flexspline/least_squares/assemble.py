@@ -23,7 +23,7 @@ from flexspline.least_squares.validation import cross_validate, scores_of
 from flexspline.logs.channel_noise import ChannelNoise
 from flexspline.model import Model, Part
 from flexspline.parallel import together
-from flexspline.plain import plain_json
+from flexspline.schema import plain_json
 
 __all__ = ["assembled"]
 

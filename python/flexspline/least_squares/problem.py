@@ -52,7 +52,7 @@ from flexspline.requirements import (
     require_load,
 )
 from flexspline.signals import channels_for, core_channels, target_of
-from flexspline.simulator.record import Simulated, simulation_of
+from flexspline.simulator import Simulated, simulation_of
 
 __all__ = [
     "Problem",

@@ -42,7 +42,7 @@ from flexspline.least_squares.validation import scores_of
 from flexspline.model import Model
 from flexspline.output_error.cost import Cost, best_of
 from flexspline.output_error.settings import with_servo_torque
-from flexspline.plain import plain_json
+from flexspline.schema import plain_json
 
 if TYPE_CHECKING:
     from flexspline.forward.servo import PositionServo

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from flexspline.about import __version__
 from flexspline.files import atomic_write
-from flexspline.formatting.numbers import plus_minus, short
+from flexspline.formatting import plus_minus, short
 from flexspline.report.html import templates
 from flexspline.report.text import Verdict
 

@@ -11,7 +11,7 @@ from flexspline.about import __version__
 from flexspline.comparison.bands import Band, worst_band
 from flexspline.comparison.result import floor_sentence, ranked, sized
 from flexspline.files import atomic_write
-from flexspline.formatting.numbers import short
+from flexspline.formatting import short
 from flexspline.report.html import templates
 from flexspline.report.tables import input_rows, smoothed_rows
 

@@ -14,7 +14,7 @@ from flexspline.discovery.settings import SETTINGS
 from flexspline.discovery.slices import telling
 from flexspline.errors import listed
 from flexspline.files import atomic_write
-from flexspline.formatting.numbers import decimals_for, plus_minus, short
+from flexspline.formatting import decimals_for, plus_minus, short
 from flexspline.report.html import log_facts, model_facts, templates
 from flexspline.report.tables import input_rows
 from flexspline.report.text import TARGET_WORDS, ParameterLine, known_groups, parameter_lines

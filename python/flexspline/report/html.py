@@ -21,7 +21,7 @@ from matplotlib.figure import Figure
 from flexspline.about import __version__
 from flexspline.effects import Effect
 from flexspline.files import atomic_write
-from flexspline.formatting.numbers import short
+from flexspline.formatting import short
 from flexspline.least_squares.result import shares
 from flexspline.logs.channels import CHANNELS
 from flexspline.plot.canvas import INK, Panel, PlainFigure, axes_or_new

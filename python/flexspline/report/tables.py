@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.errors import InputError, listed
-from flexspline.formatting.numbers import decimals_for, plus_minus, short, truncated
+from flexspline.formatting import decimals_for, plus_minus, short, truncated
 from flexspline.least_squares.validation import Score
 from flexspline.logs.channels import CHANNELS
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexspline.errors import listed
-from flexspline.formatting.numbers import plus_minus, short, short_names
+from flexspline.formatting import plus_minus, short, short_names
 from flexspline.least_squares.ripple import PAIRS, RippleOrder, ripple_orders
 from flexspline.report.tables import delay_sentence, score_rows, smoothed_rows
 

@@ -16,8 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexspline import _core
 from flexspline.errors import InputError
 from flexspline.estimators.checks import above_zero
-from flexspline.formatting.numbers import short
-from flexspline.formatting.rows import rows_html, rows_text
+from flexspline.formatting import rows_html, rows_text, short
 from flexspline.sensor.bridge import Bridge
 
 if TYPE_CHECKING:

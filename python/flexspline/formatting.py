@@ -1,13 +1,27 @@
-"""Numbers as people read them: a value and its error rounded together."""
+"""Numbers and tables as people read them: what every room writes its sentences with.
+
+A value and its error are rounded together. The first row of a table is its head.
+"""
 
 from __future__ import annotations
 
+import html
 import math
 import re
+from collections.abc import Collection, Sequence
 
 from uncertainties import ufloat
 
-__all__ = ["decimals_for", "percent", "plus_minus", "short", "short_names", "truncated"]
+__all__ = [
+    "decimals_for",
+    "percent",
+    "plus_minus",
+    "rows_html",
+    "rows_text",
+    "short",
+    "short_names",
+    "truncated",
+]
 
 FINEST = 1e-6  # an error below this part of its value is shown as "below"
 
@@ -54,3 +68,25 @@ def truncated(share: float, decimals: int = 3) -> str:
 def short_names(text: str) -> str:
     """Write "offset.offset" as "offset": an effect whose only term is called as it is."""
     return re.sub(r"\b(\w+)\.\1\b", r"\1", text)
+
+
+def rows_text(rows: Sequence[Sequence[str]], left: Collection[int] = (0,)) -> str:
+    """Return aligned lines; the columns `left` stand to the left, the others to the right."""
+    wide = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
+    return "\n".join(
+        "  ".join(
+            f"{cell:<{w}}" if k in left else f"{cell:>{w}}"
+            for k, (cell, w) in enumerate(zip(row, wide, strict=True))
+        ).rstrip()
+        for row in rows
+    )
+
+
+def rows_html(rows: Sequence[Sequence[str]]) -> str:
+    """Return the `<tr>` of all rows."""
+
+    def line(cells: Sequence[str], tag: str) -> str:
+        return "<tr>" + "".join(f"<{tag}>{html.escape(c)}</{tag}>" for c in cells) + "</tr>"
+
+    head, *body = rows
+    return line(head, "th") + "".join(line(cells, "td") for cells in body)
