@@ -8,9 +8,7 @@ from typing import Any
 import click
 
 from flexspline.calibration.calibrating import FIT, calibrate
-from flexspline.cli.help import Taught, repairs
-from flexspline.cli.options import positive, reading
-from flexspline.cli.runs import Reading
+from flexspline.cli.options import Reading, Taught, positive, reading, repairs
 from flexspline.files import whole_folder
 
 __all__ = ["command"]

@@ -1,4 +1,7 @@
-"""`flexspline check`: the audit of runs alone, before anything is fitted."""
+"""Runs alone: `flexspline check`, the audit before any fit, and `flexspline convert`.
+
+`convert` makes a run of a foreign file and a column map.
+"""
 
 from __future__ import annotations
 
@@ -6,13 +9,24 @@ from pathlib import Path
 
 import click
 
-from flexspline.cli.help import Taught, effects_by_target, repairs
-from flexspline.cli.options import named_effects, reading, target
-from flexspline.cli.runs import Reading
+from flexspline.cli.options import (
+    Reading,
+    Taught,
+    effects_by_target,
+    named_effects,
+    out_file,
+    reading,
+    refuse_overwriting,
+    repairs,
+    target,
+)
 from flexspline.errors import printable
 from flexspline.files import atomic_write, whole_folder
 
-__all__ = ["check"]
+__all__ = [
+    "check",
+    "convert",
+]
 
 FORBIDDEN = 3  # exit code: findings that forbid a fit
 
@@ -67,3 +81,33 @@ def check(
         click.echo(f"\nwrote {Path(out) / 'check.json'} and {Path(out) / 'report.html'}")
     if any(found.forbidding(target) for _, found in audits):
         ctx.exit(FORBIDDEN)
+
+
+@click.command(cls=Taught, sections=(repairs,))
+@click.argument("foreign", metavar="FOREIGN")
+@out_file("RUN.csv")
+@reading(columns_needed=True)
+def convert(foreign: str, out: str, reading: Reading) -> None:
+    """Turn a foreign file into a run: CSV, channel names, SI units.
+
+    FOREIGN is delimited text, .npy, .npz, .mat or .json, packed or not. The map says which
+    column is which channel, in which unit and with which sign. Prints what the run holds.
+
+    \b
+    Example: a file map.toml with
+      [facts]
+      gear_ratio = 100
+      [columns]
+      time = {source = "t", unit = "ms"}
+      output_position = {source = "angle", unit = "deg"}
+      sensor_torque = {source = 5, unit = "mNm", sign = -1}
+    \b
+    and then
+      flexspline convert recording.txt --columns map.toml --out run1.csv
+    """
+    from flexspline.logs.read import convert as convert_log
+
+    assert reading.columns is not None
+    refuse_overwriting(out, [foreign, reading.columns])
+    log = convert_log(foreign, reading.columns, out, **reading.arguments)
+    click.echo(f"{log}\n\nwrote {out}")
