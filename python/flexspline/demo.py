@@ -1,6 +1,6 @@
 """`flexspline demo`: from runs that hide an effect to a model on the controller, told in lines.
 
-The runs come through a laboratory's recorder (`rigs/recorder.py`), and `discover` finds what hides.
+The runs come through a laboratory's recorder (`rigs/sensor.py`), and `discover` finds what hides.
 
 Its last step compiles the exported header and runs it sample by sample, beside what `predict` says.
 """

@@ -187,7 +187,7 @@ def _resolved(
     target: str,
     posed: Callable[[Sequence[Log], Sequence[Effect], list[NDArray[np.bool_]] | None], Problem],
 ) -> list[NDArray[np.bool_]] | None:
-    """Rows that the recorder resolves (`least_squares/resolution.py`); None: all, of exact runs."""
+    """Rows that the recorder resolves (`least_squares/problem.py`); None: all, of exact runs."""
     from flexspline.least_squares.estimate import Given, estimate
     from flexspline.least_squares.problem import (
         away_from_ends,

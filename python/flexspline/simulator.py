@@ -2,8 +2,8 @@
 
     y = what the simulation says + what it lacks
 
-`record.py` is what a model keeps of it, `taken.py` brings it onto the clock of each run, `delay.py`
-looks for a delay between measured and simulated values. `comparison/base.py` makes it the base.
+`Simulated` is what a model keeps of it. It is brought onto the clock of each run, and a delay between
+measured and simulated values is looked for. `comparison/comparing.py` makes it the base.
 
 What a simulation says, brought onto the clock of each run.
 
@@ -18,7 +18,7 @@ Is the measured value late behind the simulated one?
 N holds what a simulation may lack and what looks like a delay at one frequency: a constant,
 tanh(v / v_d), v, q̈, sin q, cos q, the known torque, |s| tanh(v / v_d), and friction that comes up
 over some way behind a reversal (presliding: late by an angle, not by a time). The error of D is of
-sixteen blocks of time, as in `logs/checks/delay.py`. D is reported and never taken away.
+sixteen blocks of time, as in `logs/checks/consistency.py`. D is reported and never taken away.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """What the noise remembers, and so how many independent rows a cell is worth.
 
-The noise is autoregressive (`least_squares/noise_model.py`), fitted to what `heldout.py` leaves of
+The noise is autoregressive (`least_squares/noise_model.py`), fitted to what `search.py` leaves of
 the residual where the joint moves. With its autocorrelation ρ_h and A_j(h) pairs of rows h apart
 that are both in cell j
 

@@ -106,7 +106,7 @@ def discover_by_simulation(
     faults: tuple[DataFault, ...],
     say: Say,
 ) -> Discovery:
-    """Find what a drive lacks by the motion that it makes (`missing.py`).
+    """Find what a drive lacks by the motion that it makes.
 
     Parameters
     ----------

@@ -102,7 +102,7 @@ def discover(
     progress : show what is being tried on standard error.
     threads : for the sums over the logs.
     by : "regression" of the target; or "simulation": the effects whose forward simulation misses
-        the measured output_position less, where only motion is measured (`discovery/missing.py`).
+        the measured output_position less, where only motion is measured (`discovery/by_simulation.py`).
     controller, free_controller : of by="simulation" alone, as for `fit_motion`.
 
     Returns
@@ -118,7 +118,7 @@ def discover(
     Notes
     -----
     Stuck tails, homing moves and rows in which a drive is off or its joint rests are left out
-    first, and said to be (`logs/checks/left_out.py`). How names are chosen: `discovery/search.py`;
+    first, and said to be (`logs/checks/ends.py`). How names are chosen: `discovery/search.py`;
     what evidence is: `discovery/evidence.py`. The model is fitted by generalised least squares in
     the noise's memory where that agrees with plain least squares as for a right model, by plain
     least squares otherwise (`least_squares/generalised.py`).

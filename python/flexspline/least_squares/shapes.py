@@ -3,7 +3,7 @@
     min over shapes of  min over b of  Σ (y − X(shapes) b)²
 
 The outer function is smooth in the logarithms of the shapes but may have several valleys: a grid
-first, one shape after the other, then Gauss and Newton's steps (`bends.py`) from the best point and
+first, one shape after the other, then Gauss and Newton's steps (below) from the best point and
 from the bottoms of other valleys that the grid has seen: a Stribeck speed of 0.14 rad/s and a
 viscous line that bends at 0.9 rad/s can look alike on a coarse grid. The width of a loop leaves
 kinks in the squares, at which steps get stuck: there a bounded simplex search goes on. Who comes

@@ -98,7 +98,7 @@ class OrderAnalysis:
     """Orders found in runs of one joint, the largest first.
 
     `found` are the orders, `faint` low orders of the output that stand out but are not certain
-    (never part of `found`; see `orders/faint.py`), `unit` and `channel` what was looked at,
+    (never part of `found`; see `orders/low.py`), `unit` and `channel` what was looked at,
     `false_alarm` the probability that noise alone yields any, `scanned` the lowest and highest
     order per output turn, `runs` how many, `spectrum` what the plot shows.
     """
@@ -271,8 +271,7 @@ def find_orders(
     Notes
     -----
     Runs are cut by direction; amplitude and phase may differ between the stretches, and both
-    what keeps its phase and what does not is found. Sources: `orders/floor.py`, `orders/scan.py`,
-    `orders/low.py`, `orders/joint.py`.
+    what keeps its phase and what does not is found. Sources: `orders/scan.py`, `orders/low.py`.
     """
     logs = [logs] if isinstance(logs, Log) else list(logs)
     if not 0 < false_alarm < 1:
