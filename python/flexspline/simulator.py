@@ -2,8 +2,8 @@
 
     y = what the simulation says + what it lacks
 
-`Simulated` is what a model keeps of it. It is brought onto the clock of each run, and a delay between
-measured and simulated values is looked for. `comparison/comparing.py` makes it the base.
+`Simulated` is what a model keeps of it. It is brought onto the clock of each run, and a delay
+between measured and simulated values is looked for. `comparison/comparing.py` makes it the base.
 
 What a simulation says, brought onto the clock of each run.
 

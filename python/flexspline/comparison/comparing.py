@@ -84,8 +84,8 @@ def compare(
 
     Notes
     -----
-    Sources: `comparison/search.py` (what the residual follows), `comparison/effective_sample_size.py` (effective
-    samples), `logs/derive.py` (errors in variables).
+    Sources: `comparison/search.py` (what the residual follows), `logs/derive.py` (errors in
+    variables), `comparison/effective_sample_size.py`.
     """
     from flexspline.comparison.result import assembled
     from flexspline.comparison.runs import predicted, simulated_elsewhere

@@ -102,7 +102,8 @@ def discover(
     progress : show what is being tried on standard error.
     threads : for the sums over the logs.
     by : "regression" of the target; or "simulation": the effects whose forward simulation misses
-        the measured output_position less, where only motion is measured (`discovery/by_simulation.py`).
+        the measured output_position less, where only motion is measured
+        (`discovery/by_simulation.py`).
     controller, free_controller : of by="simulation" alone, as for `fit_motion`.
 
     Returns
