@@ -1,7 +1,7 @@
 """Thresholds of a collision detector from logs without a contact.
 
 For a stated rate: each joint, direction and band of speed gets an equal share of the rate, and of
-the thresholds that its tail makes plausible the highest (`extremes`), so that with the stated
+the thresholds that its tail makes plausible the highest (below), so that with the stated
 confidence its rate is no more than its share. The paper's rule, the largest value times a margin
 (0.0255 → 0.03 Nm: 1.18), stands beside it: it states no rate, and grows with the log's length. Υ
 of (22) is a vector: a threshold for each joint, and here for each direction and band of speed.
