@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from flexspline.effects import Effect, unit_in
 from flexspline.least_squares.derived import loop_warnings, sign_warnings
 from flexspline.least_squares.estimate import Estimate, counts_of, residuals_of
-from flexspline.least_squares.estimate_errors import uncertainty_of
+from flexspline.least_squares.generalised import uncertainty_of
 from flexspline.least_squares.identifiability import Confounded, confounded_groups
 from flexspline.least_squares.late_load import LateLoad
 from flexspline.least_squares.offsets import offset_parameters

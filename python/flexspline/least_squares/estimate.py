@@ -106,7 +106,7 @@ class Estimate:
     @cached_property
     def uncertainty(self) -> Uncertainty:
         """Errors of fitted coefficients and free shapes, in this order; made once."""
-        from flexspline.least_squares.estimate_errors import uncertainty_of
+        from flexspline.least_squares.generalised import uncertainty_of
 
         return uncertainty_of(self)
 

@@ -4,7 +4,6 @@
 is what truly happened; `trajectory.log(output_encoder=…, noise=…)` is what a rig would have seen.
 """
 
-from flexspline.simulation.control import Servo, Start, Stop
 from flexspline.simulation.joint import Joint
 from flexspline.simulation.parts import (
     Friction,
@@ -13,7 +12,10 @@ from flexspline.simulation.parts import (
     Motor,
     Obstacle,
     Output,
+    Servo,
     SlipElement,
+    Start,
+    Stop,
     Thermal,
 )
 from flexspline.simulation.trajectory import Encoder, Noise, TorqueSensor, Trajectory

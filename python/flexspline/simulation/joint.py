@@ -17,7 +17,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexspline import _core
 from flexspline.errors import InputError, did_you_mean, listed
-from flexspline.simulation.control import Servo, Start, Stop
 from flexspline.simulation.parts import (
     PAIRS,
     Gear,
@@ -25,7 +24,10 @@ from flexspline.simulation.parts import (
     Motor,
     Obstacle,
     Output,
+    Servo,
     SlipElement,
+    Start,
+    Stop,
     Thermal,
 )
 from flexspline.simulation.trajectory import CHANNELS, Trajectory

@@ -15,8 +15,7 @@ from scipy.signal import lfilter
 from flexspline import _core
 from flexspline.errors import InputError, did_you_mean, listed
 from flexspline.logs.log import Log
-from flexspline.simulation.control import Start
-from flexspline.simulation.parts import Harmonic, above, at_least, require_limits, whole
+from flexspline.simulation.parts import Harmonic, Start, above, at_least, require_limits, whole
 
 if TYPE_CHECKING:
     from flexspline.simulation.joint import Joint
