@@ -35,12 +35,7 @@ from flexspline.prepared import prepared
 from flexspline.rigs.sensor import SPEEDS, Recorder, Rig, Truth, sensor_rig
 from flexspline.signals import channels_for, core_channels
 
-__all__ = [
-    "BASE",
-    "Demo",
-    "demo",
-    "run_exported",
-]
+__all__ = ["BASE", "demo", "run_exported"]
 
 Say = Callable[[str], object]
 

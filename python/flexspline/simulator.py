@@ -49,7 +49,6 @@ __all__ = [
     "Remark",
     "Simulated",
     "SimulatedFile",
-    "TakenSimulation",
     "covered",
     "late",
     "onto_clock",

@@ -33,7 +33,6 @@ __all__ = [
     "drift_polynomial",
     "estimators_of",
     "sensitivity_determined",
-    "torque_coefficients",
     "torque_parameters",
     "voltage_parameters",
 ]

@@ -56,17 +56,12 @@ __all__ = [
     "Regression",
     "Shape",
     "Validation",
-    "beside_structure",
     "cross_validate",
     "drift_columns",
     "quiet",
     "regress",
     "residuals_of",
     "rows_of",
-    "search_lag",
-    "solution_of",
-    "structure_columns",
-    "sums_of",
     "target_of",
 ]
 

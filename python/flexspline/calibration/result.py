@@ -43,13 +43,7 @@ from flexspline.rendering import render
 if TYPE_CHECKING:
     import pandas
 
-__all__ = [
-    "CalibratedRun",
-    "CalibrationResult",
-    "Views",
-    "views_of",
-    "warnings_of",
-]
+__all__ = ["CalibratedRun", "CalibrationResult", "views_of", "warnings_of"]
 
 Array = NDArray[np.float64]
 

@@ -48,8 +48,6 @@ from flexspline.model import Model
 
 __all__ = [
     "LEAST_CLUSTERS",
-    "PAPER_MARGIN",
-    "Tail",
     "calibrate_detector",
     "cluster_peaks",
     "correlation_time",

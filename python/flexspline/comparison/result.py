@@ -45,10 +45,8 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Comparison",
-    "Follows",
     "Remembered",
     "assembled",
-    "comparison_json",
     "floor_sentence",
     "ranked",
     "sentences",

@@ -39,12 +39,10 @@ from flexspline.simulator import covered, onto_clock, paired
 
 __all__ = [
     "LOADS",
-    "STILL_IN_NOISE",
     "Compared",
     "ComparedRun",
     "Rows",
     "load_of",
-    "load_source_of",
     "located",
     "predicted",
     "resolution",

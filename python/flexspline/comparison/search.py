@@ -38,17 +38,7 @@ from flexspline.comparison.effective_sample_size import Memory, memory_of
 from flexspline.comparison.runs import Compared, Rows, rows_of
 from flexspline.logs.segments import median_step
 
-__all__ = [
-    "ALPHA",
-    "Analysis",
-    "CellTest",
-    "CellTests",
-    "Search",
-    "Step",
-    "analysed",
-    "held_out_rest",
-    "search",
-]
+__all__ = ["ALPHA", "Analysis", "CellTest", "CellTests", "Search", "Step", "analysed", "search"]
 
 Array = NDArray[np.float64]
 

@@ -56,15 +56,7 @@ from flexspline.output_error.fitting import (
 )
 from flexspline.output_error.settings import Settings, with_servo_torque
 
-__all__ = [
-    "Driven",
-    "Missing",
-    "Step",
-    "discover_by_simulation",
-    "driven_model",
-    "search",
-    "told",
-]
+__all__ = ["Driven", "Missing", "Step", "discover_by_simulation", "search", "told"]
 
 CHANNELS = {
     "speed": "output_velocity",

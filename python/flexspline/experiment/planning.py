@@ -36,13 +36,7 @@ if TYPE_CHECKING:
 
     Shaped = Callable[[Effect, tuple[Effect, ...], Problem], Sequence[Effect]]
 
-__all__ = [
-    "Bench",
-    "Scored",
-    "best_of_family",
-    "planned",
-    "refined",
-]
+__all__ = ["Bench", "planned", "refined"]
 
 RATE = 100.0  # Hz, of the trajectory file
 MOST_QUESTIONS = 6

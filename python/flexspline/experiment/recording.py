@@ -30,16 +30,7 @@ from flexspline.regression.candidate_model import Working, started, working
 from flexspline.regression.gram import Whitening
 from flexspline.signals import channels_for, core_channels, gear_of
 
-__all__ = [
-    "Excitation",
-    "Motor",
-    "Part",
-    "Setting",
-    "as_problem",
-    "commanded",
-    "motor_of",
-    "settings",
-]
+__all__ = ["Excitation", "Motor", "Part", "as_problem", "commanded", "motor_of", "settings"]
 
 Array = NDArray[np.float64]
 

@@ -31,20 +31,7 @@ from numpy.typing import NDArray
 from flexspline.experiment.limits import Bounds
 from flexspline.experiment.plan import joined, over, short
 
-__all__ = [
-    "Drawn",
-    "Kind",
-    "Path",
-    "Pulses",
-    "Sines",
-    "kinds_for",
-    "moved",
-    "ramp_to",
-    "reach",
-    "reached",
-    "rested",
-    "smoothstep",
-]
+__all__ = ["Drawn", "Kind", "Path", "Sines", "kinds_for", "moved", "reach", "reached", "smoothstep"]
 
 Array = NDArray[np.float64]
 

@@ -33,7 +33,6 @@ __all__ = [
     "require_finite",
     "require_movable",
     "require_no_delay",
-    "start_of",
 ]
 
 Array = NDArray[np.float64]

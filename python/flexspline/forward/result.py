@@ -16,11 +16,7 @@ from flexspline.logs.log import Log
 if TYPE_CHECKING:
     import pandas
 
-__all__ = [
-    "ForwardRun",
-    "run_html",
-    "run_text",
-]
+__all__ = ["ForwardRun"]
 
 Array = NDArray[np.float64]
 

@@ -59,7 +59,6 @@ if TYPE_CHECKING:
 
 __all__ = [
     "GearCompliance",
-    "Mesh",
     "compliance_from_datasheet",
     "fit_kinematic_error",
     "fit_mesh_stiffness",

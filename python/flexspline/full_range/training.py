@@ -48,17 +48,7 @@ from flexspline.logs.log import Log
 from flexspline.model import Model
 from flexspline.part import Part
 
-__all__ = [
-    "METHODS",
-    "faults_of",
-    "motion_speed_of",
-    "require_methods",
-    "require_torsion",
-    "train",
-    "training_logs",
-    "variants_of",
-    "warnings_of",
-]
+__all__ = ["METHODS", "faults_of", "train", "warnings_of"]
 
 Array = NDArray[np.float64]
 

@@ -32,14 +32,7 @@ if TYPE_CHECKING:
     from flexspline.effects import Effect
     from flexspline.least_squares.result import Fit
 
-__all__ = [
-    "DERIVED",
-    "Derived",
-    "Formula",
-    "derived_of",
-    "loop_warnings",
-    "sign_warnings",
-]
+__all__ = ["DERIVED", "Derived", "derived_of", "loop_warnings", "sign_warnings"]
 
 STEP = 1e-6  # relative: the central difference is good to 1e-9 of a smooth formula
 ROUGH = 0.5  # relative error from which the first order says nothing

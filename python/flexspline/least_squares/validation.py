@@ -46,7 +46,6 @@ from flexspline.logs.log import Log
 from flexspline.logs.segments import near_reversal, standstill
 
 __all__ = [
-    "REVERSAL_SECONDS",
     "Score",
     "Validation",
     "bands",

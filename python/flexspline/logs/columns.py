@@ -19,13 +19,7 @@ from flexspline.errors import InputError, did_you_mean, listed
 from flexspline.logs.channels import CHANNELS
 from flexspline.logs.table import Table
 
-__all__ = [
-    "ColumnSource",
-    "ColumnSpec",
-    "Picked",
-    "picked",
-    "to_si",
-]
+__all__ = ["ColumnSource", "ColumnSpec", "Picked", "picked"]
 
 _PINT_NAMES = {
     "": "dimensionless",

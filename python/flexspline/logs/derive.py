@@ -34,7 +34,6 @@ from flexspline.logs.segments import GAP_STEPS, median_step, runs
 
 __all__ = [
     "LowPass",
-    "Smoothed",
     "decimate",
     "default_bandwidth",
     "differentiate",

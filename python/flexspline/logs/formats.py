@@ -36,12 +36,7 @@ from flexspline.logs.table import (
     require_droppable,
 )
 
-__all__ = [
-    "PACKED",
-    "Dialect",
-    "read_delimited",
-    "read_table",
-]
+__all__ = ["PACKED", "Dialect", "read_table"]
 
 PACKED: Final[dict[str, Callable[[bytes], bytes]]] = {
     ".gz": gzip.decompress,

@@ -25,11 +25,7 @@ from flexspline.errors import InputError
 from flexspline.logs.log import Log
 from flexspline.logs.quantisation import quantum
 
-__all__ = [
-    "SinceReversal",
-    "play",
-    "since_reversal",
-]
+__all__ = ["play", "since_reversal"]
 
 GAP_STEPS = 2.5
 """A step longer than this many median steps is a gap: filters start again behind it."""

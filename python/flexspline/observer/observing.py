@@ -57,11 +57,9 @@ __all__ = [
     "Observed",
     "Remainder",
     "coefficient",
-    "friction_torque",
     "observe",
     "observer_delay",
     "observer_noise",
-    "parts_of",
     "subtract",
 ]
 

@@ -36,19 +36,7 @@ from flexspline.orders.scan import (
 )
 from flexspline.orders.stretches import Stretch
 
-__all__ = [
-    "SCANNED",
-    "Faint",
-    "covered_arc",
-    "find_faint",
-    "find_low",
-    "flat_floor",
-    "harmonic_columns",
-    "less_low",
-    "pooled",
-    "powers",
-    "scanned_low",
-]
+__all__ = ["SCANNED", "Faint", "find_faint", "find_low", "less_low", "pooled", "powers"]
 
 SCANNED = 40
 _CYCLES = 1.5

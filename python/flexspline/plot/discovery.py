@@ -37,18 +37,7 @@ if TYPE_CHECKING:
     from flexspline.discovery.slices import HeldRun, Slice
     from flexspline.experiment.plan import Plan
 
-__all__ = [
-    "commanded_channel",
-    "driven_forward",
-    "expected_separation",
-    "held_out_run",
-    "left_over",
-    "orders_before_after",
-    "panels",
-    "plot_discovery",
-    "plot_plan",
-    "shrunk",
-]
+__all__ = ["held_out_run", "left_over", "panels", "plot_discovery", "plot_plan", "shrunk"]
 
 Array = NDArray[np.float64]
 

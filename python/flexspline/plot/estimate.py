@@ -40,10 +40,8 @@ if TYPE_CHECKING:
 __all__ = [
     "contacts_over_time",
     "error_over_speed",
-    "external_torques",
     "observer_gain",
     "plot_estimate",
-    "status_bits",
     "thresholds_of_joints",
     "torque_by_method",
     "validation",

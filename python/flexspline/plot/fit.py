@@ -45,7 +45,6 @@ if TYPE_CHECKING:
 __all__ = [
     "components",
     "drift_curve",
-    "has_channel",
     "measured_against_predicted",
     "panels",
     "plot_fit",

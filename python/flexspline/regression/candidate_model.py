@@ -42,7 +42,6 @@ __all__ = [
     "Fold",
     "HeldOut",
     "Working",
-    "coefficients_of",
     "fall_of",
     "held_out",
     "mixed",

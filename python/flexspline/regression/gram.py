@@ -57,12 +57,10 @@ __all__ = [
     "edges_of",
     "fold_blocks",
     "gain_of",
-    "kernels_of",
     "left_by",
     "pieces_of",
     "rows_of",
     "solved",
-    "stretches_of",
     "tabulated",
     "thinned",
 ]

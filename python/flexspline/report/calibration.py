@@ -23,14 +23,9 @@ if TYPE_CHECKING:
     from flexspline.least_squares.result import Parameter
 
 __all__ = [
-    "CalibrationLine",
     "calibration_html",
-    "calibration_lines",
     "calibration_text",
-    "calibration_verdict",
     "digits",
-    "figure_rows",
-    "scale_line",
     "sized",
     "told",
     "write_calibration_report",

@@ -18,16 +18,7 @@ from flexspline.report.tables import input_rows, smoothed_rows
 if TYPE_CHECKING:
     from flexspline.comparison.result import Comparison
 
-__all__ = [
-    "band_tables",
-    "base_told",
-    "comparison_html",
-    "comparison_text",
-    "followed",
-    "order_rows",
-    "worst_rows",
-    "write_comparison_report",
-]
+__all__ = ["comparison_html", "comparison_text", "followed", "write_comparison_report"]
 
 WIDTH = 100
 

@@ -24,22 +24,7 @@ if TYPE_CHECKING:
     from flexspline.discovery.result import Discovery, Found, Motion
     from flexspline.discovery.slices import Slice
 
-__all__ = [
-    "best_rivals",
-    "channel_rows",
-    "discovery_call",
-    "discovery_html",
-    "discovery_text",
-    "effect_lines",
-    "estimator_sentence",
-    "faults_told",
-    "headlines",
-    "remarks",
-    "searched_sentence",
-    "shrunk_tables",
-    "verdict",
-    "write_discovery_report",
-]
+__all__ = ["discovery_html", "discovery_text", "remarks", "verdict", "write_discovery_report"]
 
 WIDTH = 100
 MAP = (

@@ -40,15 +40,12 @@ if TYPE_CHECKING:
     from flexspline.least_squares.result import Fit, SimulationFit
 
 __all__ = [
-    "LogFacts",
     "ReportFigure",
     "drawn",
     "fit_html",
     "inline_svg",
     "log_facts",
     "model_facts",
-    "python_call",
-    "report_figures",
     "templates",
     "write_report",
 ]

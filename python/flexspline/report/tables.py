@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from flexspline.prepared import Preparation
 
 __all__ = [
-    "HEADING",
     "ScoreTable",
     "compare_scores",
     "delay_sentence",

@@ -23,12 +23,10 @@ if TYPE_CHECKING:
 
 __all__ = [
     "TARGET_WORDS",
-    "KnownGroup",
     "ParameterLine",
     "Verdict",
     "fit_text",
     "known_groups",
-    "naive_remark",
     "parameter_lines",
     "spread",
     "trust",

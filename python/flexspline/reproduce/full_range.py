@@ -53,7 +53,6 @@ __all__ = [
     "Study",
     "draw",
     "found_orders",
-    "found_share",
     "pole",
     "story",
     "table_1",

@@ -76,7 +76,6 @@ __all__ = [
     "RATIO",
     "VISCOUS",
     "FullRangeRig",
-    "drawn_joint",
     "full_range_rig",
     "harmonic",
     "pushes",

@@ -68,19 +68,7 @@ from flexspline.simulation import (
     Trajectory,
 )
 
-__all__ = [
-    "ARM",
-    "LATE",
-    "RATE",
-    "RATIO",
-    "SPEED",
-    "Collision",
-    "ZhangBench",
-    "ZhangRig",
-    "facts",
-    "zhang_bench",
-    "zhang_rig",
-]
+__all__ = ["ARM", "LATE", "RATE", "RATIO", "SPEED", "Collision", "ZhangRig", "facts", "zhang_rig"]
 
 Array = NDArray[np.float64]
 

@@ -17,14 +17,7 @@ from flexspline import _core
 from flexspline.errors import InputError
 from flexspline.estimators.checks import above_zero
 
-__all__ = [
-    "DEFAULT_WAVES",
-    "Bridge",
-    "Gauge",
-    "WaveStrain",
-    "cancelling_bridge",
-    "common_bridge",
-]
+__all__ = ["Bridge", "Gauge", "WaveStrain", "cancelling_bridge", "common_bridge"]
 
 Array = NDArray[np.float64]
 

@@ -22,12 +22,7 @@ from flexspline.sensor.bridge import Bridge
 if TYPE_CHECKING:
     import pandas
 
-__all__ = [
-    "Electronics",
-    "NoiseBudget",
-    "NoiseSource",
-    "noise_budget",
-]
+__all__ = ["Electronics", "NoiseBudget", "noise_budget"]
 
 Array = NDArray[np.float64]
 

@@ -32,18 +32,7 @@ from flexspline.simulation.parts import (
 )
 from flexspline.simulation.trajectory import CHANNELS, Trajectory
 
-__all__ = [
-    "Choice",
-    "Joint",
-    "Steps",
-    "column",
-    "increasing",
-    "joint_fields",
-    "run",
-    "servo_fields",
-    "stop_fields",
-    "wanted",
-]
+__all__ = ["Choice", "Joint", "Steps", "column", "increasing", "run", "wanted"]
 
 Array = NDArray[np.float64]
 

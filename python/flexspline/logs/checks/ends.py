@@ -36,7 +36,6 @@ from flexspline.logs.segments import median_step, true_ranges
 
 __all__ = [
     "DRIVES",
-    "LeftOut",
     "at_work",
     "drive_disabled",
     "homing_move",

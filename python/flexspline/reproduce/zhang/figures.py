@@ -50,8 +50,6 @@ __all__ = [
     "panels",
     "phase",
     "placement",
-    "ripple_over_time",
-    "ripple_spectrum",
     "story",
 ]
 
