@@ -10,9 +10,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from flexspline.calibration.parameters import (
     Asked,
     Estimators,
@@ -46,8 +43,6 @@ ROWS_A_PARAMETER = 3
 ROWS_A_RUN = 8  # that the noise model looks back over before it starts
 ROWS_BESIDE = 40
 FIT = "fit"
-
-Array = NDArray[np.float64]
 
 
 def calibrate(

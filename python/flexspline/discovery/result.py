@@ -23,7 +23,6 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexspline.about import __version__
 from flexspline.discovery.analysis import Analysis
@@ -78,8 +77,6 @@ def confidence(gain: float, above: float, survives: float, left: float, aliases:
     flexible = beside + beyond * (1.0 - float(np.clip(survives, 0.0, 1.0)))
     return float(min(1.0 / (1.0 + aliases + flexible + chance), 1.0 - SETTINGS.negligible))
 
-
-Array = NDArray[np.float64]
 
 DRIVES = ("motor_torque", "motor_current")
 NOT_SIGNIFICANT, NOT_LOWER = "not significant in the final fit", "does not lower the held-out error"

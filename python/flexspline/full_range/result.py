@@ -60,7 +60,6 @@ Array = NDArray[np.float64]
 WIDTH = 100
 LEAST_GAIN = 0.5  # %, of which it is worth speaking
 
-Mask = NDArray[np.bool_]
 
 GROUPS = ("full", "motion", "no motion")
 LEAST_ROWS = 10
