@@ -1,5 +1,7 @@
 """What the third paper compares its transition with: three ways to estimate torque (Table I).
 
+Gaussian process (gp of Table I): scikit-learn's, on the inputs that the paper lists.
+
 The inputs are printed as [q, θ, q̇, θ, τ_m]; the second θ is read as θ̇. The process is an
 anisotropic squared exponential and white noise, on inputs scaled to unit spread. The paper has
 22070 training samples and does not say whether all enter the kernel (that takes 3.9 GB); here

@@ -1,5 +1,7 @@
 """Channels against each other: velocity and position, motor and output side, torque and motion.
 
+Is a velocity the derivative of its position? If not: unit, sign, scale or delay, and how much.
+
 The position's zero-phase derivative and the velocity behind the same low pass are compared. The
 factor is the median of their ratio where the joint moves fast, blind to lag and bias; the delay is
 that of `find_delay`.

@@ -1,10 +1,10 @@
-"""Rows at the ends of a log that belong to no experiment, and those that are held out for it.
+"""Rows at the ends of a log that belong to no experiment: found, said, and left out of a search.
 
 A stuck tail repeats its last sample while the joint moves on: another channel shows the motion, or
 the joint would have stopped, and its noise with it, from one row to the next. A joint that comes
 to rest repeats its values with reason, and so does one whose drive never had noise: such rows are
 no finding. A homing move ends where the angle is set anew: it jumps faster than the joint ever
-moves, and stays there.
+moves, and stays there. A run that is meant to hold one speed has a transient at its start.
 
 Rows that belong to no experiment are left out before anything is searched, and said so.
 
