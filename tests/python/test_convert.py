@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from flexspline.errors import InputError
-from flexspline.logs import Log, read, read_log, write_log
+from flexspline.logs import Log, convert, read_log, write_log
 
 FOREIGN = "0 1.5 100\n1 2.5 200\n2 x 300\n3 181 400\n"
 MAP = """
@@ -41,7 +41,7 @@ def files(tmp_path: Path) -> tuple[Path, Path, Path]:
 def test_a_converted_run_reads_as_the_same_log_to_the_last_bit(
     files: tuple[Path, Path, Path],
 ) -> None:
-    log = read(*files)
+    log = convert(*files)
     again = read_log(files[2])
     assert again.channels == log.channels == ("time", "output_position", "sensor_torque")
     for channel in log.channels:
@@ -51,7 +51,7 @@ def test_a_converted_run_reads_as_the_same_log_to_the_last_bit(
 
 
 def test_arguments_overrule_the_map(files: tuple[Path, Path, Path]) -> None:
-    log = read(*files, gear_ratio=160, rate=20)
+    log = convert(*files, gear_ratio=160, rate=20)
     assert log.facts["gear_ratio"] == 160
     assert log.rate == pytest.approx(20)
 
@@ -72,7 +72,7 @@ def test_a_failed_conversion_leaves_the_old_run_and_nothing_else(
     out.write_text("old")
     columns.write_text(MAP.replace("source = 2", "source = 1"))
     with pytest.raises(InputError, match=r"rig\.txt: data row 3 \(line 3\), column 1 is 'x'"):
-        read(*files)
+        convert(*files)
     assert out.read_text() == "old"
     assert sorted(out.parent.iterdir()) == sorted([foreign, columns, out])
 
@@ -100,13 +100,13 @@ def test_a_broken_map_is_refused_in_one_sentence(
 ) -> None:
     files[1].write_text(content)
     with pytest.raises(InputError, match=sentence):
-        read(*files)
+        convert(*files)
     assert not files[2].exists()
 
 
 def test_a_missing_map_is_named(files: tuple[Path, Path, Path]) -> None:
     with pytest.raises(InputError, match=r"no\.toml: the column map cannot be read"):
-        read(files[0], "no.toml", files[2])
+        convert(files[0], "no.toml", files[2])
 
 
 def test_a_measured_foreign_log_is_converted(tmp_path: Path, data_folder: Path) -> None:
@@ -128,7 +128,7 @@ def test_a_measured_foreign_log_is_converted(tmp_path: Path, data_folder: Path) 
         motor_current = 5
     """)
     foreign = data_folder / "kinova_gen3_joint7" / "velocity_0.500000readings.csv"
-    read(foreign, columns, tmp_path / "run.csv")
+    convert(foreign, columns, tmp_path / "run.csv")
     log, direct = read_log(tmp_path / "run.csv"), measured.kinova(0.5)
     assert dict(log.facts) == dict(direct.facts)
     for channel in direct.channels:
