@@ -44,11 +44,10 @@ if TYPE_CHECKING:
     from flexspline.forward.simulating import simulate
     from flexspline.least_squares.options import FitOptions
     from flexspline.least_squares.result import Fit
-    from flexspline.least_squares.streaming import accumulate
+    from flexspline.least_squares.sums import accumulate
     from flexspline.logs.checks import Findings, check
-    from flexspline.logs.convert import convert
     from flexspline.logs.log import Log
-    from flexspline.logs.read import read_log
+    from flexspline.logs.read import convert, read_log
     from flexspline.model import Model, Part, Prediction
     from flexspline.output_error.fitting import fit_motion
     from flexspline.output_error.settings import MotionOptions
@@ -132,7 +131,7 @@ _HOME = {
     "ReadingChecks": "estimators",
     "TemperatureCompensation": "estimators",
     "Thermistor": "estimators",
-    "accumulate": "least_squares.streaming",
+    "accumulate": "least_squares.sums",
     "calibrate": "calibration.calibrating",
     "certify": "certification",
     "check": "logs.checks",
@@ -140,7 +139,7 @@ _HOME = {
     "discover": "discovery.discovering",
     "estimate": "estimation",
     "export": "exporting.exporting",
-    "convert": "logs.convert",
+    "convert": "logs.read",
     "fit": "deprecated",
     "fit_motion": "output_error.fitting",
     "next_experiment": "discovery.experimenting",

@@ -1,11 +1,16 @@
 """`flexspline demo`: from runs that hide an effect to a model on the controller, told in lines.
 
-The runs come through a laboratory's recorder (`rigs/recorder.py`), and `discover` finds what hides.
+The runs come through a laboratory's recorder (`rigs/sensor.py`), and `discover` finds what hides.
+
+Its last step compiles the exported header and runs it sample by sample, beside what `predict` says.
 """
 
 from __future__ import annotations
 
 import os
+import shutil
+import subprocess
+import tempfile
 import textwrap
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
@@ -13,22 +18,24 @@ from pathlib import Path
 
 import numpy as np
 
-from flexspline.demo_device import run_exported
+from flexspline.about import get_include
 from flexspline.discovery.discovering import discover
 from flexspline.discovery.result import Discovery
 from flexspline.effects import Effect, effect
-from flexspline.exporting import export
+from flexspline.exporting import export, namespace_of
+from flexspline.exporting.cpp_text import include
 from flexspline.files import whole_folder
 from flexspline.fitting import fit
 from flexspline.least_squares.result import Fit
 from flexspline.logs.checks import check
-from flexspline.logs.convert import write_log
 from flexspline.logs.log import Log, Source
-from flexspline.logs.read import read_log
-from flexspline.rigs.recorder import Recorder
-from flexspline.rigs.sensor import SPEEDS, Rig, Truth, sensor_rig
+from flexspline.logs.read import read_log, write_log
+from flexspline.model import Model
+from flexspline.prepared import prepared
+from flexspline.rigs.sensor import SPEEDS, Recorder, Rig, Truth, sensor_rig
+from flexspline.signals import channels_for, core_channels
 
-__all__ = ["BASE", "Demo", "demo"]
+__all__ = ["BASE", "demo", "run_exported"]
 
 Say = Callable[[str], object]
 
@@ -45,6 +52,31 @@ TARGET = "sensor_torque"
 TRAINING, HELD_OUT = 4, 2  # runs
 SECONDS, RATE = 24.0, 200.0
 SAME_SPEED = 0.1  # share by which a row's speed may differ from the one commanded
+
+COMPILERS = ("c++", "g++", "clang++")
+FLAGS = ("-std=c++20", "-O2", "-ffp-contract=off")
+DEVICE_TIMEOUT = 120.0
+SMOOTHED = "\n   Both read inputs smoothed without delay; the header smooths nothing by itself."
+ANGLES = ("output_position", "motor_position")
+
+PROGRAM = """\
+#include <cstdio>
+{include}
+
+int main() {{
+  flexspline::Sample<double> at;
+  [[maybe_unused]] {namespace}::Model<double>::State state;
+  double in[{count}], torque = 0;
+  for (;;) {{
+    for (double& value : in) {{
+      if (std::scanf("%lf", &value) != 1) return 0;
+    }}
+{assignments}
+    if ({namespace}::model<double>.predict({given}) != flexspline::Status::ok) return 1;
+    std::printf("%.17g\\n", torque);
+  }}
+}}
+"""
 
 
 @dataclass(frozen=True)
@@ -200,3 +232,71 @@ def _names(effects: Iterable[Effect]) -> str:
     """Names with commas, broken to lines that fit under the story's indent."""
     names = ", ".join(effect.name for effect in effects)
     return textwrap.fill(names, 84, initial_indent="   ", subsequent_indent="   ")
+
+
+def run_exported(header: Path, model: Model, log: Log) -> str:
+    """Compile a header with a small program, stream a log through it, and say what came out.
+
+    Parameters
+    ----------
+    header : what `export` wrote of a model with one part.
+    model : that model.
+    log : a run with the channels that the model reads.
+
+    Returns
+    -------
+    str
+        One sentence: the largest difference from `Model.predict` in the unit of the target, or
+        why it was not tried.
+    """
+    compiler = next(filter(None, map(shutil.which, COMPILERS)), None)
+    if compiler is None:
+        return f"Not compiled: no C++ compiler here ({', '.join(COMPILERS)})."
+    part = model.part()
+    inputs = prepared(log, part.preparations)
+    ready = channels_for(inputs, part.effects, part.known_load)
+    channels = core_channels(ready, part.effects, part.known_load)
+    with tempfile.TemporaryDirectory() as folder:
+        source = Path(folder) / "main.cpp"
+        remembers = any(effect.info.remembers for effect in part.effects)
+        source.write_text(_program(header, list(channels), remembers))
+        device = Path(folder) / "device"
+        include = ["-I", get_include(), "-I", str(header.parent.resolve())]
+        built = _run([compiler, *FLAGS, *include, str(source), "-o", str(device)])
+        if built.returncode:
+            why = next(iter(built.stderr.splitlines()), "no message")
+            return f"Not compiled: {Path(compiler).name} does not take it as C++20 ({why})."
+        rows = np.column_stack(list(channels.values()))
+        ran = _run([str(device)], "\n".join(map(repr, rows.ravel().tolist())))
+    torque = np.array(ran.stdout.split(), dtype=np.float64)
+    expected = model.predict(log).predicted
+    if torque.shape != expected.shape:
+        return f"The compiled program stopped after {len(torque)} of {len(expected)} samples."
+    largest = float(np.abs(torque - expected).max())
+    return (
+        f"Compiled joint.hpp with {Path(compiler).name} and ran {len(torque)} samples of "
+        f"{log.name} through it:\n   the largest difference from predict is "
+        f"{largest:.2g} {part.unit}.{SMOOTHED if part.preparations else ''}"
+    )
+
+
+def _program(header: Path, channels: list[str], remembers: bool) -> str:
+    lines = [
+        f"    if (flexspline::read_radians(in[{k}], at.{name}) != flexspline::Status::ok) return 1;"
+        if name in ANGLES
+        else f"    at.{name} = in[{k}];"
+        for k, name in enumerate(channels)
+    ]
+    return PROGRAM.format(
+        include=include(header.name),
+        count=len(channels),
+        assignments="\n".join(lines),
+        namespace=namespace_of(header),
+        given="at, state, torque" if remembers else "at, torque",
+    )
+
+
+def _run(command: list[str], given: str = "") -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        command, input=given, capture_output=True, text=True, timeout=DEVICE_TIMEOUT, check=False
+    )

@@ -17,14 +17,13 @@ if TYPE_CHECKING:  # what is heavy is imported where it is used: `flexspline --h
     from numpy.typing import NDArray
 
     from flexspline.least_squares.estimate import Estimate, Given
-    from flexspline.least_squares.names import Bounds
-    from flexspline.least_squares.options import FitOptions
+    from flexspline.least_squares.options import Bounds, FitOptions
     from flexspline.least_squares.problem import Problem
     from flexspline.least_squares.result import Fit
     from flexspline.logs.log import Log
     from flexspline.model import Model
     from flexspline.prepared import Preparation
-    from flexspline.simulator.record import Simulated
+    from flexspline.simulator import Simulated
 
 __all__ = ["fit", "fit_near", "runs_of", "with_orders"]
 
@@ -162,7 +161,7 @@ def _with_simulation(
     """The runs with what a simulation says of them, where there is one, and what is said of it."""
     if how.simulation is None and how.simulated_torque is None:
         return runs, None, []
-    from flexspline.simulator.taken import take
+    from flexspline.simulator import take
 
     taken = take(runs, target, known_load, how.simulation, how.simulated_torque)
     return [*taken.logs], taken.simulated, [remark.sentence for remark in taken.remarks]
@@ -188,9 +187,9 @@ def _resolved(
     target: str,
     posed: Callable[[Sequence[Log], Sequence[Effect], list[NDArray[np.bool_]] | None], Problem],
 ) -> list[NDArray[np.bool_]] | None:
-    """Rows that the recorder resolves (`least_squares/resolution.py`); None: all, of exact runs."""
+    """Rows that the recorder resolves (`least_squares/problem.py`); None: all, of exact runs."""
     from flexspline.least_squares.estimate import Given, estimate
-    from flexspline.least_squares.resolution import (
+    from flexspline.least_squares.problem import (
         away_from_ends,
         coarser,
         resolved_rows,
@@ -246,7 +245,7 @@ def fit_near(
     from flexspline.least_squares.assemble import assembled
     from flexspline.least_squares.estimate import Given, estimate
     from flexspline.least_squares.generalised import generalised
-    from flexspline.least_squares.memory import settled
+    from flexspline.least_squares.problem import settled
 
     _require_rows(problem, effects)
     problem, given = settled(problem, effects), Given(fixed, bounds, {}, False)
@@ -284,7 +283,7 @@ def with_orders(
     effects: str | Effect | Iterable[str | Effect], orders: Mapping[str, Sequence[int]]
 ) -> list[Effect]:
     """Return effects by their names, ripples with the orders that are given by name of effect."""
-    from flexspline.least_squares.names import resolve
+    from flexspline.least_squares.options import resolve
 
     named = [effects] if isinstance(effects, (str, Effect)) else effects
     chosen = [e if isinstance(e, Effect) else effect(e) for e in named]
@@ -324,7 +323,7 @@ def _settled(
 ) -> tuple[Problem, Estimate]:
     """Estimate again until the rows left out for unknown memory are those of the widths found."""
     from flexspline.least_squares.estimate import estimate
-    from flexspline.least_squares.memory import settled
+    from flexspline.least_squares.problem import settled
 
     for _ in range(SETTLING_ROUNDS):
         again = settled(problem, made.linear.effects)

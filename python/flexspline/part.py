@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from flexspline.effects import UNITS, Effect, require_effects
 from flexspline.errors import InputError
 from flexspline.prepared import Preparation, preparations_of
-from flexspline.simulator.record import Simulated
+from flexspline.simulator import Simulated
 
 __all__ = ["PART_OF", "SIDES", "Part", "part_from_json", "part_to_json"]
 

@@ -1,4 +1,7 @@
-"""What JSON files may hold, and the sentence for what `model.json` may not."""
+"""What JSON files may hold, and the sentence for what `model.json` may not.
+
+JSON knows no NaN, no tuples and no numpy numbers.
+"""
 
 from __future__ import annotations
 
@@ -6,15 +9,21 @@ import importlib.resources
 import json
 import math
 import re
+from collections.abc import Mapping
 from functools import cache, partial
 from typing import Any
 
 import jsonschema
+import numpy as np
 
 from flexspline.errors import InputError, shortened
-from flexspline.plain import plain_json
 
-__all__ = ["checked_json", "json_content", "require_schema"]
+__all__ = [
+    "checked_json",
+    "json_content",
+    "plain_json",
+    "require_schema",
+]
 
 SURROGATE = re.compile(r"\\u[dD][89a-fA-F]")  # an escape that may be half of a character
 
@@ -85,3 +94,16 @@ def _number(label: str, kind: type[int] | type[float], word: str) -> int | float
             "fit the model again"
         )
     return kind(word)
+
+
+def plain_json(value: Any) -> Any:
+    """Turn what JSON has no word for into null, tuples into lists, numpy numbers into numbers."""
+    if isinstance(value, Mapping):
+        return {str(key): plain_json(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain_json(item) for item in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float) and not np.isfinite(value):
+        return None
+    return value

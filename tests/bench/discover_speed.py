@@ -34,8 +34,8 @@ from scipy.signal import lfilter
 import flexspline
 from flexspline.discovery import discovering
 from flexspline.discovery.search import Study, study_of
+from flexspline.regression.candidate_model import working
 from flexspline.regression.gram import Sheet, Whitening, tabulated
-from flexspline.regression.working import working
 
 Array = NDArray[np.float64]
 

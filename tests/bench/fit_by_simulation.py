@@ -24,8 +24,7 @@ import numpy as np
 from xl330_servo import CHOSEN, FORMS, HELD_OUT, TWELVE, fitted, runs
 
 import flexspline
-from flexspline.least_squares.result import Fit
-from flexspline.least_squares.simulation import StartEnd
+from flexspline.least_squares.result import Fit, StartEnd
 
 
 def main() -> None:

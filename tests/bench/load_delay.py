@@ -23,8 +23,8 @@ from hidden.rig import LOAD
 from scipy.constants import milli
 
 from flexspline.discovery.candidates import LAG, freedoms
-from flexspline.discovery.clock import Delay, delay_beside_everything
 from flexspline.discovery.discovering import _Recorded, _task
+from flexspline.discovery.faults import Delay, delay_beside_everything
 from flexspline.prepared import learned
 
 

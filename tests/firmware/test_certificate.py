@@ -22,8 +22,8 @@ from flexspline.certification.building import firmware_folder
 from flexspline.certification.devices import DEVICES
 from flexspline.cli import commands
 from flexspline.exporting import export
-from flexspline.logs.convert import write_log
 from flexspline.logs.log import Log
+from flexspline.logs.read import write_log
 
 CORTEX = ("cortex-m4f", "cortex-m7")
 NEEDED = ("arm-none-eabi-g++", "qemu-system-arm")

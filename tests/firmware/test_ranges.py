@@ -11,8 +11,7 @@ from every_effect import LOAD, motion
 
 from flexspline.effects import effect
 from flexspline.exporting import export
-from flexspline.model import Model, Part
-from flexspline.model_warnings import rows_outside
+from flexspline.model import Model, Part, rows_outside
 
 EFFECTS = (
     effect("gravity"),

@@ -8,7 +8,7 @@ from pathlib import Path
 from click.testing import CliRunner, Result
 
 from flexspline.cli import commands
-from flexspline.logs.convert import write_log
+from flexspline.logs.read import write_log
 from flexspline.rigs import Rig, sensor_rig
 
 EFFECTS = "offset,coulomb_friction,viscous_friction,inertia"

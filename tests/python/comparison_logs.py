@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 import flexspline
 from flexspline.comparison.result import Comparison
 from flexspline.logs import Log
-from flexspline.logs.reversal import since_reversal
+from flexspline.logs.segments import since_reversal
 from flexspline.model import Model, Part
 
 Array = NDArray[np.float64]

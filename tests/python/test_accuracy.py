@@ -15,7 +15,7 @@ from fit_logs import WIDTH, chosen, friction, log_with, motion, rows_of
 import flexspline
 from flexspline import effect
 from flexspline.least_squares.linear import fit_linear
-from flexspline.least_squares.names import coefficient_names, constraints_of
+from flexspline.least_squares.options import coefficient_names, constraints_of
 from flexspline.least_squares.problem import problem_of
 
 SAMPLES = 500

@@ -17,7 +17,7 @@ from flexspline.presentation import RENDERERS
 
 LAYERS = (
     # what knows nothing of joints
-    ("_core", "about", "errors", "parallel", "plain", "rendering"),
+    ("_core", "about", "errors", "parallel", "rendering"),
     ("files", "formatting", "schema"),
     # runs, and what they show by themselves; logs know no effects, their checks do
     ("effects", "logs"),
@@ -26,7 +26,7 @@ LAYERS = (
     ("requirements", "simulator"),
     # a model of a joint, and what it is made of
     ("part",),
-    ("estimators", "model_warnings"),
+    ("estimators",),
     ("model",),
     ("forward",),
     # least squares
@@ -48,7 +48,7 @@ LAYERS = (
     ("presentation",),
     # papers and their rigs
     ("rigs",),
-    ("baselines", "demo_device"),
+    ("baselines",),
     ("demo", "reproduce"),
     ("cli",),
     ("",),  # flexspline/__init__.py

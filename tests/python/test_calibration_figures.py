@@ -8,8 +8,15 @@ import pytest
 from calibration_logs import FULL_SCALE, QUIET, Bench
 
 from flexspline import calibrate
-from flexspline.calibration.figures import best_line, load_figures
-from flexspline.calibration.legs import Leg, Points, legs_of, points_on, slack_of
+from flexspline.calibration.accuracy import (
+    Leg,
+    Points,
+    best_line,
+    legs_of,
+    load_figures,
+    points_on,
+    slack_of,
+)
 from flexspline.calibration.result import CalibrationResult
 
 LEVELS = np.array([0.0, 50.0, 100.0])

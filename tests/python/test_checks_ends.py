@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from flexspline.logs import Log
 from flexspline.logs.checks import check
-from flexspline.logs.checks.ends import drive_disabled, homing_move, stuck_tail
-from flexspline.logs.checks.left_out import only_experiments
+from flexspline.logs.checks.ends import drive_disabled, homing_move, only_experiments, stuck_tail
 from flexspline.logs.segments import true_ranges
 
 Array = NDArray[np.float64]

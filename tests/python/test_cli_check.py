@@ -11,7 +11,7 @@ from checks_logs import sound_log
 from cli_calls import call
 
 import flexspline as fx
-from flexspline.logs.convert import write_log
+from flexspline.logs.read import write_log
 from flexspline.plot.channels import plot_channels
 
 SEED = 3

@@ -10,8 +10,8 @@ import pytest
 from cli_calls import call, fitted, small_rig, write_runs
 
 import flexspline
-from flexspline.logs.convert import write_log
 from flexspline.logs.log import Log
+from flexspline.logs.read import write_log
 
 
 @pytest.fixture(scope="module")

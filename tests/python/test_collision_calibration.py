@@ -10,9 +10,9 @@ from scipy import signal, stats
 
 from flexspline import Log, Model, Observer, Part, effect, estimate
 from flexspline.collision import Residual, calibrate_detector, detection_delay, left_out_margin
-from flexspline.collision.extremes import cluster_peaks, correlation_time, fit_tail
+from flexspline.collision.calibrating import cluster_peaks, correlation_time, fit_tail
 from flexspline.errors import InputError
-from flexspline.plot.collision import contacts_over_time, thresholds_of_joints
+from flexspline.plot.estimate import contacts_over_time, thresholds_of_joints
 
 RATE = 100.0
 

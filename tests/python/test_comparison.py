@@ -8,15 +8,14 @@ import pytest
 
 import flexspline
 from flexspline import InputError
-from flexspline.comparison.edges import even_edges, growing_edges, in_bins, labels_of
-from flexspline.comparison.memory import memory_of
-from flexspline.comparison.rows import rows_of
-from flexspline.comparison.runs import predicted
+from flexspline.comparison.covariates import even_edges, growing_edges, in_bins, labels_of
+from flexspline.comparison.effective_sample_size import memory_of
+from flexspline.comparison.runs import predicted, rows_of
 from flexspline.comparison.search import ALPHA
 from flexspline.effects import effect
 from flexspline.logs import Log
-from flexspline.logs.reversal import since_reversal
-from flexspline.logs.velocity import velocity_noise
+from flexspline.logs.derive import velocity_noise
+from flexspline.logs.segments import since_reversal
 from flexspline.model import Model, Part
 
 CLEAN = 100

@@ -12,9 +12,8 @@ from cli_calls import call
 from click.testing import Result
 
 import flexspline
-from flexspline import demo_device
-from flexspline.demo import BASE, HELD_OUT, TRAINING
-from flexspline.demo_device import COMPILERS, run_exported
+from flexspline import demo
+from flexspline.demo import BASE, COMPILERS, HELD_OUT, TRAINING, run_exported
 from flexspline.exporting import export
 from flexspline.model import Model
 
@@ -82,7 +81,7 @@ def test_without_a_compiler_it_says_so(
     told: tuple[Result, Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     _, out = told
-    monkeypatch.setattr(demo_device.shutil, "which", lambda name: None)
+    monkeypatch.setattr(demo.shutil, "which", lambda name: None)
     model, run = Model.load(out / "model.json"), flexspline.read_log(out / "run5.csv")
     assert "no C++ compiler" in run_exported(out / "joint.hpp", model, run)
 

@@ -16,8 +16,8 @@ from flexspline.logs.derive import (
     lowpass_log,
     resample,
 )
-from flexspline.logs.grain import quantum, white_noise
 from flexspline.logs.local_fit import LocalFit
+from flexspline.logs.quantisation import quantum, white_noise
 
 Array = NDArray[np.float64]
 

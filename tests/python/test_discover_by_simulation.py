@@ -15,7 +15,7 @@ import flexspline
 from flexspline import InputError, Log, Model, Part
 from flexspline.effects import effect
 from flexspline.forward import PositionServo
-from flexspline.logs.convert import write_log
+from flexspline.logs.read import write_log
 
 BASE = ["inertia", "gravity", "coulomb_friction", "viscous_friction"]
 WEIGHT = 0.5  # Nm

@@ -16,8 +16,8 @@ from measured import KINOVA_SPEEDS, kinova, two_encoder, ur10e
 
 import flexspline
 from flexspline.effects import Effect, effect
-from flexspline.logs.checks.gear import measured_gear
-from flexspline.logs.checks.left_out import resting
+from flexspline.logs.checks.consistency import measured_gear
+from flexspline.logs.checks.ends import resting
 from flexspline.logs.log import Log
 from flexspline.logs.repairs import repaired
 from flexspline.model import Model

@@ -18,8 +18,8 @@ from xl330_servo import KNOWN, TWELVE
 import flexspline
 from flexspline.discovery.faults import data_faults
 from flexspline.discovery.result import Discovery
-from flexspline.logs.checks.gear import measured_gear
-from flexspline.logs.checks.left_out import at_work, resting
+from flexspline.logs.checks.consistency import measured_gear
+from flexspline.logs.checks.ends import at_work, resting
 from flexspline.logs.log import Log
 from flexspline.logs.repairs import repaired
 

@@ -25,7 +25,7 @@ from flexspline.effects import Effect, effect
 from flexspline.least_squares.result import Fit
 from flexspline.logs.log import Log
 from flexspline.prepared import noise_of_channels
-from flexspline.regression.held_out import fall_of
+from flexspline.regression.candidate_model import fall_of
 
 Array = NDArray[np.float64]
 

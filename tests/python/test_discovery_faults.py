@@ -7,9 +7,8 @@ import pytest
 from numpy.typing import NDArray
 from recorded_joint import LOAD, base, runs
 
-from flexspline.discovery.clock import load_delays
-from flexspline.discovery.faults import data_faults
-from flexspline.logs.checks.gear import TOLD, measured_gear
+from flexspline.discovery.faults import data_faults, load_delays
+from flexspline.logs.checks.consistency import TOLD, measured_gear
 from flexspline.logs.log import Log
 
 Array = NDArray[np.float64]

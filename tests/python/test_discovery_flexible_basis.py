@@ -14,9 +14,8 @@ from flexspline.discovery.basis import PAST, Functions, flexible_basis, past_of
 from flexspline.discovery.unexplained import kept, repeated
 from flexspline.effects import effect
 from flexspline.least_squares.problem import Problem, problem_of
+from flexspline.regression.candidate_model import HeldOut, held_out, solved_at, working
 from flexspline.regression.gram import Table, Whitening
-from flexspline.regression.held_out import HeldOut, held_out
-from flexspline.regression.working import solved_at, working
 
 Array = np.ndarray
 ROWS = 2000

@@ -14,7 +14,7 @@ import flexspline
 from flexspline.discovery import search
 from flexspline.discovery.search import LEAD
 from flexspline.discovery.settings import SETTINGS
-from flexspline.regression.thinned import rows_of, thinned
+from flexspline.regression.gram import rows_of, thinned
 
 BASE = ("offset", "coulomb_friction", "viscous_friction", "inertia")
 

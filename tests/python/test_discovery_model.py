@@ -10,7 +10,7 @@ import numpy as np
 from hidden_logs import LOAD, friction_of, log_of, noise, rich_run
 
 import flexspline
-from flexspline.demo_device import run_exported
+from flexspline.demo import run_exported
 from flexspline.discovery.result import Discovery
 from flexspline.effects import effect
 from flexspline.estimators import TemperatureCompensation

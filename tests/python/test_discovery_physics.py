@@ -11,7 +11,7 @@ import flexspline
 from flexspline.discovery.physics import driving_spring, impossible, spring_bounds
 from flexspline.least_squares.problem import problem_of
 from flexspline.logs.log import Log
-from flexspline.regression.working import working
+from flexspline.regression.candidate_model import working
 
 VARYING = "position_dependent_friction"
 HYSTERESIS = "torque_hysteresis"

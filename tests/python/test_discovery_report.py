@@ -16,12 +16,11 @@ from flexspline.discovery.analysis import Rival
 from flexspline.discovery.candidates import EXCLUDED
 from flexspline.discovery.result import LESSER, Discovery, Motion
 from flexspline.discovery.slices import HeldRun, frequency_bands, order_bands, slices, telling
-from flexspline.experiment.plan import Outlook
-from flexspline.experiment.says import plan_sentence
+from flexspline.experiment.plan import Outlook, plan_sentence
 from flexspline.logs.log import Log
 from flexspline.plot.comparison import bands_over, plot_comparison
 from flexspline.plot.discovery import held_out_run
-from flexspline.report.discovery_content import remarks
+from flexspline.report.discovery import remarks
 
 BASE = ["offset", "coulomb_friction", "viscous_friction", "inertia"]
 ROWS = 2000

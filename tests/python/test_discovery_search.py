@@ -20,8 +20,8 @@ from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import effect
 from flexspline.logs.checks.dependence import Dependence
 from flexspline.logs.log import Log
+from flexspline.regression.candidate_model import solved_at, working
 from flexspline.regression.gram import Table, Whitening, solved
-from flexspline.regression.working import solved_at, working
 
 BASE = ["offset", "coulomb_friction", "viscous_friction", "inertia"]
 RUNS, ROWS = 4, 1500

@@ -22,8 +22,8 @@ from flexspline.discovery.search import Study, study_of
 from flexspline.least_squares.problem import Problem
 from flexspline.logs.log import Log
 from flexspline.regression import gram
+from flexspline.regression.candidate_model import Working, mixed, working
 from flexspline.regression.gram import Sheet, Whitening, edges_of, solved, tabulated
-from flexspline.regression.working import Working, mixed, working
 
 Array = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ from hidden_logs import FACTS, LOAD, RATIO, friction_of, log_of, noise, rich_run
 import flexspline
 from flexspline import CATALOGUE, InputError, effect
 from flexspline.effects import TARGETS, Effect
-from flexspline.least_squares.names import shapes_of
+from flexspline.least_squares.options import shapes_of
 from flexspline.logs.checks import check
 from flexspline.logs.checks.excitation import EFFECTS
 from flexspline.logs.log import Log

@@ -13,11 +13,10 @@ from hidden_logs import LOAD, friction_of, log_of, rich_run
 import flexspline
 from flexspline.effects import Effect
 from flexspline.fitting import fit_near
-from flexspline.least_squares.estimate import Estimate, Given, estimate
-from flexspline.least_squares.newton import newton
-from flexspline.least_squares.prewhitening import filtered as filtered_rows
+from flexspline.least_squares.estimate import Estimate, Given, estimate, newton
 from flexspline.least_squares.problem import Problem, problem_of
 from flexspline.least_squares.result import Fit
+from flexspline.least_squares.shapes import filtered as filtered_rows
 from flexspline.logs.log import Log
 
 NAMES = ("offset", "coulomb_friction", "viscous_friction", "inertia")

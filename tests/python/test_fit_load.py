@@ -8,7 +8,7 @@ from fit_logs import WIDTH, autoregressive, chosen, log_with, motion, rows_of, s
 
 import flexspline
 from flexspline import InputError, effect
-from flexspline.least_squares.settling import PLAIN, Settling
+from flexspline.least_squares.linear import PLAIN, Settling
 
 HELD = {"direction_width": WIDTH}
 LOADED = [

@@ -11,10 +11,10 @@ from hidden_logs import LOAD, friction_of, log_of, noise, rich_run
 import flexspline
 from flexspline.effects import Effect
 from flexspline.fitting import fit_near
-from flexspline.least_squares.bends import bent
 from flexspline.least_squares.estimate import Given, estimate
-from flexspline.least_squares.names import shapes_of
+from flexspline.least_squares.options import shapes_of
 from flexspline.least_squares.problem import Problem, problem_of
+from flexspline.least_squares.shapes import bent
 from flexspline.logs.log import Log
 
 TARGET = "sensor_torque"

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from recorded_joint import LOAD, base, runs
 
 from flexspline.discovery.discovering import _Recorded, _task
-from flexspline.least_squares.resolution import away_from_ends
+from flexspline.least_squares.problem import away_from_ends
 from flexspline.logs.log import Log
 from flexspline.logs.repairs import move_earlier
 from flexspline.prepared import Preparation, learned

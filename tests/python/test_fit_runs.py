@@ -21,10 +21,10 @@ from fit_logs import (
 
 import flexspline
 from flexspline import FitOptions, effect
+from flexspline.least_squares.estimate import huber_weights
 from flexspline.least_squares.linear import fit_linear
-from flexspline.least_squares.names import coefficient_names, constraints_of
+from flexspline.least_squares.options import coefficient_names, constraints_of
 from flexspline.least_squares.problem import problem_of
-from flexspline.least_squares.robust import huber_weights
 from flexspline.logs.derive import lowpass_log
 
 HELD = {"direction_width": WIDTH}

@@ -11,8 +11,7 @@ from fit_logs import FRICTION, WIDTH, autoregressive, friction, log_with, motion
 import flexspline
 from flexspline.least_squares.estimate import Given, estimate
 from flexspline.least_squares.problem import problem_of
-from flexspline.least_squares.scores import score, scores_of
-from flexspline.least_squares.validation import cross_validate
+from flexspline.least_squares.validation import cross_validate, score, scores_of
 
 HELD = {"direction_width": WIDTH}
 

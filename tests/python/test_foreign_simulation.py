@@ -14,7 +14,7 @@ from hidden_logs import LOAD, WIDTH, friction_of, log_of, noise, rich_run
 import flexspline
 from flexspline import InputError, Log, Model
 from flexspline.exporting import export
-from flexspline.simulator.taken import take
+from flexspline.simulator import take
 
 ROWS = 3000
 LEAK = 0.05

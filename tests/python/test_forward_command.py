@@ -16,8 +16,8 @@ import flexspline
 from flexspline.effects import effect
 from flexspline.errors import InputError
 from flexspline.forward import PositionServo, simulated_gap, simulated_rmse
-from flexspline.logs.convert import write_log
 from flexspline.logs.log import Log
+from flexspline.logs.read import write_log
 from flexspline.model import Model
 
 EFFECTS = [

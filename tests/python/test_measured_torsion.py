@@ -17,9 +17,9 @@ from cli_calls import call
 
 import flexspline
 from flexspline.least_squares.result import Fit
-from flexspline.logs.checks.gear import measured_gear
-from flexspline.logs.convert import write_log
+from flexspline.logs.checks.consistency import measured_gear
 from flexspline.logs.log import Log
+from flexspline.logs.read import write_log
 from flexspline.logs.repairs import repaired
 
 JOINTS = (1, 2)

@@ -18,8 +18,7 @@ from flexspline.discovery.result import Discovery
 from flexspline.logs.derive import differentiate
 from flexspline.logs.log import Log
 from flexspline.rigs import full_range_rig
-from flexspline.rigs.full_range import FullRangeRig
-from flexspline.rigs.full_range_joint import KINEMATIC_ERROR
+from flexspline.rigs.full_range import KINEMATIC_ERROR, FullRangeRig
 from flexspline.simulation import Noise, Servo, Start
 
 FRICTION = (

@@ -14,10 +14,9 @@ import flexspline
 from flexspline.effects import Effect, effect
 from flexspline.errors import FlexsplineWarning, InputError
 from flexspline.exporting import export
-from flexspline.logs.convert import write_log
 from flexspline.logs.log import Log
-from flexspline.model import PART_OF, Model, Part
-from flexspline.model_warnings import part_warnings, range_warnings
+from flexspline.logs.read import write_log
+from flexspline.model import PART_OF, Model, Part, part_warnings, range_warnings
 
 TIME = np.arange(400) * 1e-2
 FACTS = {"gear_ratio": 100.0, "output_spline": "circular"}

@@ -10,7 +10,7 @@ import flexspline
 from flexspline.errors import FlexsplineWarning, InputError
 from flexspline.observer import observe, observer_delay, observer_noise
 from flexspline.part import Part
-from flexspline.plot.observer import observer_gain
+from flexspline.plot.estimate import observer_gain
 
 RATE = 1000.0
 

@@ -15,7 +15,7 @@ from scipy.signal import lfilter
 from flexspline.errors import InputError
 from flexspline.logs import Log
 from flexspline.orders import find_orders, order_spectrum, pairs, time_spectrum
-from flexspline.orders.transform import fourier_sums
+from flexspline.orders.spectrum import fourier_sums
 
 matplotlib.use("Agg")
 

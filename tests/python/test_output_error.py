@@ -13,7 +13,7 @@ import flexspline
 from flexspline import MotionOptions
 from flexspline.errors import InputError
 from flexspline.least_squares.result import Fit
-from flexspline.logs.convert import write_log
+from flexspline.logs.read import write_log
 from flexspline.model import Model
 from flexspline.plot import simulated_motion
 
@@ -36,7 +36,7 @@ def wrong_start() -> Fit:
 @cache
 def open_loop() -> Fit:
     """Driven by the measured torque of two runs, the law's true torque among their channels."""
-    from flexspline.output_error.regression import with_servo_torque
+    from flexspline.output_error.settings import with_servo_torque
 
     given = [with_servo_torque(log, law(), "motor_torque") for log in runs()[:2]]
     return flexspline.fit_motion(

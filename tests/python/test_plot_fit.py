@@ -15,7 +15,7 @@ import flexspline
 from flexspline import plot
 from flexspline.errors import InputError
 from flexspline.logs import Log
-from flexspline.plot.thin import banded, outline, spread_evenly
+from flexspline.plot.canvas import banded, outline, spread_evenly
 
 UNIT = re.compile(r"\[[^\]]+\]$")
 

@@ -14,7 +14,7 @@ import pytest
 from click.testing import CliRunner
 
 from flexspline.cli import commands
-from flexspline.logs.convert import write_log
+from flexspline.logs.read import write_log
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")

@@ -12,7 +12,7 @@ import report_fits
 
 import flexspline
 from flexspline.errors import InputError
-from flexspline.least_squares.shares import shares
+from flexspline.least_squares.result import shares
 from flexspline.report.html import write_report
 from flexspline.report.tables import compare_scores
 

@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 import report_fits
 
-from flexspline.formatting.numbers import plus_minus, short_names, truncated
+from flexspline.formatting import plus_minus, short_names, truncated
 from flexspline.least_squares.result import Fit
-from flexspline.least_squares.ripple_orders import ripple_orders
+from flexspline.least_squares.ripple import ripple_orders
 from flexspline.report.text import fit_text
 
 GOLDEN = Path(__file__).parents[1] / "golden"

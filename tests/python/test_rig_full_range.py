@@ -14,12 +14,27 @@ from flexspline.estimators import Observer
 from flexspline.full_range.methods import with_velocities
 from flexspline.logs.checks import check
 from flexspline.logs.log import Log
-from flexspline.reproduce.full_range.quantities import PUBLISHED, found_orders, pole
-from flexspline.reproduce.full_range.study import RATIO, Study
-from flexspline.reproduce.full_range.tables import PER_TURN, table_1, table_2, table_3
+from flexspline.reproduce.full_range import (
+    PER_TURN,
+    PUBLISHED,
+    RATIO,
+    Study,
+    found_orders,
+    pole,
+    table_1,
+    table_2,
+    table_3,
+)
 from flexspline.rigs import FullRangeRig, full_range_rig
-from flexspline.rigs.full_range import COULOMB, INERTIA, KINEMATIC_ERROR, MOTION, RATE
-from flexspline.rigs.hand import RESTING, pushes
+from flexspline.rigs.full_range import (
+    COULOMB,
+    INERTIA,
+    KINEMATIC_ERROR,
+    MOTION,
+    RATE,
+    RESTING,
+    pushes,
+)
 from flexspline.simulation import Start
 
 SEED = 3

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexspline.reproduce.turlapati.lowpass_bias import amplitude_left
+from flexspline.reproduce.turlapati import amplitude_left
 from flexspline.rigs import turlapati_rig
 from flexspline.rigs.turlapati import OFFSET, RATE, REST, RIPPLE
 

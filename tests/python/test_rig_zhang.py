@@ -8,10 +8,17 @@ import numpy as np
 import pytest
 
 from flexspline import _core
-from flexspline.reproduce.zhang.arm import THRESHOLD, Arm, dead_beat, low_pass_error
-from flexspline.reproduce.zhang.drift_methods import drift_methods
-from flexspline.reproduce.zhang.quantities import sum_over_one
-from flexspline.reproduce.zhang.study import Study, amplitude, peak_between
+from flexspline.reproduce.zhang.study import (
+    THRESHOLD,
+    Arm,
+    Study,
+    amplitude,
+    dead_beat,
+    low_pass_error,
+    peak_between,
+    sum_over_one,
+)
+from flexspline.reproduce.zhang.tables import drift_methods
 from flexspline.rigs import ZhangRig, zhang_rig
 from flexspline.rigs.zhang import LATE, RATE, REST, SPEED
 from flexspline.rigs.zhang_sensor import (

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from flexspline.errors import InputError
 from flexspline.logs.checks import check
-from flexspline.logs.play import play
+from flexspline.logs.segments import play
 from flexspline.rigs.sensor import OUTPUT_BITS, SENSOR_STEP, SPEEDS, sensor_rig
 
 

@@ -21,8 +21,8 @@ from flexspline.certification.result import Cost, OutputDifference
 from flexspline.estimation import Estimate
 from flexspline.exporting import export
 from flexspline.files import atomic_write
-from flexspline.logs.convert import write_log
 from flexspline.logs.log import Log
+from flexspline.logs.read import write_log
 from flexspline.part import Part
 
 HITS = 8  # kills in the middle of a write, of each kind

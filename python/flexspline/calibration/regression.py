@@ -1,4 +1,4 @@
-"""The regression itself, by the sums, the solver and the noise model of `flexspline.fit`.
+"""The regression of a calibration, by the sums, the solver and the noise model of fits.
 
 The voltage is regressed on the reference, not the reference on the voltage as (25) has it: the
 reference is the trusted one, and noise in a regressor pulls its coefficient towards zero by
@@ -6,6 +6,31 @@ noise²/(noise² + signal²), however long the log. Noise of the voltage (amplif
 then only widens the errors; k = 1/s. What noise of the reference does is small, and reported.
 
 The thermal lag is a shape: an outer search around the linear solve, as in `fit.shapes`.
+
+The rows of the regression: what the bridge's voltage is made of.
+
+    V = s τ + v₀ + Σ_k d_k (T_b − T₀)^k + h (T − T_b),      k = 1 … degree
+
+This is zhang_disturbance_elimination (10) solved for V, and (11) where τ = 0. The drift's columns
+come from the core's compensation, fed with one coefficient at a time, so that what is fitted is
+what runs on the joint.
+
+What a sensor does beyond a straight line, for the noise model alone.
+
+Bend and hysteresis repeat with every cycle: they are figures of the sensor, not noise. Left in the
+residual they would pass for very slow noise, and the errors of k and zero would be those of an
+experiment in which the sensor is bent another way each time. So the noise is that which is left
+beside a square, a cube, and elastic-plastic elements in series (Prandtl and Ishlinskii) of the
+reference; the coefficients themselves, and what is said of their errors' size, are those of the
+straight line. Reference and temperature enter without their own noise, as centres of plays that
+they pull along: a noise model that whitens strongly would otherwise explain noise by noise.
+
+Residuals on rows that the regression never saw.
+
+Whole runs are left out where there are at least four and the others still hold load and
+temperature, else contiguous blocks. The lag is found again for each, within a factor of four of
+that of all: the sums of blocks at a grid of lags serve every fold, a parabola through the best
+three says where between them.
 """
 
 from __future__ import annotations
@@ -18,22 +43,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline import _core
-from flexspline.calibration.drift import Shape, drift_columns, rows_of, target_of
 from flexspline.calibration.runs import CalibrationRun
-from flexspline.calibration.structure import beside_structure, quiet
 from flexspline.least_squares.noise_model import BLOCK, Chunk, noise_model
 from flexspline.least_squares.sums import Solution, Sums, solve
 from flexspline.least_squares.uncertainty import Uncertainty, parameter_uncertainty
-from flexspline.logs.segments import median_step
+from flexspline.least_squares.validation import BLOCKS, FARTHEST, RUNS_NEEDED
+from flexspline.logs.quantisation import white_noise
+from flexspline.logs.segments import median_step, play
 
 __all__ = [
     "Lag",
     "Regression",
+    "Shape",
+    "Validation",
+    "cross_validate",
+    "drift_columns",
+    "quiet",
     "regress",
     "residuals_of",
-    "search_lag",
-    "solution_of",
-    "sums_of",
+    "rows_of",
+    "target_of",
 ]
 
 Array = NDArray[np.float64]
@@ -46,6 +75,12 @@ NEAR_BOUND = 1e-3
 BEND = 1e-3  # of the lag, relative, for the central difference
 LONG = 1_000_000  # rows from which the noise model reads one chunk of several
 LEAST_LAG_STEPS = 2.0
+
+SLACK = 5.0  # standard deviations of white noise that a play does not follow
+SLIPS = (1 / 24, 1 / 12, 1 / 6, 1 / 3)  # of the largest reference
+
+VALIDATION_GRID = 17
+CARRIES = 0.5  # of the spread of load and temperature that has to stay when a run is left out
 
 
 @dataclass(frozen=True)
@@ -209,3 +244,213 @@ def _basis(rows: Sequence[Array], residuals: Sequence[Array]) -> Array:
     high = np.concatenate([block[0] for block in blocks])
     low = np.concatenate([block[1] for block in blocks])
     return solve(*_core.merge(high, low, list(range(len(blocks))))).basis
+
+
+@dataclass(frozen=True)
+class Shape:
+    """What is regressed on what.
+
+    `degree`: of the drift, 0 for none. `reference_temperature`: T₀, °C. `lag`: s, of T_b behind T,
+    0 for T_b = T. `gradient`: whether h is fitted; `held_gradient`: Nm/K, taken off the reference
+    beforehand. `sensitivity`: whether s is fitted; `held_sensitivity`: Nm/V, known, or None.
+    """
+
+    degree: int
+    reference_temperature: float
+    lag: float
+    gradient: bool
+    held_gradient: float
+    sensitivity: bool
+    held_sensitivity: float | None
+
+    @property
+    def names(self) -> list[str]:
+        """Of the columns, in order."""
+        drift = [f"drift_{k}" for k in range(1, self.degree + 1)]
+        return [
+            *(["sensitivity"] if self.sensitivity else []),
+            "zero",
+            *drift,
+            *(["gradient"] if self.gradient else []),
+        ]
+
+
+def drift_columns(run: CalibrationRun, shape: Shape) -> Array:
+    """(N, degree + 1): (T_b − T₀)^k, and T − T_b last; units K^k."""
+    if run.temperature is None:
+        return np.zeros((len(run), 1))
+    ones = np.eye(max(shape.degree, 1))
+    fed = [(tuple(row), 0.0) for row in ones[: shape.degree]] + [((0.0,), 1.0)]
+    columns = [
+        _core.temperature_compensation(
+            run.log["time"],
+            run.temperature,
+            coefficients=coefficients,
+            reference_temperature=shape.reference_temperature,
+            gradient=gradient,
+            thermal_lag=shape.lag,
+        )
+        for coefficients, gradient in fed
+    ]
+    return np.column_stack(columns)
+
+
+def rows_of(run: CalibrationRun, shape: Shape, drift: Array | None = None) -> Array:
+    """(N, P), columns as in `shape.names`. `drift`: of `drift_columns`, if they are there."""
+    drift = drift_columns(run, shape) if drift is None else drift
+    columns = [np.ones((len(run), 1)), drift[:, : shape.degree]]
+    if shape.sensitivity:
+        columns.insert(0, _torque(run, shape, drift)[:, None])
+    if shape.gradient:
+        columns.append(drift[:, -1:])
+    return np.asfortranarray(np.hstack(columns))
+
+
+def target_of(run: CalibrationRun, shape: Shape, drift: Array | None = None) -> Array:
+    """(N,), V: the voltage, less what a known sensitivity says of it."""
+    if shape.held_sensitivity is None:
+        return run.voltage
+    drift = drift_columns(run, shape) if drift is None else drift
+    return np.asarray(run.voltage - _torque(run, shape, drift) / shape.held_sensitivity)
+
+
+def _torque(run: CalibrationRun, shape: Shape, drift: Array) -> Array:
+    if shape.held_gradient == 0.0:
+        return run.torque
+    return np.asarray(run.torque - shape.held_gradient * drift[:, -1])
+
+
+def quiet(run: CalibrationRun) -> CalibrationRun:
+    """The run with reference and temperature as they would be without their white noise."""
+    warmth = run.temperature
+    return replace(
+        run,
+        torque=_held(run.torque) if run.loaded else run.torque,
+        temperature=None if warmth is None else _held(warmth),
+    )
+
+
+def _held(values: Array) -> Array:
+    slack = SLACK * white_noise(values)
+    return play(values, slack) if slack > 0.0 else values
+
+
+def structure_columns(run: CalibrationRun, largest: float) -> Array:
+    """(N, 6), of order one; zeros where the run is without load."""
+    if not run.loaded:
+        return np.zeros((len(run), 2 + len(SLIPS)))
+    share = run.torque / largest
+    bend = [share**2, share**3]
+    return np.column_stack(bend + [share - play(share, slip) for slip in SLIPS])
+
+
+def beside_structure(
+    runs: Sequence[CalibrationRun], rows: Sequence[Array], residuals: Sequence[Array]
+) -> tuple[list[Array], list[Array], Solution]:
+    """Rows with the columns of structure, residuals without its share, and the solution.
+
+    Parameters
+    ----------
+    runs : quiet ones.
+    rows : (N, P) for each run; residuals: (N,), V.
+    """
+    largest = max(float(np.abs(run.torque).max()) for run in runs) or 1.0
+    wide = [
+        np.asfortranarray(np.hstack([r, structure_columns(run, largest)]))
+        for run, r in zip(runs, rows, strict=True)
+    ]
+    blocks = [
+        _core.accumulate_rows(w, v, [(0, len(w))], None, True, 1)
+        for w, v in zip(wide, residuals, strict=True)
+    ]
+    high = np.concatenate([block[0] for block in blocks])
+    low = np.concatenate([block[1] for block in blocks])
+    solution = solve(*_core.merge(high, low, list(range(len(blocks)))))
+    left = [np.asarray(v - w @ solution.coefficients) for w, v in zip(wide, residuals, strict=True)]
+    return wide, left, solution
+
+
+@dataclass(frozen=True)
+class Validation:
+    """Held-out residuals, V, an array (N,) for each run. `by`: "runs" or "blocks".
+
+    `rmses`: (folds,), V, of each part that was left out, and `labels` what it was.
+    """
+
+    residuals: tuple[Array, ...]
+    by: str
+    rmses: Array
+    labels: tuple[str, ...]
+
+
+def cross_validate(runs: Sequence[CalibrationRun], made: Regression) -> Validation:
+    """Leave out one run, or one block, after the other."""
+    by_runs = len(runs) >= RUNS_NEEDED and all(_carried(runs, k) for k in range(len(runs)))
+    edges = [_edges(run, len(runs), by_runs) for run in runs]
+    sums = sums_of(runs, made.shape, edges)
+    grid = _lag_grid(made)
+    at_grid = [sums_of(runs, replace(made.shape, lag=lag), edges) for lag in grid]
+    held_out = [np.full(len(run), np.nan) for run in runs]
+    parts = [(k, a, b) for k, cuts in enumerate(edges) for a, b in pairwise(cuts)]
+    for fold, (number, first, last) in enumerate(parts):
+        others = [other for other in range(len(parts)) if other != fold]
+        shape = made.shape
+        if made.lag_free:
+            squares = [solution_of(s, others).residual_squares for s in at_grid]
+            shape = replace(shape, lag=_least(grid, np.array(squares)))
+        solution = solution_of(sums if shape == made.shape else sums_of(runs, shape, edges), others)
+        residual = residuals_of([runs[number]], shape, solution)[0]
+        held_out[number][first:last] = residual[first:last]
+    rmses = np.array([_rms(held_out[k][a:b]) for k, a, b in parts])
+    labels = tuple(_label(runs[k], a, b, by_runs) for k, a, b in parts)
+    return Validation(tuple(held_out), "runs" if by_runs else "blocks", rmses, labels)
+
+
+def _lag_grid(made: Regression) -> Array:
+    """Lags around that of all rows, s; none where it is not fitted."""
+    if not made.lag_free:
+        return np.empty(0)
+    return np.asarray(made.shape.lag * np.exp(np.linspace(-FARTHEST, FARTHEST, VALIDATION_GRID)))
+
+
+def _least(grid: Array, squares: Array) -> float:
+    """The lag of least squares: the vertex through the best point and its neighbours."""
+    best = int(np.argmin(squares))
+    if not 0 < best < len(grid) - 1:
+        return float(grid[best])
+    before, at, behind = squares[best - 1 : best + 2]
+    bend = before - 2.0 * at + behind
+    if not bend > 0.0:
+        return float(grid[best])
+    step = np.log(grid[1] / grid[0])
+    return float(grid[best] * np.exp(0.5 * step * (before - behind) / bend))
+
+
+def _edges(run: CalibrationRun, count: int, by_runs: bool) -> list[int]:
+    parts = 1 if by_runs else max(2, round(BLOCKS / count))
+    return [int(row) for row in np.linspace(0, len(run), parts + 1)]
+
+
+def _carried(runs: Sequence[CalibrationRun], left_out: int) -> bool:
+    """Whether the other runs hold enough of the load and of the temperatures."""
+    others = [run for k, run in enumerate(runs) if k != left_out]
+    return _spread(others) >= CARRIES * _spread(runs) and (
+        _spread(others, warmth=True) >= CARRIES * _spread(runs, warmth=True)
+    )
+
+
+def _spread(runs: Sequence[CalibrationRun], *, warmth: bool = False) -> float:
+    """Standard deviation of load or temperature over all rows; 0 without."""
+    columns = [run.temperature if warmth else run.torque for run in runs]
+    return float(np.std(np.concatenate([c if c is not None else np.zeros(1) for c in columns])))
+
+
+def _label(run: CalibrationRun, first: int, last: int, by_runs: bool) -> str:
+    if by_runs:
+        return run.log.name
+    time = run.log["time"]
+    return f"{run.log.name}, {time[first]:.4g} to {time[last - 1]:.4g} s"
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))

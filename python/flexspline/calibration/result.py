@@ -1,9 +1,9 @@
-"""What a calibration found."""
+"""What a calibration found: its runs with their legs and points, and what is to be said of it."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -11,25 +11,48 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.calibration.drift import Shape
-from flexspline.calibration.figures import Figure
-from flexspline.calibration.legs import Leg, Points
-from flexspline.calibration.thermal import Thermal, ThermalLeg
-from flexspline.calibration.views import CalibratedRun
+from flexspline.calibration.accuracy import (
+    Figure,
+    Leg,
+    Points,
+    legs_of,
+    load_figures,
+    points_on,
+    slack_of,
+)
+from flexspline.calibration.parameters import Estimators, compensation_torque
+from flexspline.calibration.regression import Regression, Shape, drift_columns
+from flexspline.calibration.runs import CalibrationRun, why_unexcited
+from flexspline.calibration.thermal import (
+    Thermal,
+    ThermalLeg,
+    thermal_figures,
+    thermal_legs,
+    thermal_means,
+)
 from flexspline.errors import InputError, did_you_mean, listed
 from flexspline.estimators import Calibration, TemperatureCompensation
 from flexspline.least_squares.identifiability import Confounded
 from flexspline.least_squares.result import Parameter
 from flexspline.least_squares.uncertainty import Uncertainty
+from flexspline.logs.log import Log
+from flexspline.logs.quantisation import white_noise
 from flexspline.model import Model
 from flexspline.rendering import render
 
 if TYPE_CHECKING:
     import pandas
 
-__all__ = ["CalibrationResult"]
+__all__ = ["CalibratedRun", "CalibrationResult", "views_of", "warnings_of"]
 
 Array = NDArray[np.float64]
+
+WHOLE_LEG = 0.5  # of the reference's span
+
+ATTENUATES = 0.5  # of the sensitivity's standard error
+LAG_SHOWS = 2.0  # thermal hysteresis over what noise would show
+MOST_OF_IT = 0.8  # of the full scale
+DISAGREES = 0.002  # of the sensitivity
 
 
 @dataclass(frozen=True)
@@ -47,7 +70,7 @@ class CalibrationResult:
     runs : errors of reading, row by row.
     legs, points : of the reference: rising and falling, plateaus or bins on them.
     thermal_legs, thermal : of the temperature.
-    figures : in %FS, see `flexspline.calibration.figures`.
+    figures : in %FS, see `flexspline.calibration.accuracy`.
     full_scale : Nm, and `full_scale_source`: "given", "model" or "reference", the largest one.
     sensitivity_reason : why the runs do not determine the sensitivity, "" where they do.
     validated_by : "runs" or "blocks"; `fold_rmses`: of each that was left out, in `unit`.
@@ -196,3 +219,239 @@ class CalibrationResult:
 
 def _rms(columns: Sequence[Array]) -> float:
     return float(np.sqrt(np.mean(np.concatenate(columns) ** 2)))
+
+
+@dataclass(frozen=True)
+class CalibratedRun:
+    """One run, arrays (N,). `voltage` V, `reference` Nm, `temperature` °C or None.
+
+    `error`: reading less reference with the compensation, `uncompensated`: without, `held_out`:
+    of regressions that never saw the row; Nm, or V where the sensitivity is not known.
+    """
+
+    log: Log
+    voltage: Array
+    reference: Array
+    temperature: Array | None
+    error: Array
+    uncompensated: Array
+    held_out: Array
+
+
+@dataclass(frozen=True)
+class Views:
+    """What a result shows of its runs."""
+
+    runs: tuple[CalibratedRun, ...]
+    legs: tuple[Leg, ...]
+    points: Points | None
+    thermal_legs: tuple[ThermalLeg, ...]
+    thermal: Thermal | None
+    figures: tuple[Figure, ...]
+
+
+def views_of(
+    runs: Sequence[CalibrationRun],
+    made: Regression,
+    estimators: Estimators,
+    held_out: Sequence[Array],
+) -> Views:
+    """Apply the estimators to the runs and look at what is left.
+
+    Parameters
+    ----------
+    held_out : V, an array (N,) for each run.
+    """
+    seen = [
+        _calibrated(run, made, estimators, residual, other)
+        for run, residual, other in zip(runs, made.residuals, held_out, strict=True)
+    ]
+    full_scale = estimators.full_scale if estimators.calibration is not None else None
+    long_run = float(np.sqrt(made.uncertainty.noise.long_run_variance))
+    legs, points, why = _load(runs, seen, estimators, long_run)
+    thermal, told, cold = _warmth(seen, full_scale)
+    figures = (
+        *load_figures(legs, points, full_scale, why),
+        *thermal_figures(thermal, full_scale, cold),
+    )
+    return Views(tuple(seen), tuple(legs), points, tuple(told), thermal, figures)
+
+
+def _calibrated(
+    run: CalibrationRun,
+    made: Regression,
+    estimators: Estimators,
+    residual: Array,
+    held_out: Array,
+) -> CalibratedRun:
+    calibration = estimators.calibration
+    scale = 1.0 if calibration is None else calibration.sensitivity
+    error = scale * residual
+    if calibration is None:
+        first, shape = len(made.coefficients) - made.shape.degree - made.shape.gradient, made.shape
+        columns = drift_columns(run, shape)[:, : shape.degree + shape.gradient]
+        uncompensated = error + columns @ made.coefficients[first:]
+    else:
+        added = compensation_torque(estimators.compensation, run.log["time"], run.temperature)
+        uncompensated = error - added
+    return CalibratedRun(
+        run.log,
+        run.voltage,
+        run.torque,
+        run.temperature,
+        error,
+        np.asarray(uncompensated),
+        scale * held_out,
+    )
+
+
+def _load(
+    runs: Sequence[CalibrationRun],
+    seen: Sequence[CalibratedRun],
+    estimators: Estimators,
+    long_run: float,
+) -> tuple[list[Leg], Points | None, str]:
+    """Legs of the reference and points on them; why there are none."""
+    why = why_unexcited(runs)
+    if why:
+        return [], None, why
+    if estimators.calibration is None:
+        return [], None, "the sensitivity is not determined"
+    columns = [run.torque for run in runs]
+    span = max(float(c.max()) for c in columns) - min(float(c.min()) for c in columns)
+    slack = slack_of([run.torque for run in runs if run.loaded])
+    legs = legs_of(columns, slack, WHOLE_LEG * span)
+    looked_at = [
+        np.column_stack([run.error, run.voltage + (run.error - run.uncompensated)
+                         / estimators.calibration.sensitivity])
+        for run in seen
+    ]  # fmt: skip
+    if not legs:
+        return legs, None, ""
+    slow = (abs(estimators.calibration.sensitivity) * long_run, long_run)
+    return legs, points_on(legs, columns, looked_at, slack, slow), ""
+
+
+def _warmth(
+    seen: Sequence[CalibratedRun], full_scale: float | None
+) -> tuple[Thermal | None, list[ThermalLeg], str]:
+    """Means over temperature, its legs, and why there are none."""
+    temperatures = [run.temperature for run in seen if run.temperature is not None]
+    if len(temperatures) < len(seen):
+        return None, [], "temperature is left out"
+    legs = thermal_legs(temperatures)
+    errors = [np.column_stack([run.uncompensated, run.error]) for run in seen]
+    torques = [run.reference for run in seen]
+    thermal = thermal_means(legs, temperatures, torques, errors, full_scale)
+    told = [
+        ThermalLeg(
+            seen[leg.run].log.name,
+            leg.rising,
+            min(leg.first, leg.last),
+            max(leg.first, leg.last),
+            float(np.mean(seen[leg.run].error[leg.start : leg.stop])),
+            float(np.sqrt(np.mean(seen[leg.run].error[leg.start : leg.stop] ** 2))),
+        )
+        for leg in legs
+    ]
+    missing = "" if full_scale is not None else "in %FS it needs a sensitivity and a full scale"
+    return thermal, told, missing
+
+
+def warnings_of(
+    result: CalibrationResult, runs: Sequence[CalibrationRun], made: Regression
+) -> list[str]:
+    """Return sentences on what may be wrong with the result."""
+    return [
+        *_undetermined(result),
+        *_sign(result),
+        *_disagrees(result),
+        *_attenuation(result, runs),
+        *_lag(result, made),
+        *_beyond(result),
+        *([] if result.uncertainty.reliable else [result.uncertainty.statement]),
+    ]
+
+
+def _undetermined(result: CalibrationResult) -> Iterator[str]:
+    if not result.sensitivity_reason:
+        return
+    if result.calibration is None:
+        yield (
+            f"the sensitivity is not determined: {result.sensitivity_reason}; the drift is fitted "
+            "in volts alone and the model receives no estimator; add a run with load, or give the "
+            "sensitivity"
+        )
+    else:
+        yield (
+            f"the sensitivity, {result.calibration.sensitivity:.6g} Nm/V, is taken as known: "
+            f"{result.sensitivity_reason}"
+        )
+    if "stays at" in result.sensitivity_reason and result.calibration is None:
+        yield "the zero holds the load that the reference shows"
+
+
+def _sign(result: CalibrationResult) -> Iterator[str]:
+    if result.calibration is not None and result.calibration.sensitivity < 0.0:
+        yield (
+            f"the sensitivity is negative, {result.calibration.sensitivity:.5g} Nm/V: the bridge "
+            "is wired that way round, or the reference has the wrong sign; if so ask for the "
+            "repair flip_sign=reference_torque"
+        )
+
+
+def _disagrees(result: CalibrationResult) -> Iterator[str]:
+    """A known sensitivity that the runs do not share: error = (k / k_own − 1) τ."""
+    if result.calibration is None or result.points is None or result.shape.sensitivity:
+        return
+    slope = float(np.polyfit(result.points.x, result.points.y[:, 0], 1)[0])
+    if abs(slope) > DISAGREES:
+        own = result.calibration.sensitivity / (1.0 + slope)
+        yield (
+            f"the runs by themselves say {own:.5g} Nm/V, {100 * abs(slope):.2g} % beside the "
+            "sensitivity given; leave it out to fit it"
+        )
+
+
+def _attenuation(result: CalibrationResult, runs: Sequence[CalibrationRun]) -> Iterator[str]:
+    """Noise of the reference makes s too small, k too large, by noise²/signal²."""
+    loaded = [run.torque for run in runs if run.loaded]
+    known = [p for p in result.torque_parameters if p.name == "sensitivity" and p.state == "fitted"]
+    if not known or not loaded:
+        return
+    noise = max(white_noise(torque) for torque in loaded)
+    share = noise**2 / float(np.var(np.concatenate(loaded)))
+    if share * abs(known[0].value) > ATTENUATES * known[0].standard_error:
+        yield (
+            f"noise of the reference, {noise:.2g} Nm, makes the sensitivity too large by about "
+            f"{100 * share:.2g} %: average the reference, or load higher"
+        )
+
+
+def _lag(result: CalibrationResult, made: Regression) -> Iterator[str]:
+    parted = result.figure("thermal hysteresis, compensated")
+    shows = parted.percent is not None and parted.percent > LAG_SHOWS * (parted.noise or 0.0)
+    if made.lag is None and made.shape.lag == 0.0 and shows:
+        yield (
+            f"heating and cooling part by {parted.torque:.3g} Nm at the same temperature: the "
+            "body lags the thermometer; thermal_lag='fit' (--thermal-lag fit) may remove it"
+        )
+    if made.lag is not None and made.lag.bound:
+        side = "lower" if made.lag.bound < 0 else "upper"
+        yield (
+            f"the thermal lag ended on its {side} bound, {made.lag.value:.3g} s: these runs do not "
+            "show one; give thermal_lag=0 or record slower and faster changes of temperature"
+        )
+    if made.lag is not None and made.lag.flat:
+        yield "the runs say nothing of a thermal lag: the temperature does not change"
+
+
+def _beyond(result: CalibrationResult) -> Iterator[str]:
+    """Full scale beyond what was loaded: the figures are extrapolated."""
+    largest = max(float(np.abs(run.reference).max()) for run in result.runs)
+    whole = result.full_scale if result.full_scale_source == "given" else None
+    if whole is not None and not result.sensitivity_reason and largest < MOST_OF_IT * whole:
+        yield (
+            f"the reference reaches {largest:.4g} Nm of a full scale of {whole:.4g} Nm: the "
+            "figures say nothing of the rest"
+        )

@@ -19,8 +19,8 @@ from flexspline.estimators import Thermistor
 from flexspline.logs.channels import CHANNELS
 from flexspline.logs.checks import check
 from flexspline.logs.checks.findings import Finding
-from flexspline.logs.grain import quantum, white_noise
 from flexspline.logs.log import Log
+from flexspline.logs.quantisation import quantum, white_noise
 from flexspline.logs.segments import runs as unbroken
 from flexspline.requirements import IMAGINABLE
 

@@ -17,8 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.calibration.figures import Figure
-from flexspline.calibration.legs import Leg, legs_of, slack_of
+from flexspline.calibration.accuracy import Figure, Leg, legs_of, slack_of
 
 __all__ = [
     "Thermal",

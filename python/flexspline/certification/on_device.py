@@ -13,7 +13,7 @@ from flexspline.estimation.preprocessing import BANDWIDTH
 from flexspline.estimation.result import Estimate
 from flexspline.estimators import Differentiator, Estimator, ReadingChecks
 from flexspline.estimators.differentiator import DERIVED
-from flexspline.formatting.numbers import short
+from flexspline.formatting import short
 from flexspline.logs.derive import differentiate
 from flexspline.logs.log import Log
 from flexspline.logs.segments import runs

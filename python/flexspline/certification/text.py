@@ -7,7 +7,7 @@ import textwrap
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from flexspline.formatting.numbers import short
+from flexspline.formatting import short
 
 if TYPE_CHECKING:
     from flexspline.certification.result import Certificate

@@ -8,19 +8,14 @@ import click
 
 from flexspline.about import __version__
 from flexspline.cli.calibrate import command as calibrate
-from flexspline.cli.certify import certify
-from flexspline.cli.check import check
 from flexspline.cli.compare import compare
 from flexspline.cli.contract import Commands
-from flexspline.cli.convert import convert
-from flexspline.cli.demo import demo
+from flexspline.cli.demo import demo, reproduce
 from flexspline.cli.discover import discover
-from flexspline.cli.estimate import estimate
-from flexspline.cli.export import export
+from flexspline.cli.export import certify, export
 from flexspline.cli.fit import fit
-from flexspline.cli.predict import predict
-from flexspline.cli.reproduce import reproduce
-from flexspline.cli.simulate import simulate
+from flexspline.cli.logs import check, convert
+from flexspline.cli.predict import estimate, predict, simulate
 
 __all__ = ["commands", "main"]
 

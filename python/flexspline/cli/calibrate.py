@@ -7,15 +7,13 @@ from typing import Any
 
 import click
 
-from flexspline.calibration.calibrating import FIT, calibrate
-from flexspline.cli.help import Taught, repairs
-from flexspline.cli.options import positive, reading
-from flexspline.cli.runs import Reading
+from flexspline.cli.options import Reading, Taught, positive, reading, repairs
 from flexspline.files import whole_folder
 
 __all__ = ["command"]
 
 NO_REFERENCE = "none"
+FIT = "fit"
 CONSTANTS = (
     "supply_voltage", "divider_resistance", "nominal_resistance", "beta", "nominal_temperature",
 )  # fmt: skip
@@ -131,6 +129,7 @@ def command(
       flexspline calibrate warmup.csv --reference none --into sensor/model.json --out sensor2
       flexspline calibrate load.csv warmup.csv --thermal-lag fit --gradient fit --out sensor
     """
+    from flexspline.calibration.calibrating import calibrate
     from flexspline.model import Model
 
     model = None if into is None else Model.load(into)

@@ -6,17 +6,20 @@ from pathlib import Path
 
 import click
 
-from flexspline.cli.help import Taught, repairs
 from flexspline.cli.options import (
+    Reading,
+    Taught,
     bandwidth,
     controller,
     known_load,
     lowpass,
+    on_terminal,
     reading,
+    repairs,
     simulation,
+    simulations,
     target,
 )
-from flexspline.cli.runs import Reading, on_terminal, simulations
 from flexspline.errors import InputError
 from flexspline.files import atomic_write, whole_folder
 

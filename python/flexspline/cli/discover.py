@@ -7,21 +7,25 @@ from typing import Any
 
 import click
 
-from flexspline.cli.help import Taught, effects_by_target, repairs
 from flexspline.cli.options import (
+    Reading,
+    Taught,
     bandwidth,
+    effects_by_target,
     fixed,
     known_load,
     lowpass,
     named,
     named_effects,
+    on_terminal,
     orders,
     reading,
+    repairs,
     simulation,
+    simulations,
     target,
     threads,
 )
-from flexspline.cli.runs import Reading, on_terminal, simulations
 from flexspline.errors import InputError
 from flexspline.experiment.limits import parsed_limits
 from flexspline.files import atomic_write, whole_folder

@@ -1,37 +1,59 @@
-"""Options that several commands share, and how their values are written."""
+"""Options that several commands share, how their values are written, and the runs they name.
+
+Help texts list what there is: effects and repairs.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any, TypeVar
+import sys
+import textwrap
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
+from tqdm import tqdm
 
-from flexspline.cli.runs import Reading
 from flexspline.effects import TARGETS, effect
-from flexspline.errors import InputError
+from flexspline.errors import InputError, printable
+
+if TYPE_CHECKING:
+    from flexspline.logs.log import Log
 
 __all__ = [
+    "Reading",
+    "Taught",
     "bandwidth",
     "controller",
+    "effects_by_target",
     "fixed",
     "known_load",
     "lowpass",
     "model",
     "named",
     "named_effects",
+    "on_terminal",
     "orders",
     "out_file",
     "positive",
     "reading",
+    "refuse_overwriting",
+    "repairs",
     "simulation",
+    "simulations",
     "strict",
     "target",
     "threads",
+    "warn",
 ]
 
 Command = TypeVar("Command", bound=Callable[..., Any])
+
+SIMULATED = "simulated_torque"  # the channel; its own module takes long to import
+
+Section = Callable[[], tuple[str, list[tuple[str, str]]]]
 
 
 def positive(text: str) -> float:
@@ -239,3 +261,147 @@ def reading(columns_needed: bool = False) -> Callable[[Callable[..., Any]], Call
         return packed
 
     return add
+
+
+@dataclass(frozen=True)
+class Reading:
+    """How runs are read: the options that `cli.options.reading` adds.
+
+    Parameters
+    ----------
+    facts : of the joint; they overrule those in the files.
+    repair : repairs by name, in order.
+    columns : path of a column map, or None.
+    rate : Hz, of files without time stamps.
+    """
+
+    facts: Mapping[str, Any] = field(default_factory=dict)
+    repair: tuple[str, ...] = ()
+    columns: str | None = None
+    rate: float | None = None
+
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """What was given, as arguments of `read_log`."""
+        given = {**self.facts, "repair": self.repair, "rate": self.rate}
+        return {key: value for key, value in given.items() if value}
+
+    def logs(
+        self,
+        paths: Sequence[str],
+        known: Mapping[str, Any] | None = None,
+        simulated_torque: str | None = None,
+    ) -> list[Log]:
+        """Read all runs; `known` are facts of a model, used where a run has none of its own.
+
+        `simulated_torque`: the column of the runs that is read as the channel of that name.
+
+        Raises
+        ------
+        InputError
+            Where a file cannot be read, or is given twice.
+        """
+        for number, path in enumerate(paths):
+            if Path(path).resolve() in (Path(other).resolve() for other in paths[:number]):
+                raise InputError(f"{path}: is given twice; give each run once")
+        arguments = with_simulated(self._with_map(), simulated_torque)
+        quiet = not on_terminal()
+        return [
+            _completed(path, arguments, known or {})
+            for path in tqdm(paths, "reading", unit="run", disable=quiet, leave=False, delay=1.0)
+        ]
+
+    def _with_map(self) -> dict[str, Any]:
+        if self.columns is None:
+            return self.arguments
+        from flexspline.logs.read import read_map
+
+        sections = read_map(self.columns)
+        mapped = {"columns": sections["columns"], "facts": sections["facts"]}
+        return {**sections["read"], **mapped, **self.arguments}
+
+
+def simulations(
+    paths: Sequence[str], column: str | None, *, motion: bool = False
+) -> list[Log] | None:
+    """Read the files of a simulation; None where there are none.
+
+    Raises
+    ------
+    InputError
+        Where a file cannot be read.
+    """
+    from flexspline.logs.read import read_log
+
+    if not paths:
+        return None
+    arguments = with_simulated({}, None if motion else column)
+    return [read_log(path, **arguments) for path in paths]
+
+
+def with_simulated(arguments: Mapping[str, Any], column: str | None) -> dict[str, Any]:
+    """Return arguments of `read_log` that read a simulated column too."""
+    from flexspline.logs.channels import CHANNELS
+
+    if column is None or column in CHANNELS:
+        return dict(arguments)
+    columns = {**(arguments.get("columns") or {}), SIMULATED: column}
+    return {**arguments, "columns": columns}
+
+
+def on_terminal() -> bool:
+    """Whether somebody watches standard error: then there is a progress bar."""
+    return sys.stderr.isatty()
+
+
+def refuse_overwriting(out: str, inputs: Sequence[str]) -> None:
+    """Raise `InputError` where the file to write is one of those that are read."""
+    for path in inputs:
+        if Path(path).resolve() == Path(out).resolve():
+            raise InputError(f"--out {out}: would overwrite what is read; give another name")
+
+
+def warn(sentences: Sequence[str]) -> None:
+    """Print each sentence on a line of standard error."""
+    for sentence in sentences:
+        click.echo(f"flexspline: warning: {printable(sentence)}", err=True)
+
+
+def _completed(path: str, arguments: Mapping[str, Any], known: Mapping[str, Any]) -> Log:
+    from flexspline.logs.read import read_log, with_motor_torque
+
+    log = read_log(path, **arguments)
+    missing = {key: value for key, value in known.items() if key not in log.facts}
+    return with_motor_torque(log.with_facts(missing)) if missing else log
+
+
+class Taught(click.Command):
+    """A command whose help ends in lists that are made only when they are asked for."""
+
+    def __init__(self, *args: Any, sections: Sequence[Section] = (), **extra: Any) -> None:
+        super().__init__(*args, **extra)
+        self.sections = sections
+
+    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the lists."""
+        for section in self.sections:
+            title, rows = section()
+            with formatter.section(title):
+                formatter.write_dl(rows)
+        super().format_epilog(ctx, formatter)
+
+
+def effects_by_target() -> tuple[str, list[tuple[str, str]]]:
+    """Every effect of the catalogue, with the targets on which it acts."""
+    from flexspline.effects import CATALOGUE
+
+    title = "Effects (S: sensor_torque, M: motor_torque and motor_current, D: torsion)"
+    return title, [(e.name, f"{e.targets:<3} {e.signature}") for e in CATALOGUE.values()]
+
+
+def repairs() -> tuple[str, list[tuple[str, str]]]:
+    """Every repair, as it is written."""
+    from flexspline.logs.repairs import REPAIRS, spelled
+
+    meanings = ((spelled(name), textwrap.fill(r.meaning)) for name, r in REPAIRS.items())
+    return "Repairs (none is done unless asked for)", list(meanings)

@@ -1,15 +1,37 @@
-"""`flexspline predict`: what a model says of a run, beside what was measured."""
+"""What a model says of a run: `flexspline predict`, `flexspline estimate`, `flexspline simulate`.
+
+`predict` puts it beside what was measured, `estimate` runs the production chain, and `simulate`
+drives the model forward from the inputs of the run.
+"""
 
 from __future__ import annotations
 
 import click
 
-from flexspline.cli.help import Taught, repairs
-from flexspline.cli.options import lowpass, model, out_file, reading, simulation, strict, target
-from flexspline.cli.runs import Reading, refuse_overwriting, simulations, warn
+from flexspline.cli.options import (
+    Reading,
+    Taught,
+    controller,
+    lowpass,
+    model,
+    out_file,
+    positive,
+    reading,
+    refuse_overwriting,
+    repairs,
+    simulation,
+    simulations,
+    strict,
+    target,
+    warn,
+)
 from flexspline.errors import InputError
 
-__all__ = ["predict"]
+__all__ = [
+    "estimate",
+    "predict",
+    "simulate",
+]
 
 
 @click.command(cls=Taught, sections=(repairs,))
@@ -50,8 +72,7 @@ def predict(
     import pandas
 
     from flexspline.files import atomic_writer
-    from flexspline.model import Model
-    from flexspline.model_warnings import refuse_warnings
+    from flexspline.model import Model, refuse_warnings
 
     refuse_overwriting(out, [run, model_path, *simulation])
     joint = Model.load(model_path)
@@ -83,3 +104,109 @@ def predict(
     rmse = np.sqrt(np.mean(residual**2)) if residual.size else np.nan
     gap = f"RMSE {rmse:.4g} {found.unit}" if residual.size else "nothing measured to compare with"
     click.echo(f"{log.name}: {part.target} of {len(log)} rows predicted, {gap}; wrote {out}")
+
+
+def _bits() -> tuple[str, list[tuple[str, str]]]:
+    """Every bit of the status column."""
+    from flexspline.estimation.status import MEANING
+
+    return "Status, a sum of", [(str(int(bit)), meaning) for bit, meaning in MEANING.items()]
+
+
+@click.command(cls=Taught, sections=(_bits, repairs))
+@click.argument("run", metavar="RUN.csv")
+@model
+@out_file("FILE.csv")
+@click.option(
+    "--bandwidth",
+    type=positive,
+    metavar="HZ",
+    help="Of the velocity that is derived where run and model have none; default 20.",
+)
+@reading()
+def estimate(
+    run: str, model_path: str, out: str, bandwidth: float | None, reading: Reading
+) -> None:
+    """Run the model's estimators over a run, sample by sample, as the joint would.
+
+    FILE.csv receives time, temperature, sensor_torque (compensated) and external_torque_sensor;
+    external_torque_observer, _compliance, _compliant_observer and _merged and contact where the
+    model holds the estimator; and status. One row for each row of the run, torques in Nm at the
+    output, positive where the joint pushes in the positive direction. A value is empty where
+    its stage had nothing to work with; status says which.
+
+    \b
+    Example:
+      flexspline estimate --model joint/model.json run3.csv --out external.csv
+    """
+    from flexspline.estimation import estimate as run_chain
+    from flexspline.model import Model
+
+    refuse_overwriting(out, [run, model_path])
+    joint = Model.load(model_path)
+    (log,) = reading.logs([run], joint.facts)
+    made = run_chain(joint, log, bandwidth=bandwidth)
+    made.save(out)
+    click.echo(str(made))
+    click.echo(f"wrote {out}")
+
+
+@click.command(cls=Taught, sections=(repairs,))
+@click.argument("run", metavar="RUN.csv")
+@model
+@controller
+@out_file("FILE.csv")
+@target(required=False)
+@click.option(
+    "--steps",
+    type=click.IntRange(1),
+    metavar="N",
+    help="Integration steps from row to row; without it as many as are needed.",
+)
+@click.option(
+    "--horizon",
+    type=positive,
+    metavar="S",
+    help="Seconds after which a drive begins anew from the measured state; without it never.",
+)
+@reading()
+def simulate(
+    run: str,
+    model_path: str,
+    controller: str | None,
+    out: str,
+    target: str | None,
+    steps: int | None,
+    horizon: float | None,
+    reading: Reading,
+) -> None:
+    """Drive a model forward through a run, without looking at its measured motion.
+
+    A drive starts at the first row's angle and velocity and moves as the motor torque, the load
+    and its own friction, inertia, gravity and ripple make it: friction truly holds it at rest. With
+    --controller the motor torque is that of a servo law, which reads the channel
+    commanded_position. A torsion part gives the output's angle from the motor's, a sensor part its
+    reading. FILE.csv receives the simulated channels, one row for each row of the run.
+
+    \b
+    servo.json, gains per rad at the output, torque at the motor's shaft:
+      {"position_gain": 40.0, "velocity_gain": 1.5, "integral_gain": 0.0, "limit": 2.0,
+       "torque": 1.0, "back_emf": 0.0, "encoder_step": 0.0015, "supply": false}
+
+    \b
+    Examples:
+      flexspline simulate --model joint/model.json run3.csv --out motion.csv
+      flexspline simulate --model joint/model.json run3.csv --controller servo.json --out motion.csv
+    """
+    from flexspline.forward import simulate as simulate_run
+    from flexspline.model import Model
+
+    refuse_overwriting(out, [run, model_path, *([controller] if controller else [])])
+    joint = Model.load(model_path)
+    joint.part(target)
+    (log,) = reading.logs([run], joint.facts)
+    made = simulate_run(
+        joint, log, target=target, controller=controller, steps_per_sample=steps, horizon=horizon
+    )
+    made.save(out)
+    click.echo(f"{made}\nwrote {out}")

@@ -1,4 +1,17 @@
-"""Thresholds, what they promise, and what that promise rests on."""
+"""Thresholds, what they promise, what that promise rests on, and how late contacts are found.
+
+How late a contact is found, and which contacts are found at all.
+
+A torque F that sets in at once reaches the observer's output as F (1 − e^(−K t)), so with the
+threshold Υ
+
+    found after     t = −ln(1 − Υ / F) / K          for F > Υ, never otherwise
+    found at all    F ≥ Υ / (1 − e^(−K d))          for a contact that lasts d
+
+to which the detector adds up to one period. Noise σ of the residual moves the threshold that has to
+be passed for a detection with probability P to Υ + z(P) σ, z the normal quantile.
+Source: zhang_disturbance_elimination (19), (22).
+"""
 
 from __future__ import annotations
 
@@ -7,19 +20,28 @@ from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+from scipy import special
 
 from flexspline import _core
 from flexspline.collision.residual import Residual
 from flexspline.errors import InputError
 from flexspline.estimators.collision import Collision
 from flexspline.logs.segments import runs
-from flexspline.plain import plain_json
+from flexspline.schema import plain_json
 
 if TYPE_CHECKING:
     import pandas
 
-__all__ = ["DetectorCalibration", "Threshold", "proven_rate"]
+__all__ = [
+    "DetectorCalibration",
+    "Threshold",
+    "detection_delay",
+    "proven_rate",
+    "smallest_detectable_torque",
+]
+
+Array = NDArray[np.float64]
 
 
 def proven_rate(hours: float, confidence: float = 0.95) -> float:
@@ -222,3 +244,73 @@ class DetectorCalibration:
     def _require(self, joint: int) -> None:
         if not 1 <= joint <= self.joints:
             raise InputError(f"detector: no joint {joint}; it watches joints 1 to {self.joints}")
+
+
+def detection_delay(
+    torque: ArrayLike,
+    threshold: float,
+    gain: float,
+    *,
+    noise: float = 0.0,
+    probability: float = 0.5,
+) -> Array:
+    """Return the time from the beginning of a contact to its detection [s]; infinite if never.
+
+    Parameters
+    ----------
+    torque : Nm, size of the contact, any shape.
+    threshold : Nm.
+    gain : K of the observer, 1/s.
+    noise : Nm, standard deviation of the residual.
+    probability : that the contact is found by then.
+
+    Raises
+    ------
+    InputError
+        Where threshold or gain are not above zero, or the probability is not within 0 and 1.
+    """
+    needed = _needed(threshold, gain, noise, probability)
+    with np.errstate(divide="ignore"):
+        share = np.minimum(needed / np.abs(np.asarray(torque, dtype=float)), 1.0)
+        return np.asarray(-np.log1p(-share) / gain)
+
+
+def smallest_detectable_torque(
+    duration: ArrayLike,
+    threshold: float,
+    gain: float,
+    *,
+    noise: float = 0.0,
+    probability: float = 0.5,
+) -> Array:
+    """Return the smallest torque that is found if it lasts `duration` seconds [Nm].
+
+    Parameters
+    ----------
+    duration : s, any shape.
+    threshold, gain, noise, probability : as for `detection_delay`.
+
+    Raises
+    ------
+    InputError
+        As `detection_delay`, or where a duration is not above zero.
+    """
+    needed = _needed(threshold, gain, noise, probability)
+    lasting = np.asarray(duration, dtype=float)
+    if not (lasting > 0.0).all():
+        raise InputError(
+            f"detection: duration = {float(lasting.min()):g} s is not allowed; give one above zero"
+        )
+    return np.asarray(needed / -np.expm1(-gain * lasting))
+
+
+def _needed(threshold: float, gain: float, noise: float, probability: float) -> float:
+    for name, value in (("threshold", threshold), ("gain", gain)):
+        if not (np.isfinite(value) and value > 0.0):
+            raise InputError(f"detection: {name} = {value:g} is not allowed; give one above zero")
+    if not (noise >= 0.0 and 0.0 < probability < 1.0):
+        raise InputError(
+            f"detection: noise = {noise:g}, probability = {probability:g}; give noise of zero or "
+            "more and a probability between 0 and 1"
+        )
+    return max(threshold + float(special.ndtri(probability)) * noise, 0.0)

@@ -7,30 +7,44 @@ In band k with residual r, and e what is left when everything that it follows is
 Where the noise of what is measured is known, it is the floor instead.
 Where the velocity is too noisy for the model's friction, the floor is at least the floor of all
 rows plus what that noise does to the prediction. Errors count the noise's memory.
+
+Of one thing that the residual follows, the place on its axis where it is at work.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import groupby, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm as normal
 
-from flexspline.comparison.covariates import Covariate
-from flexspline.comparison.memory import Memory
-from flexspline.comparison.rows import Rows
-from flexspline.comparison.search import ALPHA, CellTests, Search
-from flexspline.comparison.turning import Turning
+from flexspline.comparison.covariates import Covariate, Turning
+from flexspline.comparison.effective_sample_size import Memory
+from flexspline.comparison.runs import Rows
+from flexspline.comparison.search import ALPHA, CellTest, CellTests, Search, Step
 
-__all__ = ["Band", "OrderPeak", "bands_of", "overall", "peaks_of", "worst_band"]
+__all__ = [
+    "Band",
+    "OrderPeak",
+    "Place",
+    "bands_of",
+    "overall",
+    "peaks_of",
+    "place_of",
+    "worst_band",
+]
 
 Array = NDArray[np.float64]
 
 LEAST_EFFECTIVE = 5.0  # rows that a band is worth, to be called the worst
 _DOUBTFUL = 0.25  # of the floor's square, from which the velocity's noise matters
+
+LARGE = 0.25  # of the largest mean square: half of the largest RMS
+BOTH = 0.1  # of the larger direction's mean square: still both directions
+NEAR_ZERO = 0.34  # a band from below this part of its upper end starts at 0 for what starts there
 
 
 @dataclass(frozen=True)
@@ -165,3 +179,74 @@ def _ends(covariate: Covariate) -> Sequence[tuple[float | None, float | None]]:
         return [(None, None)] * len(covariate.labels)
     closed = [float(e) if np.isfinite(e) else None for e in covariate.edges]
     return list(pairwise(closed))
+
+
+@dataclass(frozen=True)
+class Place:
+    """Bands (lower, upper) of a covariate, None where open, and directions, in which it is large.
+
+    `kinds`: labels instead of bands, for runs and directions, with `means` of each in the unit
+    of the comparison. `whole`: as large over the whole range. `turns_sign`: with the direction.
+    """
+
+    bands: tuple[tuple[float | None, float | None], ...]
+    directions: tuple[str, ...]
+    turns_sign: bool
+    kinds: tuple[str, ...]
+    means: tuple[float, ...]
+    whole: bool
+
+
+def place_of(step: Step, tested: CellTest) -> Place:
+    """Return where a step is large; `tested` are its cells."""
+    covariate = step.covariate
+    assert covariate is not None
+    power = np.maximum(step.fitted**2 - tested.error**2, 0.0) * (tested.rows / tested.tau >= 2.0)
+    total, count = covariate.bins(power * tested.rows), covariate.bins(tested.rows)
+    level = total / np.maximum(count, 1.0)
+    large = level >= LARGE * level.max()
+    weight = power * tested.rows * large[covariate.bin_of]
+    directions = _directions(covariate, weight)
+    turns = _turns_sign(covariate, np.sign(step.fitted) * weight)
+    if covariate.edges is None:
+        kinds = tuple(np.array(covariate.labels)[large].tolist())
+        means = covariate.bins(step.fitted * tested.rows) / np.maximum(count, 1.0)
+        return Place((), directions, turns, kinds, tuple(means[large].tolist()), False)
+    return Place(_bands(covariate, large), directions, turns, (), (), bool(large[count > 0].all()))
+
+
+def _bands(
+    covariate: Covariate, large: NDArray[np.bool_]
+) -> tuple[tuple[float | None, float | None], ...]:
+    edges = covariate.edges
+    assert edges is not None
+    found = []
+    for wanted, group in groupby(range(len(large)), key=lambda k: bool(large[k])):
+        if wanted:
+            members = list(group)
+            low, high = float(edges[members[0]]), float(edges[members[-1] + 1])
+            if edges[0] == 0.0 and np.isfinite(high) and low < NEAR_ZERO * high:
+                low = 0.0 if covariate.name != "position" else low
+            found.append((low if np.isfinite(low) else None, high if np.isfinite(high) else None))
+    return tuple(found)
+
+
+def _directions(covariate: Covariate, power: Array) -> tuple[str, ...]:
+    """ "forward" and "backward" where the share of each is large."""
+    each = [float(power[covariate.direction_of == way].sum()) for way in (1, 2)]
+    if not max(each) > 0.0:
+        return ()
+    return tuple(
+        word
+        for word, size in zip(("forward", "backward"), each, strict=True)
+        if size >= BOTH * max(each)
+    )
+
+
+def _turns_sign(covariate: Covariate, signed: Array) -> bool:
+    """Whether most of what is large has opposite signs in the two directions of its bin."""
+    forward, backward = (
+        covariate.bins(np.where(covariate.direction_of == way, signed, 0.0)) for way in (1, 2)
+    )
+    opposite = np.where(forward * backward < 0.0, np.abs(forward) + np.abs(backward), 0.0)
+    return bool(opposite.sum() > 0.5 * np.abs(signed).sum())

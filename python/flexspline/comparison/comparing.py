@@ -1,22 +1,34 @@
-"""`compare`: where a model and logs disagree, against the noise floor."""
+"""`compare`: where a model and logs disagree, against the noise floor.
+
+Where a simulation is the base, the model is a part without effects, whose prediction is the
+simulation's.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+import numpy as np
 from tqdm import tqdm
 
 from flexspline.errors import InputError
+from flexspline.logs.log import Log
+from flexspline.model import PART_OF, Model, Part
+from flexspline.simulator import Remark, take
 
 if TYPE_CHECKING:
     from flexspline.comparison.result import Comparison
     from flexspline.forward.servo import PositionServo
-    from flexspline.logs.log import Log
-    from flexspline.model import Model
 
-__all__ = ["compare"]
+__all__ = [
+    "Base",
+    "based",
+    "compare",
+]
+
+FACTS = ("joint", "gear_ratio", "output_spline", "pole_pairs", "slots", "torque_constant")
 
 
 def compare(
@@ -72,14 +84,13 @@ def compare(
 
     Notes
     -----
-    Sources: `comparison/search.py` (what the residual follows), `comparison/memory.py` (effective
-    samples), `logs/velocity.py` (errors in variables).
+    Sources: `comparison/search.py` (what the residual follows), `logs/derive.py` (errors in
+    variables), `comparison/effective_sample_size.py`.
     """
-    from flexspline.comparison.analysis import analysed
-    from flexspline.comparison.assemble import assembled
-    from flexspline.comparison.runs import predicted
-    from flexspline.comparison.simulated import simulated as by_simulation
-    from flexspline.comparison.simulated import simulated_elsewhere
+    from flexspline.comparison.result import assembled
+    from flexspline.comparison.runs import predicted, simulated_elsewhere
+    from flexspline.comparison.runs import simulated as by_simulation
+    from flexspline.comparison.search import analysed
     from flexspline.logs.log import Log
 
     runs = [logs] if isinstance(logs, Log) else list(logs)
@@ -101,8 +112,6 @@ def compare(
 
         notes: tuple[str, ...] = ()
         if foreign and not simulated_motion:
-            from flexspline.comparison.base import based
-
             base = based(model, runs, target, known_load, simulation, simulated_torque)
             model, runs = base.model, base.logs
             notes = tuple(remark.sentence for remark in base.remarks)
@@ -143,3 +152,53 @@ def _require_one_base(
             "simulated_motion compares the output_position of a simulation; give simulation, and "
             "neither a model nor simulated_torque"
         )
+
+
+@dataclass(frozen=True)
+class Base:
+    """A model to start from, the runs with what it reads, and what there is to say of these."""
+
+    model: Model
+    logs: list[Log]
+    remarks: tuple[Remark, ...]
+
+
+def based(
+    model: Model | None,
+    logs: Sequence[Log],
+    target: str | None,
+    known_load: str | None,
+    simulation: Log | Sequence[Log] | None,
+    column: str | None,
+) -> Base:
+    """Return the base that a simulation makes, alone or beneath the model that corrects it.
+
+    Parameters
+    ----------
+    model : None, or one whose part for the target corrects this simulation.
+    simulation, column : as for `take`; not None both.
+
+    Raises
+    ------
+    InputError
+        As `take`; for a model that is a base by itself, and where no target is given.
+    """
+    if model is None:
+        if target is None:
+            raise InputError("no target is given; give target='sensor_torque' or another one")
+        taken = take(logs, target, known_load, simulation, column)
+        part = Part(target, (), np.zeros(0), known_load, simulated=taken.simulated)
+        facts = {key: logs[0].facts[key] for key in FACTS if key in logs[0].facts}
+        return Base(Model({PART_OF[target]: part}, facts), list(taken.logs), taken.remarks)
+    part = model.part(target)
+    if part.simulated is None:
+        raise InputError(
+            "a model and a simulation are given, and each is a base by itself; give exactly one of "
+            "effects, a model, and a simulation"
+        )
+    known_load = known_load or part.known_load
+    taken = take(logs, part.target, known_load, simulation, column)
+    simulated = replace(taken.simulated, holds_load=part.simulated.holds_load)
+    part = replace(part, known_load=known_load, simulated=simulated)
+    parts = {**model.parts, PART_OF[part.target]: part}
+    return Base(replace(model, parts=parts), list(taken.logs), taken.remarks)

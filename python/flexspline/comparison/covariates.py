@@ -1,6 +1,13 @@
 """What a disagreement may depend on, each as bins, and as cells: a bin in one direction.
 
 A mean over both directions would hide friction, which changes its sign with the direction.
+
+Edges of bins are round numbers, with enough rows between them.
+
+Orders of what turns, as something that a residual may depend on.
+
+Orders are found in the residual by `flexspline.orders` (noise alone names one in a hundred
+logs). What they explain is a cosine and a sine for each order, direction by direction.
 """
 
 from __future__ import annotations
@@ -8,16 +15,28 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.comparison.edges import even_edges, growing_edges, in_bins, labels_of
-from flexspline.comparison.rows import Rows
-from flexspline.comparison.runs import Compared, ComparedRun
-from flexspline.logs.reversal import since_reversal
+from flexspline.comparison.runs import Compared, ComparedRun, Rows
+from flexspline.errors import InputError
+from flexspline.logs.segments import since_reversal
+from flexspline.orders import FoundOrder, OrderAnalysis, find_orders
+from flexspline.orders.parts import output_angle
 
-__all__ = ["DIRECTIONS", "Covariate", "covariates_of"]
+__all__ = [
+    "DIRECTIONS",
+    "Covariate",
+    "Turning",
+    "covariates_of",
+    "even_edges",
+    "growing_edges",
+    "in_bins",
+    "labels_of",
+    "turning_of",
+]
 
 Array = NDArray[np.float64]
 Cells = NDArray[np.int16] | NDArray[np.int32]
@@ -29,6 +48,17 @@ COARSE = 4
 FIRST_SINCE = 1e-3  # of the longest way since a reversal: the first edge
 _LEAST_SHARE, _LEAST_ROWS = 0.002, 30
 _TURN = 2.0 * np.pi
+
+_ROUND_GROWING = np.array([1.0, 1.5, 2.0, 3.0, 5.0, 7.0])
+_ROUND_STEPS = np.array([1.0, 2.0, 2.5, 5.0, 10.0])
+_SAMPLED = 200_000
+_DECADES = 4  # below the largest value that growing bins go
+
+SEARCHED_ROWS = 150_000
+MOST_ORDERS = 12
+FALSE_ALARM = 0.01
+CELLS = 1e4  # orders that a search looks at: what is left of one has to stand out of as many
+_CHUNK = 1 << 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,3 +233,153 @@ def _together(first: Covariate, second: Covariate, rows: Rows) -> Covariate:
     return Covariate(f"{first.name} and {second.name}", words, "", None, ("",) * 2, cells,
                      np.zeros(len(number), np.intp), second.direction_of[number % second.count],
                      False)  # fmt: skip
+
+
+def growing_edges(values: Array, least: int, first: float) -> Array:
+    """Return edges from 0 that grow by about a half each, the last one infinite.
+
+    Parameters
+    ----------
+    values : (N,), at least 0, any unit; rows not finite are left out.
+    least : rows that a bin must hold.
+    first : the smallest edge above 0: what is nearer cannot be told apart.
+    """
+    known, weight = _sampled(values)
+    if not len(known) or not known[-1] > 0.0:
+        return np.array([0.0, np.inf])
+    top = float(np.floor(np.log10(known[-1])))
+    marks = np.concatenate([_ROUND_GROWING * 10.0**k for k in np.arange(top - _DECADES, top + 1)])
+    marks = marks[(marks < known[-1]) & (marks >= first)]
+    return _merged(np.concatenate([[0.0], marks, [np.inf]]), known, weight, least)
+
+
+def even_edges(values: Array, least: int, bins: int) -> Array:
+    """Return about `bins` even bins between the 1 and 99 % points, open at both ends."""
+    known, weight = _sampled(values)
+    if len(known) < 2:
+        return np.array([-np.inf, np.inf])
+    low, high = np.quantile(known, [0.01, 0.99])
+    rough = max(high - low, 1e-9 * max(abs(high), abs(low))) / bins
+    if not rough > 0.0:
+        return np.array([-np.inf, np.inf])
+    scale = 10.0 ** np.floor(np.log10(rough))
+    step = scale * _ROUND_STEPS[np.searchsorted(_ROUND_STEPS, rough / scale - 1e-9)]
+    inner = step * np.arange(np.ceil(low / step), np.floor(high / step) + 1)
+    return _merged(np.concatenate([[-np.inf], inner, [np.inf]]), known, weight, least)
+
+
+def in_bins(values: Array, edges: Array) -> NDArray[np.int32]:
+    """Return the bin of each value, (N,); -1 where it is not finite."""
+    place = np.clip(np.searchsorted(edges[1:-1], values, side="right"), 0, len(edges) - 2)
+    return np.where(np.isfinite(values), place, -1).astype(np.int32)
+
+
+def labels_of(edges: Array, unit: str) -> tuple[str, ...]:
+    """Return what each bin is called, such as "0.1 to 0.2 rad/s"."""
+    return tuple(_label(low, high, unit) for low, high in pairwise(edges.tolist()))
+
+
+def _label(low: float, high: float, unit: str) -> str:
+    if low in (0.0, -np.inf) and high == np.inf:
+        return "all"
+    if low in (0.0, -np.inf):
+        return f"below {high:.3g} {unit}"
+    return f"above {low:.3g} {unit}" if high == np.inf else f"{low:.3g} to {high:.3g} {unit}"
+
+
+def _sampled(values: Array) -> tuple[Array, float]:
+    """Sorted finite values, thinned, and how many rows each stands for."""
+    step = max(1, len(values) // _SAMPLED)
+    known = values[::step]
+    return np.sort(known[np.isfinite(known)]), float(step)
+
+
+def _merged(edges: Array, known: Array, weight: float, least: int) -> Array:
+    """Drop edges until each bin holds `least` rows."""
+    below = weight * np.searchsorted(known, edges)
+    kept = [0]
+    for k in range(1, len(edges) - 1):
+        if below[k] - below[kept[-1]] >= least and below[-1] - below[k] >= least:
+            kept.append(k)
+    return np.asarray(edges[[*kept, len(edges) - 1]])
+
+
+@dataclass(frozen=True, eq=False)
+class Turning:
+    """The angle of the output (N,), rad, and the orders found, or why there are none."""
+
+    angle: Array
+    direction: NDArray[np.int8]
+    analysis: OrderAnalysis | None
+    why_not: str
+
+    @property
+    def found(self) -> tuple[FoundOrder, ...]:
+        """The largest orders."""
+        return () if self.analysis is None else self.analysis.found[:MOST_ORDERS]
+
+    def explained(self, rest: Array) -> tuple[Array, Array]:
+        """Return what the orders explain of `rest`, (N,), and their amplitudes (orders,)."""
+        orders = np.array([order.per_output_turn for order in self.found])
+        made, power = np.zeros(len(rest)), np.zeros(len(orders))
+        for way in (1, 2):
+            rows = np.flatnonzero(self.direction == way)
+            if len(rows) < 4 * len(orders) + 8:
+                continue
+            weights = self._weights(orders, rows, rest)
+            for part in np.array_split(rows, -(-len(rows) // _CHUNK)):
+                made[part] = self._columns(orders, part) @ weights
+            power += len(rows) / len(rest) * (weights.reshape(-1, 2) ** 2).sum(axis=1)
+        return made, np.sqrt(power)
+
+    def chance(self, amplitudes: Array) -> float:
+        """Return the probability that noise alone leaves any order as large as these."""
+        errors = np.array([max(order.error, 1e-300) for order in self.found])
+        surprise = float(np.max(0.5 * (amplitudes / errors) ** 2))
+        return min(1.0, CELLS * float(np.exp(-surprise)))
+
+    def _weights(self, orders: Array, rows: NDArray[np.intp], rest: Array) -> Array:
+        gram, moment = np.zeros((2 * len(orders),) * 2), np.zeros(2 * len(orders))
+        for part in np.array_split(rows, -(-len(rows) // _CHUNK)):
+            columns = self._columns(orders, part)
+            gram += columns.T @ columns
+            moment += columns.T @ rest[part]
+        return np.asarray(np.linalg.lstsq(gram, moment, rcond=1e-9)[0])
+
+    def _columns(self, orders: Array, rows: NDArray[np.intp]) -> Array:
+        phase = self.angle[rows, None] * orders
+        return np.stack([np.cos(phase), np.sin(phase)], axis=2).reshape(len(rows), -1)
+
+
+def turning_of(compared: Compared, rows: Rows, rest: Array) -> Turning:
+    """Find the orders in `rest`, (N,), of at most `SEARCHED_ROWS` rows in the middle of runs."""
+    logs = [run.log for run in compared.runs]
+    sides = ("output_position", "motor_position")
+    if not all(any(side in log for side in sides) for log in logs):
+        return _none(rows, "the runs hold no angle")
+    try:
+        angle = rows.column(compared, lambda run, k: output_angle(run.log))
+        values = _searched(compared, rows, rest)
+        analysis = find_orders(logs, values, false_alarm=FALSE_ALARM, unit=compared.unit)
+    except InputError as error:
+        return _none(rows, str(error))
+    return Turning(angle, rows.direction, analysis, "")
+
+
+def _none(rows: Rows, why: str) -> Turning:
+    return Turning(np.zeros(len(rows)), rows.direction, None, why)
+
+
+def _searched(compared: Compared, rows: Rows, rest: Array) -> list[Array]:
+    """Values of each run; NaN on rows that do not count or are too many."""
+    share = min(1.0, SEARCHED_ROWS / len(rows))
+    found, first = [], 0
+    for run, keep in zip(compared.runs, rows.counts, strict=True):
+        at = np.flatnonzero(keep)
+        skipped = round(0.5 * (1.0 - share) * len(at))
+        values = np.full(len(run.log), np.nan)
+        inside = at[skipped : len(at) - skipped]
+        values[inside] = rest[first + skipped : first + len(at) - skipped]
+        found.append(values)
+        first += len(at)
+    return found

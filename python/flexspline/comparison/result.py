@@ -1,18 +1,39 @@
-"""What a comparison found: prints, draws itself, and is plain data."""
+"""What a comparison found: prints, draws itself, and is plain data.
+
+`comparison.json` holds the same numbers for scripts, by the contract of the command line.
+
+Two sentences that say where measurement and model disagree most, made of the numbers.
+
+They say where, never why: a cause is not named here.
+"""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from flexspline.comparison.bands import Band, OrderPeak, worst_band
-from flexspline.comparison.locate import Place
-from flexspline.comparison.runs import ComparedRun
+import numpy as np
+
+from flexspline.about import __version__
+from flexspline.comparison.bands import (
+    Band,
+    OrderPeak,
+    Place,
+    bands_of,
+    overall,
+    peaks_of,
+    place_of,
+    worst_band,
+)
+from flexspline.comparison.runs import Compared, ComparedRun
+from flexspline.comparison.search import ALPHA, ORDERS, Analysis, Step
 from flexspline.errors import InputError, did_you_mean, listed
+from flexspline.prepared import bandwidth_used, inputs_json
 from flexspline.rendering import render
+from flexspline.schema import checked_json
 
 if TYPE_CHECKING:
     import pandas
@@ -22,7 +43,38 @@ if TYPE_CHECKING:
     from flexspline.orders import OrderAnalysis
     from flexspline.prepared import Preparation
 
-__all__ = ["Comparison", "Follows", "Remembered", "ranked"]
+__all__ = [
+    "Comparison",
+    "Remembered",
+    "assembled",
+    "floor_sentence",
+    "ranked",
+    "sentences",
+    "sized",
+]
+
+TURNS = "what turns with the joint"
+_ONCE = {"reversal_angle": "distance from reversals"}
+_ONCE["reversal_time"] = _ONCE["reversal_angle"]
+
+WORTH_SAYING = 0.1  # of what all explain together
+MOST = 3
+MOST_IDLE = 7
+FAR = 2.0  # times the floor: a simulation that is off by more is not down at it
+
+_NOUNS = {
+    "load": "at loads ",
+    "motor_temperature": "at motor temperatures ",
+    "position": "at output angles ",
+    "acceleration": "at accelerations ",
+    "time": "at times ",
+}
+_AFTER = ("reversal_angle", "reversal_time")
+
+FORMAT = "flexspline-comparison"
+VERSION = 1
+ALWAYS = ("run", "speed", "direction", "position_order", "temperature", "load")
+REVERSAL = ("reversal_time", "reversal_angle")
 
 
 @dataclass(frozen=True)
@@ -123,7 +175,6 @@ class Comparison:
     @cached_property
     def sentences(self) -> tuple[str, str]:
         """How large the gap is, and where."""
-        from flexspline.comparison.says import sentences
 
         return sentences(self)
 
@@ -148,7 +199,6 @@ class Comparison:
 
     def to_json(self) -> str:
         """Return the text of `comparison.json`."""
-        from flexspline.comparison.export import comparison_json
 
         return comparison_json(self)
 
@@ -178,3 +228,271 @@ def ranked(made: Comparison) -> list[str]:
     first = [f.name for f in made.follows if f.name in made.by]
     rest = [name for name in made.by if name not in first]
     return [*first, *sorted(rest, key=lambda name: -worst_band(made.by[name]).excess)]
+
+
+def assembled(compared: Compared, made: Analysis, facts: Mapping[str, Any]) -> Comparison:
+    """Return the result."""
+    shown = [covariate for covariate in made.covariates if covariate.shown]
+    parts = made.rows, made.memory, made.found, made.test
+    family = max(len(made.found.chances), 1)
+    whole = overall(*parts)
+    by = {c.name: tuple(bands_of(c, *parts, family)) for c in shown}
+    turns = made.spectrum.analysis
+    return Comparison(
+        compared.what,
+        compared.unit,
+        compared.simulated,
+        compared.lowpass,
+        compared.runs,
+        whole,
+        by,
+        {c.name: c.unit for c in shown},
+        {c.name: c.words for c in shown},
+        tuple(peaks_of(made.turning)),
+        tuple(_follows(step, made, whole) for step in made.found.steps),
+        _idle(made),
+        _remembered(compared, made),
+        compared.load_source,
+        turns,
+        dict(facts),
+        compared.foreign,
+        compared.notes,
+        compared.inputs,
+        compared.preparations,
+        compared.bandwidth,
+    )
+
+
+def _follows(step: Step, made: Analysis, whole: Band) -> Follows:
+    place = None
+    words = TURNS
+    if step.covariate is not None:
+        place = place_of(step, made.test(step.covariate, made.found.rest))
+        words = step.covariate.words
+    names = {c.name: _ONCE.get(c.name, c.words) for c in made.covariates} | {ORDERS: TURNS}
+    also = tuple(dict.fromkeys(names[n] for n in step.also if names[n] != names[step.name]))
+    share = step.gain / whole.excess**2 if whole.excess > 0.0 else 0.0
+    return Follows(step.name, words, step.gain, share, step.chance, also, place)
+
+
+def _idle(made: Analysis) -> tuple[str, ...]:
+    """What the residual does not follow, in words."""
+    steps = made.found.steps
+    busy = {step.name for step in steps} | {name for step in steps for name in step.also}
+    level = ALPHA / max(len(made.found.chances), 1)
+    busy |= {name for name, chance in made.found.chances.items() if chance < level}
+    if "reversal_angle" in busy or "reversal_time" in busy:
+        busy |= {"reversal_angle", "reversal_time"}
+    busy |= {part for name in busy for part in name.split(" and ")}
+    idle = [_ONCE.get(c.name, c.words) for c in made.covariates if c.shown and c.name not in busy]
+    if made.spectrum.analysis is not None and ORDERS not in busy and not made.turning.found:
+        idle.append(TURNS)
+    return tuple(dict.fromkeys(idle))
+
+
+def _remembered(compared: Compared, made: Analysis) -> Remembered:
+    noise = made.memory.model
+    velocity = max(run.velocity_noise for run in compared.runs)
+    matters = float(np.mean(made.rows.doubt**2)) > 0.01 * made.found.floor_square
+    matters = matters or bool(made.rows.allowance.max() > made.found.floor_square**0.5)
+    return Remembered(
+        noise.order,
+        float(noise.memory * noise.decimation * made.step),
+        float(noise.innovation_variance**0.5),
+        float(velocity),
+        bool(matters),
+    )
+
+
+def sentences(made: Comparison) -> tuple[str, str]:
+    """Return the size of the gap beside the floor, and where the gap is."""
+    whole, what = made.overall, made.what.replace("_", " ")
+    size = sized(whole.rmse, whole.noise_floor)
+    floor = sized(whole.noise_floor, whole.noise_floor)
+    kind = "simulated" if made.simulated or made.foreign else "predicted"
+    of = f"between measured and {kind} {what}"
+    if made.simulated and not made.follows and made.rmse > FAR * made.noise_floor:
+        first = f"The gap {of} is {size} {made.unit} RMS; the measured one resolves {floor}."
+        return first, "No channel locates it: it grows and shrinks with time, as drift does."
+    if not made.follows:
+        first = f"The gap {of} is {size} {made.unit} RMS, which is down at the noise floor."
+        idle = _and(made.makes_no_difference[:MOST_IDLE], "or")
+        return first, f"Nothing in it follows {idle}." if idle else "No channel locates any of it."
+    first = f"The gap {of} is {size} {made.unit} RMS against a noise floor of {floor} {made.unit}."
+    return first, _where(made)
+
+
+def floor_sentence(made: Comparison) -> str:
+    """Say how the noise floor was estimated."""
+    if made.simulated and made.what == "output_position":
+        return (
+            "The noise floor is that of the measured angle alone: its white noise, or its counts. "
+            "A simulation is off by more wherever it drifts."
+        )
+    noise = made.memory
+    seconds = f"{noise.seconds:.2g} s" if noise.seconds >= 1e-4 else "less than a row"
+    taken = [f.words for f in made.follows]
+    left = (
+        f"what is left of the residual once its dependence on {_and(taken)} is taken out" if taken
+        else "the residual itself, for no channel explains any of it"
+    )  # fmt: skip
+    doubt = (
+        f" The velocity is noisy by {noise.velocity:.2g} rad/s; where the prediction bends within "
+        "that, the floor holds what it does to the prediction."
+        if noise.velocity_matters
+        else ""
+    )
+    return (
+        f"The noise floor is {left}, band by band. Its memory (autoregressive, order "
+        f"{noise.order}, {seconds}) gives {made.overall.rows} rows an effective sample size of "
+        f"{made.overall.effective_rows:.0f}, by which every chance is counted.{doubt}"
+    )
+
+
+def sized(value: float, beside: float) -> str:
+    """Return a value with the decimals that show two digits of another."""
+    if not (np.isfinite(value) and beside > 0.0):
+        return f"{value:.2g}"
+    decimals = 1 - int(np.floor(np.log10(beside)))
+    if not -3 <= decimals <= 6:
+        return f"{value:.2g}"
+    return f"{value:.{max(decimals, 0)}f}"
+
+
+def _where(made: Comparison) -> str:
+    total = sum(f.gain for f in made.follows)
+    told = [f for f in made.follows if f.gain >= WORTH_SAYING * total][:MOST]
+    largest = [_located(f.place, f.name, made.units[f.name]) for f in told if _is_band(f)]
+    verbs: list[str] = []
+    for f in told:
+        if not _is_band(f):
+            verbs.append(_verb(made, f))
+        elif not any(v.startswith("is largest") for v in verbs):
+            verbs.append(f"is largest {_and(largest)}")
+    said = f"It {_and(verbs)}"
+    also = list(dict.fromkeys(w for f in told[:1] for w in f.also))
+    if also:
+        said += f" ({_and(also)} would locate it nearly as well)"
+    idle = [w for w in made.makes_no_difference if w != "direction" or "direction" not in said]
+    if not idle:
+        return f"{said}."
+    verb = "make" if len(idle) > 1 else "makes"
+    return f"{said}; {_and(idle[:MOST_IDLE])} {verb} no difference."
+
+
+def _is_band(f: Follows) -> bool:
+    if f.place is None or f.name in ("offset", "direction") or " and " in f.name:
+        return False
+    return bool(f.place.kinds) or (1 <= len(f.place.bands) <= 2 and not f.place.whole)
+
+
+def _verb(made: Comparison, f: Follows) -> str:
+    unit, floor = made.unit, made.overall.noise_floor
+    if f.place is None:
+        each = made.orders[:3]
+        orders = _and([f"{peak.per_output_turn:.5g}" for peak in each])
+        sizes = _and([sized(peak.amplitude, peak.amplitude) for peak in each])
+        return f"turns with the joint, {orders} times per output turn ({sizes} {unit})"
+    if f.name == "offset":
+        return f"is shifted everywhere by {f.place.means[0]:+.{_decimals(floor)}f} {unit}"
+    if f.name == "direction":
+        pairs = zip(f.place.kinds, f.place.means, strict=True)
+        each_way = listed(f"{kind} {mean:+.{_decimals(floor)}f} {unit}" for kind, mean in pairs)
+        return f"changes with the direction ({each_way})"
+    return f"changes with the {f.words} over its whole range"
+
+
+def _located(place: Place | None, name: str, unit: str) -> str:
+    assert place is not None
+    if place.kinds:
+        return f"in {'run' if len(place.kinds) == 1 else 'runs'} {_and(place.kinds[:5])}"
+    bands = _and([_band(low, high, name, unit) for low, high in place.bands], "or")
+    before = _NOUNS.get(name, "")
+    bands = bands.replace(f"or {before}", "or ").replace("-", "−")
+    if len(place.directions) == 1:
+        return f"{bands} {place.directions[0]}"
+    said = place.directions and (place.turns_sign or name in ("speed", *_AFTER))
+    return f"{bands} in both directions" if said else bands
+
+
+def _band(low: float | None, high: float | None, name: str, unit: str) -> str:
+    if name in _AFTER:
+        if not low:
+            return f"within {high:.3g} {unit} after reversals"
+        reach = f"more than {low:.3g}" if high is None else f"from {low:.3g} to {high:.3g}"
+        return f"{reach} {unit} after reversals"
+    before = _NOUNS.get(name, "")
+    if low is None or (low == 0.0 and name == "speed"):
+        return f"{before}below {high:.3g} {unit}"
+    return f"{before}above {low:.3g} {unit}" if high is None else (
+        f"{before}from {low:.3g} to {high:.3g} {unit}"
+    )  # fmt: skip
+
+
+def _decimals(size: float) -> int:
+    return max(0, min(6, 1 - int(np.floor(np.log10(size))))) if size > 0.0 else 3
+
+
+def _and(words: Sequence[str], last: str = "and") -> str:
+    if len(words) < 2:
+        return "".join(words)
+    return f"{', '.join(words[:-1])} {last} {words[-1]}"
+
+
+def comparison_json(made: Comparison) -> str:
+    """Return the text of `comparison.json`, which fits its schema."""
+    by = {name: [asdict(band) for band in bands] for name, bands in made.by.items()}
+    content: dict[str, Any] = {
+        "format": FORMAT,
+        "version": VERSION,
+        "made_by": f"flexspline {__version__}",
+        "target": made.what,
+        "unit": made.unit,
+        "simulated": made.simulated,
+        "lowpass": made.lowpass,
+        "sentences": list(made.sentences),
+        "noise_floor_method": floor_sentence(made),
+        "runs": [_run(run.log) for run in made.runs],
+        "overall": asdict(made.overall),
+        **{name: by.get(name, []) for name in (*ALWAYS, *REVERSAL)},
+        **{name: bands for name, bands in by.items() if name not in (*ALWAYS, *REVERSAL)},
+        "position_order": [_peak(peak) for peak in made.orders],
+        "units": dict(made.units),
+        "load_source": made.load_source or None,
+        "follows": [_follows_json(f) for f in made.follows],
+        "makes_no_difference": list(made.makes_no_difference),
+        "noise": asdict(made.memory),
+        "simulation": made.foreign or None,
+        "notes": list(made.notes),
+        "inputs": inputs_json(made.inputs, made.preparations),
+        "bandwidth_hz": bandwidth_used(made.preparations),
+    }
+    return checked_json(content, "comparison")
+
+
+def _run(log: Any) -> dict[str, Any]:
+    source = log.source
+    return {
+        "name": log.name,
+        "rows": len(log),
+        "path": source.path if source else None,
+        "sha256": source.sha256 if source else None,
+    }
+
+
+def _peak(peak: OrderPeak) -> dict[str, Any]:
+    """An order as a band: a sine of amplitude A has an RMS of A / √2, and its error likewise."""
+    return {
+        **asdict(peak),
+        "also": list(peak.also),
+        "rmse": peak.amplitude / 2**0.5,
+        "variance": peak.amplitude**2 / 2,
+        "bias": 0.0,
+        "noise_floor": peak.error / 2**0.5,
+    }
+
+
+def _follows_json(found: Any) -> dict[str, Any]:
+    made = asdict(found)
+    made["also"] = list(found.also)
+    return made

@@ -1,32 +1,66 @@
 """What a comparison is made of: measured and modelled values of each run.
 
 Prediction and forward simulation both end here; whatever follows does not know which it was.
+
+The rows of all runs that are compared, side by side.
+
+Comparing motion: the model driven forward from the inputs of each run.
+
+An angle's noise floor is known before: it is what its encoder reads at rest. What is left once all
+that the residual follows is taken out would be no floor, for a simulation that drifts is off by
+something that no channel shows.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.errors import InputError
-from flexspline.least_squares.resolution import away_from_ends, coarser, resolved_rows
+from flexspline.forward.servo import PositionServo
+from flexspline.forward.simulating import simulate
+from flexspline.least_squares.problem import away_from_ends, coarser, resolved_rows
 from flexspline.logs.channel_noise import ChannelNoise
+from flexspline.logs.derive import velocity_noise, with_motion
 from flexspline.logs.log import Log
+from flexspline.logs.quantisation import quantum, white_noise
 from flexspline.logs.segments import median_step
-from flexspline.logs.velocity import velocity_noise, with_motion
+from flexspline.logs.segments import runs as unbroken
 from flexspline.model import Model, Part
 from flexspline.part import PART_OF
 from flexspline.prepared import VELOCITY, Preparation, learned, prepared
 from flexspline.signals import target_of
+from flexspline.simulator import covered, onto_clock, paired
 
-__all__ = ["LOADS", "Compared", "ComparedRun", "load_of", "load_source_of", "located", "predicted"]
+__all__ = [
+    "LOADS",
+    "Compared",
+    "ComparedRun",
+    "Rows",
+    "load_of",
+    "located",
+    "predicted",
+    "resolution",
+    "rows_of",
+    "simulated",
+    "simulated_elsewhere",
+]
 
 Array = NDArray[np.float64]
 
 LOADS = ("reference_torque",)
+
+LEAST_ROWS = 200
+MOST_LOOKED_AT = 300_000  # for the noise and its memory
+BLOCK = 16_384
+STILL_IN_NOISE = 3.0  # standard deviations of the velocity that have no direction
+_SLOW_OF_USUAL = 1e-2
+_STILL_OF_USUAL = 1e-3  # of the speed that 99 % of the rows stay below
 
 
 @dataclass(frozen=True, eq=False)
@@ -241,3 +275,186 @@ def load_of(model: Model, part: Part, log: Log, source: str) -> Array | None:
     parts = model.components(log, part.target)
     carried = [parts[e.name] for e in part.effects if e.info.carries_load]
     return np.asarray(np.sum(carried, axis=0))
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Rows that count, of all runs together, (N,).
+
+    Parameters
+    ----------
+    residual : in the unit of the comparison.
+    run : number of the run.
+    starts : first row of each unbroken stretch, as indices.
+    direction : 0 standing still, 1 forward, 2 backward; 0 where there is no velocity.
+    allowance : mean shift of the residual that the velocity's noise may cause, its unit.
+    doubt : standard deviation of the same.
+    still : for each run, rad/s that count as standing still.
+    slow : for each run, rad/s below which nothing is a reversal, as in `logs/segments.py`.
+    counts : for each run, which of its rows are here.
+    floor : noise of what is measured, where it is known.
+    """
+
+    residual: Array
+    run: NDArray[np.int32]
+    starts: NDArray[np.intp]
+    direction: NDArray[np.int8]
+    allowance: Array
+    doubt: Array
+    still: tuple[float, ...]
+    slow: tuple[float, ...]
+    counts: tuple[NDArray[np.bool_], ...]
+    floor: float | None = None
+
+    def __len__(self) -> int:
+        return len(self.residual)
+
+    @cached_property
+    def looked_at(self) -> tuple[tuple[int, int], ...]:
+        """Unbroken pieces (start, stop); of many rows shorter ones, evenly spread."""
+        whole = list(pairwise([*self.starts.tolist(), len(self)]))
+        every = -(-len(self) // MOST_LOOKED_AT)
+        if every == 1:
+            return tuple(whole)
+        cut = [(a, min(a + BLOCK, b)) for first, b in whole for a in range(first, b, BLOCK)]
+        return tuple(cut[::every])
+
+    def column(self, compared: Compared, of: Callable[[ComparedRun, int], Array]) -> Array:
+        """Put together a value for each row: `of` gives one for each row of run number k."""
+        made = (of(run, k)[keep] for k, (run, keep) in enumerate(zip(compared.runs, self.counts,
+                                                                     strict=True)))  # fmt: skip
+        return np.concatenate([np.asarray(values, dtype=np.float64) for values in made])
+
+
+def rows_of(compared: Compared) -> Rows:
+    """Return the rows with a measured and a modelled value.
+
+    Raises
+    ------
+    InputError
+        Where they are too few to be judged.
+    """
+    counts = tuple(np.isfinite(run.residual) for run in compared.runs)
+    if sum(int(c.sum()) for c in counts) < LEAST_ROWS:
+        raise InputError(
+            f"the logs have {sum(int(c.sum()) for c in counts)} rows to compare and "
+            f"{LEAST_ROWS} are needed at least; give longer runs"
+        )
+    still = tuple(_still(run, _STILL_OF_USUAL) for run in compared.runs)
+    slow = tuple(_still(run, _SLOW_OF_USUAL) for run in compared.runs)
+    parts = [
+        (run.residual[keep], *_moving(run, limit, keep))
+        for run, limit, keep in zip(compared.runs, still, counts, strict=True)
+    ]
+    residual, direction, allowance, doubt = (
+        np.concatenate(columns) for columns in zip(*parts, strict=True)
+    )
+    sizes = [int(c.sum()) for c in counts]
+    run = np.repeat(np.arange(len(sizes), dtype=np.int32), sizes)
+    return Rows(residual, run, _starts(compared, counts), direction.astype(np.int8), allowance,
+                doubt, still, slow, counts, compared.floor)  # fmt: skip
+
+
+def _still(run: ComparedRun, share: float) -> float:
+    if "output_velocity" not in run.log:
+        return 0.0
+    usual = float(np.nanpercentile(np.abs(run.log["output_velocity"]), 99))
+    return max(STILL_IN_NOISE * run.velocity_noise, share * usual)
+
+
+def _moving(
+    run: ComparedRun, still: float, keep: NDArray[np.bool_]
+) -> tuple[NDArray[np.int8], Array, Array]:
+    """Direction, allowance and doubt of the rows kept."""
+    doubt = run.doubt[keep]
+    if "output_velocity" not in run.log:
+        return np.zeros(len(doubt), dtype=np.int8), np.zeros(len(doubt)), doubt
+    velocity = run.log["output_velocity"][keep]
+    direction = np.where(velocity > still, 1, np.where(velocity < -still, 2, 0))
+    near = np.abs(velocity) <= (STILL_IN_NOISE + 1.0) * run.velocity_noise
+    return direction.astype(np.int8), np.where(near, doubt, 0.0), doubt
+
+
+def _starts(compared: Compared, counts: tuple[NDArray[np.bool_], ...]) -> NDArray[np.intp]:
+    found, first = [], 0
+    for run, keep in zip(compared.runs, counts, strict=True):
+        time = run.log["time"][keep]
+        if len(time):
+            found.append(first + unbroken(time)[:, 0])
+        first += len(time)
+    return np.concatenate(found)
+
+
+def simulated(
+    model: Model, logs: Sequence[Log], target: str | None, controller: PositionServo | None
+) -> Compared:
+    """Return measured and simulated motion of every run; of a sensor, its reading.
+
+    Raises
+    ------
+    InputError
+        Where a run cannot be simulated, or lacks the channel to compare with.
+    """
+    part = model.part(target)
+    source = load_source_of(part, logs)
+    runs, channel, unit = [], "", ""
+    for log in logs:
+        made = simulate(model, log, target=target, controller=controller)
+        channel, unit = made.channel, made.unit
+        if not np.isfinite(made.residual).any():
+            raise InputError(
+                f"log '{log.name}': has no {channel} to compare the simulation with; map a column "
+                "to it"
+            )
+        log = with_motion(log)
+        nothing = np.zeros(len(log))
+        load = load_of(model, part, log, source)
+        runs.append(
+            ComparedRun(log, made.measured, made.simulated, nothing, load, velocity_noise(log))
+        )
+    floor = resolution([run.measured for run in runs]) if channel == "output_position" else None
+    return Compared(tuple(runs), channel, unit, True, None, source, part.unit, floor)
+
+
+def simulated_elsewhere(logs: Sequence[Log], simulation: Log | Sequence[Log]) -> Compared:
+    """Return measured angles of the output, and those that a foreign simulation gives.
+
+    Raises
+    ------
+    InputError
+        Where a run or its simulation has no output_position, or the simulation is of another span.
+    """
+    runs, notes = [], []
+    for log, other in zip(logs, paired(logs, simulation), strict=True):
+        for one in (log, other):
+            if "output_position" not in one:
+                raise InputError(
+                    f"log '{one.name}': has no output_position to compare the motion by; map a "
+                    "column to it"
+                )
+        angle = onto_clock(log, other, other["output_position"])
+        log, left = covered(log, angle)
+        angle = angle[np.isfinite(angle)]
+        notes += [f"{log.name}: {found.sentence}" for found in left]
+        log = with_motion(log)
+        load = np.asarray(log[LOADS[0]]) if LOADS[0] in log else None
+        measured = np.asarray(log["output_position"])
+        nothing = np.zeros(len(log))
+        runs.append(ComparedRun(log, measured, angle, nothing, load, velocity_noise(log)))
+    source = LOADS[0] if all(run.load is not None for run in runs) else ""
+    made = tuple(run if source else replace(run, load=None) for run in runs)
+    floor = resolution([run.measured for run in made])
+    return Compared(
+        made, "output_position", "rad", True, None, source, "Nm", floor,
+        "files of its own", tuple(notes),
+    )  # fmt: skip
+
+
+def resolution(angles: Sequence[NDArray[np.float64]]) -> float:
+    """Return the RMS of the noise of measured angles, rad: white noise or their counts."""
+    found = [
+        max(white_noise(angle), quantum(angle) / np.sqrt(12.0))
+        for angle in angles
+        if np.isfinite(angle).all()
+    ]
+    return float(np.sqrt(np.mean(np.square(found)))) if found else 0.0

@@ -10,23 +10,35 @@ Each round tests every covariate on what is left e, cell by cell:
 The largest gain wins (of near equals the simplest), all winners are fitted together, and the next
 round starts, until no chance is below α / covariates or no gain matters. Noise alone, whatever
 its colour, ends in the first round.
+
+From runs to what their residual follows.
+
+Orders are looked for in the residual, and again in what is left once it follows something else.
+
+What is left of the residual on rows that a table of cells never saw.
+
+The noise's memory must be fitted to something that neither holds the structure that is looked for
+(it would pass for memory) nor lacks the noise that a fit swallows (memory would be too short). So
+cells are learned on seven eighths of each run, in short blocks, and taken out of the rest, one
+covariate after the other, as long as that makes the rows that were left out quieter. Cells that
+hold nothing but noise make them louder and are not used.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
-from flexspline.comparison.covariates import Covariate
-from flexspline.comparison.memory import Memory
-from flexspline.comparison.rows import Rows
-from flexspline.comparison.turning import Turning
+from flexspline.comparison.covariates import Covariate, Turning, covariates_of, turning_of
+from flexspline.comparison.effective_sample_size import Memory, memory_of
+from flexspline.comparison.runs import Compared, Rows, rows_of
+from flexspline.logs.segments import median_step
 
-__all__ = ["ALPHA", "CellTest", "CellTests", "Search", "Step", "search"]
+__all__ = ["ALPHA", "Analysis", "CellTest", "CellTests", "Search", "Step", "analysed", "search"]
 
 Array = NDArray[np.float64]
 
@@ -40,6 +52,33 @@ MOST_STEPS = 8
 SWEEPS = 4
 ORDERS = "position_order"
 TOGETHER = " and "  # in the name of two covariates at once
+
+NESTED = ("offset", "direction")
+"""What every other covariate holds too, and so would explain as well."""
+
+PREFERENCE = (
+    "offset",
+    "direction",
+    ORDERS,
+    "speed",
+    "load",
+    "temperature",
+    "motor_temperature",
+    "position",
+    "reversal_angle",
+    "reversal_time",
+    "acceleration",
+    "time",
+    "run",
+)
+"""Of two that explain as much, the earlier one is said."""
+
+PER_CUTOFF = 2.5  # a low-passed residual has news this many times per period of the cutoff
+
+FOLDS = 8
+BLOCKS = 40  # of a run, dealt to the folds in turn
+WORTH_IT = 0.02  # of the mean square: what a covariate has to take off
+MOST_ROUNDS = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,27 +241,6 @@ def _winner(
     return name, also
 
 
-NESTED = ("offset", "direction")
-"""What every other covariate holds too, and so would explain as well."""
-
-PREFERENCE = (
-    "offset",
-    "direction",
-    ORDERS,
-    "speed",
-    "load",
-    "temperature",
-    "motor_temperature",
-    "position",
-    "reversal_angle",
-    "reversal_time",
-    "acceleration",
-    "time",
-    "run",
-)
-"""Of two that explain as much, the earlier one is said."""
-
-
 def _wave_gain(rest: Array, waves: Array, turning: Turning) -> float:
     """Mean square that the orders explain, less what they would of noise."""
     left = rest - waves
@@ -252,3 +270,84 @@ def _values(step: Step) -> Array:
 def _of_cells(covariate: Covariate, per_cell: Array) -> Array:
     """Each row's value of its cell, 0 for rows without one."""
     return np.append(per_cell, 0.0)[covariate.cells]
+
+
+@dataclass(frozen=True, eq=False)
+class Analysis:
+    """What the residual follows: `found`, tested by `test` with the noise's `memory`.
+
+    `turning`: orders in the residual, or in what is left where it follows something else first;
+    `spectrum`: those of the residual itself. `step`: s, of the rows.
+    """
+
+    rows: Rows
+    covariates: tuple[Covariate, ...]
+    memory: Memory
+    test: CellTests
+    found: Search
+    turning: Turning
+    spectrum: Turning
+    step: float
+
+
+def analysed(compared: Compared, say: Callable[[str], None]) -> Analysis:
+    """Search the runs; `say` is told what is being done."""
+    say("sorting rows")
+    rows = rows_of(compared)
+    covariates = covariates_of(compared, rows)
+    step = min(median_step(run.log["time"]) for run in compared.runs)
+    news = 1
+    if compared.lowpass is not None:
+        news = max(1, int(1.0 / (PER_CUTOFF * compared.lowpass * step)))
+    say("looking for orders")
+    turning = spectrum = turning_of(compared, rows, rows.residual)
+    say("what the residual follows")
+    memory = memory_of(rows, held_out_rest(rows, covariates, turning), news)
+    test = CellTests(rows, memory)
+    found = search(rows, covariates, turning, test)
+    if found.steps and ORDERS not in [each.name for each in found.steps]:
+        turning = turning_of(compared, rows, found.rest)
+        if turning.found:
+            found = search(rows, covariates, turning, test)
+    return Analysis(rows, tuple(covariates), memory, test, found, turning, spectrum, step)
+
+
+def held_out_rest(rows: Rows, covariates: Sequence[Covariate], turning: Turning) -> Array:
+    """Return the residual without what cells and orders explain of rows never seen, (N,).
+
+    Only rows of `rows.looked_at` are worked on; the others stay as they are.
+    """
+    at = np.concatenate([np.arange(*piece) for piece in rows.looked_at])
+    fold, rest = _folds(rows.run[at]), rows.residual[at]
+    turning = replace(turning, angle=turning.angle[at], direction=turning.direction[at])
+    cells = [(covariate.cells[at], covariate.count) for covariate in covariates]
+    for _ in range(MOST_ROUNDS):
+        left = float(rest @ rest)
+        tries = [_without(rest, *each, fold) for each in cells]
+        if turning.found:
+            tries.append(rest - turning.explained(rest)[0])
+        best = min(tries, key=lambda made: float(made @ made))
+        if float(best @ best) > (1.0 - WORTH_IT) * left:
+            break
+        rest = best
+    made = rows.residual.copy()
+    made[at] = rest
+    return made
+
+
+def _folds(run: NDArray[np.int32]) -> NDArray[np.int64]:
+    sizes = np.bincount(run)
+    first = np.concatenate([[0], np.cumsum(sizes)[:-1]])
+    place = np.arange(len(run)) - first[run]
+    return np.asarray(place * BLOCKS // np.maximum(sizes[run], 1) % FOLDS)
+
+
+def _without(rest: Array, cells: NDArray[np.integer], last: int, fold: NDArray[np.int64]) -> Array:
+    """Take off each row the mean of its cell in the other folds."""
+    both = fold * (last + 1) + np.where(cells < 0, last, cells)
+    size = FOLDS * (last + 1)
+    total = np.bincount(both, weights=rest, minlength=size).reshape(FOLDS, -1)
+    count = np.bincount(both, minlength=size).reshape(FOLDS, -1)
+    others = (total.sum(axis=0) - total) / np.maximum(count.sum(axis=0) - count, 1)
+    others[:, -1] = 0.0
+    return np.asarray(rest - others.ravel()[both])

@@ -27,21 +27,29 @@ from flexspline.discovery.search import (
 from flexspline.discovery.settings import SETTINGS
 from flexspline.discovery.unexplained import Ceiling, Leftover, leftover_of, looked_at
 from flexspline.effects import Effect
-from flexspline.formatting.numbers import percent
+from flexspline.formatting import percent
 from flexspline.least_squares.problem import Problem
 from flexspline.logs.checks.dependence import Dependence, dependences
+from flexspline.regression.candidate_model import (
+    HeldOut,
+    Working,
+    held_out,
+    plain_rows,
+    refitted,
+    solved_at,
+    started,
+    working,
+)
 from flexspline.regression.gram import (
     TINY,
     Sheet,
     Whitening,
     left_of,
+    rows_of,
     solved,
     tabulated,
 )
-from flexspline.regression.held_out import HeldOut, held_out, plain_rows
-from flexspline.regression.thinned import rows_of
 from flexspline.regression.whitening import first_whitening, restricted_whitening
-from flexspline.regression.working import Working, refitted, solved_at, started, working
 
 __all__ = [
     "Analysis",

@@ -22,13 +22,13 @@ from flexspline.effects import UNITS, Effect
 from flexspline.errors import listed
 from flexspline.experiment.limits import Limits
 from flexspline.experiment.planning import planned
-from flexspline.formatting.numbers import percent
+from flexspline.formatting import percent
 from flexspline.least_squares.problem import Problem
 from flexspline.least_squares.ripple import CORE_PAIRS
 from flexspline.logs.channel_noise import ChannelNoise
 from flexspline.orders.parts import Candidate, Pair, owner, pairs
+from flexspline.regression.candidate_model import HeldOut, held_out
 from flexspline.regression.gram import TINY, Whitening, by_runs
-from flexspline.regression.held_out import HeldOut, held_out
 
 __all__ = ["assembled", "where"]
 

@@ -3,34 +3,60 @@
 All errors are of the output's angle [rad], driven from the first row to the end by fits that never
 counted the row. The noise floor is what its encoder resolves: no simulation gets below it, and what
 is left above it is said to be unexplained.
+
+What a drive lacks where only its motion is measured: searched in the forward simulation.
+
+Each effect of the catalogue that can be driven forward is fitted beside the base by the motion
+(`output_error/fitting.py`), from the base's own optimum and from the regression's. Those that lower
+the error most are fitted again without each fold, and one is named where the rows that its fits
+never counted are missed by less, run by run:
+
+    d_r = ln(RMS_r of the base / RMS_r with it)        t = mean(d) √n / s(d)
+
+with Student's t of n − 1 degrees of freedom and one chance in twenty shared among all candidates.
+Rows of one run are no news of each other, so runs (blocks, of fewer than four) are what counts. Of
+those that the same d does not tell by two standard errors from the one with the lowest held-out
+error, the one with the fewest terms is taken, and the others are said. Then the search goes on
+from there.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import t as student
 
-from flexspline.comparison.analysis import analysed
-from flexspline.comparison.assemble import assembled as compared_all
 from flexspline.comparison.result import Comparison
-from flexspline.comparison.simulated import resolution
+from flexspline.comparison.result import assembled as compared_all
+from flexspline.comparison.runs import resolution
+from flexspline.comparison.search import analysed
+from flexspline.discovery.candidates import possible
 from flexspline.discovery.faults import DataFault
-from flexspline.discovery.missing import Driven, Missing, Say, Step, search
 from flexspline.discovery.result import Discovery, Found, Motion, Unexplained
 from flexspline.discovery.slices import HeldRun, compared_motion
 from flexspline.effects import Effect
 from flexspline.errors import InputError, listed
+from flexspline.fitting import fit
+from flexspline.least_squares.options import FitOptions
 from flexspline.least_squares.result import Fit
+from flexspline.logs.derive import with_motion
 from flexspline.logs.log import Log
-from flexspline.logs.velocity import with_motion
 from flexspline.model import Model
-from flexspline.output_error.assemble import assembled
-from flexspline.output_error.errors import errors_of
-from flexspline.output_error.fitting import require_drive, require_motion
-from flexspline.output_error.settings import Settings
+from flexspline.output_error.assemble import assembled, errors_of
+from flexspline.output_error.cost import Cost, Descent, Folds, best_of, descend, folds_of
+from flexspline.output_error.fitting import (
+    EVALUATIONS,
+    cost_of,
+    require_drive,
+    require_motion,
+    starts_of,
+)
+from flexspline.output_error.settings import Settings, with_servo_torque
 
-__all__ = ["discover_by_simulation"]
+__all__ = ["Driven", "Missing", "Step", "discover_by_simulation", "search", "told"]
 
 CHANNELS = {
     "speed": "output_velocity",
@@ -42,6 +68,22 @@ CHANNELS = {
     "reversal_time": "output_velocity",
 }
 """Channel of each covariate of a comparison that is not named after its own."""
+
+Array = NDArray[np.float64]
+Say = Callable[[str], object]
+
+CHANCE = 0.05
+"""That noise alone makes one name, shared among all candidates (Bonferroni)."""
+SAME = 2.0
+"""Standard errors over runs up to which two candidates are not told apart."""
+FINALISTS = 3
+"""Candidates that are fitted without each fold, too: of the others the fit to all rows says enough.
+Half of it may miss one that holds better than it fits; twice it doubles the time."""
+SCREENED = 8
+"""Evaluations of a candidate's descents before the finalists are chosen, and of those without a
+fold, which begin at the optimum of all."""
+MOST = 3
+"""Names; of the rows that twelve runs of motion give, a fourth was never told."""
 
 
 def discover_by_simulation(
@@ -56,7 +98,7 @@ def discover_by_simulation(
     faults: tuple[DataFault, ...],
     say: Say,
 ) -> Discovery:
-    """Find what a drive lacks by the motion that it makes (`missing.py`).
+    """Find what a drive lacks by the motion that it makes.
 
     Parameters
     ----------
@@ -166,3 +208,227 @@ def _left(held: Sequence[HeldRun]) -> Comparison:
         return compared_all(compared, analysed(compared, lambda _: None), {})
     except InputError as error:
         raise InputError(f"what the simulation leaves cannot be looked at: {error}") from error
+
+
+@dataclass(frozen=True, eq=False)
+class Driven:
+    """A model fitted by its motion, and what its fits without each fold miss.
+
+    `held_out`: simulated − measured [rad] of every run by the fit that never counted the row; NaN
+    where a row does not count.
+    """
+
+    effects: tuple[Effect, ...]
+    regression: Fit
+    cost: Cost
+    found: tuple[Descent, ...]
+    folds: Folds
+    without: tuple[Descent, ...] = ()
+    held_out: tuple[Array, ...] = field(default=(), repr=False)
+
+    @property
+    def best(self) -> Descent:
+        return best_of(self.found)
+
+    @property
+    def rmse(self) -> float:
+        """Held out, rad."""
+        left = np.concatenate(self.held_out)
+        return float(np.sqrt(np.nanmean(left**2)))
+
+    def sizes(self) -> Array:
+        """Logarithm of the held-out RMS of each run and fold."""
+        found = []
+        for out in self.folds.left_out:
+            for rows, mask in zip(self.held_out, out, strict=True):
+                some = rows[mask & np.isfinite(rows)]
+                if len(some):
+                    found.append(0.5 * np.log(max(float(np.mean(some**2)), 1e-30)))
+        return np.array(found)
+
+    def values(self) -> dict[str, float]:
+        """What was fitted, by name."""
+        names = [one.name for one in self.cost.space.searched]
+        return dict(zip(names, self.cost.space.values(self.best.point).tolist(), strict=True))
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """One name: the model before and with it, t over runs, its weight among the candidates that are
+    told from it, and those that are not."""
+
+    effect: Effect
+    before: Driven
+    after: Driven
+    t: float
+    weight: float
+    alike: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Missing:
+    """The base, the names in their order, and why other effects were not tried or not taken."""
+
+    base: Driven
+    steps: tuple[Step, ...]
+    not_tried: Mapping[str, str]
+    refused: Mapping[str, str]
+
+    @property
+    def final(self) -> Driven:
+        return self.steps[-1].after if self.steps else self.base
+
+
+@dataclass(frozen=True)
+class _Way:
+    """How every model of a search is fitted."""
+
+    logs: Sequence[Log]
+    target: str
+    known_load: str | None
+    fixed: Mapping[str, float]
+    settings: Settings
+
+    def posed(self, effects: Sequence[Effect], steps: int | None = None) -> tuple[Fit, Cost, Folds]:
+        """The regression, the miss around it, and the folds; `steps` from row to row."""
+        regression = fit(
+            effects, self.logs, self.target, known_load=self.known_load, fixed=self.fixed,
+            checks=False, options=FitOptions(threads=self.settings.options.threads),
+        )  # fmt: skip
+        cost = cost_of(regression, self.logs, self.settings, {}, lambda: None, steps)
+        return regression, cost, folds_of(cost.counts, self.settings.options.folds)
+
+
+def search(
+    base: Sequence[Effect],
+    logs: Sequence[Log],
+    target: str,
+    known_load: str | None,
+    fixed: Mapping[str, float],
+    exclude: Iterable[str],
+    settings: Settings,
+    say: Say,
+) -> Missing:
+    """Find what a drive lacks by the motion that it makes.
+
+    Raises
+    ------
+    InputError
+        As for a fit by simulation, of the base.
+    """
+    law = settings.controller
+    driven = [log if law is None else with_servo_torque(log, law, target) for log in logs]
+    way = _Way(driven, target, known_load, fixed, settings)
+    say("the base")
+    first = driven_model(way, base)
+    effects, reasons = possible(base, driven, target, known_load, exclude)
+    free = {"torque_constant_error"} if "torque" in settings.free else set()
+    for effect in list(effects):
+        if effect.ripple or effect.name in free:
+            effects.remove(effect)
+            why = "its orders" if effect.ripple else "the controller's torque"
+            reasons[effect.name] = f"{why} cannot be searched by simulation; put it in the base"
+    steps: list[Step] = []
+    refused: dict[str, str] = {}
+    here = first
+    while effects and len(steps) < MOST:
+        step, refused = _next(way, here, effects, say)
+        if step is None:
+            break
+        steps.append(step)
+        here = step.after
+        effects = [e for e in effects if e.name != step.effect.name]
+    return Missing(first, tuple(steps), reasons, refused)
+
+
+def driven_model(way: _Way, effects: Sequence[Effect]) -> Driven:
+    """Fit a model by its motion, from the regression and other starts, and without each fold."""
+    regression, cost, folds = way.posed(effects)
+    starts = starts_of(cost, regression, way.settings)
+    found = tuple(descend(cost, start, EVALUATIONS) for start in starts)
+    return _held_out(Driven(tuple(effects), regression, cost, found, folds))
+
+
+def told(before: Driven, after: Driven) -> float:
+    """Return by how many standard errors over runs `after` misses held-out rows by less."""
+    gain = before.sizes() - after.sizes()
+    spread = float(np.std(gain, ddof=1) / np.sqrt(len(gain)))
+    return float(np.mean(gain)) / max(spread, 1e-12)
+
+
+def _next(
+    way: _Way, here: Driven, effects: Sequence[Effect], say: Say
+) -> tuple[Step | None, dict[str, str]]:
+    """The name that lowers the held-out error most, if one surely does; why others were not."""
+    refused: dict[str, str] = {}
+    fitted = []
+    for effect in effects:
+        say(f"{effect.name} beside {len(here.effects)} effects")
+        try:
+            fitted.append((effect, _beside(way, here, effect)))
+        except InputError as error:
+            refused[effect.name] = str(error)
+    fitted.sort(key=lambda one: one[1].best.rmse)
+    finalists = []
+    for effect, made in fitted[:FINALISTS]:
+        say(f"{effect.name} without each fold")
+        finalists.append((effect, _held_out(_descended(made))))
+    level = CHANCE / max(len(effects), 1)
+    sure = []
+    for effect, made in finalists:
+        t = told(here, made)
+        degrees = len(here.sizes()) - 1
+        if made.rmse < here.rmse and student.sf(t, degrees) < level:
+            sure.append((effect, made, t))
+        else:
+            refused[effect.name] = (
+                f"does not hold on left-out runs: {here.rmse:.4g} to {made.rmse:.4g} rad, "
+                f"t = {t:.1f}"
+            )
+    if not sure:
+        return None, refused
+    lowest = min(sure, key=lambda one: one[1].rmse)[1]
+    same = [one for one in sure if told(one[1], lowest) < SAME]
+    effect, best, t = min(same, key=lambda one: (len(one[0].terms), one[1].rmse))
+    alike = tuple(e.name for e, _, _ in same if e != effect)
+    others = [made for e, made in finalists if e != effect and e.name not in alike]
+    weight = _weight(best, [best, here, *others])
+    return Step(effect, here, best, t, weight, alike), refused
+
+
+def _beside(way: _Way, here: Driven, effect: Effect) -> Driven:
+    """A model with one effect more, from the optimum without it and from the regression."""
+    regression, cost, folds = way.posed([*here.effects, effect], here.cost.steps)
+    known = here.values()
+    warm = cost.space.start.copy()
+    for k, one in enumerate(cost.space.searched):
+        if one.name in known:
+            warm[k] = one.coordinate(min(max(known[one.name], one.lower), one.upper))
+        elif one.kind == "coefficient" and not one.logarithmic:
+            warm[k] = min(max(0.0, one.lower), one.upper) / one.scale
+    found = tuple(descend(cost, start, SCREENED) for start in (warm, cost.space.start))
+    return Driven((*here.effects, effect), regression, cost, found, folds)
+
+
+def _descended(made: Driven) -> Driven:
+    more = descend(made.cost, made.best.point, EVALUATIONS)
+    return replace(made, found=(more, *made.found))
+
+
+def _held_out(made: Driven) -> Driven:
+    kept = (made.cost.only(made.folds.kept(made.cost.counts, k)) for k in range(len(made.folds)))
+    without = tuple(descend(cost, made.best.point, SCREENED) for cost in kept)
+    rows = [np.full(len(count), np.nan) for count in made.cost.counts]
+    for one, out in zip(without, made.folds.left_out, strict=True):
+        missed = made.cost.by_run(one.point)
+        for number, mask in enumerate(out):
+            some = mask & made.cost.counts[number]
+            rows[number][some] = missed[number][some]
+    return replace(made, without=without, held_out=tuple(rows))
+
+
+def _weight(best: Driven, others: Sequence[Driven]) -> float:
+    """Share of the likelihood that one model has, each run counted as one observation."""
+    logarithms = np.array([-float(np.sum(one.sizes())) for one in others])
+    own = -float(np.sum(best.sizes()))
+    return float(1.0 / np.sum(np.exp(np.minimum(logarithms - own, 50.0))))

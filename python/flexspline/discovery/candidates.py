@@ -31,7 +31,7 @@ from flexspline import _core
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import CATALOGUE, TARGETS, Effect, Harmonic, ShapeInfo
 from flexspline.errors import InputError
-from flexspline.least_squares.names import SHARED
+from flexspline.least_squares.options import SHARED
 from flexspline.least_squares.problem import Problem
 from flexspline.least_squares.ripple import CORE_PAIRS, FOLLOWER, LEADERS
 from flexspline.logs.channel_noise import ChannelNoise

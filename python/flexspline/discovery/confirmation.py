@@ -43,12 +43,11 @@ from flexspline.discovery.result import (
 from flexspline.discovery.search import cost_of
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect
-from flexspline.least_squares.names import coefficient_names
+from flexspline.least_squares.options import coefficient_names
 from flexspline.least_squares.result import Fit
 from flexspline.logs.checks.dependence import Dependence
+from flexspline.regression.candidate_model import HeldOut, Working, fall_of
 from flexspline.regression.gram import SINGULAR, TINY
-from flexspline.regression.held_out import HeldOut, fall_of
-from flexspline.regression.working import Working
 
 __all__ = ["AlsoSeen", "Confirmed", "Shown", "confirmed", "significance", "together", "wald"]
 

@@ -13,26 +13,24 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
-from flexspline.comparison.base import based
+from flexspline.comparison.comparing import based
 from flexspline.discovery.analysis import Analysis, FirstLook, analysed, first_look
 from flexspline.discovery.assemble import assembled
 from flexspline.discovery.by_simulation import discover_by_simulation
 from flexspline.discovery.candidates import LAG, TAKEN, freedoms, held_of, unseen_of, with_freedoms
-from flexspline.discovery.clock import (
-    SENSOR,
-    Delay,
-    delay_behind,
-    delay_beside_everything,
-    lead_of,
-    load_delays,
-)
 from flexspline.discovery.confirmation import Confirmed, confirmed
 from flexspline.discovery.faults import (
+    SENSOR,
     DataFault,
+    Delay,
     away_from_ends,
     coarser,
     data_faults,
+    delay_behind,
+    delay_beside_everything,
     graded,
+    lead_of,
+    load_delays,
     resolved,
     with_measured_ratio,
 )
@@ -48,16 +46,15 @@ from flexspline.forward.servo import PositionServo
 from flexspline.least_squares.options import FitOptions
 from flexspline.least_squares.problem import Problem, problem_of
 from flexspline.least_squares.result import Fit
-from flexspline.logs.checks.left_out import Kept, at_work, only_experiments
+from flexspline.logs.checks.ends import Kept, at_work, only_experiments
+from flexspline.logs.derive import has_value, sampled
 from flexspline.logs.log import Log
-from flexspline.logs.sampling import has_value, sampled
 from flexspline.model import Model
-from flexspline.output_error.regression import with_servo_torque
-from flexspline.output_error.settings import MotionOptions, settings_of
+from flexspline.output_error.settings import MotionOptions, settings_of, with_servo_torque
 from flexspline.prepared import Preparation, learned, prepared
-from flexspline.regression.working import Working
+from flexspline.regression.candidate_model import Working
 from flexspline.requirements import require_apart
-from flexspline.simulator.record import SIMULATED, Simulated
+from flexspline.simulator import SIMULATED, Simulated
 
 __all__ = ["discover"]
 
@@ -105,7 +102,8 @@ def discover(
     progress : show what is being tried on standard error.
     threads : for the sums over the logs.
     by : "regression" of the target; or "simulation": the effects whose forward simulation misses
-        the measured output_position less, where only motion is measured (`discovery/missing.py`).
+        the measured output_position less, where only motion is measured
+        (`discovery/by_simulation.py`).
     controller, free_controller : of by="simulation" alone, as for `fit_motion`.
 
     Returns
@@ -121,7 +119,7 @@ def discover(
     Notes
     -----
     Stuck tails, homing moves and rows in which a drive is off or its joint rests are left out
-    first, and said to be (`logs/checks/left_out.py`). How names are chosen: `discovery/search.py`;
+    first, and said to be (`logs/checks/ends.py`). How names are chosen: `discovery/search.py`;
     what evidence is: `discovery/evidence.py`. The model is fitted by generalised least squares in
     the noise's memory where that agrees with plain least squares as for a right model, by plain
     least squares otherwise (`least_squares/generalised.py`).

@@ -44,6 +44,7 @@ from flexspline.discovery.physics import COULOMB, STRIBECK, level_of, one_signed
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect
 from flexspline.least_squares.problem import Problem
+from flexspline.regression.candidate_model import Working
 from flexspline.regression.gram import (
     SINGULAR,
     TINY,
@@ -53,7 +54,6 @@ from flexspline.regression.gram import (
     gain_of,
     tabulated,
 )
-from flexspline.regression.working import Working
 
 __all__ = [
     "Dictionary",

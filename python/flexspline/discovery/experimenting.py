@@ -17,7 +17,7 @@ if TYPE_CHECKING:  # what is heavy is imported where it is used
     from flexspline.least_squares.result import Fit
     from flexspline.logs.log import Log
     from flexspline.model import Model, Part
-    from flexspline.regression.working import Working
+    from flexspline.regression.candidate_model import Working
 
 __all__ = ["next_experiment"]
 
@@ -57,7 +57,7 @@ def next_experiment(
 
     Notes
     -----
-    Runs of the kinds in `experiment/family.py` are scored by the t that is expected
+    Runs of the kinds in `experiment/trajectories.py` are scored by the t that is expected
     (`experiment/information.py`), in the noise that the model leaves in the recorded runs. Load
     (of a known load) and temperature are taken to be what a rig can set; give limits of two equal
     numbers for what cannot.
@@ -125,7 +125,7 @@ def _prepared(
 ) -> tuple[Problem, Working]:
     """Runs made ready for a model and rivals, and the model with its coefficients."""
     from flexspline.least_squares.problem import problem_of
-    from flexspline.regression.working import working
+    from flexspline.regression.candidate_model import working
 
     if not logs:
         raise InputError("there is no log to look at; give at least one")

@@ -20,10 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.discovery.settings import SETTINGS
-from flexspline.least_squares.names import Bounds
+from flexspline.least_squares.options import Bounds
 from flexspline.least_squares.problem import Problem
+from flexspline.regression.candidate_model import Working
 from flexspline.regression.gram import TINY
-from flexspline.regression.working import Working
 
 __all__ = [
     "COULOMB",

@@ -23,7 +23,6 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexspline.about import __version__
 from flexspline.discovery.analysis import Analysis
@@ -34,9 +33,8 @@ from flexspline.errors import InputError
 from flexspline.least_squares.result import Fit, Parameter
 from flexspline.model import PART_OF, Model, Part
 from flexspline.prepared import bandwidth_used, inputs_json
+from flexspline.regression.candidate_model import Fold, HeldOut, Working
 from flexspline.regression.gram import TINY
-from flexspline.regression.held_out import Fold, HeldOut
-from flexspline.regression.working import Working
 from flexspline.rendering import render
 from flexspline.schema import checked_json
 
@@ -50,7 +48,7 @@ if TYPE_CHECKING:
     from flexspline.experiment.plan import Plan
     from flexspline.logs.channel_noise import ChannelNoise
     from flexspline.logs.checks.dependence import Dependence
-    from flexspline.simulator.record import Simulated
+    from flexspline.simulator import Simulated
 
 __all__ = [
     "Discovery",
@@ -79,8 +77,6 @@ def confidence(gain: float, above: float, survives: float, left: float, aliases:
     flexible = beside + beyond * (1.0 - float(np.clip(survives, 0.0, 1.0)))
     return float(min(1.0 / (1.0 + aliases + flexible + chance), 1.0 - SETTINGS.negligible))
 
-
-Array = NDArray[np.float64]
 
 DRIVES = ("motor_torque", "motor_current")
 NOT_SIGNIFICANT, NOT_LOWER = "not significant in the final fit", "does not lower the held-out error"

@@ -61,12 +61,13 @@ from flexspline.discovery.physics import LOOPS, driving_spring, impossible
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import UNITS, Effect
 from flexspline.errors import InputError
-from flexspline.least_squares.names import SHARED
+from flexspline.least_squares.options import SHARED
 from flexspline.least_squares.problem import Problem, problem_of
 from flexspline.logs.checks.dependence import Dependence
 from flexspline.logs.derive import differentiate
 from flexspline.logs.log import Log
 from flexspline.orders import FoundOrder
+from flexspline.regression.candidate_model import Working, refitted, started
 from flexspline.regression.gram import (
     Columns,
     Given,
@@ -74,10 +75,10 @@ from flexspline.regression.gram import (
     Whitening,
     gain_of,
     left_of,
+    rows_of,
     tabulated,
+    thinned,
 )
-from flexspline.regression.thinned import rows_of, thinned
-from flexspline.regression.working import Working, refitted, started
 from flexspline.requirements import require_one_unit
 
 __all__ = [

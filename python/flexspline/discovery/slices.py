@@ -27,17 +27,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dct
 
-from flexspline.comparison.analysis import Analysis, analysed
-from flexspline.comparison.assemble import assembled
 from flexspline.comparison.bands import Band
-from flexspline.comparison.result import Comparison
-from flexspline.comparison.runs import Compared, ComparedRun, located
-from flexspline.comparison.simulated import resolution
+from flexspline.comparison.result import Comparison, assembled
+from flexspline.comparison.runs import Compared, ComparedRun, located, resolution
+from flexspline.comparison.search import Analysis, analysed
 from flexspline.discovery.settings import SETTINGS
-from flexspline.least_squares.scores import LEAST_ROWS, bands, groups
+from flexspline.least_squares.validation import LEAST_ROWS, bands, groups
+from flexspline.logs.derive import velocity_noise
 from flexspline.logs.log import Log
 from flexspline.logs.segments import median_step, runs, true_ranges
-from flexspline.logs.velocity import velocity_noise
 from flexspline.orders.parts import effective_ratio, output_angle
 
 if TYPE_CHECKING:

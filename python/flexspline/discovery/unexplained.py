@@ -33,6 +33,7 @@ from flexspline.discovery.basis import (
 from flexspline.discovery.evidence import held_out_gain
 from flexspline.discovery.settings import SETTINGS
 from flexspline.least_squares.problem import Problem
+from flexspline.regression.candidate_model import HeldOut, Working, fall_of
 from flexspline.regression.gram import (
     SINGULAR,
     TINY,
@@ -42,11 +43,10 @@ from flexspline.regression.gram import (
     Whitening,
     fold_blocks,
     gain_of,
+    rows_of,
     solved,
+    thinned,
 )
-from flexspline.regression.held_out import HeldOut, fall_of
-from flexspline.regression.thinned import rows_of, thinned
-from flexspline.regression.working import Working
 
 __all__ = [
     "Ceiling",

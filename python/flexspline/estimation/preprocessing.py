@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from flexspline.errors import InputError, listed
 from flexspline.estimators import Differentiator, ReadingChecks
 from flexspline.estimators.differentiator import DERIVED
-from flexspline.logs.causal import differentiate_causal, lateness
+from flexspline.logs.derive import differentiate_causal, lateness
 from flexspline.logs.log import Log
 from flexspline.model import Model
 from flexspline.signals import gear_of

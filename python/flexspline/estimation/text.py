@@ -10,7 +10,7 @@ import numpy as np
 
 from flexspline.estimation.result import COLUMNS, Estimate
 from flexspline.estimation.status import MEANING
-from flexspline.formatting.numbers import short
+from flexspline.formatting import short
 
 __all__ = ["estimate_html", "estimate_text"]
 

@@ -8,6 +8,22 @@ products of all whitened columns over σ², summed over runs, and s the signal's
 A named effect against a rival has its fitted coefficients as weights: t is that of its noise-free
 term after model and rival are taken out. A parameter has the weight one on its own column: t is
 the inverse of the standard error that is expected. G of recorded and of planned runs add up.
+
+The recorded noise as a run of another rate sees it.
+
+An autoregressive noise has the spectrum σ² / |A(e^{iω})|². What of it lies below half of a coarser
+rate has the autocovariance
+
+    r_k = (1 / π) ∫_0^{π/m} σ² / |A(e^{iω})|² cos(ω m k) dω
+
+at every m-th row, and is autoregressive again (Yule and Walker), so that a slow excitation tells
+as much at the coarser rate as at the one that was recorded.
+
+Where the recorded runs fit worse, planned ones will too: noise by speed.
+
+Around reversals a model of friction is least exact, and the residual there is not small noise. The
+innovation variance of each band of speed, over that of all rows where it is larger, is what a row
+at that speed is worth less.
 """
 
 from __future__ import annotations
@@ -17,20 +33,41 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_toeplitz
+from scipy.signal import freqz
 
 from flexspline.effects import CATALOGUE, Effect
-from flexspline.experiment.trust import Trust
-from flexspline.least_squares.names import coefficient_names
+from flexspline.least_squares.options import coefficient_names
 from flexspline.least_squares.problem import Problem, Run
+from flexspline.logs.local_fit import WIDEST
+from flexspline.logs.log import Log
+from flexspline.regression.candidate_model import Working
 from flexspline.regression.gram import Columns, Whitening, left_by
-from flexspline.regression.working import Working
 
-__all__ = ["Layout", "Question", "Rivalry", "layout_of", "pieces_of", "products"]
+__all__ = [
+    "Layout",
+    "Question",
+    "Rivalry",
+    "Trust",
+    "at_coarser_rate",
+    "layout_of",
+    "pieces_of",
+    "products",
+    "trust_of",
+]
 
 Array = NDArray[np.float64]
 
 PIECE = 50_000  # rows
 MOST_PIECES = 6
+
+FAST = 100.0  # Hz, what a planned run is looked at with
+SLOW = 50.0
+OF_A_PERIOD = 8.0  # rows of ripple, at least: its sine is followed to some per cent
+POINTS = 1 << 14
+MARGIN = 1e-6  # of a rate, that the steps of a planned run's clock are rounded by at most
+
+SHARES = (0.02, 0.05, 0.1, 0.2, 0.4, 0.7)  # of all rows, that are slower than a band's end
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,3 +242,68 @@ def _piece(run: Run, first: int) -> Run:
 
 def _owned(work: Working, name: str) -> list[int]:
     return [k for k, owner in enumerate(work.owners()) if owner == name]
+
+
+def at_coarser_rate(
+    whitening: Whitening, rate: float, fastest: float = 0.0, lowpass: float | None = None
+) -> tuple[Whitening, float]:
+    """Return the noise and the rate [Hz] that a planned run is judged with.
+
+    Parameters
+    ----------
+    rate : Hz, of the recorded runs.
+    fastest : Hz, of ripple that the run has to follow.
+    lowpass : Hz, that the planned run is looked at with, as the recorded ones were; None: none.
+    """
+    news = rate / whitening.decimation
+    least = 0.0 if lowpass is None else (1.0 + MARGIN) * lowpass / WIDEST
+    fast = max(FAST, OF_A_PERIOD * fastest)
+    if news < 2.0 * fast or least > fast:
+        slowest = max(min(max(SLOW, OF_A_PERIOD * fastest), rate), least)
+        rows = max(1, int(np.ceil(slowest / news)))
+        return Whitening(whitening.denominator, whitening.variance, rows), news * rows
+    every = int(news / fast)
+    order = max(whitening.order, 1)
+    frequency = np.linspace(0.0, np.pi / every, POINTS)
+    _, response = freqz([1.0], whitening.denominator, worN=frequency)
+    power = whitening.variance * np.abs(response) ** 2
+    waves = np.cos(np.outer(np.arange(order + 1) * every, frequency))
+    lags = np.trapezoid(power * waves, frequency, axis=1) / np.pi
+    phi = solve_toeplitz(lags[:order] * np.where(np.arange(order), 1.0, 1.0 + 1e-9), lags[1:])
+    variance = max(float(lags[0] - phi @ lags[1:]), 1e-12 * float(lags[0]))
+    return Whitening(np.append(1.0, -phi), variance, 1), news / every
+
+
+@dataclass(frozen=True, eq=False)
+class Trust:
+    """`edges` (K,) between bands of speed [rad/s], `excess` (K + 1,) of their variance, ≥ 1."""
+
+    edges: Array
+    excess: Array
+
+    def weights(self, log: Log, rows: NDArray[np.intp]) -> Array:
+        """What rows (N,) of a log are multiplied with, at most 1."""
+        return np.asarray(
+            1.0 / np.sqrt(self.excess[np.searchsorted(self.edges, _speed(log)[rows])])
+        )
+
+
+def trust_of(problem: Problem, work: Working, whitening: Whitening) -> Trust:
+    """Compare what a model leaves at each speed with what it leaves overall."""
+    squares, speeds = [], []
+    for number, run in enumerate(problem.runs):
+        left = run.target - work.predict(problem, number)
+        values, rows = whitening(left[:, None], run)
+        squares.append(values[:, 0] ** 2 / whitening.variance)
+        speeds.append(_speed(run.log)[rows])
+    square, speed = np.concatenate(squares), np.concatenate(speeds)
+    edges = np.unique(np.quantile(speed, SHARES))
+    band = np.searchsorted(edges, speed)
+    count = np.maximum(np.bincount(band, minlength=len(edges) + 1), 1)
+    mean = np.bincount(band, weights=square, minlength=len(edges) + 1) / count
+    return Trust(edges, np.maximum(mean, 1.0))
+
+
+def _speed(log: Log) -> Array:
+    """(N,) [rad/s], 0 where nothing is known of it."""
+    return np.abs(log["output_velocity"]) if "output_velocity" in log else np.zeros(len(log))

@@ -12,8 +12,7 @@ from flexspline.exporting.block import block_bytes
 from flexspline.exporting.cpp_text import namespace_name
 from flexspline.exporting.header import header_text
 from flexspline.files import atomic_write
-from flexspline.model import PART_OF, Model
-from flexspline.model_warnings import part_warnings, refuse_warnings
+from flexspline.model import PART_OF, Model, part_warnings, refuse_warnings
 
 __all__ = ["FORMATS", "export", "export_warnings", "namespace_of"]
 

@@ -14,9 +14,8 @@ from flexspline.exporting.cpp_text import comment, identifier, include, literal,
 from flexspline.exporting.header_chain import chain_head, chain_includes, chain_lines
 from flexspline.exporting.header_model import by_motor_encoder, model_lines
 from flexspline.logs.channels import CHANNELS
-from flexspline.model import Model, Part
-from flexspline.model_warnings import MARGIN, widened
-from flexspline.simulator.record import Simulated
+from flexspline.model import MARGIN, Model, Part, widened
+from flexspline.simulator import Simulated
 
 __all__ = ["header_text"]
 

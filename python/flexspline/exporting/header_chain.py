@@ -11,7 +11,7 @@ from flexspline.estimators import ESTIMATORS
 from flexspline.exporting.cpp_text import literal
 from flexspline.exporting.header_model import model_lines
 from flexspline.exporting.header_stages import stage_lines
-from flexspline.logs.causal import lateness
+from flexspline.logs.derive import lateness
 from flexspline.model import Model
 
 __all__ = ["chain_head", "chain_includes", "chain_lines"]

@@ -9,7 +9,7 @@ from typing import Any
 from flexspline.effects import Effect, TermInfo, unit_in
 from flexspline.errors import InputError
 from flexspline.exporting.cpp_text import boolean, comment, identifier, literal, number, whole
-from flexspline.formatting.numbers import plus_minus
+from flexspline.formatting import plus_minus
 from flexspline.model import Model, Part
 from flexspline.signals import gear_of
 

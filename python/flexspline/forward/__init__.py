@@ -2,9 +2,8 @@
 
 from flexspline.forward.drive import DriveInputs, drive_inputs, require_movable
 from flexspline.forward.result import ForwardRun
-from flexspline.forward.scores import simulated_gap, simulated_rmse
 from flexspline.forward.servo import PositionServo
-from flexspline.forward.simulating import simulate
+from flexspline.forward.simulating import simulate, simulated_gap, simulated_rmse
 
 __all__ = [
     "DriveInputs",

@@ -1,7 +1,11 @@
-"""What a run drives a fitted joint with: prepared once, driven as often as one likes."""
+"""What a run drives a fitted joint with: prepared once, driven as often as one likes.
+
+It starts at the run's first angle and velocity, and at what its motor's encoder says.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -13,19 +17,36 @@ from flexspline import _core
 from flexspline.effects import Effect
 from flexspline.errors import InputError, listed
 from flexspline.forward.servo import PositionServo
-from flexspline.forward.start import motor_offset, require_finite, start_of
+from flexspline.logs.derive import differentiate, velocity_noise
 from flexspline.logs.log import Log
 from flexspline.logs.read import with_motor_torque
 from flexspline.logs.segments import runs
-from flexspline.model import Model, Part
+from flexspline.model import Model
+from flexspline.part import Part
 from flexspline.requirements import require_one_unit
 from flexspline.signals import gear_of, torque_of_current
 
-__all__ = ["DriveInputs", "drive_inputs", "require_movable", "require_no_delay"]
+__all__ = [
+    "DriveInputs",
+    "drive_inputs",
+    "motor_offset",
+    "require_finite",
+    "require_movable",
+    "require_no_delay",
+]
 
 Array = NDArray[np.float64]
 
 CHANNELS = ("position", "velocity", "acceleration", "motor", "stuck")
+
+_NAMED = {
+    "motor": "motor torque",
+    "command": "commanded_position",
+    "supply": "supply_voltage",
+    "known_load": "known load",
+}
+
+_NOISY = 3.0  # standard deviations of the velocity that count as rest
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,14 +220,6 @@ def require_no_delay(effects: Sequence[Effect], target: str) -> None:
             )
 
 
-_NAMED = {
-    "motor": "motor torque",
-    "command": "commanded_position",
-    "supply": "supply_voltage",
-    "known_load": "known load",
-}
-
-
 def _with_facts(model: Model, log: Log) -> Log:
     missing = {k: v for k, v in model.facts.items() if k not in log.facts and v is not None}
     return with_motor_torque(log.with_facts(missing))
@@ -281,3 +294,64 @@ def _pieces(time: Array, first: int, last: int, horizon: float) -> NDArray[np.in
     cuts = first + 1 + np.flatnonzero(np.diff(number))
     edges = np.concatenate(([first], cuts, [last]))
     return np.stack((edges[:-1], edges[1:]), axis=1)
+
+
+def start_of(log: Log, stretches: NDArray[np.intp]) -> Array:
+    """Return angle and velocity at the start of each stretch, (K, 2), rad and rad/s.
+
+    A velocity within its noise is none. Raises InputError where the angle is not measured.
+    """
+    if "output_position" not in log:
+        raise InputError(
+            f"log '{log.name}': the initial state is the first output_position, which the log "
+            f"lacks; it has {listed(log.channels)}; map a column to it"
+        )
+    first = stretches[:, 0]
+    position = log["output_position"][first]
+    require_finite(log, "output_position", position, first)
+    velocity, noise = _velocity(log, stretches)
+    velocity[np.abs(velocity) < _NOISY * noise] = 0.0
+    return np.stack((position, velocity), axis=1)
+
+
+def _velocity(log: Log, stretches: NDArray[np.intp]) -> tuple[Array, float]:
+    first = stretches[:, 0]
+    if "output_velocity" in log:
+        velocity = log["output_velocity"][first]
+        require_finite(log, "output_velocity", velocity, first)
+        return velocity.copy(), velocity_noise(log)
+    if not np.isfinite(log["output_position"]).all() or len(log) < 3:
+        return np.zeros(len(first)), 0.0
+    made = differentiate(log)
+    return np.asarray(made["output_velocity"])[first].copy(), velocity_noise(made)
+
+
+def motor_offset(part: Part, log: Log) -> float:
+    """Return θ − Ñ q, rad: the encoders' zeros differ, and ripple counts from the motor's.
+
+    Raises InputError where the model was fitted with the motor's angle and the log lacks it.
+    """
+    fitted = part.record.get("channels")
+    reads = any("motor_position" in effect.reads for effect in part.effects)
+    measured = "motor_position" in (log.channels if fitted is None else fitted)
+    if not (reads and measured):
+        return 0.0
+    if "motor_position" not in log or log.effective_ratio is None:
+        raise InputError(
+            f"log '{log.name}': the model's ripple was fitted with the channel motor_position, "
+            "whose first row says where it starts; map a column to it and give gear_ratio"
+        )
+    offset = log["motor_position"][0] - log.effective_ratio * log["output_position"][0]
+    require_finite(log, "motor_position", np.array([offset]))
+    return math.remainder(float(offset), 2.0 * math.pi)
+
+
+def require_finite(log: Log, name: str, data: Array, rows: NDArray[np.intp] | None = None) -> None:
+    bad = np.flatnonzero(~np.isfinite(data))
+    if not len(bad):
+        return
+    row = int(bad[0] if rows is None else rows[bad[0]])
+    raise InputError(
+        f"log '{log.name}': row {row} has no value of {name} "
+        f"({len(bad)} such rows), so nothing can be driven through it; interpolate or cut the run"
+    )

@@ -1,27 +1,37 @@
-"""`simulate`: a fitted model driven forward from the inputs of runs."""
+"""`simulate`: a fitted model driven forward from the inputs of runs, and how far off it ends.
+
+Parts of a model that follow a given motion integrate nothing, and nothing sticks in them.
+"""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Sequence
 from functools import partial
-from typing import overload
+from typing import Any, overload
 
 import numpy as np
 
-from flexspline.errors import InputError
+from flexspline.errors import InputError, listed
 from flexspline.forward.drive import CHANNELS, DriveInputs, drive_inputs, require_movable
-from flexspline.forward.given import reading, turned
 from flexspline.forward.result import ForwardRun
 from flexspline.forward.servo import PositionServo
 from flexspline.logs.log import Log
 from flexspline.model import Model
 from flexspline.part import PART_OF, Part
 
-__all__ = ["simulate"]
+__all__ = [
+    "reading",
+    "simulate",
+    "simulated_gap",
+    "simulated_rmse",
+    "turned",
+]
 
 FINE = 1e-5  # rad RMS: half the steps change the motion by no more, where they can be chosen
 MOST_STEPS = 64
+
+_ROUNDS = 8
 
 
 @overload
@@ -173,3 +183,104 @@ def _notes(given: DriveInputs) -> tuple[str, ...]:
     if not again:
         return ()
     return (f"it begins anew from the measured state {again} times",)
+
+
+def reading(model: Model, part: Part, log: Log) -> ForwardRun:
+    """Return what a sensor reads along the given motion: the prediction and the known load."""
+    torque = model.predict(log, part.target).predicted
+    if part.known_load is not None:
+        if part.known_load not in log:
+            raise InputError(
+                f"log '{log.name}': the reading is made of the load, whose channel "
+                f"{part.known_load} is not among {listed(log.channels)}; map a column to it"
+            )
+        torque = torque + log[part.known_load]
+    made = Log({"time": log["time"], "sensor_torque": torque}, dict(log.facts), (_note(log),))
+    measured = log["sensor_torque"] if "sensor_torque" in log else np.full(len(log), np.nan)
+    return ForwardRun(made, "sensor_torque", np.asarray(measured))
+
+
+def turned(model: Model, part: Part, log: Log) -> ForwardRun:
+    """Return where the output stands: q = (θ + Δθ) / Ñ, θ measured.
+
+    Effects that read q see the one that is looked for: they turn it by so little that a few rounds
+    of insertion, from q = θ / Ñ, settle it.
+
+    Raises
+    ------
+    InputError
+        Where the log lacks the motor's angle, the gear ratio, or what an effect reads.
+    """
+    if "motor_position" not in log:
+        raise InputError(
+            f"log '{log.name}': the output's angle follows from the channel motor_position, which "
+            f"is not among {listed(log.channels)}; map a column to it"
+        )
+    facts = {k: v for k, v in model.facts.items() if k not in log.facts and v is not None}
+    log = log.with_facts(facts)
+    ratio = log.effective_ratio
+    if ratio is None:
+        raise InputError(
+            f"log '{log.name}': the output's angle needs the gear ratio; give gear_ratio"
+        )
+    output = log["motor_position"] / ratio
+    for _ in range(_ROUNDS):
+        there = log.with_columns({"output_position": output}, note="simulated")
+        torsion = model.predict(there, part.target).predicted
+        before, output = output, (log["motor_position"] + torsion) / ratio
+        if not np.nanmax(np.abs(output - before), initial=0.0) > 1e-12:
+            break
+    made = Log({"time": log["time"], "output_position": output}, dict(log.facts), (_note(log),))
+    measured = log["output_position"] if "output_position" in log else np.full(len(log), np.nan)
+    return ForwardRun(made, "output_position", np.asarray(measured))
+
+
+def _note(log: Log) -> str:
+    return f"simulated along the motion of '{log.name}'"
+
+
+def simulated_rmse(
+    model: Model,
+    logs: Sequence[Log],
+    *,
+    target: str | None = None,
+    controller: PositionServo | None = None,
+    horizon: float | None = None,
+) -> dict[str, Any] | None:
+    """Return {"channel", "value"}: the RMSE over all rows of all runs; None where one cannot be.
+
+    `value` is in the channel's unit (rad of output_position; Nm of sensor_torque).
+    """
+    try:
+        made = simulate(model, list(logs), target=target, controller=controller, horizon=horizon)
+    except InputError:
+        return None
+    rest = np.concatenate([run.residual for run in made]) if made else np.zeros(0)
+    rest = rest[np.isfinite(rest)]
+    if not rest.size:
+        return None
+    return {"channel": made[0].channel, "value": float(np.sqrt(np.mean(rest**2)))}
+
+
+def simulated_gap(
+    base: Model,
+    final: Model,
+    logs: Sequence[Log],
+    *,
+    target: str | None = None,
+    controller: PositionServo | None = None,
+    horizon: float | None = None,
+) -> dict[str, Any] | None:
+    """Return {"channel", "base", "final"} of `discovery.json`; None where one cannot be driven.
+
+    Parameters
+    ----------
+    base, final : fitted without these logs.
+    logs : runs that neither has seen.
+    horizon : s, as in `simulate`.
+    """
+    first = simulated_rmse(base, logs, target=target, controller=controller, horizon=horizon)
+    last = simulated_rmse(final, logs, target=target, controller=controller, horizon=horizon)
+    if first is None or last is None:
+        return None
+    return {"channel": last["channel"], "base": first["value"], "final": last["value"]}

@@ -7,18 +7,18 @@ the compliance from a catalogue, `fit_mesh_stiffness` from a stiffness run.
 Of the paper's next steps, other gear models inside the observer are taken up ("co", "o2",
 hysteresis of the torsion). Friction with wear of the teeth is not: it needs logs over years, so fit
 the drive's part again as the joint ages. In place of the merge there is a Kalman filter; why no IMM
-or further complementary filter is said in `flexspline.full_range.kalman`.
+or further complementary filter is said in `flexspline.full_range.rivals`.
 """
 
-from flexspline.full_range.datasheet import compliance_from_datasheet, torsion_part_from_datasheet
-from flexspline.full_range.result import FullRange
-from flexspline.full_range.scores import ErrorScore, ErrorTable, SpeedCurve
+from flexspline.full_range.result import ErrorScore, ErrorTable, FullRange, SpeedCurve
 from flexspline.full_range.torsion_part import (
     GearCompliance,
+    compliance_from_datasheet,
     fit_kinematic_error,
     fit_mesh_stiffness,
     mesh_of,
     torsion_part,
+    torsion_part_from_datasheet,
     with_mesh_stiffness,
 )
 from flexspline.full_range.training import train

@@ -28,7 +28,7 @@ from flexspline.estimation.joint import run_joint
 from flexspline.estimation.plan import Plan, plan_of
 from flexspline.estimators import Compliance, Observer
 from flexspline.full_range.torsion_part import WAVE_GENERATOR, only
-from flexspline.logs.causal import differentiate_causal
+from flexspline.logs.derive import differentiate_causal
 from flexspline.logs.log import Log
 from flexspline.logs.read import with_motor_torque
 from flexspline.logs.segments import runs

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from flexspline.least_squares.identifiability import Combination, Confounded
     from flexspline.least_squares.result import Fit, FittedRun, Parameter
-    from flexspline.least_squares.scores import Score
-    from flexspline.least_squares.streaming import accumulate
-    from flexspline.least_squares.sums import Solution, Sums
+    from flexspline.least_squares.sums import Solution, Sums, accumulate
+    from flexspline.least_squares.validation import Score
 
 __all__ = [
     "Combination",
@@ -30,10 +29,10 @@ _HOME = {
     "Fit": "result",
     "FittedRun": "result",
     "Parameter": "result",
-    "Score": "scores",
+    "Score": "validation",
     "Solution": "sums",
     "Sums": "sums",
-    "accumulate": "streaming",
+    "accumulate": "sums",
 }
 
 

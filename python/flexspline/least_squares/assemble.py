@@ -10,23 +10,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.effects import Effect, unit_in
-from flexspline.least_squares.derived import sign_warnings
+from flexspline.least_squares.derived import loop_warnings, sign_warnings
 from flexspline.least_squares.estimate import Estimate, counts_of, residuals_of
-from flexspline.least_squares.estimate_errors import uncertainty_of
+from flexspline.least_squares.generalised import uncertainty_of
 from flexspline.least_squares.identifiability import Confounded, confounded_groups
 from flexspline.least_squares.late_load import LateLoad
-from flexspline.least_squares.loops import loop_warnings
-from flexspline.least_squares.memory import memory_warnings
 from flexspline.least_squares.offsets import offset_parameters
-from flexspline.least_squares.problem import Problem
+from flexspline.least_squares.problem import Problem, memory_warnings
 from flexspline.least_squares.result import Delay, Fit, FittedRun, Parameter
-from flexspline.least_squares.scores import scores_of
 from flexspline.least_squares.uncertainty import Uncertainty
-from flexspline.least_squares.validation import cross_validate
+from flexspline.least_squares.validation import cross_validate, scores_of
 from flexspline.logs.channel_noise import ChannelNoise
 from flexspline.model import Model, Part
 from flexspline.parallel import together
-from flexspline.plain import plain_json
+from flexspline.schema import plain_json
 
 __all__ = ["assembled"]
 

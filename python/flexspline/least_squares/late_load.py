@@ -24,7 +24,7 @@ from flexspline.effects import Effect
 from flexspline.least_squares.estimate import Estimate
 from flexspline.least_squares.noise_model import Chunk, Chunks
 from flexspline.least_squares.problem import Problem
-from flexspline.least_squares.tangent import Tangent
+from flexspline.least_squares.shapes import Tangent
 from flexspline.signals import target_of
 
 __all__ = ["Beside", "LateLoad", "basis_beside", "beside_delay", "can_be_late", "slopes_by"]

@@ -5,6 +5,13 @@
 The load in the rows is the known load plus the model's own inertia and gravity, so the solve is
 repeated until these stand. Sums are plain doubles where that gives nine digits, else
 double-double.
+
+The load that a model makes by itself, where its rounds go back and forth: Anderson's mixing.
+
+A round maps a load x to the load g(x) of the coefficients that it leads to. Where x ← g(x) does not
+settle, the last few rounds tell how the miss f = g − x follows x, and the next load is where that
+straight line has no miss: x = g − (ΔX + ΔF) w, with w the least squares solution of ΔF w = f.
+Source: [WalkerNi2011], Anderson acceleration for fixed-point iterations.
 """
 
 from __future__ import annotations
@@ -19,12 +26,17 @@ from scipy.optimize import lsq_linear
 from flexspline import _core
 from flexspline.effects import Effect
 from flexspline.errors import InputError
-from flexspline.least_squares.names import Constraints
+from flexspline.least_squares.options import Constraints
 from flexspline.least_squares.problem import Problem
-from flexspline.least_squares.settling import Settling
 from flexspline.least_squares.sums import Solution, Sums, solve
 
-__all__ = ["LinearFit", "UnsettledError", "fit_linear", "load_of"]
+__all__ = [
+    "LinearFit",
+    "Settling",
+    "UnsettledError",
+    "fit_linear",
+    "load_of",
+]
 
 Array = NDArray[np.float64]
 
@@ -33,6 +45,8 @@ STANDS = 1e-9
 DEPENDENT = 1e-11
 ENOUGH_CONDITION = 1e3
 BOUND_ROUNDS = 10
+
+PLAIN = 6  # rounds before; most loads settle in three
 
 
 class UnsettledError(InputError):
@@ -221,3 +235,22 @@ def _within_bounds(
 def _squares(solution: Solution, values: Array) -> float:
     missed = solution.factor @ values - solution.rotated_target
     return float(solution.residual_squares + missed @ missed)
+
+
+class Settling:
+    """The loads tried so far, (C,) each, and what each of them missed."""
+
+    def __init__(self) -> None:
+        self._loads: list[Array] = []
+        self._misses: list[Array] = []
+
+    def next(self, load: Array, made: Array) -> Array:
+        """Return the load to try after one that led to another, (C,)."""
+        self._loads.append(load)
+        self._misses.append(made - load)
+        if len(self._loads) <= PLAIN:
+            return made
+        last = slice(-len(load) - 1, None)
+        moved, changed = (np.diff(rows[last], axis=0).T for rows in (self._loads, self._misses))
+        weights = np.linalg.lstsq(changed, self._misses[-1], rcond=None)[0]
+        return np.asarray(made - (moved + changed) @ weights)

@@ -23,7 +23,7 @@ from scipy.stats import t as student
 
 from flexspline.effects import Effect, unit_in
 from flexspline.least_squares.estimate import Estimate, Given, residuals_of
-from flexspline.least_squares.names import coefficient_names
+from flexspline.least_squares.options import coefficient_names
 from flexspline.least_squares.problem import Problem, Run
 from flexspline.least_squares.result import Parameter
 from flexspline.least_squares.uncertainty import Uncertainty

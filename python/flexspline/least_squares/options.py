@@ -1,17 +1,48 @@
-"""What a fit rarely needs to be told."""
+"""What a fit is told beside its runs: options, and parameters that are fixed, bounded or known.
+
+Names of the parameters of a model, and what a user fixes, bounds or knows of them.
+
+A coefficient is called "effect.term", or by its effect alone where that has one term. A shape is
+called "effect.shape", or by the shape alone; `direction_width` is one for all friction, and the
+shape of the mesh is one for its compliance and for what temperature makes of it.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from numbers import Real
+from typing import TYPE_CHECKING, Any
 
-from flexspline.errors import InputError
+import numpy as np
+from numpy.typing import NDArray
+
+from flexspline.effects import Effect, ShapeInfo
+from flexspline.errors import InputError, did_you_mean, listed
 
 if TYPE_CHECKING:
     from flexspline.logs.log import Log
 
-__all__ = ["FitOptions", "require_robust"]
+__all__ = [
+    "SHARED",
+    "Bounds",
+    "Constraints",
+    "FitOptions",
+    "ShapeParameter",
+    "coefficient_names",
+    "constraints_of",
+    "finite",
+    "pair_of",
+    "require_robust",
+    "resolve",
+    "shapes_of",
+]
+
+Array = NDArray[np.float64]
+Bounds = tuple[float | None, float | None]
+
+SHARED = ("direction_width", "mesh_shape")
+"""Shapes of which a model has one: what it has is taken."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,3 +84,152 @@ def require_robust(robust: str | None) -> None:
     """Refuse weights that do not exist."""
     if robust not in (None, "huber"):
         raise InputError(f"robust is {robust!r}; give 'huber' or None")
+
+
+@dataclass(frozen=True)
+class ShapeParameter:
+    """A shape and the effects that share it (by number)."""
+
+    name: str
+    info: ShapeInfo
+    effects: tuple[int, ...]
+
+    def value(self, effects: Sequence[Effect]) -> float:
+        return effects[self.effects[0]].shapes[self.info.name]
+
+    def set(self, effects: Sequence[Effect], value: float) -> tuple[Effect, ...]:
+        """Return the effects with this shape replaced in all that share it."""
+        changed = list(effects)
+        for number in self.effects:
+            changed[number] = changed[number].with_shapes(**{self.info.name: value})
+        return tuple(changed)
+
+
+@dataclass(frozen=True)
+class Constraints:
+    """What is known of the coefficients beforehand; NaN where nothing is.
+
+    All (P,), in the units of the coefficients. `held`: value that is not fitted.
+    """
+
+    held: Array
+    lower: Array
+    upper: Array
+    prior: Array
+    prior_error: Array
+
+    @property
+    def free(self) -> NDArray[np.intp]:
+        """Numbers of the coefficients that are fitted."""
+        return np.flatnonzero(np.isnan(self.held))
+
+    @property
+    def bounded(self) -> bool:
+        return bool(np.isfinite(self.lower).any() or np.isfinite(self.upper).any())
+
+    @property
+    def informed(self) -> bool:
+        """Whether there is a prior."""
+        return bool(np.isfinite(self.prior).any())
+
+
+def coefficient_names(effects: Sequence[Effect], runs: Sequence[str] = ()) -> list[str]:
+    """Return "effect.term" of every coefficient, in the order of the columns.
+
+    `runs`: names of the runs that have an offset each; these come last.
+    """
+    names = [f"{effect.name}.{term.name}" for effect in effects for term in effect.terms]
+    if runs and "offset.offset" in names:
+        names.remove("offset.offset")
+        for k, run in enumerate(runs):
+            twice = runs.count(run) > 1
+            names.append(f"offset.{run}" + (f" ({k + 1})" if twice else ""))
+    return names
+
+
+def shapes_of(effects: Sequence[Effect]) -> list[ShapeParameter]:
+    """Return the shapes that can be fitted, those that effects share once."""
+    found: dict[str, ShapeParameter] = {}
+    shared = {"direction_width": "direction_width"}
+    if any(effect.name == "mesh_compliance" for effect in effects):
+        shared["mesh_shape"] = "mesh_compliance.mesh_shape"
+    for number, effect in enumerate(effects):
+        for info in effect.fitted_shapes:
+            name = shared.get(info.name, f"{effect.name}.{info.name}")
+            users = found[name].effects if name in found else ()
+            found[name] = ShapeParameter(name, info, (*users, number))
+    return list(found.values())
+
+
+def resolve(name: str, known: Sequence[str], what: str, others: Sequence[str] = ()) -> int:
+    """Return which parameter is meant by "effect.term", or by one part of it if that is unique.
+
+    `others`: names that might have been meant, for the error.
+    """
+    if name in known:
+        return list(known).index(name)
+    near = [i for i, full in enumerate(known) if name in full.split(".", 1)]
+    if len(near) == 1:
+        return near[0]
+    if near:
+        raise InputError(f"{what}: '{name}' may be {listed(known[i] for i in near)}; say which")
+    raise InputError(
+        f"{what}: there is no parameter '{name}'{did_you_mean(name, [*known, *others])}; "
+        f"the model has {listed([*known, *others])}"
+    )
+
+
+def constraints_of(
+    names: Sequence[str],
+    fixed: Mapping[str, float],
+    bounds: Mapping[str, Bounds],
+    priors: Mapping[str, tuple[float, float]],
+    shapes: Sequence[str] = (),
+) -> Constraints:
+    """Return what is known of the coefficients of these names, from the options of a fit.
+
+    `shapes`: names of the shapes, which an error mentions too.
+
+    Raises
+    ------
+    InputError
+        For an unknown or ambiguous name, values that are not finite, an empty interval, an error
+        that is not positive, or a coefficient that is fixed and more.
+    """
+    made = Constraints(*(np.full(len(names), np.nan) for _ in range(5)))
+    for name, value in fixed.items():
+        made.held[resolve(name, names, "fixed", shapes)] = finite(value, f"fixed: {name}")
+    for name, limits in bounds.items():
+        at = _not_fixed(resolve(name, names, "bounds", shapes), made, f"bounds: {name}")
+        low, high = pair_of(limits, f"bounds: {name}", "(low, high)")
+        made.lower[at] = -np.inf if low is None else low
+        made.upper[at] = np.inf if high is None else high
+        if not made.lower[at] < made.upper[at]:
+            raise InputError(f"bounds: {name} from {low} to {high} is empty; give low < high")
+    for name, known in priors.items():
+        at = _not_fixed(resolve(name, names, "priors", shapes), made, f"priors: {name}")
+        value, error = pair_of(known, f"priors: {name}", "(value, standard error)")
+        if not finite(error, f"priors: the error of {name}") > 0.0:
+            raise InputError(f"priors: the error of {name} is {error}; give one above zero")
+        made.prior[at], made.prior_error[at] = finite(value, f"priors: {name}"), error
+    return made
+
+
+def _not_fixed(at: int, made: Constraints, what: str) -> int:
+    if not np.isnan(made.held[at]):
+        raise InputError(f"{what} is fixed already; leave out one of the two")
+    return at
+
+
+def finite(value: float, what: str) -> float:
+    """Return a number, or refuse what is none."""
+    if not isinstance(value, Real) or not np.isfinite(value):
+        raise InputError(f"{what} is {value!r}; give a finite number")
+    return float(value)
+
+
+def pair_of(pair: Any, what: str, form: str) -> tuple[Any, Any]:
+    """Return two values, or refuse what are not two and say which `form` they have."""
+    if not isinstance(pair, Sequence) or isinstance(pair, str) or len(pair) != 2:
+        raise InputError(f"{what} is {pair!r}; give {form}")
+    return pair[0], pair[1]

@@ -1,4 +1,29 @@
-"""What a fit explains: runs with their channels as the core wants them, and the target."""
+"""What a fit explains: runs with their channels as the core wants them, and the target.
+
+Rows that a fit must not trust: what an effect remembers from before its run, nobody knows.
+
+Each run, and each stretch behind a gap, starts an effect's memory with a guess. The rows that
+still depend on it do not count. Which rows these are depends on the shapes (a wider loop takes
+longer to turn over), so a fit repeats with those of the shapes that it found; while it searches,
+the rows stay the same, for sums of squares over different rows cannot be compared.
+
+Rows in which the recorder does not resolve the motion: there a model's error says nothing.
+
+Around a reversal, and where a joint starts to move, friction changes within milliseconds. A motion
+that was smoothed up to B is blurred there, and what a model then leaves looks like friction of the
+path or of low speeds. So the rows are asked: by how much does the prediction move when the motion
+is smoothed at half its bandwidth? Where that is more than the noise of the target, the inputs do
+not say what the model should predict, and the rows do not count.
+
+The model that is asked has Coulomb and viscous friction, which turn over fastest.
+
+Near the ends of a recording a smoother has rows on one side only: derivatives are many times as
+noisy there as elsewhere, and a value is off by another share of the curvature. Within its reach the
+rows do not count; one row of them would stand out by the jump. So it is with a load, whose slope
+tells by how much it is late, beside gaps too: what a motion is off by there, the question above
+tells, and a start of motion behind a gap may be all that shows friction at low speed. A temperature
+hardly changes within its reach.
+"""
 
 from __future__ import annotations
 
@@ -13,14 +38,13 @@ from numpy.typing import NDArray
 
 from flexspline import _core
 from flexspline.effects import Effect, require_effects
-from flexspline.errors import InputError
-from flexspline.least_squares.memory import kept_rows, settled
+from flexspline.errors import InputError, listed
 from flexspline.least_squares.sums import Sums, joined
 from flexspline.logs.derive import LowPass, lowpass
-from flexspline.logs.local_fit import require_bandwidth
+from flexspline.logs.local_fit import LocalFit, require_bandwidth
 from flexspline.logs.log import Log
 from flexspline.logs.segments import runs, true_ranges
-from flexspline.prepared import Preparation, prepared
+from flexspline.prepared import MOTION, Preparation, prepared
 from flexspline.requirements import (
     gear_for,
     require_change,
@@ -28,9 +52,20 @@ from flexspline.requirements import (
     require_load,
 )
 from flexspline.signals import channels_for, core_channels, target_of
-from flexspline.simulator.record import Simulated, simulation_of
+from flexspline.simulator import Simulated, simulation_of
 
-__all__ = ["Problem", "Run", "problem_of"]
+__all__ = [
+    "Problem",
+    "Run",
+    "away_from_ends",
+    "coarser",
+    "kept_rows",
+    "memory_warnings",
+    "problem_of",
+    "resolved_rows",
+    "settled",
+    "with_fastest",
+]
 
 Array = NDArray[np.float64]
 T = TypeVar("T")
@@ -40,6 +75,16 @@ MOST_BLOCKS = 400
 CHUNK = 1 << 15
 ROUNDING = 1e-12  # of a column's size: what is left of one that is constant in a run
 KEPT = 24  # filtered effects of each run
+
+LEAST_SETTLED = 0.1  # of the rows; with fewer the guess of the start is the lesser evil
+
+Masks = list[NDArray[np.bool_]]
+
+HALF = 0.5  # of the bandwidth: what a smoother that is off by an octave would tell
+FASTEST = ("coulomb_friction", "viscous_friction")
+SLOW = "temperature"
+LEAST = 0.5  # of a run: where less would count, all of it does
+SHORT = 0.05  # s: the noise of the target is what it differs by after so long, in the median
 
 
 @dataclass(frozen=True)
@@ -367,3 +412,114 @@ def _run(
             )
     filtered = None if cutoff is None else LowPass(log["time"], cutoff)
     return Run(log, channels, y, tuple(stretches), tuple(stretches), filtered)
+
+
+def settled(problem: Problem, effects: Sequence[Effect]) -> Problem:
+    """Return the problem in which only rows count whose memory is known.
+
+    Where that would leave next to nothing, all rows count.
+    """
+    if not any(effect.info.remembers for effect in effects):
+        return problem
+    design, nothing = problem.design(effects), np.empty(0)
+    starts: list[Sequence[tuple[int, int]]] = [
+        kept_rows(run.unbroken, design.settled(run.channels, len(run), nothing))
+        for run in problem.runs
+    ]
+    left = sum(last - first for run in starts for first, last in run)
+    if left < LEAST_SETTLED * _whole(problem):
+        starts = [run.unbroken for run in problem.runs]
+    runs = [
+        replace(run, stretches=tuple(kept)) for run, kept in zip(problem.runs, starts, strict=True)
+    ]
+    return replace(problem, runs=tuple(runs))
+
+
+def kept_rows(
+    stretches: Sequence[tuple[int, int]], valid: NDArray[np.bool_]
+) -> list[tuple[int, int]]:
+    """Shorten each stretch [first, last) to its valid rows; `valid`: (N,)."""
+    kept = []
+    for first, last in stretches:
+        inside = np.flatnonzero(valid[first:last])
+        if len(inside):
+            kept.append((first + int(inside[0]), first + int(inside[-1]) + 1))
+    return kept
+
+
+def memory_warnings(problem: Problem, effects: Sequence[Effect]) -> list[str]:
+    """Say what the unknown start of effects with memory cost."""
+    remembering = [effect.name for effect in effects if effect.info.remembers]
+    if not remembering:
+        return []
+    whole = _whole(problem)
+    left_out = whole - sum(run.counted for run in problem.runs)
+    if left_out:
+        return [
+            f"{left_out} of {whole} rows at the start of runs do not count: there "
+            f"{listed(remembering)} still depends on what came before"
+        ]
+    design, nothing = problem.design(effects), np.empty(0)
+    if all(design.settled(run.channels, len(run), nothing).all() for run in problem.runs):
+        return []
+    return [
+        f"the runs hardly take {listed(remembering)} through its whole width, so that its start, "
+        "in the middle, remains a guess; record runs that go further each way"
+    ]
+
+
+def _whole(problem: Problem) -> int:
+    return sum(last - first for run in problem.runs for first, last in run.unbroken)
+
+
+def coarser(ways: Sequence[Preparation]) -> tuple[Preparation, ...]:
+    """Return the preparations with the output's motion smoothed at half its bandwidth."""
+    return tuple(
+        replace(way, bandwidth=HALF * way.bandwidth) if way.channel in MOTION else way
+        for way in ways
+    )
+
+
+def away_from_ends(recorded: Log, log: Log, ways: Sequence[Preparation]) -> NDArray[np.bool_]:
+    """Return which rows (N,) of a part of a recording no end of it blurs, nor of its load a gap."""
+    moving, time = [way for way in ways if way.channel in MOTION], log["time"]
+    other = [way for way in ways if way.channel not in (*MOTION, SLOW)]
+    unbroken = runs(recorded["time"])
+    first, last = recorded["time"][unbroken[:, 0]], recorded["time"][unbroken[:, 1] - 1]
+    own = np.searchsorted(first, time, side="right") - 1
+    ends, gaps = _reach([*moving, *other]), _reach(other)
+    inside = (time >= first[0] + ends) & (time <= last[-1] - ends)
+    inside &= (time >= first[own] + gaps) & (time <= last[own] - gaps)
+    return inside if np.mean(inside) >= LEAST else np.ones(len(log), dtype=bool)
+
+
+def _reach(ways: Sequence[Preparation]) -> float:
+    """How far the rows of the widest smoother lie on either side, s."""
+    return max((LocalFit(way.bandwidth).half_length for way in ways), default=0.0)
+
+
+def with_fastest(base: Sequence[Effect]) -> list[Effect]:
+    """Return the base with the effects that turn over fastest."""
+    names = {effect.name for effect in base}
+    return [*base, *(Effect(name) for name in FASTEST if name not in names)]
+
+
+def resolved_rows(
+    logs: Sequence[Log], measured: Sequence[Array], predicted: Sequence[tuple[Array, Array]]
+) -> Masks:
+    """Return which rows of each run count, (N,).
+
+    Parameters
+    ----------
+    measured : target of each run, (N,).
+    predicted : of each run, with the motion as it is prepared and smoothed further, (N,) both.
+    """
+    left = [y - told for y, (told, _) in zip(measured, predicted, strict=True)]
+    noise = float(np.median([_noise(log, rest) for log, rest in zip(logs, left, strict=True)]))
+    return [np.abs(told - other) <= noise for told, other in predicted]
+
+
+def _noise(log: Log, residual: Array) -> float:
+    """Standard deviation of what a model leaves, from its median change after a short time."""
+    lag = max(1, min(round(SHORT * log.rate), len(residual) - 1))
+    return float(np.nanmedian(np.abs(residual[lag:] - residual[:-lag])) / 0.6745 / np.sqrt(2.0))

@@ -1,8 +1,11 @@
-"""What a fit found: a model, how sure it is, and how good."""
+"""What a fit found: a model, how sure it is, how good, and what each effect contributes.
+
+Effects that cannot be told apart contribute only as their sum.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -10,10 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.effects import UNITS
+from flexspline.forward.servo import PositionServo
 from flexspline.least_squares.derived import Derived, derived_of
 from flexspline.least_squares.identifiability import Confounded
-from flexspline.least_squares.scores import Score
 from flexspline.least_squares.uncertainty import Uncertainty
+from flexspline.least_squares.validation import Score
+from flexspline.logs.derive import lowpass
 from flexspline.logs.log import Log
 from flexspline.model import Model, Part, Prediction
 from flexspline.rendering import render
@@ -21,12 +26,23 @@ from flexspline.rendering import render
 if TYPE_CHECKING:
     import pandas
 
-    from flexspline.least_squares.simulation import SimulationFit
     from flexspline.logs.channel_noise import ChannelNoise
 
-__all__ = ["Delay", "Fit", "FittedRun", "Parameter"]
+__all__ = [
+    "Delay",
+    "Fit",
+    "FittedRun",
+    "Parameter",
+    "RunGap",
+    "SimulationFit",
+    "StartEnd",
+    "contributions",
+    "shares",
+]
 
 Array = NDArray[np.float64]
+
+_FIELDS = ("rmse", "held_out", "regression")
 
 
 @dataclass(frozen=True)
@@ -174,7 +190,7 @@ class Fit:
 
     def __getitem__(self, name: str) -> Parameter:
         """Return a parameter by "effect.term", or by one part of it if that is unique."""
-        from flexspline.least_squares.names import resolve
+        from flexspline.least_squares.options import resolve
 
         names = [parameter.name for parameter in self.parameters]
         return self.parameters[resolve(name, names, "fit")]
@@ -198,7 +214,6 @@ class Fit:
 
         Effects that cannot be told apart come as one, "a + b".
         """
-        from flexspline.least_squares.shares import shares
 
         return shares(self)
 
@@ -249,3 +264,180 @@ class Fit:
     def report(self, path: Any) -> None:
         """Write a self-contained HTML report, whole or not at all."""
         render("fit", "report", self, path)
+
+
+def contributions(fit: Fit, run: FittedRun) -> dict[str, Array]:
+    """Return the contribution (N,) of each effect of a fit to a run, in the target's unit.
+
+    Effects that share a confounded group are summed and called "a + b", since only that is known.
+    The low pass of the fit is applied.
+    """
+    parts = fit.model.components(run.log, fit.target)
+    time = run.log["time"]
+    found = {}
+    for group in _groups(fit, list(parts)):
+        total = np.sum([parts[name] for name in group], axis=0)
+        smooth = total if fit.lowpass is None else lowpass(total, time, fit.lowpass).values
+        found[" + ".join(group)] = smooth
+    return found
+
+
+def shares(fit: Fit) -> dict[str, float]:
+    """Return the RMS contribution of each effect over all rows, in the unit of the target."""
+    squares: dict[str, float] = {}
+    count = sum(int(run.counts.sum()) for run in fit.runs)
+    for run in fit.runs:
+        for name, values in contributions(fit, run).items():
+            squares[name] = squares.get(name, 0.0) + float(np.nansum(values[run.counts] ** 2))
+    return {name: float(np.sqrt(total / count)) for name, total in squares.items()}
+
+
+def _groups(fit: Fit, effects: list[str]) -> list[list[str]]:
+    """Effects in their order, joined where a confounded group holds coefficients of several."""
+    groups = [[name] for name in effects]
+    for confounded in fit.confounded:
+        tied = {name.split(".")[0] for name in confounded.names}
+        joined = [name for group in groups if tied & set(group) for name in group]
+        at = next((k for k, group in enumerate(groups) if tied & set(group)), 0)
+        rest = [group for group in groups if not tied & set(group)]
+        groups = [*rest[:at], joined, *rest[at:]] if joined else rest
+    return groups
+
+
+@dataclass(frozen=True)
+class RunGap:
+    """RMS [rad] of simulated − measured position of one run.
+
+    `rmse`: as fitted. `held_out`: by the fits that never counted the row. `regression`: by the
+    parameters of the ordinary regression.
+    """
+
+    name: str
+    rows: int
+    rmse: float
+    held_out: float
+    regression: float
+
+
+@dataclass(frozen=True)
+class StartEnd:
+    """One start: RMS [rad] where it began and where it ended, and the parameters of the end."""
+
+    first_rmse: float
+    rmse: float
+    evaluations: int
+    values: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class SimulationFit:
+    """The record of a fit by simulation, `Fit.simulation`.
+
+    Parameters
+    ----------
+    runs : gap of each run.
+    starts : all of them: from the regression, from short pieces of the runs, then drawn ones.
+    names : of the parameters that were searched.
+    regressed, fitted : their values, (P,).
+    folds : (K, P): values without each fold; `folds_by` says what a fold is.
+    controller : the law with its fitted fields, or None where the motor's torque is measured.
+    steps_per_sample : of the simulation.
+    """
+
+    runs: tuple[RunGap, ...]
+    starts: tuple[StartEnd, ...]
+    names: tuple[str, ...]
+    regressed: tuple[float, ...]
+    fitted: tuple[float, ...]
+    folds: Array
+    folds_by: str
+    controller: PositionServo | None
+    steps_per_sample: int
+
+    @property
+    def rmse(self) -> float:
+        """RMS over the rows of all runs, rad."""
+        return self._overall("rmse")
+
+    @property
+    def held_out(self) -> float:
+        """The same by fits that never counted the row."""
+        return self._overall("held_out")
+
+    @property
+    def regression(self) -> float:
+        """The same by the ordinary regression."""
+        return self._overall("regression")
+
+    @property
+    def best_starts(self) -> int:
+        """How many starts ended within 2 % of the best."""
+        ends = np.array([start.rmse for start in self.starts])
+        return int((ends <= 1.02 * ends.min()).sum())
+
+    @property
+    def ends(self) -> str:
+        """Where each start ended, in words."""
+        ends = ", ".join(_milli(start.rmse) for start in self.starts)
+        return f"Starts ended at {ends} mrad, the regression's first."
+
+    @property
+    def verdict(self) -> str:
+        """How far the simulated motion is off on held-out rows, and what the fit gained."""
+        law = "under the servo's law" if self.controller else "by the measured motor"
+        return (
+            f"Driven {law}, the simulated position is off by {_angle(self.held_out)} RMS on "
+            f"{self.folds_by} that a fit did not count, by {_angle(self.rmse)} on those it did; "
+            f"with the regression's parameters by {_angle(self.regression)}."
+        )
+
+    @property
+    def sentences(self) -> list[str]:
+        """How far the starts agree, and where the intervals come from."""
+        ends = np.array([start.rmse for start in self.starts])
+        return [
+            f"{len(ends)} starts ended between {_angle(ends.min())} and {_angle(ends.max())}, "
+            f"{self.best_starts} of them within 2 % of the best.",
+            f"Intervals hold what each of {len(self.folds)} fits without one of the "
+            f"{self.folds_by} found, and the spread between runs.",
+        ]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the record as `model.json` keeps it."""
+        return {
+            "method": "least squares of simulated − measured output_position (trust region, "
+            "central differences)",
+            "rmse": self.rmse,
+            "held_out_rmse": self.held_out,
+            "regression_rmse": self.regression,
+            "runs": [asdict(run) for run in self.runs],
+            "names": list(self.names),
+            "regressed": list(self.regressed),
+            "starts": [asdict(start) for start in self.starts],
+            "folds": self.folds.tolist(),
+            "folds_by": self.folds_by,
+            "controller": None if self.controller is None else asdict(self.controller),
+            "steps_per_sample": self.steps_per_sample,
+        }
+
+    def table(self) -> list[tuple[str, ...]]:
+        """Return a head and a line for each run and for all, in mrad."""
+        mean = [float(np.mean([getattr(r, f) for r in self.runs])) for f in _FIELDS]
+        lines: list[tuple[str, ...]] = [("run", "fitted", "held out", "regression")]
+        for run in self.runs:
+            lines.append((run.name, *(_milli(getattr(run, field)) for field in _FIELDS)))
+        lines.append(("mean of runs", *map(_milli, mean)))
+        overall = (self.rmse, self.held_out, self.regression)
+        return [*lines, ("all rows", *map(_milli, overall))]
+
+    def _overall(self, field: str) -> float:
+        squares = [run.rows * getattr(run, field) ** 2 for run in self.runs]
+        return float(np.sqrt(sum(squares) / sum(run.rows for run in self.runs)))
+
+
+def _angle(value: float) -> str:
+    return f"{1e3 * value:.3g} mrad"
+
+
+def _milli(value: float) -> str:
+    return f"{1e3 * value:.3g}"

@@ -3,29 +3,63 @@
     min over shapes of  min over b of  Σ (y − X(shapes) b)²
 
 The outer function is smooth in the logarithms of the shapes but may have several valleys: a grid
-first, one shape after the other, then Gauss and Newton's steps (`bends.py`) from the best point and
+first, one shape after the other, then Gauss and Newton's steps (below) from the best point and
 from the bottoms of other valleys that the grid has seen: a Stribeck speed of 0.14 rad/s and a
 viscous line that bends at 0.9 rad/s can look alike on a coarse grid. The width of a loop leaves
 kinks in the squares, at which steps get stuck: there a bounded simplex search goes on. Who comes
 from a search has the valley already and only descends.
 Sources: [GolubPereyra1973], variable projection; [Kaufman1975], its Gauss–Newton step.
+
+How a linear fit bends with its shapes: the step of Gauss and Newton, from sums alone.
+
+Beside the columns X of a fit stands, for each shape s, what its prediction gains with ln s,
+
+    B_s = Σ_k β_k ∂X_k / ∂(ln s)          (difference of rows with s to either side)
+
+With Q the columns X made orthonormal and r the residual, the logarithms of the shapes go by
+
+    (BᵀB − BᵀQ QᵀB)⁻¹ Bᵀr
+
+and the coefficients follow ([Kaufman1975], a variable projection method for solving separable
+nonlinear least squares problems). The load that a model makes by itself is held for the step.
+
+The fit seen from close by: rows, and how the prediction bends with the shapes.
+
+Near its optimum a fit with shapes is a linear one with a column more for each shape,
+∂(prediction)/∂shape. Errors, cross-validation and robust weights all use these rows, a piece of a
+log at a time.
+
+Rows and residuals of a fit filtered by A, so that noise e = A⁻¹ w is white in them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import groupby, islice
+from operator import itemgetter
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
+from scipy.signal import lfilter
 
 from flexspline.effects import Effect
-from flexspline.least_squares.bends import Bent
-from flexspline.least_squares.linear import LinearFit, UnsettledError
-from flexspline.least_squares.names import ShapeParameter
+from flexspline.least_squares.linear import LinearFit, UnsettledError, load_of
+from flexspline.least_squares.noise_model import Chunk, Chunks
+from flexspline.least_squares.options import Constraints, ShapeParameter
+from flexspline.least_squares.problem import Problem
+from flexspline.parallel import in_order
 
-__all__ = ["ShapeFit", "fit_shapes"]
+__all__ = [
+    "Bent",
+    "ShapeFit",
+    "Tangent",
+    "bent",
+    "filtered",
+    "filtered_pieces",
+    "fit_shapes",
+]
 
 Array = NDArray[np.float64]
 
@@ -41,6 +75,37 @@ SHORTER = (1.0, 0.4, 0.16, 0.06, 0.02)  # of a step, until it lowers the squares
 STANDS = 1e-11  # of the squares, that a step lowers them at least to be worth another
 
 Solve = Callable[[tuple[Effect, ...], Array | None], LinearFit]
+
+CURVATURE_STEP = 1e-3  # of a shape's logarithm, to either side
+UNSEEN = 1e-10  # of a bend's squares: what the columns leave of it, at which it is one of them
+
+DIFFERENCE_STEP = 1e-4  # of a shape, relative: the central difference is good to 1e-8
+
+
+@dataclass(frozen=True)
+class Bent:
+    """Products of the bends, (S, S), what the columns leave of them, and Bᵀr, (S,)."""
+
+    products: Array
+    left: Array
+    pull: Array
+
+    def step(self, point: Array, limits: Array) -> Array:
+        """Step of the logarithms (S,) at `point`, within `limits` (S, 2); 0 of one that is held."""
+        below = (point <= limits[:, 0]) & (self.pull < 0.0)
+        above = (point >= limits[:, 1]) & (self.pull > 0.0)
+        seen = np.diag(self.left) > UNSEEN * np.diag(self.products)
+        free = np.flatnonzero(seen & ~below & ~above)
+        step = np.zeros(len(point))
+        scale = np.sqrt(np.diag(self.left)[free])
+        inside = self.left[np.ix_(free, free)] / np.outer(scale, scale)
+        values, vectors = np.linalg.eigh(inside)
+        values = np.maximum(values, UNSEEN)
+        along = vectors.T @ (self.pull[free] / scale)
+        step[free] = (vectors @ (along / values)) / scale
+        return step
+
+
 Bend = Callable[[LinearFit, Sequence[ShapeParameter]], Bent]
 
 
@@ -247,3 +312,180 @@ def _bound(value: float, limits: Array) -> int:
     if value - limits[0] < NEAR_BOUND:
         return -1
     return 1 if limits[1] - value < NEAR_BOUND else 0
+
+
+def bent(
+    problem: Problem,
+    found: LinearFit,
+    constraints: Constraints,
+    shapes: Sequence[ShapeParameter],
+    weights: Sequence[Array] | None,
+) -> Bent:
+    """Return how a fit bends with shapes."""
+    count, runs = problem.parameters(found.effects), _own_offsets(problem, found.effects)
+    sides = [_sides(found, problem, shape) for shape in shapes]
+    moved = [effect for side in sides for effect in side[0]]
+    every = (*found.effects, *moved)
+    width = problem.parameters(every)
+    own = np.concatenate([np.arange(count - runs), np.arange(width - runs, width)])
+    mixed = np.zeros((width + 1, len(shapes)))
+    first = count - runs
+    for number, (_, shares) in enumerate(sides):
+        mixed[first : first + len(shares), number] = shares
+        first += len(shares)
+    held = np.nan_to_num(constraints.held)
+    load = load_of(found.effects, found.coefficients)
+    total, _ = problem.sums(
+        every,
+        _at(own, width, load) if load.size else load,
+        held=_at(own, width, held),
+        weights=weights,
+    ).total()
+    left = np.append(_at(own, width, held - found.coefficients), 1.0)  # residual = [X, y] @ left
+    towards = found.solution.basis.T @ (total @ mixed)[own[found.fitted]]
+    products = mixed.T @ total @ mixed
+    return Bent(products, products - towards.T @ towards, mixed.T @ total @ left)
+
+
+def _sides(found: LinearFit, problem: Problem, shape: ShapeParameter) -> tuple[list[Effect], Array]:
+    """Effects with a shape to either side, and the weights of their columns in the bend."""
+    place = problem.place(found.effects, 0)
+    ends = np.cumsum([0, *(len(effect.terms) for effect in found.effects)])
+    middle = shape.value(found.effects)
+    near = middle * np.exp([-CURVATURE_STEP, CURVATURE_STEP])
+    both = np.clip(near, shape.info.lower, shape.info.upper)
+    moved, shares = [], []
+    for value, sign in zip(both, (-1.0, 1.0), strict=True):
+        for at in shape.effects:
+            moved.append(found.effects[at].with_shapes(**{shape.info.name: float(value)}))
+            own = found.coefficients[place[ends[at] : ends[at + 1]]]
+            shares.append(sign * own / np.log(both[1] / both[0]))
+    return moved, np.concatenate(shares)
+
+
+def _own_offsets(problem: Problem, effects: Sequence[Effect]) -> int:
+    """How many offsets stand behind all other parameters, one for each run."""
+    alone = problem.offset_per_run and any(effect.name == "offset" for effect in effects)
+    return len(problem.runs) if alone else 0
+
+
+def _at(places: NDArray[np.intp], width: int, values: Array) -> Array:
+    out = np.zeros(width)
+    out[places] = values
+    return out
+
+
+@dataclass(frozen=True)
+class Tangent:
+    """Rows of a fit at its solution.
+
+    `free`: numbers of the fitted coefficients; their columns come first, then one for each of
+    `shapes`. `weights`: an array (N,) for each run, or None.
+    """
+
+    problem: Problem
+    effects: tuple[Effect, ...]
+    coefficients: Array
+    free: NDArray[np.intp]
+    shapes: tuple[ShapeParameter, ...]
+    weights: Sequence[Array] | None
+
+    def __call__(self) -> Iterator[Chunk]:
+        """Give the rows piece by piece, as the noise model reads them."""
+        for _, _, chunk in self.pieces():
+            yield chunk
+
+    def some(self, every: int) -> Chunks:
+        """Return what gives one chunk of `every` to a noise model, each a stretch of its own."""
+        return lambda: (chunk for _, _, chunk in self.pieces(every))
+
+    def pieces(self, every: int = 1) -> Iterator[tuple[int, slice, Chunk]]:
+        """Run number, rows and chunk of each piece, in order; or of one of `every`."""
+        ranges = islice(self.problem.pieces(), 0, None, every)
+        if self._whole_runs:
+            made = self._cut(ranges)
+        else:
+            made = in_order(self.problem.threads, lambda piece: self._rows(*piece), ranges)
+        for (number, first, last), rows in zip(
+            islice(self.problem.pieces(), 0, None, every), made, strict=True
+        ):
+            run = self.problem.runs[number]
+            residual = run.target[first:last] - rows[:, -1]
+            starts = np.zeros(last - first, dtype=bool)
+            starts[0] = every > 1 or any(first == begin for begin, _ in run.stretches)
+            weights = None if self.weights is None else self.weights[number][first:last]
+            yield number, slice(first, last), Chunk(rows[:, :-1], residual, starts, weights)
+
+    def _cut(self, ranges: Iterable[tuple[int, int, int]]) -> Iterator[Array]:
+        """Rows of pieces, cut from those of whole runs."""
+        for number, those in groupby(ranges, key=itemgetter(0)):
+            whole = self._whole_run(number)
+            for _, first, last in those:
+                yield whole[first:last]
+
+    def _rows(self, number: int, first: int, last: int) -> Array:
+        """Columns of the free coefficients, of the shapes, and the prediction: (n, F + S + 1)."""
+        run = self.problem.runs[number]
+        place = self.problem.place(self.effects, number)
+        coefficients = self.coefficients[place]
+        channels = {name: data[first:last] for name, data in run.channels.items()}
+        size = last - first
+        design = self.problem.design(self.effects)
+        core = np.asarray(design.rows(channels, size, coefficients))
+        count = self.problem.parameters(self.effects)
+        rows = np.zeros((size, count))
+        rows[:, place] = core
+        bends = [self._bend(shape, channels, size, coefficients) for shape in self.shapes]
+        return np.column_stack([rows[:, self.free], *bends, core @ coefficients])
+
+    def _bend(
+        self, shape: ShapeParameter, channels: dict[str, Array], size: int, coefficients: Array
+    ) -> Array:
+        value = shape.value(self.effects)
+        low = max(value * (1.0 - DIFFERENCE_STEP), shape.info.lower)
+        high = min(value * (1.0 + DIFFERENCE_STEP), shape.info.upper)
+        ends = [
+            self.problem.design(shape.set(self.effects, at)).predict(channels, size, coefficients)
+            for at in (low, high)
+        ]
+        return np.asarray((ends[1] - ends[0]) / (high - low))
+
+    @property
+    def _whole_runs(self) -> bool:
+        """Whether rows need all rows before them: filters and memory do."""
+        remembers = any(effect.info.remembers for effect in self.effects)
+        return remembers or self.problem.lowpass is not None or self.problem.centred
+
+    def whole(self, number: int) -> Array:
+        """Columns of `_rows` of a whole run, low-passed as the target is."""
+        run = self.problem.runs[number]
+        return self.problem.smooth(run, self._rows(number, 0, len(run)))
+
+    def _whole_run(self, number: int) -> Array:
+        run, rows = self.problem.runs[number], self.whole(number)
+        if not self.problem.centred:
+            return rows
+        rows = run.centred(rows)
+        rows[:, -1] += run.mean(run.target)
+        return rows
+
+
+def filtered(tangent: Tangent, denominator: Array) -> Chunks:
+    """Return what gives the rows and residuals of a fit filtered by A, stretch by stretch."""
+    return lambda: (chunk for _, _, chunk in filtered_pieces(tangent, denominator))
+
+
+def filtered_pieces(tangent: Tangent, denominator: Array) -> Iterator[tuple[int, slice, Chunk]]:
+    """Give run number, rows and filtered chunk of each piece, without what starts the filter."""
+    order, tail, begins = len(denominator) - 1, np.empty((0, 0)), True
+    for number, rows, chunk in tangent.pieces():
+        both = np.column_stack([chunk.rows, chunk.residual])
+        begins = begins or bool(chunk.starts[0])
+        both = both if chunk.starts[0] or not tail.size else np.concatenate([tail, both])
+        made = lfilter(denominator, [1.0], both, axis=0)[order:]
+        tail = both[max(0, len(both) - order) :]
+        if len(made):
+            starts = np.zeros(len(made), dtype=bool)
+            starts[0], begins = begins, False
+            counted = slice(rows.stop - len(made), rows.stop)
+            yield number, counted, Chunk(made[:, :-1], made[:, -1], starts, None)

@@ -26,9 +26,9 @@ from scipy.interpolate import make_interp_spline
 from scipy.ndimage import minimum_filter1d
 from scipy.signal import welch
 
-from flexspline.logs.grain import quantum
 from flexspline.logs.local_fit import response
 from flexspline.logs.log import Log
+from flexspline.logs.quantisation import quantum
 from flexspline.logs.segments import median_step, runs
 
 __all__ = ["ChannelNoise", "channel_noise"]

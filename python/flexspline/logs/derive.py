@@ -8,30 +8,45 @@ so a low-passed target, low-passed rows and a derived velocity of one bandwidth 
 No filter reaches over a gap (a step longer than 2.5 median steps): it ends before it and starts
 again behind it. Within 1.05 / B of the ends of each run the fit is one-sided: there are values,
 noisier and less smooth, and the history says for how many seconds.
+
+A device makes velocity and acceleration late, from samples that it has seen.
+
+The motion of a run, and how noisy its velocity is.
+
+Velocity noise makes friction terms noisy regressors: at standstill a residual follows the
+*measured* velocity without any effect being missing. What it can explain is part of the floor.
 """
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from flexspline import _core
 from flexspline.errors import InputError, listed
-from flexspline.logs.grain import quantum, white_noise
 from flexspline.logs.local_fit import LocalFit, require_bandwidth
 from flexspline.logs.log import Log
-from flexspline.logs.segments import median_step, runs
+from flexspline.logs.quantisation import quantum, white_noise
+from flexspline.logs.segments import GAP_STEPS, median_step, runs
 
 __all__ = [
     "LowPass",
-    "Smoothed",
     "decimate",
     "default_bandwidth",
     "differentiate",
+    "differentiate_causal",
+    "has_value",
+    "increasing_time",
+    "lateness",
     "lowpass",
     "lowpass_log",
     "resample",
+    "sampled",
+    "velocity_noise",
+    "with_motion",
 ]
 
 Array = NDArray[np.float64]
@@ -44,6 +59,10 @@ HELD = ("enabled", "commanded_position")
 
 ANTI_ALIAS = 0.25
 """Bandwidth of the low pass before resampling, as a share of the new rate: 0.07 at Nyquist."""
+
+_WINDOW = 0.1  # s, to either side: over which a joint at rest does not move
+_AT_REST = 1e-3  # of the speed that 99 % of the rows stay below
+_LEAST_ROWS = 50
 
 
 class Smoothed(NamedTuple):
@@ -280,3 +299,131 @@ def _inside(time: Array, ranges: NDArray[np.intp], margin: float) -> NDArray[np.
 
 def _count(number: int, what: str) -> str:
     return f"{number} {what}" + ("" if number == 1 else "s")
+
+
+def lateness(bandwidth: float) -> str:
+    """Return how late the causal velocity and acceleration of a bandwidth [Hz] are, in words."""
+    late = 1e3 / (2.0 * math.pi * bandwidth)
+    return f"causal, −3 dB at {bandwidth:.4g} Hz, late by {late:.3g} and {2 * late:.3g} ms"
+
+
+def differentiate_causal(
+    log: Log,
+    *,
+    bandwidth: float,
+    of: str = "output_position",
+    channels: tuple[str, str] = ("output_velocity", "output_acceleration"),
+) -> Log:
+    """Add velocity and acceleration by the core's causal differentiator.
+
+    It is what runs on the joint (`flexspline/estimators/differentiator.hpp`): two first-order
+    stages, −3 dB at `bandwidth` each, so velocity is late by 1/(2π bandwidth), acceleration by
+    twice that. Each run without a gap starts at rest. Compare with
+    `differentiate`, which has no delay, to see what a device loses.
+
+    Parameters
+    ----------
+    bandwidth : Hz, at most a quarter of the rate.
+    of : an angle [rad] that moves less than half a turn from sample to sample; it may wrap.
+    channels : where velocity [rad/s] and acceleration [rad/s²] go.
+
+    Raises
+    ------
+    InputError
+        Where the bandwidth does not suit the rate.
+    """
+    require_bandwidth(bandwidth, log.rate, f"{log.name}, derivative of {of}")
+    velocity, acceleration = np.empty(len(log)), np.empty(len(log))
+    for first, last in runs(log["time"]):
+        rows = slice(int(first), int(last))
+        velocity[rows], acceleration[rows] = _core.replay_differentiator(
+            log["time"][rows], log[of][rows], bandwidth
+        )
+    note = f"{channels[0]} and {channels[1]} derived from {of}: {lateness(bandwidth)}"
+    return log.with_columns({channels[0]: velocity, channels[1]: acceleration}, note=note)
+
+
+def with_motion(log: Log) -> Log:
+    """Return the log with velocity and acceleration where its position allows them."""
+    names = ("output_velocity", "output_acceleration")
+    missing = [name for name in names if name not in log]
+    if not missing or "output_position" not in log or len(log) < 3:
+        return log
+    if not (np.isfinite(log["output_position"]).all() and (np.diff(log["time"]) > 0).all()):
+        return log
+    made = differentiate(log)
+    return log.with_columns({name: made[name] for name in missing}, note=made.history[-1])
+
+
+def velocity_noise(log: Log) -> float:
+    """Return the standard deviation of the velocity's noise, rad/s; 0 without a velocity.
+
+    The largest of what the velocity itself shows (fourth differences; its quantum; its size while
+    the position rests) and, where it was derived from the position, what that noise becomes.
+    """
+    if "output_velocity" not in log:
+        return 0.0
+    velocity, time = log["output_velocity"], log["time"]
+    found = [white_noise(velocity), quantum(velocity) / np.sqrt(12.0)]
+    if "output_position" in log and np.isfinite(log["output_position"]).all():
+        position = log["output_position"]
+        found.append(_at_rest(time, position, velocity))
+        if any("output_velocity" in said and "derived" in said for said in log.history):
+            noise = max(white_noise(position), quantum(position) / np.sqrt(12.0))
+            width = default_bandwidth(time, position)
+            found.append(noise * np.sqrt(VELOCITY_NOISE * width**3 * median_step(time)))
+    return float(max(found))
+
+
+def _at_rest(time: Array, position: Array, velocity: Array) -> float:
+    """Robust size of the velocity on rows whose position moves nowhere for a while."""
+    step = max(median_step(time), 1e-9)
+    half = max(1, round(_WINDOW / step))
+    if len(time) < 4 * half:
+        return 0.0
+    usual = float(np.nanpercentile(np.abs(velocity), 99))
+    ahead = np.abs(position[2 * half :] - position[half:-half])
+    behind = np.abs(position[half:-half] - position[: -2 * half])
+    still = np.maximum(ahead, behind) <= _AT_REST * usual * half * step
+    resting = velocity[half:-half][still]
+    resting = resting[np.isfinite(resting)]
+    return float(1.4826 * np.median(np.abs(resting))) if len(resting) >= _LEAST_ROWS else 0.0
+
+
+def sampled(
+    channel: str, time: NDArray[np.float64], values: NDArray[np.float64], at: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return `values`, known at `time` [s], at the times `at` [s], shape of `at`.
+
+    Linear interpolation; what is held between rows (`HELD`, such as `enabled`) keeps its last
+    value. Outside and in gaps the numbers mean nothing: see `has_value`.
+    """
+    if channel in HELD:
+        return values[np.clip(np.searchsorted(time, at, side="right") - 1, 0, len(time) - 1)]
+    return np.interp(at, time, values)
+
+
+def has_value(time: NDArray[np.float64], at: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Tell which of the times `at` lie within `time` (increasing) and not in one of its gaps."""
+    after = np.clip(np.searchsorted(time, at), 1, len(time) - 1)
+    whole = time[after] - time[after - 1] <= GAP_STEPS * median_step(time)
+    met = (at == time[after]) | (at == time[after - 1])
+    inside: NDArray[np.bool_] = (at >= time[0]) & (at <= time[-1]) & (whole | met)
+    return inside
+
+
+def increasing_time(log: Log, what: str) -> NDArray[np.float64]:
+    """Return the time [s] of a log.
+
+    Raises
+    ------
+    InputError
+        Where it does not increase, which `what` needs.
+    """
+    wrong = np.flatnonzero(~(np.diff(log["time"]) > 0))
+    if len(wrong):
+        raise InputError(
+            f"log '{log.name}': time does not increase at row {wrong[0] + 1}, "
+            f"which {what} needs; ask for sort_time and drop_duplicates before it"
+        )
+    return log["time"]

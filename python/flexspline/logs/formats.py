@@ -1,31 +1,42 @@
-"""From a file of any known format, or data in memory, to a table without meaning."""
+"""From a file of any known format, or data in memory, to a table without meaning.
+
+Delimited text is CSV in all its dialects, with facts in `# key: value` lines on top.
+"""
 
 from __future__ import annotations
 
 import bz2
+import csv
 import gzip
 import hashlib
 import io
 import json
 import lzma
 import os
+import re
 import zipfile
 import zlib
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import numpy as np
 import pandas
+from numpy.typing import NDArray
 
 from flexspline.errors import InputError, listed
-from flexspline.logs.delimited import Dialect, read_delimited
-from flexspline.logs.log import Source
-from flexspline.logs.matlab import read_matlab
-from flexspline.logs.nested import from_array, from_value, records_at
-from flexspline.logs.table import Table
+from flexspline.logs.log import Fact, Source, parsed_fact
+from flexspline.logs.table import (
+    Table,
+    from_array,
+    from_value,
+    read_matlab,
+    records_at,
+    require_droppable,
+)
 
-__all__ = ["PACKED", "read_table"]
+__all__ = ["PACKED", "Dialect", "read_table"]
 
 PACKED: Final[dict[str, Callable[[bytes], bytes]]] = {
     ".gz": gzip.decompress,
@@ -34,6 +45,16 @@ PACKED: Final[dict[str, Callable[[bytes], bytes]]] = {
     ".zip": lambda content: _only_member(content),
 }
 BROKEN: Final = (OSError, EOFError, lzma.LZMAError, zipfile.BadZipFile, zlib.error, RuntimeError)
+
+SEPARATORS: Final = (",", ";", "\t", "|", " ")
+SPELLED: Final = {"\t": "tab", " ": "whitespace"}
+SAMPLE_LINES: Final = 20
+# Before 3.1, pandas read some numbers wrong in the last digit unless asked not to.
+EXACT: Final[dict[str, Any]] = (
+    {"float_precision": "round_trip"}
+    if tuple(map(int, pandas.__version__.split(".")[:2])) < (3, 1)
+    else {}
+)
 
 
 def read_table(
@@ -178,3 +199,238 @@ def _from_frame(frame: pandas.DataFrame) -> Table:
     named = not all(isinstance(name, int) for name in frame.columns)
     names = tuple(str(name) for name in frame.columns) if named else None
     return Table("DataFrame", data, names, notes=("columns " + listed(frame.columns),))
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """How a text file is written; None and "auto" are found out by looking.
+
+    A separator of " " stands for any run of blanks and tabs.
+    """
+
+    header: bool | Literal["auto"] = "auto"
+    separator: str | None = None
+    decimal: str | None = None
+    encoding: str = "utf-8"
+
+    def __post_init__(self) -> None:
+        for name, sound, remedy in (
+            ("header", self.header in (True, False, "auto"), "True, False or 'auto'"),
+            ("separator", isinstance(self.separator, str | None), "one character"),
+            ("decimal", self.decimal in (None, ".", ","), "'.' or ','"),
+            ("encoding", isinstance(self.encoding, str), "a name such as 'latin-1'"),
+        ):
+            if not sound:
+                raise InputError(f"{name} is {getattr(self, name)!r}; give {remedy}")
+
+
+@dataclass(frozen=True)
+class _Top:
+    """The comment lines above the table: facts, the last other comment, where the table starts."""
+
+    facts: dict[str, Fact]
+    comment: str
+    body: str
+    first_line: int
+
+
+def read_delimited(content: bytes, label: str, dialect: Dialect, drop_rows: int = 0) -> Table:
+    """Return the table in the bytes of a text file, without its first `drop_rows` rows.
+
+    These are not even looked at as numbers: a line of units may be among them.
+
+    Raises
+    ------
+    InputError
+        For bytes that are no text in this encoding, a table without rows, rows with
+        another number of fields than the first, an unfinished quotation.
+    """
+    top = _top(_text(content, label, dialect.encoding))
+    sample = [line for line in top.body[:100_000].split("\n") if line.strip()][:SAMPLE_LINES]
+    if not sample:
+        raise InputError(f"{label}: no rows of data; record the run again")
+    separator, decimal = _layout(sample, dialect)
+    first = _fields(sample[0], separator)
+    headed = dialect.header
+    if headed == "auto":
+        headed = not any(_is_number(cell, decimal) and cell for cell in first)
+    names = tuple(first) if headed else _commented_names(top.comment, separator, len(first))
+    lines = _lines_of_rows(top, label, separator, len(first), headed)
+    if not len(lines):
+        raise InputError(f"{label}: a header line but no rows of data; record the run again")
+    require_droppable(label, drop_rows, len(lines))
+    lines = lines[drop_rows:]
+    frame = _parsed(top.body, label, separator, decimal, int(lines[0]) - top.first_line)
+    spelled = SPELLED.get(separator, f"'{separator}'")
+    note = f"text with separator {spelled}" + (", decimal comma" if decimal == "," else "")
+    return Table(
+        label=label,
+        data=tuple(frame[number].to_numpy() for number in frame.columns),
+        names=names,
+        facts=top.facts,
+        notes=(note + ("" if names else ", no header"),),
+        lines=lines,
+    )
+
+
+def _text(content: bytes, label: str, encoding: str) -> str:
+    if content.startswith((b"\xff\xfe", b"\xfe\xff")):
+        encoding = "utf-16"
+    elif b"\0" in content[:4096]:
+        raise InputError(
+            f"{label}: not a text file, and its name ends like none of the known "
+            "formats; give a table as text, .npy, .npz, .mat or .json"
+        )
+    try:
+        text = content.decode("utf-8-sig" if encoding.lower() in ("utf-8", "utf8") else encoding)
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + 1
+        raise InputError(
+            f"{label}: line {line} is not {encoding} text; "
+            "give its encoding, such as encoding='latin-1'"
+        ) from error
+    except LookupError as error:
+        raise InputError(
+            f"{label}: encoding '{encoding}' is not known; give one such as 'utf-8' or 'latin-1'"
+        ) from error
+    return text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
+
+
+def _top(text: str) -> _Top:
+    """Split the comment and blank lines at the top from the table below."""
+    facts: dict[str, Fact] = {}
+    comment, start, number = "", 0, 1
+    while start < len(text):
+        end = text.find("\n", start)
+        end = len(text) if end < 0 else end
+        line = text[start:end].strip()
+        if line and not line.startswith("#"):
+            break
+        pair = re.match(r"#+\s*([^:,;\t]+?)\s*:\s*(.*)$", line)
+        if pair:
+            facts[pair[1]] = parsed_fact(pair[2])
+        elif line:
+            comment = line.lstrip("#").strip()
+        start, number = end + 1, number + 1
+    return _Top(facts, comment, text[start:], number)
+
+
+def _layout(sample: list[str], dialect: Dialect) -> tuple[str, str]:
+    """Return the separator and decimal sign under which most cells are numbers.
+
+    Among equals more columns win, then the order of `SEPARATORS`, then the decimal point.
+    """
+    separators = SEPARATORS if dialect.separator is None else (_one(dialect.separator),)
+    decimals = (".", ",") if dialect.decimal is None else (dialect.decimal,)
+    below = sample[1:] or sample
+
+    def score(layout: tuple[str, str]) -> tuple[float, int]:
+        cells = [cell for line in below for cell in _fields(line, layout[0])]
+        return sum(_is_number(cell, layout[1]) for cell in cells) / len(cells), len(cells)
+
+    layouts = [(s, d) for d in decimals for s in separators if s != d]
+    if not layouts:
+        raise InputError(
+            f"separator and decimal sign are both '{dialect.decimal}'; give two that differ"
+        )
+    return max(layouts, key=score)
+
+
+def _one(separator: str) -> str:
+    """Return the one character that separates; any white space but a tab means blanks."""
+    if separator in (r"\s+", "whitespace", "") or (separator.isspace() and separator != "\t"):
+        return " "
+    if separator in ("tab", r"\t"):
+        return "\t"
+    if len(separator) != 1 or not separator.isascii():
+        raise InputError(
+            f"separator '{separator}' is not one character; "
+            "give one such as ',' or ';', or 'whitespace'"
+        )
+    return separator
+
+
+def _fields(line: str, separator: str) -> list[str]:
+    if separator == " ":
+        return [cell.strip('"') for cell in line.split()]
+    return [cell.strip() for cell in next(csv.reader([line], delimiter=separator))]
+
+
+def _is_number(cell: str, decimal: str) -> bool:
+    """Tell whether `cell` is a number or empty."""
+    if not cell:
+        return True
+    if decimal == ",":
+        cell = cell.replace(".", "no").replace(",", ".")
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
+
+
+def _commented_names(comment: str, separator: str, width: int) -> tuple[str, ...] | None:
+    """Return names from a comment line above the table, where their number fits (numpy's way)."""
+    names = _fields(comment, separator) if comment else []
+    return tuple(names) if len(names) == width > 1 else None
+
+
+def _lines_of_rows(
+    top: _Top, label: str, separator: str, width: int, headed: bool
+) -> NDArray[np.intp]:
+    """Return the file line of each row of data, all of which must have `width` fields."""
+    letters = _unquoted(top.body.rstrip("\n"), label)
+    ends = np.append(np.flatnonzero(letters == ord("\n")), len(letters))
+    paper = np.zeros(256, dtype=bool)
+    paper[[ord(letter) for letter in "\n \t" if letter != separator or letter == " "]] = True
+    bare = paper[letters]
+    filled = _count(bare, ends) < np.diff(ends, prepend=0)
+    if separator == " ":  # a field begins behind each last bare letter, and at the very start
+        fields = _count(bare & ~np.append(bare[1:], True), ends)
+        fields[0] += not bare[0]
+    else:
+        fields = _count(letters == ord(separator), ends) + 1
+    fields = fields[filled]
+    lines: NDArray[np.intp] = np.flatnonzero(filled) + top.first_line
+    odd = np.flatnonzero(fields != width)
+    if len(odd):
+        raise InputError(
+            f"{label}: data row {odd[0] + 1 - headed} (line {lines[odd[0]]}) has {fields[odd[0]]} "
+            f"fields where the first line of the table has {width}; complete or delete it"
+        )
+    return lines[headed:]
+
+
+def _unquoted(body: str, label: str) -> NDArray[np.uint8]:
+    """Return the bytes of the table, with everything between quotation marks made one letter."""
+    letters = np.frombuffer(body.encode(), dtype=np.uint8)
+    if '"' not in body:
+        return letters
+    quoted = np.cumsum(letters == ord('"')) % 2 == 1
+    if quoted[-1]:
+        raise InputError(f"{label}: a quotation mark is never closed; close or delete it")
+    return np.where(quoted, np.uint8(ord("x")), letters)
+
+
+def _count(marks: NDArray[np.bool_], ends: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Return how many marks lie in each line, counted from the end of the line before it."""
+    return np.diff(np.searchsorted(np.flatnonzero(marks), ends), prepend=0)
+
+
+def _parsed(body: str, label: str, separator: str, decimal: str, skipped: int) -> Any:
+    try:
+        return pandas.read_csv(
+            io.StringIO(body),
+            sep=r"\s+" if separator == " " else separator,
+            decimal=decimal,
+            header=None,
+            skiprows=skipped,
+            skipinitialspace=True,
+            index_col=False,
+            low_memory=False,
+            **EXACT,
+        )
+    except (pandas.errors.ParserError, ValueError) as error:
+        raise InputError(
+            f"{label}: no table could be read ({error}); check separator and quotation marks"
+        ) from error

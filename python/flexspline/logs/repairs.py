@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 
 from flexspline.errors import InputError, did_you_mean, listed
 from flexspline.logs.channels import CHANNELS
-from flexspline.logs.derive import differentiate, resample
+from flexspline.logs.derive import differentiate, has_value, increasing_time, resample, sampled
 from flexspline.logs.log import Log
-from flexspline.logs.sampling import has_value, increasing_time, sampled
 
 __all__ = ["REPAIRS", "Repair", "Repairs", "move_earlier", "repaired", "spelled"]
 

@@ -3,25 +3,37 @@
 Everything here is either a list of `Segment` (half-open row ranges) or a mask with one truth
 value per row. Velocity is the channel ``output_velocity`` where the log has it, else the
 zero-phase derivative of ``output_position``.
+
+Play is what follows a channel once it has gone further than the slack between both.
+
+How far back the last change of direction lies, in time and in angle.
+
+A row counts as moving where |v| exceeds a threshold; a stop keeps the direction of before. The
+reversal is the first row that moves the other way. Before the first one nothing is known (NaN).
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.errors import InputError
-from flexspline.logs.grain import quantum
 from flexspline.logs.log import Log
+from flexspline.logs.quantisation import quantum
+
+__all__ = ["play", "since_reversal"]
 
 GAP_STEPS = 2.5
 """A step longer than this many median steps is a gap: filters start again behind it."""
 
 CREEP = 4.0
 """Quanta over a repeated position and the rows beside it that slow motion makes: two each way."""
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -231,3 +243,60 @@ def _same_run(time: NDArray[np.float64]) -> NDArray[np.bool_]:
     inside = np.ones(len(time), dtype=bool)
     inside[runs(time)[1:, 0]] = False
     return inside
+
+
+class SinceReversal(NamedTuple):
+    """Arrays (N,): seconds, angle [rad at the output], and the direction kept, -1, 0 or 1."""
+
+    seconds: Array
+    angle: Array
+    direction: NDArray[np.int8]
+
+
+def since_reversal(time: Array, position: Array, velocity: Array, still: float) -> SinceReversal:
+    """Return the distance of every row from the last reversal.
+
+    Parameters
+    ----------
+    time, position, velocity : (N,), s, rad, rad/s at the output; starts again behind a gap.
+    still : rad/s, up to which the joint has no direction.
+    """
+    seconds, angle = np.full((2, len(time)), np.nan)
+    direction = np.zeros(len(time), dtype=np.int8)
+    for a, b in runs(time):
+        kept = _kept(np.sign(velocity[a:b]) * (np.abs(velocity[a:b]) > still))
+        direction[a:b] = kept
+        turned = np.flatnonzero((kept[1:] != kept[:-1]) & (kept[:-1] != 0)) + 1
+        if not len(turned):
+            continue
+        rows = np.arange(turned[0], b - a)
+        last = a + turned[np.searchsorted(turned, rows, side="right") - 1]
+        seconds[a + rows] = time[a + rows] - time[last]
+        angle[a + rows] = np.abs(position[a + rows] - position[last])
+    return SinceReversal(seconds, angle, direction)
+
+
+def _kept(sign: Array) -> NDArray[np.int8]:
+    """Signs with each 0 replaced by the last one that is none."""
+    at = np.maximum.accumulate(np.where(sign != 0.0, np.arange(len(sign)), 0))
+    return np.asarray(sign[at], dtype=np.int8)
+
+
+def play(position: Array, slip: float) -> Array:
+    """Return where the far end of an elastic-plastic element sits, (N,).
+
+    p_k = min(q_k + s, max(q_k − s, p_{k−1})),  p_0 = q_0: it follows once the spring is
+    stretched by s. Clamps compose to clamps, so the recursion is a scan in log2(N) passes over
+    the arrays [HillisSteele1986].
+    """
+    low, high = position - slip, position + slip
+    low[0] = high[0] = position[0]
+    step = 1
+    while step < len(position):
+        before_low, before_high = low[:-step], high[:-step]
+        now_low, now_high = low[step:], high[step:]
+        new_low = np.clip(before_low, now_low, now_high)
+        new_high = np.clip(before_high, now_low, now_high)
+        low, high = np.concatenate([low[:step], new_low]), np.concatenate([high[:step], new_high])
+        step *= 2
+    return low

@@ -1,10 +1,14 @@
 """The external torque of one joint or of a whole arm, and the wrench that it amounts to."""
 
-from flexspline.observer.dynamics import Dynamics, require_dynamics
-from flexspline.observer.gain import observer_delay, observer_noise
-from flexspline.observer.observing import Observed, observe
-from flexspline.observer.subtracting import Remainder, subtract
-from flexspline.observer.urdf import dynamics_from_urdf
+from flexspline.observer.dynamics import Dynamics, dynamics_from_urdf, require_dynamics
+from flexspline.observer.observing import (
+    Observed,
+    Remainder,
+    observe,
+    observer_delay,
+    observer_noise,
+    subtract,
+)
 from flexspline.observer.wrench import Wrench, wrench_at_end_effector
 
 __all__ = [

@@ -8,6 +8,28 @@ the outside in +q; τ_c of (12) and the residual r of (16)–(22) are positive w
 the joint forward (`Observed.residual`). The first paper takes the sensor's torque, so that (23) has
 no friction; the third the motor's, with friction. Here it may be either.
 Source: zhang_disturbance_elimination (12)–(21); one joint: full_range_torque_estimation (1)–(8).
+
+What a gain of the momentum observer costs: delay against noise.
+
+With period T, share s = 1 − e^(−K T) (exact) or K T (forward Euler):
+
+    delay    exact  T (1/s − 1/2) → 1/K       euler  1/K − T/2
+    noise    of white torque:    exact  σ √(s/2)       euler  σ √(s / (2 − s))
+             of white velocity:  J σ_v (s / T) √(2 / (2 − s)), for both
+
+Delay is that of a slowly changing external torque, on average over a period. In continuous time
+the estimate is the external torque behind K / (K + s): zhang_disturbance_elimination (19).
+Towards K T = 0 both torque noises are σ √(K T / 2); at K T = 1 Euler's is σ itself, at 2 infinite.
+
+The external torque of an arm that senses its joints: what is left of each sensor.
+
+    τ_s = τ_rb + τ_intr + τ_ext,    τ_rb = M q̈ + C q̇ + g,    τ_ext = Jᵀ W
+
+No dynamics of an estimate, no delay, but the acceleration, which `observe` does without. What is
+left goes to `wrench_at_end_effector` with its covariance. M, C and g are of what lies outboard of
+the sensors; they count as exact. Source: turlapati_intrinsic_dynamics (1), (2).
+
+What a fitted part, or an array, says of the torque that is no rigid body's: friction.
 """
 
 from __future__ import annotations
@@ -15,21 +37,31 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexspline import _core
 from flexspline.errors import FlexsplineWarning, InputError
+from flexspline.estimators.checks import above_zero, numbers
 from flexspline.estimators.observer import Observer
+from flexspline.logs.log import Log
 from flexspline.logs.segments import runs
+from flexspline.model import Model
 from flexspline.observer.dynamics import Dynamics, evaluated, require_dynamics
-from flexspline.observer.gain import require_gain
-from flexspline.observer.parts import coefficient, friction_torque, parts_of
-from flexspline.part import Part
+from flexspline.part import PART_OF, Part
 
-__all__ = ["Observed", "observe"]
+__all__ = [
+    "Observed",
+    "Remainder",
+    "coefficient",
+    "observe",
+    "observer_delay",
+    "observer_noise",
+    "subtract",
+]
 
 Array = NDArray[np.float64]
 
@@ -249,3 +281,266 @@ def _inertia(given: float | None, parts: list[Part | None]) -> float:
     if not (np.isfinite(inertia) and inertia >= 0.0):
         raise InputError(f"observer: inertia = {inertia:g} kg m² is not allowed; give 0 or more")
     return inertia
+
+
+def observer_delay(gain: ArrayLike, period: float, discretisation: str = "exact") -> Array:
+    """Return the delay of the estimate for a slowly changing external torque [s].
+
+    Parameters
+    ----------
+    gain : 1/s, any shape.
+    period : s, between samples.
+    discretisation : "exact" or "euler".
+
+    Raises
+    ------
+    InputError
+        Where a gain or the period is not above zero, or Euler has gain · period of 2 or more.
+    """
+    return period * (1.0 / _share(gain, period, discretisation) - 0.5)
+
+
+def observer_noise(
+    gain: ArrayLike,
+    period: float,
+    discretisation: str = "exact",
+    *,
+    torque_noise: float = 0.0,
+    velocity_noise: float = 0.0,
+    inertia: float = 0.0,
+) -> Array:
+    """Return the standard deviation of the estimate at rest [Nm].
+
+    Parameters
+    ----------
+    gain : 1/s, any shape.
+    period : s, between samples.
+    discretisation : "exact" or "euler".
+    torque_noise : Nm, standard deviation of the white noise of the input torque, at the output.
+    velocity_noise : rad/s, that of the velocity.
+    inertia : kg m² at the output.
+
+    Raises
+    ------
+    InputError
+        As `observer_delay`, or where noise or inertia is negative or not finite.
+    """
+    for name, value in (
+        ("torque_noise", torque_noise),
+        ("velocity_noise", velocity_noise),
+        ("inertia", inertia),
+    ):
+        above_zero(value, f"observer: {name}", or_zero=True)
+    share = _share(gain, period, discretisation)
+    of_torque = share / 2.0 if discretisation == "exact" else share / (2.0 - share)
+    of_momentum = (share / period) ** 2 * 2.0 / (2.0 - share)
+    moving = inertia * velocity_noise
+    return np.sqrt(of_torque * torque_noise**2 + of_momentum * moving**2)
+
+
+def require_gain(gain: ArrayLike, longest_period: float, discretisation: str) -> Array:
+    """Return the gains as an array, or refuse those that cannot be stable."""
+    try:
+        values = np.asarray(gain, dtype=float)
+    except (TypeError, ValueError):
+        raise InputError(f"observer: gain = {gain!r} is no number; give it in 1/s") from None
+    if not (np.isfinite(values).all() and (values > 0.0).all()):
+        raise InputError(
+            f"observer: gain = {values.tolist()} is not allowed; give numbers above zero [1/s]"
+        )
+    if discretisation not in ("exact", "euler"):
+        raise InputError(
+            f"observer: discretisation = {discretisation!r} is unknown; give exact or euler"
+        )
+    worst = float(values.max()) * longest_period
+    if discretisation == "euler" and worst >= 2.0:
+        raise InputError(
+            f"observer: gain · period = {worst:.3g} diverges by forward Euler, which needs less "
+            f"than 2; give a gain below {2.0 / longest_period:.4g} 1/s or discretisation='exact'"
+        )
+    return values
+
+
+def _share(gain: ArrayLike, period: float, discretisation: str) -> Array:
+    if not (np.isfinite(period) and period > 0.0):
+        raise InputError(f"observer: period = {period:g} s is not allowed; give one above zero")
+    values = require_gain(gain, period, discretisation) * period
+    return np.asarray(-np.expm1(-values) if discretisation == "exact" else values)
+
+
+@dataclass(frozen=True, eq=False)
+class Remainder:
+    """What rigid body and intrinsic torque leave of the sensors.
+
+    Parameters
+    ----------
+    time : (N,) s.
+    external : (N, n) Nm, outward positive; NaN in rows that are not finite.
+    rigid, intrinsic : (N, n) Nm, what was taken off.
+    covariance : (n, n) Nm², of the external torques: that of the sensors and of the parts.
+    """
+
+    time: Array
+    external: Array
+    rigid: Array
+    intrinsic: Array
+    covariance: Array
+
+    @property
+    def deviation(self) -> Array:
+        """Standard deviations (n,), Nm."""
+        return np.sqrt(np.diagonal(self.covariance))
+
+
+def subtract(
+    time: ArrayLike,
+    position: ArrayLike,
+    velocity: ArrayLike,
+    acceleration: ArrayLike,
+    torque: ArrayLike,
+    *,
+    dynamics: Dynamics,
+    noise: ArrayLike,
+    intrinsic: Part | Sequence[Part | None] | ArrayLike | None = None,
+    intrinsic_error: ArrayLike = 0.0,
+) -> Remainder:
+    """Return the external torque of every joint from its sensor.
+
+    Parameters
+    ----------
+    time : (N,) s, increasing.
+    position, velocity, acceleration : (N, n) rad, rad/s, rad/s² at the outputs.
+    torque : (N, n) Nm, the sensors.
+    dynamics : callable (q, q̇) → M, C, g (`Dynamics`; of a URDF by `dynamics_from_urdf`).
+    noise : Nm, standard deviation of a sensor's noise; one number or one for each joint.
+    intrinsic : fitted sensor parts, one for each joint (None for a joint without), or an array
+        (N, n), Nm.
+    intrinsic_error : Nm, standard deviation of what the parts predict, such as the RMSE of the fit
+        on rows that it never saw; one number or one for each joint.
+
+    Raises
+    ------
+    InputError
+        For shapes that do not agree, rows of which none is finite, impossible dynamics
+        (`require_dynamics`), or noise that is not above zero.
+    """
+    times, (angle, speed, rate, sensed) = arrays_of(time, position, velocity, acceleration, torque)
+    count = angle.shape[1]
+    parts = parts_of(intrinsic, count)
+    good = np.isfinite(np.hstack([angle, speed, rate])).all(axis=1)
+    require_dynamics(dynamics, angle[good], speed[good])
+    mass, coriolis, gravity = evaluated(dynamics, angle[good], speed[good])
+    rigid = np.full_like(angle, np.nan)
+    rigid[good] = np.einsum("kij,kj->ki", mass, rate[good]) + gravity
+    rigid[good] += np.einsum("kij,kj->ki", coriolis, speed[good])
+    own = friction_torque(intrinsic, parts, times, (angle, speed, rate))
+    spread = _each(noise, "noise", count) ** 2
+    spread = spread + _each(intrinsic_error, "intrinsic_error", count) ** 2
+    if not (spread > 0.0).all():
+        raise InputError("subtract: noise = 0 makes no covariance; give that of the sensors in Nm")
+    return Remainder(times, sensed - rigid - own, rigid, own, np.diag(spread))
+
+
+def _each(given: ArrayLike, name: str, count: int) -> Array:
+    """One number of zero or more for each joint, (n,)."""
+    values = numbers(np.atleast_1d(np.asarray(given)).tolist(), f"subtract: {name}", "Nm")
+    for value in values:
+        above_zero(value, f"subtract: {name}", "Nm", or_zero=True)
+    if len(values) not in (1, count):
+        raise InputError(f"subtract: {len(values)} of {name} for {count} joints; give one or each")
+    return np.broadcast_to(np.array(values), (count,))
+
+
+def parts_of(friction: Any, count: int) -> list[Part | None]:
+    """The parts given for friction, one for each joint; all None where an array was given."""
+    if isinstance(friction, Part):
+        friction = [friction]
+    listed = isinstance(friction, (list, tuple))
+    if not listed or not all(part is None or isinstance(part, Part) for part in friction):
+        return [None] * count
+    if len(friction) != count:
+        raise InputError(f"observer: {len(friction)} parts for {count} joints; give one each")
+    return list(friction)
+
+
+def coefficient(part: Part | None, name: str) -> float | None:
+    first = 0
+    for effect in part.effects if part is not None else ():
+        if effect.name == name and part is not None:
+            return float(part.coefficients[first])
+        first += len(effect.terms)
+    return None
+
+
+def friction_torque(
+    friction: Any,
+    parts: list[Part | None],
+    time: Array,
+    state: tuple[Array, ...],
+) -> Array:
+    """Friction and the like, (N, n) Nm: an array as given, or what the parts say.
+
+    `state`: q, q̇ and, where inertia belongs to it, q̈, each (N, n).
+    """
+    angle = state[0]
+    if friction is None or any(part is not None for part in parts):
+        made = [_said(part, time, *(x[:, k] for x in state)) for k, part in enumerate(parts)]
+        return np.stack(made, axis=1)
+    try:
+        values = np.asarray(friction, dtype=float)
+    except (TypeError, ValueError):
+        raise InputError("observer: friction must be parts of a model or an array") from None
+    values = values[:, None] if values.ndim == 1 and angle.shape[1] == 1 else values
+    if values.shape != angle.shape:
+        raise InputError(f"observer: friction of shape {values.shape}; give {angle.shape}")
+    return values
+
+
+def _said(
+    part: Part | None, time: Array, angle: Array, speed: Array, rate: Array | None = None
+) -> Array:
+    """What a part says of the state, without its inertia where q̈ is None, Nm, (N,)."""
+    if part is None:
+        return np.zeros(len(time))
+    if part.target not in ("sensor_torque", "motor_torque"):
+        raise InputError(
+            f"observer: friction is a part for {part.target}; give one for sensor_torque or "
+            "motor_torque, in Nm"
+        )
+    reads = {name for effect in part.effects for name in effect.reads}
+    if "load" in reads:
+        raise InputError(
+            "observer: the part reads the load, which is what is looked for; use "
+            "flexspline.estimate, which takes the sensor's"
+        )
+    if "motor_position" in reads:
+        raise InputError(
+            "observer: the part has ripple of the wave generator, whose angle takes the gear; "
+            "predict it with its Model and give the torque as an array"
+        )
+    alone = _alone(part, inertia=rate is not None)
+    if not alone.effects:
+        return np.zeros(len(time))
+    channels = {"time": time, "output_position": angle, "output_velocity": speed}
+    if rate is not None:
+        channels["output_acceleration"] = rate
+    log = Log(channels)
+    return Model({PART_OF[part.target]: alone}).predict(log).predicted
+
+
+def _alone(part: Part, *, inertia: bool) -> Part:
+    kept, first = [], 0
+    values: list[float] = []
+    for effect in part.effects:
+        last = first + len(effect.terms)
+        if inertia or effect.name != "inertia":
+            kept.append(effect)
+            values += part.coefficients[first:last].tolist()
+        first = last
+    return replace(
+        part,
+        effects=tuple(kept),
+        coefficients=np.array(values),
+        known_load=None,
+        record={**part.record, "channels": []},
+    )

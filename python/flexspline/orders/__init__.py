@@ -1,7 +1,6 @@
 """Order analysis: what turns with the joint, found in its runs and named."""
 
-from flexspline.orders.analysis import FoundOrder, OrderAnalysis
-from flexspline.orders.find import find_orders
+from flexspline.orders.analysis import FoundOrder, OrderAnalysis, find_orders
 from flexspline.orders.parts import Pair, pairs
 from flexspline.orders.spectrum import OrderSpectrum, TimeSpectrum, order_spectrum, time_spectrum
 

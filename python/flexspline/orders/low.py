@@ -5,32 +5,38 @@ can, if the ripple stands still on it: one amplitude and phase for all, an offse
 stretch. An order k is claimed where k times the longest covered arc is at least 1.5 turns, or
 the circle is closed; lower ones are fitted beside it as unknowns and never named. Power is
 compared with a power law over the orders 1 to 40 around its median (noise at low orders is red).
+
+Low orders of the output that stand out, but not beyond doubt.
+
+Where runs cover part of a turn each, the low orders of all runs together are few and not
+alike, and a floor that allows for red noise leaves little certain. What stands out of the
+median of the other low orders is still worth seeing. It is listed apart, never counted as
+found, with an error from leaving out one run at a time (jackknife: [Efron1982]), which holds
+for noise of any colour since runs are independent.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import groupby
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from flexspline.orders.floor import EFFECTIVE, chance_in_scan, surprise
-from flexspline.orders.joint import Estimate, Share, combined
-from flexspline.orders.scan import Line
+from flexspline.orders.scan import (
+    EFFECTIVE,
+    Estimate,
+    Line,
+    Share,
+    chance_in_scan,
+    combined,
+    surprise,
+)
 from flexspline.orders.stretches import Stretch
 
-__all__ = [
-    "SCANNED",
-    "covered_arc",
-    "find_low",
-    "flat_floor",
-    "harmonic_columns",
-    "less_low",
-    "pooled",
-    "powers",
-    "scanned_low",
-]
+__all__ = ["SCANNED", "Faint", "find_faint", "find_low", "less_low", "pooled", "powers"]
 
 SCANNED = 40
 _CYCLES = 1.5
@@ -38,6 +44,8 @@ _BINS = 180
 _CLOSED = 0.98  # turns: the circle counts as covered
 _EDGE = 0.25  # the end of a fitted power law is known a quarter as well as its middle
 _KEPT = 0.05  # of its information that an order must keep beside offsets and other orders
+
+_RUNS = 4  # fewer say nothing on how much one differs from the next
 
 
 def covered_arc(angles: Sequence[NDArray[np.float64]]) -> float:
@@ -191,3 +199,64 @@ def _estimates(
             )
         )
     return found
+
+
+@dataclass(frozen=True)
+class Faint:
+    """A whole order per output turn with amplitude and its standard error [unit]."""
+
+    order: int
+    amplitude: float
+    error: float
+
+
+def find_faint(
+    parts: Sequence[Stretch], found: Sequence[float], false_alarm: float
+) -> tuple[Faint, ...]:
+    """Return low orders that stand out of a flat floor beside those `found` already."""
+    first, last = scanned_low(parts)
+    runs = [list(group) for _, group in groupby(parts, lambda part: part.run)]
+    if first > last or len(runs) < _RUNS:
+        return ()
+    each = [pooled(run) for run in runs]
+    gram = np.sum([e[0] for e in each], axis=0)
+    moment = np.sum([e[1] for e in each], axis=0)
+    rows = sum(e[2] for e in each)
+    taken = [*range(1, first), *(int(k) for k in found if k <= SCANNED and k == int(k))]
+    tried = np.arange(first, SCANNED + 1)
+    new: list[int] = []
+    while True:
+        power = powers(gram, moment, rows, taken, tried)
+        level, support = flat_floor(power)
+        x = surprise(power / level, np.full(len(power), support))
+        best = int(np.argmax(x[: last - first + 1]))
+        chance = float(chance_in_scan(x[[best]], np.ones(1), float(last - first + 1))[0])
+        if chance >= false_alarm or support < 2:
+            break
+        new.append(int(tried[best]))
+        taken.append(new[-1])
+    return tuple(_jackknifed(each, taken, order) for order in sorted(new))
+
+
+def _jackknifed(
+    each: Sequence[tuple[NDArray[np.float64], NDArray[np.float64], int]],
+    taken: Sequence[int],
+    order: int,
+) -> Faint:
+    """Return `order` fitted beside `taken`, its error from leaving out one run at a time."""
+    base = harmonic_columns(taken)
+    at = [list(taken).index(order), list(taken).index(order) + len(taken)]
+    grams, moments = np.array([e[0] for e in each]), np.array([e[1] for e in each])
+
+    def fitted(kept: NDArray[np.bool_]) -> NDArray[np.float64]:
+        gram = grams[kept].sum(axis=0)[np.ix_(base, base)]
+        inverse = np.linalg.pinv(gram, rcond=1e-6, hermitian=True)
+        return np.asarray((inverse @ moments[kept].sum(axis=0)[base])[at])
+
+    runs = len(each)
+    whole = fitted(np.ones(runs, dtype=bool))
+    less_one = np.array([fitted(np.arange(runs) != run) for run in range(runs)])
+    spread = less_one - less_one.mean(axis=0)
+    amplitude = float(np.hypot(*whole))
+    along = spread @ whole / max(amplitude, 1e-300)
+    return Faint(order, amplitude, float(np.sqrt((runs - 1) / runs * np.sum(along**2))))

@@ -18,19 +18,23 @@ from flexspline.fitting import fit, runs_of, with_orders
 from flexspline.forward.drive import DriveInputs, drive_inputs, require_no_delay
 from flexspline.least_squares.options import FitOptions
 from flexspline.logs.derive import differentiate
-from flexspline.output_error.cost import Cost
-from flexspline.output_error.errors import errors_of
-from flexspline.output_error.folds import folds_of, refitted
-from flexspline.output_error.pieces import by_pieces
-from flexspline.output_error.regression import with_servo_torque
-from flexspline.output_error.search import best_of, descend, drawn_starts
-from flexspline.output_error.settings import MotionOptions, Settings, settings_of
+from flexspline.output_error.assemble import errors_of
+from flexspline.output_error.cost import (
+    Cost,
+    best_of,
+    by_pieces,
+    descend,
+    drawn_starts,
+    folds_of,
+    refitted,
+)
+from flexspline.output_error.settings import MotionOptions, Settings, settings_of, with_servo_torque
 from flexspline.output_error.space import space_of
 from flexspline.part import PART_OF
 
 if TYPE_CHECKING:
     from flexspline.forward.servo import PositionServo
-    from flexspline.least_squares.names import Bounds
+    from flexspline.least_squares.options import Bounds
     from flexspline.least_squares.result import Fit
     from flexspline.logs.log import Log
     from flexspline.model import Model

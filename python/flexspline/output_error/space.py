@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from flexspline.errors import InputError, listed
 from flexspline.forward.servo import PositionServo
-from flexspline.least_squares.names import Bounds, pair_of, resolve, shapes_of
+from flexspline.least_squares.options import Bounds, pair_of, resolve, shapes_of
 from flexspline.least_squares.result import Parameter
 from flexspline.part import Part
 

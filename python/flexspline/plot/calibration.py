@@ -24,12 +24,12 @@ from flexspline.plot.canvas import (
     channel_label,
     legend,
     panelled,
+    spread_evenly,
     titled,
 )
-from flexspline.plot.thin import spread_evenly
 
 if TYPE_CHECKING:
-    from flexspline.calibration.legs import Points
+    from flexspline.calibration.accuracy import Points
     from flexspline.calibration.result import CalibrationResult
 
 __all__ = [

@@ -1,4 +1,4 @@
-"""Figures without pyplot's global state, and the colours of all plots."""
+"""Figures without pyplot's global state, the colours of all plots, and no more points than show."""
 
 from __future__ import annotations
 
@@ -9,10 +9,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import matplotlib
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, ScalarFormatter
+from numpy.typing import NDArray
 
 from flexspline.logs.channels import CHANNELS
 
@@ -20,16 +22,21 @@ __all__ = [
     "GREY",
     "INK",
     "MOST_COLOURED_RUNS",
+    "MOST_POINTS",
     "PALETTE",
+    "Bands",
     "Panel",
     "PlainFigure",
     "axes_or_new",
+    "banded",
     "channel_label",
     "colours_of_runs",
     "legend",
     "orders_axis",
+    "outline",
     "panelled",
     "plain",
+    "spread_evenly",
     "titled",
 ]
 
@@ -56,6 +63,11 @@ _CHANNEL_WORDS = {
     "torsion": "torsion [rad]",
     "time": "time [s]",
 }
+
+Array = NDArray[np.float64]
+
+MOST_POINTS = 20_000
+LEAST_IN_BIN = 5
 
 
 @dataclass(frozen=True)
@@ -158,3 +170,55 @@ def colours_of_runs(count: int) -> list[Any]:
         return [PALETTE[0]] * count
     shades = matplotlib.colormaps["viridis"]
     return [shades(0.22 + 0.6 * k / (count - 1)) for k in range(count)]
+
+
+@dataclass(frozen=True)
+class Bands:
+    """Median and 5 and 95 % points of values in bins, (bins,); NaN in bins with too few."""
+
+    centre: Array
+    median: Array
+    low: Array
+    high: Array
+
+
+def outline(values: Array, most: int = MOST_POINTS) -> NDArray[np.intp]:
+    """Return indices (m,), m ≤ most, that keep the least and largest value of every stretch."""
+    count = len(values)
+    if count <= most:
+        return np.arange(count)
+    width = -(-count // (most // 2))
+    full = count // width * width
+    blocks = np.nan_to_num(values[:full]).reshape(-1, width)
+    first = np.arange(0, full, width)
+    both = np.stack([first + blocks.argmin(axis=1), first + blocks.argmax(axis=1)], axis=1)
+    return np.asarray(np.sort(both, axis=1).ravel())
+
+
+def spread_evenly(count: int, most: int = MOST_POINTS) -> NDArray[np.intp]:
+    """Return at most `most` indices out of `count`, scattered by the golden ratio, not in step.
+
+    They come in no order of time, so that runs do not paint over each other.
+    """
+    if count <= most:
+        return np.argsort(np.modf(np.arange(count) * 0.618033988749895)[0])
+    strides = np.modf(np.arange(most) * 0.618033988749895)[0]
+    return np.asarray((strides * count).astype(np.intp))
+
+
+def banded(x: Array, y: Array, bins: int = 60) -> Bands:
+    """Return the bands of y in equally wide bins of x; both (N,), rows not finite left out."""
+    good = np.isfinite(x) & np.isfinite(y)
+    x, y = x[good], y[good]
+    empty = np.empty(0)
+    if not len(x):
+        return Bands(empty, empty, empty, empty)
+    edges = np.linspace(x.min(), x.max(), bins + 1)
+    place = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, bins - 1)
+    order = np.argsort(place, kind="stable")
+    groups = np.split(y[order], np.searchsorted(place[order], np.arange(1, bins)))
+    nothing = [np.nan] * 3
+    points = np.array(
+        [np.percentile(g, [5, 50, 95]) if len(g) >= LEAST_IN_BIN else nothing for g in groups]
+    )
+    return Bands(0.5 * (edges[:-1] + edges[1:]), points[:, 1], points[:, 0], points[:, 2])

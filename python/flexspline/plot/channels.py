@@ -19,9 +19,9 @@ from flexspline.plot.canvas import (
     PlainFigure,
     axes_or_new,
     channel_label,
+    outline,
     titled,
 )
-from flexspline.plot.thin import outline
 
 if TYPE_CHECKING:
     from flexspline.logs.checks import Finding, Findings

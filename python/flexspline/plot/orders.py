@@ -10,11 +10,10 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from flexspline.errors import InputError
-from flexspline.least_squares.ripple_orders import ripple_orders
+from flexspline.least_squares.ripple import ripple_orders
 from flexspline.logs.log import Log
-from flexspline.orders.spectrum import OrderSpectrum, TimeSpectrum
+from flexspline.orders.spectrum import OrderSpectrum, TimeSpectrum, fourier_sums
 from flexspline.orders.stretches import stretches
-from flexspline.orders.transform import fourier_sums
 from flexspline.plot.canvas import GREY, INK, PALETTE, axes_or_new, legend, orders_axis, titled
 
 if TYPE_CHECKING:

@@ -11,8 +11,8 @@ from matplotlib.ticker import MultipleLocator
 
 from flexspline.plot.canvas import GREY, INK, PALETTE, PlainFigure, axes_or_new, legend, titled
 from flexspline.sensor.bridge import Bridge
+from flexspline.sensor.electronics import NoiseBudget
 from flexspline.sensor.heating import METHODS, HeatingDrift
-from flexspline.sensor.noise import NoiseBudget
 from flexspline.sensor.placement import PlacementRipple
 
 __all__ = [
@@ -87,7 +87,7 @@ def _sum_over_phase(ax: Axes, size: float, unit: str, order: int) -> None:
 
 def bridge_orders(bridges: dict[str, Bridge], ax: Axes | None = None, *, highest: int = 8) -> Axes:
     """Draw what share of a bending wave each bridge passes, for orders 1 to `highest`."""
-    from flexspline.sensor.gauges import WaveStrain
+    from flexspline.sensor.bridge import WaveStrain
 
     ax = axes_or_new(ax)
     orders = np.arange(1, highest + 1)

@@ -16,12 +16,17 @@ G their sum and m the columns of a model,
 
     explained(m) = bᵀ G_mm⁻¹ b,     b = G_my        (a χ² of the columns' number where nothing is)
     G − G_·m G_mm⁻¹ G_m·                            what is left of every candidate beside m
+
+A part of long runs that stands for the whole: short stretches spread evenly over them.
+
+Effects with memory are followed from some rows before each stretch on: what they remember from
+before these is a guess.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from itertools import pairwise
 from typing import Any, Protocol
@@ -52,12 +57,12 @@ __all__ = [
     "edges_of",
     "fold_blocks",
     "gain_of",
-    "kernels_of",
     "left_by",
     "pieces_of",
+    "rows_of",
     "solved",
-    "stretches_of",
     "tabulated",
+    "thinned",
 ]
 
 Array = NDArray[np.float64]
@@ -70,6 +75,10 @@ TINY = float(np.finfo(float).tiny)  # in the place of a nothing that something i
 SINGULAR = 1e-9
 """Of the largest eigenvalue of scaled products: below, columns depend on each other; and of any
 quantity, that is rounding. Squares have half the digits of a double."""
+
+Shares = list[tuple[int, float]]
+
+Columns = NDArray[np.intp]
 
 
 def by_runs(problem: Problem) -> bool:
@@ -181,9 +190,6 @@ class Whitening:
         late = len(self.denominator) // 2
         made = correlate1d(columns.T, self.denominator[::-1], axis=1, mode="constant")
         out.T[:] = made[:, late : late + len(out)]
-
-
-Shares = list[tuple[int, float]]
 
 
 class Given(Protocol):
@@ -395,9 +401,6 @@ def _run(
     )
 
 
-Columns = NDArray[np.intp]
-
-
 @dataclass(frozen=True, eq=False)
 class Table:
     """Products of [columns, y] over σ², (F, C + 1, C + 1) by fold, and rows (F,) in each."""
@@ -500,3 +503,36 @@ def _rows_of_folds(problem: Problem, whitening: Whitening) -> NDArray[np.int64]:
         kept[key] = own, np.concatenate(made)
     found: NDArray[np.int64] = kept[key][1]
     return found
+
+
+def rows_of(problem: Problem) -> int:
+    """How many rows count."""
+    return sum(run.counted for run in problem.runs)
+
+
+def thinned(problem: Problem, enough: int, stretch: int, lead: int) -> Problem:
+    """Return the problem with about `enough` of its rows, in pieces of about `stretch`.
+
+    `lead`: rows before each, from which effects with memory are followed.
+
+    Itself where it has less than twice as many. Behind a low pass one row of several is news: it
+    is these that are counted.
+    """
+    enough, stretch = enough * problem.decimation, stretch * problem.decimation
+    share = rows_of(problem) // enough
+    if share < 2:
+        return problem
+    runs = tuple(replace(run, stretches=_parts(run, share, stretch)) for run in problem.runs)
+    return replace(problem, runs=runs, remembered=_core.Remembered(lead))
+
+
+def _parts(run: Run, share: int, stretch: int) -> tuple[tuple[int, int], ...]:
+    """One part of so many of each stretch, from its middle."""
+    parts = []
+    for first, last in run.stretches:
+        count = max(1, round((last - first) / (share * stretch)))
+        step = (last - first) / count
+        length = round(step / share)
+        begins = [first + round((k + 0.5) * step) - length // 2 for k in range(count)]
+        parts += [(begin, begin + length) for begin in begins]
+    return tuple(parts)

@@ -24,6 +24,7 @@ from scipy.linalg import solve_toeplitz
 
 from flexspline.least_squares.noise_model import Chunk, noise_model
 from flexspline.least_squares.problem import Problem, Run
+from flexspline.regression.candidate_model import Working
 from flexspline.regression.gram import (
     SINGULAR,
     TINY,
@@ -33,7 +34,6 @@ from flexspline.regression.gram import (
     solved,
     tabulated,
 )
-from flexspline.regression.working import Working
 
 __all__ = ["first_whitening", "restricted_whitening"]
 

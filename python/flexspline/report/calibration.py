@@ -5,27 +5,51 @@ from __future__ import annotations
 import os
 import textwrap
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from flexspline.about import __version__
 from flexspline.files import atomic_write
-from flexspline.formatting.numbers import short
-from flexspline.report.calibration_content import (
-    calibration_lines,
-    calibration_verdict,
-    figure_rows,
-    scale_line,
-    sized,
-    told,
-)
+from flexspline.formatting import plus_minus, short
 from flexspline.report.html import templates
+from flexspline.report.text import Verdict
 
 if TYPE_CHECKING:
+    from flexspline.calibration.accuracy import Figure
     from flexspline.calibration.result import CalibrationResult
+    from flexspline.least_squares.result import Parameter
 
-__all__ = ["calibration_html", "calibration_text", "write_calibration_report"]
+__all__ = [
+    "calibration_html",
+    "calibration_text",
+    "digits",
+    "sized",
+    "told",
+    "write_calibration_report",
+]
 
 WIDTH = 100
+
+MILLI = 1000.0
+POOR = 0.05  # of the full scale
+MEANS = {
+    "sensitivity": "of torque over voltage",
+    "zero": "torque at 0 V; in volts the reading without load, at T₀",
+    "gradient": "of T − T_b",
+    "thermal_lag": "of the elastic body behind the thermometer",
+}
+SOURCES = {
+    "given": "as given",
+    "model": "that of the model",
+    "reference": "the largest reference, for want of a given one",
+}
+NOISE_ALONE = (
+    "Errors of parameters are those of the noise: bend and hysteresis repeat, and stand in the "
+    "figures."
+)
 
 
 def calibration_text(result: CalibrationResult) -> str:
@@ -55,7 +79,7 @@ def write_calibration_report(result: CalibrationResult, path: str | os.PathLike[
         Where the file cannot be written.
     """
     from flexspline.plot.calibration import panels  # matplotlib only where it draws
-    from flexspline.report.figures import drawn
+    from flexspline.report.html import drawn
 
     joint = result.model.facts.get("joint", result.runs[0].log.facts.get("joint"))
     page = (
@@ -156,3 +180,214 @@ def _call(result: CalibrationResult) -> str:
         given.append(f"full_scale={result.full_scale!r}")
     lines = "".join(f"    {argument},\n" for argument in ["logs", *given])
     return f"result = flexspline.calibrate(\n{lines})"
+
+
+@dataclass(frozen=True)
+class CalibrationLine:
+    """A parameter as text: in Nm, in V or mV, and a remark; `concern`: a reason to worry."""
+
+    name: str
+    torque: str
+    voltage: str
+    remark: str
+    concern: bool
+
+
+def calibration_verdict(result: CalibrationResult) -> Verdict:
+    """Return how good the calibration is on held-out rows, and what is wrong with it."""
+    worst = f"{sized(result, result.worst_fold)} in the worst of {len(result.fold_rmses)} parts"
+    held = f"{sized(result, result.cv_rmse)} RMSE on held-out rows"
+    if result.calibration is None:
+        good = f"No calibration, but the drift in volts: {held}, {worst}."
+    else:
+        sensitivity = result["sensitivity"]
+        known = plus_minus(sensitivity.value, sensitivity.standard_error)
+        share = ""
+        if result.full_scale:
+            percent = short(100.0 * result.cv_rmse / result.full_scale, 2)
+            share = f" ({percent} % of {short(result.full_scale, 4)} Nm)"
+        good = f"Calibrated, {known} Nm/V: the reading is off by {held}{share}, {worst}."
+    faults, missing = _faults(result), _missing(result)
+    if not faults:
+        return Verdict(good, f"Nothing wrong was found with it.{missing}", False)
+    grave = result.calibration is None or not result.uncertainty.reliable or _hidden(result) != []
+    return Verdict(good, f"Wrong with it: {'; '.join(faults)}.{missing}", grave)
+
+
+def calibration_lines(result: CalibrationResult) -> list[CalibrationLine]:
+    """Return a line for each parameter, in Nm and in volts."""
+    torque = {p.name: p for p in result.torque_parameters}
+    volts = {p.name: p for p in result.voltage_parameters}
+    names = list(torque or volts)
+    return [_line(result, name, torque.get(name), volts.get(name)) for name in names]
+
+
+def figure_rows(result: CalibrationResult) -> list[tuple[str, str, str, str, bool]]:
+    """Return name, %FS, Nm, remark, and whether there is a value, of each figure."""
+    rows = []
+    for figure in result.figures:
+        if figure.percent is None or figure.torque is None:
+            rows.append((figure.name, "not shown", "", figure.reason, False))
+            continue
+        rows.append(
+            (
+                figure.name,
+                f"{_fixed(figure.percent)} %FS",
+                f"{_fixed(figure.torque)} Nm",
+                _remark(figure),
+                True,
+            )
+        )
+    return rows
+
+
+def scale_line(result: CalibrationResult) -> str:
+    """Return what the figures are percent of."""
+    if result.full_scale is None:
+        return "Figures: no full scale is known."
+    source = SOURCES[result.full_scale_source]
+    return f"Figures, in % of the full scale of {short(result.full_scale, 4)} Nm ({source}):"
+
+
+def told(result: CalibrationResult) -> list[str]:
+    """Return sentences on the drift, the legs, the errors and what was held out."""
+    said = []
+    if result.shape.degree:
+        terms = [_term(p, k) for k, p in enumerate(result.drift_polynomial)]
+        polynomial = " ".join(reversed(terms)).removeprefix("+ ")
+        said.append(f"Reading without load: b(T) = {polynomial} mV, T in °C.")
+    said += _legs(result)
+    if result.unit == "V" and result.thermal is not None:
+        before, after = _spread(result.thermal.both)
+        said.append(
+            f"Means over temperature spread by {sized(result, before)} before and "
+            f"{sized(result, after)} after the drift is taken off."
+        )
+    held = "runs" if result.validated_by == "runs" else "contiguous blocks"
+    said.append(
+        f"Held out: each of {len(result.fold_rmses)} {held} in turn; RMSE in the median "
+        f"{sized(result, result.median_fold)}, in the worst {sized(result, result.worst_fold)}; in "
+        f"sample {sized(result, result.rmse)}."
+    )
+    return [*said, result.uncertainty.statement, NOISE_ALONE]
+
+
+def _spread(means: NDArray[np.float64]) -> list[float]:
+    """Largest less least of each column, (c,), bins without rows left out."""
+    found: list[float] = (np.nanmax(means, axis=0) - np.nanmin(means, axis=0)).tolist()
+    return found
+
+
+def _legs(result: CalibrationResult) -> list[str]:
+    """What ways load and temperature went."""
+    said = []
+    if result.legs:
+        up = sum(leg.rising for leg in result.legs)
+        what = "plateaus" if result.points is not None and result.points.stepped else "ramps"
+        levels = 0 if result.points is None else len(result.points.levels)
+        said.append(
+            f"Legs of the reference: {up} rising, {len(result.legs) - up} falling; {levels} levels "
+            f"on {what}."
+        )
+    said += [
+        f"{'Heating' if leg.heating else 'Cooling'} in {leg.run}, {leg.low:.1f} to {leg.high:.1f} "
+        f"°C: the reading is off by {sized(result, leg.rmse)} RMSE, {sized(result, leg.bias)} in "
+        "the mean."
+        for leg in result.thermal_legs
+    ]
+    return said
+
+
+def _remark(figure: Figure) -> str:
+    if figure.at is None or not figure.resolved:
+        return f"{figure.definition}; no more than noise shows, {_fixed(figure.noise or 0.0)} %FS"
+    return f"{figure.definition}; at {short(round(figure.at, 1) + 0.0, 3)} {figure.at_unit}"
+
+
+def _line(
+    result: CalibrationResult, name: str, torque: Parameter | None, volts: Parameter | None
+) -> CalibrationLine:
+    shown = torque or volts
+    assert shown is not None
+    remarks, concern = [], False
+    if not shown.determined:
+        alone = any(name in group.names for group in result.confounded)
+        remarks, concern = ["not determined alone" if alone else shown.state], True
+    elif shown.state == "fixed":
+        remarks.append("given, not fitted")
+    elif not shown.significant:
+        remarks, concern = ["not significant"], True
+    if name in MEANS:
+        remarks.append(MEANS[name])
+    if name == "thermal_lag":
+        lag = _value(shown, 1.0, "s")
+        return CalibrationLine("thermal lag", lag, "", "; ".join(remarks), concern)
+    return CalibrationLine(
+        name.replace("_", " "),
+        "" if torque is None else _value(torque, 1.0, torque.unit),
+        "" if volts is None else _value(volts, MILLI, "m" + volts.unit),
+        "; ".join(remarks),
+        concern,
+    )
+
+
+def _value(parameter: Parameter, scale: float, unit: str) -> str:
+    if not parameter.determined and parameter.kind == "shape":
+        return f"not determined, {short(parameter.value)} {unit} is used"
+    return f"{plus_minus(scale * parameter.value, scale * parameter.standard_error)} {unit}"
+
+
+def _term(parameter: Parameter, power: int) -> str:
+    sign = "−" if parameter.value < 0.0 else "+"
+    error = MILLI * parameter.standard_error
+    value = plus_minus(abs(MILLI * parameter.value), error)
+    return f"{sign} ({value})" + (f" T{'⁰ ²³⁴⁵⁶'[power]}".rstrip() if power else "")
+
+
+def _faults(result: CalibrationResult) -> list[str]:
+    found = []
+    if result.sensitivity_reason:
+        what = "not determined" if result.calibration is None else "not fitted but taken as known"
+        found.append(f"the sensitivity is {what}, {result.sensitivity_reason}")
+    hidden = _hidden(result)
+    if hidden:
+        found.append(f"not determined alone: {', '.join(hidden).replace('_', ' ')}")
+    if result.full_scale and result.unit == "Nm" and result.cv_rmse > POOR * result.full_scale:
+        found.append("a straight line and a drift do not describe these runs")
+    if not result.uncertainty.reliable:
+        found.append("the runs are too short for the errors to hold")
+    warned = len([w for w in result.warnings if w != result.uncertainty.statement])
+    if warned:
+        found.append(f"{warned} warning{'s' if warned > 1 else ''}, see below")
+    return found
+
+
+def _missing(result: CalibrationResult) -> str:
+    """Figures that runs with load might have shown; their variants go without saying."""
+    if result.sensitivity_reason:
+        return ""
+    names = [f.name for f in result.figures if f.percent is None]
+    plain = list(dict.fromkeys(name.split(",")[0] for name in names))
+    return f" These runs do not show: {', '.join(plain)}." if plain else ""
+
+
+def _hidden(result: CalibrationResult) -> list[str]:
+    """Names that the runs confound, but for drift among itself: its sum is known all the same."""
+    groups = [g.names for g in result.confounded]
+    return [n for g in groups if not all(name.startswith("drift") for name in g) for n in g]
+
+
+def sized(result: CalibrationResult, size: float) -> str:
+    """Return an error of reading with its unit: Nm, or mV without a sensitivity."""
+    if result.unit == "V":
+        return f"{digits(MILLI * size)} mV"
+    return f"{digits(size)} Nm"
+
+
+def digits(value: float) -> str:
+    """Return a number to three digits, with a proper minus."""
+    return short(value, 3).replace("-", "−")
+
+
+def _fixed(value: float) -> str:
+    return f"{value:.3f}" if value < 10.0 else f"{value:.4g}"

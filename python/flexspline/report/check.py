@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from flexspline.about import __version__
 from flexspline.files import atomic_write
-from flexspline.formatting.numbers import short
+from flexspline.formatting import short
 from flexspline.report.html import templates
 from flexspline.schema import checked_json
 
@@ -68,7 +68,7 @@ def write_check_report(
         Where the file cannot be written.
     """
     from flexspline.plot.channels import plot_channels
-    from flexspline.report.figures import inline_svg
+    from flexspline.report.html import inline_svg
 
     runs = [
         {

@@ -8,26 +8,37 @@ import textwrap
 from typing import TYPE_CHECKING, Any
 
 from flexspline.about import __version__
-from flexspline.comparison.result import ranked
-from flexspline.comparison.says import floor_sentence
+from flexspline.comparison.bands import Band, worst_band
+from flexspline.comparison.result import floor_sentence, ranked, sized
 from flexspline.files import atomic_write
-from flexspline.formatting.numbers import short
-from flexspline.report.comparison_content import (
-    band_tables,
-    base_told,
-    followed,
-    order_rows,
-    worst_rows,
-)
+from flexspline.formatting import short
 from flexspline.report.html import templates
-from flexspline.report.inputs import input_rows, smoothed_rows
+from flexspline.report.tables import input_rows, smoothed_rows
 
 if TYPE_CHECKING:
     from flexspline.comparison.result import Comparison
 
-__all__ = ["comparison_html", "comparison_text", "write_comparison_report"]
+__all__ = ["comparison_html", "comparison_text", "followed", "write_comparison_report"]
 
 WIDTH = 100
+
+MAP = (
+    "RMS of measured less modelled (dark) in each band against the noise floor there (grey, with "
+    "two standard errors); what lies between is the excess, coloured, and a dot marks an excess "
+    "that is more than chance. All panels have the same scale; what the gap follows comes first. "
+    "Hatched: fewer than 2 % of the rows."
+)
+ORDERS = (
+    "Amplitude of the residual over the orders of each pair of parts. Marks are orders that stand "
+    "out of the noise of their own stretches, with two standard errors; noise alone marks one in a "
+    "hundred searches. Slow or short runs make lines wide."
+)
+
+Row = tuple[str, ...]
+
+LEAST_CHANCE = 1e-9
+LONGEST_LABEL = 34
+MOST_ORDERS = 8
 
 
 def comparison_text(made: Comparison) -> str:
@@ -65,7 +76,7 @@ def write_comparison_report(made: Comparison, path: str | os.PathLike[str]) -> N
         Where the file cannot be written.
     """
     from flexspline.plot.comparison import panels, plot_comparison, plot_orders
-    from flexspline.report.figures import ReportFigure, inline_svg
+    from flexspline.report.html import ReportFigure, inline_svg
 
     charts = [ReportFigure(inline_svg(plot_comparison(made), "map of the disagreement"), MAP)]
     if made.spectrum is not None:
@@ -87,19 +98,6 @@ def write_comparison_report(made: Comparison, path: str | os.PathLike[str]) -> N
         )
     )
     atomic_write(path, page)
-
-
-MAP = (
-    "RMS of measured less modelled (dark) in each band against the noise floor there (grey, with "
-    "two standard errors); what lies between is the excess, coloured, and a dot marks an excess "
-    "that is more than chance. All panels have the same scale; what the gap follows comes first. "
-    "Hatched: fewer than 2 % of the rows."
-)
-ORDERS = (
-    "Amplitude of the residual over the orders of each pair of parts. Marks are orders that stand "
-    "out of the noise of their own stretches, with two standard errors; noise alone marks one in a "
-    "hundred searches. Slow or short runs make lines wide."
-)
 
 
 def _common(made: Comparison) -> dict[str, Any]:
@@ -172,3 +170,82 @@ def _call(made: Comparison) -> str:
     if made.simulated and not foreign:
         given.append("simulated=True")
     return f"comparison = flexspline.compare({', '.join(given)})"
+
+
+def base_told(made: Comparison) -> list[str]:
+    """Return what there is to say of a foreign simulation that is the base, and of the rows."""
+    if not made.foreign:
+        return [*made.notes]
+    return [f"The base is what a simulation says: {made.foreign}.", *made.notes]
+
+
+def worst_rows(made: Comparison) -> list[Row]:
+    """Return heading and rows: all rows, then the worst band of each covariate."""
+    unit = made.unit
+    head = ("worst band of", "", "rows", f"RMSE [{unit}]", "noise floor", "excess", "bias")
+    rows = [head, ("all rows", "", *_numbers(made.overall, made.noise_floor))]
+    for name in ranked(made):
+        band = worst_band(made.by[name])
+        label = _short(band.label)
+        rows.append((made.words[name], label, *_numbers(band, made.noise_floor)))
+    return rows
+
+
+def followed(made: Comparison) -> list[str]:
+    """Return a sentence for each thing that the gap follows."""
+    return [
+        f"follows {f.words}: {_percent(f.share)} of the gap's square above the floor, "
+        f"chance {_chance(f.chance)}"
+        + (f"; nearly as well: {', '.join(f.also)}" if f.also else "")
+        + "."
+        for f in made.follows
+    ]
+
+
+def order_rows(made: Comparison) -> list[Row]:
+    """Return heading and rows of the orders found."""
+    head = ("order per output turn", "what turns", f"amplitude [{made.unit}]", "chance")
+    found: list[Row] = [head]
+    for peak in made.orders[:MOST_ORDERS]:
+        size = f"{sized(peak.amplitude, peak.error)} ± {sized(peak.error, peak.error)}"
+        found.append((f"{peak.per_output_turn:.6g}", peak.label, size, _chance(peak.chance)))
+    return found
+
+
+def band_tables(made: Comparison) -> list[tuple[str, list[Row]]]:
+    """Return title and rows of every covariate, for the report."""
+    floor = made.noise_floor
+    return [
+        (
+            made.words[name],
+            [
+                (band.label, *_numbers(band, floor), f"{band.variance:.3g}",
+                 f"{band.effective_rows:.0f}", _chance(band.chance) if band.significant else "–")
+                for band in made.by[name]
+            ],
+        )
+        for name in ranked(made)
+    ]  # fmt: skip
+
+
+def _numbers(band: Band, floor: float) -> Row:
+    error = f" ± {sized(band.noise_floor_error, 0.1 * floor)}"
+    return (
+        str(band.rows),
+        sized(band.rmse, 0.1 * floor),
+        sized(band.noise_floor, 0.1 * floor) + error,
+        sized(band.excess, 0.1 * floor) if band.significant else "–",
+        sized(band.bias + 0.0, 0.1 * floor),
+    )
+
+
+def _short(label: str) -> str:
+    return label if len(label) <= LONGEST_LABEL else label[: LONGEST_LABEL - 2] + " …"
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * min(share, 1.0):.0f} %"
+
+
+def _chance(chance: float) -> str:
+    return f"{chance:.0e}" if chance >= LEAST_CHANCE else "below 1e-09"

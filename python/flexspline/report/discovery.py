@@ -4,34 +4,27 @@ from __future__ import annotations
 
 import os
 import textwrap
+from collections.abc import Sequence
+from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
 from flexspline.about import __version__
+from flexspline.discovery.candidates import DIRECTIONS, EXCLUDED, TAKEN
+from flexspline.discovery.settings import SETTINGS
+from flexspline.discovery.slices import telling
 from flexspline.errors import listed
 from flexspline.files import atomic_write
-from flexspline.formatting.numbers import plus_minus, short
-from flexspline.report.content import known_groups, parameter_lines
-from flexspline.report.discovery_content import (
-    best_rivals,
-    channel_rows,
-    discovery_call,
-    effect_lines,
-    estimator_sentence,
-    faults_told,
-    headlines,
-    remarks,
-    searched_sentence,
-    shrunk_tables,
-    verdict,
-)
-from flexspline.report.facts import log_facts, model_facts
-from flexspline.report.html import templates
-from flexspline.report.verdict import TARGET_WORDS
+from flexspline.formatting import decimals_for, plus_minus, short
+from flexspline.report.html import log_facts, model_facts, templates
+from flexspline.report.tables import input_rows
+from flexspline.report.text import TARGET_WORDS, ParameterLine, known_groups, parameter_lines
 
 if TYPE_CHECKING:
-    from flexspline.discovery.result import Discovery, Found
+    from flexspline.discovery.faults import DataFault
+    from flexspline.discovery.result import Discovery, Found, Motion
+    from flexspline.discovery.slices import Slice
 
-__all__ = ["discovery_html", "discovery_text", "write_discovery_report"]
+__all__ = ["discovery_html", "discovery_text", "remarks", "verdict", "write_discovery_report"]
 
 WIDTH = 100
 MAP = (
@@ -46,6 +39,23 @@ PLAN = (
     "expected to stand after this run if the named one is right, beside now and the best run of "
     "each simple kind."
 )
+
+MOST_RIVALS = 3
+GRAVE = "Faults of the data, to be fixed first"
+LEFT_OUT = "Left out of the runs, before anything was searched"
+SMALL = "Seen in the data, too little to matter here"
+
+_TITLES = {
+    "all": "all",
+    "run": "by run",
+    "reversals": "at reversals and away from them",
+    "direction": "by direction",
+    "speed": "by speed",
+    "temperature": "cold to hot",
+    "load": "unloaded to loaded",
+    "frequency": "by frequency, slow to fast",
+    "order": "by order per output turn, while the joint turns",
+}
 
 
 def discovery_text(made: Discovery) -> str:
@@ -73,7 +83,7 @@ def write_discovery_report(made: Discovery, path: str | os.PathLike[str]) -> Non
     """
     from flexspline.plot.comparison import plot_comparison
     from flexspline.plot.discovery import panels
-    from flexspline.report.figures import ReportFigure, drawn, inline_svg
+    from flexspline.report.html import ReportFigure, drawn, inline_svg
 
     where = made.disagreement
     chart = plot_comparison(where.before, where.after if made.found else None)
@@ -147,3 +157,321 @@ def _wrapped(sentence: str, first: str = "") -> str:
             break_long_words=False, break_on_hyphens=False,
         )
     )  # fmt: skip
+
+
+def verdict(made: Discovery) -> str:
+    """Return what was found, and by how much the gap shrank, in a sentence or two."""
+    what = TARGET_WORDS[made.target]
+    base = f"The model of the {what}"
+    if made.by == "simulation":
+        base += ", driven forward,"
+    if made.simulated is not None:
+        base = f"The simulation of the {what} ({made.simulated.words})"
+        base += f" with {listed(made.base_effects)}" if made.base_effects else ""
+    said = base[0].lower() + base[1:]
+    where = f"on {made.validated_by} that no fit saw{_of_how_many(made)}"
+    rmse = f"{short(made.base_rmse)} to {short(made.final_rmse)} {made.unit}"
+    if made.found:
+        names = listed(made.names, most=len(made.names))
+        floor = f"noise floor {short(made.noise_floor)} {made.unit}"
+        return f"{base} lacks {names}: RMSE {rmse} {where}, {floor}."
+    if made.unexplained:
+        return (
+            f"No effect that is known explains what {said} lacks: RMSE "
+            f"{short(made.base_rmse)} {made.unit} {where}."
+        )
+    if made.doubted:
+        return (
+            f"These runs do not tell what {said} lacks, if anything: RMSE "
+            f"{short(made.base_rmse)} {made.unit} {where}."
+        )
+    return (
+        f"Nothing is missing in {said} that these runs show: RMSE "
+        f"{short(made.base_rmse)} {made.unit} {where}, which is noise."
+    )
+
+
+def _of_how_many(made: Discovery) -> str:
+    """How many of the rows that is, where some were left out, for the headline."""
+    used, total = made.rows.get("used", 0), sum(made.rows.values())
+    return f" ({used} of {total} rows)" if used < total else ""
+
+
+def rows_sentence(made: Discovery) -> str:
+    """Return how many rows were left out, and why; "" where none was."""
+    left = {why: count for why, count in made.rows.items() if why != "used"}
+    if not left:
+        return ""
+    total = sum(made.rows.values())
+    told = listed([f"{count} {why}" for why, count in left.items()])
+    return f"{made.rows['used']} of {total} rows were used; left out: {told}."
+
+
+def channel_rows(made: Discovery) -> list[tuple[str, ...]]:
+    """Return channel with unit, noise, quantum, bandwidth and how the rows read it, for a table."""
+    return input_rows(made.inputs, made.fit.part.preparations)
+
+
+def inputs_sentence(made: Discovery) -> str:
+    """Return how noisy channels were prepared for the rows; "" where none was."""
+    ways = made.fit.part.preparations
+    if not ways:
+        return ""
+    told = listed([f"{way.channel} {way.how}" for way in ways], most=len(ways))
+    return f"Rows read {told}, zero phase: above that these channels carry noise alone."
+
+
+def directions_sentence(made: Discovery) -> str:
+    """Return how friction differs between directions, where the search gave it that freedom."""
+    if DIRECTIONS in made.base_effects:
+        return ""
+    told = [
+        f"{p.name.split('.')[1]} by {plus_minus(2.0 * p.value, 2.0 * p.standard_error)} {p.unit}"
+        for p in made.fit.parameters
+        if p.name.startswith(f"{DIRECTIONS}.") and abs(p.value) > 2.0 * p.standard_error
+    ]
+    if not told:
+        return ""
+    return f"Friction differs between directions, forward less backward: {listed(told)}."
+
+
+def also_seen_sentences(made: Discovery) -> list[str]:
+    """Return a sentence for each effect that is real but too small to matter."""
+    return [
+        f"{one.effect}: {short(one.rmse_before)} to {short(one.rmse_after)} {made.unit} held out, "
+        f"{100.0 * one.share_of_gap:.2g} % of what closes (t = {one.t:.1f})"
+        for one in made.also_seen
+    ]
+
+
+def faults_told(made: Discovery) -> list[tuple[str, list[str]]]:
+    """Return the faults of the data under a heading each: rows left out, what matters, the others.
+
+    What several runs share is told once, of the run where it is largest.
+    """
+    cut = [fault.sentence for fault in made.data_faults if fault.left_out]
+    told = [(LEFT_OUT, cut)] if cut else []
+    for title, grave in ((GRAVE, True), (SMALL, False)):
+        alike: dict[tuple[str, str], list[DataFault]] = {}
+        for fault in (f for f in made.data_faults if f.grave is grave and not f.left_out):
+            alike.setdefault((fault.name, fault.channel), []).append(fault)
+        if alike:
+            told.append((title, [_together(faults) for faults in alike.values()]))
+    return told
+
+
+def _together(faults: Sequence[DataFault]) -> str:
+    worst = max(faults, key=lambda fault: abs(fault.size))
+    others = [fault.run for fault in faults if fault is not worst]
+    if not others:
+        return worst.sentence
+    less = "where it is no larger" if len(others) == 1 else "none of them larger"
+    return f"{worst.sentence} The same in {listed(others)}, {less}."
+
+
+def remarks(made: Discovery) -> list[str]:
+    """Return what else has to be said: what is unexplained, what to record, what was not tried."""
+    said = [
+        unexplained_sentence(made),
+        withdrawn_sentence(made),
+        rejected_sentence(made),
+        _also_seen(made),
+        directions_sentence(made),
+        rows_sentence(made),
+        inputs_sentence(made),
+        driven_sentence(made),
+        estimator_sentence(made) if made.fit.generalised else "",
+        *(one.sentence for one in made.dependences),
+        f"Next: {made.next_experiment}" if made.next_experiment else "",
+        searched_sentence(made) if min(made.searched.values()) < 1.0 else "",
+        *not_tried_sentences(made),
+    ]
+    return [sentence for sentence in said if sentence]
+
+
+def unexplained_sentence(made: Discovery) -> str:
+    """Return what is left that no effect explains, "" where nothing is."""
+    if not made.unexplained:
+        return ""
+    share = 100.0 * made.unexplained.share_of_variance
+    weighed = "" if made.by == "simulation" else " after prewhitening"
+    said = (
+        f"Unexplained: {share:.0f} % of the gap above the noise floor{weighed}, depends on "
+        f"{listed(made.unexplained.depends_on)}, in a way that no effect of the catalogue is seen "
+        "to have."
+    )
+    little = SETTINGS.negligible * made.final_rmse
+    if made.final_rmse - made.noise_floor < little:
+        said += f" Of the error itself that is less than {short(little)} {made.unit}."
+    return said
+
+
+def withdrawn_sentence(made: Discovery) -> str:
+    """Return which names were withdrawn, and why."""
+    withdrawn = ", ".join(f"{name} ({why})" for name, why in made.withdrawn.items())
+    return f"Withdrawn: {withdrawn}." if withdrawn else ""
+
+
+def rejected_sentence(made: Discovery) -> str:
+    """Return which names are spurious: a flexible basis explains the data better."""
+    if not made.doubted:
+        return ""
+    are = "are spurious" if len(made.doubted) > 1 else "is spurious"
+    hold = "" if made.unexplained else " and does not hold on held-out rows"
+    return (
+        f"Rejected: {listed(made.doubted)}, which {are}: a flexible basis explains the data "
+        f"better{hold}."
+    )
+
+
+def _also_seen(made: Discovery) -> str:
+    if not made.also_seen:
+        return ""
+    told = listed(also_seen_sentences(made), most=len(made.also_seen))
+    return f"Also seen, too small to matter and no part of the model: {told}."
+
+
+def driven_sentence(made: Discovery) -> str:
+    """Return how far the model misses the motion where it is driven forward."""
+    if made.motion is None or not made.found or made.by == "simulation":
+        return ""
+    worse = ""
+    if made.motion.final_rmse > made.motion.base_rmse:
+        worse = ": the names do not make this better, for what a forward simulation misses adds up"
+    return (
+        f"Driven forward through {made.validated_by} that no fit saw, the model "
+        f"misses the {_channel(made.motion)} by {_motion(made)} RMS{worse}."
+    )
+
+
+def not_tried_sentences(made: Discovery) -> list[str]:
+    """Return the effects that were not tried, by the reason."""
+    groups: dict[str, list[str]] = {EXCLUDED: [], TAKEN: [], "for lack of channels or facts": []}
+    *_, lacking = groups.values()
+    for name, reason in made.not_tried.items():
+        groups.get(reason, lacking).append(name)
+    return [
+        f"Not tried, {why}: {listed(names, most=len(names))}."
+        for why, names in groups.items()
+        if names
+    ]
+
+
+def estimator_sentence(made: Discovery) -> str:
+    """Return by which estimator the parameters were found."""
+    if made.by == "simulation":
+        return "Parameters are those whose simulated motion misses the measured one least."
+    if not made.fit.generalised:
+        return "Parameters are those of least squares."
+    return (
+        "Parameters are those of generalised least squares: the noise is slow, and its memory is "
+        "counted in; plain least squares does not contradict them and predicts held-out rows no "
+        "better."
+    )
+
+
+def searched_sentence(made: Discovery) -> str:
+    """Return on which rows names and functions of a flexible basis were looked for."""
+    names, functions = made.searched["names"], made.searched["functions"]
+    if min(names, functions) >= 1.0:
+        return "All rows that count were searched, for names and for what has none."
+    first = (
+        f"Of these long runs {100.0 * names:.2g} % of the rows, spread evenly, were searched for "
+        "names first; what was found there was tried and fitted on all rows."
+        if names < 1.0
+        else "All rows that count were searched for names."
+    )
+    rest = f"{100.0 * functions:.2g} %" if functions < 1.0 else "all"
+    return f"{first} What no name explains was looked for on {rest} of the rows."
+
+
+def headlines(made: Discovery) -> list[tuple[str, str]]:
+    """Return the numbers that say how the gap shrank: what, and its value with the unit."""
+    unit = made.unit
+    rows = [("base model, RMSE held out", f"{short(made.base_rmse)} {unit}")]
+    if made.found:
+        rows.append(("extended model, RMSE held out", f"{short(made.final_rmse)} {unit}"))
+    simulated = made.by == "simulation"
+    floor = "what the encoder resolves" if simulated else "what these channels do not explain"
+    rows.append((f"noise floor: {floor}", f"{short(made.noise_floor)} {unit}"))
+    if made.found and made.gap_closed == made.gap_closed:
+        closed = f"{100.0 * min(made.gap_closed, 1.0):.0f} % of its mean square"
+        rows.append(("gap above the floor that is closed", closed))
+    if made.motion is not None and not simulated:
+        rows.append((f"{_channel(made.motion)} of a forward simulation, RMSE", _motion(made)))
+    return rows
+
+
+def effect_lines(made: Discovery, one: Found) -> list[ParameterLine]:
+    """Return a line for each parameter of one named effect, ripple as amplitude and phase."""
+    return [line for line in parameter_lines(made.fit) if line.effect == one.effect]
+
+
+def best_rivals(made: Discovery, one: Found) -> list[tuple[str, str, str]]:
+    """Return the best other candidates: name, share of what the named effect explains, verdict."""
+    return [
+        (
+            rival.name,
+            f"{100.0 * rival.share:.0f} %",
+            f"indistinguishable: {rival.why(one.effect)}"
+            if rival.alias
+            else f"worse: {one.effect} keeps t = {rival.keeps:.1f}",
+        )
+        for rival in one.rivals[:MOST_RIVALS]
+    ]
+
+
+def shrunk_tables(made: Discovery) -> list[tuple[str, list[tuple[str, str, str, str, str]]]]:
+    """Return the held-out errors by group: title, then label, rows, before, after and change."""
+    decimals = decimals_for(made.final_rmse)
+    return [
+        (_TITLES[group], [_row(part, decimals) for part in members])
+        for group, members in groupby(telling(made.slices), lambda part: part.group)
+    ]
+
+
+def discovery_call(made: Discovery) -> str:
+    """Return the call that makes the discovery again from the same logs."""
+    lines = [*_start_call(made), f"target={made.target!r}"]
+    part = made.model.part(made.target)
+    if part.known_load is not None:
+        lines.append(f"known_load={part.known_load!r}")
+    if made.fit.lowpass is not None:
+        lines.append(f"lowpass={made.fit.lowpass!r}")
+    fixed = {p.name: p.value for p in made.fit.parameters if p.state == "fixed"}
+    if fixed:
+        lines.append(f"fixed={fixed!r}")
+    if made.by == "simulation":
+        lines += ["by='simulation'", "controller=controller", "free_controller=free_controller"]
+    return "found = flexspline.discover(\n" + "".join(f"    {x},\n" for x in lines) + ")"
+
+
+def _start_call(made: Discovery) -> list[str]:
+    """What to start from, and the logs."""
+    if made.simulated is None:
+        return [repr(list(made.base_effects)), "logs"]
+    files = ["simulation=simulation"] if made.simulated.own_files else []
+    first = "model" if made.base_effects else "None"
+    return [first, "logs", *files, f"simulated_torque={made.simulated.column!r}"]
+
+
+def _channel(motion: Motion) -> str:
+    return motion.channel.replace("_", " ")
+
+
+def _motion(made: Discovery) -> str:
+    """The error of a forward simulation, before and after where something was found."""
+    assert made.motion is not None
+    base, final = short(made.motion.base_rmse), short(made.motion.final_rmse)
+    return f"{base} to {final} {made.motion.unit}" if made.found else f"{base} {made.motion.unit}"
+
+
+def _row(part: Slice, decimals: int) -> tuple[str, str, str, str, str]:
+    change = 100.0 * (part.final / part.base - 1.0) if part.base > 0.0 else 0.0
+    return (
+        part.label,
+        str(part.rows),
+        f"{part.base:.{decimals}f}",
+        f"{part.final:.{decimals}f}",
+        f"{change + 0.0:+.0f} %" if round(change) else "0 %",
+    )

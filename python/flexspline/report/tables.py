@@ -1,4 +1,4 @@
-"""Tables of scores: of one fit by group, and of several fits side by side."""
+"""Tables of scores, of one fit by group and of several side by side; how noisy channels are."""
 
 from __future__ import annotations
 
@@ -12,15 +12,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.errors import InputError, listed
-from flexspline.formatting.numbers import decimals_for, truncated
-from flexspline.least_squares.scores import Score
+from flexspline.formatting import decimals_for, plus_minus, short, truncated
+from flexspline.least_squares.validation import Score
+from flexspline.logs.channels import CHANNELS
 
 if TYPE_CHECKING:
     import pandas
 
-    from flexspline.least_squares.result import Fit
+    from flexspline.least_squares.result import Delay, Fit
+    from flexspline.logs.channel_noise import ChannelNoise
+    from flexspline.prepared import Preparation
 
-__all__ = ["ScoreTable", "compare_scores", "grouped_scores", "score_rows"]
+__all__ = [
+    "ScoreTable",
+    "compare_scores",
+    "delay_sentence",
+    "grouped_scores",
+    "input_rows",
+    "score_rows",
+    "smoothed_rows",
+]
 
 MOST_RUNS = 12
 WORST_RUNS = 5
@@ -44,6 +55,11 @@ _LATEX = str.maketrans(
         "±": "$\\pm$",
     }
 )
+
+AS_RECORDED = "as recorded"
+HEADING = ("channel", "noise, RMS", "quantum", "bandwidth [Hz]", "as the rows read it")
+
+Row = tuple[str, ...]
 
 
 def score_rows(scores: Sequence[Score], unit: str) -> list[tuple[str, ...]]:
@@ -229,3 +245,52 @@ def compare_scores(fits: Mapping[str, Fit]) -> ScoreTable:
 
 def _latex(text: str) -> str:
     return text.translate(_LATEX)
+
+
+def input_rows(inputs: Sequence[ChannelNoise], ways: Sequence[Preparation]) -> list[Row]:
+    """Return channel with unit, noise, quantum, bandwidth and how rows read it, for a table.
+
+    Parameters
+    ----------
+    inputs : noise of the channels of the runs.
+    ways : how channels are made before rows read them; some may be in no run.
+    """
+    used = {way.channel: way.how for way in ways}
+    own = {noise.channel for noise in inputs}
+    told: list[Row] = [
+        (
+            _channel_named(noise.channel),
+            short(noise.noise),
+            short(noise.quantum) if noise.quantum else "–",
+            f"{noise.bandwidth:.3g}" if noise.noisy else f"above {noise.bandwidth:.3g}",
+            used.get(noise.channel, AS_RECORDED),
+        )
+        for noise in inputs
+    ]
+    return told + [
+        (_channel_named(w.channel), "–", "–", "–", w.how) for w in ways if w.channel not in own
+    ]
+
+
+def smoothed_rows(
+    inputs: Sequence[ChannelNoise], ways: Sequence[Preparation], read: Sequence[str]
+) -> list[Row]:
+    """Return heading and those rows of the table whose channel is `read` other than recorded."""
+    names = {_channel_named(way.channel) for way in ways if way.channel in read}
+    rows = [row for row in input_rows(inputs, ways) if row[0] in names]
+    return [HEADING, *rows] if rows else []
+
+
+def delay_sentence(delay: Delay | None, unit: str) -> str:
+    """Return by how much the load is late, and what that does; "" where it was not looked for."""
+    if delay is None:
+        return ""
+    late = plus_minus(1e3 * delay.seconds, 1e3 * delay.standard_error)
+    return (
+        f"{delay.channel} is {late} ms later than the target; coefficients are those beside this "
+        f"delay, which makes {short(delay.rmse)} {unit} of the residual."
+    )
+
+
+def _channel_named(channel: str) -> str:
+    return f"{channel} [{CHANNELS[channel].unit if channel in CHANNELS else 'Nm'}]"

@@ -1,23 +1,51 @@
-"""A fit as text: a verdict, a line for each parameter, and what is wrong with it in words."""
+"""A fit as text: a verdict, a line for each parameter, and what is wrong with it in words.
+
+The verdict says how good the fit is on held-out rows, and against what; HTML says the same.
+"""
 
 from __future__ import annotations
 
 import textwrap
 from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import groupby
 from typing import TYPE_CHECKING
 
-from flexspline.report.content import ParameterLine, known_groups, parameter_lines
-from flexspline.report.inputs import delay_sentence, smoothed_rows
-from flexspline.report.tables import score_rows
-from flexspline.report.verdict import TARGET_WORDS, trust, verdict
+import numpy as np
+
+from flexspline.errors import listed
+from flexspline.formatting import plus_minus, short, short_names
+from flexspline.least_squares.ripple import PAIRS, RippleOrder, ripple_orders
+from flexspline.report.tables import delay_sentence, score_rows, smoothed_rows
 
 if TYPE_CHECKING:
-    from flexspline.least_squares.result import Fit
+    from flexspline.least_squares.result import Fit, Parameter
 
-__all__ = ["fit_text"]
+__all__ = [
+    "TARGET_WORDS",
+    "ParameterLine",
+    "Verdict",
+    "fit_text",
+    "known_groups",
+    "parameter_lines",
+    "spread",
+    "trust",
+    "validation_sentence",
+    "verdict",
+]
 
 WIDTH = 100
 WIDEST = 120  # of the table of parameters
+
+TARGET_WORDS = {
+    "sensor_torque": "sensor torque",
+    "motor_torque": "motor torque (at the output)",
+    "motor_current": "motor current",
+    "torsion": "torsion",
+}
+WORSE = 1.15  # held-out over in-sample RMSE from which the fit is said to be too rich
+
+TOGETHER = 0.95  # correlation from which two estimates are said to move together
 
 
 def fit_text(fit: Fit) -> str:
@@ -122,3 +150,307 @@ def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
 def _warnings(fit: Fit) -> list[str]:
     said = [sentence for sentence in fit.warnings if sentence != fit.uncertainty.statement]
     return ["Warnings:", *(x for s in said for x in _wrapped(s, "- "))] if said else []
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Two sentences. `grave`: what is wrong makes the numbers unfit for use as they stand."""
+
+    good: str
+    wrong: str
+    grave: bool
+
+
+def verdict(fit: Fit) -> Verdict:
+    """Return the verdict in words."""
+    around = spread(fit)
+    share = 1.0 - (fit.cv_rmse / around) ** 2 if around > 0.0 else float("nan")
+    what = TARGET_WORDS[fit.target]
+    good = (
+        f"{_grade(share)} the {what} on held-out rows: "
+        f"{short(fit.cv_rmse)} {fit.unit} RMSE is left of a spread of "
+        f"{short(around)} {fit.unit} ({_percent(share)} of the variance explained)."
+    )
+    if fit.simulation is not None:
+        good = f"{fit.simulation.verdict} {good}"
+    faults = [*_grave(fit, share), *_doubts(fit)]
+    if not faults:
+        return Verdict(good, "Nothing wrong was found with the fit itself.", False)
+    text = "; ".join(faults)
+    return Verdict(good, f"Wrong with it: {text}.", bool(_grave(fit, share)))
+
+
+def spread(fit: Fit) -> float:
+    """Return the standard deviation of the target over all rows that count, in its unit."""
+    y = np.concatenate([run.measured[run.counts] for run in fit.runs])
+    return float(y.std())
+
+
+def validation_sentence(fit: Fit) -> str:
+    """Return how the rows never seen were chosen."""
+    if fit.validated_by == "folds of runs":
+        return f"Held out: each of {fit.folds} folds of runs in turn, fitted to the others."
+    if fit.validated_by == "runs":
+        return f"Held out: each of {fit.folds} runs in turn, fitted to the others."
+    return f"Held out: each of {fit.folds} contiguous blocks in turn, fitted to the others."
+
+
+def trust(fit: Fit) -> list[str]:
+    """Return why the errors can be believed, and what was held out."""
+
+    if fit.simulation is None:
+        said = [fit.uncertainty.statement, naive_remark(fit), validation_sentence(fit)]
+    else:
+        said = [*fit.simulation.sentences, naive_remark(fit), validation_sentence(fit)]
+    return [sentence for sentence in said if sentence]
+
+
+def _grade(share: float) -> str:
+    for limit, words in (
+        (0.98, "Explains nearly all of"),
+        (0.9, "Explains most of"),
+        (0.5, "Explains a part of"),
+        (0.05, "Explains little of"),
+    ):
+        if share >= limit:
+            return words
+    return "Explains nothing of"
+
+
+def _percent(share: float) -> str:
+    if not share > 0.0:
+        return "none"
+    digits = 1 if share < 0.999 else 3
+    return f"{np.floor(share * 100 * 10**digits) / 10**digits:.{digits}f} %"
+
+
+def _grave(fit: Fit, share: float) -> list[str]:
+    found = []
+    if not share >= 0.05:
+        found.append("it predicts no better than a constant")
+    if fit.simulation is None and not fit.uncertainty.reliable:
+        found.append("the runs are too short for the errors to hold")
+    hidden = [short_names(name) for group in fit.confounded for name in group.names]
+    if hidden:
+        found.append(f"not determined alone: {listed(hidden, 6)}")
+    stuck = [short_names(p.name) for p in fit.parameters if p.state.startswith("at ")]
+    if stuck:
+        found.append(f"at a bound: {listed(stuck, 6)}")
+    return found
+
+
+def _doubts(fit: Fit) -> list[str]:
+    found = []
+    if fit.cv_rmse > WORSE * fit.rmse:
+        percent = round(100.0 * (fit.cv_rmse / fit.rmse - 1.0))
+        found.append(f"{percent} % worse on held-out rows than on its own")
+    shapes = [short_names(p.name) for p in fit.parameters if p.kind == "shape" and not p.determined]
+    if shapes:
+        found.append(f"shape not determined: {listed(shapes, 6)}")
+    idle = _idle(fit)
+    if idle:
+        found.append(f"not significant: {listed(idle, 6)}")
+    warned = len([said for said in fit.warnings if said != fit.uncertainty.statement])
+    if warned:
+        found.append(f"{warned} warning{'s' if warned > 1 else ''}, see below")
+    return found
+
+
+def _idle(fit: Fit) -> list[str]:
+    """Coefficients and orders that may as well be zero."""
+    orders = ripple_orders(fit)
+    whole = {name for order in orders for name in order.names}
+    idle = [
+        short_names(p.name)
+        for p in fit.parameters
+        if p.kind == "coefficient"
+        and p.determined
+        and p.name not in whole
+        and np.isfinite(p.standard_error)
+        and not p.significant
+    ]
+    return idle + [f"{o.effect} order {o.order}" for o in orders if not o.significant]
+
+
+@dataclass(frozen=True)
+class ParameterLine:
+    """One line of the table of parameters, as text.
+
+    `heading`: of the lines from here on, "" for none. `concern`: the remark is a reason to worry.
+    `interval`: of 95 %. `naive`: the error as if every sample were news. `effect`: whose it is, ""
+    where several share it.
+    """
+
+    name: str
+    value: str
+    unit: str
+    remark: str
+    concern: bool = False
+    heading: str = ""
+    interval: str = ""
+    naive: str = ""
+    effect: str = ""
+
+
+@dataclass(frozen=True)
+class KnownGroup:
+    """Confounded coefficients: why, and the combinations that are known, with value and unit."""
+
+    sentence: str
+    known: tuple[tuple[str, str], ...]
+
+
+def parameter_lines(fit: Fit) -> list[ParameterLine]:
+    """Return a line for each parameter, then one for each order of ripple and derived quantity."""
+    ripple = ripple_orders(fit)
+    orders = {name for order in ripple for name in order.names}
+    lines = [_line(fit, p) for p in fit.parameters if p.name not in orders]
+    for (effect, turns), members in groupby(ripple, lambda o: (o.effect, o.turns)):
+        for number, order in enumerate(members):
+            lines.append(_ripple_line(order, "" if number else _heading(effect, turns)))
+    return [*lines, *_derived_lines(fit)]
+
+
+def _derived_lines(fit: Fit) -> list[ParameterLine]:
+    """What follows from the parameters, under a heading of its own."""
+    return [
+        ParameterLine(
+            d.name,
+            plus_minus(d.value, d.standard_error),
+            d.unit,
+            "",
+            heading="" if number else "From these (errors to first order)",
+        )
+        for number, d in enumerate(fit.derived)
+    ]
+
+
+def known_groups(fit: Fit) -> list[KnownGroup]:
+    """Return what is known of coefficients that are not known by themselves."""
+    return [
+        KnownGroup(
+            short_names(group.sentence),
+            tuple(
+                (short_names(str(k)), f"{plus_minus(k.value, k.standard_error)} {k.unit}")
+                for k in group.known
+            ),
+        )
+        for group in fit.confounded
+    ]
+
+
+def naive_remark(fit: Fit) -> str:
+    """Return how wrong errors would be that take every sample for news; "" where none is known."""
+    ratios = np.array(
+        [
+            p.standard_error / p.naive_error
+            for p in fit.parameters
+            if p.determined and p.naive_error > 0.0 and np.isfinite(p.standard_error)
+        ]
+    )
+    if not len(ratios):
+        return ""
+    low, middle, high = np.percentile(ratios, [0, 50, 100]).tolist()
+    naive = "Naive errors (all samples treated as independent)"
+    if middle < 1.1:
+        return f"{naive} would be about the same."
+    spread = f" ({low:.1f} to {high:.1f})" if high > 1.2 * low else ""
+    return f"{naive} are {middle:.1f} times too small{spread}."
+
+
+def _heading(effect: str, turns: str) -> str:
+    return f"{effect}: A·cos(order·angle − phase) per turn of {turns}"
+
+
+def _ripple_line(order: RippleOrder, heading: str) -> ParameterLine:
+    counted = ""
+    if order.turns != PAIRS["output_on_housing"] and np.isfinite(order.per_output_turn):
+        counted = f"{order.per_output_turn:g} per output turn"
+    phase = f"phase {_angle(order)}" if order.significant else "not significant"
+    return ParameterLine(
+        f"order {order.order}",
+        plus_minus(order.amplitude, order.amplitude_error),
+        order.unit,
+        "; ".join(part for part in (phase, counted) if part),
+        not order.significant,
+        heading,
+        naive=_error(order.naive_error),
+        effect=order.effect,
+    )
+
+
+def _angle(order: RippleOrder) -> str:
+    digits = 0 if order.phase_error >= 1.0 else 1
+    return f"{order.phase:.{digits}f}° ± {max(order.phase_error, 0.1):.{digits}f}°"
+
+
+def _line(fit: Fit, parameter: Parameter) -> ParameterLine:
+    name = short_names(parameter.name)
+    owner = parameter.name.split(".")[0] if "." in parameter.name else ""
+    if not parameter.determined:
+        return ParameterLine(name, *_undetermined(fit, parameter), concern=True, effect=owner)
+    value = plus_minus(parameter.value, parameter.standard_error)
+    remarks = []
+    concern = False
+    if parameter.state == "fixed":
+        remarks.append("fixed")
+    elif parameter.state != "fitted":
+        remarks.append(f"ended {parameter.state.replace('at ', 'at its ')}")
+        concern = True
+    if parameter.prior is not None:
+        remarks.append(f"prior {plus_minus(*parameter.prior)}")
+    if parameter.kind == "coefficient" and np.isfinite(parameter.standard_error):
+        if not parameter.significant:
+            remarks.append("not significant")
+            concern = True
+        remarks += _partners(fit, parameter)
+    return ParameterLine(
+        name,
+        value,
+        parameter.unit,
+        "; ".join(remarks),
+        concern,
+        interval=_interval(parameter),
+        naive=_error(parameter.naive_error),
+        effect=owner,
+    )
+
+
+def _interval(parameter: Parameter) -> str:
+    low, high = parameter.interval
+    if not np.isfinite(parameter.standard_error) or not np.isfinite(high - low):
+        return ""  # unknown, or fewer effective samples than parameters
+    digits = max(0, min(9, 1 - int(np.floor(np.log10(max((high - low) / 4.0, 1e-9))))))
+    return f"{low:.{digits}f} to {high:.{digits}f}"
+
+
+def _error(error: float) -> str:
+    return short(error, 2) if np.isfinite(error) else ""
+
+
+def _undetermined(fit: Fit, parameter: Parameter) -> tuple[str, str, str]:
+    """Value, unit and remark of a parameter that must not show a number of its own."""
+    if parameter.kind == "shape":
+        said = f"the model uses {short(parameter.value)} {parameter.unit}"
+        return "not determined", "", said
+    partners = next((g.names for g in fit.confounded if parameter.name in g.names), ())
+    if len(partners) == 1:
+        return "not determined", "", "these runs do not excite it"
+    return "not determined alone", "", "what is known stands below"
+
+
+def _partners(fit: Fit, parameter: Parameter) -> list[str]:
+    """Parameters whose estimates are tied to this one."""
+    names = fit.part.record["covariance"]["names"]
+    if parameter.name not in names:
+        return []
+    errors = np.sqrt(np.maximum(np.diag(fit.covariance), 1e-300))
+    row = names.index(parameter.name)
+    correlation = fit.covariance[row] / errors / errors[row]
+    hidden = {p.name for p in fit.parameters if not p.determined}
+    tied = [
+        short_names(name)
+        for name, r in zip(names, correlation, strict=True)
+        if abs(r) > TOGETHER and name != parameter.name and name not in hidden
+    ]
+    return [f"strongly correlated with {listed(tied, 2)}"] if tied else []

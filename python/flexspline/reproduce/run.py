@@ -60,19 +60,19 @@ class Reproduction:
         return f"<Reproduction of {self.paper}: {len(self.verdicts)} claims, {self.draws} draws>"
 
     def __str__(self) -> str:
-        from flexspline.reproduce.report import claims_text
+        from flexspline.reproduce.claims import claims_text
 
         return claims_text(self)
 
     def _repr_html_(self) -> str:
-        from flexspline.reproduce.report import claims_html
+        from flexspline.reproduce.claims import claims_html
 
         return claims_html(self)
 
     @property
     def claims(self) -> pandas.DataFrame:
         """Each claim: published, ours (median, 5 %, 95 %), whether it holds."""
-        from flexspline.reproduce.report import claims_table
+        from flexspline.reproduce.claims import claims_table
 
         return claims_table(self)
 
@@ -149,7 +149,7 @@ def draw(paper: str, seed: int) -> Mapping[str, float]:
 
 
 def _write(folder: Path, made: Mapping[str, Reproduction]) -> None:
-    from flexspline.reproduce.report import report_page
+    from flexspline.reproduce.claims import report_page
 
     for name, reproduction in made.items():
         place = folder / name

@@ -3,7 +3,7 @@
 A rig that contains exactly the model under test proves nothing.
 """
 
-from flexspline.logs.play import play
+from flexspline.logs.segments import play
 from flexspline.rigs.full_range import FullRangeRig, full_range_rig
 from flexspline.rigs.sensor import FACTS, Rig, Truth, sensor_rig
 from flexspline.rigs.turlapati import TurlapatiRig, turlapati_rig

@@ -33,6 +33,12 @@ More physics than any model under test, each range chosen once, before any claim
   wrist sensors).
 - The hand: 1–4.8 Nm where it must not move the joint (below the breakaway of Table II),
   6.5–14 Nm where it must, a tremor of 2–6 % about it.
+
+The joint of the third paper: Tables II and III, and what they do not print.
+
+Ranges and where they come from: the head of `full_range.py`.
+
+What a hand does to a joint over a pulley: pushes that drive it, and pushes that do not.
 """
 
 from __future__ import annotations
@@ -43,27 +49,36 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
 
 from flexspline.logs.log import Log
-from flexspline.rigs.full_range_joint import (
-    COULOMB,
-    INERTIA,
-    KINEMATIC_ERROR,
-    VISCOUS,
-    drawn_joint,
-    harmonic,
+from flexspline.simulation import (
+    Encoder,
+    Friction,
+    Gear,
+    Harmonic,
+    Joint,
+    Motor,
+    Noise,
+    Output,
+    Servo,
+    SlipElement,
+    Start,
+    Thermal,
+    Trajectory,
 )
-from flexspline.rigs.hand import pushes
-from flexspline.simulation import Encoder, Joint, Noise, Servo, Start, Trajectory
 
 __all__ = [
     "COULOMB",
     "INERTIA",
     "KINEMATIC_ERROR",
     "MOTION",
+    "RATIO",
     "VISCOUS",
     "FullRangeRig",
     "full_range_rig",
+    "harmonic",
+    "pushes",
 ]
 
 Array = NDArray[np.float64]
@@ -72,6 +87,37 @@ RATE = 500.0  # Hz
 WRITTEN = 125.0  # Hz, of the runs that are not by hand
 MOTION = 0.01  # rad/s, from which a row moves
 SPEEDS = (0.05, 0.1, 0.2, 0.4, 0.6, 0.9, 1.2, 1.5, 1.8)  # rad/s
+
+RATIO = 100.0
+INERTIA = 1.9221  # kg m², rotor and link at the output
+COULOMB = (5.1586, 5.7429)  # Nm, forward and backward
+VISCOUS = (10.3207, -5.1580, 1.2135)  # Nm (s/rad)^k
+STIFFNESS, SHAPE = 26431.0, 0.0487  # of c2: Nm/rad, 1/Nm
+WAVE_GENERATOR = (21.9931, 3.1250)  # Nm/rad, 1/Nm at the motor
+SLIPS = (50e-6, 150e-6, 300e-6)  # rad at the output
+OUTPUT, CIRCULAR = "output_on_housing", "wave_generator_on_circular_spline"
+FLEX = "wave_generator_on_flexspline"
+
+#: Table III: order, pair, amplitude [rad at the motor], phase of (23).
+KINEMATIC_ERROR = (
+    Harmonic(1, 0.5725e-3, -0.9089, OUTPUT),
+    Harmonic(2, 3.0897e-3, 1.7965, OUTPUT),
+    Harmonic(4, 2.5476e-3, -1.3968, OUTPUT),
+    Harmonic(1, 0.4770e-3, -0.9092, CIRCULAR),
+    Harmonic(1, 0.1289e-3, -1.2547, FLEX),
+    Harmonic(2, 4.3530e-3, 2.2575, CIRCULAR),
+    Harmonic(201, 0.6327e-3, -2.5073, OUTPUT),
+    Harmonic(2, 0.7937e-3, 1.7018, FLEX),
+    Harmonic(4, 2.3372e-3, 0.8252, CIRCULAR),
+    Harmonic(4, 0.1693e-3, 0.9262, FLEX),
+)
+
+DRIVING = (6.5, 14.0)  # Nm
+RESTING = (1.0, 4.8)  # Nm
+LENGTHS = {True: (2.0, 5.0), False: (1.0, 3.0)}  # s of a push that drives, and that does not
+PAUSES = (0.2, 0.8)  # s between pushes
+SOFTNESS = 0.06  # s, of a hand that begins and ends
+TREMOR = 0.025  # s, over which a shaking hand's torque hangs together
 
 
 @dataclass(frozen=True)
@@ -224,3 +270,97 @@ def full_range_rig(seed: int = 1) -> FullRangeRig:
         tremor=rng.uniform(0.02, 0.06),
         seed=seed,
     )
+
+
+def drawn_joint(rng: np.random.Generator, temperature: float) -> Joint:
+    """Return a joint whose friction is that of Table II at a temperature [°C]."""
+    ratio = RATIO + 1.0
+    bearings, load = rng.uniform(0.1, 0.5), rng.uniform(0.01, 0.06)
+    fades = {
+        "coulomb_fade": rng.uniform(0.002, 0.008),
+        "viscous_fade": rng.uniform(0.01, 0.025),
+        "reference_temperature": temperature,
+    }
+    forward, backward = ((1.0 - load) * level - bearings for level in COULOMB)
+    drive = Friction(
+        forward,
+        backward,
+        load,
+        load,
+        stribeck=rng.uniform(0.2, 1.0),
+        stribeck_velocity=rng.uniform(0.02, 0.1),
+        viscous=VISCOUS[0],
+        quadratic=VISCOUS[1],
+        cubic=VISCOUS[2],
+        **fades,
+    )
+    rotor = INERTIA * rng.uniform(0.65, 0.9)
+    motor = Motor(
+        inertia=rotor / ratio**2,
+        friction=drive.at_motor(ratio),
+        current_ripple=[harmonic(rng, 24, 0.5e-3, 3e-3, "motor_on_stator")],
+        cogging=[harmonic(rng, int(rng.choice([36, 48, 60])), 1e-3, 4e-3, "motor_on_stator")],
+    )
+    return Joint(
+        _gear(rng),
+        motor,
+        Output(inertia=INERTIA - rotor, friction=Friction.both_ways(bearings, **fades)),
+        Thermal(300.0, 900.0, motor_to_body=1.5, motor_to_room=0.3, body_to_room=1.0),
+        name="UR joint size 2.5",
+    )
+
+
+def _gear(rng: np.random.Generator) -> Gear:
+    stiffness = STIFFNESS * rng.uniform(0.95, 1.05)
+    levels = rng.uniform(0.4, 1.9) * rng.dirichlet(np.full(len(SLIPS), 4.0))
+    return Gear(
+        RATIO,
+        "circular",
+        mesh_stiffness=stiffness,
+        mesh_shape=SHAPE * rng.uniform(0.9, 1.1),
+        wave_generator_stiffness=WAVE_GENERATOR[0] / rng.uniform(0.3, 1.0),
+        wave_generator_shape=WAVE_GENERATOR[1],
+        damping=rng.uniform(3.0, 12.0),
+        kinematic_error=KINEMATIC_ERROR,
+        hysteresis=[
+            SlipElement(float(z / x), float(z)) for z, x in zip(levels, SLIPS, strict=True)
+        ],
+    )
+
+
+def harmonic(
+    rng: np.random.Generator, order: int, least: float, most: float, pair: str = OUTPUT
+) -> Harmonic:
+    """Return a harmonic of a size drawn between two, of any phase."""
+    return Harmonic(order, rng.uniform(least, most), rng.uniform(-np.pi, np.pi), pair)
+
+
+def pushes(time: Array, rng: np.random.Generator, *, tremor: float = 0.04) -> Array:
+    """Return the torque of a hand, (N,), Nm at the output, positive where it drives q forward.
+
+    Driving and resting pushes take turns. The driving ones go there and back, the resting ones
+    either way by chance; the last ends 1 s before the end.
+
+    Parameters
+    ----------
+    time : (N,), s, evenly spaced.
+    rng : draws strengths, lengths, directions and tremor.
+    tremor : share of the torque.
+    """
+    period = float(time[1] - time[0])
+    torque, now, drives = np.zeros(len(time)), rng.uniform(*PAUSES), True
+    way = {True: rng.choice([-1.0, 1.0]), False: rng.choice([-1.0, 1.0])}
+    while True:
+        length = rng.uniform(*LENGTHS[drives])
+        if now + length > time[-1] - time[0] - 1.0:
+            break
+        strength = way[drives] * rng.uniform(*(DRIVING if drives else RESTING))
+        first, last = int(now / period), int((now + length) / period)
+        along = np.linspace(0.0, 1.0, last - first)
+        torque[first:last] = strength * np.interp(along, [0.0, 0.25, 0.75, 1.0], [0.3, 1, 1, 0.3])
+        now += length + rng.uniform(*PAUSES)
+        way[drives] = -way[drives] if drives else rng.choice([-1.0, 1.0])
+        drives = not drives
+    smooth = gaussian_filter1d(torque, SOFTNESS / period)
+    shaking = gaussian_filter1d(rng.normal(size=len(time)), TREMOR / period)
+    return np.asarray(smooth * (1.0 + tremor * shaking / shaking.std()))

@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from flexspline import _core
-from flexspline.logs.play import play
+from flexspline.logs.segments import play
 from flexspline.sensor import Bridge, Electronics, WaveStrain, cancelling_bridge, common_bridge
 from flexspline.simulation import Noise
 

@@ -11,7 +11,7 @@ from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
 from flexspline.errors import InputError
-from flexspline.formatting.numbers import short
+from flexspline.formatting import short
 from flexspline.sensor.bridge import Bridge
 
 __all__ = ["METHODS", "Heating", "HeatingDrift", "heating_drift"]

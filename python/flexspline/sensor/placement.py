@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from flexspline import _core
 from flexspline.errors import InputError
 from flexspline.estimators.checks import above_zero
-from flexspline.formatting.numbers import short
+from flexspline.formatting import short
 from flexspline.sensor.bridge import Bridge
 
 __all__ = ["PlacementRipple", "Tolerance", "placement_tolerance"]

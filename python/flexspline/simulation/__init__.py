@@ -4,12 +4,21 @@
 is what truly happened; `trajectory.log(output_encoder=…, noise=…)` is what a rig would have seen.
 """
 
-from flexspline.simulation.control import Servo, Start, Stop
-from flexspline.simulation.friction import Friction, SlipElement
 from flexspline.simulation.joint import Joint
-from flexspline.simulation.measure import Encoder, Noise, TorqueSensor
-from flexspline.simulation.parts import Gear, Harmonic, Motor, Obstacle, Output, Thermal
-from flexspline.simulation.trajectory import Trajectory
+from flexspline.simulation.parts import (
+    Friction,
+    Gear,
+    Harmonic,
+    Motor,
+    Obstacle,
+    Output,
+    Servo,
+    SlipElement,
+    Start,
+    Stop,
+    Thermal,
+)
+from flexspline.simulation.trajectory import Encoder, Noise, TorqueSensor, Trajectory
 
 __all__ = [
     "Encoder",

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from scipy.linalg import qr
 
 from flexspline.discovery.search import study_of
+from flexspline.regression.candidate_model import started, working
 from flexspline.regression.gram import Whitening
-from flexspline.regression.working import started, working
 from hidden.made import Made
 from hidden.rig import LOAD, Array
 

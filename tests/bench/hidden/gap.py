@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.logs.checks.left_out import DRIVES, resting
+from flexspline.logs.checks.ends import DRIVES, resting
 from flexspline.logs.log import Log
 from flexspline.model import Model
 from hidden.made import Made

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from flexspline import _core
 from flexspline.discovery.result import Discovery
-from flexspline.logs.checks.left_out import DRIVES, resting
+from flexspline.logs.checks.ends import DRIVES, resting
 from flexspline.logs.log import Log
 from flexspline.model import Part
 from flexspline.prepared import prepared

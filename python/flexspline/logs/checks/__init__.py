@@ -4,16 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from flexspline.logs.checks.ends import drive_disabled, homing_move, stuck_tail
+from flexspline.logs.checks.consistency import (
+    Gear,
+    gear,
+    measured_gear,
+    torque,
+    velocity_of_position,
+)
+from flexspline.logs.checks.ends import drive_disabled, homing_move, start_transient, stuck_tail
 from flexspline.logs.checks.excitation import excitation
 from flexspline.logs.checks.findings import Finding, Findings, Severity, sorted_findings
-from flexspline.logs.checks.gear import Gear, gear, measured_gear
 from flexspline.logs.checks.motion import motion_of
-from flexspline.logs.checks.rows import dropped_samples, not_finite, repeated_rows, time_order
-from flexspline.logs.checks.start import start_transient
-from flexspline.logs.checks.torque import torque
-from flexspline.logs.checks.values import clipped, constant, quantised, wrapped
-from flexspline.logs.checks.velocity import velocity_of_position
+from flexspline.logs.checks.samples import (
+    clipped,
+    constant,
+    dropped_samples,
+    not_finite,
+    quantised,
+    repeated_rows,
+    time_order,
+    wrapped,
+)
 from flexspline.logs.log import Log
 from flexspline.parallel import in_order
 

@@ -1,31 +1,48 @@
-"""Rows at the ends of a log that belong to no experiment: stuck tails, homing moves, a drive off.
+"""Rows at the ends of a log that belong to no experiment: found, said, and left out of a search.
 
 A stuck tail repeats its last sample while the joint moves on: another channel shows the motion, or
 the joint would have stopped, and its noise with it, from one row to the next. A joint that comes
 to rest repeats its values with reason, and so does one whose drive never had noise: such rows are
 no finding. A homing move ends where the angle is set anew: it jumps faster than the joint ever
-moves, and stays there.
+moves, and stays there. A run that is meant to hold one speed has a transient at its start.
+
+Rows that belong to no experiment are left out before anything is searched, and said so.
+
+So are those of a drive in which its joint rests: friction that sticks is undetermined within its
+level, so what a model leaves of the motor torque at rest names nothing, however large it is. A
+joint rests where its angle stays for half a second within a hundredth of the way that it covers at
+speed in that time; a reversal is no rest. With it go a quarter of a second before, in which a stop
+may come from a brake, and a quarter after.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation, maximum_filter1d, minimum_filter1d
 
 from flexspline.errors import listed
+from flexspline.logs.channels import CHANNELS
+from flexspline.logs.checks.consistency import WITHIN
 from flexspline.logs.checks.findings import Finding
-from flexspline.logs.checks.rows import LIVELY
-from flexspline.logs.checks.values import CONDITIONS, MEASURED, unwrapped
-from flexspline.logs.checks.velocity import WITHIN
-from flexspline.logs.grain import quantum, white_noise
+from flexspline.logs.checks.samples import CONDITIONS, LIVELY, MEASURED, unwrapped
 from flexspline.logs.log import Log
+from flexspline.logs.quantisation import quantum, white_noise
 from flexspline.logs.segments import median_step, true_ranges
 
-__all__ = ["drive_disabled", "homing_move", "stuck_tail"]
+__all__ = [
+    "DRIVES",
+    "at_work",
+    "drive_disabled",
+    "homing_move",
+    "only_experiments",
+    "resting",
+    "stuck_tail",
+]
 
 Array = NDArray[np.float64]
 
@@ -59,6 +76,24 @@ JUMPS = 8  # rows that jumps may take in a log
 POSITIONS = ("output_position", "motor_position")
 VELOCITY = {"output_position": "output_velocity", "motor_position": "motor_velocity"}
 TORQUES = ("motor_torque", "motor_current")
+
+DRIVES = ("motor_torque", "motor_current")
+REASONS = {
+    "stuck_tail": "in a stuck tail",
+    "homing_move": "in a homing move",
+    "drive_disabled": "while the drive was off",
+}
+SECONDS = 0.5
+STILL = 0.01  # of the way that a joint covers at speed in that time
+FEWEST = 100  # rows: a log of which less is left stays as it is
+
+WINDOW = 0.1
+"""s, the stretches that are compared."""
+
+CHANNELS_CHECKED = ("output_velocity", "motor_velocity", "motor_current", "motor_torque")
+
+FAR = 2.5
+"""A stretch is transient where its RMS deviation is this many times the usual."""
 
 
 def drive_disabled(log: Log) -> Iterator[Finding]:
@@ -377,3 +412,156 @@ def _settled(log: Log, channel: str, row: int, top: float) -> int:
         return row
     slow = np.flatnonzero(np.abs(velocity[row:]) <= 2.0 * top)
     return row + int(slow[0]) if slow.size else row
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """What was left out of one run: `finding` says it; `rows` counts each row under one reason."""
+
+    run: str
+    finding: Finding
+    reason: str
+    rows: int
+
+    @property
+    def sentence(self) -> str:
+        return f"{self.run}: {self.finding.sentence} They are left out."
+
+
+@dataclass(frozen=True)
+class Kept:
+    """A run without the rows that were left out; `rows` are those of the recording, (N,)."""
+
+    log: Log
+    rows: NDArray[np.intp]
+    left: tuple[LeftOut, ...] = ()
+
+    def as_recorded(self, rows: tuple[int, int]) -> tuple[int, int]:
+        """Return rows [first, last) of the kept log as rows of the recording."""
+        first, last = rows
+        if not self.left or not 0 <= first < last <= len(self.rows):
+            return rows
+        return int(self.rows[first]), int(self.rows[last - 1]) + 1
+
+
+def only_experiments(logs: Sequence[Log], target: str) -> list[Kept]:
+    """Return the runs without stuck tails, homing moves and, of a drive, rows in which it is off.
+
+    Parameters
+    ----------
+    logs : runs as recorded, or as repaired.
+    target : "motor_torque" and "motor_current" are a drive's; a sensor reads on while it is off.
+    """
+    return [_only(log, target) for log in logs]
+
+
+def _only(log: Log, target: str) -> Kept:
+    everything = Kept(log, np.arange(len(log)))
+    found = [*homing_move(log), *stuck_tail(log)]
+    found += drive_disabled(log) if target in DRIVES else ()
+    keep, left = np.ones(len(log), dtype=bool), []
+    for one in found:
+        first, last = one.rows
+        count = int(keep[first:last].sum())
+        keep[first:last] = False
+        if count:
+            left.append(LeftOut(log.name, one, REASONS[one.name], count))
+    if not left or keep.sum() < FEWEST:
+        return everything
+    said = ", ".join(f"{one.rows} {one.reason}" for one in left)
+    rows = np.flatnonzero(keep)
+    contiguous = rows[-1] + 1 - rows[0] == len(rows)
+    which = slice(int(rows[0]), int(rows[-1]) + 1) if contiguous else keep
+    return Kept(log.rows(which, note=f"rows left out: {said}"), rows, tuple(left))
+
+
+def resting(log: Log) -> NDArray[np.bool_]:
+    """Return where the joint of a log rests, (N,); nowhere if the log has no joint angle."""
+    if "output_position" not in log or log.rate * log.duration < 2.0:
+        return np.zeros(len(log), dtype=bool)
+    angle = log["output_position"]
+    width = max(2, round(SECONDS * log.rate)) | 1
+    way = maximum_filter1d(angle, width) - minimum_filter1d(angle, width)
+    middle = way <= STILL * np.quantile(way, 1.0 - STILL)
+    return np.asarray(binary_dilation(middle, np.ones(2 * width + 1, dtype=bool)))
+
+
+def at_work(logs: Sequence[Log], target: str) -> list[NDArray[np.bool_]] | None:
+    """Return where the joint of a drive moves in each log, (N,); None where all rows do.
+
+    Of a log that rests throughout all rows do.
+    """
+    if target not in DRIVES:
+        return None
+    still = [resting(log) for log in logs]
+    if not any(one.any() for one in still):
+        return None
+    return [np.ones(len(one), dtype=bool) if one.all() else ~one for one in still]
+
+
+def start_transient(log: Log) -> Iterator[Finding]:
+    """A start that differs from the steady run behind it: the longest among the channels."""
+    found = [(transient_rows(log, c), c) for c in CHANNELS_CHECKED if c in log]
+    rows, channel = max(found, default=(0, ""))
+    if rows == 0:
+        return
+    time, values = log["time"], log[channel]
+    seconds = float(np.ceil(10 * (time[rows - 1] - time[0]) - 1e-6) / 10)
+    level = float(np.nanmedian(values[rows:]))
+    worst = float(np.nanmax(np.abs(values[:rows] - level)))
+    unit = CHANNELS[channel].unit
+    yield Finding(
+        "start_transient",
+        "fault",
+        channel,
+        (0, rows),
+        seconds,
+        "s",
+        f"the first {seconds:.1f} s differ from the steady run behind them: {channel} is up to "
+        f"{worst:.3g} {unit} away from its {level:.3g} {unit}.",
+        f"Ask for the repair drop_start={seconds:.1f}.",
+    )
+
+
+def transient_rows(log: Log, channel: str) -> int:
+    """Rows at the start in which a channel is far from its steady level; 0 without any.
+
+    Only where the run holds one speed: in its last two thirds nine rows of ten keep within 40 %
+    of the median velocity, and its last half is no part of a slow swing. Stretches of 0.1 s are
+    compared by their RMS deviation from the level of the last two thirds; the transient is the far
+    ones that the run begins with.
+    """
+    velocity = next((log[c] for c in ("output_velocity", "motor_velocity") if c in log), None)
+    if velocity is None or not _one_speed(velocity[len(log) // 3 :]):
+        return 0
+    if _swings(velocity[len(log) // 2 :]):
+        return 0
+    width = max(4, round(WINDOW * log.rate)) if np.isfinite(log.rate) else 0
+    count = len(log) // width if width else 0
+    if count < 10:
+        return 0
+    blocks = log[channel][: count * width].reshape(count, width)
+    steady = blocks[count // 3 :]
+    level = float(np.nanmedian(steady))
+    spread = np.sqrt(np.nanmean((blocks - level) ** 2, axis=1))
+    usual = float(np.nanmedian(spread[count // 3 :]))
+    highest = float(np.nanmax(spread[count // 2 :]))
+    far = spread > max(FAR * usual, 1.25 * highest, 1e-6 * abs(level))
+    return int(np.argmin(far[: count // 2])) * width
+
+
+def _one_speed(velocity: Array) -> bool:
+    level = float(np.nanmedian(velocity)) if velocity.size else 0.0
+    off = np.abs(velocity - level)
+    return level != 0 and float(np.nanpercentile(off, 90)) < 0.4 * abs(level)
+
+
+def _swings(velocity: Array) -> bool:
+    """Whether a velocity (N,) bends smoothly by more than a twentieth of its level."""
+    values = velocity[np.isfinite(velocity)]
+    if len(values) < 4:
+        return False
+    place = np.linspace(-1.0, 1.0, len(values))
+    bend = np.polyval(np.polyfit(place, values, 2), place)
+    smooth = float(np.std(bend))
+    return smooth > max(0.05 * abs(float(np.median(values))), float(np.std(values - bend)))

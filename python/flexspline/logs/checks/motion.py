@@ -12,11 +12,11 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.logs.checks.values import unwrapped
+from flexspline.logs.checks.samples import unwrapped
 from flexspline.logs.derive import default_bandwidth
-from flexspline.logs.grain import quantum, white_noise
 from flexspline.logs.local_fit import LocalFit
 from flexspline.logs.log import Log
+from flexspline.logs.quantisation import quantum, white_noise
 from flexspline.logs.segments import median_step, runs
 
 Array = NDArray[np.float64]

@@ -1,0 +1,113 @@
+"""Runs alone: `flexspline check`, the audit before any fit, and `flexspline convert`.
+
+`convert` makes a run of a foreign file and a column map.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from flexspline.cli.options import (
+    Reading,
+    Taught,
+    effects_by_target,
+    named_effects,
+    out_file,
+    reading,
+    refuse_overwriting,
+    repairs,
+    target,
+)
+from flexspline.errors import printable
+from flexspline.files import atomic_write, whole_folder
+
+__all__ = [
+    "check",
+    "convert",
+]
+
+FORBIDDEN = 3  # exit code: findings that forbid a fit
+
+
+@click.command(cls=Taught, sections=(effects_by_target, repairs))
+@click.argument("runs", nargs=-1, required=True, metavar="RUN.csv...")
+@click.option(
+    "--effects",
+    "names",
+    metavar="A,B,C",
+    default="none",
+    help="Effects to be fitted: missing channels and lacking excitation are found too.",
+)
+@target(required=False, says="What is to be fitted: it has to be there, and suit.")
+@click.option("--out", metavar="DIR", help="Folder for check.json and report.html with figures.")
+@reading()
+@click.pass_context
+def check(
+    ctx: click.Context,
+    runs: tuple[str, ...],
+    names: str,
+    target: str | None,
+    out: str | None,
+    reading: Reading,
+) -> None:
+    """Look for what is wrong with runs; nothing is changed and nothing is fitted.
+
+    Prints, for each run, what makes every fit meaningless (error), what a fit would take for
+    physics (fault) and what is worth knowing (note): dropped, repeated and missing rows, delays,
+    wrapped angles, wrong units and signs, stuck ends, homing moves, clipping, quanta. Each says
+    where, how much, and which repair to ask for. DIR receives check.json and report.html.
+
+    Exit code 0: can be fitted; 3: an error forbids every fit; 2: the call is wrong or a file
+    cannot be read.
+
+    \b
+    Examples:
+      flexspline check run1.csv run2.csv
+      flexspline check run*.csv --target motor_torque --effects viscous_friction,inertia --out audit
+    """
+    from flexspline.logs.checks import check as look_at
+    from flexspline.report.check import check_json, check_verdict, write_check_report
+
+    effects = named_effects(names)
+    audits = [(log, look_at(log, effects=effects, target=target)) for log in reading.logs(runs)]
+    lines = [line for _, found in audits for line in (*str(found).split("\n"), "")]
+    click.echo("\n".join(map(printable, (*lines, check_verdict(audits, target)))))
+    if out is not None:
+        with whole_folder(out, last="check.json") as draft:
+            write_check_report(audits, draft / "report.html", target)
+            atomic_write(draft / "check.json", check_json(audits, target))
+        click.echo(f"\nwrote {Path(out) / 'check.json'} and {Path(out) / 'report.html'}")
+    if any(found.forbidding(target) for _, found in audits):
+        ctx.exit(FORBIDDEN)
+
+
+@click.command(cls=Taught, sections=(repairs,))
+@click.argument("foreign", metavar="FOREIGN")
+@out_file("RUN.csv")
+@reading(columns_needed=True)
+def convert(foreign: str, out: str, reading: Reading) -> None:
+    """Turn a foreign file into a run: CSV, channel names, SI units.
+
+    FOREIGN is delimited text, .npy, .npz, .mat or .json, packed or not. The map says which
+    column is which channel, in which unit and with which sign. Prints what the run holds.
+
+    \b
+    Example: a file map.toml with
+      [facts]
+      gear_ratio = 100
+      [columns]
+      time = {source = "t", unit = "ms"}
+      output_position = {source = "angle", unit = "deg"}
+      sensor_torque = {source = 5, unit = "mNm", sign = -1}
+    \b
+    and then
+      flexspline convert recording.txt --columns map.toml --out run1.csv
+    """
+    from flexspline.logs.read import convert as convert_log
+
+    assert reading.columns is not None
+    refuse_overwriting(out, [foreign, reading.columns])
+    log = convert_log(foreign, reading.columns, out, **reading.arguments)
+    click.echo(f"{log}\n\nwrote {out}")

@@ -1,0 +1,92 @@
+"""Numbers and tables as people read them: what every room writes its sentences with.
+
+A value and its error are rounded together. The first row of a table is its head.
+"""
+
+from __future__ import annotations
+
+import html
+import math
+import re
+from collections.abc import Collection, Sequence
+
+from uncertainties import ufloat
+
+__all__ = [
+    "decimals_for",
+    "percent",
+    "plus_minus",
+    "rows_html",
+    "rows_text",
+    "short",
+    "short_names",
+    "truncated",
+]
+
+FINEST = 1e-6  # an error below this part of its value is shown as "below"
+
+
+def plus_minus(value: float, error: float) -> str:
+    """Return "0.302 ± 0.002", rounded by the rule of the Particle Data Group.
+
+    A large or small one becomes "(1.23 ± 0.04)·10⁻⁵". Without a finite error the value stands
+    alone, to four digits.
+    """
+    if not (math.isfinite(value) and math.isfinite(error)):
+        return short(value, 4)
+    if error <= FINEST * abs(value):
+        return f"{value:.6g} ± {error:.0e}" if error > 0.0 else f"{value:.6g} ± 0"
+    text = f"{ufloat(value, error):P}".replace("±", " ± ").replace("×", "·")
+    return re.sub(r"^-(0(\.0+)?) ± ", r"\1 ± ", text)
+
+
+def short(value: float, digits: int = 3) -> str:
+    """Return a value to so many digits, "–" where there is none."""
+    return f"{value:.{digits}g}" if math.isfinite(value) else "–"
+
+
+def percent(share: float) -> str:
+    """Return a share in whole per cent, such as "57 %"."""
+    return f"{share:.0%}".replace("%", " %")
+
+
+def decimals_for(size: float) -> int:
+    """Return the decimals that show three digits of a number of this size."""
+    if not (math.isfinite(size) and size > 0.0):
+        return 3
+    return max(0, 2 - math.floor(math.log10(size)))
+
+
+def truncated(share: float, decimals: int = 3) -> str:
+    """Return a share cut off, not rounded, so that 0.9998 does not read as all."""
+    if not math.isfinite(share):
+        return "–"
+    scale = 10**decimals
+    return f"{math.floor(share * scale) / scale:.{decimals}f}"
+
+
+def short_names(text: str) -> str:
+    """Write "offset.offset" as "offset": an effect whose only term is called as it is."""
+    return re.sub(r"\b(\w+)\.\1\b", r"\1", text)
+
+
+def rows_text(rows: Sequence[Sequence[str]], left: Collection[int] = (0,)) -> str:
+    """Return aligned lines; the columns `left` stand to the left, the others to the right."""
+    wide = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
+    return "\n".join(
+        "  ".join(
+            f"{cell:<{w}}" if k in left else f"{cell:>{w}}"
+            for k, (cell, w) in enumerate(zip(row, wide, strict=True))
+        ).rstrip()
+        for row in rows
+    )
+
+
+def rows_html(rows: Sequence[Sequence[str]]) -> str:
+    """Return the `<tr>` of all rows."""
+
+    def line(cells: Sequence[str], tag: str) -> str:
+        return "<tr>" + "".join(f"<{tag}>{html.escape(c)}</{tag}>" for c in cells) + "</tr>"
+
+    head, *body = rows
+    return line(head, "th") + "".join(line(cells, "td") for cells in body)

@@ -1,0 +1,545 @@
+"""Channels against each other: velocity and position, motor and output side, torque and motion.
+
+Is a velocity the derivative of its position? If not: unit, sign, scale or delay, and how much.
+
+The position's zero-phase derivative and the velocity behind the same low pass are compared. The
+factor is the median of their ratio where the joint moves fast, blind to lag and bias; the delay is
+that of `find_delay`.
+
+Motor side against output side: ratio, sense of rotation, delay between the two encoders.
+
+    θ(t) = θ₀ + R q(t) + R δ q̇(t) + h sign q̇(t)
+
+by least squares: R is the ratio, δ the time by which the output's encoder is late (its reading
+belongs to an earlier moment than the motor's). A gear's own angle errors are orthogonal to both
+over enough turns. h is a hysteresis of the torsion, a step between the directions; one that comes
+round gradually would be taken for a part of δ.
+
+The sign of a torque, and whether it is late behind the motion.
+
+    τ = o + c tanh(v / v_d) + b v + J q̈ + s sin q + k cos q (+ g τ_ref)
+
+by least squares, every column behind the low pass of the target. Friction at working speed v_rms
+is c + b v_rms. A drive has to push against it: it is positive. A sensor sees it with either sign,
+depending on where it sits: there the sign is reported, never judged.
+
+The delay D is that with which c, s and k at t - D explain the reading best. b and J are left out
+of it, for they are what a delay of gravity and of c look like: inertia makes D smaller. It is
+reported where the delay is there with them as well.
+
+By how much a channel is late behind what it is made of.
+
+    y(t) = X(t - D) c        D minimises the sum of squares, c solved for each D
+
+D comes from a scan in coarse steps over some of the rows, from its best step downhill over all of
+them, and a bounded search around the lowest. Its error comes
+from sixteen blocks of time: the correction that each block alone asks for, weighted by how much it
+knows, so that noise with a memory does not make it too small.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+from scipy.optimize import minimize_scalar
+
+from flexspline.logs.channels import CHANNELS
+from flexspline.logs.checks.findings import Finding
+from flexspline.logs.checks.motion import Motion, motion_of
+from flexspline.logs.checks.samples import unwrapped
+from flexspline.logs.log import Log
+from flexspline.logs.quantisation import quantum
+from flexspline.logs.segments import median_step
+
+PAIRS = {"output_velocity": "output_position", "motor_velocity": "motor_position"}
+
+FACTOR_LIMIT = 0.03
+"""Factors nearer to one than this are let pass."""
+
+WITHIN = 0.3
+"""Delays up to this [s] are looked for."""
+
+RATIO_LIMIT = 0.002
+"""Relative deviation of the ratio that is let pass; N and N + 1 differ by more up to N = 400."""
+
+TWIST = 0.005
+"""rad at the output that the torsion of a gear under load may turn of itself."""
+
+LEAST_TRAVEL = 10 * TWIST
+"""rad of the output, below which the motor's angle says more of torsion than of the ratio."""
+
+TOLD = 4.0  # standard errors of a delay between encoders, from which it is one
+DIRECTION = 0.001
+"""Half width of the change of direction, as a share of the 95 % speed."""
+
+DRIVE = ("motor_torque", "motor_current")
+
+SURE = 5.0
+"""Standard errors at which a sign counts as known."""
+
+TORQUE_WITHIN = 0.15
+"""Delays up to this [s] are looked for."""
+
+Array = NDArray[np.float64]
+
+MOST_ROWS = 6_000
+SCANNED = 3  # every so many rows of these, for the scan
+BLOCKS = 16
+
+
+def velocity_of_position(log: Log) -> Iterator[Finding]:
+    """Each velocity channel against the derivative of its position."""
+    for channel, position in PAIRS.items():
+        if channel in log and position in log:
+            motion = motion_of(log, position)
+            if motion is not None:
+                yield from _compare(log, channel, motion)
+
+
+def _compare(log: Log, channel: str, motion: Motion) -> Iterator[Finding]:
+    velocity = motion.smooth(log[channel])
+    duration = float(motion.time[-1] - motion.time[0])
+    within = min(WITHIN, duration / 8)
+    valid = motion.inside(within)
+    step = median_step(motion.time)
+    late = find_delay(
+        motion.time, velocity, motion.velocity[:, None], valid, within, max(step, 0.005)
+    )
+    if late is None:
+        return
+    # Sure of a delay where the motion changes and the delay explains what is otherwise left.
+    left, left_without = 1 - late.explained, 1 - late.explained_without
+    known = late.explained > 0.5 and left < 0.9 * left_without
+    delay = late.seconds if known and abs(late.seconds) > 4 * late.error else 0.0
+    aligned = np.interp(motion.time - delay, motion.time, motion.velocity)
+    grain = quantum(log[channel][motion.rows])
+    factor, error, related = _factor(velocity[valid], aligned[valid], grain)
+    if not related:
+        yield _unrelated(log, channel, late.explained)
+        return
+    yield from _wrong_factor(log, channel, factor, error)
+    if abs(delay) > max(0.5 * step, 0.001):
+        yield _late_velocity(log, channel, delay, late.error)
+
+
+def _factor(velocity: Array, derivative: Array, grain: float) -> tuple[float, float, bool]:
+    """Velocity over derivative where it is fast, its error, and whether the two are related.
+
+    Rounding to `grain` [rad/s] may be up, down or towards zero: a bias that counts as error.
+    """
+    fast = np.abs(derivative) >= 0.5 * np.percentile(np.abs(derivative), 95)
+    ratio = velocity[fast] / derivative[fast]
+    factor = float(np.median(ratio))
+    blocks = [float(np.median(part)) for part in np.array_split(ratio, 8) if part.size]
+    bias = grain / float(np.median(np.abs(derivative[fast])))
+    error = float(np.std(blocks) / np.sqrt(len(blocks))) + 0.2 * bias
+    left = float(np.sum((velocity - factor * derivative) ** 2))
+    return factor, error, factor != 0 and left < 0.5 * float(np.sum(velocity**2))
+
+
+def _wrong_factor(log: Log, channel: str, factor: float, error: float) -> Iterator[Finding]:
+    size, everywhere = abs(factor), (0, len(log))
+    if factor < 0:
+        yield Finding(
+            "velocity_sign",
+            "fault",
+            channel,
+            everywhere,
+            factor,
+            "",
+            f"{channel} has the opposite sign of the derivative of {PAIRS[channel]} (factor "
+            f"{factor:.4g}).",
+            f"Ask for the repair flip_sign={channel}.",
+        )
+    if abs(size - 1) <= max(FACTOR_LIMIT, 5 * error):
+        return
+    unit = next((w for k, w in _known_factors(log) if abs(size / k - 1) <= FACTOR_LIMIT), None)
+    yield Finding(
+        "velocity_unit" if unit else "velocity_scale",
+        "fault",
+        channel,
+        everywhere,
+        size,
+        "",
+        f"{channel} is {size:.4g} times the derivative of {PAIRS[channel]}"
+        + (f": {unit}." if unit else ": scale or sampling rate is wrong."),
+        f"Give the right unit or rate when reading, or ask for the repair "
+        f"scale={channel}:{1 / size:.6g}.",
+    )
+
+
+def _known_factors(log: Log) -> Iterator[tuple[float, str]]:
+    turn = 2 * np.pi
+    yield 360 / turn, "it is in deg/s, or its unit was given twice"
+    yield turn / 360, "the position is in degrees"
+    yield 60 / turn, "it is in rpm"
+    yield 1 / turn, "it is in turns per second"
+    yield 1000.0, "time is in milliseconds, or the velocity in mrad/s"
+    yield 0.001, "the position is in mrad, or time was divided by 1000 twice"
+    if log.effective_ratio:
+        yield log.effective_ratio, "it is that of the other side of the gear"
+        yield 1 / log.effective_ratio, "it is that of the other side of the gear"
+
+
+def _late_velocity(log: Log, channel: str, delay: float, error: float) -> Finding:
+    way = "late" if delay > 0 else "early"
+    return Finding(
+        "velocity_delay",
+        "fault",
+        channel,
+        (0, len(log)),
+        delay,
+        "s",
+        f"{channel} is {1e3 * abs(delay):.3g} ± {1e3 * error:.1g} ms {way} against the derivative "
+        f"of {PAIRS[channel]}.",
+        f"Ask for the repair velocity_from_position={channel}, or shift={channel}:{delay:.4g}.",
+    )
+
+
+def _unrelated(log: Log, channel: str, explained: float) -> Finding:
+    return Finding(
+        "velocity_unrelated",
+        "fault",
+        channel,
+        (0, len(log)),
+        max(explained, 0.0),
+        "",
+        f"{channel} is not the derivative of {PAIRS[channel]}: that explains "
+        f"{100 * max(explained, 0.0):.0f} % of its variance at any delay up to 0.3 s.",
+        f"Check the column map, or ask for the repair velocity_from_position={channel}.",
+    )
+
+
+class Gear(NamedTuple):
+    """Ratio R and delay δ [s] of the output's encoder, each with its standard error."""
+
+    ratio: float
+    ratio_error: float
+    delay: float
+    delay_error: float
+
+
+def measured_gear(log: Log) -> Gear | None:
+    """Ratio of motor to output side (with its sign) and the delay between the encoders.
+
+    None without both positions, or where the output hardly moves.
+    """
+    motion = motion_of(log)
+    if motion is None or "motor_position" not in log:
+        return None
+    motor = unwrapped(log["motor_position"][motion.rows])
+    valid = motion.inside(0.0)
+    if np.count_nonzero(valid) < 200:
+        return None
+    v = motion.velocity
+    direction = np.tanh(v / max(DIRECTION * float(np.percentile(np.abs(v), 95)), 1e-12))
+    design = np.column_stack(
+        (motion.position - np.mean(motion.position), v, np.ones(len(v)), direction)
+    )[valid]
+    solved, error = solve_with_error(design, motor[valid])
+    ratio = float(solved[0])
+    if ratio == 0:
+        return Gear(0.0, float(error[0]), 0.0, float("inf"))
+    return Gear(ratio, float(error[0]), float(solved[1] / ratio), float(error[1] / abs(ratio)))
+
+
+def gear(log: Log) -> Iterator[Finding]:
+    """Ratio and sense against the facts, and the delay between the encoders."""
+    found = measured_gear(log)
+    if found is None:
+        return
+    angle = unwrapped(log["output_position"])
+    travel = float(np.nanmax(angle) - np.nanmin(angle))
+    if travel < LEAST_TRAVEL:
+        return
+    rows = (0, len(log))
+    if found.ratio < 0:
+        yield Finding(
+            "motor_reversed",
+            "fault",
+            "motor_position",
+            rows,
+            found.ratio,
+            "",
+            f"the motor side runs the other way: θ is {found.ratio:.5g} times q.",
+            "Ask for the repair reverse_motor.",
+        )
+    yield from _ratio(log, abs(found.ratio), found.ratio_error, travel)
+    step = median_step(log["time"])
+    if abs(found.delay) > max(TOLD * found.delay_error, 0.05 * step):
+        which = "output_position" if found.delay > 0 else "motor_position"
+        yield Finding(
+            "encoder_delay",
+            "fault",
+            which,
+            rows,
+            abs(found.delay),
+            "s",
+            f"{which} is {1e3 * abs(found.delay):.3g} ± {1e3 * found.delay_error:.1g} ms late "
+            f"against the other encoder: their difference grows with velocity.",
+            f"Ask for the repair shift={which}:{abs(found.delay):.3g}.",
+        )
+
+
+def _ratio(log: Log, ratio: float, error: float, travel: float) -> Iterator[Finding]:
+    """`travel`: rad of the output, over which a wrong ratio is more than a gear twists."""
+    rows, stated = (0, len(log)), log.effective_ratio
+    if stated is None:
+        yield Finding(
+            "gear_ratio_not_stated",
+            "note",
+            "motor_position",
+            rows,
+            ratio,
+            "",
+            f"the motor side turns {ratio:.5g} ± {max(error, 1e-6):.1g} times per turn of the "
+            f"output; no gear ratio was stated.",
+            f"State gear_ratio={ratio:.5g}.",
+        )
+    elif abs(ratio / stated - 1) > max(RATIO_LIMIT, 5 * error / stated, TWIST / travel):
+        n = float(log.facts["gear_ratio"])
+        other = n if log.facts.get("output_spline") == "circular" else n + 1
+        fits = abs(ratio / other - 1) <= max(0.1 * RATIO_LIMIT, 5 * error / other)
+        yield Finding(
+            "gear_ratio",
+            "fault",
+            "motor_position",
+            rows,
+            ratio,
+            "",
+            f"the motor side turns {ratio:.5g} ± {max(error, 1e-6):.1g} times per turn of the "
+            f"output, not {stated:.5g} as stated"
+            + (": the other spline is the output." if fits else "."),
+            f"State output_spline={'flex' if other == n else 'circular'}."
+            if fits
+            else f"State gear_ratio={ratio:.5g}, or check the encoders' units.",
+        )
+
+
+class Reaction(NamedTuple):
+    """Friction at working speed [Nm or A] and inertia [per rad/s²], with their standard errors."""
+
+    friction: float
+    friction_error: float
+    inertia: float
+    inertia_error: float
+
+
+def torque(log: Log) -> Iterator[Finding]:
+    """Sign and delay of each torque channel, where the joint moves both ways."""
+    motion = motion_of(log)
+    if motion is None or not _both_ways(motion):
+        return
+    columns = motion_columns(log, motion)
+    for channel in (*DRIVE, "sensor_torque"):
+        if channel in log and np.ptp(log[channel][motion.rows]) > 0:
+            reading = motion.smooth(log[channel])
+            yield from _sign(log, channel, _reaction(motion, columns, reading))
+            yield from _late_torque(log, channel, motion, columns, reading)
+
+
+def _both_ways(motion: Motion) -> bool:
+    limit = 0.1 * float(np.percentile(np.abs(motion.velocity), 95))
+    moving = motion.velocity[np.abs(motion.velocity) > limit]
+    return moving.size > 200 and 0.1 < float(np.mean(moving > 0)) < 0.9
+
+
+def motion_columns(log: Log, motion: Motion) -> Array:
+    """Columns tanh, sin q, cos q, the reference torque where there is one, v and q̈."""
+    q, v = motion.position, motion.velocity
+    direction = np.tanh(v / (0.02 * float(np.percentile(np.abs(v), 95))))
+    bent = motion.low_passed(np.column_stack((direction, np.sin(q), np.cos(q))))
+    known = [motion.smooth(log["reference_torque"])] if "reference_torque" in log else []
+    return np.column_stack((bent, *known, v, motion.acceleration))
+
+
+def _reaction(motion: Motion, columns: Array, reading: Array) -> Reaction:
+    valid = motion.inside(0.0)
+    speed = float(np.sqrt(np.mean(motion.velocity[valid] ** 2)))
+    # One column for all friction at this speed keeps its error honest: c + b v as c' tanh + b slip.
+    slip = columns[:, -2] / speed - columns[:, 0]
+    design = np.column_stack((columns[:, :-2], slip, columns[:, -1], np.ones(len(columns))))
+    solved, error = solve_with_error(design[valid], reading[valid])
+    return Reaction(float(solved[0]), float(error[0]), float(solved[-2]), float(error[-2]))
+
+
+def _sign(log: Log, channel: str, found: Reaction) -> Iterator[Finding]:
+    unit = CHANNELS[channel].unit
+    if found.friction > -SURE * found.friction_error:
+        return
+    level = f"friction of {found.friction:.3g} ± {found.friction_error:.1g} {unit}"
+    if found.inertia < -SURE * found.inertia_error:
+        level += f", inertia of {found.inertia:.3g} ± {found.inertia_error:.1g} {unit}/(rad/s²)"
+    drive = channel in DRIVE
+    if drive and found.inertia > SURE * found.inertia_error:
+        return  # a flipped mass is negative: the load drives this motor
+    yield Finding(
+        "torque_sign",
+        "fault" if drive else "note",
+        channel,
+        (0, len(log)),
+        found.friction,
+        unit,
+        f"{channel} shows {level}: "
+        + (
+            "its sign is flipped."
+            if drive
+            else "its sign is flipped, or the sensor sees friction from the other side."
+        ),
+        f"{'Ask' if drive else 'If it is flipped, ask'} for the repair flip_sign={channel}.",
+    )
+
+
+def _late_torque(
+    log: Log, channel: str, motion: Motion, columns: Array, reading: Array
+) -> Iterator[Finding]:
+    step = median_step(motion.time)
+    within = min(TORQUE_WITHIN, float(motion.time[-1] - motion.time[0]) / 8)
+    valid = motion.inside(within)
+    scan = max(step, 0.005)
+    found = find_delay(motion.time, reading, columns[:, :-2], valid, within, scan)
+    if found is None or found.explained < 0.5:
+        return
+    gain = 1 - (1 - found.explained) / max(1 - found.explained_without, 1e-12)
+    sure = max(0.5 * step, SURE * found.error) < found.seconds < 0.98 * within
+    if not sure or gain < 0.01:
+        return
+    whole = find_delay(motion.time, reading, columns, valid, within, scan)
+    if whole is None or whole.seconds < max(0.5 * step, SURE * whole.error):
+        return
+    yield Finding(
+        "torque_delay",
+        "note",
+        channel,
+        (0, len(log)),
+        found.seconds,
+        "s",
+        f"{channel} is {1e3 * found.seconds:.3g} ± {1e3 * found.error:.1g} ms late against the "
+        f"motion: a sensor or filter lags, or the joint gives before it slips (presliding).",
+        f"If it is a lag, ask for the repair shift={channel}:{found.seconds:.3g}.",
+    )
+
+
+@dataclass(frozen=True)
+class Delay:
+    """A delay [s] with its standard error, and how well X explains y with it and without."""
+
+    seconds: float
+    error: float
+    coefficients: Array
+    explained: float
+    explained_without: float
+
+
+def find_delay(
+    time: Array, target: Array, columns: Array, valid: NDArray[np.bool_], within: float, step: float
+) -> Delay | None:
+    """Delay of `target` behind the linear combination of `columns` that explains it best.
+
+    Parameters
+    ----------
+    time : array (N,), s
+    target : array (N,), any unit
+    columns : array (N, M), any units; a column of ones is added
+    valid : rows (N,) of the target to look at, at least `within` away from gaps
+    within : s, delays from -within to +within are tried
+    step : s, of the scan
+    """
+    rows = np.flatnonzero(valid)
+    if rows.size < 200:
+        return None
+    rows = rows[:: max(1, rows.size // MOST_ROWS)]
+    y, at = target[rows], time[rows]
+    scale = np.sqrt(np.mean(columns[rows] ** 2, axis=0))
+    used = columns[:, scale > 0] / scale[scale > 0]
+    curve = CubicSpline(time, used)
+    power = float(np.sum((y - y.mean()) ** 2))
+    if power == 0:
+        return None
+
+    def design_at(delay: float, every: int = 1) -> Array:
+        return np.asarray(np.column_stack((curve(at[::every] - delay), np.ones(len(at[::every])))))
+
+    def loss(delay: float, every: int = 1) -> float:
+        """Squares left, by the normal equations: many delays are tried."""
+        design, some = design_at(delay, every), y[::every]
+        solved = np.linalg.lstsq(design.T @ design, design.T @ some, rcond=1e-12)[0]
+        return float(np.sum((some - design @ solved) ** 2)) / power
+
+    def solve(delay: float) -> tuple[Array, Array, Array]:
+        design = design_at(delay)
+        solved = np.linalg.lstsq(design, y, rcond=1e-9)[0]
+        return np.asarray(solved), y - design @ solved, design
+
+    count = max(1, int(np.ceil(within / step)))
+    grid = np.linspace(-within, within, 2 * count + 1)
+    best = _lowest(loss, grid, [loss(d, SCANNED) for d in grid])
+    bounds = (max(best - step, -within), min(best + step, within))
+    best = float(minimize_scalar(loss, bounds=bounds, method="bounded").x)
+    solved, left, design = solve(best)
+    tick = 0.1 * step
+    slope = (solve(best + tick)[2] - design) @ solved / tick
+    error = block_error(left, slope, design)
+    coefficients = np.zeros(columns.shape[1])
+    coefficients[scale > 0] = solved[:-1] / scale[scale > 0]
+    return Delay(best, error, coefficients, 1 - loss(best), 1 - loss(0.0))
+
+
+def _lowest(loss: Callable[[float], float], grid: Array, scanned: Sequence[float]) -> float:
+    """Point of the grid that is lower than both beside it, downhill from the best of a scan."""
+    known: dict[int, float] = {}
+    here, best = int(np.argmin(scanned)), -1
+    while here != best:
+        best = here
+        beside = range(max(best - 1, 0), min(best + 2, len(grid)))
+        known |= {k: loss(float(grid[k])) for k in beside if k not in known}
+        here = min(known, key=lambda k: known[k])
+    return float(grid[best])
+
+
+def block_error(left: Array, slope: Array, design: Array) -> float:
+    """Standard error of the delay from blocks of time."""
+    slope = slope - design @ np.linalg.lstsq(design, slope, rcond=1e-9)[0]
+    edges = np.linspace(0, len(left), BLOCKS + 1).astype(int)[:-1]
+    pull, weight = np.add.reduceat(slope * left, edges), float(np.sum(slope**2))
+    return float(np.sqrt(np.sum(pull**2)) / weight) if weight > 0 else float("inf")
+
+
+def solve_with_error(design: Array, target: Array) -> tuple[Array, Array]:
+    """Coefficients and their standard errors from the jackknife over sixteen blocks of rows.
+
+    Parameters
+    ----------
+    design : array (N, M), any units
+    target : array (N,), any unit
+
+    Returns
+    -------
+    Coefficients (M,) and errors (M,), in target unit per column unit.
+    """
+    scale = np.sqrt(np.mean(design**2, axis=0))
+    scale[scale == 0] = 1.0
+    scaled = design / scale
+    edges = np.linspace(0, len(target), BLOCKS + 1).astype(int)
+    grams = np.array([scaled[a:b].T @ scaled[a:b] for a, b in pairwise(edges)])
+    rights = np.array([scaled[a:b].T @ target[a:b] for a, b in pairwise(edges)])
+    whole = _solve(grams.sum(axis=0), rights.sum(axis=0))
+    left_out = np.array(
+        [
+            _solve(grams.sum(axis=0) - g, rights.sum(axis=0) - r)
+            for g, r in zip(grams, rights, strict=True)
+        ]
+    )
+    spread = (BLOCKS - 1) / BLOCKS * np.sum((left_out - left_out.mean(axis=0)) ** 2, axis=0)
+    return whole / scale, np.sqrt(spread) / scale
+
+
+def _solve(gram: Array, right: Array) -> Array:
+    """Minimum-norm solution: confounded columns share what they cannot tell apart."""
+    return np.asarray(np.linalg.pinv(gram, rcond=1e-10, hermitian=True) @ right)

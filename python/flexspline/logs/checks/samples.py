@@ -1,0 +1,311 @@
+"""Samples by themselves: rows out of order, dropped or stuck, and values of single channels."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexspline.logs.channels import CHANNELS
+from flexspline.logs.checks.findings import Finding
+from flexspline.logs.log import Log
+from flexspline.logs.quantisation import quantum, white_noise
+from flexspline.logs.segments import at_rest, median_step, true_ranges
+
+DROP_STEPS = 1.75
+"""A step of more median steps than this has lost at least one sample."""
+
+JITTER_SHARE = 0.05
+"""Where more steps than this share are long, the clock is uneven and nothing was dropped."""
+
+STUCK_ROWS = 3
+"""As many equal rows in a row are a stuck recorder; fewer are repeated rows, and fewer in the
+whole log are chance."""
+
+LIVELY = 0.01
+"""A channel with a smaller share of repeated values changes with every sample that it gets."""
+
+CONDITIONS = ("enabled", "supply_voltage", "temperature", "motor_temperature", "commanded_position")
+"""Channels that may well stay constant in a run."""
+
+POSITIONS = ("output_position", "motor_position", "commanded_position")
+
+MEASURED = (
+    "motor_torque",
+    "motor_current",
+    "sensor_torque",
+    "sensor_voltage",
+    "thermistor_voltage",
+    "reference_torque",
+)
+"""Channels that end at the range of a converter; a velocity may hold its plateau with reason."""
+
+TURNING = 5.0
+"""Times the level beside it: a channel that turns round smoothly is 2.4 times as long at its last
+level (1 : √2 − 1), and twice that by chance of where the level lies."""
+
+COARSE_LEVELS = 30_000
+"""A channel with more levels than this over its range is not called quantised."""
+
+
+def not_finite(log: Log) -> Iterator[Finding]:
+    """NaN and infinities: channel, first row and count."""
+    for channel in log.channels:
+        bad = np.flatnonzero(~np.isfinite(log[channel]))
+        if bad.size:
+            yield Finding(
+                "not_finite",
+                "error",
+                channel,
+                _span(bad),
+                float(bad.size),
+                "rows",
+                f"{channel} is NaN or infinite in {_rows(bad.size)}, first in row {bad[0]}.",
+                "Ask for the repair drop_invalid.",
+            )
+
+
+def time_order(log: Log) -> Iterator[Finding]:
+    """Time that runs backwards or stands."""
+    steps = np.diff(log["time"])
+    back, same = np.flatnonzero(steps < 0) + 1, np.flatnonzero(steps == 0) + 1
+    if back.size:
+        worst = float(-np.min(steps[back - 1]))
+        yield Finding(
+            "time_not_increasing",
+            "error",
+            "time",
+            _span(back),
+            worst,
+            "s",
+            f"time runs backwards in {_rows(back.size)}, first in row {back[0]}, by up to "
+            f"{worst:.4g} s.",
+            "Ask for the repair sort_time.",
+        )
+    if same.size:
+        yield Finding(
+            "duplicate_time",
+            "error",
+            "time",
+            _span(same),
+            float(same.size),
+            "rows",
+            f"the time of the row before is repeated in {_rows(same.size)}, first row {same[0]}.",
+            "Ask for the repair drop_duplicates.",
+        )
+
+
+def dropped_samples(log: Log) -> Iterator[Finding]:
+    """Steps of time that are too long by whole samples."""
+    time = log["time"]
+    step = median_step(time)
+    if step == 0:
+        return
+    steps = np.diff(time)
+    long = np.flatnonzero(steps > DROP_STEPS * step)
+    if long.size == 0 or long.size > JITTER_SHARE * steps.size:
+        return
+    missing = int(np.sum(np.round(steps[long] / step) - 1))
+    widest = float(np.max(steps[long]))
+    yield Finding(
+        "dropped_samples",
+        "fault",
+        "time",
+        _span(long + 1),
+        float(missing),
+        "rows",
+        f"about {_rows(missing)} missing in {_counted(long.size, 'place')}, first before row "
+        f"{long[0] + 1}; the longest step is {widest:.4g} s where {step:.4g} s is usual.",
+        "Nothing bridges a gap of more than 2.5 steps; resample=RATE closes shorter ones.",
+    )
+
+
+def repeated_rows(log: Log) -> Iterator[Finding]:
+    """Rows in which no lively channel differs from the row before: a recorder that stood still.
+
+    Lively is a channel that hardly ever repeats a value in other rows; one at least must exist, for
+    a joint at rest with coarse encoders repeats its values with good reason. Rows in which it
+    certainly rests count as neither.
+    """
+    same = {c: np.diff(log[c]) == 0 for c in log.channels if c != "time"}
+    if len(log) < 10 or not same:
+        return
+    rest = at_rest(log)[1:]
+    stuck = np.logical_and.reduce(list(same.values())) & ~rest
+    others = ~stuck & ~rest
+    lively = others.any() and any(np.mean(s[others]) < LIVELY for s in same.values())
+    ranges = true_ranges(stuck)
+    if not lively or np.count_nonzero(stuck) < STUCK_ROWS:
+        return
+    lengths = ranges[:, 1] - ranges[:, 0]
+    rows, longest = np.flatnonzero(stuck) + 1, int(np.max(lengths))
+    name = "stuck_recorder" if longest >= STUCK_ROWS else "repeated_rows"
+    yield Finding(
+        name,
+        "fault",
+        "all",
+        _span(rows),
+        float(rows.size),
+        "rows",
+        f"{_rows(rows.size)} repeat all values of the row before, first row {rows[0]}, up to "
+        f"{longest} on end: the recorder was read faster than it was written.",
+        "Drop these rows, or record again.",
+    )
+
+
+def _span(rows: NDArray[np.intp]) -> tuple[int, int]:
+    return int(rows[0]), int(rows[-1]) + 1
+
+
+def _rows(count: int) -> str:
+    return _counted(count, "row")
+
+
+def _counted(count: int, what: str) -> str:
+    return f"{count} {what}" + ("" if count == 1 else "s")
+
+
+def constant(log: Log) -> Iterator[Finding]:
+    """Channels that never change."""
+    for channel in log.channels:
+        values = log[channel]
+        if channel == "time" or channel in CONDITIONS or len(values) < 2:
+            continue
+        if np.all(values == values[0]):
+            yield Finding(
+                "constant_channel",
+                "fault",
+                channel,
+                (0, len(log)),
+                float(values[0]),
+                CHANNELS[channel].unit,
+                f"{channel} is {values[0]:.6g} {CHANNELS[channel].unit} in every row.",
+                "Check the wiring and the column map, or leave the channel out.",
+            )
+
+
+def clipped(log: Log) -> Iterator[Finding]:
+    """Values that pile up at the largest or smallest: far more often than at the levels beside.
+
+    Where the joint rests a coarse channel keeps its value with reason.
+    """
+    resting = at_rest(log)
+    for channel in MEASURED:
+        if channel not in log or not np.isfinite(log[channel]).any():
+            continue
+        values = log[channel]
+        for limit in {float(np.nanmax(values)), float(np.nanmin(values))}:
+            at = (values == limit) & ~resting
+            count = int(np.count_nonzero(at))
+            if not max(10, 0.0005 * len(log)) <= count < 0.5 * len(log):
+                continue
+            ranges = true_ranges(at)
+            usual = _usual_count(values, limit)
+            if np.max(ranges[:, 1] - ranges[:, 0]) < 3 or count < 10 * usual:
+                continue
+            beside = _beside(values, limit)
+            slowing = max(beside / usual, 1.0)  # what is cut off does not slow down before
+            if count < TURNING * slowing * beside:
+                continue
+            unit = CHANNELS[channel].unit
+            yield Finding(
+                "clipped_channel",
+                "fault",
+                channel,
+                (int(ranges[0, 0]), int(ranges[-1, 1])),
+                limit,
+                unit,
+                f"{channel} stays at exactly {limit:.6g} {unit} in {count} rows, first in row "
+                f"{ranges[0, 0]}: it is clipped there.",
+                "Leave these rows out, or record with a wider range.",
+            )
+
+
+def wrapped(log: Log) -> Iterator[Finding]:
+    """Angles that jump by a turn between two rows."""
+    for channel in POSITIONS:
+        if channel not in log:
+            continue
+        jumps = wrap_rows(log[channel])
+        if jumps.size:
+            yield Finding(
+                "wrapped_angle",
+                "fault",
+                channel,
+                (int(jumps[0]), int(jumps[-1]) + 1),
+                float(jumps.size),
+                "jumps",
+                f"{channel} jumps by a whole turn in {jumps.size} place"
+                f"{'' if jumps.size == 1 else 's'}, first in row {jumps[0]}: the angle is wrapped.",
+                f"Ask for the repair unwrap={channel}; the other checks went on with the unwrapped "
+                "angle.",
+            )
+
+
+def quantised(log: Log) -> Iterator[Finding]:
+    """Channels whose steps stand above their noise."""
+    for channel in (*POSITIONS[:2], "output_velocity", "motor_velocity", *MEASURED):
+        if channel not in log:
+            continue
+        values = unwrapped(log[channel]) if channel in POSITIONS else log[channel]
+        step = quantum(values)
+        if step == 0:
+            continue
+        reach = float(np.nanmax(values) - np.nanmin(values))
+        if reach / step > COARSE_LEVELS or step < white_noise(values):
+            continue
+        unit = CHANNELS[channel].unit
+        yield Finding(
+            "quantised_channel",
+            "note",
+            channel,
+            (0, len(log)),
+            step,
+            unit,
+            f"{channel} has steps of {step:.4g} {unit}, {reach / step:.0f} over its range.",
+            "Derivatives need a bandwidth that suits it (differentiate chooses one).",
+        )
+
+
+def wrap_rows(position: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Rows that step by a turn more, or less, than the rows around them."""
+    return _wraps(position)[0]
+
+
+def unwrapped(position: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The angle without its wraps; a motor that turns more than π per row stays as it is."""
+    rows, turns = _wraps(position)
+    excess = np.zeros(len(position))
+    excess[rows] = 2 * np.pi * turns
+    return position - np.cumsum(excess) if rows.size else position
+
+
+def _wraps(position: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+    """Rows behind a wrap, and by how many turns (1 or -1)."""
+    steps = np.diff(position)
+    far = np.flatnonzero(np.abs(steps) > np.pi / 2)
+    if far.size == 0 or len(steps) < 5:
+        return far[:0] + 1, np.zeros(0)
+    around = np.clip(far[:, None] + np.array([-2, -1, 1, 2]), 0, len(steps) - 1)
+    excess = steps[far] - np.median(steps[around], axis=1)
+    whole = np.abs(np.abs(excess) - 2 * np.pi) < 0.7
+    return far[whole] + 1, np.sign(excess[whole])
+
+
+def _beside(values: NDArray[np.float64], limit: float) -> int:
+    """How often the level next to the limit occurs."""
+    inner = values[np.isfinite(values) & (values != limit)]
+    if inner.size == 0:
+        return 0
+    return int(np.count_nonzero(inner == inner[np.argmin(np.abs(inner - limit))]))
+
+
+def _usual_count(values: NDArray[np.float64], limit: float) -> float:
+    """How often the twenty levels beside the limit occur, in the median."""
+    inner = values[np.isfinite(values) & (values != limit)]
+    if inner.size == 0:
+        return float("inf")
+    near = np.sort(np.abs(inner - limit))[: max(2000, inner.size // 50)]
+    _, counts = np.unique(near, return_counts=True)
+    return float(np.median(counts[:20]))
