@@ -20,6 +20,7 @@ void bind_screening(py::module_& module);
 void bind_solve(py::module_& module);
 void bind_estimators(py::module_& module);
 void bind_joint(py::module_& module);
+void bind_stages(py::module_& module);
 void bind_sensor(py::module_& module);
 void bind_full_range(py::module_& module);
 void bind_simulation(py::module_& module);

@@ -10,6 +10,7 @@ PYBIND11_MODULE(_core, module) {
   bind_solve(module);
   bind_estimators(module);
   bind_joint(module);
+  bind_stages(module);
   bind_sensor(module);
   bind_full_range(module);
   bind_simulation(module);

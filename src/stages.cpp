@@ -14,6 +14,11 @@ namespace {
 
 using Config = StagesConfig;
 
+template <typename... Words>
+std::array<std::string_view, sizeof...(Words)> words(Words... all) {
+  return {all...};
+}
+
 /// An entry of the chain's configuration: the fields of one estimator in model.json. It knows which
 /// of them were asked for, so that one that nobody reads is refused and not passed over; how it was
 /// made (`record`) is for people.
@@ -41,17 +46,9 @@ struct Entry {
     }
   }
 
-  /// (low, high), or everything where it is None or missing.
-  void range(const char* field, double& low, double& high) const {
-    if (!has(field) || fields[field].is_none()) return;
-    const auto pair = get<std::pair<double, double>>(field);
-    low = pair.first;
-    high = pair.second;
-  }
-
   /// The place of a word among those that are known.
   template <typename Enum, std::size_t N>
-  Enum choice(const char* field, const std::array<const char*, N>& words) const {
+  Enum choice(const char* field, const std::array<std::string_view, N>& words) const {
     const auto word = get<std::string>(field);
     for (std::size_t k = 0; k < N; ++k) {
       if (word == words[k]) return static_cast<Enum>(k);
@@ -59,131 +56,108 @@ struct Entry {
     refuse("'" + name + "' does not know " + field + " '" + word + "'");
   }
 
+  /// Takes a number, or one of a list under a key: its place there.
+  void take(const auto& field, std::size_t place, double& value) const {
+    const std::string key(field.key.empty() ? field.name : field.key);
+    if (!field.needed && (!has(key.c_str()) || fields[key.c_str()].is_none())) return;
+    if (field.key.empty()) {
+      value = number(key.c_str());
+    } else {
+      const auto pair = get<std::pair<double, double>>(key.c_str());
+      value = place == 0 ? pair.first : pair.second;
+    }
+  }
   template <std::size_t N>
-  void fill(const char* field, std::array<double, N>& into) const {
-    const auto values = get<std::vector<double>>(field);
+  void take(const auto& field, std::size_t, std::array<double, N>& into) const {
+    const std::string key(field.name);
+    const auto values = get<std::vector<double>>(key.c_str());
     if (values.size() > N) {
-      refuse("'" + name + "' has " + std::to_string(values.size()) + " " + field +
-             ", room is for " + std::to_string(N));
+      refuse("'" + name + "' has " + std::to_string(values.size()) + " " + key + ", room is for " +
+             std::to_string(N));
     }
     std::copy(values.begin(), values.end(), into.begin());
+  }
+
+  /// All fields and rules of a stage; fields that may be left out keep what they have.
+  template <typename Stage>
+  void fill(Stage& stage) const {
+    std::string_view before;
+    for_each_rule<Stage>([&](const auto& rule) {
+      using Enum = std::remove_cvref_t<decltype(stage.*rule.member)>;
+      stage.*rule.member = choice<Enum>(std::string(rule.name).c_str(), rule.words);
+    });
+    for_each_field<Stage>([&](const auto& field) {
+      take(field, !field.key.empty() && field.key == before ? 1 : 0, stage.*field.member);
+      before = field.key;
+    });
   }
 };
 
 Gear<double> gear_from(const Entry& entry) {
   const auto spline =
-      entry.choice<OutputSpline>("output_spline", std::array{"unknown", "circular", "flex"});
+      entry.choice<OutputSpline>("output_spline", words("unknown", "circular", "flex"));
   return Gear<double>::from_ratio(entry.number("effective_ratio"), spline,
                                   entry.get<bool>("motor_encoder"));
 }
 
-/// Fields that are not there keep what the core has in their place: no limit.
 void read_checks(const Entry& entry, Config& config) {
   auto& made = config.checks.emplace();
-  entry.range("voltage_range", made.least_voltage, made.most_voltage);
-  entry.range("thermistor_voltage_range", made.least_thermistor_voltage,
-              made.most_thermistor_voltage);
-  entry.range("temperature_range", made.least_temperature, made.most_temperature);
-  for (const auto& [name, value] : {std::pair{"most_sensor_torque", &made.most_sensor_torque},
-                                    {"most_motor_torque", &made.most_motor_torque},
-                                    {"most_speed", &made.most_speed},
-                                    {"most_acceleration", &made.most_acceleration},
-                                    {"way", &made.way},
-                                    {"twist", &made.twist},
-                                    {"forget", &made.forget},
-                                    {"apart", &made.apart}}) {
-    if (entry.has(name)) *value = entry.number(name);
-  }
-  if (entry.has("gear")) {
-    const Entry gear{"gear", entry.get<py::dict>("gear")};
-    made.gear = gear_from(gear);
-    gear.require_all_known();
-  }
-}
-
-void read_differentiator(const Entry& entry, Config& config) {
-  config.differentiator = {
-      entry.number("bandwidth"),
-      entry.choice<Derivatives>("makes", std::array{"velocity", "acceleration", "both"})};
-}
-
-void read_thermistor(const Entry& entry, Config& config) {
-  config.thermistor = {entry.number("supply_voltage"), entry.number("divider_resistance"),
-                       entry.number("nominal_resistance"), entry.number("beta"),
-                       entry.number("nominal_temperature")};
-}
-
-void read_compensation(const Entry& entry, Config& config) {
-  auto& made = config.compensation.emplace();
-  entry.fill("coefficients", made.coefficients);
-  made.reference_temperature = entry.number("reference_temperature");
-  made.gradient = entry.number("gradient");
-  made.thermal_lag = entry.number("thermal_lag");
-  entry.range("temperature_range", made.low, made.high);
+  entry.fill(made);
+  if (!entry.has("gear")) return;
+  const Entry gear{"gear", entry.get<py::dict>("gear")};
+  made.gear = gear_from(gear);
+  gear.require_all_known();
 }
 
 void read_calibration(const Entry& entry, Config& config) {
-  auto& made = config.calibration.emplace();
-  made.sensitivity = entry.number("sensitivity");
-  made.zero = entry.number("zero");
-  entry.range("voltage_range", made.low, made.high);
+  entry.fill(config.calibration.emplace());
   entry.has("full_scale");  // known: of the figures that people read
 }
 
-MomentumObserver<double>::Config observer_from(const Entry& entry) {
-  return {entry.number("gain"),
-          entry.choice<Discretisation>("discretisation", std::array{"exact", "euler"})};
-}
-
 void read_observer(const Entry& entry, Config& config) {
-  config.observer = observer_from(entry);
+  entry.fill(config.observer.emplace());
   config.observer_input =
-      entry.choice<ObserverInput>("input", std::array{"sensor_torque", "motor_torque"});
+      entry.choice<ObserverInput>("input", words("sensor_torque", "motor_torque"));
 }
 
 void read_compliant_observer(const Entry& entry, Config& config) {
   enum class Input : unsigned char { compliance };
-  entry.choice<Input>("input", std::array{"compliance"});
+  entry.choice<Input>("input", words("compliance"));
   entry.has("rotor_inertia");  // known: it is part of the model that the observer is given
-  config.compliant_observer = observer_from(entry);
+  entry.fill(config.compliant_observer.emplace());
 }
 
 void read_compliance(const Entry& entry, Config& config) {
-  config.compliance = {entry.number("mesh_stiffness"), entry.number("mesh_shape"),
-                       entry.number("margin")};
+  entry.fill(config.compliance.emplace());
   if (!entry.has("hysteresis")) return;
   const Entry loop{"hysteresis", entry.get<py::dict>("hysteresis")};
-  config.hysteresis.emplace().load_width = loop.number("load_width");
-  loop.fill("heights", config.hysteresis->heights);
+  loop.fill(config.hysteresis.emplace());
   loop.require_all_known();
 }
 
 void read_merge(const Entry& entry, Config& config) {
   enum class Method : unsigned char { logistic, kalman };
   if (entry.has("at_rest")) {
-    config.at_rest =
-        entry.choice<AtRest>("at_rest", std::array{"compliance", "compliant_observer"});
+    config.at_rest = entry.choice<AtRest>("at_rest", words("compliance", "compliant_observer"));
   }
-  const LogisticMerge<double> logistic{entry.number("alpha"), entry.number("transition_velocity")};
-  if (entry.choice<Method>("method", std::array{"logistic", "kalman"}) == Method::logistic) {
-    config.logistic = logistic;
+  if (entry.choice<Method>("method", words("logistic", "kalman")) == Method::logistic) {
+    entry.fill(config.logistic.emplace());
     return;
   }
-  const auto observer = entry.get<std::pair<double, double>>("observer_noise");
-  const auto compliance = entry.get<std::pair<double, double>>("compliance_noise");
-  config.kalman = {logistic,        entry.number("walk"), observer.first,
-                   observer.second, compliance.first,     compliance.second};
+  entry.fill(config.kalman.emplace());
+  entry.fill(config.kalman->motion);
 }
 
 void read_collision(const Entry& entry, Config& config) {
-  auto& made = config.collision.emplace();
-  entry.fill("negative", made.negative);
-  entry.fill("positive", made.positive);
-  entry.fill("speed_edges", made.speed_edges);
-  made.release = entry.number("release");
-  made.hold = entry.number("hold");
-  config.watched = entry.choice<Watched>(
-      "input", std::array{"observer", "sensor", "merged", "compliant_observer"});
+  entry.fill(config.collision.emplace());
+  config.watched =
+      entry.choice<Watched>("input", words("observer", "sensor", "merged", "compliant_observer"));
+}
+
+/// A stage whose entry is its fields and no more.
+template <auto stage>
+void read_plain(const Entry& entry, Config& config) {
+  entry.fill((config.*stage).emplace());
 }
 
 }  // namespace
@@ -191,9 +165,9 @@ void read_collision(const Entry& entry, Config& config) {
 StagesConfig stages_from(const py::dict& entries) {
   static const std::map<std::string, void (*)(const Entry&, StagesConfig&)> readers{
       {"reading_checks", read_checks},
-      {"differentiator", read_differentiator},
-      {"thermistor", read_thermistor},
-      {"temperature_compensation", read_compensation},
+      {"differentiator", read_plain<&Config::differentiator>},
+      {"thermistor", read_plain<&Config::thermistor>},
+      {"temperature_compensation", read_plain<&Config::compensation>},
       {"calibration", read_calibration},
       {"observer", read_observer},
       {"compliance", read_compliance},
@@ -214,6 +188,53 @@ StagesConfig stages_from(const py::dict& entries) {
     entry.require_all_known();
   }
   return config;
+}
+
+namespace {
+
+/// What a stage is set up with, for people and writers: a dict of each field.
+template <typename Stage>
+py::list described(const Stage& made = {}) {
+  py::list all;
+  for_each_field<Stage>([&](const auto& field) {
+    py::dict one;
+    one["name"] = std::string(field.name);
+    one["unit"] = std::string(field.unit);
+    one["key"] = std::string(field.key.empty() ? field.name : field.key);
+    one["needed"] = field.needed;
+    one["low"] = field.range.low;
+    one["high"] = field.range.high;
+    if constexpr (std::is_same_v<std::remove_cvref_t<decltype(made.*field.member)>, double>) {
+      one["default"] = made.*field.member;
+    }
+    all.append(one);
+  });
+  return all;
+}
+
+}  // namespace
+
+void bind_stages(py::module_& module) {
+  module.def(
+      "stage_fields",
+      [] {
+        py::dict all;
+        all["reading_checks"] = described<ReadingChecks<double>::Config>();
+        all["differentiator"] = described<Differentiator<double>::Config>();
+        all["thermistor"] = described<Thermistor<double>>();
+        all["temperature_compensation"] = described<TemperatureCompensation<double>::Config>();
+        all["calibration"] = described<Calibration<double>>();
+        all["observer"] = described<MomentumObserver<double>::Config>();
+        all["compliance"] = described<Compliance<double>>();
+        all["hysteresis"] = described<LoadHysteresis<double>>();
+        all["logistic"] = described<LogisticMerge<double>>();
+        all["kalman"] = described<KalmanMerge<double>::Config>();
+        all["collision"] = described<CollisionDetector<double>::Config>();
+        return all;
+      },
+      R"(The numbers of each stage in the core's order: dicts of 'name' of the member, 'unit', 'key'
+in model.json (two of one key are the two numbers of its list), 'needed' there, 'low' and 'high'
+that it may be, 'default', which an array has not.)");
 }
 
 }  // namespace flexspline::bindings

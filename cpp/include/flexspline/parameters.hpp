@@ -17,30 +17,12 @@
 #include <string_view>
 #include <tuple>
 
+#include "flexspline/fields.hpp"
 #include "flexspline/joint.hpp"
 
 namespace flexspline {
 
-/// What a number may be; NaN never.
-template <typename S>
-struct Range {
-  S low = -std::numeric_limits<S>::max();
-  S high = std::numeric_limits<S>::max();
-
-  constexpr bool has(S value) const noexcept { return value >= low && value <= high; }
-};
-
 namespace parameters {
-
-template <typename S>
-inline constexpr Range<S> finite{};
-template <typename S>
-inline constexpr Range<S> not_negative{S(0)};
-template <typename S>
-inline constexpr Range<S> positive{std::numeric_limits<S>::min()};
-/// Bands of speed that are not in use end at infinity.
-template <typename S>
-inline constexpr Range<S> edge{S(0), std::numeric_limits<S>::infinity()};
 
 template <typename V, typename T, typename S>
 constexpr void one(V& visitor, std::string_view name, T& value, Range<S> range) noexcept {
@@ -84,115 +66,22 @@ constexpr void visit_model(V& visitor, std::string_view name, Parts& model) noex
   std::apply([&](auto&... part) { (visit_effect<S>(visitor, part), ...); }, model.parts);
 }
 
-template <typename S, typename V, typename T>
-constexpr void visit_checks(V& visitor, T& checks) noexcept {
-  visitor.structure("reading_checks");
-  one(visitor, "least_voltage", checks.least_voltage, finite<S>);
-  one(visitor, "most_voltage", checks.most_voltage, finite<S>);
-  one(visitor, "least_thermistor_voltage", checks.least_thermistor_voltage, finite<S>);
-  one(visitor, "most_thermistor_voltage", checks.most_thermistor_voltage, finite<S>);
-  one(visitor, "least_temperature", checks.least_temperature, finite<S>);
-  one(visitor, "most_temperature", checks.most_temperature, finite<S>);
-  one(visitor, "most_sensor_torque", checks.most_sensor_torque, positive<S>);
-  one(visitor, "most_motor_torque", checks.most_motor_torque, positive<S>);
-  one(visitor, "most_speed", checks.most_speed, positive<S>);
-  one(visitor, "most_acceleration", checks.most_acceleration, positive<S>);
-  one(visitor, "way", checks.way, not_negative<S>);
-  one(visitor, "twist", checks.twist, not_negative<S>);
-  one(visitor, "forget", checks.forget, positive<S>);
-  one(visitor, "apart", checks.apart, positive<S>);
-  visitor.gear(checks.gear);
-}
-
-constexpr std::string_view name_of(Derivatives made) noexcept {
-  constexpr std::array<std::string_view, 3> names{"velocity", "acceleration", "both"};
-  return names[static_cast<std::size_t>(made)];
-}
-template <typename S, typename V, typename T>
-constexpr void visit_differentiator(V& visitor, T& differentiator) noexcept {
-  visitor.structure("differentiator");
-  visitor.structure(name_of(differentiator.makes));
-  one(visitor, "bandwidth", differentiator.bandwidth, positive<S>);
-}
-
-template <typename S, typename V, typename T>
-constexpr void visit_thermistor(V& visitor, T& thermistor) noexcept {
-  visitor.structure("thermistor");
-  one(visitor, "supply_voltage", thermistor.supply_voltage, positive<S>);
-  one(visitor, "divider_resistance", thermistor.divider_resistance, positive<S>);
-  one(visitor, "nominal_resistance", thermistor.nominal_resistance, positive<S>);
-  one(visitor, "beta", thermistor.beta, positive<S>);
-  one(visitor, "nominal_temperature", thermistor.nominal_temperature, finite<S>);
-}
-
-template <typename S, typename V, typename T>
-constexpr void visit_compensation(V& visitor, T& compensation) noexcept {
-  visitor.structure("temperature_compensation");
-  one(visitor, "reference_temperature", compensation.reference_temperature, finite<S>);
-  all(visitor, "coefficients", compensation.coefficients, finite<S>);
-  one(visitor, "gradient", compensation.gradient, finite<S>);
-  one(visitor, "thermal_lag", compensation.thermal_lag, not_negative<S>);
-  one(visitor, "low", compensation.low, finite<S>);
-  one(visitor, "high", compensation.high, finite<S>);
-}
-
-template <typename S, typename V, typename T>
-constexpr void visit_calibration(V& visitor, T& calibration) noexcept {
-  visitor.structure("calibration");
-  one(visitor, "sensitivity", calibration.sensitivity, finite<S>);
-  one(visitor, "zero", calibration.zero, finite<S>);
-  one(visitor, "low", calibration.low, finite<S>);
-  one(visitor, "high", calibration.high, finite<S>);
-}
-
-template <typename S, typename V, typename T>
-constexpr void visit_observer(V& visitor, std::string_view name, T& observer) noexcept {
+/// A stage by its name: its rules, then its numbers.
+template <typename V, typename Stage>
+constexpr void visit_stage(V& visitor, std::string_view name, Stage& stage) noexcept {
+  using Its = std::remove_const_t<Stage>;
   visitor.structure(name);
-  visitor.structure(observer.discretisation == Discretisation::exact ? "exact" : "euler");
-  one(visitor, "gain", observer.gain, positive<S>);
-}
-
-template <typename S, typename V, typename T>
-constexpr void visit_compliance(V& visitor, T& compliance) noexcept {
-  visitor.structure("compliance");
-  one(visitor, "mesh_stiffness", compliance.mesh_stiffness, positive<S>);
-  one(visitor, "mesh_shape", compliance.mesh_shape, not_negative<S>);
-  one(visitor, "margin", compliance.margin, Range<S>{std::numeric_limits<S>::min(), S(1)});
-}
-
-template <typename S, typename V, typename T>
-constexpr void visit_hysteresis(V& visitor, T& hysteresis) noexcept {
-  visitor.structure("hysteresis");
-  one(visitor, "load_width", hysteresis.load_width, positive<S>);
-  all(visitor, "heights", hysteresis.heights, finite<S>);
-}
-
-template <typename S, typename V, typename T>
-constexpr void visit_logistic(V& visitor, T& merge) noexcept {
-  visitor.structure("logistic");
-  one(visitor, "alpha", merge.alpha, positive<S>);
-  one(visitor, "transition_velocity", merge.transition_velocity, not_negative<S>);
-}
-
-template <typename S, typename V, typename T>
-constexpr void visit_kalman(V& visitor, T& merge) noexcept {
-  visitor.structure("kalman");
-  visit_logistic<S>(visitor, merge.motion);
-  one(visitor, "walk", merge.walk, positive<S>);
-  one(visitor, "observer_rest", merge.observer_rest, positive<S>);
-  one(visitor, "observer_motion", merge.observer_motion, positive<S>);
-  one(visitor, "compliance_rest", merge.compliance_rest, positive<S>);
-  one(visitor, "compliance_motion", merge.compliance_motion, positive<S>);
-}
-
-template <typename S, typename V, typename T>
-constexpr void visit_detector(V& visitor, T& detector) noexcept {
-  visitor.structure("collision");
-  all(visitor, "negative", detector.negative, not_negative<S>);
-  all(visitor, "positive", detector.positive, not_negative<S>);
-  all(visitor, "speed_edges", detector.speed_edges, edge<S>);
-  one(visitor, "release", detector.release, Range<S>{std::numeric_limits<S>::min(), S(1)});
-  one(visitor, "hold", detector.hold, not_negative<S>);
+  for_each_rule<Its>([&](const auto& rule) { visitor.structure(rule.word(stage)); });
+  if constexpr (requires { stage.motion; }) visit_stage(visitor, "logistic", stage.motion);
+  for_each_field<Its>([&](const auto& field) {
+    auto& value = stage.*field.member;
+    if constexpr (requires { value.data(); }) {
+      all(visitor, field.name, value, field.range);
+    } else {
+      one(visitor, field.name, value, field.range);
+    }
+  });
+  if constexpr (requires { stage.gear; }) visitor.gear(stage.gear);
 }
 
 constexpr std::string_view name_of(ObserverInput input) noexcept {
@@ -223,36 +112,34 @@ constexpr void where_given(Stage& stage, Visit&& visit) noexcept {
 template <typename Stage, typename Visit>
 constexpr void where_given(const Absent<Stage>&, Visit&&) noexcept {}
 
-template <typename S, typename V, typename Stages>
+template <typename V, typename Stages>
 constexpr void visit_chain(V& v, std::string_view name, Stages& chain) noexcept {
+  const auto visit = [&v](std::string_view its, auto& stage) {
+    where_given(stage, [&](auto& made) { visit_stage(v, its, made); });
+  };
   v.structure(name);
-  where_given(chain.checks, [&](auto& made) { visit_checks<S>(v, made); });
-  where_given(chain.differentiator, [&](auto& made) { visit_differentiator<S>(v, made); });
-  where_given(chain.thermistor, [&](auto& made) { visit_thermistor<S>(v, made); });
-  where_given(chain.compensation, [&](auto& made) { visit_compensation<S>(v, made); });
+  visit("reading_checks", chain.checks);
+  visit("differentiator", chain.differentiator);
+  visit("thermistor", chain.thermistor);
+  visit("temperature_compensation", chain.compensation);
   if (chain.sensor) v.structure("sensor");
-  where_given(chain.calibration, [&](auto& made) { visit_calibration<S>(v, made); });
-  where_given(chain.observer, [&](auto& made) {
-    visit_observer<S>(v, "observer", made);
-    v.structure(name_of(chain.observer_input));
-  });
-  where_given(chain.compliance, [&](auto& made) { visit_compliance<S>(v, made); });
-  where_given(chain.hysteresis, [&](auto& made) { visit_hysteresis<S>(v, made); });
-  where_given(chain.compliant_observer,
-              [&](auto& made) { visit_observer<S>(v, "compliant_observer", made); });
-  where_given(chain.kalman, [&](auto& made) { visit_kalman<S>(v, made); });
-  where_given(chain.logistic, [&](auto& made) { visit_logistic<S>(v, made); });
+  visit("calibration", chain.calibration);
+  visit("observer", chain.observer);
+  if (given(chain.observer)) v.structure(name_of(chain.observer_input));
+  visit("compliance", chain.compliance);
+  visit("hysteresis", chain.hysteresis);
+  visit("compliant_observer", chain.compliant_observer);
+  visit("kalman", chain.kalman);
+  visit("logistic", chain.logistic);
   if (given(chain.kalman) || given(chain.logistic)) v.structure(name_of(chain.at_rest));
-  where_given(chain.collision, [&](auto& made) {
-    visit_detector<S>(v, made);
-    v.structure(name_of(chain.watched));
-  });
+  visit("collision", chain.collision);
+  if (given(chain.collision)) v.structure(name_of(chain.watched));
 }
 
 template <typename S, typename V, typename T>
 constexpr void visit_joint(V& visitor, T& joint) noexcept {
-  visit_chain<S>(visitor, "sensing", joint.sensing);
-  visit_chain<S>(visitor, "estimating", joint.estimating);
+  visit_chain(visitor, "sensing", joint.sensing);
+  visit_chain(visitor, "estimating", joint.estimating);
   visit_model<S>(visitor, "sensor model", joint.sensor);
   visit_model<S>(visitor, "observed model", joint.observed);
   visit_model<S>(visitor, "torsion model", joint.torsion);

@@ -22,6 +22,7 @@
 /// left to the chain. No division; a limit that is not given costs nothing where it is a constant.
 #pragma once
 
+#include "flexspline/fields.hpp"
 #include "flexspline/reading.hpp"
 #include "flexspline/sample.hpp"
 
@@ -49,6 +50,31 @@ struct ReadingChecks {
     S forget = S(10);                ///< f, 1/s, > 0
     S apart = largest;               ///< Nm, above what the observer is late by
     Gear<S> gear{};                  ///< of the twist
+
+    static constexpr auto fields() noexcept {
+      return std::tuple{
+          Field{"least_voltage", "V of the bridge", &Config::least_voltage, finite<S>,
+                "voltage_range", false},
+          Field{"most_voltage", "V of the bridge", &Config::most_voltage, finite<S>,
+                "voltage_range", false},
+          Field{"least_thermistor_voltage", "V", &Config::least_thermistor_voltage, finite<S>,
+                "thermistor_voltage_range", false},
+          Field{"most_thermistor_voltage", "V", &Config::most_thermistor_voltage, finite<S>,
+                "thermistor_voltage_range", false},
+          Field{"least_temperature", "deg C", &Config::least_temperature, finite<S>,
+                "temperature_range", false},
+          Field{"most_temperature", "deg C", &Config::most_temperature, finite<S>,
+                "temperature_range", false},
+          Field{"most_sensor_torque", "Nm", &Config::most_sensor_torque, positive<S>, "", false},
+          Field{"most_motor_torque", "Nm at the motor's shaft", &Config::most_motor_torque,
+                positive<S>, "", false},
+          Field{"most_speed", "rad/s", &Config::most_speed, positive<S>, "", false},
+          Field{"most_acceleration", "rad/s^2", &Config::most_acceleration, positive<S>, "", false},
+          Field{"way", "rad at the output", &Config::way, not_negative<S>, "", false},
+          Field{"twist", "rad at the motor", &Config::twist, not_negative<S>, "", false},
+          Field{"forget", "1/s", &Config::forget, positive<S>, "", false},
+          Field{"apart", "Nm", &Config::apart, positive<S>, "", false}};
+    }
   };
   struct State {
     Phase<S> output, ahead;            ///< q and Ñ q − θ of the last reading that had them

@@ -10,6 +10,7 @@
 
 #include <limits>
 
+#include "flexspline/fields.hpp"
 #include "flexspline/math.hpp"
 #include "flexspline/status.hpp"
 
@@ -21,6 +22,13 @@ struct Calibration {
   S zero = 0;                              ///< Nm, the torque that zero volts stand for
   S low = -std::numeric_limits<S>::max();  ///< V, range of the calibration
   S high = std::numeric_limits<S>::max();
+
+  static constexpr auto fields() noexcept {
+    return std::tuple{Field{"sensitivity", "Nm/V", &Calibration::sensitivity, finite<S>},
+                      Field{"zero", "Nm", &Calibration::zero, finite<S>},
+                      Field{"low", "V", &Calibration::low, finite<S>, "voltage_range", false},
+                      Field{"high", "V", &Calibration::high, finite<S>, "voltage_range", false}};
+  }
 
   /// `voltage` V; `compensation` and result in Nm, positive outward.
   constexpr Status torque(S voltage, S compensation, FlaggedTorque<S>& out) const noexcept {

@@ -16,6 +16,7 @@
 #include <limits>
 
 #include "flexspline/each_place.hpp"
+#include "flexspline/fields.hpp"
 #include "flexspline/math.hpp"
 #include "flexspline/status.hpp"
 
@@ -40,6 +41,16 @@ struct CollisionDetector {
     std::array<S, Bands - 1> speed_edges = no_edges();  ///< rad/s, rising; unused ones infinite
     S release = S(1);                                   ///< in (0, 1]
     S hold = 0;                                         ///< s, ≥ 0
+
+    static constexpr auto fields() noexcept {
+      return std::tuple{
+          Field{"negative", "Nm, by bands of speed", &Config::negative, not_negative<S>},
+          Field{"positive", "Nm, by bands of speed", &Config::positive,
+                flexspline::not_negative<S>},
+          Field{"speed_edges", "rad/s, between the bands", &Config::speed_edges, edge<S>},
+          Field{"release", "", &Config::release, part_of_one<S>},
+          Field{"hold", "s", &Config::hold, not_negative<S>}};
+    }
   };
   /// `residual`: external torque, Nm; `velocity`: rad/s at the output; `period`: s since the last
   /// good sample.

@@ -10,6 +10,7 @@
 /// Source: full_range_torque_estimation (14), (17), (18).
 #pragma once
 
+#include "flexspline/fields.hpp"
 #include "flexspline/gear_compliance.hpp"
 
 namespace flexspline {
@@ -19,6 +20,13 @@ struct Compliance {
   S mesh_stiffness = S(15548);  ///< K_m0, Nm/rad at the output, > 0
   S mesh_shape = S(0.0487L);    ///< c_m, 1/Nm, ≥ 0
   S margin = S(0.05L);          ///< share of the way to the pole kept free, in (0, 1)
+
+  static constexpr auto fields() noexcept {
+    return std::tuple{
+        Field{"mesh_stiffness", "Nm/rad at the output", &Compliance::mesh_stiffness, positive<S>},
+        Field{"mesh_shape", "1/Nm", &Compliance::mesh_shape, not_negative<S>},
+        Field{"margin", "", &Compliance::margin, part_of_one<S>}};
+  }
 
   /// `torsion` Δθ_m, rad at the output side.
   constexpr Status torque(S torsion, FlaggedTorque<S>& out) const noexcept {

@@ -11,6 +11,7 @@
 #pragma once
 
 #include "flexspline/angle.hpp"
+#include "flexspline/fields.hpp"
 
 namespace flexspline {
 
@@ -24,6 +25,14 @@ struct Differentiator {
   struct Config {
     S bandwidth = S(20);  ///< Hz, > 0
     Derivatives makes = Derivatives::both;
+
+    static constexpr auto fields() noexcept {
+      return std::tuple{Field{"bandwidth", "Hz, -3 dB", &Config::bandwidth, positive<S>}};
+    }
+    static constexpr auto rules() noexcept {
+      return std::tuple{Rule{"makes", &Config::makes,
+                             std::array<std::string_view, 3>{"velocity", "acceleration", "both"}}};
+    }
   };
   struct State {
     Phase<S> last;

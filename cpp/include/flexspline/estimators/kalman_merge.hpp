@@ -16,6 +16,7 @@
 #pragma once
 
 #include "flexspline/estimators/logistic_merge.hpp"
+#include "flexspline/fields.hpp"
 
 namespace flexspline {
 
@@ -28,6 +29,16 @@ struct KalmanMerge {
     S observer_motion = S(1);
     S compliance_rest = S(1);
     S compliance_motion = S(3);
+
+    static constexpr auto fields() noexcept {
+      return std::tuple{
+          Field{"walk", "Nm/sqrt(s)", &Config::walk, positive<S>},
+          Field{"observer_rest", "Nm", &Config::observer_rest, positive<S>, "observer_noise"},
+          Field{"observer_motion", "Nm", &Config::observer_motion, positive<S>, "observer_noise"},
+          Field{"compliance_rest", "Nm", &Config::compliance_rest, positive<S>, "compliance_noise"},
+          Field{"compliance_motion", "Nm", &Config::compliance_motion, positive<S>,
+                "compliance_noise"}};
+    }
   };
   struct State {
     S torque = 0;    ///< Nm

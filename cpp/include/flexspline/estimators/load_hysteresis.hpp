@@ -22,6 +22,7 @@
 #pragma once
 
 #include "flexspline/estimators/compliance.hpp"
+#include "flexspline/fields.hpp"
 #include "flexspline/maxwell_slip.hpp"
 
 namespace flexspline {
@@ -32,6 +33,13 @@ struct LoadHysteresis {
 
   S load_width = S(10);        ///< w, Nm at the output, > 0
   std::array<S, 4> heights{};  ///< c_k of w, w/2, w/4, w/8; rad at the output side
+
+  static constexpr auto fields() noexcept {
+    return std::tuple{
+        Field{"load_width", "Nm", &LoadHysteresis::load_width, positive<S>},
+        Field{"heights", "rad at the output, of the width, its half, quarter and eighth",
+              &LoadHysteresis::heights, finite<S>}};
+  }
 
   struct State {
     typename Elements::State elements;

@@ -9,6 +9,7 @@
 /// Source: full_range_torque_estimation (19), (20).
 #pragma once
 
+#include "flexspline/fields.hpp"
 #include "flexspline/math.hpp"
 #include "flexspline/status.hpp"
 
@@ -18,6 +19,12 @@ template <typename S>
 struct LogisticMerge {
   S alpha = S(500);                   ///< α, s/rad at the output, > 0
   S transition_velocity = S(0.001L);  ///< q̇_trans, rad/s at the output, ≥ 0
+
+  static constexpr auto fields() noexcept {
+    return std::tuple{Field{"alpha", "s/rad", &LogisticMerge::alpha, positive<S>},
+                      Field{"transition_velocity", "rad/s", &LogisticMerge::transition_velocity,
+                            not_negative<S>}};
+  }
 
   /// λ: the share of the observer. NaN in gives NaN out.
   constexpr S weight(S velocity) const noexcept {

@@ -24,6 +24,7 @@
 /// 500 Hz is a reading that is stable.
 #pragma once
 
+#include "flexspline/fields.hpp"
 #include "flexspline/math.hpp"
 #include "flexspline/status.hpp"
 
@@ -36,6 +37,14 @@ struct MomentumObserver {
   struct Config {
     S gain = S(100);  ///< K, 1/s, > 0
     Discretisation discretisation = Discretisation::exact;
+
+    static constexpr auto fields() noexcept {
+      return std::tuple{Field{"gain", "1/s", &Config::gain, positive<S>}};
+    }
+    static constexpr auto rules() noexcept {
+      return std::tuple{Rule{"discretisation", &Config::discretisation,
+                             std::array<std::string_view, 2>{"exact", "euler"}}};
+    }
   };
   struct State {
     S momentum = 0;      ///< of the last good sample, Nm s

@@ -20,6 +20,7 @@
 #include <limits>
 
 #include "flexspline/each_place.hpp"
+#include "flexspline/fields.hpp"
 #include "flexspline/math.hpp"
 #include "flexspline/status.hpp"
 
@@ -43,6 +44,16 @@ struct TemperatureCompensation {
     S thermal_lag = 0;                       ///< t_lag, s, ≥ 0
     S low = -std::numeric_limits<S>::max();  ///< °C, range of the fit
     S high = std::numeric_limits<S>::max();
+
+    static constexpr auto fields() noexcept {
+      return std::tuple{
+          Field{"reference_temperature", "deg C", &Config::reference_temperature, finite<S>},
+          Field{"coefficients", "Nm/K^k, k from 1", &Config::coefficients, finite<S>},
+          Field{"gradient", "Nm/K", &Config::gradient, finite<S>},
+          Field{"thermal_lag", "s", &Config::thermal_lag, not_negative<S>},
+          Field{"low", "deg C", &Config::low, finite<S>, "temperature_range", false},
+          Field{"high", "deg C", &Config::high, finite<S>, "temperature_range", false}};
+    }
   };
   /// `temperature` T, °C; `period`: s since the last good sample.
   static constexpr Status step(const Config& config, State& state, S temperature, S period,

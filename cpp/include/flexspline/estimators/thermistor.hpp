@@ -10,6 +10,7 @@
 /// Source: zhang_disturbance_elimination (6), (7).
 #pragma once
 
+#include "flexspline/fields.hpp"
 #include "flexspline/math.hpp"
 #include "flexspline/status.hpp"
 
@@ -22,6 +23,15 @@ struct Thermistor {
   S nominal_resistance = S(10000);  ///< R_n, Ω, > 0
   S beta = S(3435);                 ///< B, K, > 0
   S nominal_temperature = S(25);    ///< T_n, °C
+
+  static constexpr auto fields() noexcept {
+    return std::tuple{
+        Field{"supply_voltage", "V", &Thermistor::supply_voltage, positive<S>},
+        Field{"divider_resistance", "ohm", &Thermistor::divider_resistance, positive<S>},
+        Field{"nominal_resistance", "ohm", &Thermistor::nominal_resistance, positive<S>},
+        Field{"beta", "K", &Thermistor::beta, positive<S>},
+        Field{"nominal_temperature", "deg C", &Thermistor::nominal_temperature, finite<S>}};
+  }
 
   static constexpr S zero_celsius = S(273.15L);  ///< K
 
