@@ -108,7 +108,7 @@ def predict(
 
 def _bits() -> tuple[str, list[tuple[str, str]]]:
     """Every bit of the status column."""
-    from flexspline.estimation.status import MEANING
+    from flexspline.estimation.result import MEANING
 
     return "Status, a sum of", [(str(int(bit)), meaning) for bit, meaning in MEANING.items()]
 
