@@ -1,7 +1,7 @@
-"""What a model says of a run: `flexspline predict`, `flexspline estimate`, `flexspline simulate`.
+"""`flexspline predict`, `flexspline estimate` and `flexspline simulate`: a model applied to runs.
 
-`predict` puts it beside what was measured, `estimate` runs the production chain, and `simulate`
-drives the model forward from the inputs of the run.
+`predict` compares the model with the measured target, `estimate` runs the production chain, and
+`simulate` drives the model forward from the inputs of the run.
 """
 
 from __future__ import annotations
