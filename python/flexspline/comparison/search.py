@@ -182,7 +182,7 @@ def _spread(local: Array, worth: Array, everywhere: float) -> Array:
 def search(
     rows: Rows, covariates: Sequence[Covariate], turning: Turning, test: CellTests
 ) -> Search:
-    """Find what the residual follows; see the head of this file."""
+    """Find what the residual follows; see the module docstring."""
     steps: list[Step] = []
     rest = rows.residual
     chances: dict[str, float] = {}
