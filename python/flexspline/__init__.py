@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     )
     from flexspline.experiment.limits import Limits
     from flexspline.experiment.plan import Plan
-    from flexspline.exporting.exporting import export
+    from flexspline.exporting import export
     from flexspline.forward.result import ForwardRun
     from flexspline.forward.servo import PositionServo
     from flexspline.forward.simulating import simulate
@@ -138,7 +138,7 @@ _HOME = {
     "compare": "comparison.comparing",
     "discover": "discovery.discovering",
     "estimate": "estimation",
-    "export": "exporting.exporting",
+    "export": "exporting",
     "convert": "logs.read",
     "fit": "deprecated",
     "fit_motion": "output_error.fitting",

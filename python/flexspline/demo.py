@@ -1,8 +1,8 @@
-"""`flexspline demo`: from runs that hide an effect to a model on the controller, told in lines.
+"""`flexspline demo`: from runs that hide an effect to a model on the controller.
 
-The runs come through a laboratory's recorder (`rigs/sensor.py`), and `discover` finds what hides.
-
-Its last step compiles the exported header and runs it sample by sample, beside what `predict` says.
+The runs come through a laboratory's recorder (`rigs/sensor.py`), and `discover` finds the hidden
+effect. The last step compiles the exported header and runs it sample by sample, beside the
+prediction of `predict`.
 """
 
 from __future__ import annotations

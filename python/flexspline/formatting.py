@@ -1,4 +1,4 @@
-"""Numbers and tables as people read them: what every room writes its sentences with.
+"""Numbers and tables as text, for all modules that write sentences.
 
 A value and its error are rounded together. The first row of a table is its head.
 """

@@ -1,9 +1,7 @@
 """A model of one joint: effects with their coefficients for each target, kept in one JSON file.
 
-What is to be known of a model before it is used: by itself, and on one log.
-
-A model can be saved, exported and run whatever its fit said of it. These sentences are what a
-person who did not make the fit has to be told.
+A model can be saved, exported and run whatever its fit said of it. Its warnings tell a user who did
+not make the fit what limits it, by itself and on a given log.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What JSON files may hold, and the sentence for what `model.json` may not.
+"""JSON Schema checks: what JSON files may hold, and the sentence for a violation in `model.json`.
 
 JSON knows no NaN, no tuples and no numpy numbers.
 """

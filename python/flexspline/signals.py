@@ -34,7 +34,7 @@ _PER_TARGET = {
 
 
 def target_of(log: Log, target: str, known_load: str | None) -> Array:
-    """Return y of a log, (N,), in the target's unit (see the head of this file)."""
+    """Return y of a log, (N,), in the target's unit (see the module docstring)."""
     for channel in _PER_TARGET[target]:
         if channel not in log:
             raise InputError(

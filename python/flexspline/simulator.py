@@ -1,24 +1,21 @@
-"""A foreign simulation as the base: what any simulator predicts for the runs, beside them.
+"""A foreign simulation as the base: its values at the rows of the runs, and its delay.
 
     y = what the simulation says + what it lacks
 
-`Simulated` is what a model keeps of it. It is brought onto the clock of each run, and a delay
-between measured and simulated values is looked for. `comparison/comparing.py` makes it the base.
+`Simulated` is the record that a model keeps of it. `comparison/comparing.py` makes it the base.
 
-What a simulation says, brought onto the clock of each run.
+A column of the runs needs no alignment. A file of its own has its own time stamps, of the same
+clock: it is interpolated linearly between its rows, and has no values outside its span and in its
+gaps. Rows without a value are left out and counted.
 
-A column of the runs is there already. A file of its own has its own time stamps, of the same
-clock: between its rows it is a straight line, and outside its span and in its gaps it says nothing.
-Rows where it says nothing are left out and counted.
-
-Is the measured value late behind the simulated one?
+The delay of the measured value y behind the simulated one s:
 
     y(t) = s(t − D) + N(t) c        D minimises the sum of squares, c solved for each D
 
 N holds what a simulation may lack and what looks like a delay at one frequency: a constant,
-tanh(v / v_d), v, q̈, sin q, cos q, the known torque, |s| tanh(v / v_d), and friction that comes up
-over some way behind a reversal (presliding: late by an angle, not by a time). The error of D is of
-sixteen blocks of time, as in `logs/checks/consistency.py`. D is reported and never taken away.
+tanh(v / v_d), v, q̈, sin q, cos q, the known torque, |s| tanh(v / v_d), and friction that builds up
+over an angle behind a reversal (presliding: late by an angle, not by a time). The error of D is of
+sixteen blocks of time, as in `logs/checks/consistency.py`. D is reported and never corrected.
 """
 
 from __future__ import annotations

@@ -21,9 +21,8 @@ import chain_rig
 import device_chains
 
 import flexspline
-from flexspline.certification.building import STRICT, firmware_folder
-from flexspline.certification.rows import rows_of
-from flexspline.certification.tools import host_compiler
+from flexspline.certification.devices import host_compiler
+from flexspline.certification.program import STRICT, firmware_folder, rows_of
 from flexspline.exporting import export
 from flexspline.logs.log import Log
 from flexspline.model import Model

@@ -17,9 +17,9 @@ from every_effect import all_of, exported, rich
 
 import flexspline
 from flexspline import Certificate, InputError
-from flexspline.certification import certifying, tools
-from flexspline.certification.building import firmware_folder
+from flexspline.certification import certifying, devices
 from flexspline.certification.devices import DEVICES
+from flexspline.certification.program import firmware_folder
 from flexspline.cli import commands
 from flexspline.exporting import export
 from flexspline.logs.log import Log
@@ -112,12 +112,12 @@ def test_a_missing_tool_is_one_sentence_that_names_the_package(
     monkeypatch: pytest.MonkeyPatch, tool: str
 ) -> None:
     there = shutil.which
-    monkeypatch.setattr(tools.shutil, "which", lambda name: None if name == tool else there(name))
+    monkeypatch.setattr(devices.shutil, "which", lambda name: None if name == tool else there(name))
     with pytest.raises(InputError) as caught:
         flexspline.certify(*small(), "cortex-m7")
     sentence = str(caught.value)
     assert sentence.startswith(f"{tool} is not on this machine; install Debian's ")
-    assert tools.PACKAGES[tool] in sentence and "\n" not in sentence
+    assert devices.PACKAGES[tool] in sentence and "\n" not in sentence
 
 
 @pytest.mark.parametrize("target", ["host", *CORTEX])

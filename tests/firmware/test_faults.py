@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from test_chain_program import CHANNELS, rows_of, stream
 
-from flexspline.certification.building import firmware_folder
+from flexspline.certification.program import firmware_folder
 from flexspline.model import Model
 
 Array = NDArray[np.float64]

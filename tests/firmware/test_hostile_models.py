@@ -14,7 +14,7 @@ import flexspline
 from flexspline.effects import effect
 from flexspline.errors import InputError
 from flexspline.exporting import export, namespace_of
-from flexspline.exporting.cpp_names import OF_THE_C_LIBRARY
+from flexspline.exporting.cpp_text import OF_THE_C_LIBRARY
 from flexspline.logs.log import Log
 from flexspline.model import Model, Part
 

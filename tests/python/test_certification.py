@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 import flexspline
-from flexspline.certification.cycles import instruction_cost
-from flexspline.certification.differences import Output, differences, same_bits
-from flexspline.certification.on_device import derived_on_device
-from flexspline.certification.rows import CHANNELS, RESULT, ROW, rows_of
+from flexspline.certification.certifying import derived_on_device
+from flexspline.certification.program import CHANNELS, RESULT, ROW, instruction_cost, rows_of
+from flexspline.certification.result import Output, differences, same_bits
 from flexspline.logs.log import Log
 
 OUTPUTS = {"torque": Output(0, "Nm", 4)}

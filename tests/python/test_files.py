@@ -68,7 +68,7 @@ def test_a_kill_in_the_middle_of_any_write_leaves_a_whole_file(tmp_path: Path) -
 def test_nothing_of_ours_writes_a_file_in_place() -> None:
     """Every writer goes through `flexspline.files`, but for scratch and drafts of its folders."""
     package = Path(flexspline.__file__).parent
-    drafts = {"certification/running.py", "demo.py", "reproduce/run.py"}
+    drafts = {"certification/program.py", "demo.py", "reproduce/run.py"}
     found = set()
     for file in sorted(package.rglob("*.py")):
         for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):

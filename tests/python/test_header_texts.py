@@ -18,8 +18,8 @@ from hypothesis import strategies as st
 
 from flexspline.effects import CATALOGUE, effect
 from flexspline.errors import InputError
-from flexspline.exporting.cpp_names import WORDS
 from flexspline.exporting.cpp_text import (
+    WORDS,
     comment,
     identifier,
     include,

@@ -1,4 +1,4 @@
-"""What a data sheet says of a torque sensor, from loading and unloading runs, in %FS.
+"""Accuracy of a torque sensor in data-sheet terms, from loading and unloading runs, in %FS.
 
 Let D be the reading less the reference, averaged at each level of the reference, up: on rising
 legs, down: on falling ones. All figures are largest values over the levels, divided by the full
@@ -14,7 +14,7 @@ scale.
                         and [ISO2011] call it reversibility error, and divide by the actual value)
     repeatability       largest less least D at the same reference approached from the same side,
                         over the cycles
-    combined error      |D| of any single leg: what all of them make of one reading
+    combined error      |D| of any single leg: the total error of one reading
 
 Sources: [ISA1979] (R1993), the terms "linearity", "hysteresis", "repeatability" and
 "accuracy, measured"; [VDI2008]; [JCGM2012] (VIM) 2.21, 2.39. What a set of runs cannot
@@ -22,11 +22,9 @@ show is None with the reason: there is no hysteresis without unloading, no repea
 second cycle. zhang_disturbance_elimination §4.3 describes loading in one direction only, yet
 prints 0.903 % of hysteresis; that 0.878 % and 0.903 % are percent of 70 Nm is our reading.
 
-Rising and falling legs of a channel, and the points of a calibration on them.
-
-A leg ends where the channel turns back by more than the noise: an elastic-plastic element of
-half-width `slack` follows it, and does not move before. So plateaus, ramps, and noise on either
-give the same legs, and steps, wherever they are, need no list of levels.
+A leg ends where the reference turns back by more than its noise: an elastic-plastic element of
+half-width `slack` follows the channel and does not move before. Plateaus, ramps and their noise
+give the same legs, and steps need no list of levels.
 """
 
 from __future__ import annotations

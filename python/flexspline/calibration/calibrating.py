@@ -1,6 +1,6 @@
-"""`calibrate`: from voltage, temperature and a reference to estimators with errors.
+"""`calibrate`: from voltage, temperature and a reference torque to estimators with standard errors.
 
-Runs, regression, estimators, figures, and what is wrong with them, in this order.
+In this order: runs, regression, estimators, accuracy, warnings.
 """
 
 from __future__ import annotations

@@ -1,10 +1,12 @@
-"""From volts to torque: parameters that people read, with errors, and the joint's estimators.
+"""Parameters of a calibration with standard errors, and the joint's estimators made of them.
+
+The regression is in volts (`calibration/regression.py`); in torque
 
     k = 1/s,   zero = −v₀/s,   c_k = −d_k/s,   g = −h/s
 
-to first order, from the covariance of (s, v₀, d_k, h, lag): all of them lean on s, and their
-errors are correlated through it. In volts, zhang_disturbance_elimination (11):
-A′₀ … A′_n, the drift as a polynomial in T itself, is a linear map of (v₀, d_k) about T₀.
+to first order, with errors from the covariance of (s, v₀, d_k, h, lag): all of them depend on s,
+which correlates their errors. In volts, zhang_disturbance_elimination (11): A′₀ … A′_n, the drift
+as a polynomial in T itself, is a linear map of (v₀, d_k) about T₀.
 """
 
 from __future__ import annotations

@@ -1,36 +1,31 @@
-"""The regression of a calibration, by the sums, the solver and the noise model of fits.
-
-The voltage is regressed on the reference, not the reference on the voltage as (25) has it: the
-reference is the trusted one, and noise in a regressor pulls its coefficient towards zero by
-noise²/(noise² + signal²), however long the log. Noise of the voltage (amplifier, ripple, converter)
-then only widens the errors; k = 1/s. What noise of the reference does is small, and reported.
-
-The thermal lag is a shape: an outer search around the linear solve, as in `fit.shapes`.
-
-The rows of the regression: what the bridge's voltage is made of.
+"""The regression of a calibration, with the sums, solver and noise model of fits.
 
     V = s τ + v₀ + Σ_k d_k (T_b − T₀)^k + h (T − T_b),      k = 1 … degree
 
 This is zhang_disturbance_elimination (10) solved for V, and (11) where τ = 0. The drift's columns
-come from the core's compensation, fed with one coefficient at a time, so that what is fitted is
-what runs on the joint.
+come from the core's compensation, fed with one coefficient at a time, so the fitted columns are
+those that run on the joint.
 
-What a sensor does beyond a straight line, for the noise model alone.
+The voltage is regressed on the reference, not the reference on the voltage as (25) has it: the
+reference is the trusted one, and noise in a regressor attenuates its coefficient by
+noise²/(noise² + signal²), however long the log. Noise of the voltage (amplifier, ripple, converter)
+then only widens the errors; k = 1/s. The effect of noise in the reference is small, and reported.
 
-Bend and hysteresis repeat with every cycle: they are figures of the sensor, not noise. Left in the
-residual they would pass for very slow noise, and the errors of k and zero would be those of an
-experiment in which the sensor is bent another way each time. So the noise is that which is left
+The thermal lag is a shape: an outer search around the linear solve, as in
+`least_squares/shapes.py`.
+
+Noise model. Nonlinearity and hysteresis repeat with every cycle: they are properties of the sensor,
+not noise. Left in the residual they would pass for very slow noise, and the errors of k and zero
+would be those of an experiment in which the sensor differs each time. So the noise is estimated
 beside a square, a cube, and elastic-plastic elements in series (Prandtl and Ishlinskii) of the
-reference; the coefficients themselves, and what is said of their errors' size, are those of the
-straight line. Reference and temperature enter without their own noise, as centres of plays that
-they pull along: a noise model that whitens strongly would otherwise explain noise by noise.
+reference; the coefficients themselves, and the size of their errors, are those of the straight
+line. Reference and temperature enter denoised, as centres of plays that they pull along: a noise
+model that whitens strongly would otherwise explain noise by noise.
 
-Residuals on rows that the regression never saw.
-
-Whole runs are left out where there are at least four and the others still hold load and
-temperature, else contiguous blocks. The lag is found again for each, within a factor of four of
-that of all: the sums of blocks at a grid of lags serve every fold, a parabola through the best
-three says where between them.
+Validation. Whole runs are held out where there are at least four and the others still hold load and
+temperature, else contiguous blocks. The lag is estimated again for each fold, within a factor of
+four of that of all rows: sums of blocks at a grid of lags serve every fold, and a parabola through
+the best three interpolates.
 """
 
 from __future__ import annotations

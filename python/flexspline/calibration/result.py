@@ -1,4 +1,4 @@
-"""What a calibration found: its runs with their legs and points, and what is to be said of it."""
+"""The result of a calibration: its runs with their legs and points, and its warnings."""
 
 from __future__ import annotations
 

@@ -1,19 +1,42 @@
-"""A certificate: what a device computes with a model, against the host, and what it costs."""
+"""A certificate: a device's outputs against the host's, the cost of a step, both as text and HTML.
+
+Outputs are compared in bits, in units in the last place (ULP), and in their own unit.
+"""
 
 from __future__ import annotations
 
+import html
 import json
 import os
-from collections.abc import Mapping
+import textwrap
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from flexspline.about import __version__
-from flexspline.certification.differences import OutputDifference
+import numpy as np
+from numpy.typing import NDArray
 
-__all__ = ["Certificate", "Cost", "OutputDifference"]
+from flexspline.about import __version__
+from flexspline.formatting import short
+
+__all__ = [
+    "CHAIN_OUTPUTS",
+    "Certificate",
+    "Cost",
+    "Output",
+    "OutputDifference",
+    "differences",
+    "same_bits",
+]
 
 VERSION = 1
+
+Results = NDArray[np.void]
+
+MARKS = ("contact", "flags", "faults", "missed", "status")
+
+WIDTH = 100
+HEAD = ("output", "unit", "samples", "other bits", "largest ULP", "largest", "float costs", "RMS")
 
 
 @dataclass(frozen=True)
@@ -145,11 +168,202 @@ class Certificate:
         return f"<Certificate of {self.certified} on {self.device}: {same}>"
 
     def __str__(self) -> str:
-        from flexspline.certification.text import certificate_text
 
         return certificate_text(self)
 
     def _repr_html_(self) -> str:
-        from flexspline.certification.text import certificate_html
 
         return certificate_html(self)
+
+
+@dataclass(frozen=True)
+class Output:
+    """One of the values of a result: its place, unit, and the bit in `missed` of its stage.
+
+    `estimator` is the key of the stage in the plan; empty for those that have none.
+    """
+
+    place: int
+    unit: str
+    stage: int = 0
+    estimator: str = ""
+
+
+CHAIN_OUTPUTS = {
+    "temperature": Output(0, "°C", 1, "thermistor"),
+    "sensor_torque": Output(1, "Nm", 4, "sensor"),
+    "external_torque_sensor": Output(2, "Nm", 4, "sensor"),
+    "external_torque_observer": Output(3, "Nm", 8, "observer"),
+    "external_torque_compliance": Output(4, "Nm", 16, "compliance"),
+    "external_torque_compliant_observer": Output(5, "Nm", 128, "compliant_observer"),
+    "external_torque_merged": Output(6, "Nm", 32, "merge"),
+}
+
+
+@dataclass(frozen=True)
+class OutputDifference:
+    """One output of the device against the host's runs.
+
+    Parameters
+    ----------
+    name, unit : of the output.
+    samples : in which the device has it.
+    different : in how many of all samples its bits are not the host's.
+    largest_ulp : largest difference from the host's float, in units in the last place.
+    largest : the same in the output's unit.
+    quantisation, quantisation_rms : largest and RMS difference from the host's double, which has
+        the log's own numbers, not rounded: what float costs.
+    """
+
+    name: str
+    unit: str
+    samples: int
+    different: int
+    largest_ulp: int
+    largest: float
+    quantisation: float
+    quantisation_rms: float
+
+
+def differences(
+    outputs: Mapping[str, Output], device: Results, single: Results, double: Results
+) -> tuple[OutputDifference, ...]:
+    """Return the outputs that the device has in some sample, each against the host's two runs."""
+    found = []
+    for name, output in outputs.items():
+        good = (device["status"] == 0) & ((device["missed"] & output.stage) == 0)
+        if good.any():
+            values = (run["values"][:, output.place] for run in (device, single, double))
+            both = good & (double["status"] == 0) & ((double["missed"] & output.stage) == 0)
+            found.append(_difference(name, output, good, both, *values))
+    return tuple(found)
+
+
+def same_bits(device: Results, single: Results) -> bool:
+    """Whether values, marks and verdict are the same in each sample."""
+    values = np.array_equal(_ordered(device["values"]), _ordered(single["values"]))
+    return values and all(np.array_equal(device[name], single[name]) for name in MARKS)
+
+
+def _difference(
+    name: str,
+    output: Output,
+    good: NDArray[np.bool_],
+    both: NDArray[np.bool_],
+    device: NDArray[np.float32],
+    single: NDArray[np.float32],
+    double: NDArray[np.float64],
+) -> OutputDifference:
+    apart = np.abs(_ordered(device) - _ordered(single))
+    with np.errstate(invalid="ignore"):
+        torques = np.abs(device.astype(np.float64) - single)
+        cost = np.abs(device[both].astype(np.float64) - double[both])
+    return OutputDifference(
+        name,
+        output.unit,
+        samples=int(good.sum()),
+        different=int(np.count_nonzero(apart)),
+        largest_ulp=int(apart.max(initial=0)),
+        largest=float(np.max(torques, initial=0.0, where=np.isfinite(torques))),
+        quantisation=float(cost.max(initial=0.0)),
+        quantisation_rms=float(np.sqrt(np.mean(cost**2))) if cost.size else 0.0,
+    )
+
+
+def _ordered(values: NDArray[np.float32]) -> NDArray[np.int64]:
+    """Floats as whole numbers in their order, one apart where they are neighbours.
+
+    −0 and 0 are one apart, for their bits differ; NaN, whose bits a processor may choose, is one.
+    """
+    bits = np.ascontiguousarray(values).view(np.uint32).astype(np.int64)
+    bits[np.isnan(values)] = 0x7FC00000
+    sign = np.int64(0x80000000)
+    return np.where(bits >= sign, sign - 1 - bits, bits)
+
+
+def certificate_text(made: Certificate) -> str:
+    """Return what `print(certificate)` shows."""
+    rows = [HEAD, *_rows(made)]
+    wide = [max(len(row[k]) for row in rows) for k in range(len(HEAD))]
+    table = [
+        "  ".join(
+            f"{c:<{w}}" if k < 2 else f"{c:>{w}}"
+            for k, (c, w) in enumerate(zip(row, wide, strict=True))
+        ).rstrip()
+        for row in rows
+    ]
+    said = [
+        textwrap.fill(sentence, WIDTH, initial_indent="- ", subsequent_indent="  ")
+        for sentence in _sentences(made)
+    ]
+    return "\n".join([*textwrap.wrap(_verdict(made), WIDTH), "", *table, "", *said])
+
+
+def certificate_html(made: Certificate) -> str:
+    """Return the same as a fragment of HTML, for notebooks light and dark."""
+
+    def row(cells: Sequence[str], tag: str) -> str:
+        return "<tr>" + "".join(f"<{tag}>{html.escape(c)}</{tag}>" for c in cells) + "</tr>"
+
+    body = "".join(row(cells, "td") for cells in _rows(made))
+    notes = "".join(f"<li>{html.escape(sentence)}</li>" for sentence in _sentences(made))
+    return (
+        f"<div><b>{html.escape(_verdict(made))}</b><table>{row(HEAD, 'th')}{body}</table>"
+        f"<ul>{notes}</ul></div>"
+    )
+
+
+def _verdict(made: Certificate) -> str:
+    what = "the estimators" if made.certified == "estimators" else f"the model of {made.certified}"
+    where = made.device if made.machine is None else f"{made.device} (QEMU {made.machine})"
+    if made.bit_identical:
+        return f"{where} computes {what} with the host's bits in all {made.samples} samples."
+    worst = made.largest_difference
+    apart = "flags or verdicts differ"
+    if worst.largest_ulp > 0:
+        size = f"{worst.largest_ulp} ULP, {short(worst.largest, 3)} {worst.unit}"
+        apart = f"{worst.name} differs by up to {size}"
+    return (
+        f"{where} does NOT compute {what} with the host's bits: {apart}; compile with "
+        "-ffp-contract=off and without -ffast-math."
+    )
+
+
+def _rows(made: Certificate) -> list[tuple[str, ...]]:
+    return [
+        (
+            output.name,
+            output.unit,
+            str(output.samples),
+            str(output.different),
+            str(output.largest_ulp),
+            *(short(v, 3) for v in (output.largest, output.quantisation, output.quantisation_rms)),
+        )
+        for output in made.outputs
+    ]
+
+
+def _sentences(made: Certificate) -> list[str]:
+    cost, costly = made.cost, made.quantisation
+    said = [
+        f"float instead of double, readings rounded too, costs {costly.name} at most "
+        f"{short(costly.quantisation, 3)} {costly.unit}, {short(costly.quantisation_rms, 3)} RMS"
+    ]
+    if cost.instructions_per_step is not None:
+        most = "" if cost.most_instructions is None else f", at most {cost.most_instructions}"
+        count = f"{cost.instructions_per_step:.0f}"
+        said.append(f"{count} instructions per step{most} ({cost.instructions_by})")
+    if cost.cycles_per_step is not None:
+        said.append(f"about {cost.cycles_per_step:.0f} cycles per step ({cost.cycles_by})")
+    sizes = {"code": cost.code_bytes, "flash": cost.flash_bytes, "RAM": cost.ram_bytes}
+    sizes["stack"] = cost.stack_bytes
+    known = [f"{name} {size} bytes" for name, size in sizes.items() if size is not None]
+    if known:
+        said.append(f"{', '.join(known)} (stack: {cost.stack_by})")
+    if cost.calls:
+        said.append(f"calls of the compiler's libraries: {', '.join(cost.calls)}")
+    if made.refused:
+        said.append(f"{made.refused} of {made.samples} samples were refused by the step")
+    options = " ".join(made.options)
+    said.append(f"{made.processor}; {made.compiler} {options}")
+    return [*said, *made.notes]

@@ -8,10 +8,9 @@ import click
 
 from flexspline.about import __version__
 from flexspline.cli.calibrate import command as calibrate
-from flexspline.cli.compare import compare
 from flexspline.cli.contract import Commands
 from flexspline.cli.demo import demo, reproduce
-from flexspline.cli.discover import discover
+from flexspline.cli.discover import compare, discover
 from flexspline.cli.export import certify, export
 from flexspline.cli.fit import fit
 from flexspline.cli.logs import check, convert

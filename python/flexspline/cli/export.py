@@ -1,6 +1,6 @@
-"""What leaves for a controller: `flexspline export`, and `flexspline certify`.
+"""`flexspline export` and `flexspline certify`: a model for a controller.
 
-`certify` says whether a device computes what the analysis promised, and what it costs.
+`certify` compares the device's results with the analysis, and measures their cost.
 """
 
 from __future__ import annotations

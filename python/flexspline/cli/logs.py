@@ -1,6 +1,6 @@
-"""Runs alone: `flexspline check`, the audit before any fit, and `flexspline convert`.
+"""`flexspline check` and `flexspline convert`: runs without a model.
 
-`convert` makes a run of a foreign file and a column map.
+`check` is the audit before any fit; `convert` makes a run of a foreign file and a column map.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Options that several commands share, how their values are written, and the runs they name.
+"""Options that several commands share, the format of their values, and the runs they name.
 
-Help texts list what there is: effects and repairs.
+Help texts list the effects and repairs that exist.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""What a model says of a run: `flexspline predict`, `flexspline estimate`, `flexspline simulate`.
+"""`flexspline predict`, `flexspline estimate` and `flexspline simulate`: a model applied to runs.
 
-`predict` puts it beside what was measured, `estimate` runs the production chain, and `simulate`
-drives the model forward from the inputs of the run.
+`predict` compares the model with the measured target, `estimate` runs the production chain, and
+`simulate` drives the model forward from the inputs of the run.
 """
 
 from __future__ import annotations
@@ -108,7 +108,7 @@ def predict(
 
 def _bits() -> tuple[str, list[tuple[str, str]]]:
     """Every bit of the status column."""
-    from flexspline.estimation.status import MEANING
+    from flexspline.estimation.result import MEANING
 
     return "Status, a sum of", [(str(int(bit)), meaning) for bit, meaning in MEANING.items()]
 

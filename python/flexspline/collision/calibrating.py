@@ -5,24 +5,22 @@ the thresholds that its tail makes plausible the highest (below), so that with t
 confidence its rate is no more than its share. The paper's rule, the largest value times a margin
 (0.0255 → 0.03 Nm: 1.18), stands beside it: it states no rate, and grows with the log's length. Υ
 of (22) is a vector: a threshold for each joint, and here for each direction and band of speed.
-Source: zhang_disturbance_elimination (22), §4.4.
+Source: zhang_disturbance_elimination (22), §4.4. Where logs are too short for a tail, the
+threshold is the largest value of free motion times a margin.
 
-Short logs need a margin on the largest value of free motion.
-
-How often a residual that nobody touches exceeds a threshold that it has never reached.
-
-Peaks over a level u, one for each cluster (exceedances closer than the declustering time are one
-event), follow a generalised Pareto law; how many there are, a Poisson law:
+The rate at which a residual without contact exceeds a threshold that it never reached is
+extrapolated. Peaks over a level u, one for each cluster (exceedances closer than the declustering
+time are one event), follow a generalised Pareto law; their number, a Poisson law:
 
     rate(x) = ζ (1 + ξ (x − u) / σ)^(−1/ξ)        1/h
 
 A confidence interval of a threshold or a rate is its range over all (ξ, σ, ζ) whose likelihood is
 not too far below the best: deviance below the χ² quantile with two degrees of freedom, the joint
 region of ξ and σ. That is wider than the profile likelihood's one degree, for a finite level leaves
-a bias that no likelihood knows of. The tail of Gaussian noise looks shorter at any level than it
-is (ξ < 0, and 0 in the limit), so what is plausible with ξ ≥ 0 alone counts as plausible too. The
-clusters' counts vary more than Poisson's where the residual's spread changes; ζ's share of the
-deviance is divided by their dispersion. Sources: [Coles2001], An Introduction to
+a bias that the likelihood does not contain. The tail of Gaussian noise looks shorter at any level
+than it is (ξ < 0, and 0 in the limit), so what is plausible with ξ ≥ 0 alone counts as plausible
+too. The clusters' counts vary more than Poisson's where the residual's spread changes; ζ's share of
+the deviance is divided by their dispersion. Sources: [Coles2001], An Introduction to
 Statistical Modeling of Extreme Values, ch. 4, 5; [FerroSegers2003] on declustering.
 """
 

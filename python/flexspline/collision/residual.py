@@ -1,6 +1,6 @@
-"""What a detector watches: the residuals of runs, and where a joint stands still.
+"""Residuals that a collision detector is calibrated on, and the rows in which a joint stands still.
 
-A detector is calibrated on residuals, or on logs whose estimate is the residual.
+They are given, or estimated from logs.
 """
 
 from __future__ import annotations

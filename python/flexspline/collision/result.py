@@ -1,12 +1,10 @@
-"""Thresholds, what they promise, what that promise rests on, and how late contacts are found.
-
-How late a contact is found, and which contacts are found at all.
+"""The result of a detector's calibration: thresholds, false alarms, and the delay of a detection.
 
 A torque F that sets in at once reaches the observer's output as F (1 − e^(−K t)), so with the
 threshold Υ
 
-    found after     t = −ln(1 − Υ / F) / K          for F > Υ, never otherwise
-    found at all    F ≥ Υ / (1 − e^(−K d))          for a contact that lasts d
+    detected after  t = −ln(1 − Υ / F) / K          for F > Υ, never otherwise
+    detected at all F ≥ Υ / (1 − e^(−K d))          for a contact that lasts d
 
 to which the detector adds up to one period. Noise σ of the residual moves the threshold that has to
 be passed for a detection with probability P to Υ + z(P) σ, z the normal quantile.

@@ -1,14 +1,14 @@
-"""How large the residual is in each band of each covariate, against the noise floor there.
+"""RMSE of the residual in each band of each covariate, against the noise floor there.
 
-In band k with residual r, and e what is left when everything that it follows is taken out:
+In band k with residual r, and e what remains when everything that it depends on is taken out:
 
     RMSE² = mean r²,   floor² = mean e² · (1 + swallowed),   excess² = RMSE² − floor²
 
-Where the noise of what is measured is known, it is the floor instead.
-Where the velocity is too noisy for the model's friction, the floor is at least the floor of all
-rows plus what that noise does to the prediction. Errors count the noise's memory.
+Where the noise of what is measured is known, it is the floor instead. Where the velocity is too
+noisy for the model's friction, the floor is at least the floor of all rows plus what that noise
+does to the prediction. Errors include the noise's autocorrelation.
 
-Of one thing that the residual follows, the place on its axis where it is at work.
+Of each covariate that the residual depends on, the range is located in which it does.
 """
 
 from __future__ import annotations

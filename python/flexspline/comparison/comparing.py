@@ -1,7 +1,6 @@
 """`compare`: where a model and logs disagree, against the noise floor.
 
-Where a simulation is the base, the model is a part without effects, whose prediction is the
-simulation's.
+Against a simulation, the model is a part without effects, whose prediction is the simulation's.
 """
 
 from __future__ import annotations

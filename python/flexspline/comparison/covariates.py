@@ -1,13 +1,10 @@
-"""What a disagreement may depend on, each as bins, and as cells: a bin in one direction.
+"""Covariates of a disagreement, each as bins, and as cells: a bin in one direction of motion.
 
-A mean over both directions would hide friction, which changes its sign with the direction.
+A mean over both directions would hide friction, which changes its sign with the direction. Edges of
+bins are round numbers, with enough rows between them.
 
-Edges of bins are round numbers, with enough rows between them.
-
-Orders of what turns, as something that a residual may depend on.
-
-Orders are found in the residual by `flexspline.orders` (noise alone names one in a hundred
-logs). What they explain is a cosine and a sine for each order, direction by direction.
+Orders are covariates too: they are found in the residual by `flexspline.orders` (noise alone names
+one in a hundred logs), and explain a cosine and a sine for each order, direction by direction.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What the noise remembers, and so how many independent rows a cell is worth.
+"""Autocorrelation of the noise, and the effective sample size of a cell.
 
 The noise is autoregressive (`least_squares/noise_model.py`), fitted to what `search.py` leaves of
 the residual where the joint moves. With its autocorrelation ρ_h and A_j(h) pairs of rows h apart
@@ -6,7 +6,7 @@ that are both in cell j
 
     var(mean of cell j) = s_j² / n_j² Σ_h ρ_h A_j(h) = s_j² τ_j / n_j
 
-and n_j / τ_j rows are independent. A_j is counted at a few lags and taken as straight between.
+and n_j / τ_j rows are independent. A_j is counted at a few lags and interpolated linearly between.
 The mean square has the same with ρ_h² (Gaussian noise), times 2. Source: [Bartlett1946]. Where
 means of long batches scatter more than the model says, the sums of ρ are that much larger.
 """

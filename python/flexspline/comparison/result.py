@@ -1,10 +1,7 @@
-"""What a comparison found: prints, draws itself, and is plain data.
+"""The result of a comparison: printed, drawn, and as plain data.
 
-`comparison.json` holds the same numbers for scripts, by the contract of the command line.
-
-Two sentences that say where measurement and model disagree most, made of the numbers.
-
-They say where, never why: a cause is not named here.
+`comparison.json` holds the same numbers for scripts, by the contract of the command line. Two
+sentences state where measurement and model disagree most, not why: they name no cause.
 """
 
 from __future__ import annotations

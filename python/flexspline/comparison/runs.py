@@ -1,14 +1,8 @@
-"""What a comparison is made of: measured and modelled values of each run.
+"""The rows that a comparison works on: measured and modelled values of all runs, side by side.
 
-Prediction and forward simulation both end here; whatever follows does not know which it was.
-
-The rows of all runs that are compared, side by side.
-
-Comparing motion: the model driven forward from the inputs of each run.
-
-An angle's noise floor is known before: it is what its encoder reads at rest. What is left once all
-that the residual follows is taken out would be no floor, for a simulation that drifts is off by
-something that no channel shows.
+The modelled values are a prediction, or a forward simulation from the inputs of each run. An angle
+that was simulated has a known noise floor, that of its encoder at rest; the remainder after all
+covariates would be none, for a simulation that drifts is off by something that no channel shows.
 """
 
 from __future__ import annotations

@@ -1,27 +1,22 @@
-"""What the residual follows, one thing after the other, and what is left: the noise floor.
+"""Covariates that the residual depends on, selected one by one, and the noise floor that remains.
 
-Each round tests every covariate on what is left e, cell by cell:
+Each round tests every covariate on the remaining residual e, cell by cell:
 
     m_j mean of e in cell j,   s_j its spread there,   error_j = s_j √(τ_j / n_j)
-    (few rows know their spread badly: it is then drawn to that of all rows)
+    (with few rows the spread is uncertain: it is then shrunk towards that of all rows)
     t_j = max(|m_j| − a_j, 0) / error_j,   a_j what the velocity's noise may shift it by
     chance = 1 − (1 − p_min)^cells           gain = Σ n_j (m_j² − error_j² − a_j²) / N
 
 The largest gain wins (of near equals the simplest), all winners are fitted together, and the next
 round starts, until no chance is below α / covariates or no gain matters. Noise alone, whatever
-its colour, ends in the first round.
+its colour, ends in the first round. Orders are looked for in the residual, and again in what
+remains once it follows something else.
 
-From runs to what their residual follows.
-
-Orders are looked for in the residual, and again in what is left once it follows something else.
-
-What is left of the residual on rows that a table of cells never saw.
-
-The noise's memory must be fitted to something that neither holds the structure that is looked for
-(it would pass for memory) nor lacks the noise that a fit swallows (memory would be too short). So
-cells are learned on seven eighths of each run, in short blocks, and taken out of the rest, one
-covariate after the other, as long as that makes the rows that were left out quieter. Cells that
-hold nothing but noise make them louder and are not used.
+The noise model must be fitted to a residual that neither holds the structure that is searched for
+(it would pass for autocorrelation) nor lacks the noise that a fit absorbs (the autocorrelation
+would be too short). So cells are learned on seven eighths of each run, in short blocks, and
+subtracted from the rest, one covariate after the other, as long as that reduces the residual of the
+held-out rows. Cells that hold nothing but noise increase it and are not used.
 """
 
 from __future__ import annotations
@@ -187,7 +182,7 @@ def _spread(local: Array, worth: Array, everywhere: float) -> Array:
 def search(
     rows: Rows, covariates: Sequence[Covariate], turning: Turning, test: CellTests
 ) -> Search:
-    """Find what the residual follows; see the head of this file."""
+    """Find what the residual follows; see the module docstring."""
     steps: list[Step] = []
     rest = rows.residual
     chances: dict[str, float] = {}

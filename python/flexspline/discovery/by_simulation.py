@@ -1,23 +1,20 @@
-"""`discover` by simulation: from a search in the forward simulation to a `Discovery`.
+"""`discover` by simulation: missing effects searched for in the forward simulation.
 
-All errors are of the output's angle [rad], driven from the first row to the end by fits that never
-counted the row. The noise floor is what its encoder resolves: no simulation gets below it, and what
-is left above it is said to be unexplained.
-
-What a drive lacks where only its motion is measured: searched in the forward simulation.
+All errors are of the output's angle [rad], driven from the first row to the end by fits that held
+the row out. The noise floor is the resolution of its encoder: no simulation gets below it, and
+what remains above it is reported as unexplained.
 
 Each effect of the catalogue that can be driven forward is fitted beside the base by the motion
 (`output_error/fitting.py`), from the base's own optimum and from the regression's. Those that lower
-the error most are fitted again without each fold, and one is named where the rows that its fits
-never counted are missed by less, run by run:
+the error most are fitted again without each fold, and one is named where the error of the held-out
+rows decreases, run by run:
 
     d_r = ln(RMS_r of the base / RMS_r with it)        t = mean(d) √n / s(d)
 
 with Student's t of n − 1 degrees of freedom and one chance in twenty shared among all candidates.
-Rows of one run are no news of each other, so runs (blocks, of fewer than four) are what counts. Of
-those that the same d does not tell by two standard errors from the one with the lowest held-out
-error, the one with the fewest terms is taken, and the others are said. Then the search goes on
-from there.
+Rows of one run are not independent, so runs (blocks, of fewer than four) are the units. Of the
+candidates within two standard errors of d from the one with the lowest held-out error, the one with
+the fewest terms is chosen, and the others are reported. Then the search goes on from there.
 """
 
 from __future__ import annotations

@@ -1,24 +1,24 @@
-"""What a candidate gains beside a model, what it has to gain, and what holds on held-out folds.
+"""Evidence for a candidate beside a model: its Δχ², significance threshold, and held-out score.
 
-The gain is the fall of squares over σ² when columns join the model: χ² with as many degrees of
-freedom as there are columns where nothing is there. Of m candidates, each in v forms, the best
-reaches the χ² of probability α / (m v) by chance in a share α of all logs; that is the price that
-each pays, so that effects with many columns or forms and those with few compete on equal terms. A
-single coefficient whose sign physics tells has half that chance. A ripple pays for each order that
-it takes, out of all that it may have.
+The gain Δχ² is the decrease of the sum of squares over σ² when columns join the model: under the
+null hypothesis χ² with as many degrees of freedom as there are columns. Of m candidates, each in v
+forms, the best reaches the χ² of probability α / (m v) by chance in a share α of all logs; that is
+the significance threshold of each, so that effects with many columns or forms and those with few
+compete on equal terms. A single coefficient whose sign physics determines has half that chance. The
+threshold of a ripple counts each order that it takes, out of all that it may have.
 
 Springs of a hysteresis all brake: what they explain lies in the cone that their columns span with
-coefficients of one sign. Chance finds less in a cone than in the whole space: with G the products
-of the columns and c ~ N(0, G) their pulls where nothing is there,
+coefficients of one sign. Chance explains less in a cone than in the whole space: with G the
+products of the columns and c ~ N(0, G) their gradients under the null hypothesis,
 
     P(gain > s) = Σ_j w_j P(χ²_j > s),     w_j: probability that j coefficients are not zero
 
 (chi-bar squared). Columns that are alike span a narrow cone, in which nearly one is free. Source:
 [SilvapulleSen2005], Constrained Statistical Inference, section 3.4.
 
-How well the other folds predict one is counted with how well they can know it: a fold may go where
-no other went, to a joint's angle or a temperature, and a plain error there would condemn every
-right effect. They predict the density N(X_f β, σ² (1 + X_f A⁻¹ X_fᵀ)). With A = G + Λ (products
+The held-out score of a fold includes the uncertainty of its prediction: a fold may reach an angle
+or a temperature that no other has, where a plain error would reject every right effect. The other
+folds predict the density N(X_f β, σ² (1 + X_f A⁻¹ X_fᵀ)). With A = G + Λ (products
 over σ², prior), b = Xᵀy,
 
     2 ln p(y_f | others) = m(all) − m(all but f),     m = bᵀ A⁻¹ b − ln |A|     (+ y_f alone)

@@ -1,4 +1,4 @@
-"""Faults of the data, looked for before any physics, and how much each of them matters.
+"""Faults of the data, looked for before any physics, and the error that each of them induces.
 
 A fault of size r [target's unit, RMS] beside a noise floor σ raises the error from σ to √(σ² + r²).
 One that raises it by less than a hundredth is worth knowing, and no reason to reject a name.
@@ -6,17 +6,15 @@ One that raises it by less than a hundredth is worth knowing, and no reason to r
     delay of a velocity          r: prediction with the velocity as recorded less with the right one
     rows that repeat others      r: each is wrong by one step of the target, √(share · mean step²)
 
-What another fault makes of the target is not known, and it counts as grave. Where the rows read a
-velocity that is derived from a position, the recorded one has made nothing of what is found: it
+The induced error of another fault is not known, and it counts as critical. Where the rows read a
+velocity that is derived from a position, the recorded one does not affect the result: its fault
 matters to whoever reads it, and the sentence says so.
 
-The clock of a load cell: by how much a known load is recorded later than the target.
-
-A load L that is late by d leaves, to first order,
+The clock of a load cell may be late. A load L that is late by d leaves, to first order,
 
     d · c(t),     c = −L′ ∂(y − X β)/∂L
 
-of target y and model X β. What may be missing follows the load too, so d is estimated beside
+of target y and model X β. Missing effects may depend on the load too, so d is estimated beside
 everything that may be missing: all candidates of the search and flexible functions of every
 channel [FrischWaugh1933], before any name is looked for. The delay of a recorder is the same in
 all folds: their scatter is part of its error. Names that are found later make it more precise,

@@ -1,17 +1,17 @@
-"""What a discovery found: prints, reports itself, and is plain data.
+"""The result of a discovery: printed, reported, and as plain data.
 
-How likely a name is right: its weight among all that may stand behind what it explains.
+The probability that a name is right is its weight among all causes of what it explains:
 
     p = 1 / (1 + n + l + (1 − s) x + exp(−e / 2)),    at most 99 %
 
 Besides the name, of weight one, there are its n aliases, each as good; a cause outside the
 catalogue, by what functions of the channels gain beside it (l, over its gain) and, where that is
 enough to be said to be unexplained (x from 0 at once that share to 1 at twice), as far as they take
-its own gain from it (a share 1 − s); and chance, by what it gains above its price, e in χ². Weights
-of explanations that runs cannot tell apart are equal: p is rather too low than too high.
+its own gain from it (a share 1 − s); and chance, by its Δχ² above the significance threshold, e.
+Weights of indistinguishable explanations are equal: p is rather too low than too high.
 
-`Motion` is base and extended model driven forward through folds that no fit saw: each starts from
-its measured state and is driven by its inputs alone.
+`Motion` is base and extended model driven forward through held-out folds: each starts from its
+measured state and is driven by its inputs alone.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ __all__ = [
 
 
 def confidence(gain: float, above: float, survives: float, left: float, aliases: int) -> float:
-    """Return the probability that a name is right; gains in χ², see the head of this file.
+    """Return the probability that a name is right; gains in χ² (see the module docstring).
 
     Parameters
     ----------

@@ -1,24 +1,25 @@
-"""Which effects are missing: added one after the other, each beside all others.
+"""Forward selection of missing effects, with removal and exchange of earlier ones.
 
 Each round refits the shapes of the model, offers every candidate in its best form beside it, and
 takes the best that
 
-- gains more than its price (`evidence.py`: the family of candidates is accounted for),
-- gains half as much on left-out folds too,
+- exceeds its significance threshold (`evidence.py`: the family of candidates is accounted for),
+- gains half as much on held-out folds too,
 - gains more than the form of a name may miss (`missed`),
 - is physically possible (`physics.py`).
 
-What was best alone need not be best beside others: after each step a name that no longer pays goes,
-and one is exchanged for another, one for two, or two for one, where that explains more above its
-price. All of these are asked of one table of products, and only the best is fitted.
+What was best alone need not be best beside others: after each step a name that is no longer
+significant is removed, and one is exchanged for another, one for two, or two for one, where that
+explains more above its threshold. All of these are computed from one Gram matrix, and only the best
+is fitted.
 
 No form is exact: what a named effect's own misses is a share of all that it explains, and beside a
 large effect that is as much as a small one explains.
 
 Where an effect is plain in a tenth of an hour, it need not be looked for in all of it: a first
-search goes over short stretches spread evenly over the logs. What it found is where the search on
-all rows begins; that refits everything, may take names back, and adds what only all rows show. So
-every gain and price that is reported is one of all rows.
+search goes over short segments spread evenly over the logs. The search on all rows starts from its
+result; it refits everything, may reject names, and adds what only all rows show. So every gain and
+threshold that is reported is one of all rows.
 """
 
 from __future__ import annotations

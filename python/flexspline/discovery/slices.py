@@ -1,4 +1,4 @@
-"""Where the gap was, and where it shrank, on folds that no fit saw.
+"""Held-out residuals by slices of the data: where the gap was, and where it shrank.
 
 A single RMSE hides that friction fails at reversals, drift when it is hot, and a compliant joint
 under load. So the same held-out residuals, of the base and of the extended model, are sorted by

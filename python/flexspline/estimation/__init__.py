@@ -1,7 +1,6 @@
 """The production chain over a log: what the joint computes, sample by sample."""
 
 from flexspline.estimation.chain import estimate
-from flexspline.estimation.result import Estimate
-from flexspline.estimation.status import Status
+from flexspline.estimation.result import Estimate, Status
 
 __all__ = ["Estimate", "Status", "estimate"]

@@ -1,10 +1,13 @@
-"""What the chain made of a log."""
+"""The result of `estimate`: its columns, the bits of their status, and both as text and HTML."""
 
 from __future__ import annotations
 
+import html
 import os
-from collections.abc import Mapping
+import textwrap
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from enum import IntFlag
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
@@ -12,13 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.errors import InputError, did_you_mean, listed
-from flexspline.estimation.status import Status
+from flexspline.formatting import short
 from flexspline.rendering import render
 
 if TYPE_CHECKING:
     import pandas
 
-__all__ = ["COLUMNS", "Estimate"]
+__all__ = ["COLUMNS", "MEANING", "Estimate", "Status"]
 
 Array = NDArray[np.float64]
 
@@ -34,6 +37,10 @@ COLUMNS = {
     "contact": "0/1",
     "status": "bits",
 }
+
+WIDTH = 100
+MOST_CONTACTS = 5
+HEAD = ("column", "unit", "mean", "least", "most", "empty rows")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -122,15 +129,136 @@ class Estimate:
         return f"<Estimate of '{self.name}': {len(self)} rows, {listed(self.columns)}>"
 
     def __str__(self) -> str:
-        from flexspline.estimation.text import estimate_text
 
         return estimate_text(self)
 
     def _repr_html_(self) -> str:
-        from flexspline.estimation.text import estimate_html
 
         return estimate_html(self)
 
     def plot(self) -> Any:
         """Return a figure: the external torques over time, contacts shaded, flags below."""
         return render("estimate", "figure", self)
+
+
+class Status(IntFlag):
+    """Bits of the column `status`; 0 is a row in which every stage of the model did its work.
+
+    A bit that begins with NO stands for a stage whose estimate is empty in this row: a channel
+    that it reads is missing, not finite or out of range. Only stages that the model holds
+    set one. A bit that ends with FAULT is of a reading that the model's checks took out, or that
+    they found beside another one.
+    """
+
+    EXTRAPOLATED = 1
+    SATURATED = 2
+    NO_TEMPERATURE = 4
+    NO_SENSOR = 8
+    NO_OBSERVER = 16
+    NO_COMPLIANCE = 32
+    NO_MERGED = 64
+    NO_CONTACT = 128
+    RESTARTED = 256
+    NO_COMPLIANT_OBSERVER = 512
+    NO_VELOCITY = 1024
+    SENSOR_FAULT = 2048
+    MOTOR_FAULT = 4096
+    SPEED_FAULT = 8192
+    MOTION_FAULT = 16384
+    ENCODERS_FAULT = 32768
+    TORQUES_FAULT = 65536
+    TEMPERATURE_FAULT = 131072
+
+
+MEANING = {
+    Status.EXTRAPOLATED: "voltage or temperature lies outside the range of the calibration",
+    Status.SATURATED: "the torsion is at the end of the compliance model: its torque is held there",
+    Status.NO_TEMPERATURE: "no temperature",
+    Status.NO_SENSOR: "no external torque from the sensor",
+    Status.NO_OBSERVER: "no torque from the observer",
+    Status.NO_COMPLIANCE: "no torque from the compliance",
+    Status.NO_MERGED: "no merged torque",
+    Status.NO_CONTACT: "contact is not decided",
+    Status.NO_COMPLIANT_OBSERVER: "no torque from the observer of the link",
+    Status.NO_VELOCITY: "no velocity from the angle: it is missing, or its filter starts",
+    Status.SENSOR_FAULT: "the sensor's voltage or torque is out of its range and was taken out",
+    Status.MOTOR_FAULT: "the motor's torque is out of its range and was taken out",
+    Status.SPEED_FAULT: "the joint cannot be so fast: angle or velocity were taken out",
+    Status.MOTION_FAULT: "angle and velocity disagree: both were taken out",
+    Status.ENCODERS_FAULT: "both encoders disagree: angles and velocity were taken out",
+    Status.TORQUES_FAULT: "sensor and observer disagree on the external torque",
+    Status.TEMPERATURE_FAULT: "temperature or thermistor is out of its range and was taken out",
+    Status.RESTARTED: "observer, lags and detector start here: the first row, or one behind a gap",
+}
+
+
+def estimate_text(made: Estimate) -> str:
+    """Return what `print(estimate)` shows."""
+    rows = [HEAD, *_rows(made)]
+    wide = [max(len(row[k]) for row in rows) for k in range(len(HEAD))]
+    table = ["  ".join(_padded(row, wide)).rstrip() for row in rows]
+    said = [
+        textwrap.fill(sentence, WIDTH, initial_indent="- ", subsequent_indent="  ")
+        for sentence in _sentences(made)
+    ]
+    return "\n".join([_title(made), "", *table, *([""] if said else []), *said])
+
+
+def estimate_html(made: Estimate) -> str:
+    """Return the same as a fragment of HTML, for notebooks light and dark."""
+
+    def row(cells: Sequence[str], tag: str) -> str:
+        return "<tr>" + "".join(f"<{tag}>{html.escape(c)}</{tag}>" for c in cells) + "</tr>"
+
+    body = "".join(row(cells, "td") for cells in _rows(made))
+    notes = "".join(f"<li>{html.escape(sentence)}</li>" for sentence in _sentences(made))
+    return (
+        f"<div><b>{html.escape(_title(made))}</b><table>{row(HEAD, 'th')}{body}</table>"
+        f"<ul>{notes}</ul></div>"
+    )
+
+
+def _title(made: Estimate) -> str:
+    time = made["time"]
+    return f"Estimate of {made.name}: {len(made)} rows, {time[-1] - time[0]:.6g} s"
+
+
+def _rows(made: Estimate) -> list[tuple[str, ...]]:
+    found = []
+    for name, data in made.columns.items():
+        if name in ("time", "contact", "status"):
+            continue
+        good = data[np.isfinite(data)]
+        sizes = (good.mean(), good.min(), good.max()) if good.size else (np.nan,) * 3
+        empty = len(data) - good.size
+        found.append((name, COLUMNS[name], *(short(float(s), 4) for s in sizes), str(empty)))
+    return found
+
+
+def _padded(row: Sequence[str], wide: Sequence[int]) -> list[str]:
+    return [
+        f"{c:<{w}}" if k < 2 else f"{c:>{w}}"
+        for k, (c, w) in enumerate(zip(row, wide, strict=True))
+    ]
+
+
+def _sentences(made: Estimate) -> list[str]:
+    """Contacts, what is flagged and in how many rows, then the notes."""
+    said = []
+    if "contact" in made:
+        said.append(_contacts(made))
+    status = made.status
+    for bit, meaning in MEANING.items():
+        rows = int(np.count_nonzero(status & int(bit)))
+        if rows:
+            said.append(f"status {int(bit)} in {rows} of {len(made)} rows: {meaning}")
+    return [*said, *made.notes]
+
+
+def _contacts(made: Estimate) -> str:
+    found = made.contacts
+    if not found:
+        return "no contact"
+    first = ", ".join(f"{start:.4g}–{end:.4g} s" for start, end in found[:MOST_CONTACTS])
+    more = f" and {len(found) - MOST_CONTACTS} more" if len(found) > MOST_CONTACTS else ""
+    return f"{len(found)} contact{'s' if len(found) > 1 else ''}: {first}{more}"

@@ -1,4 +1,4 @@
-"""What runs tell of a question: information, that is the square of the t that is expected.
+"""Information of runs on a question: the square of the t that is expected.
 
 A question has a signal, a sum of columns, and columns beside which it has to stand. With G the
 products of all whitened columns over σ², summed over runs, and s the signal's weights,
@@ -6,24 +6,20 @@ products of all whitened columns over σ², summed over runs, and s the signal's
     t² = s' G s − (G s)_b' G_bb⁻¹ (G s)_b            b: the model and a rival, in any of its forms
 
 A named effect against a rival has its fitted coefficients as weights: t is that of its noise-free
-term after model and rival are taken out. A parameter has the weight one on its own column: t is
+term after model and rival are projected out. A parameter has the weight one on its own column: t is
 the inverse of the standard error that is expected. G of recorded and of planned runs add up.
 
-The recorded noise as a run of another rate sees it.
-
-An autoregressive noise has the spectrum σ² / |A(e^{iω})|². What of it lies below half of a coarser
-rate has the autocovariance
+The noise is that of the recorded runs, at the rate of the planned one. An autoregressive noise has
+the spectrum σ² / |A(e^{iω})|². Its part below half of a coarser rate has the autocovariance
 
     r_k = (1 / π) ∫_0^{π/m} σ² / |A(e^{iω})|² cos(ω m k) dω
 
-at every m-th row, and is autoregressive again (Yule and Walker), so that a slow excitation tells
-as much at the coarser rate as at the one that was recorded.
+at every m-th row, and is autoregressive again (Yule and Walker), so that a slow excitation holds
+as much information at the coarser rate as at the recorded one.
 
-Where the recorded runs fit worse, planned ones will too: noise by speed.
-
-Around reversals a model of friction is least exact, and the residual there is not small noise. The
-innovation variance of each band of speed, over that of all rows where it is larger, is what a row
-at that speed is worth less.
+Around reversals a model of friction is least exact, and the residual there is larger than the
+noise. Where the innovation variance of a band of speed exceeds that of all rows, planned rows at
+that speed are weighted by the inverse of the ratio.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The run to record next: a sentence, a trajectory, and what it would settle."""
+"""The run to record next: a summary, a trajectory, and the questions that it would settle."""
 
 from __future__ import annotations
 

@@ -1,10 +1,9 @@
-"""From what is confounded to the run that settles it.
-
-The best run of the family: scored one by one, the best refined.
+"""The search for the run that best resolves what is confounded, within limits.
 
 A run is worth Σ ln(1 + t²) over all questions, with t as it would be with the recorded runs and
-this one: to settle one question that was open is worth more than to settle another twice. Of two
-that tell the same the plainer one is taken.
+this one: to settle one question that was open is worth more than to settle another twice. The runs
+of the family are scored one by one, and the best is refined. Of two with the same information the
+simpler one is chosen.
 """
 
 from __future__ import annotations

@@ -1,12 +1,11 @@
-"""A planned run as a log: what is commanded, and what follows from it in a recording.
+"""A planned run as a log: the commanded trajectory, and the channels that a recording would have.
 
-Motor torque is what the drive of the recorded runs would need for it.
+The motor torque is what the drive of the recorded runs would need for the motion.
 
-Load and temperature of a run: levels at which its motion is repeated, or slow changes under it.
-
-A part of a run has a load that stands or goes to and fro as a cosine, and a temperature that
-stands or rises exponentially. Between parts the joint rests while the load changes. Parts at
-different temperatures are runs of their own, with a gap between them in the file's time.
+Load and temperature stand at levels, at which the motion is repeated, or change slowly under it: a
+part of a run has a load that is constant or a cosine, and a temperature that is constant or rises
+exponentially. Between parts the joint rests while the load changes. Parts at different temperatures
+are runs of their own, with a gap between them in the file's time.
 """
 
 from __future__ import annotations

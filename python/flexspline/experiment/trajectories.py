@@ -1,4 +1,4 @@
-"""The runs that labs record, each kind a map from numbers in [0, 1] to a path within limits.
+"""Trajectories that labs record, each kind a map from numbers in [0, 1] to a path within limits.
 
     strokes       to and fro at three constant speeds
     sines         a sum of three sines
@@ -6,11 +6,8 @@
     holds         rests at several places, each reached from both sides
     rest          at one place
 
-Every path returns to where it began, so that it can be repeated at another load or temperature.
-
-Paths of the output angle that start and end at rest, with velocity and acceleration.
-
-A path of pulses is made of accelerations a(s) = A sin²(π s / T), one behind the other:
+Every path starts and ends at rest at the same angle, so that it can be repeated at another load or
+temperature. A path of pulses is made of consecutive accelerations a(s) = A sin²(π s / T):
 
     v(s) = A (s/2 − T/4π sin 2πs/T),     q(s) = A (s²/4 + T²/8π² (cos 2πs/T − 1))
 

@@ -1,5 +1,87 @@
-"""A model as a C++ header, as the bytes that replace a header's numbers, or as JSON."""
+"""Export of a model: as JSON, as a C++ header for the core, or as parameters for a program."""
 
-from flexspline.exporting.exporting import FORMATS, export, export_warnings, namespace_of
+from __future__ import annotations
+
+import os
+import warnings
+from dataclasses import replace
+from pathlib import Path
+
+from flexspline.errors import FlexsplineWarning, InputError, did_you_mean
+from flexspline.exporting.block import block_bytes
+from flexspline.exporting.cpp_text import namespace_name
+from flexspline.exporting.header import header_text
+from flexspline.files import atomic_write
+from flexspline.model import PART_OF, Model, part_warnings, refuse_warnings
 
 __all__ = ["FORMATS", "export", "export_warnings", "namespace_of"]
+
+FORMATS = ("header", "binary", "json")
+
+
+def export(
+    model: Model,
+    path: str | os.PathLike[str],
+    format: str = "header",
+    target: str | None = None,
+    scalar: str = "float",
+    strict: bool = False,
+) -> Path:
+    """Write a model for use outside Python, whole or not at all.
+
+    Parameters
+    ----------
+    model : what `fit` or `Model.load` gives.
+    path : file to write; its stem is the header's namespace.
+    format : "header", constants for a C++20 program in float or double; "binary", the parameters
+        alone, which replace those of a program compiled with such a header (flexspline/block.hpp);
+        or "json", the same file as `Model.save` writes.
+    target : which part, such as "sensor_torque"; None picks the only one for a header, and
+        keeps all in JSON.
+    scalar : "float" or "double", the numbers of a binary block.
+    strict : refuse what is otherwise warned of.
+
+    Returns
+    -------
+    The path.
+
+    Raises
+    ------
+    InputError
+        For an unknown format, scalar or target, a number that the core cannot hold, or a path that
+        cannot be written; with `strict` for what is otherwise warned of.
+
+    Warns
+    -----
+    FlexsplineWarning
+        Of signs that no drive has, of terms that are not significant and of parameters at a bound.
+    """
+    if format not in FORMATS:
+        near = did_you_mean(format, FORMATS)
+        raise InputError(f"there is no export format '{format}'{near}; give {' or '.join(FORMATS)}")
+    said = export_warnings(model, target)
+    if strict:
+        refuse_warnings(said)
+    for sentence in said:
+        warnings.warn(sentence, FlexsplineWarning, stacklevel=2)
+    if format == "header":
+        atomic_write(path, header_text(model, namespace_of(path), target))
+    elif format == "binary":
+        atomic_write(path, block_bytes(model, scalar, target))
+    elif target is None:
+        model.save(path)
+    else:
+        part = model.part(target)
+        replace(model, parts={PART_OF[part.target]: part}).save(path)
+    return Path(path)
+
+
+def export_warnings(model: Model, target: str | None) -> list[str]:
+    """Return what `export` warns of: of one part, or of all where a model is exported whole."""
+    parts = [model.part(target)] if target is not None else model.parts.values()
+    return [sentence for part in parts for sentence in part_warnings(part)]
+
+
+def namespace_of(path: str | os.PathLike[str]) -> str:
+    """Return the stem of a path as a C++ namespace: "joint 7.hpp" is "joint_7"."""
+    return namespace_name(Path(path).stem)

@@ -18,7 +18,7 @@ from flexspline.effects import Effect
 from flexspline.errors import InputError
 from flexspline.estimation.plan import Plan, plan_of
 from flexspline.estimators import Thermistor
-from flexspline.exporting.header_model import by_motor_encoder
+from flexspline.exporting.header import by_motor_encoder
 from flexspline.exporting.header_stages import LIMITS
 from flexspline.model import Model, Part
 from flexspline.signals import gear_of

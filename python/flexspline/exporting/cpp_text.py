@@ -1,21 +1,25 @@
-"""The one door through which text leaves for C++: names, literals, includes and comments.
+"""All text that an export writes into C++: names, numbers, strings, includes and comments.
 
 A model file is data that somebody else wrote. Whatever its texts hold, an exported header has the
 declarations that its writers put there and no others: what becomes a name is refused unless it is
-one, what becomes a string is escaped, and what becomes a comment stays within its line.
+one, what becomes a string is escaped, and what becomes a comment stays within its line. A namespace
+that would clash with C++ or the C library gets the ending `_model`.
 """
 
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from pathlib import PurePath
+from typing import Any
 
 from flexspline.errors import InputError, shortened
-from flexspline.exporting.cpp_names import WORDS, is_taken
 
 __all__ = [
-    "boolean",
+    "OF_THE_C_LIBRARY",
+    "WORDS",
     "comment",
+    "gear_text",
     "identifier",
     "include",
     "literal",
@@ -25,11 +29,96 @@ __all__ = [
     "whole",
 ]
 
+LARGEST_RATIO = 2**30
 LARGEST = float.fromhex("0x1.fffffep+127")  # the largest float
 LONGEST = 64  # characters of a name
 IDENTIFIER = re.compile(r"(?!.*__)[A-Za-z][A-Za-z0-9_]*")
 HEADER = re.compile(r"(?!.*\.\.)[A-Za-z0-9_][A-Za-z0-9_.-]*(/[A-Za-z0-9_][A-Za-z0-9_.-]*)*")
 PLAIN = re.compile(r"[ !#->@-\[\]-~]")  # of ASCII, without quote, question mark and backslash
+
+# Keywords of C++20, and the namespaces that an exported header needs.
+_WORDS = """
+alignas alignof and and_eq asm auto bitand bitor bool break case catch char char16_t char32_t
+char8_t class co_await co_return co_yield compl concept const const_cast consteval constexpr
+constinit continue decltype default delete do double dynamic_cast else enum explicit export extern
+false float for friend goto if inline int long main mutable namespace new noexcept not not_eq
+nullptr operator or or_eq private protected public register reinterpret_cast requires return short
+signed sizeof static static_assert static_cast std struct switch template this thread_local throw
+true try typedef typeid typename union unsigned using virtual void volatile wchar_t while xor
+xor_eq flexspline
+"""
+WORDS = frozenset(_WORDS.split())
+
+# Global names of the C library: functions, types and macros of one lower-case word that g++ finds
+# to clash with a namespace behind the headers of C and those that libstdc++ includes on Linux.
+# Those of another precision, such as gammaf, are told by their ending.
+_C_LIBRARY = """
+a64l abort abs access acct acos acosh alarm alloca arc4random asctime asin asinh asprintf assert
+atan atan2 atanh atexit atof atoi atol basename bcmp bcopy be16toh be32toh be64toh brk bsearch
+btowc bzero c16rtomb c32rtomb c8rtomb cabs cacos cacosh calloc canonicalize carg casin casinh
+catan catanh cbrt ccos ccosh ceil cexp chdir chown chroot cimag clearenv clearerr clock clog
+clog10 clone close closefrom confstr conj copysign cos cosh cpow cproj creal crypt csin csinh
+csqrt ctan ctanh ctermid ctime cuserid daddl daemon daylight ddivl dfmal difftime div dmull
+dprintf drand48 drem dsqrtl dsubl dup dup2 dup3 duplocale dysize eaccess ecvt endusershell environ
+erand48 erf erfc errno euidaccess execl execle execlp execv execve execveat execvp execvpe exit
+exp exp10 exp2 expm1 fabs faccessat fadd fchdir fchown fchownat fclose fcloseall fcvt fdatasync
+fdim fdiv fdopen feclearexcept fedisableexcept feenableexcept fegetenv fegetexcept fegetexceptflag
+fegetmode fegetround feholdexcept feof feraiseexcept ferror fesetenv fesetexcept fesetexceptflag
+fesetmode fesetround fetestexcept fetestexceptflag feupdateenv fexecve fflush ffma ffs fgetc
+fgetpos fgetpos64 fgets fgetwc fgetws fileno finite flockfile floor fma fmax fmaximum fmaxmag
+fmemopen fmin fminimum fminmag fmod fmul fopen fopen64 fopencookie fork fpathconf fpclassify
+fprintf fputc fputs fputwc fputws fread free freelocale freopen freopen64 frexp fromfp fromfpx
+fscanf fseek fseeko fseeko64 fsetpos fsetpos64 fsqrt fsub fsync ftell ftello ftello64 ftruncate
+ftruncate64 ftrylockfile funlockfile fwide fwprintf fwrite fwscanf gamma gcvt getc getchar getcpu
+getcwd getdate getdelim getdomainname getdtablesize getegid getentropy getenv geteuid getgid
+getgroups gethostid gethostname getline getloadavg getlogin getopt getpagesize getpass getpayload
+getpgid getpgrp getpid getppid getpt getresgid getresuid getsid getsubopt gettid getuid
+getusershell getw getwc getwchar getwd gmtime grantpt gsignal htobe16 htobe32 htobe64 htole16
+htole32 htole64 hypot ilogb imaxabs imaxdiv index initstate isalnum isalpha isascii isatty isblank
+iscanonical iscntrl isctype isdigit iseqsig isfinite isgraph isgreater isgreaterequal isinf isless
+islessequal islessgreater islower isnan isnormal isprint ispunct issignaling isspace issubnormal
+isunordered isupper iswalnum iswalpha iswblank iswcntrl iswctype iswdigit iswgraph iswlower
+iswprint iswpunct iswspace iswupper iswxdigit isxdigit iszero itimerspec j0 j1 jn jrand48 kill
+killpg l64a labs lchown lcong48 lconv ldexp ldiv le16toh le32toh le64toh lerp lgamma link linkat
+linux llabs lldiv llogb llrint llround localeconv localtime lockf lockf64 log log10 log1p log2
+logb longjmp lrand48 lrint lround lseek lseek64 malloc mblen mbrlen mbrtoc16 mbrtoc32 mbrtoc8
+mbrtowc mbsinit mbsnrtowcs mbsrtowcs mbstowcs mbtowc memccpy memchr memcmp memcpy memfrob memmem
+memmove mempcpy memrchr memset mkdtemp mkostemp mkostemp64 mkostemps mkostemps64 mkstemp mkstemp64
+mkstemps mkstemps64 mktemp mktime modf mrand48 nan nanosleep nearbyint newlocale nextafter
+nextdown nexttoward nextup nice nrand48 obstack offsetof optarg opterr optind optopt pathconf
+pause pclose perror pipe pipe2 popen pow pread pread64 printf profil pselect psiginfo psignal
+ptsname putc putchar putenv puts putw putwc putwchar pwrite pwrite64 qecvt qfcvt qgcvt qsort raise
+rand random rawmemchr read readlink readlinkat realloc reallocarray realpath remainder remove
+remquo rename renameat renameat2 revoke rewind rindex rint rmdir round roundeven rpmatch sbrk
+scalb scalbln scalbn scanf seed48 select setbuf setbuffer setdomainname setegid setenv seteuid
+setgid sethostid sethostname setjmp setlinebuf setlocale setlogin setns setpayload setpayloadsig
+setpgid setpgrp setregid setresgid setresuid setreuid setsid setstate setuid setusershell setvbuf
+sigaction sigaddset sigaltstack sigandset sigblock sigcontext sigdelset sigemptyset sigevent
+sigfillset siggetmask sighold sigignore siginterrupt sigisemptyset sigismember siglongjmp sigmask
+signal signbit signgam significand sigorset sigpause sigpending sigprocmask sigqueue sigrelse
+sigreturn sigset sigsetjmp sigsetmask sigstack sigsuspend sigtimedwait sigval sigwait sigwaitinfo
+sin sincos sinh sleep snprintf sprintf sqrt srand srand48 srandom sscanf ssignal stderr stdin
+stdout stpcpy stpncpy strcasecmp strcasestr strcat strchr strchrnul strcmp strcoll strcpy strcspn
+strdup strdupa strerror strfromd strfromf strfromf128 strfromf32 strfromf32x strfromf64
+strfromf64x strfroml strfry strftime strlen strncasecmp strncat strncmp strncpy strndup strndupa
+strnlen strpbrk strptime strrchr strsep strsignal strspn strstr strtod strtof strtof128 strtof32
+strtof32x strtof64 strtof64x strtoimax strtok strtol strtold strtoq strtoul strtoumax strtouq
+strverscmp strxfrm swab swprintf swscanf symlink symlinkat sync syncfs syscall sysconf system tan
+tanh tcgetpgrp tcsetpgrp tempnam tgamma tgkill time timegm timelocal timespec timeval timex
+timezone tm tmpfile tmpfile64 tmpnam toascii tolower totalorder totalordermag toupper towctrans
+towlower towupper trunc truncate truncate64 ttyname ttyslot tzname tzset ualarm ufromfp ufromfpx
+uint ulong ungetc ungetwc unix unlink unlinkat unlockpt unsetenv unshare uselocale ushort usleep
+valloc vasprintf vdprintf vfork vfprintf vfscanf vfwprintf vfwscanf vhangup vprintf vscanf
+vsnprintf vsprintf vsscanf vswprintf vswscanf vwprintf vwscanf wcpcpy wcpncpy wcrtomb wcscasecmp
+wcscat wcschr wcschrnul wcscmp wcscoll wcscpy wcscspn wcsdup wcsftime wcslen wcsncasecmp wcsncat
+wcsncmp wcsncpy wcsnlen wcsnrtombs wcspbrk wcsrchr wcsrtombs wcsspn wcsstr wcstod wcstof wcstof128
+wcstof32 wcstof32x wcstof64 wcstof64x wcstoimax wcstok wcstol wcstold wcstombs wcstoq wcstoul
+wcstoumax wcstouq wcswcs wcswidth wcsxfrm wctob wctomb wctrans wctype wcwidth wmemchr wmemcmp
+wmemcpy wmemmove wmempcpy wmemset wprintf write wscanf y0 y1 yn
+"""
+OF_THE_C_LIBRARY = frozenset(_C_LIBRARY.split())
+_PRECISION = re.compile(r"(f|l|f32|f32x|f64|f64x|f128)$")
+_RESERVED = re.compile(r".*_t|posix|std[0-9]+")
 
 
 def identifier(text: str) -> str:
@@ -119,7 +208,30 @@ def boolean(value: bool) -> str:
     return "true" if value else "false"
 
 
+def gear_text(gear: Mapping[str, Any]) -> str:
+    """A gear of `gear_of` as C++."""
+    ratio = gear["effective_ratio"]
+    if not 0 < ratio <= LARGEST_RATIO:
+        raise InputError(f"gear_ratio gives an effective ratio of {ratio}; give one in 0 to 2^30")
+    return (
+        f"flexspline::Gear<S>::from_ratio({number(ratio, 'effective_ratio')}, "
+        f"flexspline::OutputSpline::{identifier(gear['output_spline'])},\n"
+        f"                                    "
+        f"/*motor_encoder=*/{boolean(gear['motor_encoder'])})"
+    )
+
+
 def _escaped(letter: str) -> str:
     if PLAIN.fullmatch(letter):
         return letter
     return "".join(f"\\{byte:03o}" for byte in letter.encode(errors="replace"))
+
+
+def is_taken(name: str) -> bool:
+    """Whether a namespace of this name would clash with the language or the C library."""
+    return (
+        name in WORDS
+        or name in OF_THE_C_LIBRARY
+        or _PRECISION.sub("", name) in OF_THE_C_LIBRARY
+        or _RESERVED.fullmatch(name) is not None
+    )

@@ -1,23 +1,40 @@
-"""A part of a model as a C++ header that compiles with the core's headers alone."""
+"""A model as a C++ header that compiles with the core's headers alone.
+
+It holds one part as constants, the chain of the model's estimators as a `flexspline::Joint` that is
+ready to step, or both. Comments give units, standard errors, validity and an example call.
+"""
 
 from __future__ import annotations
 
 import hashlib
+import math
 import textwrap
 from collections.abc import Iterator, Mapping
 from typing import Any
 
 from flexspline.about import __version__
-from flexspline.errors import InputError, shortened
-from flexspline.estimation.plan import Plan, plan_of
-from flexspline.exporting.cpp_text import comment, identifier, include, literal, string_literal
-from flexspline.exporting.header_chain import chain_head, chain_includes, chain_lines
-from flexspline.exporting.header_model import by_motor_encoder, model_lines
+from flexspline.effects import Effect, TermInfo, unit_in
+from flexspline.errors import InputError, listed, shortened
+from flexspline.estimation.plan import Plan, made_by, plan_of, reads_of
+from flexspline.estimators import ESTIMATORS
+from flexspline.exporting.cpp_text import (
+    comment,
+    gear_text,
+    identifier,
+    include,
+    literal,
+    string_literal,
+    whole,
+)
+from flexspline.exporting.header_stages import stage_lines
+from flexspline.formatting import plus_minus
 from flexspline.logs.channels import CHANNELS
+from flexspline.logs.derive import lateness
 from flexspline.model import MARGIN, Model, Part, widened
+from flexspline.signals import gear_of
 from flexspline.simulator import Simulated
 
-__all__ = ["header_text"]
+__all__ = ["by_motor_encoder", "header_text"]
 
 MEANING = {
     "sensor_torque": "what the sensor reads beside the load: true torque = sensor_torque - this",
@@ -47,6 +64,26 @@ UNITS = {name: channel.unit for name, channel in CHANNELS.items()} | {"known_loa
 COUNTED = {
     "period": ("s", "since the last sample whose status was ok; any at the first"),
     "time": ("s", "since the run began, as in the logs"),
+}
+
+READINGS = {
+    "thermistor_voltage": "V",
+    "temperature": "deg C",
+    "sensor_voltage": "V",
+    "sensor_torque": "Nm",
+    "output_velocity": "rad/s",
+    "output_acceleration": "rad/s^2",
+    "motor_torque": "Nm at the motor's shaft",
+    "time": "s since the run began",
+}
+ANGLES = {"output_position": "q", "motor_position": "theta"}
+RESULTS = {
+    "sensor": "external_sensor",
+    "observer": "external_observer",
+    "compliance": "external_compliance",
+    "compliant_observer": "external_compliant_observer",
+    "merge": "external_merged",
+    "collision": "contact",
 }
 
 
@@ -256,3 +293,195 @@ def _comment(paragraphs: Iterator[str]) -> Iterator[str]:
     for text in map(comment, paragraphs):
         pieces = [text] if text.startswith("  ") else textwrap.wrap(text, 96) or [""]
         yield from (f"// {piece}".rstrip() for piece in pieces)
+
+
+def chain_includes(plan: Plan) -> set[str]:
+    """Headers of the core that the chain's constants need."""
+    effects = (effect for part in plan.models.values() if part for effect in part.effects)
+    return {f"flexspline/effects/{effect.name}.hpp" for effect in effects if effect.terms}
+
+
+def chain_head(plan: Plan, namespace: str) -> Iterator[str]:
+    """Paragraphs on the chain for the comment at the top."""
+    planned = {*plan.preprocessing, *plan.sensing, *plan.estimating}
+    stages = [key for key in ESTIMATORS if key in planned]
+    yield f"Estimates, by {', '.join(stages)}: external torque in Nm at the output, outward."
+    made = _made(plan)
+    if made:
+        how = lateness(plan.preprocessing["differentiator"]["bandwidth"])
+        names = listed(sorted(made, reverse=True))
+        yield f"Makes {names} from output_position: {how.replace('−', '-')}."
+    yield ""
+    yield "Once per control period, the same options of the compiler:"
+    yield ""
+    yield f"    {namespace}::Joint<float>::State state;  // lives on; {{}} after a gap"
+    yield f"    {namespace}::Joint<float>::Chain::Output out;  // lives on: last good values"
+    yield ""
+    yield "    flexspline::Reading<float> in;  // what is not read stays as it is: missing"
+    yield "    in.period = period;  // s since the last reading"
+    for name, letter in ANGLES.items():
+        if name in _angles(plan):
+            yield f"    in.{name} = flexspline::Angle<float>::from_radians({letter});  // finite"
+            yield "    // better, from an encoder's counts: {turns, {fraction of a turn}}"
+    for name, unit in READINGS.items():
+        if name in _readings(plan):
+            yield f"    in.{name} = {name};  // {unit}"
+    yield f"    flexspline::Status status = {namespace}::joint<float>.step(state, in, out);"
+    for stage, name in RESULTS.items():
+        if stage in plan.estimating or (stage == "sensor" and plan.has_sensor):
+            yield f"    // out.{name}: unless"
+            yield f"    //     has(out.missed, flexspline::Stage::{stage})"
+    yield "    // has(out.flags, flexspline::Flag::extrapolated), saturated: to be known beside it"
+    if "reading_checks" in plan.preprocessing:
+        yield "    // has(out.faults, flexspline::Fault::speed), ...: what cannot be true"
+
+
+def chain_lines(model: Model, plan: Plan) -> Iterator[str]:
+    """The models between the chains, and the joint.
+
+    Raises
+    ------
+    InputError
+        Where a value of an estimator does not fit into a float; the sentence names it.
+    """
+    models = plan.models
+    for name, part in models.items():
+        if part is not None:
+            yield from model_lines(model, part, f"{name}_model")
+            yield ""
+    types = [
+        f"{name.capitalize()}Model<S>" if part is not None else "flexspline::Model<S>"
+        for name, part in models.items()
+    ]
+    sensing = {**plan.preprocessing, **plan.sensing}
+    for name, entries in (("Sensing", sensing), ("Estimating", plan.estimating)):
+        place = "up to the sensor" if name == "Sensing" else "behind the sensor"
+        yield f"/// The stages {place}; there are no others."
+        yield from stage_lines(name, entries, plan.has_sensor)
+        yield ""
+    yield "template <typename S>"
+    yield "using Joint ="
+    types += ["Sensing<S>", "Estimating<S>"]
+    yield f"    flexspline::Joint<S, {(',' + chr(10) + ' ' * 22).join(types)}>;"
+    yield ""
+    yield "template <typename S>"
+    yield "inline constexpr Joint<S> joint{"
+    yield "    .sensing = {},"
+    yield "    .estimating = {},"
+    for name, part in models.items():
+        yield f"    .{name} = {f'{name}_model<S>' if part is not None else '{}'},"
+    yield f"    .effective_ratio = {literal(plan.effective_ratio, 'effective_ratio')},"
+    yield f"    .inertia = {literal(plan.inertia, 'inertia of the observer')},  // kg m^2"
+    yield f"    .link_inertia = {literal(plan.link_inertia, 'inertia of the link')},  // kg m^2"
+    if plan.temperature_range is not None:
+        for side, value in zip(("low", "high"), plan.temperature_range, strict=True):
+            yield f"    .{side} = {literal(value, 'range of temperature')},  // deg C"
+    yield "};"
+
+
+def _made(plan: Plan) -> set[str]:
+    """Channels that the chain makes itself."""
+    entry = plan.preprocessing.get("differentiator")
+    return set() if entry is None else set(made_by(entry))
+
+
+def _angles(plan: Plan) -> set[str]:
+    found = reads_of(plan) & ANGLES.keys()
+    if "differentiator" in plan.preprocessing:
+        found.add("output_position")
+    twists = "twist" in plan.preprocessing.get("reading_checks", {})
+    return set(ANGLES) if twists or "compliance" in plan.estimating else found
+
+
+def _readings(plan: Plan) -> set[str]:
+    found = reads_of(plan) & READINGS.keys()
+    if "thermistor" in plan.sensing:
+        found = (found - {"temperature"}) | {"thermistor_voltage"}
+    elif "temperature_compensation" in plan.sensing:
+        found.add("temperature")
+    if plan.has_sensor:
+        found.add("sensor_voltage" if "calibration" in plan.sensing else "sensor_torque")
+    if plan.estimating.get("observer", {}).get("input") == "motor_torque":
+        found.add("motor_torque")
+    return found - _made(plan)
+
+
+def model_lines(model: Model, part: Part, name: str = "model") -> Iterator[str]:
+    """The constant of a part and its type: sensor_model is of the type SensorModel.
+
+    Raises
+    ------
+    InputError
+        Where a number does not fit into the core.
+    """
+    effects = [effect for effect in part.effects if effect.terms]
+    made = "".join(word.capitalize() for word in name.split("_"))
+    types = ["S", *map(type_name, effects)]
+    yield "template <typename S>"
+    yield f"using {made} ="
+    yield f"    flexspline::Model<{(chr(10) + ' ' * 22).join(f'{name},' for name in types)[:-1]}>;"
+    yield ""
+    yield "template <typename S>"
+    yield f"inline constexpr {made}<S> {name}{{"
+    yield f"    {_gear(model, part)},"
+    yield "    {"
+    yield from _parts(part, effects)
+    yield "    }};"
+
+
+def _gear(model: Model, part: Part) -> str:
+    return gear_text(gear_of(model.facts, by_motor_encoder(part)))
+
+
+def _parts(part: Part, effects: list[Effect]) -> Iterator[str]:
+    errors = {entry["name"]: entry for entry in part.record.get("parameters", ())}
+    first = 0
+    for effect in effects:
+        yield f"        flexspline::Part<S, {type_name(effect)}>{{"
+        yield f"            {{{_fields(effect)}}},"
+        yield "            {{"
+        for term, value in zip(effect.terms, part.coefficients[first:], strict=False):
+            name = f"{effect.name}.{term.name}"
+            said = _value(term, float(value), errors.get(name, {}), part)
+            yield f"                {literal(value, name)},  // {said}"
+        yield "            }}},"
+        first += len(effect.terms)
+
+
+def type_name(effect: Effect) -> str:
+    name = "".join(word.capitalize() for word in effect.name.split("_"))
+    room = f", {len(effect.harmonics)}" if effect.ripple else ""
+    return f"flexspline::{identifier(name)}<S{room}>"
+
+
+def _fields(effect: Effect) -> str:
+    """Shapes by name; of a ripple effect the orders, and behind them its shapes in their order."""
+    if effect.ripple:
+        between = ",\n" + " " * 17
+        orders = between.join(
+            f"{{{whole(order)}, flexspline::Pair::{identifier(pair)}}}"
+            for order, pair in effect.harmonics
+        )
+        shapes = "".join(
+            f", {literal(value, f'{effect.name}.{name}')}" for name, value in effect.shapes.items()
+        )
+        return f"{{{{{{{orders}}}}}, {len(effect.harmonics)}}}{shapes}"
+    return ", ".join(
+        f".{identifier(name)} = {literal(value, f'{effect.name}.{name}')}"
+        for name, value in effect.shapes.items()
+    )
+
+
+def _value(term: TermInfo, value: float, known: Mapping[str, Any], part: Part) -> str:
+    """A coefficient in words: "level 0.302 ± 0.002 Nm"."""
+    error = known.get("standard_error")
+    state = known.get("state", "fitted")
+    note = "" if state == "fitted" else f" ({state})"
+    shown = plus_minus(value, math.nan if error is None else error)
+    unit = unit_in(term.unit, part.target, part.known_load)
+    return comment(f"{term.name} {shown} {unit}{note}")
+
+
+def by_motor_encoder(part: Part) -> bool:
+    """Whether the part was fitted with the angle of a motor encoder."""
+    return "motor_position" in part.record.get("channels", ())

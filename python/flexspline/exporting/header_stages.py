@@ -9,8 +9,7 @@ from typing import Any
 
 from flexspline.errors import InputError
 from flexspline.estimators import Thermistor
-from flexspline.exporting.cpp_text import comment, identifier, literal
-from flexspline.exporting.header_model import gear_text
+from flexspline.exporting.cpp_text import comment, gear_text, identifier, literal
 
 __all__ = ["stage_lines"]
 

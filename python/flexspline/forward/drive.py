@@ -1,6 +1,6 @@
-"""What a run drives a fitted joint with: prepared once, driven as often as one likes.
+"""Inputs and initial state of a run for forward simulation of a fitted joint, prepared once.
 
-It starts at the run's first angle and velocity, and at what its motor's encoder says.
+The joint starts at the run's first angle and velocity, and at the reading of its motor's encoder.
 """
 
 from __future__ import annotations

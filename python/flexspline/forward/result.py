@@ -1,4 +1,4 @@
-"""A run that a model was driven through, beside what was measured, and in words."""
+"""The result of a forward simulation beside what was measured, and its summary as text."""
 
 from __future__ import annotations
 

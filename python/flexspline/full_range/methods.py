@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from flexspline import _core
 from flexspline.errors import InputError
-from flexspline.estimation.joint import run_joint
+from flexspline.estimation.chain import run_joint
 from flexspline.estimation.plan import Plan, plan_of
 from flexspline.estimators import Compliance, Observer
 from flexspline.full_range.torsion_part import WAVE_GENERATOR, only

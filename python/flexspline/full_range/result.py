@@ -1,6 +1,6 @@
-"""What `train` gives: a model for the full range, and how well every method did.
+"""The result of `train`: a model for the full range, and the scores of every method.
 
-Scores of torque estimates as in Table I and Fig. 7 (by speed) of full_range_torque_estimation.
+Scores are as in Table I and Fig. 7 (by speed) of full_range_torque_estimation:
 
     RMSE = √(mean e²),  bias = mean e,  variance = mean (e − bias)² = RMSE² − bias²,  e = τ̂ − τ
 

@@ -1,31 +1,24 @@
-"""What the third paper compares its transition with: three ways to estimate torque (Table I).
+"""Torque estimates that the third paper compares its transition with (Table I): gp, kalman, sd.
 
-Gaussian process (gp of Table I): scikit-learn's, on the inputs that the paper lists.
+Gaussian process (gp): scikit-learn's, on the inputs that the paper lists. They are printed as
+[q, θ, q̇, θ, τ_m]; the second θ is read as θ̇. The kernel is an anisotropic squared exponential with
+white noise, on inputs scaled to unit spread. The paper has 22070 training samples and does not say
+whether all enter the kernel (that takes 3.9 GB); here `rows` of the training logs do, evenly spread
+in time, and a share of these sets the kernel's lengths. As q and θ are nearly proportional and the
+torsion is their small difference, these inputs hide it: that is the paper's choice, not ours.
 
-The inputs are printed as [q, θ, q̇, θ, τ_m]; the second θ is read as θ̇. The process is an
-anisotropic squared exponential and white noise, on inputs scaled to unit spread. The paper has
-22070 training samples and does not say whether all enter the kernel (that takes 3.9 GB); here
-`rows` of the training logs do, evenly spread in time, and a share of these sets the kernel's
-lengths. As q and θ say almost the same and the torsion is their small difference, these inputs
-hide it: that is the paper's choice, not ours.
+Kalman filter, the rival of (19): the core's (`flexspline/estimators/kalman_merge.hpp`). The noise
+of each estimate at rest and in motion is its RMSE there on the training logs. These errors are
+autocorrelated, while the filter assumes white noise, so the wander of the torque is not taken from
+the torque but chosen for the least RMSE: only the ratio of wander and noise matters. Other rivals
+of (19) are not included. It is a complementary filter already, whose share depends on speed; an
+IMM, filters for rest and motion weighted by their likelihoods, would infer from the estimates what
+the measured speed says at once.
 
-The Kalman rival of (19): its variances from the training logs, by speed.
-
-The filter is the core's (`flexspline/estimators/kalman_merge.hpp`). The noise of each estimate at
-rest and in motion is the RMSE that it has there on the training logs. These errors have a memory,
-while the filter takes noise for white, so how fast the torque may wander is not taken from the
-torque but chosen for the least RMSE: only the ratio of wander and noise matters.
-
-Other rivals of (19) are not taken up. It is a complementary filter already, whose share depends on
-speed; an IMM, filters for rest and motion weighed by how likely each is, would tell the two apart
-by the estimates, while the speed is measured and says so at once.
-
-Structural damping (sd of Table I): the formula is the core's, its parameters from training.
-
-A reading: the paper names only its ref. 23 [Ismail2021]; see
-`flexspline/estimators/structural_damping.hpp`. The torsion has the kinematic error and the wave
-generator taken off, as for the compliance. For a time constant T the torque is linear in B and τ_0,
-so only T is searched.
+Structural damping (sd): the formula is the core's, its parameters from training. The paper names
+only its ref. 23 [Ismail2021]; our reading is in `flexspline/estimators/structural_damping.hpp`. The
+torsion has the kinematic error and the wave generator taken off, as for the compliance. For a time
+constant T the torque is linear in B and τ_0, so only T is searched.
 """
 
 from __future__ import annotations

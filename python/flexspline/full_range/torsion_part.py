@@ -1,13 +1,12 @@
-"""The model's part for torsion: made of constants, read back, and refitted in pieces.
+"""The torsion part of a model: built from constants, read back, and refitted in pieces.
 
 The effects hold the compliance as coefficients: Ñ/K_m0 for the mesh (15), 1/K_w0 for the wave
-generator (16). Here they come from the constants of Table III and go back to them.
+generator (16). The constants are those of Table III, or come from a data sheet (c1 of
+full_range_torque_estimation).
 
-Compliance of a gear from its catalogue (c1 of full_range_torque_estimation).
-
-A catalogue gives the output's stiffness in three ranges of torque, K1 to T1, K2 to T2 and K3
-above, and what a reversal loses, the lost motion (or hysteresis loss). The paper's law of the
-mesh (15) has the local stiffness
+Data sheet. A catalogue gives the output's stiffness in three ranges of torque, K1 to T1, K2 to T2
+and K3 above, and what a reversal loses, the lost motion (or hysteresis loss). The paper's law of
+the mesh (15) has the local stiffness
 
     dτ/dΔθ_m = K_m0 (1 + (c_m τ)²)
 

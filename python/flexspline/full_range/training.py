@@ -1,6 +1,6 @@
-"""`train`: choose how observer and compliance share the full range, on logs with a true torque.
+"""`train`: fit how observer and compliance share the full range, on logs with a true torque.
 
-Model, logs and methods are looked at before anything is trained.
+Model, logs and methods are checked before anything is trained.
 """
 
 from __future__ import annotations

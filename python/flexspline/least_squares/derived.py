@@ -1,17 +1,15 @@
-"""What follows from fitted parameters and has a name of its own: stiffnesses, lost motion, loops.
+"""Quantities derived from fitted parameters: stiffnesses, lost motion, and warnings of their signs.
 
 A torsion is linear in compliances, in rad/Nm; engineers and full_range_torque_estimation
 (Table III) speak of stiffnesses. Errors by the delta method, first order: gradient · β.
 
-What a fitted loop of the torsion says that no gear does, or that the runs never showed.
-
 A gear that is loaded further yields further. Just after a reversal all springs of the hysteresis
-stick, and their slope stands against the mesh's:
+stick, and their slope opposes the mesh's, so a fitted loop of a torsion is plausible where
 
     ρ(τ) = K_m0 (1 + (c_m τ)²) Σ c_k / (Ñ w_k)  < 1
 
-It is asked at the load that half of the rows stay below: towards the largest loads the law of the
-mesh stiffens without end, and so ρ of a sound gear may pass one there.
+This is tested at the load that half of the rows stay below: towards the largest loads the law of
+the mesh stiffens without end, and so ρ of a sound gear may pass one there.
 
 Source: full_range_torque_estimation (15); `flexspline/estimators/load_hysteresis.hpp`.
 """

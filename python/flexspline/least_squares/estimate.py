@@ -1,15 +1,14 @@
-"""The estimate itself: shapes around coefficients, weights and priors around both.
+"""The estimate of a fit: coefficients and shapes, robust weights, and generalised least squares.
 
-An estimate moved to the least squares of filtered rows, by Gauss and Newton.
-
-Rows move with shapes, and with coefficients where the load is the model's own, so steps are taken
-until they stand; none that raises the squares is.
-
-Weights that keep outliers and pushes from pulling a fit (Huber).
+Huber weights limit the influence of outliers and pushes:
 
     w = min(1, k s / |r|),   k = 1.345,   s = 1.4826 · median |r − median r|
 
 95 % efficient on normal noise. Source: [HuberRonchetti2009], Robust Statistics.
+
+Generalised least squares moves an estimate to the minimum on filtered rows by Gauss–Newton. Rows
+depend on shapes, and on coefficients where the load is the model's own, so steps are repeated until
+they converge; a step that raises the squares is not taken.
 """
 
 from __future__ import annotations

@@ -1,19 +1,19 @@
-"""Generalised least squares, where the model allows it, and errors of either kind of estimate.
+"""Generalised least squares where the model is adequate, and errors of either kind of estimate.
 
-In noise with memory, e = A⁻¹ w, plain least squares counts the slow part of the noise over and
-over. Filtered by A rows and target have white noise, and least squares on them is the best there
+In autocorrelated noise, e = A⁻¹ w, plain least squares treats slow noise as independent samples.
+Filtered by A rows and target have white noise, and least squares on them is the best there
 is ([Aitken1936]; A from the residual: [CochraneOrcutt1949]),
 
     β_g = (X̃ᵀX̃)⁻¹ X̃ᵀỹ,     cov β_g = σ² (X̃ᵀX̃)⁻¹,     X̃ = A X
 
-if the model is right. If it lacks something, both miss it, each in its own way, and the plain fit
-is the one that predicts. Whether that is so shows in how far they are apart [Hausman1978]:
+if the model is right. If it lacks something, both are biased, each in its own way, and the plain
+fit is the one that predicts. The distance between them tells [Hausman1978]:
 
     H = (β_g − β)ᵀ (cov β − cov β_g)⁺ (β_g − β)     χ² with the rank's degrees of freedom
 
-over the directions that generalised least squares knows better, and in rows that neither has seen,
-which a wrong model fitted to fast changes foretells worse. The test alone lets many wrong models
-pass, whose misfit looks like slow noise; the left-out rows do not.
+over the directions that generalised least squares knows better. So do held-out rows, which a wrong
+model fitted to fast changes predicts worse. The test alone lets many wrong models pass, whose
+misfit looks like slow noise; the held-out rows do not.
 """
 
 from __future__ import annotations

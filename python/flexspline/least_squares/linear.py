@@ -3,15 +3,13 @@
     min_b Σ w (y − X b)²  subject to what is fixed, bounded or known beforehand
 
 The load in the rows is the known load plus the model's own inertia and gravity, so the solve is
-repeated until these stand. Sums are plain doubles where that gives nine digits, else
+repeated until these converge. Sums are plain doubles where that gives nine digits, else
 double-double.
 
-The load that a model makes by itself, where its rounds go back and forth: Anderson's mixing.
-
 A round maps a load x to the load g(x) of the coefficients that it leads to. Where x ← g(x) does not
-settle, the last few rounds tell how the miss f = g − x follows x, and the next load is where that
-straight line has no miss: x = g − (ΔX + ΔF) w, with w the least squares solution of ΔF w = f.
-Source: [WalkerNi2011], Anderson acceleration for fixed-point iterations.
+converge, Anderson mixing takes over: the last few rounds give the slope of the residual f = g − x
+in x, and the next load is its root, x = g − (ΔX + ΔF) w, with w the least squares solution of
+ΔF w = f. Source: [WalkerNi2011], Anderson acceleration for fixed-point iterations.
 """
 
 from __future__ import annotations

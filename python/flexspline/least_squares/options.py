@@ -1,10 +1,8 @@
-"""What a fit is told beside its runs: options, and parameters that are fixed, bounded or known.
-
-Names of the parameters of a model, and what a user fixes, bounds or knows of them.
+"""Options of a fit, and its parameters by name: fixed, bounded, or known beforehand.
 
 A coefficient is called "effect.term", or by its effect alone where that has one term. A shape is
 called "effect.shape", or by the shape alone; `direction_width` is one for all friction, and the
-shape of the mesh is one for its compliance and for what temperature makes of it.
+shape of the mesh is one for its compliance and for the temperature's effect on it.
 """
 
 from __future__ import annotations

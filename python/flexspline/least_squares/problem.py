@@ -1,28 +1,23 @@
-"""What a fit explains: runs with their channels as the core wants them, and the target.
+"""The problem of a fit: runs with channels as the core takes them, the target, and valid rows.
 
-Rows that a fit must not trust: what an effect remembers from before its run, nobody knows.
-
-Each run, and each stretch behind a gap, starts an effect's memory with a guess. The rows that
-still depend on it do not count. Which rows these are depends on the shapes (a wider loop takes
+Burn-in. Each run, and each segment behind a gap, starts an effect's memory with a guess. The rows
+that still depend on it do not count. Which rows these are depends on the shapes (a wider loop takes
 longer to turn over), so a fit repeats with those of the shapes that it found; while it searches,
 the rows stay the same, for sums of squares over different rows cannot be compared.
 
-Rows in which the recorder does not resolve the motion: there a model's error says nothing.
-
-Around a reversal, and where a joint starts to move, friction changes within milliseconds. A motion
-that was smoothed up to B is blurred there, and what a model then leaves looks like friction of the
-path or of low speeds. So the rows are asked: by how much does the prediction move when the motion
-is smoothed at half its bandwidth? Where that is more than the noise of the target, the inputs do
-not say what the model should predict, and the rows do not count.
-
-The model that is asked has Coulomb and viscous friction, which turn over fastest.
+Resolution. Around a reversal, and where a joint starts to move, friction changes within
+milliseconds. A motion that was smoothed up to B is blurred there, and the residual looks like
+friction of the path or of low speeds. So each row is tested: by how much does the prediction move
+when the motion is smoothed at half its bandwidth? Where that is more than the noise of the target,
+the inputs do not determine the prediction, and the rows do not count. The model that is tested has
+Coulomb and viscous friction, which turn over fastest.
 
 Near the ends of a recording a smoother has rows on one side only: derivatives are many times as
 noisy there as elsewhere, and a value is off by another share of the curvature. Within its reach the
-rows do not count; one row of them would stand out by the jump. So it is with a load, whose slope
-tells by how much it is late, beside gaps too: what a motion is off by there, the question above
-tells, and a start of motion behind a gap may be all that shows friction at low speed. A temperature
-hardly changes within its reach.
+rows do not count; one row of them would stand out by the jump. The same holds for a load, whose
+slope gives its delay, beside gaps too. For a motion beside a gap the resolution test decides
+instead, as a start of motion behind a gap may be all that shows friction at low speed. A
+temperature hardly changes within the smoother's reach.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""What a fit found: a model, how sure it is, how good, and what each effect contributes.
+"""The result of a fit: a model, its errors, its scores, and the contribution of each effect.
 
-Effects that cannot be told apart contribute only as their sum.
+Effects that are indistinguishable contribute only as their sum.
 """
 
 from __future__ import annotations

@@ -1,6 +1,4 @@
-"""Orders of ripple that the user left open, found in the residual of everything else.
-
-Cosine and sine of one order as amplitude and phase.
+"""Orders of ripple that the user left open, found in the residual, with amplitude and phase.
 
     a cos(kx) + b sin(kx) = A cos(kx − φ),     A = √(a² + b²),  φ = atan2(b, a)
 
@@ -8,8 +6,8 @@ Errors by the delta method from the covariance C of (a, b):
 
     σ_A² = uᵀ C u,  u = (a, b)/A          σ_φ² = wᵀ C w,  w = (−b, a)/A²
 
-An order is told apart from zero where (a, b) C⁻¹ (a, b)ᵀ exceeds the 95 % point of χ² with two
-degrees of freedom.
+An order is significant where (a, b) C⁻¹ (a, b)ᵀ exceeds the 95 % point of χ² with two degrees of
+freedom.
 """
 
 from __future__ import annotations

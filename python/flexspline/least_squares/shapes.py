@@ -2,17 +2,16 @@
 
     min over shapes of  min over b of  Σ (y − X(shapes) b)²
 
-The outer function is smooth in the logarithms of the shapes but may have several valleys: a grid
-first, one shape after the other, then Gauss and Newton's steps (below) from the best point and
-from the bottoms of other valleys that the grid has seen: a Stribeck speed of 0.14 rad/s and a
-viscous line that bends at 0.9 rad/s can look alike on a coarse grid. The width of a loop leaves
-kinks in the squares, at which steps get stuck: there a bounded simplex search goes on. Who comes
-from a search has the valley already and only descends.
+The outer function is smooth in the logarithms of the shapes but may have several local minima: a
+grid first, one shape after the other, then Gauss–Newton steps (below) from the best point and from
+the bottoms of other minima that the grid has seen: a Stribeck speed of 0.14 rad/s and a viscous
+line that bends at 0.9 rad/s can look alike on a coarse grid. The width of a loop leaves kinks in
+the squares, at which steps get stuck: there a bounded simplex search goes on. A fit that starts
+from the result of a search only descends.
 Sources: [GolubPereyra1973], variable projection; [Kaufman1975], its Gauss–Newton step.
 
-How a linear fit bends with its shapes: the step of Gauss and Newton, from sums alone.
-
-Beside the columns X of a fit stands, for each shape s, what its prediction gains with ln s,
+The step needs sums alone. Beside the columns X of a fit stands, for each shape s, the derivative of
+its prediction by ln s,
 
     B_s = Σ_k β_k ∂X_k / ∂(ln s)          (difference of rows with s to either side)
 
@@ -23,13 +22,9 @@ With Q the columns X made orthonormal and r the residual, the logarithms of the 
 and the coefficients follow ([Kaufman1975], a variable projection method for solving separable
 nonlinear least squares problems). The load that a model makes by itself is held for the step.
 
-The fit seen from close by: rows, and how the prediction bends with the shapes.
-
-Near its optimum a fit with shapes is a linear one with a column more for each shape,
-∂(prediction)/∂shape. Errors, cross-validation and robust weights all use these rows, a piece of a
-log at a time.
-
-Rows and residuals of a fit filtered by A, so that noise e = A⁻¹ w is white in them.
+Near its optimum a fit with shapes is linear, with one more column ∂(prediction)/∂shape for each.
+Errors, cross-validation and robust weights use these tangent rows, a segment of a log at a time;
+they may be filtered by A, so that noise e = A⁻¹ w is white in them.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Sums of products of rows and target, a block of a second or two each: what fits are made of.
+"""Sums of products of rows and target, in blocks of a second or two: what fits are made of.
 
 Blocks are labelled with their run, can be added up in any choice, pickled and shipped. With
 `low` they are double-double: exact products, about 31 digits. A log larger than memory, or a
@@ -6,8 +6,6 @@ fleet's logs on many machines, is summed piece by piece:
 
     sums = accumulate(effects, (log.rows(slice(i, i + n)) for i in range(0, len(log), n)), target)
     sums.solve().coefficients
-
-Logs need not fit into memory: their sums are added up one after the other.
 """
 
 from __future__ import annotations

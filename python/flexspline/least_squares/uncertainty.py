@@ -11,7 +11,7 @@ too ([Satterthwaite1946]; for restricted likelihood [KenwardRoger1997]):
 
     ν = 2 / (gᵀ cov(φ) g + 2 / (n - P)),     g = ∂ log(error²) / ∂φ
 
-Naive errors, s² (XᵀX)⁻¹ as if every sample were news, are kept beside for comparison.
+Naive errors, s² (XᵀX)⁻¹, which treat samples as independent, are kept for comparison.
 """
 
 from __future__ import annotations

@@ -1,8 +1,13 @@
-"""How good a fit is: overall, in places, and on rows that it never saw.
+"""Scores of a fit: overall, by group, and cross-validated.
 
-Whole runs are left out where there are at least four, else contiguous blocks; of many runs several
-together, so that the work grows with the rows and not with rows times runs. What a fold's fit
-would be follows from sums over the other folds, around the solution of all:
+All scores are of residuals e = measured − predicted on the rows that count; the cross-validated
+ones are those to believe.
+
+    RMSE = √(mean e²),  bias = mean e,  variance = mean (e − bias)²,  R² = 1 − Σe² / Σ(y − ȳ)²
+
+Whole runs are held out where there are at least four, else contiguous blocks; of many runs several
+together, so that the work grows with the rows and not with rows times runs. A fold's fit follows
+from sums over the other folds, around the solution of all:
 
     δ = argmin Σ_other folds w (r − Z δ)²
     (Σ_other w Z Zᵀ) δ = Σ_other w Z r = −Σ_fold w Z r
@@ -14,17 +19,10 @@ none of the way that δ says, whichever suits the other folds best, and the coef
 for again there. Of generalised least squares Z and r are filtered, and folds are fitted anew.
 
 Where the runs' own offsets are taken out (`Problem.centred`), Z and r have no mean in a run. With
-s, c the sums of z and r over the m rows of it that a fold leaves out, the n others have the means
+s, c the sums of z and r over the m rows of it that a fold holds out, the n others have the means
 −s/n and −c/n, and centred about these
 
     Σ_other Z Zᵀ − s sᵀ/n,     Σ_other Z r − s c/n,     offset's move (sᵀδ − c)/n
-
-How good a fit is: overall, and where.
-
-All scores are of residuals e = measured − predicted on the rows that count; the cross-validated
-ones are those to believe.
-
-    RMSE = √(mean e²),  bias = mean e,  variance = mean (e − bias)²,  R² = 1 − Σe² / Σ(y − ȳ)²
 """
 
 from __future__ import annotations

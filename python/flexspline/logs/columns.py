@@ -1,6 +1,6 @@
 """The column map: which column of a foreign table is which channel, in what unit and sign.
 
-Units are pint's.
+Units are resolved by pint.
 """
 
 from __future__ import annotations

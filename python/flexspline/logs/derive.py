@@ -1,6 +1,7 @@
-"""Derived channels: zero-phase velocity and acceleration, low pass, other rates.
+"""Derived channels: velocity and acceleration, low pass, other rates.
 
-All of them use the one smoother of `local_fit`, a finite symmetric filter with
+Those of an analysis have zero phase. They use the one smoother of `local_fit`, a finite symmetric
+filter with
 
     G(f) = (1 + s) exp(-s),    s = 1.078 (f / B)²:    -3 dB at the bandwidth B, no phase,
 
@@ -9,12 +10,11 @@ No filter reaches over a gap (a step longer than 2.5 median steps): it ends befo
 again behind it. Within 1.05 / B of the ends of each run the fit is one-sided: there are values,
 noisier and less smooth, and the history says for how many seconds.
 
-A device makes velocity and acceleration late, from samples that it has seen.
+Those of a device are causal: velocity and acceleration from past samples, delayed.
 
-The motion of a run, and how noisy its velocity is.
-
-Velocity noise makes friction terms noisy regressors: at standstill a residual follows the
-*measured* velocity without any effect being missing. What it can explain is part of the floor.
+The noise of the velocity is derived too. It makes friction terms noisy regressors: at standstill a
+residual follows the *measured* velocity without any effect being missing. What it can explain is
+part of the noise floor.
 """
 
 from __future__ import annotations

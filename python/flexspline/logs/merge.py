@@ -1,18 +1,17 @@
-"""A second recorder's log put on the time of the first.
-
-The clock of a second recorder against that of the first.
+"""A second recorder's log resampled to the time of the first, by an offset and drift of its clock.
 
 An event at time t of the log is stamped by the other recorder with
 
     t + offset + drift · (t − t₀),        t₀ the first time of the log.
 
-Two channels that see the same thing give offset and drift: first the lag at which they correlate
-best (normalised over their overlap), then, in windows, the delay δ that is left, from
+Two channels that measure the same quantity give offset and drift: first the lag at which they
+correlate best (normalised over their overlap), then, in windows, the remaining delay δ from
 
     b(t) = α + β a(t) − δ ḃ(t)        by least squares in each window,
 
-through which a straight line is laid, weighted by what each window knows, until δ stands. The
-errors come from the scatter of the windows about the line, so they hold for coloured noise too.
+through which a straight line is fitted, weighted by the information of each window, until δ
+converges. The errors come from the scatter of the windows about the line, so they hold for coloured
+noise too.
 """
 
 from __future__ import annotations

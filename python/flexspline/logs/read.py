@@ -1,4 +1,4 @@
-"""Reading a log from almost anything, once and for all into SI units.
+"""`read_log` and `convert`: a log in SI units from a file or data in memory.
 
 `convert` makes a run of a foreign file and a map in TOML: channels in SI units, facts, one table.
 """

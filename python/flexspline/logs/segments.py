@@ -1,15 +1,13 @@
-"""Parts of a log that behave alike: unbroken runs, gaps, constant speed, standstill, reversals.
+"""Segments of a log: unbroken runs, gaps, constant speed, standstill, reversals.
 
 Everything here is either a list of `Segment` (half-open row ranges) or a mask with one truth
 value per row. Velocity is the channel ``output_velocity`` where the log has it, else the
-zero-phase derivative of ``output_position``.
+zero-phase derivative of ``output_position``. `play` follows a channel once it has gone further than
+the slack between both.
 
-Play is what follows a channel once it has gone further than the slack between both.
-
-How far back the last change of direction lies, in time and in angle.
-
-A row counts as moving where |v| exceeds a threshold; a stop keeps the direction of before. The
-reversal is the first row that moves the other way. Before the first one nothing is known (NaN).
+The distance from the last reversal is measured in time and in angle. A row counts as moving where
+|v| exceeds a threshold; a stop keeps the previous direction. The reversal is the first row that
+moves the other way. Before the first one nothing is known (NaN).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a foreign file holds before any of it is given a meaning.
+"""Tables of a foreign file, before any column has a meaning.
 
 Tables lie inside arrays, dictionaries, MATLAB structs and JSON objects. MATLAB files of versions
 4 to 7 are read by scipy, those of 7.3 (which is HDF5) by h5py.

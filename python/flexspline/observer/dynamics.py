@@ -1,12 +1,11 @@
-"""Rigid-body dynamics of an arm as a function of its state, and whether they can be right.
+"""Rigid-body dynamics of an arm as a function of its state, and a check that they are consistent.
 
-    M(q) q̈ + C(q, q̇) q̇ + g(q) = what drives the joints,    Ṁ = C + Cᵀ
+    M(q) q̈ + C(q, q̇) q̇ + g(q) = torques that drive the joints,    Ṁ = C + Cᵀ
 
-The second equation is what the momentum observer rests on: with a C that violates it, ṗ is not
-what the observer takes it for, and the estimate is wrong wherever the arm moves.
+The momentum observer rests on the second equation: with a C that violates it, ṗ is not what the
+observer assumes, and the estimate is wrong wherever the arm moves. M, C and g are given as
+functions, or come from a URDF by Pinocchio.
 Source: zhang_disturbance_elimination (12), (13).
-
-M, C and g may come from a URDF, by Pinocchio.
 """
 
 from __future__ import annotations

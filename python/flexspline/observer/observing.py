@@ -2,16 +2,16 @@
 
     p = M q̇,    τ̄ = τ + Cᵀ q̇ − g − τ_f,    ṗ = τ̄ − τ_ext,    dr/dt = K (τ_ext − r)
 
-τ is what drives each joint, at its output: the sensor's torque, or Ñ τ_m with its friction τ_f.
-Each joint is one observer of the core. r is the estimate of τ_ext, positive when the joint pushes
-the outside in +q; τ_c of (12) and the residual r of (16)–(22) are positive when the outside drives
-the joint forward (`Observed.residual`). The first paper takes the sensor's torque, so that (23) has
-no friction; the third the motor's, with friction. Here it may be either.
-Source: zhang_disturbance_elimination (12)–(21); one joint: full_range_torque_estimation (1)–(8).
+τ is what drives each joint, at its output: the sensor's torque, or Ñ τ_m with its friction τ_f, a
+fitted part or an array. Each joint is one observer of the core. r is the estimate of τ_ext,
+positive when the joint pushes the outside in +q; τ_c of (12) and the residual r of (16)–(22) are
+positive when the outside drives the joint forward (`Observed.residual`). The first paper takes the
+sensor's torque, so that (23) has no friction; the third the motor's, with friction. Here it may be
+either. Source: zhang_disturbance_elimination (12)–(21); one joint: full_range_torque_estimation
+(1)–(8).
 
-What a gain of the momentum observer costs: delay against noise.
-
-With period T, share s = 1 − e^(−K T) (exact) or K T (forward Euler):
+A gain trades delay against noise. With period T, share s = 1 − e^(−K T) (exact) or K T (forward
+Euler):
 
     delay    exact  T (1/s − 1/2) → 1/K       euler  1/K − T/2
     noise    of white torque:    exact  σ √(s/2)       euler  σ √(s / (2 − s))
@@ -21,15 +21,13 @@ Delay is that of a slowly changing external torque, on average over a period. In
 the estimate is the external torque behind K / (K + s): zhang_disturbance_elimination (19).
 Towards K T = 0 both torque noises are σ √(K T / 2); at K T = 1 Euler's is σ itself, at 2 infinite.
 
-The external torque of an arm that senses its joints: what is left of each sensor.
+An arm with a sensor in each joint needs no observer:
 
     τ_s = τ_rb + τ_intr + τ_ext,    τ_rb = M q̈ + C q̇ + g,    τ_ext = Jᵀ W
 
-No dynamics of an estimate, no delay, but the acceleration, which `observe` does without. What is
-left goes to `wrench_at_end_effector` with its covariance. M, C and g are of what lies outboard of
-the sensors; they count as exact. Source: turlapati_intrinsic_dynamics (1), (2).
-
-What a fitted part, or an array, says of the torque that is no rigid body's: friction.
+There is no dynamics of an estimate and no delay, but the acceleration, which `observe` does
+without. The remainder goes to `wrench_at_end_effector` with its covariance. M, C and g are of what
+lies outboard of the sensors; they count as exact. Source: turlapati_intrinsic_dynamics (1), (2).
 """
 
 from __future__ import annotations

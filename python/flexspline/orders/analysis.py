@@ -1,6 +1,6 @@
-"""The search for the orders of a joint's ripple, found and named.
+"""`find_orders`: the orders of a joint's ripple, searched for and named, and its result.
 
-What `find_orders` returns: prints as a table, draws itself and is plain data.
+The result prints as a table, draws itself and is plain data.
 """
 
 from __future__ import annotations

@@ -1,18 +1,16 @@
-"""Whole low orders of the output, seen only by all runs together.
+"""Low whole orders of the output, visible only in all runs together.
 
 A run over part of a turn cannot tell order 2 from a trend. Runs that cover the circle together
 can, if the ripple stands still on it: one amplitude and phase for all, an offset for each
-stretch. An order k is claimed where k times the longest covered arc is at least 1.5 turns, or
+segment. An order k is claimed where k times the longest covered arc is at least 1.5 turns, or
 the circle is closed; lower ones are fitted beside it as unknowns and never named. Power is
 compared with a power law over the orders 1 to 40 around its median (noise at low orders is red).
 
-Low orders of the output that stand out, but not beyond doubt.
-
-Where runs cover part of a turn each, the low orders of all runs together are few and not
-alike, and a floor that allows for red noise leaves little certain. What stands out of the
-median of the other low orders is still worth seeing. It is listed apart, never counted as
-found, with an error from leaving out one run at a time (jackknife: [Efron1982]), which holds
-for noise of any colour since runs are independent.
+Where runs cover part of a turn each, the low orders of all runs together are few and correlated,
+and a floor that allows for red noise makes few of them significant. Those that exceed the median of
+the other low orders are listed apart and never counted as found, with an error from leaving out one
+run at a time (jackknife: [Efron1982]), which holds for noise of any colour since runs are
+independent.
 """
 
 from __future__ import annotations

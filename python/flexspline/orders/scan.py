@@ -1,39 +1,36 @@
-"""Scan of the orders of all stretches, lines taken out as they are found.
+"""Scan of the orders of all segments, with lines subtracted as they are found.
 
-Each round looks at what is left of the values: the power over the local floor is summed over
-the stretches as it is (a ripple whose phase changes with speed) and with phases (one that does
+Each round looks at the remaining values: the power over the local floor is summed over
+the segments as it is (a ripple whose phase changes with speed) and with phases (one that does
 not). Of the surprising peaks those with the most power become lines, all lines are fitted
 together with the smooth part, and the rest is scanned again until nothing stands out: a strong
 order's leakage over part of a turn, gone with it, is not named. Surprise says whether something
-is there; it cannot say where, because it compares with what lies beside, which a side lobe too
-has far above it.
+is there; it cannot say where, because it compares with the neighbourhood, which a side lobe too
+exceeds by far.
 
-Amplitude and phase of the orders found, fitted together, with errors from the local floor.
-
-In stretch g order k has β_g = (a_g, b_g) of a cos kq + b sin kq, with covariance
+Amplitude and phase of the orders found are fitted together, with errors from the local floor. In
+segment g order k has β_g = (a_g, b_g) of a cos kq + b sin kq, with covariance
 F_g(k) (XᵀX)⁻¹: F is the local noise floor, so the errors hold for correlated noise. Over the
-stretches
+segments
 
-    amplitude   A² = Σ w_g (|β_g|² - tr cov_g) / Σ w_g     whatever the phase does,
-    steady      β = (Σ cov_g⁻¹)⁻¹ Σ cov_g⁻¹ β_g            what keeps its phase,
+    amplitude   A² = Σ w_g (|β_g|² - tr cov_g) / Σ w_g     for any phase,
+    steady      β = (Σ cov_g⁻¹)⁻¹ Σ cov_g⁻¹ β_g            the part of constant phase,
 
-with w_g = 1 / (A² + tr cov_g): stretches count alike unless they are too noisy for A
+with w_g = 1 / (A² + tr cov_g): segments count alike unless they are too noisy for A
 [DerSimonianLaird1986].
 
-Noise floor of a spectrum, local in order, and how surprising a peak over it is.
-
-Measured noise is correlated, so its power changes with the order. Where only noise is, the
-power at one order follows an exponential law around the local floor F, whatever the noise's
-colour. F is the median over a block of orders (a few lines in it do no harm) divided by ln 2,
-joined between blocks along straight lines in the logarithms. Estimated from M_e effective
-orders, power / F follows an F(2, 2 M_e) law, so that
+Noise floor and surprise. Measured noise is correlated, so its power changes with the order. Where
+there is only noise, the power at one order follows an exponential law around the local floor F,
+whatever the noise's colour. F is the median over a block of orders (a few lines in it do no harm)
+divided by ln 2, interpolated between blocks linearly in the logarithms. Estimated from M_e
+effective orders, power / F follows an F(2, 2 M_e) law, so that
 
     P(power > z F) = (1 + z / M_e)^(-M_e),    surprise x = M_e ln(1 + z / M_e)
 
 is again unit exponential. A sum of G surprises follows a gamma law of shape G. Over a scan of
-C independent orders the largest passes x about C sqrt(π x / 3) e^(-x) times: what is oversampled
-adds to the chances. Sources: [Scargle1982]; [Davies1987] and [Baluev2008] (the crossing rate),
-[Trunk1978] (smallest of).
+C independent orders the largest passes x about C sqrt(π x / 3) e^(-x) times: oversampling adds to
+the chances. Sources: [Scargle1982]; [Davies1987] and [Baluev2008] (the crossing rate), [Trunk1978]
+(smallest of).
 """
 
 from __future__ import annotations

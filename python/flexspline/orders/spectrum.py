@@ -1,6 +1,6 @@
 """Amplitude spectra: over the angle of a pair of parts, and over time.
 
-Fourier sums over angles that are not evenly spaced, for very many orders at once.
+Angles are not evenly spaced, and very many orders are wanted at once:
 
     F(k) = Σ_n  y_n · exp(-i k φ_n),      k = j / P,   j = 0 … K·P
 

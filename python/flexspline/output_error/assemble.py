@@ -1,19 +1,17 @@
-"""From the ends of the search to a `Fit`: the regression's, with the parameters of the motion.
+"""The `Fit` of a simulation fit: that of the regression, with the parameters of the motion.
 
-How far off parameters fitted to a simulation can be.
-
-What a model lacks is the same in every row of a run, so residuals of one run are no news of each
-other. Two jackknives count runs (or blocks of few runs) as the news there is: one over m clusters
-by a Gauss-Newton step each, one over K folds that are fitted again,
+Errors of the parameters. A missing effect acts alike in every row of a run, so residuals of one run
+are not independent. Two jackknives count runs (or blocks of few runs) as the independent units: one
+over m clusters by a Gauss-Newton step each, one over K folds that are fitted again,
 
     s² = (m − 1)/m Σ_c d_c²,     d_c = (JᵀJ − J_cᵀJ_c)⁻¹ J_cᵀ e_c
     s² = (K − 1)/K Σ_fold (z_fold − z)²
 
-The first does not see other valleys, the second may get stuck in front of a small hill.
+The first does not see other minima, the second may get stuck at a local one.
 Each parameter has the larger of its two errors, correlations are those of (JᵀJ)⁻¹, and an
-interval is z ± t s with Student's t of K − 1 degrees of freedom: it holds what every fold finds,
-because t √((K − 1)/K) > 1. All in the coordinates of the search (logarithms of what is positive);
-the ends are carried over to the parameter.
+interval is z ± t s with Student's t of K − 1 degrees of freedom: it holds the estimates of all
+folds, because t √((K − 1)/K) > 1. All in the coordinates of the search (logarithms of what is
+positive); the ends are carried over to the parameter.
 Sources: [EfronStein1981]; for clusters [BellMcCaffrey2002] (CR3), [CameronMiller2015].
 """
 

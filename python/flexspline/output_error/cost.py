@@ -1,14 +1,13 @@
-"""The distance between simulated and measured motion, and descents of it from several starts.
+"""The distance between simulated and measured motion, and its minimisation from several starts.
 
 Descents are least squares by trust regions [Branch1999]. A fold of the runs is held out in turn,
 or of each run where there are few.
 
-Runs cut into short pieces, each begun anew from the measured state.
-
-What a wrong parameter does to a motion grows with time, and with it the number of valleys between
-which a descent can get lost: over a piece the miss is nearly linear in the parameters. Where the
-pieces are missed least is a better place to start from than the regression.
-Source: [Bock1983], multiple shooting, without the conditions that join the pieces.
+One start comes from multiple shooting [Bock1983], without the conditions that join the segments:
+runs are cut into short segments, each started anew from the measured state. The effect of a wrong
+parameter on a motion grows with time, and with it the number of local minima; over a segment the
+error is nearly linear in the parameters. Where the error over segments is least is a better start
+than the regression.
 """
 
 from __future__ import annotations

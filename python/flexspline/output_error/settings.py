@@ -1,8 +1,6 @@
-"""How a fit by simulation is asked for, and the motor's torque that its regression starts from.
+"""Options of a fit by simulation, and the motor torque that its regression starts from.
 
-What the ordinary regression needs of runs that were driven by a servo: the motor's torque.
-
-Where a log has none, it is that of the duty which the servo reported:
+Where a log of a servo has no motor torque, it is that of the duty which the servo reported:
 
     τ_m = k u (or k V u) − k_e q̇,     0 while it is not enabled
 """

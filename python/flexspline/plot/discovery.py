@@ -1,6 +1,6 @@
 """Figures of a discovery: a held-out run, where the gap shrank, orders, and the run to record next.
 
-Of a plan: what to command over time, and what it is expected to tell.
+A planned run is drawn as its command over time, with the information that is expected of it.
 """
 
 from __future__ import annotations

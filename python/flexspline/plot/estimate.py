@@ -16,8 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexspline.collision.residual import Residual
 from flexspline.collision.result import DetectorCalibration
-from flexspline.estimation.result import Estimate
-from flexspline.estimation.status import Status
+from flexspline.estimation.result import Estimate, Status
 from flexspline.logs.log import Log
 from flexspline.logs.segments import true_ranges
 from flexspline.observer.observing import observer_delay, observer_noise

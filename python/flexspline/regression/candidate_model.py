@@ -1,14 +1,14 @@
-"""A model while it is looked for: effects, their shapes, coefficients, and its fit.
+"""A candidate model: effects, their shapes and coefficients, its fit and its score.
 
 Near the solution a shape s is one more column,
 
     ∂(prediction) / ∂(ln s),
 
-so what is beside a model is judged after its columns *and* its shapes are taken out, without a
-search for each.
+so a candidate beside a model is judged after the model's columns *and* shapes are projected out,
+without a search for each.
 
-The fit is by least squares (Gauss–Newton) on filtered rows. Its score is what fits to all folds but
-one leave of that one: whole runs, or blocks of fewer than four.
+The fit is by least squares (Gauss–Newton) on filtered rows. Its score is held out: each fold is
+predicted by the fit to all others. Folds are whole runs, or blocks where there are fewer than four.
 """
 
 from __future__ import annotations

@@ -1,26 +1,24 @@
-"""Columns of effects, filtered as the noise sees them, and their Gram matrices, fold by fold.
+"""Columns of effects, prewhitened, and their Gram matrices, fold by fold.
 
 With autoregressive noise, e_t = Σ φ_k e_{t−k} + w_t, least squares on rows and target filtered by
 A = 1 − Σ φ_k z^−k weighs evidence as it is: sums of squares over the innovation variance σ² are
-χ², and slow noise is not counted once for each sample [CochraneOrcutt1949].
+χ², and slow noise is not treated as independent samples [CochraneOrcutt1949].
 
 A run of an hour has millions of rows, and model and candidates together more than a hundred
 columns. Sums of products need a few rows at a time only, so the core makes these, filters them,
-and adds them up. What is kept of a column here is how it is mixed from rows of effects:
+and adds them up. A column is kept here as its mixture of rows of effects:
 
     column k = Σ_p mix_pk · part_p,      target = y − Σ_p held_p · part_p
 
-with the parts: rows of effects, then given columns. How a prediction bends with a shape is the
-difference of two parts. One pass adds up, for each fold, the products of [columns, y] over σ². With
-G their sum and m the columns of a model,
+with the parts: rows of effects, then given columns. The derivative of a prediction by a shape is
+the difference of two parts. One pass adds up, for each fold, the products of [columns, y] over σ².
+With G their sum and m the columns of a model,
 
     explained(m) = bᵀ G_mm⁻¹ b,     b = G_my        (a χ² of the columns' number where nothing is)
-    G − G_·m G_mm⁻¹ G_m·                            what is left of every candidate beside m
+    G − G_·m G_mm⁻¹ G_m·                            the remainder of every candidate beside m
 
-A part of long runs that stands for the whole: short stretches spread evenly over them.
-
-Effects with memory are followed from some rows before each stretch on: what they remember from
-before these is a guess.
+Long runs are represented by short segments, spread evenly over them. Effects with memory are
+computed from some rows before each segment on, as their state before these is a guess.
 """
 
 from __future__ import annotations

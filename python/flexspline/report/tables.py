@@ -1,4 +1,4 @@
-"""Tables of scores, of one fit by group and of several side by side; how noisy channels are."""
+"""Tables of scores, of one fit by group or several side by side, and of the noise of channels."""
 
 from __future__ import annotations
 

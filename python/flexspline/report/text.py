@@ -1,4 +1,4 @@
-"""A fit as text: a verdict, a line for each parameter, and what is wrong with it in words.
+"""A fit as text: a verdict, a line for each parameter, and its warnings as sentences.
 
 The verdict says how good the fit is on held-out rows, and against what; HTML says the same.
 """

@@ -8,7 +8,7 @@ print. A criterion says how many draws must meet it:
     at_least     value ≥ bound
     undecidable  a simulated rig cannot decide it, and the reason is said
 
-They stand beside ours as a table, as text and as a page.
+Published values and ours are listed side by side as a table, as text and as HTML.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class Claim:
     claim : what the paper says.
     quantity : what is computed in each draw; None where nothing can be.
     published : the printed value in `unit`; None where none is printed.
-    criterion : see the head of this file; `share` of the draws must meet it, all where it is
+    criterion : see the module docstring; `share` of the draws must meet it, all where it is
         left out.
     note : what else a reader should know.
     """

@@ -1,13 +1,12 @@
-"""full_range_torque_estimation, done again on `flexspline.rigs.full_range_rig`.
+"""Reproduction of full_range_torque_estimation on `flexspline.rigs.full_range_rig`.
 
-Tables I to III and Figures 7 to 9 stand beside ours, with what to look at in each and where the
-paper's text errs.
+One draw fits friction, gear and merge on training runs and is judged on another day's. As the paper
+has it (§IV): the observer's model from a training set, kinematic error from a training set, c1's
+stiffness from the data sheet, c2's from a stiffness run, α and q̇_trans for the least RMSE on the
+training log. L = 80 1/s is our reading of Table II; L = −8 diverges.
 
-One draw of the third paper: fit friction, gear and merge on training runs, judge on another day.
-
-As the paper has it (§IV): the observer's model from a training set, kinematic error from a
-training set, c1's stiffness from the data sheet, c2's from a stiffness run, α and q̇_trans for the
-least RMSE on the training log. L = 80 1/s is our reading of Table II; L = −8 diverges.
+Tables I to III and Figures 7 to 9 stand beside ours, with what to look at in each and the errors in
+the paper's text.
 """
 
 from __future__ import annotations

@@ -1,13 +1,11 @@
-"""turlapati_intrinsic_dynamics, done again on `flexspline.rigs.turlapati_rig`.
+"""Reproduction of turlapati_intrinsic_dynamics on `flexspline.rigs.turlapati_rig`.
 
-A draw fits without load, subtracts on a bearing, and judges bearings. Figures 2, 3 and 5 come with
-tables that the paper does not print.
+A draw fits without load, subtracts the prediction on a bearing, and judges bearings. Figures 2, 3
+and 5 come with tables that the paper does not print.
 
-What a low pass on the torque alone does to the ripple that a fit finds (§3.1).
-
-A first-order filter of 1 Hz passes 1/√(1 + (o v / 2π)²) of order o at the speed v: 0.84 of order
-8 at 0.5 rad/s, 0.53 of order 20, 0.06 of order 200. Rows that pass the same filter give the
-amplitude back.
+A low pass on the torque alone attenuates the ripple that a fit finds (§3.1). A first-order filter
+of 1 Hz passes 1/√(1 + (o v / 2π)²) of order o at the speed v: 0.84 of order 8 at 0.5 rad/s, 0.53 of
+order 20, 0.06 of order 200. Rows that pass the same filter restore the amplitude.
 """
 
 from __future__ import annotations

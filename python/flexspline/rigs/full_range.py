@@ -33,12 +33,6 @@ More physics than any model under test, each range chosen once, before any claim
   wrist sensors).
 - The hand: 1–4.8 Nm where it must not move the joint (below the breakaway of Table II),
   6.5–14 Nm where it must, a tremor of 2–6 % about it.
-
-The joint of the third paper: Tables II and III, and what they do not print.
-
-Ranges and where they come from: the head of `full_range.py`.
-
-What a hand does to a joint over a pulley: pushes that drive it, and pushes that do not.
 """
 
 from __future__ import annotations
@@ -243,7 +237,7 @@ class FullRangeRig:
 
 
 def full_range_rig(seed: int = 1) -> FullRangeRig:
-    """Return a rig; `seed` draws what the paper does not print (see the head of this file)."""
+    """Return a rig; `seed` draws what the paper does not print (see the module docstring)."""
     rng = np.random.default_rng([seed, 0])
     training = rng.uniform(26.0, 34.0)
     output = Encoder(

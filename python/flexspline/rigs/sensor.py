@@ -1,12 +1,10 @@
-"""A joint with a torque sensor, driven without load. The reading is
+"""A joint with a torque sensor, driven without load, and its recorder. The reading is
 
     τ_s = Σ effects of the catalogue (evaluated by the core along the true motion)
           + presliding: an elastic-plastic element, σ (q − p), that slips at its level
           + coloured noise, AR(1)
 
-and the log sees the motion only through encoders. `Truth` keeps what went in.
-
-What a recorder makes of a simulated joint: its encoders, drive, torque amplifier and thermistor.
+and the log holds the motion only as encoders read it. `Truth` keeps what went in. The recorder adds
 
     angle        rounded to the encoder's quantum, 2π / 2^bits
     velocity     low-pass of first order in the drive, causal, plus white noise

@@ -7,9 +7,8 @@ one-link arm that swings at 30 to 60 °/s and collides, at 100 Hz.
 Gauges sit at the flexspline: 35.16 °/s · 101 / 360 = 9.86 Hz is once per turn of the wave
 generator against it; 101 is inferred, N = 100.
 
-More physics than any model under test. The sensor's is in `flexspline.rigs.zhang_sensor`, that of
-oven and brake in `flexspline.rigs.zhang`. Of the joint and the arm, each range chosen once,
-before any claim was computed:
+More physics than any model under test. The sensor's is in `flexspline.rigs.zhang_sensor`. Of the
+joint and the arm, each range chosen once, before any claim was computed:
 
 - Joint of size 20: rotor 3–8e-5 kg m², mesh 1.2–2e4 Nm/rad, friction 3–6 Nm at the output with
   Stribeck and load share, kinematic error of order 2 of 2–5 mrad at the motor (Table III of
@@ -26,12 +25,7 @@ before any claim was computed:
 - Obstacle: 100–5000 Nm/rad, log-uniform: an egg of 1e4–1e5 N/m at 0.1–0.3 m, or a softer support.
 - The drive takes 1–5 ms from the flag to its stop.
 
-The first paper's oven and brake: drift and calibration of the sensor by itself.
-
-Protocols (zhang_disturbance_elimination §4.2, §4.3): 20 to 45 °C in steps of 5, rising only; a
-brake from 0 to 70 Nm in steps of 5 while the joint turns at 2 °/s one way.
-
-Drawn, each range chosen once, before any claim was computed:
+Of oven and brake (§4.2, §4.3), drift and calibration of the sensor by itself, likewise:
 
 - Oven: 20 minutes a step, which the body follows within 120–300 s (60 g of aluminium in moving
   air). The run that no fit sees is another day's: the joint warms by its motor over an hour, with
@@ -238,7 +232,7 @@ class ZhangRig:
 
 
 def zhang_rig(seed: int = 1) -> ZhangRig:
-    """Return a rig; `seed` draws what the paper does not print (see the head of this file)."""
+    """Return a rig; `seed` draws what the paper does not print (see the module docstring)."""
     rng = np.random.default_rng([seed, 0])
     sensor = zhang_sensor(rng)
     return ZhangRig(

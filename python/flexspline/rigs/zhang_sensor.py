@@ -109,7 +109,7 @@ class Deviation:
 
 @dataclass(frozen=True)
 class UnevenHeat:
-    """How the gauges' temperatures part; see the head of this file.
+    """How the gauges' temperatures part; see the module docstring.
 
     Parameters
     ----------
@@ -196,7 +196,7 @@ class ZhangSensor:
 
 
 def zhang_sensor(rng: np.random.Generator) -> ZhangSensor:
-    """Return a sensor; `rng` draws what the paper does not print (see the head of this file)."""
+    """Return a sensor; `rng` draws what the paper does not print (see the module docstring)."""
     waves = _waves(rng)
     cancelling = _drifting(_bonded(cancelling_bridge(8, waves=waves), rng), rng)
     return ZhangSensor(

@@ -1,7 +1,7 @@
 """A simulated joint: its parts, and the run through time.
 
-What a caller gives is checked, put into the words of the core, and run in inner steps of a length
-that the joint's own time constants ask for.
+Arguments are validated, converted to those of the core, and integrated in inner steps of a length
+that the joint's own time constants require.
 """
 
 from __future__ import annotations

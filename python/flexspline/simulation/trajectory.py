@@ -1,4 +1,4 @@
-"""What truly happened in a simulation, and what encoders and sensors make of it: a rig's log."""
+"""The true motion of a simulation, and the log that encoders and sensors make of it."""
 
 from __future__ import annotations
 

@@ -1,10 +1,9 @@
 """Channels against each other: velocity and position, motor and output side, torque and motion.
 
-Is a velocity the derivative of its position? If not: unit, sign, scale or delay, and how much.
-
-The position's zero-phase derivative and the velocity behind the same low pass are compared. The
-factor is the median of their ratio where the joint moves fast, blind to lag and bias; the delay is
-that of `find_delay`.
+Velocity: unit, sign, scale and delay against the derivative of the position. The position's
+zero-phase derivative and the velocity behind the same low pass are compared. The factor is the
+median of their ratio where the joint moves fast, unaffected by lag and bias; the delay is that of
+`find_delay`.
 
 Motor side against output side: ratio, sense of rotation, delay between the two encoders.
 
@@ -12,29 +11,27 @@ Motor side against output side: ratio, sense of rotation, delay between the two 
 
 by least squares: R is the ratio, δ the time by which the output's encoder is late (its reading
 belongs to an earlier moment than the motor's). A gear's own angle errors are orthogonal to both
-over enough turns. h is a hysteresis of the torsion, a step between the directions; one that comes
-round gradually would be taken for a part of δ.
+over enough turns. h is a hysteresis of the torsion, a step between the directions; one that builds
+up gradually would be taken for a part of δ.
 
-The sign of a torque, and whether it is late behind the motion.
+Torque against motion: its sign, and its delay.
 
     τ = o + c tanh(v / v_d) + b v + J q̈ + s sin q + k cos q (+ g τ_ref)
 
 by least squares, every column behind the low pass of the target. Friction at working speed v_rms
-is c + b v_rms. A drive has to push against it: it is positive. A sensor sees it with either sign,
-depending on where it sits: there the sign is reported, never judged.
+is c + b v_rms. A drive has to push against it: it is positive. A sensor reads it with either sign,
+depending on where it sits: there the sign is reported, never judged. The delay D is that with which
+c, s and k at t - D explain the reading best. b and J are left out of it, for a delay of gravity and
+of c looks like them: inertia makes D smaller. It is reported where it is there with them as well.
 
-The delay D is that with which c, s and k at t - D explain the reading best. b and J are left out
-of it, for they are what a delay of gravity and of c look like: inertia makes D smaller. It is
-reported where the delay is there with them as well.
-
-By how much a channel is late behind what it is made of.
+The delay of any channel y behind the columns X that make it up:
 
     y(t) = X(t - D) c        D minimises the sum of squares, c solved for each D
 
-D comes from a scan in coarse steps over some of the rows, from its best step downhill over all of
-them, and a bounded search around the lowest. Its error comes
-from sixteen blocks of time: the correction that each block alone asks for, weighted by how much it
-knows, so that noise with a memory does not make it too small.
+D comes from a coarse scan over some of the rows, a descent from its best step over all of them, and
+a bounded search around the lowest. Its error comes from sixteen blocks of time: the correction that
+each block alone asks for, weighted by its information, so that autocorrelated noise does not make
+it too small.
 """
 
 from __future__ import annotations

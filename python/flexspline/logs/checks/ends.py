@@ -1,4 +1,4 @@
-"""Rows at the ends of a log that belong to no experiment: found, said, and left out of a search.
+"""Rows that belong to no experiment, at the ends of a log or at rest: reported, and left out.
 
 A stuck tail repeats its last sample while the joint moves on: another channel shows the motion, or
 the joint would have stopped, and its noise with it, from one row to the next. A joint that comes
@@ -6,13 +6,11 @@ to rest repeats its values with reason, and so does one whose drive never had no
 no finding. A homing move ends where the angle is set anew: it jumps faster than the joint ever
 moves, and stays there. A run that is meant to hold one speed has a transient at its start.
 
-Rows that belong to no experiment are left out before anything is searched, and said so.
-
-So are those of a drive in which its joint rests: friction that sticks is undetermined within its
-level, so what a model leaves of the motor torque at rest names nothing, however large it is. A
-joint rests where its angle stays for half a second within a hundredth of the way that it covers at
-speed in that time; a reversal is no rest. With it go a quarter of a second before, in which a stop
-may come from a brake, and a quarter after.
+A search also leaves out the rows of a drive in which its joint rests: static friction is
+undetermined within its level, so a residual of the motor torque at rest points to no cause, however
+large it is. A joint rests where its angle stays for half a second within a hundredth of the way
+that it covers at speed in that time; a reversal is no rest. A quarter of a second before, in which
+a stop may come from a brake, and a quarter after count as rest.
 """
 
 from __future__ import annotations

@@ -1,11 +1,8 @@
-"""Does a run contain what the effects asked for need? Channels, motion, load, temperature, rate.
+"""Whether a run contains what given effects need: channels, motion, load, temperature, rate.
 
 A missing channel is an error, for the effect cannot be computed. A run that does not excite the
-effect is a note: it may be one of several runs that do together.
-
-What a run must hold so that an effect shows: motion, speeds, turns, load, temperature, time.
-
-A need looks at a log and its motion and returns None, or how much there is and what to record.
+effect is a note: it may be one of several runs that do together. A need looks at a log and its
+motion and returns None, or the amount found and what to record.
 """
 
 from __future__ import annotations
