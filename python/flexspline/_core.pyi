@@ -391,6 +391,12 @@ def simulation_windup(joint: SimulatedJoint, torque: ArrayLike) -> NDArray[np.fl
 def solve(high: ArrayLike, low: ArrayLike) -> Solution:
     """Least squares from the sums of products of [X, y]; low is empty for plain sums."""
 
+def stage_fields() -> dict[str, list[dict[str, Any]]]:
+    """The numbers of each stage in the core's order: dicts of 'name' of the member, 'unit', 'key'
+    in model.json (two of one key are the two numbers of its list), 'needed' there, 'low' and 'high'
+    that it may be, 'default', which an array has not.
+    """
+
 def structural_damping_torque(
     time: ArrayLike,
     torsion: ArrayLike,

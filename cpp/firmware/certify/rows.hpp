@@ -1,6 +1,6 @@
 /// What certify's program reads and writes, row by row, in memory's own byte order (little-endian).
 ///
-/// The same layout is `ROW` and `RESULT` in python/flexspline/certification/rows.py.
+/// The same layout is `ROW` and `RESULT` in python/flexspline/certification/program.py.
 #pragma once
 
 #include <array>

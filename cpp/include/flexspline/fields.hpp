@@ -59,15 +59,15 @@ struct Rule {
   }
 };
 
-/// Calls use(field) for each field of a stage.
+/// Calls use(field) for each field of a stage; what it throws on a PC goes on to the caller.
 template <typename Stage, typename Use>
-constexpr void for_each_field(Use&& use) noexcept {
+constexpr void for_each_field(Use&& use) {
   std::apply([&](const auto&... field) { (use(field), ...); }, Stage::fields());
 }
 
 /// Calls use(rule) for each rule of a stage.
 template <typename Stage, typename Use>
-constexpr void for_each_rule([[maybe_unused]] Use&& use) noexcept {
+constexpr void for_each_rule([[maybe_unused]] Use&& use) {
   if constexpr (requires { Stage::rules(); }) {
     std::apply([&](const auto&... rule) { (use(rule), ...); }, Stage::rules());
   }

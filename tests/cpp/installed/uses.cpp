@@ -22,6 +22,7 @@
 #include "flexspline/estimators/preprocessing.hpp"
 #include "flexspline/estimators/ripple_oscillator.hpp"
 #include "flexspline/estimators/structural_damping.hpp"
+#include "flexspline/fields.hpp"
 #include "flexspline/joint.hpp"
 #include "flexspline/lagged_slope.hpp"
 #include "flexspline/sensor/bridge.hpp"
@@ -138,6 +139,12 @@ const std::vector<Use> others = {
        std::size_t sum = 0;
        for_each_place<40>([&](std::size_t k) { sum += k; });
        return sum == 780;
+     }},
+    {"fields.hpp",
+     [] {
+       std::size_t numbers = 0;
+       for_each_field<Thermistor<S>>([&](const auto&) { ++numbers; });
+       return numbers == 5;
      }},
     {"gear_compliance.hpp",
      [] {
