@@ -6,7 +6,6 @@ fits a program that was compiled with the header of a model of the same structur
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import struct
 import zlib
@@ -17,9 +16,8 @@ from typing import Any
 from flexspline.effects import Effect
 from flexspline.errors import InputError
 from flexspline.estimation.plan import Plan, plan_of
-from flexspline.estimators import Thermistor
+from flexspline.estimators.fields import Field, given
 from flexspline.exporting.header import by_motor_encoder
-from flexspline.exporting.header_stages import LIMITS
 from flexspline.model import Model, Part
 from flexspline.signals import gear_of
 
@@ -42,7 +40,6 @@ PAIRS = (
 )
 
 Entry = Mapping[str, Any]
-THERMISTOR = tuple(field.name for field in dataclasses.fields(Thermistor))
 
 
 def block_bytes(model: Model, scalar: str = "float", target: str | None = None) -> bytes:
@@ -141,20 +138,23 @@ class _Block:
         self.numbers("effective_ratio", (plan.effective_ratio,))
         self.numbers("inertia", (plan.inertia,))
         self.numbers("link_inertia", (plan.link_inertia,))
-        self._range(plan.temperature_range)
+        largest = LARGEST[self.scalar]
+        low, high = plan.temperature_range or (-largest, largest)
+        self.numbers("low", (low,))
+        self.numbers("high", (high,))
 
     def _stages(self, entries: Mapping[str, Entry], has_sensor: bool) -> None:
         """The stages in the order of `parameters.hpp`; the sensor's own part stands among them."""
         written: dict[str, Callable[[Entry], None]] = {
             "reading_checks": self._checks,
-            "differentiator": self._differentiator,
-            "thermistor": partial(self._stage, "thermistor", fields=THERMISTOR),
-            "temperature_compensation": self._compensation,
+            "differentiator": lambda entry: self._stage("differentiator", entry, entry["makes"]),
+            "thermistor": partial(self._stage, "thermistor"),
+            "temperature_compensation": partial(self._stage, "temperature_compensation"),
             "sensor": lambda _: self.structure("sensor"),
-            "calibration": self._calibration,
-            "observer": self._motor_observer,
+            "calibration": partial(self._stage, "calibration"),
+            "observer": self._observer,
             "compliance": self._compliance,
-            "compliant_observer": partial(self._observer, "compliant_observer"),
+            "compliant_observer": self._compliant_observer,
             "merge": self._merge,
             "collision": self._collision,
         }
@@ -163,74 +163,45 @@ class _Block:
             if name in there:
                 write(there[name])
 
-    def _differentiator(self, entry: Entry) -> None:
-        self.structure("differentiator")
-        self._stage(entry["makes"], entry, ("bandwidth",))
+    def _stage(self, name: str, entry: Entry, *rules: str, core: str | None = None) -> None:
+        """A stage with its rules and numbers; `core`: what the core calls its fields."""
+        for word in (name, *rules):
+            self.structure(word)
+        for field, value in given(core or name, entry):
+            self.numbers(field.name, self._values(field, value))
 
-    def _calibration(self, entry: Entry) -> None:
-        self._stage("calibration", entry, ("sensitivity", "zero"))
-        self._range(entry.get("voltage_range"))
-
-    def _motor_observer(self, entry: Entry) -> None:
-        self._observer("observer", entry)
-        self.structure(f"by {entry['input']}")
-
-    def _stage(self, name: str, entry: Entry, fields: Sequence[str]) -> None:
-        self.structure(name)
-        for field in fields:
-            self.numbers(field, (float(entry[field]),))
-
-    def _range(self, ends: Sequence[float] | None) -> None:
-        largest = LARGEST[self.scalar]
-        for name, value in zip(("low", "high"), ends or (-largest, largest), strict=True):
-            self.numbers(name, (value,))
+    def _values(self, field: Field, value: Any) -> Sequence[float]:
+        if value is None:
+            largest = LARGEST[self.scalar]
+            return (min(max(field.default or 0.0, -largest), largest),)
+        return value if isinstance(value, Sequence) else (float(value),)
 
     def _checks(self, entry: Entry) -> None:
-        self.structure("reading_checks")
-        largest = LARGEST[self.scalar]
-        for name in ("voltage", "thermistor_voltage", "temperature"):
-            low, high = entry.get(f"{name}_range", (-largest, largest))
-            self.numbers(f"least_{name}", (low,))
-            self.numbers(f"most_{name}", (high,))
-        for name in LIMITS:
-            off = 0.0 if name in ("way", "twist") else largest
-            self.numbers(name, (float(entry.get(name, off)),))
+        self._stage("reading_checks", entry)
         self._gear(entry.get("gear", NO_GEAR))
 
-    def _compensation(self, entry: Entry) -> None:
-        self._stage("temperature_compensation", entry, ("reference_temperature",))
-        self.numbers("coefficients", entry["coefficients"])
-        for name in ("gradient", "thermal_lag"):
-            self.numbers(name, (entry[name],))
-        self._range(entry.get("temperature_range"))
+    def _observer(self, entry: Entry) -> None:
+        self._stage("observer", entry, entry["discretisation"])
+        self.structure(f"by {entry['input']}")
 
-    def _observer(self, name: str, entry: Entry) -> None:
-        self.structure(name)
-        self._stage(entry["discretisation"], entry, ("gain",))
+    def _compliant_observer(self, entry: Entry) -> None:
+        self._stage("compliant_observer", entry, entry["discretisation"], core="observer")
 
     def _compliance(self, entry: Entry) -> None:
-        self._stage("compliance", entry, ("mesh_stiffness", "mesh_shape", "margin"))
-        loop = entry.get("hysteresis")
-        if loop is not None:
-            self._stage("hysteresis", loop, ("load_width",))
-            self.numbers("heights", loop["heights"])
+        self._stage("compliance", entry)
+        if entry.get("hysteresis") is not None:
+            self._stage("hysteresis", entry["hysteresis"])
 
     def _merge(self, entry: Entry) -> None:
-        if entry.get("method") == "kalman":
+        kalman = entry.get("method") == "kalman"
+        if kalman:
             self.structure("kalman")
-        self._stage("logistic", entry, ("alpha", "transition_velocity"))
-        if entry.get("method") == "kalman":
-            self.numbers("walk", (entry["walk"],))
-            for name in ("observer", "compliance"):
-                for state, value in zip(("rest", "motion"), entry[f"{name}_noise"], strict=True):
-                    self.numbers(f"{name}_{state}", (value,))
+        self._stage("logistic", entry)
+        if kalman:
+            for field, value in given("kalman", entry):
+                self.numbers(field.name, self._values(field, value))
         self.structure(f"at rest {entry['at_rest']}")
 
     def _collision(self, entry: Entry) -> None:
-        self.structure("collision")
-        for name in ("negative", "positive"):
-            self.numbers(name, entry[name])
-        self.numbers("speed_edges", entry["speed_edges"])
-        for name in ("release", "hold"):
-            self.numbers(name, (entry[name],))
+        self._stage("collision", entry)
         self.structure(f"watches {entry['input']}")

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
 import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 from flexspline.errors import InputError
-from flexspline.estimators import Thermistor
+from flexspline.estimators.fields import Field, given
 from flexspline.exporting.cpp_text import comment, gear_text, identifier, literal
 
 __all__ = ["stage_lines"]
@@ -16,59 +15,6 @@ __all__ = ["stage_lines"]
 SMALLEST = float.fromhex("0x1p-126")  # the smallest float with all its digits
 INDENT = "\n" + " " * 6
 END = "\n" + " " * 2
-
-UNITS = {
-    "least_voltage": "V of the bridge",
-    "most_voltage": "V of the bridge",
-    "least_thermistor_voltage": "V",
-    "most_thermistor_voltage": "V",
-    "least_temperature": "deg C",
-    "most_temperature": "deg C",
-    "most_sensor_torque": "Nm",
-    "most_motor_torque": "Nm at the motor's shaft",
-    "most_speed": "rad/s",
-    "most_acceleration": "rad/s^2",
-    "way": "rad at the output",
-    "twist": "rad at the motor",
-    "forget": "1/s",
-    "apart": "Nm",
-    "bandwidth": "Hz, -3 dB",
-    "supply_voltage": "V",
-    "divider_resistance": "ohm",
-    "nominal_resistance": "ohm",
-    "beta": "K",
-    "nominal_temperature": "deg C",
-    "reference_temperature": "deg C",
-    "coefficients": "Nm/K^k, k from 1",
-    "gradient": "Nm/K",
-    "thermal_lag": "s",
-    "sensitivity": "Nm/V",
-    "zero": "Nm",
-    "gain": "1/s",
-    "mesh_stiffness": "Nm/rad at the output",
-    "mesh_shape": "1/Nm",
-    "load_width": "Nm",
-    "heights": "rad at the output, of the width, its half, quarter and eighth",
-    "alpha": "s/rad",
-    "transition_velocity": "rad/s",
-    "walk": "Nm/sqrt(s)",
-    "negative": "Nm, by bands of speed",
-    "positive": "Nm, by bands of speed",
-    "speed_edges": "rad/s, between the bands",
-    "hold": "s",
-}
-
-# Of the checks, in the order of the core's fields.
-LIMITS = (
-    "most_sensor_torque",
-    "most_motor_torque",
-    "most_speed",
-    "most_acceleration",
-    "way",
-    "twist",
-    "forget",
-    "apart",
-)
 
 Entry = Mapping[str, Any]
 
@@ -95,14 +41,8 @@ def _rule(field: str, made: str, value: str) -> str:
 
 
 def _checks(entries: Mapping[str, Entry]) -> Iterator[str]:
-    key = "reading_checks"
-    entry = entries[key]
-    numbers = [
-        _field(key, f"{side}_{name}", value, UNITS[f"{side}_{name}"])
-        for name in ("voltage", "thermistor_voltage", "temperature")
-        for side, value in zip(("least", "most"), entry.get(f"{name}_range", ()), strict=False)
-    ]
-    numbers += _numbers(key, entries, [name for name in LIMITS if name in entry])
+    entry = entries["reading_checks"]
+    numbers = _numbers("reading_checks", entry)
     if "gear" in entry:
         numbers.append(f".gear = {gear_text(entry['gear'])},")
     yield _stage("typename flexspline::ReadingChecks<S>::Config", "checks", numbers)
@@ -111,40 +51,31 @@ def _checks(entries: Mapping[str, Entry]) -> Iterator[str]:
 def _differentiator(entries: Mapping[str, Entry]) -> Iterator[str]:
     key = "differentiator"
     rule = f".makes = flexspline::Derivatives::{identifier(entries[key]['makes'])},"
-    numbers = [*_numbers(key, entries, ("bandwidth",)), rule]
+    numbers = [*_numbers(key, entries[key]), rule]
     yield _stage("typename flexspline::Differentiator<S>::Config", key, numbers)
 
 
 def _thermistor(entries: Mapping[str, Entry]) -> Iterator[str]:
-    names = tuple(field.name for field in dataclasses.fields(Thermistor))
-    numbers = _numbers("thermistor", entries, names)
+    numbers = _numbers("thermistor", entries["thermistor"])
     yield _stage("flexspline::Thermistor<S>", "thermistor", numbers)
 
 
 def _compensation(entries: Mapping[str, Entry]) -> Iterator[str]:
     key = "temperature_compensation"
-    coefficients = entries[key]["coefficients"]
-    numbers = [
-        *_numbers(key, entries, ("reference_temperature",)),
-        _array(key, "coefficients", coefficients),
-        *_numbers(key, entries, ("gradient", "thermal_lag")),
-        *_range(key, entries[key].get("temperature_range"), "deg C"),
-    ]
-    made = f"typename flexspline::TemperatureCompensation<S, {len(coefficients)}>::Config"
-    yield _stage(made, "compensation", numbers)
+    degree = len(entries[key]["coefficients"])
+    made = f"typename flexspline::TemperatureCompensation<S, {degree}>::Config"
+    yield _stage(made, "compensation", _numbers(key, entries[key]))
 
 
 def _calibration(entries: Mapping[str, Entry]) -> Iterator[str]:
-    key = "calibration"
-    known = _range(key, entries[key].get("voltage_range"), "V")
-    numbers = [*_numbers(key, entries, ("sensitivity", "zero")), *known]
+    numbers = _numbers("calibration", entries["calibration"])
     yield _stage("flexspline::Calibration<S>", "calibration", numbers)
 
 
 def _any_observer(key: str, entries: Mapping[str, Entry]) -> str:
     how = identifier(entries[key]["discretisation"])
     rule = f".discretisation = flexspline::Discretisation::{how},"
-    numbers = [*_numbers(key, entries, ("gain",)), rule]
+    numbers = [*_numbers(key, entries[key], "observer"), rule]
     return _stage("typename flexspline::MomentumObserver<S>::Config", key, numbers)
 
 
@@ -159,28 +90,20 @@ def _compliant_observer(entries: Mapping[str, Entry]) -> Iterator[str]:
 
 def _compliance(entries: Mapping[str, Entry]) -> Iterator[str]:
     key = "compliance"
-    names = ("mesh_stiffness", "mesh_shape", "margin")
-    yield _stage("flexspline::Compliance<S>", key, _numbers(key, entries, names))
+    yield _stage("flexspline::Compliance<S>", key, _numbers(key, entries[key]))
     loop = entries[key].get("hysteresis")
     if loop is not None:
-        width = _numbers(key, {key: loop}, ("load_width",))
-        numbers = [*width, _array(key, "heights", loop["heights"])]
+        numbers = _numbers(key, loop, "hysteresis")
         yield _stage("flexspline::LoadHysteresis<S>", "hysteresis", numbers)
 
 
 def _merge(entries: Mapping[str, Entry]) -> Iterator[str]:
     entry = entries["merge"]
-    numbers = _numbers("merge", entries, ("alpha", "transition_velocity"))
+    numbers = _numbers("merge", entry, "logistic")
     if entry.get("method") == "kalman":
-        noises = {
-            f"{name}_{state}": value
-            for name in ("observer", "compliance")
-            for state, value in zip(("rest", "motion"), entry[f"{name}_noise"], strict=True)
-        }
         numbers = [
             f".motion = {{{''.join(INDENT + '    ' + number for number in numbers)}{INDENT}}},",
-            *_numbers("merge", entries, ("walk",)),
-            *(_field("merge", name, value, "Nm") for name, value in noises.items()),
+            *_numbers("merge", entry, "kalman"),
         ]
         yield _stage("typename flexspline::KalmanMerge<S>::Config", "kalman", numbers)
     else:
@@ -190,16 +113,10 @@ def _merge(entries: Mapping[str, Entry]) -> Iterator[str]:
 
 def _collision(entries: Mapping[str, Entry]) -> Iterator[str]:
     key = "collision"
-    entry = entries[key]
-    edges = entry["speed_edges"]
-    numbers = [
-        *(_array(key, name, entry[name]) for name in ("negative", "positive")),
-        *([_array(key, "speed_edges", edges)] if edges else []),
-        *_numbers(key, entries, ("release", "hold")),
-    ]
-    made = f"typename flexspline::CollisionDetector<S, {len(edges) + 1}>::Config"
-    yield _stage(made, key, numbers)
-    yield _rule("watched", "Watched", entry["input"])
+    bands = len(entries[key]["speed_edges"]) + 1
+    made = f"typename flexspline::CollisionDetector<S, {bands}>::Config"
+    yield _stage(made, key, _numbers(key, entries[key]))
+    yield _rule("watched", "Watched", entries[key]["input"])
 
 
 MADE: Mapping[str, Callable[[Mapping[str, Entry]], Iterator[str]]] = {
@@ -216,25 +133,22 @@ MADE: Mapping[str, Callable[[Mapping[str, Entry]], Iterator[str]]] = {
 }
 
 
-def _numbers(key: str, entries: Mapping[str, Entry], names: Sequence[str]) -> list[str]:
-    return [_field(key, name, entries[key][name], UNITS.get(name, "")) for name in names]
+def _numbers(key: str, entry: Entry, stage: str | None = None) -> list[str]:
+    """The numbers of a stage that an estimator's entry gives, in the core's order."""
+    return [
+        _field(key, field, value)
+        for field, value in given(stage or key, entry)
+        if value is not None and value != []
+    ]
 
 
-def _field(key: str, name: str, value: float, unit: str) -> str:
-    return f".{name} = {_number(key, name, value)},{f'  // {comment(unit)}' if unit else ''}"
-
-
-def _array(key: str, name: str, values: Sequence[float]) -> str:
-    text = ", ".join(_number(key, name, value) for value in values)
-    lines = textwrap.wrap(text, 48, break_long_words=False)
-    return f".{name} = {{{{{(INDENT + '    ').join(lines)}}}}},  // {comment(UNITS[name])}"
-
-
-def _range(key: str, ends: Sequence[float] | None, unit: str) -> list[str]:
-    if ends is None:
-        return []
-    pairs = zip(("low", "high"), ends, strict=True)
-    return [_field(key, name, value, unit) for name, value in pairs]
+def _field(key: str, field: Field, value: float | Sequence[float]) -> str:
+    unit = f"  // {comment(field.unit)}" if field.unit else ""
+    if isinstance(value, Sequence):
+        text = ", ".join(_number(key, field.name, one) for one in value)
+        lines = textwrap.wrap(text, 48, break_long_words=False)
+        return f".{field.name} = {{{{{(INDENT + '    ').join(lines)}}}}},{unit}"
+    return f".{field.name} = {_number(key, field.name, value)},{unit}"
 
 
 def _number(key: str, name: str, value: float) -> str:
