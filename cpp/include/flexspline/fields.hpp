@@ -59,6 +59,13 @@ struct Rule {
   }
 };
 
+// For Clang before 17, which deduces nothing of an aggregate by itself.
+template <typename Stage, typename Value, typename S>
+Field(std::string_view, std::string_view, Value Stage::*, Range<S>, std::string_view = {},
+      bool = true) -> Field<Stage, Value, S>;
+template <typename Stage, typename Enum, std::size_t N>
+Rule(std::string_view, Enum Stage::*, std::array<std::string_view, N>) -> Rule<Stage, Enum, N>;
+
 /// Calls use(field) for each field of a stage; what it throws on a PC goes on to the caller.
 template <typename Stage, typename Use>
 constexpr void for_each_field(Use&& use) {
