@@ -8,7 +8,8 @@ from __future__ import annotations
 import html
 import math
 import re
-from collections.abc import Collection, Sequence
+import textwrap
+from collections.abc import Collection, Iterable, Sequence
 
 from uncertainties import ufloat
 
@@ -18,8 +19,10 @@ __all__ = [
     "plus_minus",
     "rows_html",
     "rows_text",
+    "sentences_text",
     "short",
     "short_names",
+    "table_html",
     "truncated",
 ]
 
@@ -90,3 +93,17 @@ def rows_html(rows: Sequence[Sequence[str]]) -> str:
 
     head, *body = rows
     return line(head, "th") + "".join(line(cells, "td") for cells in body)
+
+
+def sentences_text(sentences: Iterable[str], width: int = 100) -> list[str]:
+    """Return sentences as a list of points, each wrapped."""
+    return [
+        textwrap.fill(sentence, width, initial_indent="- ", subsequent_indent="  ")
+        for sentence in sentences
+    ]
+
+
+def table_html(title: str, rows: Sequence[Sequence[str]], sentences: Iterable[str]) -> str:
+    """Return a fragment for notebooks light and dark: a title, a table, and what is to be said."""
+    notes = "".join(f"<li>{html.escape(sentence)}</li>" for sentence in sentences)
+    return f"<div><b>{html.escape(title)}</b><table>{rows_html(rows)}</table><ul>{notes}</ul></div>"

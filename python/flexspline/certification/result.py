@@ -5,11 +5,10 @@ Outputs are compared in bits, in units in the last place (ULP), and in their own
 
 from __future__ import annotations
 
-import html
 import json
 import os
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -17,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.about import __version__
-from flexspline.formatting import short
+from flexspline.formatting import rows_text, sentences_text, short, table_html
 
 __all__ = [
     "CHAIN_OUTPUTS",
@@ -283,34 +282,14 @@ def _ordered(values: NDArray[np.float32]) -> NDArray[np.int64]:
 
 def certificate_text(made: Certificate) -> str:
     """Return what `print(certificate)` shows."""
-    rows = [HEAD, *_rows(made)]
-    wide = [max(len(row[k]) for row in rows) for k in range(len(HEAD))]
-    table = [
-        "  ".join(
-            f"{c:<{w}}" if k < 2 else f"{c:>{w}}"
-            for k, (c, w) in enumerate(zip(row, wide, strict=True))
-        ).rstrip()
-        for row in rows
-    ]
-    said = [
-        textwrap.fill(sentence, WIDTH, initial_indent="- ", subsequent_indent="  ")
-        for sentence in _sentences(made)
-    ]
-    return "\n".join([*textwrap.wrap(_verdict(made), WIDTH), "", *table, "", *said])
+    table = rows_text([HEAD, *_rows(made)], left=(0, 1))
+    said = sentences_text(_sentences(made), WIDTH)
+    return "\n".join([*textwrap.wrap(_verdict(made), WIDTH), "", table, "", *said])
 
 
 def certificate_html(made: Certificate) -> str:
     """Return the same as a fragment of HTML, for notebooks light and dark."""
-
-    def row(cells: Sequence[str], tag: str) -> str:
-        return "<tr>" + "".join(f"<{tag}>{html.escape(c)}</{tag}>" for c in cells) + "</tr>"
-
-    body = "".join(row(cells, "td") for cells in _rows(made))
-    notes = "".join(f"<li>{html.escape(sentence)}</li>" for sentence in _sentences(made))
-    return (
-        f"<div><b>{html.escape(_verdict(made))}</b><table>{row(HEAD, 'th')}{body}</table>"
-        f"<ul>{notes}</ul></div>"
-    )
+    return table_html(_verdict(made), [HEAD, *_rows(made)], _sentences(made))
 
 
 def _verdict(made: Certificate) -> str:

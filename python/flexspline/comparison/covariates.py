@@ -239,7 +239,7 @@ def growing_edges(values: Array, least: int, first: float) -> Array:
     ----------
     values : (N,), at least 0, any unit; rows not finite are left out.
     least : rows that a bin must hold.
-    first : the smallest edge above 0: what is nearer cannot be told apart.
+    first : the smallest edge above 0: what is nearer is indistinguishable from zero.
     """
     known, weight = _sampled(values)
     if not len(known) or not known[-1] > 0.0:

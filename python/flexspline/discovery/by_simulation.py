@@ -72,7 +72,7 @@ Say = Callable[[str], object]
 CHANCE = 0.05
 """That noise alone makes one name, shared among all candidates (Bonferroni)."""
 SAME = 2.0
-"""Standard errors over runs up to which two candidates are not told apart."""
+"""Standard errors over runs up to which two candidates are indistinguishable."""
 FINALISTS = 3
 """Candidates that are fitted without each fold, too: of the others the fit to all rows says enough.
 Half of it may miss one that holds better than it fits; twice it doubles the time."""

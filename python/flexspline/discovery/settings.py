@@ -32,7 +32,7 @@ class Settings:
         Once a judgement on two measured joints; the table has not been run over whole lists.
     freed : times its price, that an effect gains beside freed forms: functions are few.
     overwhelming : times its gain, that is left beside a name: the name may be a part of that.
-    told : standard errors up to which two are not told apart.
+    told : standard errors up to which two are indistinguishable.
     certain : t above which held-out errors fall by more than chance: of a name, in the report's
         own law.
     names : that one search takes at most.

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import html
 import os
-import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntFlag
 from types import MappingProxyType
@@ -15,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.errors import InputError, did_you_mean, listed
-from flexspline.formatting import short
+from flexspline.formatting import rows_text, sentences_text, short, table_html
 from flexspline.rendering import render
 
 if TYPE_CHECKING:
@@ -38,7 +36,6 @@ COLUMNS = {
     "status": "bits",
 }
 
-WIDTH = 100
 MOST_CONTACTS = 5
 HEAD = ("column", "unit", "mean", "least", "most", "empty rows")
 
@@ -194,28 +191,14 @@ MEANING = {
 
 def estimate_text(made: Estimate) -> str:
     """Return what `print(estimate)` shows."""
-    rows = [HEAD, *_rows(made)]
-    wide = [max(len(row[k]) for row in rows) for k in range(len(HEAD))]
-    table = ["  ".join(_padded(row, wide)).rstrip() for row in rows]
-    said = [
-        textwrap.fill(sentence, WIDTH, initial_indent="- ", subsequent_indent="  ")
-        for sentence in _sentences(made)
-    ]
-    return "\n".join([_title(made), "", *table, *([""] if said else []), *said])
+    table = rows_text([HEAD, *_rows(made)], left=(0, 1))
+    said = sentences_text(_sentences(made))
+    return "\n".join([_title(made), "", table, *([""] if said else []), *said])
 
 
 def estimate_html(made: Estimate) -> str:
     """Return the same as a fragment of HTML, for notebooks light and dark."""
-
-    def row(cells: Sequence[str], tag: str) -> str:
-        return "<tr>" + "".join(f"<{tag}>{html.escape(c)}</{tag}>" for c in cells) + "</tr>"
-
-    body = "".join(row(cells, "td") for cells in _rows(made))
-    notes = "".join(f"<li>{html.escape(sentence)}</li>" for sentence in _sentences(made))
-    return (
-        f"<div><b>{html.escape(_title(made))}</b><table>{row(HEAD, 'th')}{body}</table>"
-        f"<ul>{notes}</ul></div>"
-    )
+    return table_html(_title(made), [HEAD, *_rows(made)], _sentences(made))
 
 
 def _title(made: Estimate) -> str:
@@ -233,13 +216,6 @@ def _rows(made: Estimate) -> list[tuple[str, ...]]:
         empty = len(data) - good.size
         found.append((name, COLUMNS[name], *(short(float(s), 4) for s in sizes), str(empty)))
     return found
-
-
-def _padded(row: Sequence[str], wide: Sequence[int]) -> list[str]:
-    return [
-        f"{c:<{w}}" if k < 2 else f"{c:>{w}}"
-        for k, (c, w) in enumerate(zip(row, wide, strict=True))
-    ]
 
 
 def _sentences(made: Estimate) -> list[str]:

@@ -212,7 +212,7 @@ class Fit:
     def shares(self) -> dict[str, float]:
         """Return each effect's RMS contribution over all rows, by name, in the target's unit.
 
-        Effects that cannot be told apart come as one, "a + b".
+        Indistinguishable effects come as one, "a + b".
         """
 
         return shares(self)

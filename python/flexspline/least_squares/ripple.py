@@ -204,7 +204,7 @@ class RippleOrder:
     names : of the coefficients of cosine and sine.
     amplitude, amplitude_error : in `unit`; `naive_error` as if every sample were news.
     phase, phase_error : degrees.
-    significant : whether it is told apart from zero.
+    significant : whether it differs significantly from zero.
     """
 
     effect: str

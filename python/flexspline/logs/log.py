@@ -8,7 +8,6 @@ from __future__ import annotations
 import html
 import math
 import re
-import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
@@ -18,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexspline.errors import InputError, did_you_mean, listed, printable
+from flexspline.formatting import rows_html, rows_text, sentences_text
 from flexspline.logs.channels import CHANNELS
 from flexspline.rendering import render
 
@@ -203,28 +203,21 @@ class Log:
 
     def __str__(self) -> str:
         rows = [("channel", "unit", "min", "max", "what"), *self._table()]
-        width = [max(len(row[i]) for row in rows) for i in range(4)]
-        lines = [
-            f"{row[0]:<{width[0]}}  {row[1]:<{width[1]}}  {row[2]:>{width[2]}}  "
-            f"{row[3]:>{width[3]}}  {row[4]}"
-            for row in rows
-        ]
         facts = "; ".join(f"{key}: {value}" for key, value in self.facts.items() if key != "name")
-        notes = [
-            textwrap.fill(s, 96, initial_indent="- ", subsequent_indent="  ") for s in self.history
-        ]
-        return "\n".join([self._title(), *([facts] if facts else []), *lines, *notes])
+        notes = sentences_text(self.history, 96)
+        return "\n".join(
+            [self._title(), *([facts] if facts else []), rows_text(rows, left=(0, 1, 4)), *notes]
+        )
 
     def _repr_html_(self) -> str:
-        def row(cells: Sequence[str], tag: str) -> str:
-            return "<tr>" + "".join(f"<{tag}>{html.escape(c)}</{tag}>" for c in cells) + "</tr>"
-
-        head = row(("channel", "unit", "min", "max", "what"), "th")
-        body = "".join(row(cells, "td") for cells in self._table())
-        facts = "".join(row((key, str(value)), "td") for key, value in self.facts.items())
+        table = rows_html([("channel", "unit", "min", "max", "what"), *self._table()])
+        facts = "".join(
+            f"<tr><td>{html.escape(key)}</td><td>{html.escape(str(value))}</td></tr>"
+            for key, value in self.facts.items()
+        )
         notes = "".join(f"<li>{html.escape(sentence)}</li>" for sentence in self.history)
         return (
-            f"<div><b>{html.escape(self._title())}</b><table>{head}{body}</table>"
+            f"<div><b>{html.escape(self._title())}</b><table>{table}</table>"
             f"<table>{facts}</table><ul>{notes}</ul></div>"
         )
 

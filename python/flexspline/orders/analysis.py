@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexspline.errors import InputError
+from flexspline.formatting import rows_html, rows_text
 from flexspline.logs import Log
 from flexspline.orders.low import Faint, find_faint, find_low, less_low
 from flexspline.orders.parts import Candidate, Pair, candidates, effective_ratio, owner
@@ -58,7 +59,7 @@ class FoundOrder:
     pair : str
         The parts that turn against each other; "" where no known pair turns at a whole order.
     per_output_turn, resolution : float
-        Order per output turn; two orders nearer than `resolution` cannot be told apart.
+        Order per output turn; two orders nearer than `resolution` are indistinguishable.
     amplitude, error : float
         Root mean square over the runs of the amplitude, and its standard error [unit].
     steady, phase, phase_error : float
@@ -168,26 +169,15 @@ class OrderAnalysis:
     def __str__(self) -> str:
         if not self.found:
             return "\n".join([self._title(), *self._doubtful()])
-        table = [_HEADINGS, *self._cells()]
-        width = [max(len(row[i]) for row in table) for i in range(len(_HEADINGS))]
         right = {0, 1, 5}
-        lines = [
-            "  ".join(
-                cell.rjust(width[i]) if i in right else cell.ljust(width[i])
-                for i, cell in enumerate(row)
-            ).rstrip()
-            for row in table
-        ]
-        return "\n".join([self._title(), *lines, *self._doubtful()])
+        left = {*range(len(_HEADINGS))} - right
+        table = rows_text([_HEADINGS, *self._cells()], left)
+        return "\n".join([self._title(), table, *self._doubtful()])
 
     def _repr_html_(self) -> str:
-        def row(cells: Sequence[str], tag: str) -> str:
-            return "<tr>" + "".join(f"<{tag}>{html.escape(c)}</{tag}>" for c in cells) + "</tr>"
-
-        body = "".join(row(cells, "td") for cells in self._cells())
+        rows = rows_html([_HEADINGS, *self._cells()]) if self.found else ""
         notes = "".join(f"<p>{html.escape(sentence)}</p>" for sentence in self._doubtful())
-        head = row(_HEADINGS, "th") if self.found else ""
-        return f"<div><b>{html.escape(self._title())}</b><table>{head}{body}</table>{notes}</div>"
+        return f"<div><b>{html.escape(self._title())}</b><table>{rows}</table>{notes}</div>"
 
     def _title(self) -> str:
         low, high = self.scanned

@@ -135,7 +135,7 @@ def _turns(fit: Fit) -> bool:
 def measured_against_predicted(fit: Fit, ax: Axes | None = None) -> Axes:
     """Draw measured over predicted y, in the target's unit, with the diagonal.
 
-    Runs are told apart by colour where there are ten or fewer.
+    Each run has a colour of its own where there are ten or fewer.
     """
     ax = axes_or_new(ax)
     x, y, colour = _points(fit, [run.predicted for run in fit.runs], "measured")

@@ -11,7 +11,7 @@ from flexspline.about import __version__
 from flexspline.comparison.bands import Band, worst_band
 from flexspline.comparison.result import floor_sentence, ranked, sized
 from flexspline.files import atomic_write
-from flexspline.formatting import short
+from flexspline.formatting import rows_text, short
 from flexspline.report.html import templates
 from flexspline.report.tables import input_rows, smoothed_rows
 
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 __all__ = ["comparison_html", "comparison_text", "followed", "write_comparison_report"]
 
 WIDTH = 100
+WORDS = (0, 1)  # columns of words; the others are numbers
 
 MAP = (
     "RMS of measured less modelled (dark) in each band against the noise floor there (grey, with "
@@ -46,9 +47,9 @@ def comparison_text(made: Comparison) -> str:
     blocks = [
         [line for sentence in made.sentences for line in _wrapped(sentence)],
         [line for sentence in base_told(made) for line in _wrapped(sentence)],
-        _table(worst_rows(made)),
+        [rows_text(worst_rows(made), WORDS)],
         [x for k, said in enumerate(followed(made), start=1) for x in _wrapped(f"{k}. {said}")],
-        _table(order_rows(made)) if made.orders else [],
+        [rows_text(order_rows(made), WORDS)] if made.orders else [],
         _wrapped(floor_sentence(made)),
         _channels(made),
     ]
@@ -59,7 +60,7 @@ def _channels(made: Comparison) -> list[str]:
     """Noisy channels as the model read them; nothing of exact runs."""
     read = [way.channel for way in made.preparations]
     rows = smoothed_rows(made.inputs, made.preparations, read)
-    return ["Noisy channels:", *_table(rows)] if rows else []
+    return ["Noisy channels:", rows_text(rows, WORDS)] if rows else []
 
 
 def comparison_html(made: Comparison) -> str:
@@ -122,17 +123,6 @@ def _kind(made: Comparison) -> str:
     if made.foreign:
         return "a foreign simulation"
     return "forward simulation" if made.simulated else "prediction"
-
-
-def _table(rows: list[tuple[str, ...]]) -> list[str]:
-    wide = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
-    return [
-        "  ".join(
-            f"{cell:<{w}}" if k < 2 else f"{cell:>{w}}"
-            for k, (cell, w) in enumerate(zip(row, wide, strict=True))
-        ).rstrip()
-        for row in rows
-    ]
 
 
 def _wrapped(sentence: str) -> list[str]:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.errors import InputError, listed
-from flexspline.formatting import decimals_for, plus_minus, short, truncated
+from flexspline.formatting import decimals_for, plus_minus, rows_text, short, truncated
 from flexspline.least_squares.validation import Score
 from flexspline.logs.channels import CHANNELS
 
@@ -190,15 +190,7 @@ class ScoreTable:
         for label, cells, marks in self._cells():
             starred = (f"{c} *" if m else f"{c}  " for c, m in zip(cells, marks, strict=True))
             table.append((label, *starred))
-        wide = [max(len(row[k]) for row in table) for k in range(len(table[0]))]
-        lines = [
-            "  ".join(
-                f"{cell:<{w}}" if k == 0 else f"{cell:>{w}}"
-                for k, (cell, w) in enumerate(zip(row, wide, strict=True))
-            ).rstrip()
-            for row in table
-        ]
-        return "\n".join([*lines, "* best of its row"])
+        return "\n".join([rows_text(table), "* best of its row"])
 
     def _repr_html_(self) -> str:
         return self.to_html()

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexspline.errors import listed
-from flexspline.formatting import plus_minus, short, short_names
+from flexspline.formatting import plus_minus, rows_text, short, short_names
 from flexspline.least_squares.ripple import PAIRS, RippleOrder, ripple_orders
 from flexspline.report.tables import delay_sentence, score_rows, smoothed_rows
 
@@ -117,7 +117,7 @@ def _channels(fit: Fit) -> list[str]:
     if not rows:
         return []
     said = delay_sentence(fit.delay, fit.unit)
-    return ["Noisy channels:", *_aligned(rows), *(_wrapped(said) if said else [])]
+    return ["Noisy channels:", rows_text(rows), *(_wrapped(said) if said else [])]
 
 
 def _motion(fit: Fit) -> list[str]:
@@ -125,26 +125,14 @@ def _motion(fit: Fit) -> list[str]:
         return []
     return [
         "Simulated − measured position, mrad RMS:",
-        *_aligned(fit.simulation.table()),
+        rows_text(fit.simulation.table()),
         *_wrapped(fit.simulation.ends),
     ]
 
 
 def _scores(fit: Fit) -> list[str]:
     rows = score_rows(fit.scores, fit.unit)
-    return [f"Residual of {TARGET_WORDS[fit.target]}, measured − predicted:", *_aligned(rows)]
-
-
-def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
-    """A table as lines, its first column to the left."""
-    wide = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
-    return [
-        "  ".join(
-            f"{cell:<{w}}" if k == 0 else f"{cell:>{w}}"
-            for k, (cell, w) in enumerate(zip(row, wide, strict=True))
-        ).rstrip()
-        for row in rows
-    ]
+    return [f"Residual of {TARGET_WORDS[fit.target]}, measured − predicted:", rows_text(rows)]
 
 
 def _warnings(fit: Fit) -> list[str]:
