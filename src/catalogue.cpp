@@ -9,6 +9,24 @@ constexpr std::array<const char*, 9> channel_names{
     "motor_position",  "temperature",     "load",
     "motor_torque",    "period",          "time"};
 
+constexpr std::array<const char*, 14> excitation_names{
+    "both_directions", "speed_ratio",    "low_speeds",     "acceleration", "turn",
+    "resolved_order",  "resolved_poles", "temperature",    "duration",     "known_load",
+    "any_load",        "both_torques",   "there_and_back", "motor_torque"};
+
+py::dict traits_of(const Traits& traits) {
+  py::dict entry;
+  entry["constant"] = traits.constant;
+  entry["basic"] = traits.basic;
+  entry["inertial"] = traits.inertial;
+  entry["carries_load"] = traits.carries_load;
+  entry["one_signed"] = traits.one_signed;
+  entry["dissipative"] = traits.dissipative;
+  entry["loop"] = traits.loop;
+  entry["known_load"] = traits.known_load;
+  return entry;
+}
+
 py::list shapes_of(const batch::AnyEffect& any) {
   py::list shapes;
   batch::for_each_shape(any, [&](const auto& shape, double value) {
@@ -19,6 +37,7 @@ py::list shapes_of(const batch::AnyEffect& any) {
     entry["lower"] = shape.lower;
     entry["upper"] = shape.upper;
     entry["fitted"] = shape.fitted;
+    entry["owner"] = std::string(shape.owner);
     shapes.append(entry);
   });
   return shapes;
@@ -31,8 +50,10 @@ py::dict describe(const Effect& effect) {
   entry["targets"] = std::string(effect.targets);
   entry["signature"] = std::string(effect.signature);
   entry["source"] = std::string(effect.source);
-  entry["carries_load"] = CarriesLoad<Effect>;
+  entry["traits"] = traits_of(Effect::traits);
   entry["remembers"] = Remembers<Effect>;
+  entry["modulated"] = BentHarmonicEffect<Effect>;
+  entry["reversal"] = std::string(reversal_of<Effect>());
   py::list terms;
   for (const Term& term : effect.terms) {
     terms.append(py::make_tuple(std::string(term.name), std::string(term.unit)));
@@ -44,13 +65,20 @@ py::dict describe(const Effect& effect) {
   }
   entry["reads"] = reads;
   py::list paths;
-  if constexpr (requires { effect.paths; }) {
-    for (const Path& path : effect.paths) {
-      paths.append(py::make_tuple(channel_names[static_cast<std::size_t>(path.channel)],
-                                  std::string(path.width)));
-    }
+  for (const Path& path : paths_of<Effect>()) {
+    paths.append(py::make_tuple(channel_names[static_cast<std::size_t>(path.channel)],
+                                std::string(path.width)));
   }
   entry["paths"] = paths;
+  py::list demands;
+  for (const Demand& demand : Effect::demands) {
+    demands.append(py::make_tuple(excitation_names[static_cast<std::size_t>(demand.excitation)],
+                                  demand.amount));
+  }
+  entry["demands"] = demands;
+  py::list combines;
+  for (const std::string_view name : combines_of<Effect>()) combines.append(std::string(name));
+  entry["combines"] = combines;
   py::list pairs;
   if constexpr (HarmonicEffect<Effect>) {
     for (const Pair pair : effect.pairs) pairs.append(std::string(batch::name_of(pair)));

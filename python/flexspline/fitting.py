@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from tqdm import tqdm
 
 from flexspline.effects import Effect, effect
+from flexspline.effects.roles import OFFSET
 from flexspline.errors import InputError
 
 if TYPE_CHECKING:  # what is heavy is imported where it is used: `flexspline --help` is quick
@@ -87,7 +88,7 @@ def fit(
     from flexspline.least_squares.assemble import assembled
     from flexspline.least_squares.estimate import Given, estimate
     from flexspline.least_squares.late_load import beside_delay, can_be_late
-    from flexspline.least_squares.offsets import OFFSET, taken_out
+    from flexspline.least_squares.offsets import taken_out
     from flexspline.least_squares.options import FitOptions
     from flexspline.least_squares.problem import problem_of
     from flexspline.least_squares.ripple import with_found_orders

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from flexspline import _core
 from flexspline.about import __version__
 from flexspline.effects import unit_in
+from flexspline.effects.roles import COULOMB_PER_DIRECTION
 from flexspline.errors import InputError, did_you_mean, listed, shortened
 from flexspline.estimators import ESTIMATORS, Estimator
 from flexspline.estimators.needs import require_complete
@@ -64,13 +65,6 @@ MARGIN = 0.05
 
 TURN = 2.0 * np.pi
 ANGLES = ("output_position", "motor_position")  # no effect tells one turn from another
-
-MUST_BE_POSITIVE = {
-    "viscous_friction.viscosity": "damping",
-    "inertia.inertia": "inertia",
-    "coulomb_friction.level": "friction",
-}
-PER_DIRECTION = "coulomb_friction_per_direction"
 
 
 @dataclass(frozen=True)
@@ -454,17 +448,19 @@ def refuse_warnings(said: Sequence[str]) -> None:
 
 
 def _sign_warnings(part: Part) -> Iterator[str]:
-    terms = [(f"{e.name}.{term.name}", term.unit) for e in part.effects for term in e.terms]
-    values = dict(zip((name for name, _ in terms), part.coefficients.tolist(), strict=True))
-    levels = [values.get(f"{PER_DIRECTION}.{side}", 0.0) for side in ("positive", "negative")]
-    checked = [
-        (name, values[name], unit, MUST_BE_POSITIVE[name])
-        for name, unit in terms
-        if name in MUST_BE_POSITIVE
-    ]
-    checked.append(
-        (f"the level of {PER_DIRECTION}", 0.5 * (levels[0] - levels[1]), "Nm", "friction")
-    )
+    checked = []
+    first = 0
+    for effect in part.effects:
+        values = part.coefficients[first : first + len(effect.terms)]
+        first += len(effect.terms)
+        traits = effect.info.traits
+        if traits.basic and traits.one_signed:
+            what = "inertia" if traits.inertial else "friction"
+            (term,) = effect.terms
+            checked.append((f"{effect.name}.{term.name}", values[0], term.unit, what))
+        if effect.name == COULOMB_PER_DIRECTION:
+            level = 0.5 * (values[0] - values[1])
+            checked.append((f"the level of {effect.name}", level, effect.terms[0].unit, "friction"))
     for name, value, unit, what in checked:
         if value < 0.0:
             yield (

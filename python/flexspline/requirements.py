@@ -27,7 +27,6 @@ Array = NDArray[np.float64]
 
 IMAGINABLE = 1e9
 """No channel of a log, in SI units, is beyond this; instruments write 9.91e37 for an overload."""
-NEED_KNOWN_LOAD = ("gain_error", "torque_constant_error")
 
 
 def require_finite(log: Log, columns: Mapping[str, Array]) -> None:
@@ -84,7 +83,7 @@ def require_one_unit(effects: Sequence[Effect], target: str, known_load: str | N
     if target != "motor_current" or known_load is None:
         return
     own = [effect.name for effect in effects if effect.info.carries_load]
-    readers = [e.name for e in effects if "load" in e.reads and e.name not in NEED_KNOWN_LOAD]
+    readers = [e.name for e in effects if "load" in e.reads and not e.info.traits.known_load]
     if own and readers:
         raise InputError(
             f"effect '{readers[0]}' reads the load, which would be {known_load} in Nm and "
@@ -99,7 +98,7 @@ def require_load(effects: Sequence[Effect], known_load: str | None) -> None:
         return
     own = any(effect.info.carries_load for effect in effects)
     for effect in effects:
-        if effect.name in NEED_KNOWN_LOAD:
+        if effect.info.traits.known_load:
             raise InputError(
                 f"effect '{effect.name}' needs a known load; name its channel with known_load, or "
                 "leave the effect out"

@@ -87,16 +87,18 @@ constexpr std::array<Channel, 9> channels{
 
 }  // namespace
 
-TEST_CASE_TEMPLATE("every effect has a name of its own, targets, a source, terms", S, float,
-                   double) {
+TEST_CASE_TEMPLATE("every effect has a name of its own", S, float, double) {
   std::set<std::string_view> names;
+  for_each_effect<S>(
+      [&]<typename Effect>(const Effect& effect) { CHECK(names.insert(effect.name).second); });
   for_each_effect<S>([&]<typename Effect>(const Effect& effect) {
-    CHECK(names.insert(effect.name).second);
-    CHECK_FALSE(effect.targets.empty());
-    CHECK_FALSE(effect.source.empty());
-    CHECK_FALSE(effect.signature.empty());
-    CHECK_FALSE(effect.terms.empty());
-    CHECK(effect.targets.find_first_not_of("SMD") == std::string_view::npos);
+    for (const std::string_view name : combines_of<Effect>()) CHECK(names.contains(name));
+    if constexpr (requires { effect.shapes(); }) {
+      for (const auto& shape : effect.shapes()) {
+        const bool another = !shape.owner.empty() && shape.owner != of_model;
+        CHECK((!another || names.contains(shape.owner)));
+      }
+    }
   });
 }
 
@@ -135,10 +137,113 @@ TEST_CASE_TEMPLATE("a row depends on the channels that it names and on no other"
   });
 }
 
-TEST_CASE_TEMPLATE("what carries load does not read it", S, float, double) {
-  for_each_effect<S>([]<typename Effect>(const Effect&) {
-    if (CarriesLoad<Effect>) CHECK_FALSE(reads<Effect>(Channel::load));
+TEST_CASE_TEMPLATE("an effect is constant where its row never changes, and there alone", S, float,
+                   double) {
+  for_each_effect<S>([]<typename Effect>(const Effect& effect) {
+    CAPTURE(effect.name);
+    std::mt19937_64 random(24);
+    const auto first = usual_sample<S>(random);
+    const auto row = second_row<S>(effect, first, usual_sample<S>(random));
+    bool changed = false;
+    for (int i = 0; i < 100; ++i) {
+      changed |= second_row<S>(effect, first, usual_sample<S>(random)) != row;
+    }
+    CHECK(changed != Effect::traits.constant);
   });
+}
+
+TEST_CASE_TEMPLATE("an effect is inertial where its row is the acceleration, and there alone", S,
+                   float, double) {
+  for_each_effect<S>([]<typename Effect>(const Effect& effect) {
+    CAPTURE(effect.name);
+    std::mt19937_64 random(25);
+    bool same = true;
+    for (int i = 0; i < 100; ++i) {
+      const auto at = usual_sample<S>(random);
+      for (const S value : second_row<S>(effect, at, at)) same &= value == at.output_acceleration;
+    }
+    CHECK(same == Effect::traits.inertial);
+  });
+}
+
+TEST_CASE_TEMPLATE("what dissipates brakes at each sample, or gives no energy around a loop", S,
+                   float, double) {
+  for_each_effect<S>([]<typename Effect>(const Effect& each) {
+    if constexpr (Effect::traits.dissipative) {
+      for_each_path(each, [](const Effect& effect) {
+        CAPTURE(effect.name);
+        std::mt19937_64 random(26);
+        if constexpr (!Effect::traits.loop) {
+          S work = 0;
+          for (int i = 0; i < 100; ++i) {
+            const auto at = usual_sample<S>(random);
+            for (const S value : second_row<S>(effect, at, at)) {
+              CHECK(value * at.output_velocity >= S(0));
+              work += value * at.output_velocity;
+            }
+          }
+          CHECK(work > S(0));
+          return;
+        }
+        // there and back, far beyond every width and by steps below them, once settled
+        StateOf<Effect> state{};
+        S work[4]{};
+        constexpr int steps = 4000;
+        for (int round = 0; round < 2; ++round) {
+          for (int i = 0; i < steps; ++i) {
+            const double x = std::sin(2 * 3.141592653589793 * i / steps);
+            const double before = std::sin(2 * 3.141592653589793 * (i - 1) / steps);
+            Sample<S> at;
+            at.load = S(50 * x);
+            at.output_position.phase = Angle<S>::from_turns(S(0.02 * x)).phase;
+            at.motor_position.phase = Angle<S>::from_turns(S(0.4 * x)).phase;
+            const auto row = row_of<S>(effect, at, state);
+            // a motor ahead of an output that rubs leaves a torsion behind its own angle
+            const S sign = reads_now(effect, Channel::motor_position) ? S(-1) : S(1);
+            for (std::size_t k = 0; k < 4; ++k) {
+              if (round == 1) work[k] += sign * row[k] * S(x - before);
+            }
+          }
+        }
+        for (const S one : work) CHECK(one > S(0));
+      });
+    }
+  });
+}
+
+TEST_CASE_TEMPLATE("a loop depends on the way and not on how fast it was gone", S, float, double) {
+  for_each_effect<S>([]<typename Effect>(const Effect& each) {
+    for_each_path(each, [](const Effect& effect) {
+      if constexpr (Remembers<Effect>) {
+        CAPTURE(effect.name);
+        std::mt19937_64 random(27);
+        bool same = true;
+        for (int i = 0; i < 100; ++i) {
+          const auto first = usual_sample<S>(random);
+          auto at = usual_sample<S>(random);
+          const auto row = second_row<S>(effect, first, at);
+          at.period *= S(3);
+          at.output_velocity *= S(1.0 / 3.0);
+          same &= second_row<S>(effect, first, at) == row;
+        }
+        CHECK(same == Effect::traits.loop);
+      }
+    });
+  });
+}
+
+TEST_CASE("columns that combine others' lie in their span") {
+  // (1 ± d)/2 of the column d(v) of Coulomb friction, and 1 of the offset
+  std::mt19937_64 random(28);
+  const CoulombFrictionPerDirection<double> both;
+  const CoulombFriction<double> level;
+  const Offset<double> offset;
+  for (int i = 0; i < 100; ++i) {
+    const auto at = usual_sample<double>(random);
+    const auto row = both.row(at);
+    CHECK(row[0] + row[1] == doctest::Approx(offset.row(at)[0]));
+    CHECK(row[0] - row[1] == doctest::Approx(level.row(at)[0]));
+  }
 }
 
 TEST_CASE_TEMPLATE("a torque is linear in the coefficients", S, float, double) {

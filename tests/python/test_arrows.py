@@ -13,6 +13,7 @@ import pytest
 from arrows import cycles_of, faults_of
 
 import flexspline
+from flexspline.effects import CATALOGUE
 from flexspline.presentation import RENDERERS
 
 LAYERS = (
@@ -57,6 +58,17 @@ LAYERS = (
 rows above its own in this table, not from its neighbours. Where a room lies in another one, the
 `__init__` of the outer belongs to the higher of both."""
 
+KNOW_EFFECTS = ("effects", "baselines", "demo", "reproduce", "rigs", "simulation")
+"""Rooms that know effects by name: their own, and those whose physics is a rig's or a paper's."""
+
+OTHER_THINGS = {
+    "comparison": ("offset",),  # a covariate: everywhere the same
+    "exporting": ("inertia",),  # numbers of a plan, and arguments
+    "observer": ("inertia",),
+    "plot": ("inertia",),
+}
+"""Words of other rooms that are also names of effects, and mean something else there."""
+
 BY_TABLE = ("flexspline.rendering",)
 """Modules that import what a table gives them whose strings are arrows where the table stands."""
 
@@ -70,6 +82,29 @@ def test_every_arrow_points_down() -> None:
 def test_sub_packages_form_no_cycle() -> None:
     """Whatever the order of the layers, and rooms inside others taken with those."""
     assert cycles_of(PACKAGE) == []
+
+
+def test_no_other_room_knows_an_effect_by_its_name() -> None:
+    assert named_effects(PACKAGE) == []
+
+
+def named_effects(package: Path) -> list[str]:
+    """Strings of code that are an effect's name, by file and line; those of docstrings are not."""
+    found = []
+    for file in sorted(package.rglob("*.py")):
+        room = file.relative_to(package).parts[0].removesuffix(".py")
+        if room not in KNOW_EFFECTS:
+            for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+                value = node.value if isinstance(node, ast.Constant) else None
+                if value in CATALOGUE and value not in OTHER_THINGS.get(room, ()):
+                    found.append(f"{file.relative_to(package)}:{node.lineno} names {value}")
+    return found
+
+
+def test_a_planted_name_of_an_effect_is_found(planted: Path) -> None:
+    (planted / "low" / "bad.py").write_text('"""gravity"""\nx = {"gravity": "offset of 1"}\n')
+    (planted / "simulation.py").write_text('x = "gravity"\n')
+    assert named_effects(planted) == ["low/bad.py:2 names gravity"]
 
 
 @pytest.fixture

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from checks_logs import sound_log
 
+from flexspline.effects import CATALOGUE
 from flexspline.errors import InputError
 from flexspline.logs import Log
 from flexspline.logs.checks import check
-from flexspline.logs.checks.excitation import EFFECTS
 
 TIME = np.arange(10_000) / 1000
 
@@ -161,7 +161,7 @@ def test_a_misspelt_name_is_refused_with_a_proposal(kwargs: dict[str, object]) -
 
 
 def test_every_effect_can_be_asked_for() -> None:
-    for effect in EFFECTS:
+    for effect in CATALOGUE:
         check(sound_log(1, duration=3.0), effects=[effect])
 
 

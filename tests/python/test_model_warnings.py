@@ -62,7 +62,7 @@ def test_a_sound_model_within_its_ranges_is_not_warned_of(tmp_path: Path) -> Non
 @pytest.mark.parametrize(
     ("made", "says"),
     [
-        (effect("viscous_friction"), "viscous_friction.viscosity = -0.1 .* negative damping"),
+        (effect("viscous_friction"), "viscous_friction.viscosity = -0.1 .* negative friction"),
         (effect("inertia"), "inertia.inertia = -0.1 .* negative inertia"),
         (effect("coulomb_friction"), "coulomb_friction.level = -0.1 Nm is negative friction"),
     ],
@@ -193,7 +193,7 @@ def test_predict_says_a_sentence_a_line_and_strict_refuses(tmp_path: Path) -> No
     assert done.exit_code == 0 and out.is_file() and done.stdout.count("\n") == 1
     lines = done.stderr.splitlines()
     assert len(lines) == 4 and all(line.startswith("flexspline: warning: ") for line in lines)
-    for line, word in zip(lines, ("damping", "significant", "bound", "rows lie"), strict=True):
+    for line, word in zip(lines, ("friction", "significant", "bound", "rows lie"), strict=True):
         assert word in line
     out.unlink()
     refused = call("predict", "--model", joint, log, "--out", out, "--strict")
@@ -215,7 +215,7 @@ def test_export_says_a_sentence_a_line_and_strict_refuses(tmp_path: Path, form: 
 
 def test_export_warns_in_python_too(tmp_path: Path) -> None:
     joint, _ = weak_model(tmp_path)
-    with pytest.warns(FlexsplineWarning, match="negative damping"):
+    with pytest.warns(FlexsplineWarning, match="negative friction"):
         export(Model.load(joint), tmp_path / "joint.hpp")
 
 

@@ -10,43 +10,6 @@
 
 namespace flexspline {
 
-template <typename Effect>
-concept HarmonicEffect = requires(const Effect& effect) { effect.harmonics(); };
-
-/// Harmonics whose amplitude and phase speed changes: their rows are more than cosines and sines.
-template <typename Effect>
-concept BentHarmonicEffect =
-    HarmonicEffect<Effect> && requires(const Effect& effect) { effect.bent({}, 1, {}); };
-
-/// Effects that make up the transmitted torque beside the known load.
-template <typename Effect>
-concept CarriesLoad = Effect::carries_load;
-
-/// The row of an effect, with its memory where it has one.
-template <typename S, typename Effect>
-constexpr auto row_of(const Effect& effect, const Sample<S>& at,
-                      [[maybe_unused]] StateOf<Effect>& state) noexcept {
-  if constexpr (Remembers<Effect>) {
-    return effect.row(at, state);
-  } else {
-    return effect.row(at);
-  }
-}
-
-/// How many terms an effect's row has at most.
-template <typename S, typename Effect>
-inline constexpr std::size_t width_of = std::tuple_size_v<decltype(row_of(
-    std::declval<const Effect&>(), std::declval<const Sample<S>&>(),
-    std::declval<StateOf<Effect>&>()))>;
-
-template <typename Effect>
-constexpr bool reads(Channel channel) noexcept {
-  for (const Channel c : Effect::reads) {
-    if (c == channel) return true;
-  }
-  return false;
-}
-
 /// An effect and its coefficients.
 template <typename S, typename Effect>
 struct Part {
@@ -174,7 +137,7 @@ template <typename S, typename... Effects>
 struct Model {
   using State = States<Effects...>;
   static constexpr bool remembers = (Remembers<Effects> || ...);
-  static_assert(!((CarriesLoad<Effects> && Remembers<Effects>) || ...));
+  static_assert((PhysicalEffect<Effects, S> && ...));
 
   Gear<S> gear;
   std::tuple<Part<S, Effects>...> parts;

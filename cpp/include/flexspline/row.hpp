@@ -38,7 +38,11 @@ struct Shape {
   S lower;
   S upper;
   bool fitted;  ///< false: a convention, such as a reference temperature
+  /// Whose it is: "" this effect's alone; `of_model` all that have it, once; else that of the effect
+  /// of this name, where the model has it.
+  std::string_view owner{};
 };
+inline constexpr std::string_view of_model = "model";
 
 /// What an effect reads of a sample.
 enum class Channel : unsigned char {

@@ -65,7 +65,6 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-COGGING = "cogging"
 READ = ("time", "output_position", "output_velocity", "output_acceleration", "temperature")
 EXPLAINS = 0.5  # of what the named effect gains, that a rival gains in its place at least
 

@@ -34,12 +34,6 @@ __all__ = ["assembled", "where"]
 
 Array = NDArray[np.float64]
 
-REVERSALS = {
-    "coulomb_friction": "a jump at each reversal",
-    "presliding_friction": "built up anew after each reversal",
-    "torsional_hysteresis": "a loop between reversals",
-    "torque_hysteresis": "a loop between reversals of the load",
-}
 COVARIATES = {
     "output_velocity": ("rad/s", "", True),
     "known_load": ("Nm", "load ", True),
@@ -66,13 +60,13 @@ def where(problem: Problem, effect: Effect, parts: list[Array]) -> str:
     sides = [] if velocity is None else [velocity > 0.0, velocity < 0.0]
     # friction lies to either side of the middle between the directions, not about its median
     medians = [np.median(values[side]) for side in sides if side.any()] or [np.median(values)]
-    squares = (values - (0.0 if effect.name == "offset" else np.mean(medians))) ** 2
+    squares = (values - (0.0 if effect.info.traits.constant else np.mean(medians))) ** 2
     own = [c for c in COVARIATES.items() if c[0] in ALWAYS or c[0] in effect.reads]
     places = (_place(channel(name), squares, *told) for name, told in own)
     said = next((place for place in places if place), "")
     ripple = _orders(effect, problem.runs[0].log.facts)
     said = ", ".join(s for s in (ripple, said) if s) or "in all parts of the runs"
-    return ", ".join(s for s in (said, _sides(squares, sides), REVERSALS.get(effect.name)) if s)
+    return ", ".join(s for s in (said, _sides(squares, sides), effect.info.reversal) if s)
 
 
 def _orders(effect: Effect, facts: Mapping[str, object]) -> str:

@@ -35,6 +35,7 @@ from flexspline.discovery.faults import DataFault
 from flexspline.discovery.result import Discovery, Found, Motion, Unexplained
 from flexspline.discovery.slices import HeldRun, compared_motion
 from flexspline.effects import Effect
+from flexspline.effects.roles import TORQUE_SCALE
 from flexspline.errors import InputError, listed
 from flexspline.fitting import fit
 from flexspline.least_squares.options import FitOptions
@@ -319,7 +320,7 @@ def search(
     say("the base")
     first = driven_model(way, base)
     effects, reasons = possible(base, driven, target, known_load, exclude)
-    free = {"torque_constant_error"} if "torque" in settings.free else set()
+    free = {TORQUE_SCALE} if "torque" in settings.free else set()
     for effect in list(effects):
         if effect.ripple or effect.name in free:
             effects.remove(effect)

@@ -30,10 +30,21 @@ from numpy.typing import NDArray
 from flexspline import _core
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import CATALOGUE, TARGETS, Effect, Harmonic, ShapeInfo
+from flexspline.effects.roles import (
+    BASIC_FRICTION,
+    FRICTION_BY_DIRECTION,
+    GRAVITY,
+    KINEMATIC_ERROR,
+    LAG,
+    MODULATED_RIPPLE,
+    MOTOR_RIPPLES,
+    OFFSET,
+    OUTPUT_RIPPLE,
+)
 from flexspline.errors import InputError
 from flexspline.least_squares.options import SHARED
 from flexspline.least_squares.problem import Problem
-from flexspline.least_squares.ripple import CORE_PAIRS, FOLLOWER, LEADERS
+from flexspline.least_squares.ripple import CORE_PAIRS
 from flexspline.logs.channel_noise import ChannelNoise
 from flexspline.logs.log import Log
 from flexspline.orders import FoundOrder, find_orders
@@ -43,9 +54,8 @@ from flexspline.requirements import gear_for, require_load, require_one_unit
 from flexspline.signals import channels_for
 
 __all__ = [
-    "DIRECTIONS",
     "EXCLUDED",
-    "LAG",
+    "ONE_SINE",
     "TAKEN",
     "Candidate",
     "candidates_for",
@@ -62,11 +72,9 @@ __all__ = [
     "with_freedoms",
 ]
 
-DIRECTIONS, LAG = "direction_dependent_friction", "sensor_lag"
 ANGLE = "output_position"
 EXCLUDED = "excluded by the caller"
 TAKEN = "what it would explain is taken as a delay of the load"
-FRICTION = ("coulomb_friction", "viscous_friction")
 
 
 def freedoms(
@@ -85,7 +93,7 @@ def freedoms(
     if target == "torsion" or not any(one.noisy for one in recorded):
         return ()
     names = {effect.name for effect in base}
-    found = [DIRECTIONS] if names & {*FRICTION} and _both_ways(logs) else []
+    found = [FRICTION_BY_DIRECTION] if names & {*BASIC_FRICTION} and _both_ways(logs) else []
     if known_load in noise and noise[str(known_load)].noisy:
         found.append(LAG)
     return tuple(name for name in found if name not in names)
@@ -112,10 +120,10 @@ def held_of(effects: Sequence[Effect], given: Sequence[str], problem: Problem) -
     """
     held: dict[str, float] = {}
     names = {effect.name: effect for effect in effects}
-    sided = names.get(DIRECTIONS)
-    fast = sided is not None and DIRECTIONS in given and not _slow(sided, problem)
-    if sided is not None and ("offset" not in names or fast):
-        held[f"{DIRECTIONS}.level"] = 0.0
+    sided = names.get(FRICTION_BY_DIRECTION)
+    fast = sided is not None and FRICTION_BY_DIRECTION in given and not _slow(sided, problem)
+    if sided is not None and (OFFSET not in names or fast):
+        held[f"{FRICTION_BY_DIRECTION}.level"] = 0.0
     if LAG in names and LAG in given:
         held |= {f"{LAG}.{shape.name}": shape.lower for shape in names[LAG].fitted_shapes}
     return held
@@ -208,7 +216,7 @@ def _size(values: Array, unit: str) -> float:
     return float(max(high - low, 0.0)) / 2.0
 
 
-GRAVITY = (1, "output_on_housing")
+ONE_SINE = (1, "output_on_housing")
 FACTS = ("pole_pairs", "slots")
 WAVE = re.compile(r"(?:co)?sine \d+")  # a term that waves over a turn of the joint
 
@@ -243,26 +251,26 @@ def order_pools(
     the model, or the strongest found. `span`: rad that the output goes from end to end; of a low
     order half a period has to be seen, or it is an offset and a slope.
     """
-    taken = {h for e in model for h in e.harmonics if e.name != FOLLOWER}
-    taken |= {GRAVITY for e in model if e.name == "gravity"}
+    taken = {h for e in model for h in e.harmonics if e.name != MODULATED_RIPPLE}
+    taken |= {ONE_SINE for e in model if e.name == GRAVITY}
     scanned_out = any(line.pair == "output_housing" for line in found)
     low = [(k, pair) for k, pair in _low(facts, scanned_out) if k * span * abs(pair.turns) >= np.pi]
     wanted = [(_owner(k, pair, facts), (k, CORE_PAIRS[pair.name]))
               for k, pair in [*low, *_of_facts(facts)]]  # fmt: skip
     for line in found[: SETTINGS.functions]:
         if isinstance(line.order, int) and line.pair:
-            name = "output_ripple" if line.effect == "gravity" else line.effect
+            name = OUTPUT_RIPPLE if line.effect == GRAVITY else line.effect
             wanted.append((name, (line.order, CORE_PAIRS[line.pair])))
     if target == "torsion":
-        wanted = [("kinematic_error", harmonic) for _, harmonic in wanted]
+        wanted = [(KINEMATIC_ERROR, harmonic) for _, harmonic in wanted]
     own: dict[str, list[Harmonic]] = {}
     for name, harmonic in dict.fromkeys(wanted):
         if harmonic not in taken:
             own.setdefault(name, []).append(harmonic)
-    leading = [h for e in model if e.name in LEADERS for h in e.harmonics]
+    leading = [h for e in model if e.name in MOTOR_RIPPLES for h in e.harmonics]
     seen = [(f.order, CORE_PAIRS[f.pair]) for f in found[: SETTINGS.tried - 1]
-            if f.effect in LEADERS and isinstance(f.order, int) and f.pair]  # fmt: skip
-    own[FOLLOWER] = list(dict.fromkeys([*leading, *seen]))
+            if f.effect in MOTOR_RIPPLES and isinstance(f.order, int) and f.pair]  # fmt: skip
+    own[MODULATED_RIPPLE] = list(dict.fromkeys([*leading, *seen]))
     return {name: _allowed(name, own[name]) for name in names if own.get(name)}
 
 
@@ -328,9 +336,7 @@ def _owner(order: int, pair: Pair, facts: Mapping[str, Any]) -> str:
     return name
 
 
-PAIRED = {
-    "coulomb_friction_per_direction": ("coulomb_friction", "offset"),
-}
+PAIRED = {info.name: info.combines for info in CATALOGUE.values() if info.combines}
 """The same columns under another name: never a candidate, and who has it needs no others."""
 
 
@@ -372,7 +378,7 @@ def possible(
     """
     names = {e.name for e in base}
     absent = _absent(exclude, names)
-    never = {DIRECTIONS} if target == "sensor_torque" else {DIRECTIONS, LAG}
+    never = {FRICTION_BY_DIRECTION} if target == "sensor_torque" else {FRICTION_BY_DIRECTION, LAG}
     taken = names | never | set(PAIRED) | {n for own in names for n in PAIRED.get(own, ())}
     found, reasons = [], {}
     for info in CATALOGUE.values():

@@ -17,7 +17,7 @@ from flexspline.comparison.comparing import based
 from flexspline.discovery.analysis import Analysis, FirstLook, analysed, first_look
 from flexspline.discovery.assemble import assembled
 from flexspline.discovery.by_simulation import discover_by_simulation
-from flexspline.discovery.candidates import LAG, TAKEN, freedoms, held_of, unseen_of, with_freedoms
+from flexspline.discovery.candidates import TAKEN, freedoms, held_of, unseen_of, with_freedoms
 from flexspline.discovery.confirmation import Confirmed, confirmed
 from flexspline.discovery.faults import (
     SENSOR,
@@ -39,6 +39,7 @@ from flexspline.discovery.result import Discovery
 from flexspline.discovery.search import Study, study_of
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect
+from flexspline.effects.roles import LAG
 from flexspline.errors import InputError
 from flexspline.experiment.limits import Limits
 from flexspline.fitting import fit, fit_near, with_orders

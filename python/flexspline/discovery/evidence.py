@@ -40,9 +40,10 @@ from scipy.special import gammaln
 from scipy.stats import chi2, norm
 
 from flexspline.discovery.candidates import Candidate, span_of, unseen
-from flexspline.discovery.physics import COULOMB, STRIBECK, level_of, one_signed
+from flexspline.discovery.physics import level_of, one_signed
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect
+from flexspline.effects.roles import COULOMB, GRAVITY, OUTPUT_RIPPLE, STRIBECK
 from flexspline.least_squares.problem import Problem
 from flexspline.regression.candidate_model import Working
 from flexspline.regression.gram import (
@@ -218,12 +219,12 @@ def offers(dictionary: Dictionary, model: Columns, *, plain: bool = False) -> li
     a turn many orders follow it.
     """
     left, raw = dictionary.table.without(model), np.diag(dictionary.table.total)
-    sine = [dictionary.at[c.variants[0]] for c in dictionary.candidates if c.name == "gravity"]
+    sine = [dictionary.at[c.variants[0]] for c in dictionary.candidates if c.name == GRAVITY]
     plain = plain and bool(sine)
     leaves = dictionary.table.without(np.concatenate([model, *sine])) if plain else left
 
     def best(candidate: Candidate) -> Offer:
-        if not plain or candidate.name != "output_ripple":
+        if not plain or candidate.name != OUTPUT_RIPPLE:
             return _offer(candidate, dictionary, left, raw)
         one = _offer(candidate, dictionary, left, raw, most=1)
         return max(one, _offer(candidate, dictionary, leaves, raw), key=lambda offer: offer.net)

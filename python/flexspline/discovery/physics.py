@@ -20,15 +20,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.discovery.settings import SETTINGS
+from flexspline.effects import CATALOGUE
+from flexspline.effects.roles import (
+    COULOMB,
+    LAG,
+    LOAD_LOOP,
+    POLYNOMIAL_FRICTION,
+    PRESLIDING,
+    STRIBECK,
+    VISCOUS,
+)
 from flexspline.least_squares.options import Bounds
 from flexspline.least_squares.problem import Problem
 from flexspline.regression.candidate_model import Working
 from flexspline.regression.gram import TINY
 
 __all__ = [
-    "COULOMB",
     "LOOPS",
-    "STRIBECK",
     "WIDTH",
     "driving_spring",
     "fastest_of",
@@ -40,30 +48,17 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-DISSIPATES = (
-    "coulomb_friction",
-    "stribeck_friction",
-    "load_dependent_friction",
-    "viscous_friction",
-)
-"""One coefficient that a drive has with a positive sign alone."""
-
-COULOMB, STRIBECK = "coulomb_friction", "stribeck_friction"
-VISCOUS, BENDING = "viscous_friction", "nonlinear_viscous_friction"
-
-SPRINGS = "presliding_friction"
-PRESLIDING = "presliding_width"
+PRESLIDING_WIDTH = "presliding_width"
 WIDEST = 0.1  # rad
-HYSTERESIS = "torque_hysteresis"
-LOOPS = (SPRINGS, "torsional_hysteresis")
+LOOPS = tuple(
+    name for name, info in CATALOGUE.items() if info.traits.loop and info.traits.one_signed
+)
 """Elements all have one sign, as loops cost energy: the positive one, but for friction, which a
 sensor may see from either side."""
 
 WIDTH = "direction_width"
-LAG = "sensor_lag"
 
 DRIVES = ("motor_torque", "motor_current")
-POSITIVE_MASS = ("inertia",)
 
 
 def one_signed(name: str, target: str) -> int:
@@ -73,7 +68,7 @@ def one_signed(name: str, target: str) -> int:
     """
     if name in LOOPS:
         return 2 if _either(name, target) else 1
-    return int(target in DRIVES and name in (*DISSIPATES, *POSITIVE_MASS))
+    return int(target in DRIVES and CATALOGUE[name].traits.one_signed)
 
 
 def impossible(work: Working, name: str, problem: Problem, scatter: float = 0.0) -> str:
@@ -95,11 +90,11 @@ def _not_its_form(work: Working, name: str, problem: Problem, scatter: float) ->
     if name == STRIBECK and (why := _not_fading(work, problem)):
         return why
     values = work.values(name)
-    if name == SPRINGS and _build_up(values, _shapes(work, name)[PRESLIDING]) > WIDEST:
+    if name == PRESLIDING and _build_up(values, _shapes(work, name)[PRESLIDING_WIDTH]) > WIDEST:
         return f"it would build up over more than {WIDEST:g} rad, as no gear does"
-    if name == HYSTERESIS and values.sum() < 0.0:
+    if name == LOAD_LOOP and values.sum() < 0.0:
         return "a sensor's loop lags behind the torque, and this one would run ahead"
-    if name == HYSTERESIS and _shapes(work, name)["load_width"] < SETTINGS.told * scatter:
+    if name == LOAD_LOOP and _shapes(work, name)["load_width"] < SETTINGS.told * scatter:
         return "its loop would be no wider than the noise of the load"
     if name == LAG and problem.known_load is not None and values[0] < 0.0:
         return "a sensor cannot read a torque before it is there"
@@ -111,17 +106,15 @@ def _wrong_sign(work: Working, name: str, problem: Problem) -> str:
     values = work.values(name)
     if name == STRIBECK and values[0] * level_of(work, COULOMB) < 0.0:
         return "it would lessen friction at low speed, where Stribeck's adds to it"
-    if name == BENDING and _falls(work, problem):
+    if name == POLYNOMIAL_FRICTION and _falls(work, problem):
         return "with it friction would fall as the speed rises from rest, which is Stribeck's"
     if problem.target not in DRIVES:
         return ""
-    if name in DISSIPATES and values[0] < 0.0:
-        return "its friction would drive the joint"
-    if name == SPRINGS and values.sum() < 0.0:
-        return "its springs would drive the joint"
-    if name in POSITIVE_MASS and values[0] < 0.0:
+    if not (CATALOGUE[name].traits.one_signed and values.sum() < 0.0):
+        return ""
+    if CATALOGUE[name].traits.inertial:
         return "its mass would be negative"
-    return ""
+    return f"its {'springs' if name in LOOPS else 'friction'} would drive the joint"
 
 
 def _bent_one_way(work: Working, name: str, problem: Problem) -> str:
@@ -156,7 +149,7 @@ def _falls(work: Working, problem: Problem) -> bool:
     if problem.target in DRIVES and level < 0.0:
         return False
     speeds = np.linspace(0.0, fastest_of(problem), SETTINGS.functions)
-    powers = np.array([level_of(work, VISCOUS), *work.values(BENDING)])
+    powers = np.array([level_of(work, VISCOUS), *work.values(POLYNOMIAL_FRICTION)])
     curve = speeds[:, None] ** np.arange(1, 1 + len(powers)) @ powers
     return float(np.min(np.sign(level) * curve)) < -SETTINGS.little * abs(level)
 
@@ -200,7 +193,7 @@ def _side(values: Array, name: str, target: str) -> float:
 
 def _either(name: str, target: str) -> bool:
     """Whether the sign is any: a sensor sees friction from either side."""
-    return name == SPRINGS and target == "sensor_torque"
+    return name == PRESLIDING and target == "sensor_torque"
 
 
 def _build_up(levels: Array, width: float) -> float:

@@ -29,6 +29,7 @@ from flexspline.discovery.analysis import Analysis
 from flexspline.discovery.faults import DataFault
 from flexspline.discovery.settings import SETTINGS
 from flexspline.discovery.slices import HeldRun, Slice, slices
+from flexspline.effects.roles import INERTIA
 from flexspline.errors import InputError
 from flexspline.least_squares.result import Fit, Parameter
 from flexspline.model import PART_OF, Model, Part
@@ -115,7 +116,7 @@ def driven_apart(
     alone = problem.simulated is None  # a correction is no joint that can be driven
     if problem.target not in DRIVES or problem.lowpass is not None or not alone:
         return None
-    if not all("inertia" in [e.name for e in work.effects] for work in both):
+    if not all(INERTIA in [e.name for e in work.effects] for work in both):
         return None
     try:
         return _driven(made, before, after, dict(facts))

@@ -39,7 +39,7 @@ from flexspline.discovery.basis import (
     turning_over,
 )
 from flexspline.discovery.candidates import (
-    GRAVITY,
+    ONE_SINE,
     Candidate,
     candidates_for,
     joined,
@@ -61,6 +61,7 @@ from flexspline.discovery.evidence import (
 from flexspline.discovery.physics import LOOPS, driving_spring, impossible
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import UNITS, Effect
+from flexspline.effects.roles import GRAVITY
 from flexspline.errors import InputError
 from flexspline.least_squares.options import SHARED
 from flexspline.least_squares.problem import Problem, problem_of
@@ -377,7 +378,7 @@ class Searcher:
         take its place.
         """
         others = out if len(out) == 1 else ()
-        plain = "gravity" not in out
+        plain = GRAVITY not in out
 
         def beside(columns: Columns, *but: str) -> list[Offer]:
             made = offers(dictionary, columns, plain=plain)
@@ -500,7 +501,7 @@ class Searcher:
         order two. Many orders follow a bump, which does not come again between its places. Of a
         small ripple these runs do not tell.
         """
-        if GRAVITY[1] not in [pair for _, pair in effect.harmonics]:
+        if ONE_SINE[1] not in [pair for _, pair in effect.harmonics]:
             return False
         problem = self.study.thinned().problem
         table, own = self._apart(problem, work, effect, places_of(problem))

@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from flexspline.effects.roles import GRAVITY, INERTIA, MESH, TORSION_LOOP
 from flexspline.errors import InputError, listed
 from flexspline.estimators import Collision, Differentiator, Observer, ReadingChecks
 from flexspline.estimators.differentiator import DERIVED
@@ -33,8 +34,6 @@ __all__ = ["BANDWIDTH", "READINGS", "Plan", "made_by", "plan_of", "reads_of", "w
 
 PREPROCESSING = ("reading_checks", "differentiator")
 SENSING = ("thermistor", "temperature_compensation", "calibration")
-MESH = "mesh_compliance"
-HYSTERESIS = "torsional_hysteresis"
 
 Entries = dict[str, dict[str, Any]]
 
@@ -123,7 +122,7 @@ def plan_of(model: Model) -> Plan:
     if torsion is not None:
         loop = _hysteresis(model, torsion)
         estimating["compliance"] |= {**_mesh(model, torsion), **loop}
-        torsion = _without(torsion, MESH, *([HYSTERESIS] if loop else []))
+        torsion = _without(torsion, MESH, *([TORSION_LOOP] if loop else []))
     read = [part for part in (sensor, driven, torsion) if part is not None]
     plan = Plan(
         preprocessing={},
@@ -131,10 +130,10 @@ def plan_of(model: Model) -> Plan:
         estimating=estimating,
         has_sensor=has_sensor,
         sensor=sensor,
-        observed=None if driven is None else _without(driven, "inertia"),
+        observed=None if driven is None else _without(driven, INERTIA),
         torsion=torsion,
         carried=_carried(model) if "compliance" in estimating else None,
-        inertia=0.0 if driven is None else _coefficient(driven, "inertia"),
+        inertia=0.0 if driven is None else _coefficient(driven, INERTIA),
         link_inertia=_link_inertia(model),
         effective_ratio=_ratio(model),
         temperature_range=_temperature_range(read),
@@ -177,7 +176,7 @@ def _link_inertia(model: Model) -> float:
     observer, part = model.estimators.get("compliant_observer"), link_part(model.parts)
     if not isinstance(observer, Observer) or part is None:
         return 0.0
-    total = _coefficient(part, "inertia")
+    total = _coefficient(part, INERTIA)
     rotor = observer.rotor_inertia or 0.0
     reflected = _ratio(model) ** 2 * rotor
     if not 0.0 <= reflected <= total:
@@ -194,7 +193,7 @@ def _hysteresis(model: Model, torsion: Part) -> dict[str, Any]:
     first = 0
     for effect in torsion.effects:
         last = first + len(effect.terms)
-        if effect.name == HYSTERESIS and effect.shapes["path"] < 0.5:
+        if effect.name == TORSION_LOOP and effect.shapes["path"] < 0.5:
             heights = torsion.coefficients[first:last] / _ratio(model)
             loop = {"load_width": effect.shapes["load_width"], "heights": heights.tolist()}
             return {"hysteresis": loop}
@@ -233,12 +232,8 @@ def _carried(model: Model) -> Part | None:
     """Gravity: what the gear carries beside the load, by the drive's part or the sensor's."""
     for name in ("drive", "sensor"):
         part = model.parts.get(name)
-        if (
-            part is not None
-            and part.unit == "Nm"
-            and any(e.name == "gravity" for e in part.effects)
-        ):
-            return _without(part, *(e.name for e in part.effects if e.name != "gravity"))
+        if part is not None and part.unit == "Nm" and any(e.name == GRAVITY for e in part.effects):
+            return _without(part, *(e.name for e in part.effects if e.name != GRAVITY))
     return None
 
 

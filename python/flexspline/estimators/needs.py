@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from flexspline.effects.roles import INERTIA, MESH
 from flexspline.errors import InputError
 from flexspline.estimators.collision import Collision
 from flexspline.estimators.differentiator import DERIVED, Differentiator
@@ -36,7 +37,7 @@ def link_part(parts: Parts) -> Part | None:
     """The part whose inertia is that of the link, or of link and rotor: the drive's first."""
     for name, target in (("drive", "motor_torque"), ("sensor", "sensor_torque")):
         part = parts.get(name)
-        if part is not None and part.target == target and _has(part, "inertia"):
+        if part is not None and part.target == target and _has(part, INERTIA):
             return part
     return None
 
@@ -65,7 +66,7 @@ def _observer(estimators: Estimators, parts: Parts) -> None:
             "which the model lacks; make one with: flexspline fit RUN.csv --target motor_torque "
             "--effects inertia,coulomb_friction_per_direction,viscous_friction --into MODEL.json"
         )
-    if not _has(part, "inertia"):
+    if not _has(part, INERTIA):
         raise InputError(
             "the estimator observer with the input motor_torque needs the effect inertia in the "
             "part for motor_torque; fit it again with: flexspline fit RUN.csv --target "
@@ -91,7 +92,7 @@ def _compliant_observer(estimators: Estimators, parts: Parts) -> None:
 
 
 def _require_mesh(named: str, parts: Parts) -> None:
-    if "torsion" not in parts or not _has(parts["torsion"], "mesh_compliance"):
+    if "torsion" not in parts or not _has(parts["torsion"], MESH):
         raise InputError(
             f"the estimator {named} needs the effect mesh_compliance in a part for torsion, "
             "which the model lacks; make one with: flexspline fit RUN.csv --target torsion "

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from flexspline.effects import CATALOGUE
+from flexspline.effects.roles import GRAVITY
 from flexspline.experiment.limits import Bounds
 from flexspline.formatting import short_names
 from flexspline.logs.log import Log
@@ -204,9 +205,9 @@ def _doubled(one: Outlook, sign: str) -> str:
 
 
 def _mounting(one: Outlook) -> str:
-    if "gravity" not in one.names:
+    if GRAVITY not in one.names:
         return ""
-    (other,) = (name for name in one.names if name != "gravity")
+    (other,) = (name for name in one.names if name != GRAVITY)
     return (
         " Turn the joint's axis upright and record this run there: gravity then disappears, "
         f"{other} stays."

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.effects import Effect, effect
+from flexspline.effects.roles import BASIC, GRAVITY, SCALING_WITH_LOAD
 from flexspline.experiment.limits import Bounds, Range
 from flexspline.experiment.plan import joined, short
 from flexspline.experiment.trajectories import Kind, smoothstep
@@ -41,10 +42,6 @@ WAIT = 1800.0  # s in the file between runs at different temperatures
 LEAST_KELVIN = 1.0  # below, temperature is a constant
 MOST_PARTS = 6
 WARM = 3.0  # time constants of a warm-up in a part
-
-EFFECTS = ("offset", "coulomb_friction", "viscous_friction", "inertia", "gravity")
-LOADED = ("load_dependent_friction", "torque_constant_error")
-"""With a known load: what it adds to friction, and its scale."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -288,7 +285,9 @@ class Motor:
 
 def motor_of(logs: Sequence[Log], known_load: str | None) -> Motor:
     """Fit the drive of logs with motor torque."""
-    names = EFFECTS if known_load is None else (*EFFECTS[:-1], *LOADED)
+    names: Sequence[str] = BASIC
+    if known_load is not None:  # which holds gravity
+        names = [*(name for name in BASIC if name != GRAVITY), *SCALING_WITH_LOAD]
     effects = [effect(name) for name in names]
     problem = problem_of(
         [channels_for(_geared(log), effects, known_load) for log in logs],

@@ -188,11 +188,12 @@ def require_movable(part: Part) -> None:
     for effect in part.effects:
         values = part.coefficients[first : first + len(effect.terms)]
         first += len(effect.terms)
-        if effect.name == "inertia":
+        if effect.info.traits.inertial:
             inertia = float(values[0])
-        if effect.name == "load_dependent_friction" and abs(values[0]) >= 1.0:
+        brakes_load = effect.info.traits.dissipative and "load" in effect.reads
+        if brakes_load and abs(values[0]) >= 1.0:
             raise InputError(
-                f"the model's load_dependent_friction has the factor {values[0]:.3g}: friction "
+                f"the model's {effect.name} has the factor {values[0]:.3g}: friction "
                 "that exceeds its load locks the joint for ever; fit it on runs that move under "
                 "load"
             )

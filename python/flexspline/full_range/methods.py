@@ -23,11 +23,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline import _core
+from flexspline.effects.roles import WAVE_GENERATOR
 from flexspline.errors import InputError
 from flexspline.estimation.chain import run_joint
 from flexspline.estimation.plan import Plan, plan_of
 from flexspline.estimators import Compliance, Observer
-from flexspline.full_range.torsion_part import WAVE_GENERATOR, only
+from flexspline.full_range.torsion_part import only
 from flexspline.logs.derive import differentiate_causal
 from flexspline.logs.log import Log
 from flexspline.logs.read import with_motor_torque

@@ -49,6 +49,7 @@ import numpy as np
 
 from flexspline import _core
 from flexspline.effects import Effect, effect
+from flexspline.effects.roles import KINEMATIC_ERROR, MESH, OFFSET, WAVE_GENERATOR
 from flexspline.errors import InputError, listed
 from flexspline.logs.log import Log
 from flexspline.part import Part
@@ -68,7 +69,6 @@ __all__ = [
     "with_mesh_stiffness",
 ]
 
-MESH, WAVE_GENERATOR, ERROR = "mesh_compliance", "wave_generator_compliance", "kinematic_error"
 RECORDED = "reference_torque"
 KEPT = ("channels", "validity", "datasheet")  # of a record, where a value is no longer the fit's
 
@@ -189,7 +189,7 @@ def fit_mesh_stiffness(part: Part, logs: Log | Sequence[Log], **options: Any) ->
         As `flexspline.fit`, and where the part has no mesh_compliance.
     """
     _place(part, MESH)
-    return _refit(part, logs, (MESH, "offset"), options)
+    return _refit(part, logs, (MESH, OFFSET), options)
 
 
 def fit_kinematic_error(part: Part, logs: Log | Sequence[Log], **options: Any) -> Fit:
@@ -202,7 +202,7 @@ def fit_kinematic_error(part: Part, logs: Log | Sequence[Log], **options: Any) -
     options : of `flexspline.fit`; orders={"kinematic_error": [1, 2, 4]} fixes the orders, else
         they are found over all pairs of parts.
     """
-    return _refit(part, logs, (ERROR, "offset"), options)
+    return _refit(part, logs, (KINEMATIC_ERROR, OFFSET), options)
 
 
 def _refit(

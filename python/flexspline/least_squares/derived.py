@@ -1,7 +1,6 @@
 """Quantities derived from fitted parameters: stiffnesses, lost motion, and warnings of their signs.
 
-A torsion is linear in compliances, in rad/Nm; engineers and full_range_torque_estimation
-(Table III) speak of stiffnesses. Errors by the delta method, first order: gradient · β.
+The formulas stand with the effects. Errors by the delta method, first order: gradient · β.
 
 A gear that is loaded further yields further. Just after a reversal all springs of the hysteresis
 stick, and their slope opposes the mesh's, so a fitted loop of a torsion is plausible where
@@ -16,44 +15,26 @@ Source: full_range_torque_estimation (15); `flexspline/estimators/load_hysteresi
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.effects import unit_in
+from flexspline.effects import CATALOGUE, unit_in
+from flexspline.effects.derived import DERIVED, SPRINGS, Formula
+from flexspline.effects.roles import MESH, TORSION_LOOP
 from flexspline.orders.parts import effective_ratio
 
 if TYPE_CHECKING:
     from flexspline.effects import Effect
     from flexspline.least_squares.result import Fit
 
-__all__ = ["DERIVED", "Derived", "derived_of", "loop_warnings", "sign_warnings"]
+__all__ = ["Derived", "derived_of", "loop_warnings", "sign_warnings"]
 
 STEP = 1e-6  # relative: the central difference is good to 1e-9 of a smooth formula
 ROUGH = 0.5  # relative error from which the first order says nothing
-
-_DISSIPATE = (
-    "mesh_compliance",
-    "wave_generator_compliance",
-    "torsional_hysteresis",
-    "backlash",
-    "presliding_friction",
-)
-
-HYSTERESIS, MESH = "torsional_hysteresis", "mesh_compliance"
-SPRINGS = np.array([1.0, 2.0, 4.0, 8.0])  # slip at w, w/2, w/4, w/8
-
-
-@dataclass(frozen=True)
-class Formula:
-    """A quantity of one effect: `value` of its terms and shapes by name, and Ñ as "ratio"."""
-
-    name: str
-    unit: str
-    value: Callable[[Mapping[str, float]], float]
 
 
 @dataclass(frozen=True)
@@ -69,74 +50,9 @@ class Derived:
     unit: str
 
 
-DERIVED: Mapping[str, tuple[Formula, ...]] = {
-    "mesh_compliance": (
-        Formula("mesh stiffness K_m0", "Nm/rad", lambda p: p["ratio"] / p["compliance"]),
-        Formula(
-            "largest mesh torsion, at the output",
-            "rad",
-            lambda p: np.pi * p["compliance"] / (2 * p["mesh_shape"] * p["ratio"]),
-        ),
-    ),
-    "wave_generator_compliance": (
-        Formula("wave generator stiffness K_w0", "Nm/rad", lambda p: 1.0 / p["compliance"]),
-        Formula(
-            "lost motion each way, at the motor",
-            "rad",
-            lambda p: p["compliance"] / p["wave_generator_shape"],
-        ),
-    ),
-    "torsional_hysteresis": (
-        Formula(
-            "half the loop of the hysteresis, at the motor",
-            "rad",
-            lambda p: p["wide"] + p["half"] + p["quarter"] + p["eighth"],
-        ),
-        Formula(
-            "half the loop of the hysteresis, at the output",
-            "rad",
-            lambda p: (p["wide"] + p["half"] + p["quarter"] + p["eighth"]) / p["ratio"],
-        ),
-    ),
-    "backlash": (
-        Formula("dead zone of the backlash, at the motor", "rad", lambda p: 2.0 * p["half_gap"]),
-        Formula(
-            "dead zone of the backlash, at the output",
-            "rad",
-            lambda p: 2.0 * p["half_gap"] / p["ratio"],
-        ),
-    ),
-    "presliding_friction": (
-        Formula(
-            "level of the presliding friction once it slips",
-            "Nm",
-            lambda p: p["wide"] + p["half"] + p["quarter"] + p["eighth"],
-        ),
-    ),
-    "torque_hysteresis": (
-        Formula(
-            "half the loop of the sensor's hysteresis",
-            "Nm",
-            lambda p: p["wide"] + p["half"] + p["quarter"] + p["eighth"],
-        ),
-    ),
-    "speed_dependent_ripple": (
-        Formula(
-            "resonance frequency",
-            "Hz",
-            lambda p: p["ratio"] * p["resonance_velocity"] / (2 * np.pi),
-        ),
-    ),
-    "sensor_lag": (
-        Formula(
-            "smoothing over lateness (a lag has 1, a delay 0.5)",
-            "1",
-            lambda p: p["smoothing_time"] / p["lateness"],
-        ),
-    ),
-}
-
-POSITIVE = tuple(DERIVED[name][0].name for name in _DISSIPATE)
+POSITIVE = tuple(
+    formulas[0].name for name, formulas in DERIVED.items() if CATALOGUE[name].traits.one_signed
+)
 """Negative, a spring or a brake would give energy."""
 
 
@@ -211,7 +127,7 @@ def _seen(fit: Fit, gradient: NDArray[np.float64]) -> bool:
 
 def loop_warnings(fit: Fit) -> list[str]:
     """Say of hysteresis by the load where it is none of a gear, or wider than the load turns."""
-    loop = _effect(fit, HYSTERESIS)
+    loop = _effect(fit, TORSION_LOOP)
     if loop is None or fit.part.known_load is None or loop.shapes["path"] >= 0.5:
         return []
     loads = [run.log[fit.part.known_load] for run in fit.runs]
@@ -220,7 +136,7 @@ def loop_warnings(fit: Fit) -> list[str]:
     turned = max(float(np.nanmax(load) - np.nanmin(load)) for load in loads)
     if width > 0.5 * turned:
         said.append(
-            f"{HYSTERESIS}: its load_width of {width:.3g} Nm is wider than half of the "
+            f"{TORSION_LOOP}: its load_width of {width:.3g} Nm is wider than half of the "
             f"{turned:.3g} Nm through which the load turns, so no run goes round its loop; record "
             "a run with more load each way, or fix a smaller load_width"
         )
@@ -233,12 +149,12 @@ def _given_back(fit: Fit, width: float, load: float) -> list[str]:
     compliance = 0.0 if mesh is None else float(_coefficients(fit, MESH)[0])
     if mesh is None or not compliance > 0.0:
         return []
-    slope = float(SPRINGS @ _coefficients(fit, HYSTERESIS)) / width  # rad/Nm at the motor
+    slope = float(SPRINGS @ _coefficients(fit, TORSION_LOOP)) / width  # rad/Nm at the motor
     share = slope / compliance * (1.0 + (mesh.shapes["mesh_shape"] * load) ** 2)
     if share < 1.0:
         return []
     return [
-        f"{HYSTERESIS}: at {load:.3g} Nm, which half of the rows stay below, it gives back "
+        f"{TORSION_LOOP}: at {load:.3g} Nm, which half of the rows stay below, it gives back "
         f"{share:.3g} times what the mesh yields, as no gear does; fix a larger load_width or "
         "leave it out"
     ]

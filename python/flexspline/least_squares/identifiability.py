@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from flexspline.effects.roles import OFFSET
 from flexspline.least_squares.sums import Solution
 
 __all__ = ["Combination", "Confounded", "confounded_groups"]
@@ -195,7 +196,7 @@ def _known(
     errors_of: Callable[[Array], Array],
 ) -> list[Combination]:
     """Combinations across which the directions do not reach, each led by another coefficient."""
-    last = sorted(range(len(members)), key=lambda m: names[members[m]].startswith("offset"))
+    last = sorted(range(len(members)), key=lambda m: names[members[m]].startswith(OFFSET))
     found = []
     for weights in _reduced(_complement(directions[last])):
         full = np.zeros(len(coefficients))

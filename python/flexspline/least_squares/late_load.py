@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.effects import Effect
+from flexspline.effects.roles import LAG
 from flexspline.least_squares.estimate import Estimate
 from flexspline.least_squares.noise_model import Chunk, Chunks
 from flexspline.least_squares.problem import Problem
@@ -31,7 +32,6 @@ __all__ = ["Beside", "LateLoad", "basis_beside", "beside_delay", "can_be_late", 
 
 Array = NDArray[np.float64]
 
-LAG = "sensor_lag"
 STEP = 1e-3  # s, by which the load is moved either way along its slope, for differences
 ROUNDS = 4
 STANDS = 0.02  # of the delay's error as if the noise were white: steps below it change nothing

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from flexspline.effects import Effect, unit_in
+from flexspline.effects.roles import OFFSET
 from flexspline.least_squares.estimate import Estimate, Given, residuals_of
 from flexspline.least_squares.options import coefficient_names
 from flexspline.least_squares.problem import Problem, Run
@@ -29,11 +30,10 @@ from flexspline.least_squares.result import Parameter
 from flexspline.least_squares.uncertainty import Uncertainty
 from flexspline.logs.log import Log
 
-__all__ = ["OFFSET", "offset_parameters", "taken_out"]
+__all__ = ["offset_parameters", "taken_out"]
 
 Array = NDArray[np.float64]
 
-OFFSET = "offset"
 MANY_RUNS = 16  # from which offsets are taken out; few are columns, whose intervals were tested
 TAIL = 8  # times the noise's memory that a filter rings on
 

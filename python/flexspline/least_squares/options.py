@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.effects import Effect, ShapeInfo
+from flexspline.effects import CATALOGUE, OF_MODEL, Effect, ShapeInfo
 from flexspline.errors import InputError, did_you_mean, listed
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ __all__ = [
 Array = NDArray[np.float64]
 Bounds = tuple[float | None, float | None]
 
-SHARED = ("direction_width", "mesh_shape")
+SHARED = tuple(dict.fromkeys(s.name for info in CATALOGUE.values() for s in info.shapes if s.owner))
 """Shapes of which a model has one: what it has is taken."""
 
 
@@ -148,12 +148,11 @@ def coefficient_names(effects: Sequence[Effect], runs: Sequence[str] = ()) -> li
 def shapes_of(effects: Sequence[Effect]) -> list[ShapeParameter]:
     """Return the shapes that can be fitted, those that effects share once."""
     found: dict[str, ShapeParameter] = {}
-    shared = {"direction_width": "direction_width"}
-    if any(effect.name == "mesh_compliance" for effect in effects):
-        shared["mesh_shape"] = "mesh_compliance.mesh_shape"
+    present = {effect.name for effect in effects}
     for number, effect in enumerate(effects):
         for info in effect.fitted_shapes:
-            name = shared.get(info.name, f"{effect.name}.{info.name}")
+            owner = info.owner if info.owner in present else effect.name
+            name = info.name if info.owner == OF_MODEL else f"{owner}.{info.name}"
             users = found[name].effects if name in found else ()
             found[name] = ShapeParameter(name, info, (*users, number))
     return list(found.values())

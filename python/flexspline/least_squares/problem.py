@@ -33,6 +33,7 @@ from numpy.typing import NDArray
 
 from flexspline import _core
 from flexspline.effects import Effect, require_effects
+from flexspline.effects.roles import BASIC_FRICTION, OFFSET
 from flexspline.errors import InputError, listed
 from flexspline.least_squares.sums import Sums, joined
 from flexspline.logs.derive import LowPass, lowpass
@@ -76,7 +77,6 @@ LEAST_SETTLED = 0.1  # of the rows; with fewer the guess of the start is the les
 Masks = list[NDArray[np.bool_]]
 
 HALF = 0.5  # of the bandwidth: what a smoother that is off by an octave would tell
-FASTEST = ("coulomb_friction", "viscous_friction")
 SLOW = "temperature"
 LEAST = 0.5  # of a run: where less would count, all of it does
 SHORT = 0.05  # s: the noise of the target is what it differs by after so long, in the median
@@ -329,8 +329,8 @@ def problem_of(
     """
     require_effects(effects, target)
     require_load(effects, known_load)
-    if offset_per_run and "offset" not in [effect.name for effect in effects]:
-        raise InputError("offset_per_run needs the effect 'offset'; add it to the effects")
+    if offset_per_run and OFFSET not in [effect.name for effect in effects]:
+        raise InputError(f"offset_per_run needs the effect '{OFFSET}'; add it to the effects")
     gear = gear_for(logs, target, effects, known_load)
     inputs = [*inputs] if inputs is not None else [prepared(log, preparations) for log in logs]
     made = [
@@ -361,7 +361,7 @@ def _blocks(stretches: tuple[tuple[int, int], ...], length: int) -> list[tuple[i
 
 def _offset_column(effects: Sequence[Effect]) -> int | None:
     names = [effect.name for effect in effects for _ in effect.terms]
-    return names.index("offset") if "offset" in names else None
+    return names.index(OFFSET) if OFFSET in names else None
 
 
 def _cut(run: Run, counted: NDArray[np.bool_]) -> Run:
@@ -496,7 +496,7 @@ def _reach(ways: Sequence[Preparation]) -> float:
 def with_fastest(base: Sequence[Effect]) -> list[Effect]:
     """Return the base with the effects that turn over fastest."""
     names = {effect.name for effect in base}
-    return [*base, *(Effect(name) for name in FASTEST if name not in names)]
+    return [*base, *(Effect(name) for name in BASIC_FRICTION if name not in names)]
 
 
 def resolved_rows(

@@ -22,6 +22,7 @@ from scipy.stats import chi2
 
 from flexspline import _core
 from flexspline.effects import UNITS, Effect, Harmonic
+from flexspline.effects.roles import KINEMATIC_ERROR, MODULATED_RIPPLE, MOTOR_RIPPLES, OUTPUT_RIPPLE
 from flexspline.least_squares.estimate import Given, counts_of, estimate, residuals_of
 from flexspline.least_squares.problem import Problem
 from flexspline.orders import OrderAnalysis, find_orders
@@ -39,10 +40,6 @@ __all__ = [
 ]
 
 SURE = float(chi2.ppf(0.9999, 2))  # of cosine and sine together; some ten orders are tried
-
-FOLLOWER = "speed_dependent_ripple"
-LEADERS = ("wave_generator_ripple", "cogging")
-"""The follower has the orders of these, and adds what speed does to them."""
 
 CORE_PAIRS = {
     "output_housing": "output_on_housing",
@@ -77,8 +74,8 @@ def with_found_orders(
     open_ones = [e for e in effects if e.ripple and not e.harmonics]
     if not open_ones:
         return effects, None, []
-    given = {h for e in effects if e.name in LEADERS for h in e.harmonics}
-    if given and [e.name for e in open_ones] == [FOLLOWER]:
+    given = {h for e in effects if e.name in MOTOR_RIPPLES for h in e.harmonics}
+    if given and [e.name for e in open_ones] == [MODULATED_RIPPLE]:
         return [e.with_orders(given) if e in open_ones else e for e in effects], None, []
     found = _analysed([e for e in effects if e not in open_ones], problem_of)
     filled = {e.name: _with_orders(e, found, given) for e in open_ones}
@@ -106,7 +103,7 @@ def _analysed(
 
 def _of_the_gear(found: OrderAnalysis) -> OrderAnalysis:
     """The orders with kinematic_error as the owner of all: nothing else turns in a torsion."""
-    return replace(found, found=tuple(replace(f, effect="kinematic_error") for f in found))
+    return replace(found, found=tuple(replace(f, effect=KINEMATIC_ERROR) for f in found))
 
 
 def _significant(
@@ -141,15 +138,15 @@ def _with_orders(effect: Effect, found: OrderAnalysis, given: set[Harmonic]) -> 
     Low orders of the output that the analysis is not certain of are tried too: the fit, which
     sees all runs and effects at once, decides.
     """
-    follows = effect.name == FOLLOWER
+    follows = effect.name == MODULATED_RIPPLE
     own = [
         (f.order, CORE_PAIRS[f.pair])
         for f in found
-        if f.effect in (LEADERS if follows else (effect.name,)) and isinstance(f.order, int)
+        if f.effect in (MOTOR_RIPPLES if follows else (effect.name,)) and isinstance(f.order, int)
     ]
     if follows:
         own = [*given, *(harmonic for harmonic in own if harmonic not in given)]
-    if effect.name in ("output_ripple", "kinematic_error"):
+    if effect.name in (OUTPUT_RIPPLE, KINEMATIC_ERROR):
         own += [(f.order, CORE_PAIRS["output_housing"]) for f in found.faint]
     return effect.with_orders(own[: _core.max_harmonics])
 

@@ -360,7 +360,7 @@ def _sides(found: LinearFit, problem: Problem, shape: ShapeParameter) -> tuple[l
 
 def _own_offsets(problem: Problem, effects: Sequence[Effect]) -> int:
     """How many offsets stand behind all other parameters, one for each run."""
-    alone = problem.offset_per_run and any(effect.name == "offset" for effect in effects)
+    alone = problem.offset_per_run and any(effect.info.traits.constant for effect in effects)
     return len(problem.runs) if alone else 0
 
 

@@ -42,6 +42,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexspline import _core
+from flexspline.effects.roles import INERTIA
 from flexspline.errors import FlexsplineWarning, InputError
 from flexspline.estimators.checks import above_zero, numbers
 from flexspline.estimators.observer import Observer
@@ -62,9 +63,6 @@ __all__ = [
 ]
 
 Array = NDArray[np.float64]
-
-RIGID = ("inertia", "gravity")
-"""Effects of a part that M and g hold already."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,7 +242,7 @@ def _rigid(
     if not callable(dynamics):
         return _inertia(dynamics, parts) * speed, np.zeros_like(speed)
     for joint, part in enumerate(parts, start=1):
-        twice = [e.name for e in part.effects if e.name in RIGID] if part is not None else []
+        twice = [e.name for e in part.effects if e.info.carries_load] if part is not None else []
         if twice:
             raise InputError(
                 f"observer: the part of joint {joint} holds {twice[0]}, which the dynamics hold "
@@ -271,7 +269,7 @@ def _inertia(given: float | None, parts: list[Part | None]) -> float:
             f"observer: dynamics = {str(given)!r} is a text; give dynamics_from_urdf(...) of it "
             "for a URDF, or the inertia [kg m²]"
         )
-    found = coefficient(parts[0], "inertia")
+    found = coefficient(parts[0], INERTIA)
     if (given is None) == (found is None):
         which = "both the call and the part give" if given is not None else "nothing gives"
         raise InputError(f"observer: {which} the inertia; give dynamics= [kg m²] or a part with it")
@@ -531,7 +529,7 @@ def _alone(part: Part, *, inertia: bool) -> Part:
     values: list[float] = []
     for effect in part.effects:
         last = first + len(effect.terms)
-        if inertia or effect.name != "inertia":
+        if inertia or effect.name != INERTIA:
             kept.append(effect)
             values += part.coefficients[first:last].tolist()
         first = last

@@ -16,6 +16,7 @@ from math import ceil, floor
 import numpy as np
 from numpy.typing import NDArray
 
+from flexspline.effects.roles import COGGING, GRAVITY, OUTPUT_RIPPLE, WAVE_GENERATOR_RIPPLE
 from flexspline.errors import InputError
 from flexspline.logs import Log
 
@@ -200,16 +201,16 @@ def owner(found: Candidate, facts: Mapping[str, object], *, alone: bool) -> tupl
     explain is `cogging`; without them low orders are `wave_generator_ripple`, others `cogging`.
     """
     if found.pair.motor == 0:
-        return ("gravity" if found.order == 1 and alone else "output_ripple"), found.label
+        return (GRAVITY if found.order == 1 and alone else OUTPUT_RIPPLE), found.label
     rotor = found.pair.motor == 1 and found.pair.output == 0
     for fact, words in (("pole_pairs", "pole pairs"), ("slots", "slots")):
         count = int(str(known)) if (known := facts.get(fact)) else 0
         if rotor and count > 1 and found.order % count == 0:
             times = found.order // count
-            return "cogging", f"{'' if times == 1 else f'{times} × '}{count} {words} × motor"
+            return COGGING, f"{'' if times == 1 else f'{times} × '}{count} {words} × motor"
     if found.order <= _LOBES:
-        return "wave_generator_ripple", found.label
-    return "cogging", found.label
+        return WAVE_GENERATOR_RIPPLE, found.label
+    return COGGING, found.label
 
 
 def _needed_ratio(log: Log) -> float:

@@ -13,6 +13,7 @@ import numpy as np
 from tqdm import tqdm
 
 from flexspline.effects import Effect
+from flexspline.effects.roles import INERTIA
 from flexspline.errors import InputError, listed
 from flexspline.fitting import fit, runs_of, with_orders
 from flexspline.forward.drive import DriveInputs, drive_inputs, require_no_delay
@@ -182,9 +183,9 @@ def require_drive(effects: Sequence[Effect], target: str) -> None:
             "motor_torque or motor_current, or fit the target itself"
         )
     names = [effect.name for effect in effects]
-    if "inertia" not in names:
+    if INERTIA not in names:
         raise InputError(
-            "a simulated motion needs the effect inertia, without which nothing can be driven "
+            f"a simulated motion needs the effect {INERTIA}, without which nothing can be driven "
             f"forward; the effects are {listed(names) or 'none'}; add it"
         )
     require_no_delay(effects, target)

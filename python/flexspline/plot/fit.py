@@ -15,6 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from flexspline.effects.roles import OFFSET, TEMPERATURE_DRIFT
 from flexspline.errors import InputError, listed
 from flexspline.forward import simulate
 from flexspline.least_squares.result import contributions
@@ -83,7 +84,6 @@ STRETCH = 10.0  # s of a run that can be looked at in one go
 LOOSE = 0.5  # a band wider than this part of the median's range hides the median
 STYLES = ("-", "--", ":")
 
-DRIFT = "temperature_drift"
 NORMAL_95 = 1.959964
 
 
@@ -107,7 +107,7 @@ def panels(fit: Fit) -> list[Panel]:
         if all("output_velocity" in run.log for run in fit.runs):
             over = partial(components, fit, "output_velocity")
             found.append(Panel(over, LOOK_FOR["components over"]))
-    if "temperature_drift" in [effect.name for effect in fit.part.effects]:
+    if TEMPERATURE_DRIFT in [effect.name for effect in fit.part.effects]:
         logs = [run.log for run in fit.runs]
         found.append(Panel(partial(drift_curve, fit, logs), LOOK_FOR["drift"]))
     if _turns(fit):
@@ -377,9 +377,9 @@ def drift_curve(
     ax = axes_or_new(ax)
     model = fitted if isinstance(fitted, Model) else fitted.model
     part = model.part(target if isinstance(fitted, Model) else fitted.target)
-    if DRIFT not in [effect.name for effect in part.effects]:
+    if TEMPERATURE_DRIFT not in [effect.name for effect in part.effects]:
         raise InputError(
-            f"the model of {part.target} has no {DRIFT}; it has "
+            f"the model of {part.target} has no {TEMPERATURE_DRIFT}; it has "
             f"{listed(effect.name for effect in part.effects)}"
         )
     runs = [logs] if isinstance(logs, Log) else list(logs)
@@ -407,7 +407,7 @@ def _temperatures(model: Model, part: Part, runs: Sequence[Log], ax: Axes) -> Ar
         others = sum(
             values
             for name, values in model.components(log, part.target).items()
-            if name not in (DRIFT, "offset")
+            if name not in (TEMPERATURE_DRIFT, OFFSET)
         )
         y = model.predict(log, part.target).measured - others
         good = np.flatnonzero(np.isfinite(temperature) & np.isfinite(y))
@@ -435,7 +435,7 @@ def _curve(model: Model, part: Part, grid: Array) -> tuple[Array, Array | None]:
     chosen, values, names, first = [], [], [], 0
     for effect in part.effects:
         last = first + len(effect.terms)
-        if effect.name in (DRIFT, "offset"):
+        if effect.name in (TEMPERATURE_DRIFT, OFFSET):
             chosen.append(effect)
             values += part.coefficients[first:last].tolist()
             names += [f"{effect.name}.{term.name}" for term in effect.terms]

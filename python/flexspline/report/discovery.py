@@ -9,9 +9,10 @@ from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
 from flexspline.about import __version__
-from flexspline.discovery.candidates import DIRECTIONS, EXCLUDED, TAKEN
+from flexspline.discovery.candidates import EXCLUDED, TAKEN
 from flexspline.discovery.settings import SETTINGS
 from flexspline.discovery.slices import telling
+from flexspline.effects.roles import FRICTION_BY_DIRECTION
 from flexspline.errors import listed
 from flexspline.files import atomic_write
 from flexspline.formatting import decimals_for, plus_minus, short
@@ -223,12 +224,12 @@ def inputs_sentence(made: Discovery) -> str:
 
 def directions_sentence(made: Discovery) -> str:
     """Return how friction differs between directions, where the search gave it that freedom."""
-    if DIRECTIONS in made.base_effects:
+    if FRICTION_BY_DIRECTION in made.base_effects:
         return ""
     told = [
         f"{p.name.split('.')[1]} by {plus_minus(2.0 * p.value, 2.0 * p.standard_error)} {p.unit}"
         for p in made.fit.parameters
-        if p.name.startswith(f"{DIRECTIONS}.") and abs(p.value) > 2.0 * p.standard_error
+        if p.name.startswith(f"{FRICTION_BY_DIRECTION}.") and abs(p.value) > 2.0 * p.standard_error
     ]
     if not told:
         return ""

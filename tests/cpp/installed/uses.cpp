@@ -207,6 +207,8 @@ const std::vector<Use> others = {
      }},
 
     {"effects/catalogue.hpp", [] { return std::tuple_size_v<Effects<S>> > 0; }},
+    {"effects/effect.hpp",
+     [] { return PhysicalEffect<Offset<S>, S> && !PhysicalEffect<Sample<S>, S>; }},
     {"effects/harmonics.hpp",
      [] {
        const Harmonics<S, 2> two{{{{1, Pair::output_on_housing}, {2, Pair::output_on_housing}}}};

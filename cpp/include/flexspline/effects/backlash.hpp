@@ -1,6 +1,6 @@
 #pragma once
 
-#include "flexspline/row.hpp"
+#include "flexspline/effects/effect.hpp"
 
 namespace flexspline {
 
@@ -22,6 +22,8 @@ struct Backlash {
       "Nordin and Gutman 2002, Controlling mechanical systems with backlash";
   static constexpr std::array<Term, 1> terms{{{"half_gap", "rad"}}};
   static constexpr std::array<Channel, 1> reads{Channel::load};
+  static constexpr Traits traits{.one_signed = true};
+  static constexpr std::array<Demand, 1> demands{{{Excitation::both_torques}}};
 
   S contact_torque = S(0.5);  ///< w, Nm at the output, > 0
 

@@ -77,4 +77,17 @@ using Catalogue = Combine<            //
     Backlash<S>,                      //
     TemperatureDependentStiffness<S>>;
 
+/// Refuses to compile, with its type, an effect that does not keep the contract.
+template <typename S>
+struct Contract {
+  template <typename Effect>
+  struct Kept : std::true_type {
+    static_assert(PhysicalEffect<Effect, S>);
+  };
+  template <typename... Effects>
+  using ByAll = std::bool_constant<(Kept<Effects>::value && ...)>;
+};
+static_assert(Catalogue<Contract<float>::ByAll, float, 2>::value);
+static_assert(Catalogue<Contract<double>::ByAll, double, 2>::value);
+
 }  // namespace flexspline

@@ -20,6 +20,8 @@ struct Cogging : Harmonics<S, K> {
   static constexpr std::string_view source =
       "Madsen et al. 2020, Comprehensive modeling and identification of nonlinear joint dynamics";
   static constexpr std::array<Channel, 1> reads{Channel::motor_position};
+  static constexpr Traits traits{};
+  static constexpr std::array<Demand, 1> demands{{{Excitation::resolved_poles}}};
   static constexpr std::array<Pair, 1> pairs{Pair::motor_on_stator};
 };
 

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "flexspline/row.hpp"
+#include "flexspline/effects/effect.hpp"
 
 namespace flexspline {
 
@@ -20,13 +20,17 @@ struct CoulombFriction {
   static constexpr std::string_view source = "turlapati_intrinsic_dynamics (8), (9)";
   static constexpr std::array<Term, 1> terms{{{"level", "Nm"}}};
   static constexpr std::array<Channel, 1> reads{Channel::output_velocity};
+  static constexpr Traits traits{.basic = true, .one_signed = true, .dissipative = true};
+  static constexpr std::array<Demand, 1> demands{{{Excitation::both_directions}}};
+  static constexpr std::string_view reversal = "a jump at each reversal";
 
   S direction_width = S(0.005);  ///< rad/s, half-width of the change of direction, > 0; one for all
                                  ///< friction of a model
 
   static constexpr auto shapes() noexcept {
-    return std::array{Shape<CoulombFriction, S>{
-        "direction_width", "rad/s", &CoulombFriction::direction_width, S(1e-4), S(0.5), true}};
+    return std::array{Shape<CoulombFriction, S>{"direction_width", "rad/s",
+                                                &CoulombFriction::direction_width, S(1e-4), S(0.5),
+                                                true, of_model}};
   }
 
   constexpr Row<S, 1> row(const Sample<S>& at) const noexcept {

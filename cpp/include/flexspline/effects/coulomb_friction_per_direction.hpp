@@ -1,6 +1,6 @@
 #pragma once
 
-#include "flexspline/row.hpp"
+#include "flexspline/effects/effect.hpp"
 
 namespace flexspline {
 
@@ -21,6 +21,9 @@ struct CoulombFrictionPerDirection {
   static constexpr std::string_view source = "turlapati_intrinsic_dynamics (9)";
   static constexpr std::array<Term, 2> terms{{{"positive", "Nm"}, {"negative", "Nm"}}};
   static constexpr std::array<Channel, 1> reads{Channel::output_velocity};
+  static constexpr Traits traits{};
+  static constexpr std::array<Demand, 1> demands{{{Excitation::both_directions}}};
+  static constexpr std::array<std::string_view, 2> combines{"coulomb_friction", "offset"};
 
   S direction_width = S(0.005);  ///< rad/s, half-width of the change of direction, > 0; one for all
                                  ///< friction of a model
@@ -28,7 +31,7 @@ struct CoulombFrictionPerDirection {
   static constexpr auto shapes() noexcept {
     return std::array{Shape<CoulombFrictionPerDirection, S>{
         "direction_width", "rad/s", &CoulombFrictionPerDirection::direction_width, S(1e-4), S(0.5),
-        true}};
+        true, of_model}};
   }
 
   constexpr Row<S, 2> row(const Sample<S>& at) const noexcept {

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "flexspline/row.hpp"
+#include "flexspline/effects/effect.hpp"
 
 namespace flexspline {
 
@@ -21,6 +21,9 @@ struct DirectionDependentFriction {
   static constexpr std::string_view source = "Armstrong-Hélouvry et al. 1994, §2";
   static constexpr std::array<Term, 2> terms{{{"level", "Nm"}, {"viscosity", "Nm·s/rad"}}};
   static constexpr std::array<Channel, 1> reads{Channel::output_velocity};
+  static constexpr Traits traits{};
+  static constexpr std::array<Demand, 2> demands{
+      {{Excitation::both_directions}, {Excitation::speed_ratio, 1.5}}};
 
   S direction_width = S(0.005);  ///< rad/s, half-width of the change of direction, > 0; one for all
                                  ///< friction of a model
@@ -28,7 +31,7 @@ struct DirectionDependentFriction {
   static constexpr auto shapes() noexcept {
     return std::array{Shape<DirectionDependentFriction, S>{
         "direction_width", "rad/s", &DirectionDependentFriction::direction_width, S(1e-4), S(0.5),
-        true}};
+        true, of_model}};
   }
 
   constexpr Row<S, 2> row(const Sample<S>& at) const noexcept {

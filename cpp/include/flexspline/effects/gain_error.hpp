@@ -1,6 +1,6 @@
 #pragma once
 
-#include "flexspline/row.hpp"
+#include "flexspline/effects/effect.hpp"
 
 namespace flexspline {
 
@@ -18,6 +18,8 @@ struct GainError {
   static constexpr std::string_view source = "zhang_disturbance_elimination (8), (25)";
   static constexpr std::array<Term, 1> terms{{{"gain", "1"}}};
   static constexpr std::array<Channel, 1> reads{Channel::load};
+  static constexpr Traits traits{.known_load = true};
+  static constexpr std::array<Demand, 1> demands{{{Excitation::known_load}}};
 
   constexpr Row<S, 1> row(const Sample<S>& at) const noexcept { return {at.load}; }
 };

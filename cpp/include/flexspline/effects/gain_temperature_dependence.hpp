@@ -1,6 +1,6 @@
 #pragma once
 
-#include "flexspline/row.hpp"
+#include "flexspline/effects/effect.hpp"
 
 namespace flexspline {
 
@@ -20,6 +20,9 @@ struct GainTemperatureDependence {
   static constexpr std::string_view source = "zhang_disturbance_elimination (8), a step beyond";
   static constexpr std::array<Term, 1> terms{{{"gain", "1/K"}}};
   static constexpr std::array<Channel, 2> reads{Channel::load, Channel::temperature};
+  static constexpr Traits traits{};
+  static constexpr std::array<Demand, 2> demands{
+      {{Excitation::any_load}, {Excitation::temperature, 2}}};
 
   S reference_temperature = S(25);  ///< °C, where gain_error holds alone
 

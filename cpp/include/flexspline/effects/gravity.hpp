@@ -1,6 +1,6 @@
 #pragma once
 
-#include "flexspline/row.hpp"
+#include "flexspline/effects/effect.hpp"
 
 namespace flexspline {
 
@@ -19,7 +19,8 @@ struct Gravity {
   static constexpr std::string_view source = "zhang_disturbance_elimination (23)";
   static constexpr std::array<Term, 2> terms{{{"sine", "Nm"}, {"cosine", "Nm"}}};
   static constexpr std::array<Channel, 1> reads{Channel::output_position};
-  static constexpr bool carries_load = true;  ///< part of the torque that the gear transmits
+  static constexpr Traits traits{.basic = true, .carries_load = true};
+  static constexpr std::array<Demand, 1> demands{{{Excitation::turn, 0.5}}};
 
   constexpr Row<S, 2> row(const Sample<S>& at) const noexcept {
     const math::Phasor<S> p = at.output_position.phase.phasor();

@@ -2,7 +2,7 @@
 
 #include <span>
 
-#include "flexspline/row.hpp"
+#include "flexspline/effects/effect.hpp"
 
 namespace flexspline {
 

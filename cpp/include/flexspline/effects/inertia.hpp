@@ -1,6 +1,6 @@
 #pragma once
 
-#include "flexspline/row.hpp"
+#include "flexspline/effects/effect.hpp"
 
 namespace flexspline {
 
@@ -18,7 +18,9 @@ struct Inertia {
   static constexpr std::string_view source = "turlapati_intrinsic_dynamics (11)";
   static constexpr std::array<Term, 1> terms{{{"inertia", "kg·m²"}}};
   static constexpr std::array<Channel, 1> reads{Channel::output_acceleration};
-  static constexpr bool carries_load = true;  ///< part of the torque that the gear transmits
+  static constexpr Traits traits{
+      .basic = true, .inertial = true, .carries_load = true, .one_signed = true};
+  static constexpr std::array<Demand, 1> demands{{{Excitation::acceleration}}};
 
   constexpr Row<S, 1> row(const Sample<S>& at) const noexcept { return {at.output_acceleration}; }
 };

@@ -20,6 +20,8 @@ struct KinematicError : Harmonics<S, K> {
   static constexpr std::string_view source = "full_range_torque_estimation (12), (23), Table III";
   static constexpr std::array<Term, 2> terms{{{"cosine", "rad"}, {"sine", "rad"}}};
   static constexpr std::array<Channel, 2> reads{Channel::output_position, Channel::motor_position};
+  static constexpr Traits traits{};
+  static constexpr std::array<Demand, 1> demands{{{Excitation::turn, 1}}};
   static constexpr std::array<Pair, 4> pairs{Pair::output_on_housing, Pair::motor_on_stator,
                                              Pair::wave_generator_on_flexspline,
                                              Pair::wave_generator_on_circular_spline};

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "flexspline/row.hpp"
+#include "flexspline/effects/effect.hpp"
 
 namespace flexspline {
 
@@ -20,6 +20,8 @@ struct LoadDependentFriction {
       "Madsen et al. 2020, Comprehensive modeling and identification of nonlinear joint dynamics";
   static constexpr std::array<Term, 1> terms{{{"factor", "1"}}};
   static constexpr std::array<Channel, 2> reads{Channel::output_velocity, Channel::load};
+  static constexpr Traits traits{.one_signed = true, .dissipative = true};
+  static constexpr std::array<Demand, 1> demands{{{Excitation::both_directions}}};
 
   S direction_width = S(0.005);  ///< rad/s, half-width of the change of direction, > 0; one for all
                                  ///< friction of a model
@@ -27,7 +29,7 @@ struct LoadDependentFriction {
   static constexpr auto shapes() noexcept {
     return std::array{Shape<LoadDependentFriction, S>{"direction_width", "rad/s",
                                                       &LoadDependentFriction::direction_width,
-                                                      S(1e-4), S(0.5), true}};
+                                                      S(1e-4), S(0.5), true, of_model}};
   }
 
   constexpr Row<S, 1> row(const Sample<S>& at) const noexcept {

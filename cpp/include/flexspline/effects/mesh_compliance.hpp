@@ -1,7 +1,7 @@
 #pragma once
 
+#include "flexspline/effects/effect.hpp"
 #include "flexspline/gear_compliance.hpp"
-#include "flexspline/row.hpp"
 
 namespace flexspline {
 
@@ -22,6 +22,8 @@ struct MeshCompliance {
   static constexpr std::string_view source = "full_range_torque_estimation (14), (15)";
   static constexpr std::array<Term, 1> terms{{{"compliance", "rad/Nm"}}};
   static constexpr std::array<Channel, 1> reads{Channel::load};
+  static constexpr Traits traits{.one_signed = true};
+  static constexpr std::array<Demand, 1> demands{{{Excitation::known_load}}};
 
   S mesh_shape = S(0.05);  ///< c_m, 1/Nm at the output, > 0
 

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "flexspline/row.hpp"
+#include "flexspline/effects/effect.hpp"
 
 namespace flexspline {
 
@@ -22,6 +22,8 @@ struct MotorCrosstalk {
       "coupling between cables, as books on electronics have it";
   static constexpr std::array<Term, 1> terms{{{"leakage", "1"}}};
   static constexpr std::array<Channel, 1> reads{Channel::motor_torque};
+  static constexpr Traits traits{};
+  static constexpr std::array<Demand, 1> demands{{{Excitation::motor_torque}}};
 
   constexpr Row<S, 1> row(const Sample<S>& at) const noexcept { return {at.motor_torque}; }
 };

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "flexspline/row.hpp"
+#include "flexspline/effects/effect.hpp"
 
 namespace flexspline {
 
@@ -19,6 +19,8 @@ struct NonlinearViscousFriction {
   static constexpr std::array<Term, 2> terms{
       {{"quadratic", "Nm·s²/rad²"}, {"cubic", "Nm·s³/rad³"}}};
   static constexpr std::array<Channel, 1> reads{Channel::output_velocity};
+  static constexpr Traits traits{};
+  static constexpr std::array<Demand, 1> demands{{{Excitation::speed_ratio, 3}}};
 
   constexpr Row<S, 2> row(const Sample<S>& at) const noexcept {
     const S v = at.output_velocity;

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "flexspline/row.hpp"
+#include "flexspline/effects/effect.hpp"
 
 namespace flexspline {
 
@@ -19,6 +19,8 @@ struct Offset {
   static constexpr std::string_view source = "turlapati_intrinsic_dynamics (14)";
   static constexpr std::array<Term, 1> terms{{{"offset", "Nm"}}};
   static constexpr std::array<Channel, 0> reads{};
+  static constexpr Traits traits{.constant = true, .basic = true};
+  static constexpr std::array<Demand, 0> demands{};
 
   constexpr Row<S, 1> row(const Sample<S>& /*at*/) const noexcept { return {S(1)}; }
 };

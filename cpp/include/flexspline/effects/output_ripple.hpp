@@ -18,6 +18,8 @@ struct OutputRipple : Harmonics<S, K> {
       "a pattern over the joint angle that repeats in both directions";
   static constexpr std::string_view source = "turlapati_intrinsic_dynamics (12), (13)";
   static constexpr std::array<Channel, 1> reads{Channel::output_position};
+  static constexpr Traits traits{};
+  static constexpr std::array<Demand, 1> demands{{{Excitation::turn, 1}}};
   static constexpr std::array<Pair, 1> pairs{Pair::output_on_housing};
 };
 

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "flexspline/row.hpp"
+#include "flexspline/effects/effect.hpp"
 
 namespace flexspline {
 
@@ -27,6 +27,8 @@ struct PositionDependentFriction {
                                               {"cosine 3", "Nm"},
                                               {"sine 3", "Nm"}}};
   static constexpr std::array<Channel, 2> reads{Channel::output_position, Channel::output_velocity};
+  static constexpr Traits traits{};
+  static constexpr std::array<Demand, 1> demands{{{Excitation::both_directions}}};
 
   S direction_width = S(0.005);  ///< rad/s, half-width of the change of direction, > 0; one for all
                                  ///< friction of a model
@@ -34,7 +36,7 @@ struct PositionDependentFriction {
   static constexpr auto shapes() noexcept {
     return std::array{Shape<PositionDependentFriction, S>{
         "direction_width", "rad/s", &PositionDependentFriction::direction_width, S(1e-4), S(0.5),
-        true}};
+        true, of_model}};
   }
 
   constexpr Row<S, 6> row(const Sample<S>& at) const noexcept {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "flexspline/effects/effect.hpp"
 #include "flexspline/maxwell_slip.hpp"
 
 namespace flexspline {
@@ -27,6 +28,9 @@ struct PreslidingFriction {
   static constexpr std::array<Term, 4> terms{
       {{"wide", "Nm"}, {"half", "Nm"}, {"quarter", "Nm"}, {"eighth", "Nm"}}};
   static constexpr std::array<Channel, 1> reads{Channel::output_position};
+  static constexpr Traits traits{.one_signed = true, .dissipative = true, .loop = true};
+  static constexpr std::array<Demand, 1> demands{{{Excitation::both_directions}}};
+  static constexpr std::string_view reversal = "built up anew after each reversal";
 
   struct State {
     typename Elements::State elements;

@@ -1,7 +1,7 @@
 #pragma once
 
+#include "flexspline/effects/effect.hpp"
 #include "flexspline/lagged_slope.hpp"
-#include "flexspline/row.hpp"
 
 namespace flexspline {
 
@@ -25,6 +25,8 @@ struct SensorLag {
   static constexpr std::string_view source = "first-order lag and Padé's form of a delay";
   static constexpr std::array<Term, 1> terms{{{"lateness", "s"}}};
   static constexpr std::array<Channel, 2> reads{Channel::load, Channel::period};
+  static constexpr Traits traits{};
+  static constexpr std::array<Demand, 1> demands{{{Excitation::any_load}}};
 
   struct State {
     typename Slope::State load;

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "flexspline/row.hpp"
+#include "flexspline/effects/effect.hpp"
 
 namespace flexspline {
 
@@ -20,6 +20,8 @@ struct SensorNonlinearity {
   static constexpr std::string_view source = "zhang_disturbance_elimination (25), a step beyond";
   static constexpr std::array<Term, 2> terms{{{"quadratic", "1/Nm"}, {"cubic", "1/Nm²"}}};
   static constexpr std::array<Channel, 1> reads{Channel::load};
+  static constexpr Traits traits{};
+  static constexpr std::array<Demand, 1> demands{{{Excitation::any_load}}};
 
   constexpr Row<S, 2> row(const Sample<S>& at) const noexcept {
     const S square = at.load * at.load;

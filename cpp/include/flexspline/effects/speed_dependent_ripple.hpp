@@ -25,6 +25,9 @@ struct SpeedDependentRipple : Harmonics<S, K> {
   static constexpr std::string_view source =
       "Tuttle and Seering 1996, A nonlinear model of a harmonic drive gear transmission";
   static constexpr std::array<Channel, 2> reads{Channel::motor_position, Channel::output_velocity};
+  static constexpr Traits traits{};
+  static constexpr std::array<Demand, 2> demands{
+      {{Excitation::speed_ratio, 1.5}, {Excitation::resolved_order, 2}}};
   static constexpr std::array<Pair, 3> pairs{Pair::wave_generator_on_flexspline,
                                              Pair::wave_generator_on_circular_spline,
                                              Pair::motor_on_stator};

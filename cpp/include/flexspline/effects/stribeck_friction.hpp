@@ -1,6 +1,6 @@
 #pragma once
 
-#include "flexspline/row.hpp"
+#include "flexspline/effects/effect.hpp"
 
 namespace flexspline {
 
@@ -20,6 +20,9 @@ struct StribeckFriction {
       "Olsson et al. 1998, Friction models and friction compensation";
   static constexpr std::array<Term, 1> terms{{{"level", "Nm"}}};
   static constexpr std::array<Channel, 1> reads{Channel::output_velocity};
+  static constexpr Traits traits{.one_signed = true, .dissipative = true};
+  static constexpr std::array<Demand, 2> demands{
+      {{Excitation::both_directions}, {Excitation::low_speeds}}};
 
   S stribeck_velocity = S(0.1);  ///< rad/s at the output, > 0
   S direction_width = S(0.005);  ///< rad/s, half-width of the change of direction, > 0; one for all
@@ -30,7 +33,7 @@ struct StribeckFriction {
         Shape<StribeckFriction, S>{"stribeck_velocity", "rad/s",
                                    &StribeckFriction::stribeck_velocity, S(1e-3), S(10), true},
         Shape<StribeckFriction, S>{"direction_width", "rad/s", &StribeckFriction::direction_width,
-                                   S(1e-4), S(0.5), true}};
+                                   S(1e-4), S(0.5), true, of_model}};
   }
 
   constexpr Row<S, 1> row(const Sample<S>& at) const noexcept {

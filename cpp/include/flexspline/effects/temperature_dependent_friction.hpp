@@ -1,6 +1,6 @@
 #pragma once
 
-#include "flexspline/row.hpp"
+#include "flexspline/effects/effect.hpp"
 
 namespace flexspline {
 
@@ -23,6 +23,9 @@ struct TemperatureDependentFriction {
   static constexpr std::array<Term, 2> terms{
       {{"linear", "Nm·s/(rad·K)"}, {"quadratic", "Nm·s/(rad·K²)"}}};
   static constexpr std::array<Channel, 2> reads{Channel::output_velocity, Channel::temperature};
+  static constexpr Traits traits{};
+  static constexpr std::array<Demand, 2> demands{
+      {{Excitation::temperature, 2}, {Excitation::speed_ratio, 1.5}}};
 
   S reference_temperature = S(25);  ///< °C, where viscous_friction holds alone
 

@@ -1,7 +1,7 @@
 #pragma once
 
+#include "flexspline/effects/effect.hpp"
 #include "flexspline/gear_compliance.hpp"
-#include "flexspline/row.hpp"
 
 namespace flexspline {
 
@@ -21,14 +21,18 @@ struct TemperatureDependentStiffness {
   static constexpr std::string_view source = "full_range_torque_estimation (15), a step beyond";
   static constexpr std::array<Term, 1> terms{{{"compliance", "rad/(Nm·K)"}}};
   static constexpr std::array<Channel, 2> reads{Channel::load, Channel::temperature};
+  static constexpr Traits traits{};
+  static constexpr std::array<Demand, 2> demands{
+      {{Excitation::known_load}, {Excitation::temperature, 2}}};
 
   S mesh_shape = S(0.05);           ///< c_m, 1/Nm at the output, > 0; one with mesh_compliance
   S reference_temperature = S(25);  ///< °C, where mesh_compliance holds alone
 
   static constexpr auto shapes() noexcept {
     return std::array{
-        Shape<TemperatureDependentStiffness, S>{
-            "mesh_shape", "1/Nm", &TemperatureDependentStiffness::mesh_shape, S(1e-4), S(10), true},
+        Shape<TemperatureDependentStiffness, S>{"mesh_shape", "1/Nm",
+                                                &TemperatureDependentStiffness::mesh_shape, S(1e-4),
+                                                S(10), true, "mesh_compliance"},
         Shape<TemperatureDependentStiffness, S>{
             "reference_temperature", "°C", &TemperatureDependentStiffness::reference_temperature,
             S(-50), S(150), false}};

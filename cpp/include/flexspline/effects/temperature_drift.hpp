@@ -1,6 +1,6 @@
 #pragma once
 
-#include "flexspline/row.hpp"
+#include "flexspline/effects/effect.hpp"
 
 namespace flexspline {
 
@@ -19,6 +19,8 @@ struct TemperatureDrift {
   static constexpr std::string_view source = "zhang_disturbance_elimination (8)-(11)";
   static constexpr std::array<Term, 2> terms{{{"linear", "Nm/K"}, {"quadratic", "Nm/K²"}}};
   static constexpr std::array<Channel, 1> reads{Channel::temperature};
+  static constexpr Traits traits{};
+  static constexpr std::array<Demand, 1> demands{{{Excitation::temperature, 2}}};
 
   S reference_temperature = S(25);  ///< °C, where the drift is counted from
 

@@ -1,7 +1,7 @@
 #pragma once
 
+#include "flexspline/effects/effect.hpp"
 #include "flexspline/lagged_slope.hpp"
-#include "flexspline/row.hpp"
 
 namespace flexspline {
 
@@ -26,6 +26,8 @@ struct ThermalGradientDrift {
   static constexpr std::string_view source = "zhang_disturbance_elimination §4.2, a step beyond";
   static constexpr std::array<Term, 1> terms{{{"gradient", "Nm/K"}}};
   static constexpr std::array<Channel, 2> reads{Channel::temperature, Channel::period};
+  static constexpr Traits traits{};
+  static constexpr std::array<Demand, 1> demands{{{Excitation::temperature, 2}}};
 
   struct State {
     typename Slope::State temperature;

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "flexspline/row.hpp"
+#include "flexspline/effects/effect.hpp"
 
 namespace flexspline {
 
@@ -22,6 +22,8 @@ struct TimeDrift {
   static constexpr std::string_view source = "creep, as data sheets of strain gauges state it";
   static constexpr std::array<Term, 2> terms{{{"linear", "Nm/s"}, {"quadratic", "Nm/s²"}}};
   static constexpr std::array<Channel, 1> reads{Channel::time};
+  static constexpr Traits traits{};
+  static constexpr std::array<Demand, 1> demands{{{Excitation::duration, 60}}};
 
   constexpr Row<S, 2> row(const Sample<S>& at) const noexcept {
     return {at.time, at.time * at.time};

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "flexspline/row.hpp"
+#include "flexspline/effects/effect.hpp"
 
 namespace flexspline {
 
@@ -22,6 +22,8 @@ struct TorqueConstantError {
   static constexpr std::string_view source = "full_range_torque_estimation (2)";
   static constexpr std::array<Term, 1> terms{{{"factor", "1"}}};
   static constexpr std::array<Channel, 1> reads{Channel::load};
+  static constexpr Traits traits{.known_load = true};
+  static constexpr std::array<Demand, 1> demands{{{Excitation::known_load}}};
 
   constexpr Row<S, 1> row(const Sample<S>& at) const noexcept { return {at.known_load}; }
 };

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "flexspline/effects/effect.hpp"
 #include "flexspline/maxwell_slip.hpp"
 
 namespace flexspline {
@@ -27,6 +28,10 @@ struct TorqueHysteresis {
   static constexpr std::array<Term, 4> terms{
       {{"wide", "Nm"}, {"half", "Nm"}, {"quarter", "Nm"}, {"eighth", "Nm"}}};
   static constexpr std::array<Channel, 1> reads{Channel::load};
+  static constexpr Traits traits{.loop = true};
+  static constexpr std::array<Demand, 2> demands{
+      {{Excitation::any_load}, {Excitation::there_and_back}}};
+  static constexpr std::string_view reversal = "a loop between reversals of the load";
 
   struct State {
     typename Elements::State elements;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "flexspline/effects/effect.hpp"
 #include "flexspline/maxwell_slip.hpp"
 
 namespace flexspline {
@@ -27,6 +28,9 @@ struct TorsionalHysteresis {
   static constexpr std::array<Term, 4> terms{
       {{"wide", "rad"}, {"half", "rad"}, {"quarter", "rad"}, {"eighth", "rad"}}};
   static constexpr std::array<Channel, 2> reads{Channel::load, Channel::motor_position};
+  static constexpr Traits traits{.one_signed = true, .dissipative = true, .loop = true};
+  static constexpr std::array<Demand, 1> demands{{{Excitation::there_and_back}}};
+  static constexpr std::string_view reversal = "a loop between reversals";
   static constexpr std::array<Path, 2> paths{
       {{Channel::load, "load_width"}, {Channel::motor_position, "angle_width"}}};
 

@@ -19,6 +19,8 @@ struct WaveGeneratorRipple : Harmonics<S, K> {
       "one to four periods per turn of the wave generator";
   static constexpr std::string_view source = "zhang_disturbance_elimination (2), Fig. 15";
   static constexpr std::array<Channel, 1> reads{Channel::motor_position};
+  static constexpr Traits traits{};
+  static constexpr std::array<Demand, 1> demands{{{Excitation::resolved_order, 2}}};
   static constexpr std::array<Pair, 3> pairs{Pair::wave_generator_on_flexspline,
                                              Pair::wave_generator_on_circular_spline,
                                              Pair::motor_on_stator};

@@ -1,19 +1,19 @@
 """Whether a run contains what given effects need: channels, motion, load, temperature, rate.
 
 A missing channel is an error, for the effect cannot be computed. A run that does not excite the
-effect is a note: it may be one of several runs that do together. A need looks at a log and its
-motion and returns None, or the amount found and what to record.
+effect is a note: it may be one of several runs that do together. What an effect reads and demands
+it declares itself (`effects/effect.hpp`); here is what each demand means of a log: a need looks at
+a log and its motion and returns None, or the amount found and what to record.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
-from flexspline.effects import CATALOGUE
+from flexspline.effects import CATALOGUE, EffectInfo
 from flexspline.errors import InputError, did_you_mean, listed
 from flexspline.logs.checks.findings import Finding
 from flexspline.logs.checks.motion import Motion, motion_of
@@ -22,12 +22,18 @@ from flexspline.logs.quantisation import white_noise
 
 TARGETS = ("sensor_torque", "motor_torque", "motor_current", "torsion")
 
-MOVES = ("output_position or output_velocity",)
-ANGLE = ("output_position",)
-BOTH_ANGLES = ("output_position", "motor_position")
-HEAT = ("temperature", "output_position or output_velocity")
-KNOWN = ("reference_torque",)
-LOAD = ("reference_torque or output_position or output_velocity",)
+POSITION, MOTOR, KNOWN = "output_position", "motor_position", "reference_torque"
+MOTION = "output_position or output_velocity"
+DRIVE = "motor_torque or motor_current"
+FROM_LOG = {
+    "output_velocity": MOTION,
+    "output_acceleration": MOTION,
+    "motor_position": POSITION,
+    "motor_torque": DRIVE,
+    "load": f"{KNOWN} or {MOTION}",
+}
+"""What a log may give a channel of the core by, where that is not the channel itself."""
+ALWAYS = ("period", "time")
 
 Lack = tuple[float, str, str, str]
 """Size, its unit, what the run lacks, what to record."""
@@ -35,12 +41,20 @@ Lack = tuple[float, str, str, str]
 Need = Callable[[Log, Motion | None], Lack | None]
 
 
-@dataclass(frozen=True)
-class Asked:
-    """What an effect asks of a run: channels (each one or an alternative) and excitation."""
+def channels_asked(info: EffectInfo) -> tuple[str, ...]:
+    """Channels that a log must have for an effect, each one or an alternative ("a or b").
 
-    channels: tuple[str, ...] = ()
-    needs: tuple[Need, ...] = ()
+    Which of several paths drives an effect is its user's choice, so none of them is asked for. The
+    load of a torsion is one from outside: the joint's own mass is no part of its model.
+    """
+    of_torsion = info.targets == "D"
+    asked = [POSITION, MOTOR] if of_torsion else []
+    paths = {channel for channel, _ in info.paths}
+    for channel in info.reads:
+        if channel not in paths and channel not in ALWAYS:
+            known = channel == "load" and (info.traits.known_load or of_torsion)
+            asked.append(KNOWN if known else FROM_LOG.get(channel, channel))
+    return tuple(dict.fromkeys(asked))
 
 
 def excitation(log: Log, effects: Sequence[str], target: str | None) -> Iterator[Finding]:
@@ -87,25 +101,26 @@ def _target(log: Log, target: str) -> Iterator[Finding]:
 
 
 def _effect(log: Log, effect: str, motion: Motion | None) -> Iterator[Finding]:
-    known = {**EFFECTS, **dict.fromkeys(CATALOGUE.keys() - EFFECTS.keys(), Asked())}
-    if effect not in known:
+    if effect not in CATALOGUE:
         raise InputError(
-            f"'{effect}' is no effect{did_you_mean(effect, known)}; the effects are "
-            f"{listed(known, most=40)}"
+            f"'{effect}' is no effect{did_you_mean(effect, CATALOGUE)}; the effects are "
+            f"{listed(CATALOGUE, most=40)}"
         )
-    asked = known[effect]
-    for channel in asked.channels:
+    info = CATALOGUE[effect]
+    channels = channels_asked(info)
+    for channel in channels:
         if not any(name in log for name in channel.split(" or ")):
             yield _missing(log, channel, effect)
             return
-    for need in asked.needs:
-        lack = need(log, motion)
+    for demand, amount in info.demands:
+        need, shown_in = NEEDS[demand]
+        lack = need(amount)(log, motion)
         if lack is not None:
             size, unit, what, remedy = lack
             yield Finding(
                 "no_excitation",
                 "note",
-                asked.channels[0] if asked.channels else "time",
+                shown_in or next(iter(channels), "time"),
                 (0, len(log)),
                 size,
                 unit,
@@ -146,8 +161,7 @@ def changing(channel: str, least: float, unit: str) -> Need:
     return need
 
 
-WARM = changing("temperature", 2.0, "°C")
-LOADED = changing("reference_torque", 0.0, "Nm")
+LOADED = changing(KNOWN, 0.0, "Nm")
 
 
 def both_directions(log: Log, motion: Motion | None) -> Lack | None:
@@ -247,7 +261,7 @@ def turn_of(share: float) -> Need:
 
 
 def sampled(order_of: Callable[[Log, float], float | None]) -> Need:
-    """Ripple of the lowest order of an effect below half the rate."""
+    """Ripple of the lowest order of an effect, per turn of the output, below half the rate."""
 
     def need(log: Log, motion: Motion | None) -> Lack | None:
         if motion is None:
@@ -275,8 +289,8 @@ def sampled(order_of: Callable[[Log, float], float | None]) -> Need:
 
 def own_or_known_load(log: Log, motion: Motion | None) -> Lack | None:
     """A known torque that changes, else motion: inertia and gravity of the model are a load too."""
-    if "reference_torque" in log:
-        return changing("reference_torque", 0.0, "Nm")(log, motion)
+    if KNOWN in log:
+        return LOADED(log, motion)
     if motion is not None:
         return None
     return 0.0, "Nm", "neither a known torque nor motion loads it", "Record a run under load."
@@ -284,7 +298,7 @@ def own_or_known_load(log: Log, motion: Motion | None) -> Lack | None:
 
 def both_torques(log: Log, _: Motion | None) -> Lack | None:
     """A known torque that takes both signs, each in a tenth of the rows at least."""
-    share = float(np.mean(log["reference_torque"] > 0.0))
+    share = float(np.mean(log[KNOWN] > 0.0))
     less = min(share, 1.0 - share)
     if less >= 0.1:
         return None
@@ -302,9 +316,9 @@ def there_and_back(log: Log, motion: Motion | None) -> Lack | None:
 
     The way is counted over a few hundred means, so that noise is no way.
     """
-    if "reference_torque" not in log:
+    if KNOWN not in log:
         return both_directions(log, motion)
-    load = log["reference_torque"]
+    load = log[KNOWN]
     means = np.array([part.mean() for part in np.array_split(load, min(200, len(load)))])
     steps = np.diff(means)
     up, down = float(steps[steps > 0].sum()), float(-steps[steps < 0].sum())
@@ -340,45 +354,21 @@ def teeth(log: Log, ratio: float) -> float | None:
     return ratio * float(log.facts["pole_pairs"]) if "pole_pairs" in log.facts else None
 
 
-EFFECTS: dict[str, Asked] = {
-    "offset": Asked(),
-    "coulomb_friction": Asked(MOVES, (both_directions,)),
-    "coulomb_friction_per_direction": Asked(MOVES, (both_directions,)),
-    "viscous_friction": Asked(MOVES, (speeds(1.5),)),
-    "direction_dependent_friction": Asked(MOVES, (both_directions, speeds(1.5))),
-    "nonlinear_viscous_friction": Asked(MOVES, (speeds(3.0),)),
-    "stribeck_friction": Asked(MOVES, (both_directions, low_speeds)),
-    "presliding_friction": Asked(ANGLE, (both_directions,)),
-    "load_dependent_friction": Asked(MOVES, (both_directions,)),
-    "temperature_dependent_friction": Asked(HEAT, (WARM, speeds(1.5))),
-    "position_dependent_friction": Asked(ANGLE, (both_directions,)),
-    "inertia": Asked(MOVES, (acceleration,)),
-    "gravity": Asked(ANGLE, (turn_of(0.5),)),
-    "output_ripple": Asked(ANGLE, (turn_of(1.0),)),
-    "wave_generator_ripple": Asked(ANGLE, (sampled(lambda _, ratio: 2 * ratio),)),
-    "speed_dependent_ripple": Asked(ANGLE, (speeds(1.5), sampled(lambda _, ratio: 2 * ratio))),
-    "cogging": Asked(ANGLE, (sampled(teeth),)),
-    "temperature_drift": Asked(("temperature",), (WARM,)),
-    "thermal_gradient_drift": Asked(("temperature",), (WARM,)),
-    "time_drift": Asked((), (lasting(60.0),)),
-    "gain_error": Asked(KNOWN, (LOADED,)),
-    "gain_temperature_dependence": Asked((*LOAD, "temperature"), (own_or_known_load, WARM)),
-    "sensor_nonlinearity": Asked(LOAD, (own_or_known_load,)),
-    "torque_hysteresis": Asked(LOAD, (own_or_known_load, there_and_back)),
-    "motor_crosstalk": Asked(
-        ("motor_current or motor_torque",), (changing("motor_current or motor_torque", 0.0, ""),)
-    ),
-    "sensor_lag": Asked(LOAD, (own_or_known_load,)),
-    "torque_constant_error": Asked(KNOWN, (LOADED,)),
-    "mesh_compliance": Asked((*BOTH_ANGLES, *KNOWN), (LOADED,)),
-    "wave_generator_compliance": Asked(
-        (*BOTH_ANGLES, "motor_torque or motor_current"),
-        (changing("motor_torque or motor_current", 0.0, ""),),
-    ),
-    "kinematic_error": Asked(BOTH_ANGLES, (turn_of(1.0),)),
-    "torsional_hysteresis": Asked(BOTH_ANGLES, (there_and_back,)),
-    "backlash": Asked((*BOTH_ANGLES, *KNOWN), (both_torques,)),
-    "temperature_dependent_stiffness": Asked((*BOTH_ANGLES, *KNOWN, "temperature"), (LOADED, WARM)),
+NEEDS: dict[str, tuple[Callable[[float], Need], str]] = {
+    "both_directions": (lambda _: both_directions, ""),
+    "speed_ratio": (speeds, ""),
+    "low_speeds": (lambda _: low_speeds, ""),
+    "acceleration": (lambda _: acceleration, ""),
+    "turn": (turn_of, ""),
+    "resolved_order": (lambda amount: sampled(lambda _, ratio: amount * ratio), ""),
+    "resolved_poles": (lambda _: sampled(teeth), ""),
+    "temperature": (lambda amount: changing("temperature", amount, "°C"), "temperature"),
+    "duration": (lasting, "time"),
+    "known_load": (lambda _: LOADED, KNOWN),
+    "any_load": (lambda _: own_or_known_load, ""),
+    "both_torques": (lambda _: both_torques, KNOWN),
+    "there_and_back": (lambda _: there_and_back, ""),
+    "motor_torque": (lambda _: changing(DRIVE, 0.0, ""), DRIVE),
 }
-"""What effects ask of a run. An effect of the catalogue that is not here asks nothing more than
-the channels it reads."""
+"""What an effect may demand of a run, by the amount, and the channel that lacks it: "", the first
+that the effect reads."""

@@ -17,6 +17,7 @@ __all__ = [
     "EffectInfo",
     "ShapeInfo",
     "TermInfo",
+    "Traits",
     "effect",
     "require_effects",
     "unit_in",
@@ -25,6 +26,7 @@ __all__ = [
 TARGETS = {"sensor_torque": "S", "motor_torque": "M", "motor_current": "M", "torsion": "D"}
 UNITS = {"sensor_torque": "Nm", "motor_torque": "Nm", "motor_current": "A", "torsion": "rad"}
 
+OF_MODEL = "model"  # the owner of a shape that all effects of a model share
 HIGHEST_ORDER = 1_000_000  # per turn; an encoder line count is far below
 
 Harmonic = tuple[int, str]
@@ -39,8 +41,33 @@ class TermInfo:
 
 
 @dataclass(frozen=True)
+class Traits:
+    """What an effect is, as its header in the core declares it (`effects/effect.hpp`).
+
+    `constant`: the same row for every sample. `basic`: every drive has it. `inertial`: in
+    proportion to the acceleration. `carries_load`: part of the torque that the gear transmits.
+    `one_signed`: its coefficients have one sign, ≥ 0 where nothing is turned. `dissipative`: with
+    coefficients ≥ 0 it takes energy. `loop`: depends on the way that led there. `known_load`: reads
+    a load that is known from elsewhere.
+    """
+
+    constant: bool
+    basic: bool
+    inertial: bool
+    carries_load: bool
+    one_signed: bool
+    dissipative: bool
+    loop: bool
+    known_load: bool
+
+
+@dataclass(frozen=True)
 class ShapeInfo:
-    """A number that bends an effect's row, with the bounds of the search for it."""
+    """A number that bends an effect's row, with the bounds of the search for it.
+
+    `owner`: "" for a number of this effect alone; "model" for one that all effects of a model share
+    that have it; else the effect whose number it is where the model has that effect.
+    """
 
     name: str
     unit: str
@@ -48,6 +75,7 @@ class ShapeInfo:
     lower: float
     upper: float
     fitted: bool
+    owner: str
 
 
 @dataclass(frozen=True)
@@ -55,9 +83,12 @@ class EffectInfo:
     """What the core says of an effect.
 
     `targets`: letters of S (sensor), M (drive), D (torsion). `reads`: channels, "load" among
-    them. `pairs`: pairs of parts that a ripple effect may turn with, empty for others.
-    `remembers`: whether its row depends on the rows before. `paths`: where one of several channels
-    may drive it, each with the shape that is its width; the shape `path` counts them.
+    them. `pairs`: pairs of parts that a ripple effect may turn with, empty for others; `modulated`:
+    whether speed changes such a ripple. `remembers`: whether its row depends on the rows before.
+    `paths`: where one of several channels may drive it, each with the shape that is its width; the
+    shape `path` counts them. `demands`: what a run must do to show it, and how much of that.
+    `reversal`: what it does at a reversal, in a few words, or "". `combines`: the effects whose
+    columns it has together, so that it is never sought beside them.
     """
 
     name: str
@@ -68,9 +99,17 @@ class EffectInfo:
     shapes: tuple[ShapeInfo, ...]
     reads: tuple[str, ...]
     pairs: tuple[str, ...]
-    carries_load: bool
+    traits: Traits
     remembers: bool
+    modulated: bool
     paths: tuple[tuple[str, str], ...]
+    demands: tuple[tuple[str, float], ...]
+    reversal: str
+    combines: tuple[str, ...]
+
+    @property
+    def carries_load(self) -> bool:
+        return self.traits.carries_load
 
 
 def _catalogue() -> Mapping[str, EffectInfo]:
@@ -78,8 +117,10 @@ def _catalogue() -> Mapping[str, EffectInfo]:
     for entry in _core.catalogue():
         terms = tuple(TermInfo(*term) for term in entry.pop("terms"))
         shapes = tuple(ShapeInfo(**shape) for shape in entry.pop("shapes"))
-        entry |= {name: tuple(entry[name]) for name in ("reads", "pairs", "paths")}
-        info = EffectInfo(**{**entry, "terms": terms, "shapes": shapes})
+        listed_ones = ("reads", "pairs", "paths", "demands", "combines")
+        entry |= {name: tuple(entry[name]) for name in listed_ones}
+        made = {"terms": terms, "shapes": shapes, "traits": Traits(**entry.pop("traits"))}
+        info = EffectInfo(**{**entry, **made})
         known[info.name] = info
     return MappingProxyType(known)
 
