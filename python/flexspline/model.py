@@ -455,7 +455,7 @@ def _sign_warnings(part: Part) -> Iterator[str]:
         first += len(effect.terms)
         traits = effect.info.traits
         if traits.basic and traits.one_signed:
-            what = "inertia" if traits.inertial else "friction"
+            what = effect.name.rpartition("_")[2]  # friction or inertia
             (term,) = effect.terms
             checked.append((f"{effect.name}.{term.name}", values[0], term.unit, what))
         if effect.name == COULOMB_PER_DIRECTION:

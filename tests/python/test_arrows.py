@@ -102,7 +102,7 @@ def named_effects(package: Path) -> list[str]:
 
 
 def test_a_planted_name_of_an_effect_is_found(planted: Path) -> None:
-    (planted / "low" / "bad.py").write_text('"""gravity"""\nx = {"gravity": "offset of 1"}\n')
+    (planted / "low" / "bad.py").write_text('"""Of gravity."""\nx = {"gravity": "offset of 1"}\n')
     (planted / "simulation.py").write_text('x = "gravity"\n')
     assert named_effects(planted) == ["low/bad.py:2 names gravity"]
 
