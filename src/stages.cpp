@@ -56,6 +56,14 @@ struct Entry {
     refuse("'" + name + "' does not know " + field + " '" + word + "'");
   }
 
+  /// What a chain chooses by the entry.
+  template <typename Enum, std::size_t N>
+  Enum chosen(const Choice<Enum, N>& one) const {
+    std::array<std::string_view, N> words;
+    for (std::size_t k = 0; k < N; ++k) words[k] = one.word(k);
+    return choice<Enum>(std::string(one.key).c_str(), words);
+  }
+
   /// Takes a number, or one of a list under a key: its place there.
   void take(const auto& field, std::size_t place, double& value) const {
     const std::string key(field.key.empty() ? field.name : field.key);
@@ -116,8 +124,7 @@ void read_calibration(const Entry& entry, Config& config) {
 
 void read_observer(const Entry& entry, Config& config) {
   entry.fill(config.observer.emplace());
-  config.observer_input =
-      entry.choice<ObserverInput>("input", words("sensor_torque", "motor_torque"));
+  config.observer_input = entry.chosen(observer_inputs);
 }
 
 void read_compliant_observer(const Entry& entry, Config& config) {
@@ -137,9 +144,7 @@ void read_compliance(const Entry& entry, Config& config) {
 
 void read_merge(const Entry& entry, Config& config) {
   enum class Method : unsigned char { logistic, kalman };
-  if (entry.has("at_rest")) {
-    config.at_rest = entry.choice<AtRest>("at_rest", words("compliance", "compliant_observer"));
-  }
+  if (entry.has("at_rest")) config.at_rest = entry.chosen(at_rests);
   if (entry.choice<Method>("method", words("logistic", "kalman")) == Method::logistic) {
     entry.fill(config.logistic.emplace());
     return;
@@ -150,14 +155,23 @@ void read_merge(const Entry& entry, Config& config) {
 
 void read_collision(const Entry& entry, Config& config) {
   entry.fill(config.collision.emplace());
-  config.watched =
-      entry.choice<Watched>("input", words("observer", "sensor", "merged", "compliant_observer"));
+  config.watched = entry.chosen(watched_ones);
 }
 
-/// A stage whose entry is its fields and no more.
-template <auto stage>
-void read_plain(const Entry& entry, Config& config) {
-  entry.fill((config.*stage).emplace());
+/// The stages whose entry is their fields and no more.
+bool read_plain(const Entry& entry, Config& config) {
+  bool found = false;
+  for_each_stage(
+      config,
+      [&]<typename Stage>(const StageInfo& info, Stage& stage) {
+        if constexpr (!std::is_same_v<Stage, bool>) {
+          if (info.key != entry.name || !info.within.empty()) return;
+          entry.fill(stage.emplace());
+          found = true;
+        }
+      },
+      [](const auto&, auto, bool) {});
+  return found;
 }
 
 }  // namespace
@@ -165,9 +179,6 @@ void read_plain(const Entry& entry, Config& config) {
 StagesConfig stages_from(const py::dict& entries) {
   static const std::map<std::string, void (*)(const Entry&, StagesConfig&)> readers{
       {"reading_checks", read_checks},
-      {"differentiator", read_plain<&Config::differentiator>},
-      {"thermistor", read_plain<&Config::thermistor>},
-      {"temperature_compensation", read_plain<&Config::compensation>},
       {"calibration", read_calibration},
       {"observer", read_observer},
       {"compliance", read_compliance},
@@ -181,10 +192,12 @@ StagesConfig stages_from(const py::dict& entries) {
       config.sensor = value.cast<bool>();
       continue;
     }
-    const auto found = readers.find(name);
-    if (found == readers.end()) refuse("there is no stage '" + name + "'");
     const Entry entry{name, value.cast<py::dict>()};
-    found->second(entry, config);
+    if (const auto found = readers.find(name); found != readers.end()) {
+      found->second(entry, config);
+    } else if (!read_plain(entry, config)) {
+      refuse("there is no stage '" + name + "'");
+    }
     entry.require_all_known();
   }
   return config;
@@ -212,29 +225,63 @@ py::list described(const Stage& made = {}) {
   return all;
 }
 
+/// The rules that it is compiled for.
+template <typename Stage>
+py::list rules_of() {
+  py::list all;
+  for_each_rule<Stage>([&](const auto& rule) {
+    py::dict one;
+    one["name"] = std::string(rule.name);
+    one["type"] = std::string(rule.type);
+    all.append(one);
+  });
+  return all;
+}
+
 }  // namespace
 
 void bind_stages(py::module_& module) {
   module.def(
-      "stage_fields",
+      "stages",
       [] {
         py::dict all;
-        all["reading_checks"] = described<ReadingChecks<double>::Config>();
-        all["differentiator"] = described<Differentiator<double>::Config>();
-        all["thermistor"] = described<Thermistor<double>>();
-        all["temperature_compensation"] = described<TemperatureCompensation<double>::Config>();
-        all["calibration"] = described<Calibration<double>>();
-        all["observer"] = described<MomentumObserver<double>::Config>();
-        all["compliance"] = described<Compliance<double>>();
-        all["hysteresis"] = described<LoadHysteresis<double>>();
-        all["logistic"] = described<LogisticMerge<double>>();
-        all["kalman"] = described<KalmanMerge<double>::Config>();
-        all["collision"] = described<CollisionDetector<double>::Config>();
+        const AnyStages<double> none;
+        std::string last;
+        for_each_stage(
+            none,
+            [&]<typename Stage>(const StageInfo& info, const Stage&) {
+              last = info.key;
+              py::dict one;
+              one["member"] = std::string(info.member);
+              one["type"] = std::string(info.type);
+              one["bit"] = static_cast<unsigned>(info.bit);
+              one["within"] = std::string(info.within.empty() ? info.key : info.within);
+              one["choice"] = py::none();
+              one["fields"] = py::list();
+              one["rules"] = py::list();
+              if constexpr (!std::is_same_v<Stage, bool>) {
+                one["fields"] = described<typename Stage::value_type>();
+                one["rules"] = rules_of<typename Stage::value_type>();
+              }
+              all[last.c_str()] = one;
+            },
+            [&](const auto& choice, auto, bool) {
+              py::dict one;
+              one["key"] = std::string(choice.key);
+              one["member"] = std::string(choice.member);
+              one["type"] = std::string(choice.type);
+              one["prefix"] = std::string(choice.prefix);
+              all[last.c_str()]["choice"] = one;
+            });
         return all;
       },
-      R"(The numbers of each stage in the core's order: dicts of 'name' of the member, 'unit', 'key'
-in model.json (two of one key are the two numbers of its list), 'needed' there, 'low' and 'high'
-that it may be, 'default', which an array has not.)");
+      R"(The stages of a chain in the order of their parameters, a dict each: 'member' of the chain,
+'type' in an exported header, 'bit' that says it missed; 'within', the entry of model.json that
+holds it; 'choice' that the chain makes by it, or
+None: 'key' in model.json, 'member', 'type' of the enumerators, 'prefix' of the words in a block;
+'rules': 'name', 'type'; 'fields', its numbers in the core's order: 'name' of the member, 'unit',
+'key' in model.json (two of one key are the two numbers of its list), 'needed' there, 'low' and
+'high' that it may be, 'default', which an array has not.)");
 }
 
 }  // namespace flexspline::bindings

@@ -61,15 +61,14 @@ inline constexpr std::array<NamedField<LogJoint::Chain::Input>, 7> joint_inputs{
 
 /// The stages that a joint has.
 inline Stage configured(const AnyStages<double>& stages) noexcept {
-  const auto bit = [](bool has, Stage stage) { return has ? stage : Stage::none; };
-  return bit(stages.differentiator.has_value(), Stage::differentiator) |
-         bit(stages.thermistor.has_value(), Stage::thermistor) |
-         bit(stages.compensation.has_value(), Stage::compensation) |
-         bit(stages.sensor, Stage::sensor) | bit(stages.observer.has_value(), Stage::observer) |
-         bit(stages.compliance.has_value(), Stage::compliance) |
-         bit(stages.compliant_observer.has_value(), Stage::compliant_observer) |
-         bit(stages.logistic.has_value() || stages.kalman.has_value(), Stage::merge) |
-         bit(stages.collision.has_value(), Stage::collision);
+  Stage all = Stage::none;
+  for_each_stage(
+      stages,
+      [&all](const StageInfo& info, const auto& stage) {
+        if (bool(stage)) all = all | info.bit;
+      },
+      [](const auto&, auto, bool) {});
+  return all;
 }
 
 /// The columns of a log that a joint reads, null where the log lacks one. The joint starts anew at

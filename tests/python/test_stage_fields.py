@@ -11,10 +11,9 @@ import pytest
 
 from flexspline import _core
 from flexspline.estimators import ESTIMATORS
-from flexspline.estimators.fields import FIELDS, given
+from flexspline.estimators.fields import STAGES, given
 
 SCHEMA = json.loads(files("flexspline").joinpath("schemas/model.schema.json").read_text("utf-8"))
-CORE = {"compliant_observer": ("observer",), "merge": ("logistic", "kalman")}  # where not the key
 OF_THE_MODEL = {"mesh_stiffness", "mesh_shape"}  # of the torsion's part, put in by the plan
 WORDS = {  # what is no number of the core: rules, channels, records for people
     "differentiator": {"channels"},
@@ -28,7 +27,8 @@ WORDS = {  # what is no number of the core: rules, channels, records for people
 
 
 def numbers_of(key: str) -> set[str]:
-    return {field.key for stage in CORE.get(key, (key,)) for field in FIELDS[stage]}
+    own = [stage for stage in STAGES.values() if stage.within == key and stage.key != "hysteresis"]
+    return {field.key for stage in own for field in stage.fields}
 
 
 @pytest.mark.parametrize("key", ESTIMATORS)
@@ -46,23 +46,24 @@ def test_the_dataclass_has_the_fields_of_the_schema(key: str) -> None:
     assert fields == properties
 
 
-def test_each_stage_of_the_core_belongs_to_an_estimator() -> None:
-    of_estimators = {stage for key in ESTIMATORS for stage in CORE.get(key, (key,))}
-    assert set(FIELDS) == of_estimators | {"hysteresis"}
+def test_each_stage_of_the_core_is_in_an_estimators_entry() -> None:
+    assert {stage.within for stage in STAGES.values()} == {*ESTIMATORS, "sensor"}
 
 
 def test_a_default_lies_in_its_range() -> None:
-    for stage, fields in _core.stage_fields().items():
-        for field in fields:
-            assert field["low"] < field["high"], (stage, field)
+    for key, stage in _core.stages().items():
+        for field in stage["fields"]:
+            assert field["low"] < field["high"], (key, field)
             if "default" in field and field["needed"]:
-                assert field["low"] <= field["default"] <= field["high"], (stage, field)
+                assert field["low"] <= field["default"] <= field["high"], (key, field)
 
 
 def test_two_fields_of_one_key_are_the_ends_of_its_list() -> None:
     entry = {"sensitivity": 60.0, "zero": 2.0, "voltage_range": [-1.0, 1.5]}
-    found = {field.name: value for field, value in given("calibration", entry)}
+    found = {field.name: value for field, value in given(STAGES["calibration"], entry)}
     assert found == {"sensitivity": 60.0, "zero": 2.0, "low": -1.0, "high": 1.5}
     del entry["voltage_range"]
-    bare = {field.name: (value, field.default) for field, value in given("calibration", entry)}
+    bare = {
+        field.name: (value, field.default) for field, value in given(STAGES["calibration"], entry)
+    }
     assert bare["low"][0] is None and bare["low"][1] == -math.nextafter(math.inf, 0.0)

@@ -51,6 +51,7 @@ struct Field {
 template <typename Stage, typename Enum, std::size_t N>
 struct Rule {
   std::string_view name;
+  std::string_view type;  ///< of the enumerators, in an exported header
   Enum Stage::* member;
   std::array<std::string_view, N> words;
 
@@ -64,7 +65,8 @@ template <typename Stage, typename Value, typename S>
 Field(std::string_view, std::string_view, Value Stage::*, Range<S>, std::string_view = {},
       bool = true) -> Field<Stage, Value, S>;
 template <typename Stage, typename Enum, std::size_t N>
-Rule(std::string_view, Enum Stage::*, std::array<std::string_view, N>) -> Rule<Stage, Enum, N>;
+Rule(std::string_view, std::string_view, Enum Stage::*, std::array<std::string_view, N>)
+    -> Rule<Stage, Enum, N>;
 
 /// Calls use(field) for each field of a stage; what it throws on a PC goes on to the caller.
 template <typename Stage, typename Use>

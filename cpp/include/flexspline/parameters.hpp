@@ -84,26 +84,6 @@ constexpr void visit_stage(V& visitor, std::string_view name, Stage& stage) noex
   if constexpr (requires { stage.gear; }) visitor.gear(stage.gear);
 }
 
-constexpr std::string_view name_of(ObserverInput input) noexcept {
-  return input == ObserverInput::sensor_torque ? "by sensor_torque" : "by motor_torque";
-}
-constexpr std::string_view name_of(AtRest at_rest) noexcept {
-  return at_rest == AtRest::compliance ? "at rest compliance" : "at rest compliant_observer";
-}
-constexpr std::string_view name_of(Watched watched) noexcept {
-  switch (watched) {
-    case Watched::observer:
-      return "watches observer";
-    case Watched::sensor:
-      return "watches sensor";
-    case Watched::merged:
-      return "watches merged";
-    case Watched::compliant_observer:
-      return "watches compliant_observer";
-  }
-  return "";
-}
-
 /// A stage that is there, by its own visit.
 template <typename Stage, typename Visit>
 constexpr void where_given(Stage& stage, Visit&& visit) noexcept {
@@ -112,28 +92,28 @@ constexpr void where_given(Stage& stage, Visit&& visit) noexcept {
 template <typename Stage, typename Visit>
 constexpr void where_given(const Absent<Stage>&, Visit&&) noexcept {}
 
+template <typename Visit>
+constexpr void where_given(bool there, Visit&& visit) noexcept {
+  if (there) visit(there);
+}
+
 template <typename V, typename Stages>
 constexpr void visit_chain(V& v, std::string_view name, Stages& chain) noexcept {
-  const auto visit = [&v](std::string_view its, auto& stage) {
-    where_given(stage, [&](auto& made) { visit_stage(v, its, made); });
-  };
   v.structure(name);
-  visit("reading_checks", chain.checks);
-  visit("differentiator", chain.differentiator);
-  visit("thermistor", chain.thermistor);
-  visit("temperature_compensation", chain.compensation);
-  if (chain.sensor) v.structure("sensor");
-  visit("calibration", chain.calibration);
-  visit("observer", chain.observer);
-  if (given(chain.observer)) v.structure(name_of(chain.observer_input));
-  visit("compliance", chain.compliance);
-  visit("hysteresis", chain.hysteresis);
-  visit("compliant_observer", chain.compliant_observer);
-  visit("kalman", chain.kalman);
-  visit("logistic", chain.logistic);
-  if (given(chain.kalman) || given(chain.logistic)) v.structure(name_of(chain.at_rest));
-  visit("collision", chain.collision);
-  if (given(chain.collision)) v.structure(name_of(chain.watched));
+  for_each_stage(
+      chain,
+      [&v](const StageInfo& info, auto& stage) {
+        where_given(stage, [&](auto& made) {
+          if constexpr (std::is_same_v<std::remove_cvref_t<decltype(made)>, bool>) {
+            v.structure(info.key);
+          } else {
+            visit_stage(v, info.key, made);
+          }
+        });
+      },
+      [&v](const auto& choice, auto value, bool asked) {
+        if (asked) v.structure(choice.structure[static_cast<std::size_t>(value)]);
+      });
 }
 
 template <typename S, typename V, typename T>

@@ -21,7 +21,14 @@ import numpy as np
 
 from flexspline.effects.roles import GRAVITY, INERTIA, MESH, TORSION_LOOP
 from flexspline.errors import InputError, listed
-from flexspline.estimators import Collision, Differentiator, Observer, ReadingChecks
+from flexspline.estimators import (
+    PREPROCESSING,
+    SENSING,
+    Collision,
+    Differentiator,
+    Observer,
+    ReadingChecks,
+)
 from flexspline.estimators.differentiator import DERIVED
 from flexspline.estimators.needs import link_part, require_complete
 from flexspline.logs.derive import differentiate_causal, lateness
@@ -31,9 +38,6 @@ from flexspline.part import Part
 from flexspline.signals import gear_of
 
 __all__ = ["BANDWIDTH", "READINGS", "Plan", "made_by", "plan_of", "reads_of", "with_derivatives"]
-
-PREPROCESSING = ("reading_checks", "differentiator")
-SENSING = ("thermistor", "temperature_compensation", "calibration")
 
 Entries = dict[str, dict[str, Any]]
 

@@ -21,6 +21,8 @@ from flexspline.estimators.thermistor import Thermistor
 
 __all__ = [
     "ESTIMATORS",
+    "PREPROCESSING",
+    "SENSING",
     "Calibration",
     "Collision",
     "Compliance",
@@ -59,3 +61,6 @@ ESTIMATORS: MappingProxyType[str, type[Estimator]] = MappingProxyType(
         "collision": Collision,
     }
 )  # by their `key`, in the order in which they run
+PREPROCESSING = ("reading_checks", "differentiator")
+SENSING = ("thermistor", "temperature_compensation", "calibration")
+"""Those before the sensor's torque; all others estimate by it."""

@@ -1,4 +1,4 @@
-"""The numbers that a stage of the core is set up with, as the core lists them."""
+"""The stages of a chain and the numbers that they are set up with, as the core lists them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,9 @@ from typing import Any
 
 from flexspline import _core
 
-__all__ = ["FIELDS", "Field", "given"]
+__all__ = ["STAGES", "Choice", "Field", "Stage", "given", "stages_in"]
+
+Entry = Mapping[str, Any]
 
 
 @dataclass(frozen=True)
@@ -31,7 +33,43 @@ class Field:
     default: float | None
 
 
-def _listed(known: list[dict[str, Any]]) -> tuple[Field, ...]:
+@dataclass(frozen=True)
+class Choice:
+    """What a chain chooses between its stages, by a word under `key` in an entry.
+
+    `member` of the chain and `type` of its values in C++, `prefix` of the word in a block.
+    """
+
+    key: str
+    member: str
+    type: str
+    prefix: str
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A stage of the core's chain (`flexspline/estimators/stages.hpp`).
+
+    Parameters
+    ----------
+    key : of the stage.
+    within : of the entry in `model.json` that holds its numbers.
+    member, type : of the chain in C++; the type says {key} for the length of that list.
+    rules : key in the entry and C++ type of each rule that a program is compiled for.
+    fields : its numbers, in the core's order.
+    choice : what the chain chooses by its entry, or None.
+    """
+
+    key: str
+    within: str
+    member: str
+    type: str
+    rules: tuple[tuple[str, str], ...]
+    fields: tuple[Field, ...]
+    choice: Choice | None
+
+
+def _fields(known: list[dict[str, Any]]) -> tuple[Field, ...]:
     keys = [one["key"] for one in known]
     return tuple(
         Field(
@@ -45,13 +83,37 @@ def _listed(known: list[dict[str, Any]]) -> tuple[Field, ...]:
     )
 
 
-FIELDS: Mapping[str, tuple[Field, ...]] = {
-    stage: _listed(known) for stage, known in _core.stage_fields().items()
+STAGES: Mapping[str, Stage] = {
+    key: Stage(
+        key,
+        one["within"],
+        one["member"],
+        one["type"],
+        tuple((rule["name"], rule["type"]) for rule in one["rules"]),
+        _fields(one["fields"]),
+        Choice(**one["choice"]) if one["choice"] else None,
+    )
+    for key, one in _core.stages().items()
 }
+"""By key, in the order of a chain's parameters."""
 
 
-def given(stage: str, entry: Mapping[str, Any]) -> Iterator[tuple[Field, Any]]:
+def stages_in(entries: Mapping[str, Entry]) -> Iterator[tuple[Stage, Entry | None]]:
+    """Yield each stage whose entry is there, with what holds its numbers: None where it is not run.
+
+    A loop is an entry of its own inside the compliance's; a merge runs by one of its two methods.
+    """
+    for stage in STAGES.values():
+        entry = entries.get(stage.within)
+        if entry is not None and stage.key != stage.within:
+            runs = stage.key == entry.get("method", "logistic")
+            entry = entry.get(stage.key, entry if runs else None)
+        if stage.within in entries:
+            yield stage, entry
+
+
+def given(stage: Stage, entry: Entry) -> Iterator[tuple[Field, Any]]:
     """Yield each field of a stage with its value in an entry of `model.json`, None for no value."""
-    for field in FIELDS[stage]:
+    for field in stage.fields:
         value = entry.get(field.key)
         yield field, value if value is None or field.place is None else value[field.place]

@@ -9,14 +9,13 @@ from __future__ import annotations
 import math
 import struct
 import zlib
-from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from flexspline.effects import Effect
 from flexspline.errors import InputError
 from flexspline.estimation.plan import Plan, plan_of
-from flexspline.estimators.fields import Field, given
+from flexspline.estimators.fields import STAGES, Field, Stage, given, stages_in
 from flexspline.exporting.header import by_motor_encoder
 from flexspline.model import Model, Part
 from flexspline.signals import gear_of
@@ -144,64 +143,26 @@ class _Block:
         self.numbers("high", (high,))
 
     def _stages(self, entries: Mapping[str, Entry], has_sensor: bool) -> None:
-        """The stages in the order of `parameters.hpp`; the sensor's own part stands among them."""
-        written: dict[str, Callable[[Entry], None]] = {
-            "reading_checks": self._checks,
-            "differentiator": lambda entry: self._stage("differentiator", entry, entry["makes"]),
-            "thermistor": partial(self._stage, "thermistor"),
-            "temperature_compensation": partial(self._stage, "temperature_compensation"),
-            "sensor": lambda _: self.structure("sensor"),
-            "calibration": partial(self._stage, "calibration"),
-            "observer": self._observer,
-            "compliance": self._compliance,
-            "compliant_observer": self._compliant_observer,
-            "merge": self._merge,
-            "collision": self._collision,
-        }
+        """The stages in the core's order; the sensor's own part stands among them."""
         there = {**entries, **({"sensor": {}} if has_sensor else {})}
-        for name, write in written.items():
-            if name in there:
-                write(there[name])
+        for stage, entry in stages_in(there):
+            if entry is not None:
+                self._stage(stage, entry)
+            if stage.choice is not None:
+                self.structure(f"{stage.choice.prefix}{there[stage.within][stage.choice.key]}")
 
-    def _stage(self, name: str, entry: Entry, *rules: str, core: str | None = None) -> None:
-        """A stage with its rules and numbers; `core`: what the core calls its fields."""
-        for word in (name, *rules):
+    def _stage(self, stage: Stage, entry: Entry) -> None:
+        for word in (stage.key, *(entry[rule] for rule, _ in stage.rules)):
             self.structure(word)
-        for field, value in given(core or name, entry):
+        if stage.key == "kalman":
+            self._stage(STAGES["logistic"], entry)
+        for field, value in given(stage, entry):
             self.numbers(field.name, self._values(field, value))
+        if stage.key == "reading_checks":
+            self._gear(entry.get("gear", NO_GEAR))
 
     def _values(self, field: Field, value: Any) -> Sequence[float]:
         if value is None:
             largest = LARGEST[self.scalar]
             return (min(max(field.default or 0.0, -largest), largest),)
         return value if isinstance(value, Sequence) else (float(value),)
-
-    def _checks(self, entry: Entry) -> None:
-        self._stage("reading_checks", entry)
-        self._gear(entry.get("gear", NO_GEAR))
-
-    def _observer(self, entry: Entry) -> None:
-        self._stage("observer", entry, entry["discretisation"])
-        self.structure(f"by {entry['input']}")
-
-    def _compliant_observer(self, entry: Entry) -> None:
-        self._stage("compliant_observer", entry, entry["discretisation"], core="observer")
-
-    def _compliance(self, entry: Entry) -> None:
-        self._stage("compliance", entry)
-        if entry.get("hysteresis") is not None:
-            self._stage("hysteresis", entry["hysteresis"])
-
-    def _merge(self, entry: Entry) -> None:
-        kalman = entry.get("method") == "kalman"
-        if kalman:
-            self.structure("kalman")
-        self._stage("logistic", entry)
-        if kalman:
-            for field, value in given("kalman", entry):
-                self.numbers(field.name, self._values(field, value))
-        self.structure(f"at rest {entry['at_rest']}")
-
-    def _collision(self, entry: Entry) -> None:
-        self._stage("collision", entry)
-        self.structure(f"watches {entry['input']}")

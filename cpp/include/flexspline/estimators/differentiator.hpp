@@ -30,7 +30,7 @@ struct Differentiator {
       return std::tuple{Field{"bandwidth", "Hz, -3 dB", &Config::bandwidth, positive<S>}};
     }
     static constexpr auto rules() noexcept {
-      return std::tuple{Rule{"makes", &Config::makes,
+      return std::tuple{Rule{"makes", "Derivatives", &Config::makes,
                              std::array<std::string_view, 3>{"velocity", "acceleration", "both"}}};
     }
   };

@@ -42,7 +42,7 @@ struct MomentumObserver {
       return std::tuple{Field{"gain", "1/s", &Config::gain, positive<S>}};
     }
     static constexpr auto rules() noexcept {
-      return std::tuple{Rule{"discretisation", &Config::discretisation,
+      return std::tuple{Rule{"discretisation", "Discretisation", &Config::discretisation,
                              std::array<std::string_view, 2>{"exact", "euler"}}};
     }
   };

@@ -1,4 +1,6 @@
-/// The stages of a chain: which there are, and which of them a joint has.
+/// The stages of a chain: which there are, and which of them a joint has. `for_each_stage` is the one
+/// list of them: parameters that change in the field, and on a PC bindings, exported header and block,
+/// follow from it.
 ///
 /// A chain reads its stages from the fields of any struct. A field that is a stage always runs; an
 /// `std::optional` of one runs where it has a value (`AnyStages`: chosen at run time); one that is
@@ -6,8 +8,10 @@
 /// and has its own stages as fields, which hide those that are absent.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
+#include <string_view>
 
 #include "flexspline/estimators/calibration.hpp"
 #include "flexspline/estimators/collision_detector.hpp"
@@ -132,5 +136,85 @@ struct AnyStages {
   std::optional<typename CollisionDetector<S>::Config> collision;
   Watched watched = Watched::observer;
 };
+
+/// What a stage is called.
+struct StageInfo {
+  std::string_view key;       ///< in model.json, and among the parameters that change in the field
+  std::string_view member;    ///< of the chain
+  std::string_view type;      ///< in an exported header; {key}: how many values the entry has there
+  Stage bit = Stage::none;    ///< says that it missed
+  std::string_view within{};  ///< the entry of model.json that holds it, where that is another's
+};
+
+/// A choice that a chain makes between its stages, by the entry of one of them in model.json.
+template <typename Enum, std::size_t N>
+struct Choice {
+  std::string_view key;     ///< in the entry
+  std::string_view member;  ///< of the chain
+  std::string_view type;    ///< of the enumerators, in an exported header
+  std::string_view prefix;
+  std::array<std::string_view, N> structure;  ///< prefix and word, in the enumerators' order
+
+  constexpr std::string_view word(std::size_t k) const noexcept {
+    return structure[k].substr(prefix.size());
+  }
+};
+
+inline constexpr Choice<ObserverInput, 2> observer_inputs{
+    "input", "observer_input", "ObserverInput", "by ", {"by sensor_torque", "by motor_torque"}};
+inline constexpr Choice<AtRest, 2> at_rests{"at_rest",
+                                            "at_rest",
+                                            "AtRest",
+                                            "at rest ",
+                                            {"at rest compliance", "at rest compliant_observer"}};
+inline constexpr Choice<Watched, 4> watched_ones{
+    "input",
+    "watched",
+    "Watched",
+    "watches ",
+    {"watches observer", "watches sensor", "watches merged", "watches compliant_observer"}};
+
+/// All stages of a chain, of whatever struct, in the order of their parameters:
+///
+///   use(info, stage)               the stage may be absent, or an optional; `sensor` is a bool
+///   choose(choice, value, asked)   behind the stages whose choice it is; asked: one of them runs
+template <typename Chain, typename Use, typename Choose>
+constexpr void for_each_stage(Chain& chain, Use&& use, Choose&& choose) {
+  use(StageInfo{"reading_checks", "checks", "typename flexspline::ReadingChecks<S>::Config"},
+      chain.checks);
+  use(StageInfo{"differentiator", "differentiator",
+                "typename flexspline::Differentiator<S>::Config", Stage::differentiator},
+      chain.differentiator);
+  use(StageInfo{"thermistor", "thermistor", "flexspline::Thermistor<S>", Stage::thermistor},
+      chain.thermistor);
+  use(StageInfo{"temperature_compensation", "compensation",
+                "typename flexspline::TemperatureCompensation<S, {coefficients}>::Config",
+                Stage::compensation},
+      chain.compensation);
+  use(StageInfo{"sensor", "sensor", "bool", Stage::sensor}, chain.sensor);
+  use(StageInfo{"calibration", "calibration", "flexspline::Calibration<S>"}, chain.calibration);
+  use(StageInfo{"observer", "observer", "typename flexspline::MomentumObserver<S>::Config",
+                Stage::observer},
+      chain.observer);
+  choose(observer_inputs, chain.observer_input, runs(chain.observer));
+  use(StageInfo{"compliance", "compliance", "flexspline::Compliance<S>", Stage::compliance},
+      chain.compliance);
+  use(StageInfo{"hysteresis", "hysteresis", "flexspline::LoadHysteresis<S>", Stage::none,
+                "compliance"},
+      chain.hysteresis);
+  use(StageInfo{"compliant_observer", "compliant_observer",
+                "typename flexspline::MomentumObserver<S>::Config", Stage::compliant_observer},
+      chain.compliant_observer);
+  use(StageInfo{"kalman", "kalman", "typename flexspline::KalmanMerge<S>::Config", Stage::merge,
+                "merge"},
+      chain.kalman);
+  use(StageInfo{"logistic", "logistic", "flexspline::LogisticMerge<S>", Stage::merge, "merge"},
+      chain.logistic);
+  choose(at_rests, chain.at_rest, runs(chain.kalman) || runs(chain.logistic));
+  use(StageInfo{"collision", "collision",
+                "typename flexspline::CollisionDetector<S, {negative}>::Config", Stage::collision},
+      chain.collision);
+  choose(watched_ones, chain.watched, runs(chain.collision));
+}
 
 }  // namespace flexspline
