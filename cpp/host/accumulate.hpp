@@ -44,50 +44,51 @@ struct Structure {
   std::size_t complement = 0;
 };
 
-/// The structure of a design, if it has one that pays: a ripple effect with orders 1, 2, … n,
-/// n ≥ 4, of one pair, and no memory.
+/// Whether an effect is a ripple with orders 1, 2, … n, n ≥ 4, of one pair.
+inline bool is_dense_ripple(const AnyEffect& any) {
+  return std::visit(
+      []<typename Effect>(const Effect& effect) {
+        if constexpr (HarmonicEffect<Effect> && !BentHarmonicEffect<Effect>) {
+          const auto harmonics = effect.harmonics();
+          for (std::size_t k = 0; k < harmonics.size(); ++k) {
+            if (harmonics[k].order != k + 1) return false;
+            if (harmonics[k].pair != harmonics[0].pair) return false;
+          }
+          return harmonics.size() >= 4;
+        }
+        return false;
+      },
+      any);
+}
+
+/// The structure of a design, if it has one that pays: a dense ripple, and no memory.
 inline std::optional<Structure> structure_of(const Design& design) {
   if (design.remembers()) return std::nullopt;
-  const auto dense_orders = [](const AnyEffect& any) {
-    return std::visit(
-        [](const auto& effect) {
-          using Effect = std::remove_cvref_t<decltype(effect)>;
-          if constexpr (HarmonicEffect<Effect> && !BentHarmonicEffect<Effect>) {
-            const auto harmonics = effect.harmonics();
-            for (std::size_t k = 0; k < harmonics.size(); ++k) {
-              if (harmonics[k].order != k + 1) return false;
-              if (harmonics[k].pair != harmonics[0].pair) return false;
-            }
-            return harmonics.size() >= 4;
-          }
-          return false;
-        },
-        any);
-  };
   const auto& effects = design.effects();
-  const auto found = std::find_if(effects.begin(), effects.end(), dense_orders);
+  const auto found = std::find_if(effects.begin(), effects.end(), is_dense_ripple);
   if (found == effects.end()) return std::nullopt;
 
   Structure structure;
   structure.ripple = static_cast<std::size_t>(found - effects.begin());
   structure.harmonics = static_cast<int>(terms_of(*found) / 2);
-  std::size_t column = 0;
   int dense = 1;  // the column of ones comes first
   std::vector<std::size_t> ripple_at;
+  const auto place = [&](const AnyEffect& effect, std::size_t column, bool second) {
+    if (&effect == &*found) {
+      ripple_at.push_back(column);
+      return 0;
+    }
+    if (std::holds_alternative<Offset<double>>(effect)) return 0;
+    if (std::holds_alternative<CoulombFrictionPerDirection<double>>(effect) && second) {
+      structure.complement = column;
+      return 0;
+    }
+    structure.dense.push_back(column);
+    return dense++;
+  };
   for (const AnyEffect& effect : effects) {
-    for (std::size_t k = 0; k < terms_of(effect); ++k, ++column) {
-      if (&effect == &*found) {
-        ripple_at.push_back(column);
-        structure.order.push_back(0);
-      } else if (std::holds_alternative<Offset<double>>(effect)) {
-        structure.order.push_back(0);
-      } else if (std::holds_alternative<CoulombFrictionPerDirection<double>>(effect) && k == 1) {
-        structure.complement = column;
-        structure.order.push_back(0);
-      } else {
-        structure.dense.push_back(column);
-        structure.order.push_back(dense++);
-      }
+    for (std::size_t k = 0; k < terms_of(effect); ++k) {
+      structure.order.push_back(place(effect, structure.order.size(), k == 1));
     }
   }
   const int target = dense++;

@@ -392,13 +392,15 @@ def solve(high: ArrayLike, low: ArrayLike) -> Solution:
     """Least squares from the sums of products of [X, y]; low is empty for plain sums."""
 
 def stages() -> dict[str, dict[str, Any]]:
-    """The stages of a chain in the order of their parameters, a dict each: 'member' of the chain,
-    'type' in an exported header, 'bit' that says it missed; 'within', the entry of model.json that
-    holds it; 'choice' that the chain makes by it, or
-    None: 'key' in model.json, 'member', 'type' of the enumerators, 'prefix' of the words in a block;
-    'rules': 'name', 'type'; 'fields', its numbers in the core's order: 'name' of the member, 'unit',
-    'key' in model.json (two of one key are the two numbers of its list), 'needed' there, 'low' and
-    'high' that it may be, 'default', which an array has not.
+    """The stages of a chain in the order of their parameters, a dict each.
+
+    'member' of the chain, 'type' in an exported header, 'bit' that says it missed, 'within', the
+    entry of model.json that holds it, 'rules': 'name', 'type'.
+    'choice' that the chain makes by it, or None: 'key' in model.json, 'member', 'type' of the
+    enumerators, 'prefix' of the words in a block.
+    'fields', its numbers in the core's order: 'name' of the member, 'unit', 'key' in model.json
+    (two of one key are the two numbers of its list), 'needed' there, 'low' and 'high' that it may
+    be, 'default', which an array has not.
     """
 
 def structural_damping_torque(

@@ -5,9 +5,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import click
 
 from flexspline.cli.options import (
+    LateChoice,
     Reading,
     Taught,
     model,
@@ -21,14 +24,21 @@ from flexspline.cli.options import (
 )
 
 __all__ = [
-    "FORMATS",
     "certify",
     "export",
 ]
 
-FORMATS = ("header", "binary", "json")  # those of flexspline.export, which takes long to import
 
-DEVICES = ("host", "cortex-m4f", "cortex-m7")  # those of flexspline.certify, heavy to import
+def _formats() -> Iterable[str]:
+    from flexspline.exporting import FORMATS
+
+    return FORMATS
+
+
+def _devices() -> Iterable[str]:
+    from flexspline.certification.devices import DEVICES
+
+    return DEVICES
 
 
 @click.command()
@@ -36,7 +46,7 @@ DEVICES = ("host", "cortex-m4f", "cortex-m7")  # those of flexspline.certify, he
 @click.option(
     "--format",
     "form",
-    type=click.Choice(FORMATS),
+    type=LateChoice(_formats),
     required=True,
     help="header: constants that a C++ program compiles with the core's headers; binary: "
     "parameters that replace those of such a program while it runs.",
@@ -60,8 +70,8 @@ def export(
     exceptions); it predicts the same numbers as flexspline predict. The binary block is checked by
     its length, version, CRC-32 and structure before a program takes it, whole or not at all.
 
-    Standard error says what speaks against using the model: damping, inertia or friction of a drive
-    that is negative, terms that are not significant, parameters at a bound.
+    Standard error says what speaks against using the model: inertia or friction of a drive that is
+    negative, terms that are not significant, parameters at a bound.
 
     \b
     Example:
@@ -88,7 +98,7 @@ def export(
 @model
 @click.option(
     "--device",
-    type=click.Choice(DEVICES),
+    type=LateChoice(_devices),
     required=True,
     help="host: this machine; the others are compiled with arm-none-eabi-g++ and run by QEMU.",
 )

@@ -8,8 +8,9 @@ from __future__ import annotations
 import math
 import sys
 import textwrap
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -22,7 +23,12 @@ from flexspline.errors import InputError, printable
 if TYPE_CHECKING:
     from flexspline.logs.log import Log
 
+    Choice = click.Choice[str]
+else:
+    Choice = click.Choice  # before click 8.4 no generic one
+
 __all__ = [
+    "LateChoice",
     "Reading",
     "Taught",
     "bandwidth",
@@ -54,6 +60,18 @@ Command = TypeVar("Command", bound=Callable[..., Any])
 SIMULATED = "simulated_torque"  # the channel; its own module takes long to import
 
 Section = Callable[[], tuple[str, list[tuple[str, str]]]]
+
+
+class LateChoice(Choice):
+    """A choice among names of a module that takes long to import: asked for when it is needed."""
+
+    def __init__(self, names: Callable[[], Iterable[str]]) -> None:
+        self.case_sensitive = True
+        self._names = names
+
+    @cached_property
+    def choices(self) -> tuple[str, ...]:  # type: ignore[override]
+        return tuple(self._names())
 
 
 def positive(text: str) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,7 +17,28 @@ from flexspline.model import PART_OF, Model, part_warnings, refuse_warnings
 
 __all__ = ["FORMATS", "export", "export_warnings", "namespace_of"]
 
-FORMATS = ("header", "binary", "json")
+
+def _header(model: Model, path: Path, target: str | None, scalar: str) -> None:
+    atomic_write(path, header_text(model, namespace_of(path), target))
+
+
+def _binary(model: Model, path: Path, target: str | None, scalar: str) -> None:
+    atomic_write(path, block_bytes(model, scalar, target))
+
+
+def _json(model: Model, path: Path, target: str | None, scalar: str) -> None:
+    if target is not None:
+        part = model.part(target)
+        model = replace(model, parts={PART_OF[part.target]: part})
+    model.save(path)
+
+
+FORMATS: Mapping[str, Callable[[Model, Path, str | None, str], None]] = {
+    "header": _header,
+    "binary": _binary,
+    "json": _json,
+}
+"""What writes each format, whole or not at all."""
 
 
 def export(
@@ -64,15 +86,7 @@ def export(
         refuse_warnings(said)
     for sentence in said:
         warnings.warn(sentence, FlexsplineWarning, stacklevel=2)
-    if format == "header":
-        atomic_write(path, header_text(model, namespace_of(path), target))
-    elif format == "binary":
-        atomic_write(path, block_bytes(model, scalar, target))
-    elif target is None:
-        model.save(path)
-    else:
-        part = model.part(target)
-        replace(model, parts={PART_OF[part.target]: part}).save(path)
+    FORMATS[format](model, Path(path), target, scalar)
     return Path(path)
 
 

@@ -111,28 +111,29 @@ concept BentHarmonicEffect =
 template <typename Effect>
 concept CarriesLoad = Effect::traits.carries_load;
 
-/// Whether what an effect declares fits together.
+/// Whether an effect says what it is, of what targets, in what units.
+template <typename Effect>
+consteval bool described() {
+  bool all = !Effect::name.empty() && !Effect::signature.empty() && !Effect::source.empty() &&
+             !Effect::targets.empty() && !Effect::terms.empty();
+  all &= Effect::targets.find_first_not_of("SMD") == Effect::targets.npos;
+  for (const Term& term : Effect::terms) all &= !term.name.empty() && !term.unit.empty();
+  return all;
+}
+
+/// Whether the traits of an effect fit together, and what it reads.
 template <typename Effect>
 consteval bool consistent() {
   constexpr Traits is = Effect::traits;
-  if (Effect::name.empty() || Effect::signature.empty() || Effect::source.empty()) return false;
-  if (Effect::targets.empty() || Effect::targets.find_first_not_of("SMD") != Effect::targets.npos) {
-    return false;
-  }
-  if (Effect::terms.empty()) return false;
-  for (const Term& term : Effect::terms) {
-    if (term.name.empty() || term.unit.empty()) return false;
-  }
-  for (const Path& path : paths_of<Effect>()) {
-    if (!reads<Effect>(path.channel)) return false;
-  }
-  if (is.constant && !Effect::reads.empty()) return false;
-  if (is.inertial && !reads<Effect>(Channel::output_acceleration)) return false;
-  // the load is made once, before any row is read
-  if (is.carries_load && (Remembers<Effect> || reads<Effect>(Channel::load))) return false;
-  if (is.loop && !Remembers<Effect>) return false;
-  if (is.dissipative && !is.one_signed) return false;
-  return !is.known_load || reads<Effect>(Channel::load);
+  constexpr bool by_load = reads<Effect>(Channel::load);
+  bool all = !is.constant || Effect::reads.empty();
+  all &= !is.inertial || reads<Effect>(Channel::output_acceleration);
+  all &= !is.carries_load || (!by_load && !Remembers<Effect>);  // made once, before any row
+  all &= !is.loop || Remembers<Effect>;
+  all &= !is.dissipative || is.one_signed;
+  all &= !is.known_load || by_load;
+  for (const Path& path : paths_of<Effect>()) all &= reads<Effect>(path.channel);
+  return all;
 }
 
 /// An effect: what it says of itself, and its row of the terms that its coefficients multiply.
@@ -152,6 +153,6 @@ concept PhysicalEffect =
     } && (HarmonicEffect<Effect> || width_of<S, Effect> == Effect::terms.size()) &&
     (!Remembers<Effect> || requires(const Effect& effect, const StateOf<Effect>& state) {
       { effect.settled(state) } noexcept -> std::same_as<bool>;
-    }) && consistent<Effect>();
+    }) && described<Effect>() && consistent<Effect>();
 
 }  // namespace flexspline
