@@ -9,11 +9,14 @@ import shutil
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
-from typing import BinaryIO, cast
+from typing import TYPE_CHECKING, BinaryIO, cast
 
 from flexspline.errors import InputError
 
-__all__ = ["atomic_write", "atomic_writer", "whole_folder"]
+if TYPE_CHECKING:
+    import pandas
+
+__all__ = ["atomic_write", "atomic_writer", "save_table", "whole_folder"]
 
 
 @contextlib.contextmanager
@@ -49,6 +52,12 @@ def atomic_writer(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
         draft.unlink(missing_ok=True)
         raise
     _sync_folder(target.parent)
+
+
+def save_table(frame: pandas.DataFrame, path: str | os.PathLike[str]) -> None:
+    """Write a table as CSV, each number with the digits that it takes to read the same again."""
+    with atomic_writer(path) as file:
+        frame.to_csv(file, index=False, lineterminator="\n")
 
 
 def atomic_write(path: str | os.PathLike[str], content: bytes | str) -> None:

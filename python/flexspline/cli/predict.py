@@ -71,7 +71,7 @@ def predict(
     import numpy as np
     import pandas
 
-    from flexspline.files import atomic_writer
+    from flexspline.files import save_table
     from flexspline.model import Model, refuse_warnings
 
     refuse_overwriting(out, [run, model_path, *simulation])
@@ -97,8 +97,7 @@ def predict(
     if strict:
         refuse_warnings(found.warnings)
     columns = {name: getattr(found, name) for name in ("time", "measured", "predicted", "residual")}
-    with atomic_writer(out) as file:
-        pandas.DataFrame(columns).to_csv(file, index=False, lineterminator="\n")
+    save_table(pandas.DataFrame(columns), out)
     warn(found.warnings)
     residual = found.residual[np.isfinite(found.residual)]
     rmse = np.sqrt(np.mean(residual**2)) if residual.size else np.nan

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.errors import InputError, did_you_mean, listed
+from flexspline.files import save_table
 from flexspline.formatting import rows_text, sentences_text, short, table_html
 from flexspline.rendering import render
 
@@ -117,10 +118,7 @@ class Estimate:
         InputError
             Where the file cannot be written.
         """
-        from flexspline.files import atomic_writer
-
-        with atomic_writer(path) as file:
-            self.to_frame().to_csv(file, index=False, lineterminator="\n")
+        save_table(self.to_frame(), path)
 
     def __repr__(self) -> str:
         return f"<Estimate of '{self.name}': {len(self)} rows, {listed(self.columns)}>"

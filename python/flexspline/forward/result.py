@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from flexspline.files import save_table
 from flexspline.logs.channels import CHANNELS
 from flexspline.logs.log import Log
 
@@ -81,10 +82,7 @@ class ForwardRun:
         InputError
             Where the file cannot be written.
         """
-        from flexspline.files import atomic_writer
-
-        with atomic_writer(path) as file:
-            self.to_frame().to_csv(file, index=False, lineterminator="\n")
+        save_table(self.to_frame(), path)
 
     def __str__(self) -> str:
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from flexspline.about import __version__
 from flexspline.files import atomic_write
 from flexspline.formatting import plus_minus, short
-from flexspline.report.html import templates
+from flexspline.report.html import log_facts, templates
 from flexspline.report.text import Verdict
 
 if TYPE_CHECKING:
@@ -93,7 +93,7 @@ def write_calibration_report(result: CalibrationResult, path: str | os.PathLike[
                 (label, sized(result, rmse))
                 for label, rmse in zip(result.fold_labels, result.fold_rmses, strict=True)
             ],
-            logs=_logs(result),
+            logs=log_facts([run.log for run in result.runs]),
             call=_call(result),
         )
     )
@@ -150,20 +150,6 @@ def _common(result: CalibrationResult) -> dict[str, Any]:
         "warnings": [w for w in result.warnings if w != result.uncertainty.statement],
         "version": __version__,
     }
-
-
-def _logs(result: CalibrationResult) -> list[dict[str, Any]]:
-    return [
-        {
-            "name": run.log.name,
-            "rows": f"{len(run.log)} rows, {short(run.log.duration, 4)} s at "
-            f"{short(run.log.rate, 4)} Hz",
-            "path": run.log.source.path if run.log.source else "not from a file",
-            "sha256": run.log.source.sha256 if run.log.source else "",
-            "history": list(run.log.history),
-        }
-        for run in result.runs
-    ]
 
 
 def _call(result: CalibrationResult) -> str:

@@ -11,8 +11,8 @@ from flexspline.about import __version__
 from flexspline.comparison.bands import Band, worst_band
 from flexspline.comparison.result import floor_sentence, ranked, sized
 from flexspline.files import atomic_write
-from flexspline.formatting import rows_text, short
-from flexspline.report.html import templates
+from flexspline.formatting import rows_text
+from flexspline.report.html import log_facts, templates
 from flexspline.report.tables import input_rows, smoothed_rows
 
 if TYPE_CHECKING:
@@ -94,7 +94,7 @@ def write_comparison_report(made: Comparison, path: str | os.PathLike[str]) -> N
             tables=band_tables(made),
             channels=input_rows(made.inputs, made.preparations),
             delay="",
-            logs=_logs(made),
+            logs=log_facts([run.log for run in made.runs]),
             call=_call(made),
         )
     )
@@ -127,20 +127,6 @@ def _kind(made: Comparison) -> str:
 
 def _wrapped(sentence: str) -> list[str]:
     return textwrap.wrap(sentence, WIDTH, break_long_words=False, break_on_hyphens=False)
-
-
-def _logs(made: Comparison) -> list[dict[str, Any]]:
-    return [
-        {
-            "name": run.log.name,
-            "rows": f"{len(run.log)} rows, {short(run.log.duration, 4)} s at "
-            f"{short(run.log.rate, 4)} Hz",
-            "path": run.log.source.path if run.log.source else "not from a file",
-            "sha256": run.log.source.sha256 if run.log.source else "",
-            "history": list(run.log.history),
-        }
-        for run in made.runs
-    ]
 
 
 def _call(made: Comparison) -> str:

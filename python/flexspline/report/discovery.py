@@ -16,7 +16,7 @@ from flexspline.effects.roles import FRICTION_BY_DIRECTION
 from flexspline.errors import listed
 from flexspline.files import atomic_write
 from flexspline.formatting import decimals_for, plus_minus, short
-from flexspline.report.html import log_facts, model_facts, templates
+from flexspline.report.html import model_facts, templates, used_logs
 from flexspline.report.tables import input_rows
 from flexspline.report.text import TARGET_WORDS, ParameterLine, known_groups, parameter_lines
 
@@ -107,7 +107,7 @@ def write_discovery_report(made: Discovery, path: str | os.PathLike[str]) -> Non
             estimator=estimator_sentence(made),
             lines=parameter_lines(made.fit),
             groups=known_groups(made.fit),
-            logs=log_facts(made.fit),
+            logs=used_logs(made.fit),
             facts=model_facts(made.fit),
             call=discovery_call(made),
         )

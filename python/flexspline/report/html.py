@@ -10,6 +10,7 @@ import io
 import math
 import os
 import re
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any
@@ -38,6 +39,7 @@ from flexspline.report.text import (
 
 if TYPE_CHECKING:
     from flexspline.least_squares.result import Fit, SimulationFit
+    from flexspline.logs.log import Log
 
 __all__ = [
     "ReportFigure",
@@ -93,7 +95,7 @@ def write_report(fit: Fit, path: str | os.PathLike[str]) -> None:
             orders="" if fit.orders is None else str(fit.orders),
             channels=input_rows(fit.inputs, fit.part.preparations),
             delay=delay_sentence(fit.delay, fit.unit),
-            logs=log_facts(fit),
+            logs=used_logs(fit),
             facts=model_facts(fit),
             call=python_call(fit),
         )
@@ -134,29 +136,32 @@ def templates() -> Environment:
 
 @dataclass(frozen=True)
 class LogFacts:
-    """One log: name, rows used of all, duration, file, SHA-256, and what was done to it."""
+    """One log: name, rows and duration, file, SHA-256, and what was done to it."""
 
     name: str
     rows: str
-    duration: str
     path: str
     sha256: str
     history: tuple[str, ...]
 
 
-def log_facts(fit: Fit) -> list[LogFacts]:
-    """Return what there is to say of each log of a fit."""
+def used_logs(fit: Fit) -> list[LogFacts]:
+    """Return what there is to say of the logs of a fit, and how many rows of each it used."""
+    return log_facts([run.log for run in fit.runs], [int(run.counts.sum()) for run in fit.runs])
+
+
+def log_facts(logs: Iterable[Log], used: Sequence[int] = ()) -> list[LogFacts]:
+    """Return what there is to say of each log; `used`: how many of its rows, where not all."""
     found = []
-    for run in fit.runs:
-        source = run.log.source
+    for number, log in enumerate(logs):
+        rows = f"{used[number]} of {len(log)} rows used" if used else f"{len(log)} rows"
         found.append(
             LogFacts(
-                run.log.name,
-                f"{int(run.counts.sum())} of {len(run.log)} rows used",
-                f"{short(run.log.duration, 4)} s at {short(run.log.rate, 4)} Hz",
-                source.path if source else "not from a file",
-                source.sha256 if source else "",
-                tuple(run.log.history),
+                log.name,
+                f"{rows}, {short(log.duration, 4)} s at {short(log.rate, 4)} Hz",
+                log.source.path if log.source else "not from a file",
+                log.source.sha256 if log.source else "",
+                tuple(log.history),
             )
         )
     return found
