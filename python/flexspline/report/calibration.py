@@ -15,7 +15,7 @@ from flexspline.about import __version__
 from flexspline.files import atomic_write
 from flexspline.formatting import plus_minus, short
 from flexspline.report.html import log_facts, templates
-from flexspline.report.text import Verdict
+from flexspline.report.text import Verdict, faults_sentence
 
 if TYPE_CHECKING:
     from flexspline.calibration.accuracy import Figure
@@ -195,9 +195,9 @@ def calibration_verdict(result: CalibrationResult) -> Verdict:
         good = f"Calibrated, {known} Nm/V: the reading is off by {held}{share}, {worst}."
     faults, missing = _faults(result), _missing(result)
     if not faults:
-        return Verdict(good, f"Nothing wrong was found with it.{missing}", False)
+        return Verdict(good, f"No problem was found with it.{missing}", False)
     grave = result.calibration is None or not result.uncertainty.reliable or _hidden(result) != []
-    return Verdict(good, f"Wrong with it: {'; '.join(faults)}.{missing}", grave)
+    return Verdict(good, f"{faults_sentence(faults, grave)}{missing}", grave)
 
 
 def calibration_lines(result: CalibrationResult) -> list[CalibrationLine]:

@@ -25,6 +25,7 @@ __all__ = [
     "TARGET_WORDS",
     "ParameterLine",
     "Verdict",
+    "faults_sentence",
     "fit_text",
     "known_groups",
     "parameter_lines",
@@ -161,11 +162,15 @@ def verdict(fit: Fit) -> Verdict:
     )
     if fit.simulation is not None:
         good = f"{fit.simulation.verdict} {good}"
-    faults = [*_grave(fit, share), *_doubts(fit)]
-    if not faults:
-        return Verdict(good, "Nothing wrong was found with the fit itself.", False)
-    text = "; ".join(faults)
-    return Verdict(good, f"Wrong with it: {text}.", bool(_grave(fit, share)))
+    grave, doubts = _grave(fit, share), _doubts(fit)
+    if not grave and not doubts:
+        return Verdict(good, "No problem was found with the fit itself.", False)
+    return Verdict(good, faults_sentence([*grave, *doubts], bool(grave)), bool(grave))
+
+
+def faults_sentence(faults: Sequence[str], grave: bool) -> str:
+    """Return what speaks against a result: problems, or only what to look at before it is used."""
+    return f"{'Problems' if grave else 'Check before use'}: {'; '.join(faults)}."
 
 
 def spread(fit: Fit) -> float:
