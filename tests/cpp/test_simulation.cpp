@@ -81,6 +81,29 @@ TEST_CASE("the derivatives of the spring and of friction are those of their valu
   }
 }
 
+TEST_CASE("a part of the gear that is rigid makes no difference by its shape") {
+  const auto same = [](Spring shaped) {
+    Spring plain = shaped;
+    (shaped.mesh_stiffness == 0 ? plain.mesh_shape : plain.wave_generator_shape) = 0;
+    shaped = prepared(shaped);
+    plain = prepared(plain);
+    SpringPoint near = spring_at(shaped, 0);
+    SpringPoint expected = spring_at(plain, 0);
+    CHECK(has_pole(shaped) == has_pole(plain));
+    for (const double windup : {-0.02, 0.0, 0.001, 0.03}) {
+      CHECK(torque_of(shaped, windup, near) == torque_of(plain, windup, expected));
+    }
+    CHECK(torque_of(shaped, 0.02, near) > 0);
+  };
+  same({.ratio = 101, .mesh_stiffness = 15548, .wave_generator_shape = 3.125});
+  same({.ratio = 101, .mesh_stiffness = 15548, .mesh_shape = 0.05, .wave_generator_shape = 3.125});
+  same({.ratio = 101, .mesh_shape = 0.05, .wave_generator_stiffness = 22});
+  same({.ratio = 101,
+        .mesh_shape = 0.05,
+        .wave_generator_stiffness = 22,
+        .wave_generator_shape = 3.125});
+}
+
 TEST_CASE("the force of the gear is the slope of its energy") {
   const Spring spring = prepared(two_masses()).spring;
   for (const double torque : {-2.0, -0.3, 0.02, 0.5, 2.5}) {

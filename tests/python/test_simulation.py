@@ -65,6 +65,28 @@ def test_the_spring_and_its_inverse_agree_with_the_papers_formulas() -> None:
     np.testing.assert_allclose(found, torque, rtol=1e-9, atol=1e-10)
 
 
+@pytest.mark.parametrize(
+    ("gear", "shape"),
+    [
+        (Gear(100, mesh_stiffness=15548.0), {"wave_generator_shape": 3.125}),
+        (MESH, {"wave_generator_shape": 3.125}),
+        (Gear(100, wave_generator_stiffness=22.0), {"mesh_shape": 0.0487}),
+    ],
+    ids=["linear mesh", "mesh", "linear wave generator"],
+)
+def test_a_rigid_part_of_the_gear_makes_no_difference_by_its_shape(
+    gear: Gear, shape: dict[str, float]
+) -> None:
+    time = np.linspace(0.0, 0.2, 51)
+    plain, shaped = (
+        Joint(g, ROTOR, Output(inertia=0.5)).simulate(time, motor_torque=0.3)
+        for g in (gear, replace(gear, **shape))
+    )
+    assert np.max(np.abs(plain["transmitted_torque"])) > 1.0
+    for channel in ("output_position", "motor_position", "transmitted_torque"):
+        np.testing.assert_array_equal(shaped[channel], plain[channel])
+
+
 def test_beyond_its_pole_the_spring_has_an_infinite_torque() -> None:
     pole = 101 * np.pi / 2 / (0.0487 * 15548.0) + 1 / (3.125 * 21.9931)
     torque = Joint(C1, ROTOR).transmitted_torque([0.999 * pole, 1.001 * pole])

@@ -30,7 +30,11 @@ struct Spring {
   double mesh_scale = 0;            ///< 1/(c_m Ñ), Nm at the motor side; 0 where linear
   double inverse_ratio = 1;
 
-  constexpr bool linear() const noexcept { return mesh_shape == 0 && wave_generator_shape == 0; }
+  /// The shape of a part that is rigid means nothing.
+  constexpr bool linear() const noexcept {
+    return (mesh_stiffness == 0 || mesh_shape == 0) &&
+           (wave_generator_stiffness == 0 || wave_generator_shape == 0);
+  }
   constexpr bool rigid() const noexcept {
     return mesh_stiffness == 0 && wave_generator_stiffness == 0;
   }
