@@ -4,6 +4,14 @@
 
 namespace flexspline {
 
+/// The share of its level that Stribeck's friction still has at a velocity: exp(−(v / v_s)²), at
+/// least 2e-22; 1 at v = 0. `stribeck_velocity` > 0, of the same unit.
+template <typename S>
+constexpr S stribeck_share(S velocity, S stribeck_velocity) noexcept {
+  const S slip = velocity / stribeck_velocity;
+  return math::exp(math::clamp(-slip * slip, S(-50), S(0)));
+}
+
 /// Extra friction that fades as the joint starts to slide (Stribeck).
 ///
 ///   τ = c · d(v) · exp(−(v / v_s)²),     d(v) = tanh(v / v_d)
@@ -37,9 +45,8 @@ struct StribeckFriction {
   }
 
   constexpr Row<S, 1> row(const Sample<S>& at) const noexcept {
-    const S slip = at.output_velocity / stribeck_velocity;
     return {direction(at.output_velocity, direction_width) *
-            math::exp(math::clamp(-slip * slip, S(-50), S(0)))};
+            stribeck_share(at.output_velocity, stribeck_velocity)};
   }
 };
 
