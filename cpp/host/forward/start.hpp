@@ -42,7 +42,7 @@ inline void begin(const Plant& plant, const Inputs& in, Motion& m) noexcept {
     };
     if (m.velocity == 0 && lacking(0) > 0) {
       const double all = lacking(reach);
-      const double back = all < 0 ? passing(lacking, 0, lacking(0), reach, all) : reach;
+      const double back = all < 0 ? event_time(lacking, 0, lacking(0), reach, all) : reach;
       m.memories = arrived(plant, in, m.position, 1, reach, back);
     }
   }

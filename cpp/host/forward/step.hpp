@@ -7,6 +7,7 @@
 #pragma once
 
 #include "host/forward/plant.hpp"
+#include "host/simulation/common/find_zero.hpp"
 
 namespace flexspline::batch::forward {
 
@@ -47,27 +48,11 @@ inline Moved runge_kutta(const Plant& plant, const Inputs& in, double late, doub
   return {q + h / 6 * (v1 + 2 * (v2 + v3) + v4), v1 + h / 6 * (a1 + 2 * (a2 + a3) + a4)};
 }
 
-/// Where an f that is above zero at `low` and not at `high` passes zero; returns the end of the
-/// last bracket at which it is not above. Illinois' rule of false position.
+/// Where an event function that is above zero at `low` and not at `high` passes zero, to rounding.
 template <typename Function>
-double passing(const Function& f, double low, double at_low, double high, double at_high) noexcept {
-  const double enough = 1e-13 * high;
-  for (int round = 0; round < 60 && high - low > enough && at_high < 0; ++round) {
-    const double share = at_low / (at_low - at_high);
-    const double inner = math::clamp(share, 1e-3, 1 - 1e-3);
-    const double middle = low + (round % 3 == 2 ? 0.5 : inner) * (high - low);
-    const double value = f(middle);
-    if (value > 0) {
-      low = middle;
-      at_low = value;
-      at_high *= 0.5;
-    } else {
-      high = middle;
-      at_high = value;
-      at_low *= 0.5;
-    }
-  }
-  return high;
+double event_time(const Function& f, double low, double at_low, double high,
+                  double at_high) noexcept {
+  return simulation::find_zero(f, low, at_low, high, at_high, 1e-13 * high);
 }
 
 /// Which way a joint at rest goes: 0 where friction holds it.
@@ -89,7 +74,7 @@ inline double hold(const Plant& plant, const Inputs& in, double late, double h,
   };
   const double now = kept(0);
   m.direction = way;
-  return now > 0 ? passing(kept, 0, now, h, kept(h)) : 0;
+  return now > 0 ? event_time(kept, 0, now, h, kept(h)) : 0;
 }
 
 /// The length of a step that ends at rest, within one of length h that goes beyond; 0 where it
@@ -113,7 +98,7 @@ inline double until_rest(const Plant& plant, const Inputs& in, double late, doub
       beyond = value;
     }
   }
-  return at_low > 0 ? passing(along, low, at_low, high, beyond) : 0;
+  return at_low > 0 ? event_time(along, low, at_low, high, beyond) : 0;
 }
 
 /// A joint that moves: returns how far in time it got, at most h; at rest it has found its new

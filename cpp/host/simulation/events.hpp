@@ -3,12 +3,12 @@
 /// Each mode has a function that is positive while it lasts: the speed along the direction of
 /// sliding; static level minus net torque of a body that sticks; level minus torque of an element
 /// that is elastic, its rate where it slips; the distance to the obstacle. A step at whose end one
-/// is negative is taken back and repeated up to the zero, found by bracketing (Illinois) to
-/// 1e-12 of the step; there the mode changes and the rest of the step goes on. A body that sticks
-/// has velocity zero exactly: it does not creep. A change and its reverse within one step are not
-/// seen.
+/// is negative is taken back and repeated up to the zero, found (`find_zero`) to 1e-12 of the step;
+/// there the mode changes and the rest of the step goes on. A body that sticks has velocity zero
+/// exactly: it does not creep. A change and its reverse within one step are not seen.
 #pragma once
 
+#include "host/simulation/common/find_zero.hpp"
 #include "host/simulation/step.hpp"
 
 namespace flexspline::batch::simulation {
@@ -44,8 +44,8 @@ inline bool may_stick(const Joint& joint, const Motion& m, std::size_t body) noe
 inline std::size_t event_count(const Joint& joint) noexcept { return joint.element_count + 3; }
 
 /// Positive while mode j lasts.
-inline double lasting(const Joint& joint, const Inputs& in, double t, Motion& m,
-                      std::size_t j) noexcept {
+inline double event_function(const Joint& joint, const Inputs& in, double t, Motion& m,
+                             std::size_t j) noexcept {
   if (j < 2) {
     if ((joint.rigid && j == motor) || !may_stick(joint, m, j)) return 1;
     if (m.mode[j] != 0) return m.mode[j] * m.velocity[j];
@@ -95,41 +95,22 @@ inline void change(const Joint& joint, const Inputs& in, double t, Motion& m,
 }
 
 /// How far into the step from `before` mode j lasts, at most `end`, where it is over already.
-inline double moment(const Joint& joint, const Inputs& in, double t, double end,
-                     const Motion& before, std::size_t j, double over) noexcept {
+inline double locate_event(const Joint& joint, const Inputs& in, double t, double end,
+                           const Motion& before, std::size_t j, double over) noexcept {
   const auto value = [&](double h) {
     Motion m = before;
     smooth_step(joint, in, t, h, m);
-    return lasting(joint, in, t + h, m, j);
+    return event_function(joint, in, t + h, m, j);
   };
   Motion start = before;
   double low = 0;
-  double above = lasting(joint, in, t, start, j);
+  double above = event_function(joint, in, t, start, j);
   if (!(above > 0)) {  // it may have just begun: at rest, at the level
     low = end / 1024;
     above = value(low);
     if (!(above > 0)) return 0;
   }
-  double high = end;
-  int last = 0;  // Illinois: an end that stays twice counts half
-  for (int i = 0; i < 60 && high - low > 1e-12 * end; ++i) {
-    double middle = low + (high - low) * above / (above - over);
-    if (!(middle > low) || !(middle < high)) middle = (low + high) / 2;
-    const double found = value(middle);
-    if (found > 0) {
-      low = middle;
-      above = found;
-      if (last == 1) over /= 2;
-      last = 1;
-    } else {
-      high = middle;
-      over = found;
-      if (found == 0) break;
-      if (last == -1) above /= 2;
-      last = -1;
-    }
-  }
-  return high;
+  return find_zero(value, low, above, end, over, 1e-12 * end);
 }
 
 /// Takes a body that a chain of changes left between two modes as stuck.
@@ -152,16 +133,16 @@ inline Event first_event(const Joint& joint, const Inputs& in, double t, double 
                          const Motion& before, Motion& after) noexcept {
   Event first{event_count(joint), h};
   for (std::size_t j = 0; j < event_count(joint); ++j) {
-    const double over = lasting(joint, in, t + h, after, j);
+    const double over = event_function(joint, in, t + h, after, j);
     if (!(over < 0)) continue;
     if (first.at < h) {  // over at the end of the step, but perhaps not yet at the first event
       Motion m = before;
       smooth_step(joint, in, t, first.at, m);
-      const double then = lasting(joint, in, t + first.at, m, j);
+      const double then = event_function(joint, in, t + first.at, m, j);
       if (!(then < 0)) continue;
-      first = {j, moment(joint, in, t, first.at, before, j, then)};
+      first = {j, locate_event(joint, in, t, first.at, before, j, then)};
     } else {
-      first = {j, moment(joint, in, t, h, before, j, over)};
+      first = {j, locate_event(joint, in, t, h, before, j, over)};
     }
   }
   return first;
