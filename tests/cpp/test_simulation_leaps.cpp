@@ -31,7 +31,7 @@ Motion after(const Joint& joint, double h, std::size_t order, double share) {
   m.velocity = {2.0, -0.4};
   Expansion e;
   e.unit = h;
-  first_terms<Kind::smooth_mesh>(joint, {0, 0.3, -0.02, 5, -0.2}, 0, m, e);
+  first_terms<Kind::smooth_mesh>(joint, {0, {0.3, -0.02}, {5, -0.2}}, 0, m, e);
   while (e.order < order) extend<Kind::smooth_mesh>(joint, e);
   move<Kind::smooth_mesh>(joint, e, share, m);
   return m;

@@ -1,7 +1,7 @@
 /// What drives a fitted joint from outside, between two rows of its log.
 #pragma once
 
-#include <cstddef>
+#include "host/simulation/common/ramp.hpp"
 
 namespace flexspline::batch::forward {
 
@@ -18,14 +18,7 @@ struct Signals {
   bool hold = false;  ///< the motor's column holds its value from row to row; else it is linear
 };
 
-/// A value that changes linearly in time.
-struct Ramp {
-  double value = 0;
-  double slope = 0;
-
-  /// `late`: s since the ramp's start.
-  constexpr double at(double late) const noexcept { return value + slope * late; }
-};
+using simulation::Ramp;
 
 /// The inputs over a stretch without jumps, times counted from its start.
 struct Inputs {
@@ -37,18 +30,13 @@ struct Inputs {
 };
 
 /// From row i to the next one.
-inline Ramp ramp(const double* column, std::size_t i, double period, double absent) noexcept {
-  if (column == nullptr) return {absent, 0};
-  return {column[i], (column[i + 1] - column[i]) / period};
-}
-
 inline Inputs inputs_from(const Signals& signals, std::size_t i) noexcept {
   const double period = signals.time[i + 1] - signals.time[i];
   Inputs in;
-  in.motor = ramp(signals.motor, i, period, 0);
+  in.motor = simulation::ramp(signals.motor, i, i + 1, period, 0);
   if (signals.hold) in.motor.slope = 0;
-  in.known_load = ramp(signals.known_load, i, period, 0);
-  in.temperature = ramp(signals.temperature, i, period, 25);
+  in.known_load = simulation::ramp(signals.known_load, i, i + 1, period, 0);
+  in.temperature = simulation::ramp(signals.temperature, i, i + 1, period, 25);
   in.time = signals.time[i] - signals.time[0];
   return in;
 }

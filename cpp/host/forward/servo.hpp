@@ -10,7 +10,8 @@
 #pragma once
 
 #include "host/forward/inputs.hpp"
-#include "host/simulation/servo.hpp"
+#include "host/simulation/common/encoder.hpp"
+#include "host/simulation/common/servo_limit.hpp"
 
 namespace flexspline::batch::forward {
 
@@ -31,8 +32,7 @@ struct PositionServo {
 
   /// The nearest count of the encoder.
   double measured(double position) const noexcept {
-    if (!(encoder_step > 0)) return position;
-    return simulation::rounded_down(position + 0.5 * encoder_step, encoder_step);
+    return simulation::Encoder{encoder_step}.nearest(position);
   }
 
   /// u from this tick on; `period` [s] is that until the next.
@@ -41,8 +41,7 @@ struct PositionServo {
     const double rate = state.started ? (error - state.error) / period : 0;
     const double more = integral_gain * error * period;
     const double wanted = position_gain * error + velocity_gain * rate + state.integral + more;
-    const double held = math::clamp(wanted, -limit, limit);
-    if (held == wanted || more * wanted <= 0) state.integral += more;
+    const double held = simulation::limited(wanted, more, limit, state.integral);
     state.error = error;
     state.started = true;
     return held;

@@ -33,8 +33,7 @@ struct Expansion {
   Coefficients tangent, steepness;
   double spring_scale = 0;  ///< Nm at the motor side, of the tangent
   double spring_bend = 0;   ///< how far up the tangent a wind-up is
-  std::array<double, 2> motor_torque{};
-  std::array<double, 2> load{};
+  Ramp motor_torque, load;  ///< in σ
 };
 
 /// Where the series starts: `e.unit` is set.
@@ -43,8 +42,8 @@ inline void first_terms(const Joint& joint, const Inputs& in, double t, const Mo
                         Expansion& e) noexcept {
   e.order = 0;
   e.velocity[output][0] = m.velocity[output];
-  e.motor_torque = {in.motor_at(t), in.motor_slope * e.unit};
-  e.load = {in.load_at(t), in.load_slope * e.unit};
+  e.motor_torque = {in.motor_at(t), in.motor_torque.slope * e.unit};
+  e.load = {in.load_at(t), in.load.slope * e.unit};
   e.smooth[output] = smooth_friction(joint.friction[output], m.warm[output], 1);
   if (joint.gravity != 0) {
     const double angle = m.position[output] - joint.gravity_angle;
@@ -72,8 +71,8 @@ inline void first_terms(const Joint& joint, const Inputs& in, double t, const Mo
 }
 
 /// Term k of an input that is linear in time.
-constexpr double term(const std::array<double, 2>& linear, std::size_t k) noexcept {
-  return k < linear.size() ? linear[k] : 0;
+constexpr double term(const Ramp& linear, std::size_t k) noexcept {
+  return k == 0 ? linear.value : k == 1 ? linear.slope : 0;
 }
 
 /// Term k of a body's friction.

@@ -14,6 +14,7 @@
 
 #include <array>
 
+#include "host/simulation/common/ramp.hpp"
 #include "host/simulation/friction.hpp"
 #include "host/simulation/spring.hpp"
 #include "host/simulation/surroundings.hpp"
@@ -98,14 +99,12 @@ inline Joint prepared(Joint joint) noexcept {
 
 /// Inputs over a stretch without jumps: linear in time.
 struct Inputs {
-  double start = 0;  ///< s
-  double motor_torque = 0, motor_slope = 0;
-  double load = 0, load_slope = 0;
+  double start = 0;   ///< s
+  Ramp motor_torque;  ///< Nm
+  Ramp load;          ///< Nm
 
-  constexpr double motor_at(double t) const noexcept {
-    return motor_torque + motor_slope * (t - start);
-  }
-  constexpr double load_at(double t) const noexcept { return load + load_slope * (t - start); }
+  constexpr double motor_at(double t) const noexcept { return motor_torque.at(t - start); }
+  constexpr double load_at(double t) const noexcept { return load.at(t - start); }
 };
 
 /// Energy that went through since the start, J. Second order in the step.

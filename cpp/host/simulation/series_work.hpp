@@ -12,9 +12,8 @@ struct WorkSeries {
 };
 
 /// Term k of a b, b linear.
-constexpr double product(const Coefficients& a, const std::array<double, 2>& b,
-                         std::size_t k) noexcept {
-  return a[k] * b[0] + (k > 0 ? a[k - 1] * b[1] : 0);
+constexpr double product(const Coefficients& a, const Ramp& b, std::size_t k) noexcept {
+  return a[k] * b.value + (k > 0 ? a[k - 1] * b.slope : 0);
 }
 
 /// To as many terms as the velocities have.

@@ -11,6 +11,8 @@
 
 #include <array>
 
+#include "host/simulation/common/encoder.hpp"
+#include "host/simulation/common/servo_limit.hpp"
 #include "host/simulation/joint.hpp"
 
 namespace flexspline::batch::simulation {
@@ -36,14 +38,6 @@ struct Servo {
   };
 };
 
-/// The largest multiple of `step` that is not above x.
-inline double rounded_down(double x, double step) noexcept {
-  const double whole = x / step;
-  auto n = static_cast<std::int64_t>(whole);
-  if (static_cast<double>(n) > whole) --n;
-  return static_cast<double>(n) * step;
-}
-
 /// What a servo is told at one tick.
 struct Command {
   double position = 0;  ///< rad at the output
@@ -52,7 +46,7 @@ struct Command {
 };
 
 /// Torque from this tick on.
-inline double servo_step(const Servo& servo, const Joint& joint, const Command& told,
+inline double servo_step(const Servo& servo, const Joint& joint, const Command& command,
                          const Motion& m, Servo::State& state) noexcept {
   const std::size_t side = servo.reads_output ? output : motor;
   const double scale = servo.reads_output ? joint.ratio : 1;
@@ -60,19 +54,17 @@ inline double servo_step(const Servo& servo, const Joint& joint, const Command& 
   double angle = follows ? rigid_motor_angle(joint, m.position[output]) : m.position[side];
   double speed = follows ? joint.ratio * m.velocity[output] : m.velocity[side];
   if (servo.encoder_step > 0) {
-    angle = rounded_down(angle, servo.encoder_step);
+    angle = Encoder{servo.encoder_step}.below(angle);
     speed = state.started ? (angle - state.last) / servo.period : 0;
   }
   state.last = angle;
   state.started = true;
-  const double wanted = servo.position_gain * (joint.ratio * told.position - scale * angle) +
-                        joint.ratio * told.velocity;
+  const double wanted = servo.position_gain * (joint.ratio * command.position - scale * angle) +
+                        joint.ratio * command.velocity;
   const double error = wanted - scale * speed;
   const double more = servo.integral_gain * error * servo.period;
-  const double free = servo.velocity_gain * error + state.integral + told.torque;
-  const double held = math::clamp(free + more, -servo.limit, servo.limit);
-  const bool outwards = free + more != held && more * (free + more) > 0;
-  if (!outwards) state.integral += more;
+  const double free = servo.velocity_gain * error + state.integral + command.torque;
+  const double held = limited(free + more, more, servo.limit, state.integral);
   const std::size_t length = servo.delay + 1;
   state.line[state.tick % length] = held;
   ++state.tick;

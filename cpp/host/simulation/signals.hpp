@@ -26,13 +26,12 @@ inline double at_or(const double* column, std::size_t row, double otherwise) noe
 
 /// Inputs from row i on, up to row `last`.
 inline Inputs inputs_of(const Signals& s, std::size_t i, std::size_t last) noexcept {
-  Inputs in{s.time[i], at_or(s.motor_torque, i, 0), 0, at_or(s.load_torque, i, 0), 0};
-  if (!s.hold && last > i) {
-    const double width = s.time[last] - s.time[i];
-    in.motor_slope = (at_or(s.motor_torque, last, 0) - in.motor_torque) / width;
-    in.load_slope = (at_or(s.load_torque, last, 0) - in.load) / width;
+  if (s.hold || last <= i) {
+    return {s.time[i], {at_or(s.motor_torque, i, 0), 0}, {at_or(s.load_torque, i, 0), 0}};
   }
-  return in;
+  const double width = s.time[last] - s.time[i];
+  return {s.time[i], ramp(s.motor_torque, i, last, width, 0),
+          ramp(s.load_torque, i, last, width, 0)};
 }
 
 /// The largest of of(0) … of(count − 1), none of them negative; 0 for none.
@@ -63,13 +62,13 @@ inline double straightness(const double* column, std::size_t size) noexcept {
          largest(size, [column](std::size_t k) { return math::absolute(column[k]); });
 }
 
-/// True where rows i + 1 … last − 1 of a column are on the line from row i with this slope.
+/// True where rows i + 1 … last − 1 of a column are on the line from row i.
 inline bool straight(const double* time, const double* column, std::size_t i, std::size_t last,
-                     double slope, double tolerance) noexcept {
+                     Ramp line, double tolerance) noexcept {
   constexpr std::size_t block = 512;
   if (column == nullptr) return true;
   const auto off = [=](std::size_t row) {
-    return math::absolute(column[row] - (column[i] + slope * (time[row] - time[i])));
+    return math::absolute(column[row] - line.at(time[row] - time[i]));
   };
   if (off(i + (last - i) / 2) > tolerance) return false;
   for (std::size_t first = i + 1; first < last; first += block) {
@@ -94,8 +93,8 @@ struct Straight {
     std::size_t count = s.size - 1 - i < rows ? s.size - 1 - i : rows;
     for (; count > 1; count /= 2) {
       const Inputs in = inputs_of(s, i, i + count);
-      if (straight(s.time, s.motor_torque, i, i + count, in.motor_slope, motor_tolerance) &&
-          straight(s.time, s.load_torque, i, i + count, in.load_slope, load_tolerance)) {
+      if (straight(s.time, s.motor_torque, i, i + count, in.motor_torque, motor_tolerance) &&
+          straight(s.time, s.load_torque, i, i + count, in.load, load_tolerance)) {
         break;
       }
     }

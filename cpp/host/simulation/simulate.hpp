@@ -8,6 +8,8 @@
 /// wrong is a `Fault` with its row; rows before it are valid.
 #pragma once
 
+#include <cmath>
+
 #include "host/simulation/leaps.hpp"
 #include "host/simulation/servo.hpp"
 #include "host/simulation/signals.hpp"
@@ -80,9 +82,7 @@ inline Fastest fastest(const Joint& joint, double stiffness) noexcept {
     const double steep = f.stribeck > 0 ? 0.86 * f.stribeck / f.stribeck_velocity : 0;
     decay += (f.viscous + steep) * (i == motor ? by_motor : by_output);
   }
-  double root = squares > 1 ? squares : 1;  // Newton's square root, from above
-  for (int i = 0; i < 200; ++i) root = (root + squares / root) / 2;
-  return {root, decay};
+  return {std::sqrt(squares), decay};
 }
 
 /// Where the motor is when the joint rests at q with the torque `through` the gear.
@@ -99,7 +99,7 @@ inline double resting_motor_angle(const Joint& joint, double q, double through) 
 }
 
 /// The commands at time t within row i, linear between rows.
-inline Command told(const Signals& s, std::size_t i, double t) noexcept {
+inline Command command_at(const Signals& s, std::size_t i, double t) noexcept {
   const std::size_t next = i + 1 < s.size ? i + 1 : i;
   const double share = next > i ? (t - s.time[i]) / (s.time[next] - s.time[i]) : 0;
   const auto between = [&](const double* column) {
@@ -128,15 +128,13 @@ inline void drive(const Joint& joint, const Signals& s, const Options& options, 
   if (options.servo.period > 0 && (!c.stopped || holds)) {
     const double early = 1e-9 * options.servo.period;
     if (c.next_tick <= t + early) {
-      const Command command = holds ? c.held : told(s, row, t);
+      const Command command = holds ? c.held : command_at(s, row, t);
       c.servo_torque = servo_step(options.servo, joint, command, c.motion, c.servo);
       c.next_tick = (c.next_tick < t - early ? t : c.next_tick) + options.servo.period;
     }
-    in.motor_torque = c.servo_torque;
-    in.motor_slope = 0;
+    in.motor_torque = {c.servo_torque, 0};
   } else if (c.stopped) {
-    in.motor_torque = 0;
-    in.motor_slope = 0;
+    in.motor_torque = {};
   }
 }
 
@@ -159,8 +157,8 @@ struct Progress {
 };
 
 /// Steps or leaps from t to `end`, which has no jump in it.
-inline Fault stretch_out(const Joint& joint, const Inputs& in, const Options& options, double t,
-                         double end, Motion& m, Progress& p) noexcept {
+inline Fault integrate_interval(const Joint& joint, const Inputs& in, const Options& options,
+                                double t, double end, Motion& m, Progress& p) noexcept {
   if (p.pace.accuracy > 0 && !m.braked) return leaps(joint, in, t, end, p.pace, m, p.rows);
   const double length = end - t;
   const std::int64_t count = steps_of(options, length, m.braked);
@@ -192,7 +190,7 @@ inline Fault run_rows(const Joint& joint, const Signals& s, const Options& optio
     if (!c.stopped && c.stop_time > t && c.stop_time < next) next = c.stop_time;
     if (end - next < 1e-9 * (end - s.time[i])) next = end;
     const Work before = c.motion.work;
-    const Fault fault = stretch_out(joint, in, options, t, next, c.motion, p);
+    const Fault fault = integrate_interval(joint, in, options, t, next, c.motion, p);
     if (fault != Fault::none) return fault;
     heat_up(joint, before, at_or(s.room_temperature, i, 25), next - t, c.motion);
     t = next;

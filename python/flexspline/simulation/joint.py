@@ -486,7 +486,8 @@ def run(joint: _core.SimulatedJoint, steps: Steps, choice: Choice) -> Fields:
 def _step(phase: float, order: int, longest: float, frequency: float, decay: float) -> float:
     """Seconds of a step; friction in a step is a series, of which order 6 takes half the way."""
     damped = phase if order == 4 else phase / 2
-    return min(longest, phase / frequency, damped / max(decay, 1e-300))
+    least = 1e-300  # 1/s, for a joint without a spring or without losses
+    return min(longest, phase / max(frequency, least), damped / max(decay, least))
 
 
 def _given(count: int, longest: float, frequency: float, decay: float, stable: float) -> float:
