@@ -27,7 +27,7 @@ struct Expansion {
   std::array<Coefficients, 2> velocity;
   std::array<Coefficients, 2> squared;   ///< of the velocities
   std::array<Coefficients, 2> friction;  ///< Nm, against motion
-  std::array<SmoothFriction, 2> smooth;
+  std::array<Viscous, 2> smooth;
   Coefficients sine, cosine;  ///< of the angle against gravity
   Coefficients rate;          ///< of the tangent's argument
   Coefficients tangent, steepness;
@@ -51,8 +51,8 @@ inline void first_terms(const Joint& joint, const Inputs& in, double t, const Mo
     e.sine[0] = phasor.sine;
     e.cosine[0] = phasor.cosine;
   }
-  const SmoothFriction at_motor = smooth_friction(joint.friction[motor], m.warm[motor],
-                                                  is_rigid<kind>(joint) ? joint.ratio : 1);
+  const Viscous at_motor = smooth_friction(joint.friction[motor], m.warm[motor],
+                                           is_rigid<kind>(joint) ? joint.ratio : 1);
   if constexpr (kind == Kind::smooth_rigid) {
     e.smooth[output].linear += at_motor.linear;
     e.smooth[output].cubic += at_motor.cubic;
@@ -62,10 +62,8 @@ inline void first_terms(const Joint& joint, const Inputs& in, double t, const Mo
     e.velocity[motor][0] = m.velocity[motor];
     e.spring_bend = spring.linear() ? 1 : spring.mesh_bend;
     e.spring_scale = spring.linear() ? spring.mesh_motor_stiffness : spring.mesh_scale;
-    const double bent = e.spring_bend * (m.position[motor] - joint.ratio * m.position[output]);
-    const bool beyond = !spring.linear() && math::absolute(bent) >= math::pi<double> / 2;
-    e.tangent[0] = beyond ? std::numeric_limits<double>::infinity()
-                          : (spring.linear() ? bent : near_tangent(bent));
+    const double windup = m.position[motor] - joint.ratio * m.position[output];
+    e.tangent[0] = spring.linear() ? windup : mesh_tangent(spring, windup);
     e.steepness[0] = 1 + e.tangent[0] * e.tangent[0];
   }
 }

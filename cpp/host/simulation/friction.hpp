@@ -5,14 +5,14 @@
 ///             γ_c = e^(−k_c (T − T₀)),   γ_v = e^(−k_v (T − T₀))
 ///
 /// s is the direction of motion, τ_g the torque that the gear transmits, at this side. The static
-/// level is the sliding one at v = 0, so that a body leaves its rest without a jump. In the
-/// catalogue the sign is smoothed and temperature enters as a polynomial: a simulated joint is
-/// more than the model fitted to it.
+/// level is the sliding one at v = 0, so that a body leaves its rest without a jump. Stribeck's law is that of
+/// the catalogue, in which otherwise the sign is smoothed and temperature enters as a polynomial: a
+/// simulated joint is more than the model fitted to it.
 /// Source: full_range_torque_estimation (21), (22) for direction and polynomial; [Olsson1998]
 /// for Stribeck; [Madsen2020] for the load.
 #pragma once
 
-#include "flexspline/math.hpp"
+#include "flexspline/effects/stribeck_friction.hpp"
 
 namespace flexspline::batch::simulation {
 
@@ -65,17 +65,25 @@ struct Resistance {
   double third = 0;   ///< d³/dw³
 };
 
-/// Friction without a level, of one side of a joint: linear · v + cubic · v³.
-struct SmoothFriction {
+/// What grows with the velocity w ≥ 0 of one side: linear · w + quadratic · w² + cubic · w³.
+struct Viscous {
   double linear = 0;
+  double quadratic = 0;
   double cubic = 0;
 };
 
-/// The same of a side that turns `ratio` times as fast as the coordinate v.
-constexpr SmoothFriction smooth_friction(const Friction& friction, const Warmth& warm,
-                                         double ratio) noexcept {
+constexpr Viscous viscous(const Friction& friction, const Warmth& warm) noexcept {
+  return {warm.viscous * friction.viscous, warm.viscous * friction.quadratic,
+          warm.viscous * friction.cubic};
+}
+
+/// The same of a side without a level or quadratic part, so also of v < 0, that turns `ratio` times
+/// as fast as the coordinate v.
+constexpr Viscous smooth_friction(const Friction& friction, const Warmth& warm,
+                                  double ratio) noexcept {
+  const Viscous own = viscous(friction, warm);
   const double r2 = ratio * ratio;
-  return {warm.viscous * friction.viscous * r2, warm.viscous * friction.cubic * (r2 * r2)};
+  return {own.linear * r2, 0, own.cubic * (r2 * r2)};
 }
 
 /// Adds what depends on velocity, of a side that turns `ratio` times as fast as the coordinate w.
@@ -83,9 +91,7 @@ constexpr SmoothFriction smooth_friction(const Friction& friction, const Warmth&
 inline void add_resistance(const Friction& friction, const Warmth& warm, double ratio, double w,
                            Resistance& sum) noexcept {
   const double at = ratio * w;
-  const double d1 = warm.viscous * friction.viscous;
-  const double d2 = warm.viscous * friction.quadratic;
-  const double d3 = warm.viscous * friction.cubic;
+  const auto [d1, d2, d3] = viscous(friction, warm);
   double value = at * (d1 + at * (d2 + at * d3));
   double first = d1 + at * (2 * d2 + 3 * at * d3);
   double second = 2 * d2 + 6 * at * d3;
@@ -93,7 +99,8 @@ inline void add_resistance(const Friction& friction, const Warmth& warm, double 
   const double x = friction.stribeck > 0 ? at / friction.stribeck_velocity : 8;
   if (x * x < 50) {  // 2e-22 of the level is left there
     const double inverse = 1 / friction.stribeck_velocity;
-    const double hump = warm.coulomb * friction.stribeck * math::exp(-x * x);
+    const double hump =
+        warm.coulomb * friction.stribeck * stribeck_share(at, friction.stribeck_velocity);
     value += hump;
     first -= 2 * x * inverse * hump;
     second += (4 * x * x - 2) * inverse * inverse * hump;

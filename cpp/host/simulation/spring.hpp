@@ -125,13 +125,19 @@ inline double torque_from_rest(const Spring& spring, double windup, SpringPoint&
   return std::numeric_limits<double>::infinity();
 }
 
+/// How far a wind-up of the mesh alone is up its tangent, tan(c_m K_m u / Ñ); infinite beyond the
+/// pole. It is (18) of the core, `mesh_torque`, without its margin: c_m Ñ τ.
+constexpr double mesh_tangent(const Spring& spring, double windup) noexcept {
+  const double bent = spring.mesh_bend * windup;
+  const bool beyond = math::absolute(bent) > math::pi<double> / 2;
+  return beyond ? std::numeric_limits<double>::infinity() : near_tangent(bent);
+}
+
 /// The torque where the mesh alone gives: (18). Infinite beyond the pole.
 inline double mesh_torque_of(const Spring& spring, double windup, SpringPoint& p) noexcept {
-  const double bent = spring.mesh_bend * windup;
-  const double tangent = near_tangent(bent);
+  const double tangent = mesh_tangent(spring, windup);
   p.stiffness = (1 + tangent * tangent) * spring.mesh_motor_stiffness;
   p.torque = tangent * spring.mesh_scale;
-  if (math::absolute(bent) > math::pi<double> / 2) return std::numeric_limits<double>::infinity();
   return p.torque;
 }
 
