@@ -66,8 +66,8 @@ class Plant {
     const Sample<double> at = sample(in, late, position, row_velocity(velocity, direction));
     const auto [taken, carried] = plain(at, memories);
     const double load = at.known_load + carried;
-    const double sum = drive(in, late, velocity) - taken + load;
-    return (steady_[direction > 0].load_of(sum) - load) * inverse_inertia_;
+    const double base = simulation::net_torque(drive(in, late, velocity), taken, 0);
+    return (steady_[direction > 0].load_of(base + load) - load) * inverse_inertia_;
   }
 
   /// By how much the drive surpasses, at rest, the friction that opposes motion in `direction`,
@@ -77,7 +77,8 @@ class Plant {
     Memories moved = memories;
     const Sample<double> at = sample(in, late, position, direction * still);
     const auto [taken, carried] = plain(at, moved);
-    return drive(in, late, 0) - taken - steady_[direction > 0].at(at.known_load + carried);
+    const double friction = steady_[direction > 0].at(at.known_load + carried);
+    return simulation::net_torque(drive(in, late, 0), taken, friction);
   }
 
   /// Moves the memories on to a position, where the joint moves in `direction`.

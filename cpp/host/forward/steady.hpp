@@ -12,6 +12,7 @@
 #include <optional>
 
 #include "host/forward/member.hpp"
+#include "host/simulation/common/equation_of_motion.hpp"
 
 namespace flexspline::batch::forward {
 
@@ -38,8 +39,8 @@ struct Steady {
   }
   /// Before load_of.
   void prepare() noexcept {
-    share_above = 1 / (1 + above);
-    share_below = 1 / (1 - below);
+    share_above = simulation::loaded_inverse(1, 1, above, 1);
+    share_below = simulation::loaded_inverse(1, 1, below, -1);
   }
 };
 

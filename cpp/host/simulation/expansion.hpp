@@ -1,6 +1,6 @@
 /// The motion of a smooth joint from one instant on, as a power series in time.
 ///
-///   v(t + σ T) = Σ v_k σᵏ,     (k + 1) v_{k+1} = T/J · (Σ torques)_k
+///   v(t + σ T) = Σ v_k σᵏ,     (k + 1) v_{k+1} = T/J · (net torque)_k
 ///
 /// Of a sine s = sin x, c = cos x and a tangent y = tan x the terms follow from those of x′:
 /// s′ = c x′, c′ = −s x′, y′ = (1 + y²) x′. Torques of motor and load are linear in time. With
@@ -112,23 +112,29 @@ inline double extend_spring(const Joint& joint, Expansion& e, std::size_t k) noe
 /// One order more of the velocities.
 template <Kind kind>
 inline void extend(const Joint& joint, Expansion& e) noexcept {
+  constexpr bool rigid = kind == Kind::smooth_rigid;
   const std::size_t k = e.order++;
-  const double part = e.unit * reciprocal[k + 1];
-  const double driven = term(e.motor_torque, k);
-  double on_output =
-      -(term(e.load, k) + extend_friction(e, output, k) + extend_gravity(joint, e, k));
-  if constexpr (kind == Kind::smooth_rigid) {
-    on_output += joint.ratio * driven;
-  } else {
+  BodyTorques gear{};
+  BodyTorques damped{};
+  BodyTorques friction{};
+  if constexpr (!rigid) {
     const double spring = extend_spring(joint, e, k);
-    const double damped =
-        joint.damping * (joint.inverse_ratio * e.velocity[motor][k] - e.velocity[output][k]);
-    on_output += joint.ratio * spring + damped;
-    const double on_motor =
-        driven - spring - joint.inverse_ratio * damped - extend_friction(e, motor, k);
-    e.velocity[motor][k + 1] = part * joint.inverse[motor] * on_motor;
+    gear = {-spring, joint.ratio * spring};
+    const Damping b = damping_between(joint.damping, joint.inverse_ratio, 0);
+    for (const Body body : {motor, output}) {
+      damped[body] = damped_torque(b[body], e.velocity[motor][k], e.velocity[output][k]);
+    }
+    friction[motor] = extend_friction(e, motor, k);
   }
-  e.velocity[output][k + 1] = part * joint.inverse[output] * on_output;
+  friction[output] = extend_friction(e, output, k);
+  const double outside = extend_gravity(joint, e, k) + term(e.load, k);
+  const BodyTorques on =
+      standing_torques(rigid, joint.ratio, term(e.motor_torque, k), gear, outside);
+  const double part = e.unit * reciprocal[k + 1];
+  for (std::size_t body = rigid ? output : motor; body <= output; ++body) {
+    e.velocity[body][k + 1] =
+        part * joint.inverse[body] * net_torque(on[body], damped[body], friction[body]);
+  }
 }
 
 /// How large term k of the velocities is, rad/s at the output.

@@ -1,7 +1,7 @@
-/// What a simulated joint is made of, and the torques that act in it.
+/// What a simulated joint is made of, and the torques that act in it (`equation_of_motion.hpp`).
 ///
-///   J_m θ̈ = τ_m − (τ + z/Ñ) (1 + ∂θ_err/∂θ) − friction          u = θ − Ñ q + θ_err(θ, q)
-///   J q̈   = (τ + z/Ñ) (Ñ − ∂θ_err/∂q) − τ_load − m g l sin(q − q₀) − ripple − friction
+///   g_m = −(τ + z/Ñ) (1 + ∂θ_err/∂θ)         u = θ − Ñ q + θ_err(θ, q)
+///   g   = (τ + z/Ñ) (Ñ − ∂θ_err/∂q),         o = τ_load + m g l sin(q − q₀) + ripple
 ///
 /// τ is the spring's torque at the wave generator, z the hysteresis: Maxwell-slip elements beside
 /// the spring, which see u/Ñ as it does, so the kinematic error of the teeth does not work against
@@ -14,6 +14,7 @@
 
 #include <array>
 
+#include "host/simulation/common/equation_of_motion.hpp"
 #include "host/simulation/common/ramp.hpp"
 #include "host/simulation/friction.hpp"
 #include "host/simulation/spring.hpp"
@@ -21,9 +22,6 @@
 #include "host/simulation/waves.hpp"
 
 namespace flexspline::batch::simulation {
-
-/// The two bodies; a rigid gear has the second one only.
-enum Body : std::size_t { motor = 0, output = 1 };
 
 inline constexpr std::size_t most_elements = 16;
 
@@ -79,6 +77,7 @@ inline Joint prepared(Joint joint) noexcept {
   joint.spring.ratio = joint.ratio;
   joint.spring = prepared(joint.spring);
   joint.rigid = joint.spring.rigid();
+  if (joint.rigid) joint.damping = 0;  // both sides turn as one
   joint.waves = !joint.kinematic_error.empty() || !joint.current_ripple.empty() ||
                 !joint.cogging.empty() || !joint.output_ripple.empty() ||
                 !joint.friction_ripple.empty();
@@ -146,15 +145,15 @@ struct Outside {
 
 /// What the gear and the elements do, at frozen positions.
 struct Within {
-  std::array<double, 2> on{};  ///< Nm on each body
-  double spring = 0;           ///< τ at the wave generator
-  double transmitted = 0;      ///< to the output: spring and hysteresis, without damping
+  BodyTorques on{};        ///< by springs and elements
+  double spring = 0;       ///< τ at the wave generator
+  double transmitted = 0;  ///< to the output: spring and hysteresis, without damping
 };
 
 /// Torques at frozen positions, without the friction of the bodies and structural damping.
 struct Torques {
-  std::array<double, 2> on;  ///< on each body, Nm at its side
-  double motor_torque;       ///< at the shaft, current ripple included
+  BodyTorques on;
+  double motor_torque;  ///< at the shaft, current ripple included
   double cogging;
   Within within;
   Outside outside;
@@ -276,10 +275,9 @@ inline Torques torques(const Joint& joint, const Inputs& in, double t, Motion& m
   if constexpr (kind == Kind::anything) add_elements(joint, m, within);
   const Outside out = outside<kind>(joint, in, t, m, theta, q);
   const double driven = motor_torque - cogging;
-  const double on_motor = rigid ? 0 : within.on[motor] + driven;
-  const double on_output = within.on[output] + (rigid ? joint.ratio * driven : 0) -
-                           (out.gravity + out.load + out.contact + out.ripple);
-  return {{on_motor, on_output}, motor_torque, cogging, within, out};
+  const double against = out.gravity + out.load + out.contact + out.ripple;
+  return {standing_torques(rigid, joint.ratio, driven, within.on, against), motor_torque, cogging,
+          within, out};
 }
 
 }  // namespace flexspline::batch::simulation

@@ -48,12 +48,9 @@ inline Resistance resistance(const Joint& joint, const Motion& m, std::size_t bo
   return r;
 }
 
-/// B: torque on each body by each velocity.
-using Damping = std::array<std::array<double, 2>, 2>;
+/// B of the joint with what it touches.
 inline Damping damping(const Joint& joint, const Torques& at) noexcept {
-  const double across = joint.damping * joint.inverse_ratio;
-  return {{{across * joint.inverse_ratio, -across},
-           {-across, joint.damping + at.outside.contact_damping}}};
+  return damping_between(joint.damping, joint.inverse_ratio, at.outside.contact_damping);
 }
 
 /// The acceleration of one body with its slopes, and the friction that goes with it.
@@ -68,16 +65,6 @@ struct Slope {
 };
 using Slopes = std::array<Slope, 2>;
 
-/// A rigid gear's one mass M where friction grows by `factor` for each Nm of the torque
-/// transmitted, |L + J q̈|: M q̈ = base − factor |L + J q̈|. The sign inside the bars is that of
-/// L M + J base. Changes `inverse` to that of the mass that moves so; returns |L + J q̈|.
-inline double carried_load(double mass, double output_inertia, double base, double load,
-                           double factor, double& inverse) noexcept {
-  const double both = load * mass + output_inertia * base;
-  inverse = 1 / (mass + (both < 0 ? -factor : factor) * output_inertia);
-  return math::absolute(both) * inverse;
-}
-
 /// Of one body; zero where it sticks.
 inline Slope slope_of(const Joint& joint, const Torques& at, const Motion& m, const Damping& b,
                       std::size_t body) noexcept {
@@ -89,8 +76,8 @@ inline Slope slope_of(const Joint& joint, const Torques& at, const Motion& m, co
   double level = bare_level(joint, at, m, body, s);
   const double carried = math::absolute(at.within.transmitted);
   if (!joint.rigid) level += factor * (body == motor ? carried * joint.inverse_ratio : carried);
-  const double damped = b[body][motor] * m.velocity[motor] + b[body][output] * m.velocity[output];
-  double base = at.on[body] - damped - s * (level + r.value);
+  const double damped = damped_torque(b[body], m.velocity[motor], m.velocity[output]);
+  double base = net_torque(at.on[body], damped, s * (level + r.value));
   if (joint.rigid && factor != 0) {
     const double more = factor * carried_load(joint.mass, joint.output_inertia, base,
                                               outer_load(at, m), s * factor, inverse);
