@@ -1,7 +1,7 @@
 #include <stdexcept>
 
 #include "bindings.hpp"
-#include "host/forward/drive.hpp"
+#include "host/simulation/fitted/drive.hpp"
 
 namespace flexspline::bindings {
 

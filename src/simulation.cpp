@@ -3,7 +3,7 @@
 #include <stdexcept>
 
 #include "bindings.hpp"
-#include "host/simulation/simulate.hpp"
+#include "host/simulation/rig/simulate.hpp"
 
 namespace flexspline::bindings {
 

@@ -6,8 +6,8 @@
 #include <random>
 #include <vector>
 
-#include "host/forward/drive.hpp"
-#include "host/simulation/simulate.hpp"
+#include "host/simulation/fitted/drive.hpp"
+#include "host/simulation/rig/simulate.hpp"
 
 using namespace flexspline;
 using namespace flexspline::batch::simulation;

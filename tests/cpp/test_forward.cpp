@@ -4,7 +4,7 @@
 #include <random>
 #include <vector>
 
-#include "host/forward/drive.hpp"
+#include "host/simulation/fitted/drive.hpp"
 
 using namespace flexspline;
 using namespace flexspline::batch;

@@ -3,7 +3,7 @@
 #include <cmath>
 #include <vector>
 
-#include "host/simulation/simulate.hpp"
+#include "host/simulation/rig/simulate.hpp"
 
 using namespace flexspline;
 using namespace flexspline::batch::simulation;

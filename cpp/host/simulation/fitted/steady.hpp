@@ -11,8 +11,8 @@
 
 #include <optional>
 
-#include "host/forward/member.hpp"
 #include "host/simulation/common/equation_of_motion.hpp"
+#include "host/simulation/fitted/member.hpp"
 
 namespace flexspline::batch::forward {
 

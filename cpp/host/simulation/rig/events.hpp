@@ -9,7 +9,7 @@
 #pragma once
 
 #include "host/simulation/common/find_zero.hpp"
-#include "host/simulation/step.hpp"
+#include "host/simulation/rig/step.hpp"
 
 namespace flexspline::batch::simulation {
 

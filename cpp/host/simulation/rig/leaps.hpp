@@ -4,8 +4,8 @@
 /// torques have a kink. Rows on the way are read off the series.
 #pragma once
 
-#include "host/simulation/read_off.hpp"
-#include "host/simulation/steps.hpp"
+#include "host/simulation/rig/read_off.hpp"
+#include "host/simulation/rig/steps.hpp"
 
 namespace flexspline::batch::simulation {
 

@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <optional>
 
-#include "host/forward/servo.hpp"
-#include "host/forward/start.hpp"
+#include "host/simulation/fitted/servo.hpp"
+#include "host/simulation/fitted/start.hpp"
 
 namespace flexspline::batch::forward {
 

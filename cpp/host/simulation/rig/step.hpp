@@ -10,8 +10,8 @@
 /// a substep goes back in time. Order 6 needs friction that is a polynomial (no Stribeck).
 #pragma once
 
-#include "host/simulation/composition.hpp"
-#include "host/simulation/joint.hpp"
+#include "host/simulation/rig/composition.hpp"
+#include "host/simulation/rig/joint.hpp"
 
 namespace flexspline::batch::simulation {
 

@@ -9,9 +9,9 @@
 /// the output. While not enabled: no torque, no back-EMF, and the integral is empty.
 #pragma once
 
-#include "host/forward/inputs.hpp"
 #include "host/simulation/common/encoder.hpp"
 #include "host/simulation/common/servo_limit.hpp"
+#include "host/simulation/fitted/inputs.hpp"
 
 namespace flexspline::batch::forward {
 

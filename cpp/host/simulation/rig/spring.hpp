@@ -12,7 +12,7 @@
 #pragma once
 
 #include "flexspline/gear_compliance.hpp"
-#include "host/simulation/near.hpp"
+#include "host/simulation/rig/near.hpp"
 
 namespace flexspline::batch::simulation {
 

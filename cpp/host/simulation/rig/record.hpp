@@ -3,7 +3,7 @@
 
 #include <string_view>
 
-#include "host/simulation/events.hpp"
+#include "host/simulation/rig/events.hpp"
 
 namespace flexspline::batch::simulation {
 

@@ -1,7 +1,7 @@
 /// Energies that go through a joint while its motion is a series: integrals of products of series.
 #pragma once
 
-#include "host/simulation/expansion.hpp"
+#include "host/simulation/rig/expansion.hpp"
 
 namespace flexspline::batch::simulation {
 

@@ -16,10 +16,10 @@
 
 #include "host/simulation/common/equation_of_motion.hpp"
 #include "host/simulation/common/ramp.hpp"
-#include "host/simulation/friction.hpp"
-#include "host/simulation/spring.hpp"
-#include "host/simulation/surroundings.hpp"
-#include "host/simulation/waves.hpp"
+#include "host/simulation/rig/friction.hpp"
+#include "host/simulation/rig/spring.hpp"
+#include "host/simulation/rig/surroundings.hpp"
+#include "host/simulation/rig/waves.hpp"
 
 namespace flexspline::batch::simulation {
 

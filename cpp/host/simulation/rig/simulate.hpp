@@ -10,10 +10,10 @@
 
 #include <cmath>
 
-#include "host/simulation/leaps.hpp"
-#include "host/simulation/servo.hpp"
-#include "host/simulation/signals.hpp"
-#include "host/simulation/thermal.hpp"
+#include "host/simulation/rig/leaps.hpp"
+#include "host/simulation/rig/servo.hpp"
+#include "host/simulation/rig/signals.hpp"
+#include "host/simulation/rig/thermal.hpp"
 
 namespace flexspline::batch::simulation {
 

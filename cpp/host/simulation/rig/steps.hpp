@@ -4,7 +4,7 @@
 /// kind of a joint and the order are template arguments, chosen once a stretch.
 #pragma once
 
-#include "host/simulation/events.hpp"
+#include "host/simulation/rig/events.hpp"
 
 namespace flexspline::batch::simulation {
 

@@ -6,8 +6,8 @@
 /// kink there, which costs orders in that step alone.
 #pragma once
 
-#include "host/forward/plant.hpp"
 #include "host/simulation/common/find_zero.hpp"
+#include "host/simulation/fitted/plant.hpp"
 
 namespace flexspline::batch::forward {
 

@@ -5,7 +5,7 @@
 /// far as makes it hold the joint against what drives it, if it can.
 #pragma once
 
-#include "host/forward/step.hpp"
+#include "host/simulation/fitted/step.hpp"
 
 namespace flexspline::batch::forward {
 

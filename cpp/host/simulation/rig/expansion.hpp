@@ -10,8 +10,8 @@
 /// Source: [JorbaZou2005], sections 2 and 3.
 #pragma once
 
-#include "host/simulation/joint.hpp"
-#include "host/simulation/series.hpp"
+#include "host/simulation/rig/joint.hpp"
+#include "host/simulation/rig/series.hpp"
 
 namespace flexspline::batch::simulation {
 

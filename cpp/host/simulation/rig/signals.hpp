@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include "host/simulation/joint.hpp"
+#include "host/simulation/rig/joint.hpp"
 #include "host/wide_loop.hpp"
 
 namespace flexspline::batch::simulation {

@@ -3,8 +3,8 @@
 
 #include <algorithm>
 
-#include "host/simulation/record.hpp"
-#include "host/simulation/series_work.hpp"
+#include "host/simulation/rig/record.hpp"
+#include "host/simulation/rig/series_work.hpp"
 #include "host/wide_loop.hpp"
 
 namespace flexspline::batch::simulation {

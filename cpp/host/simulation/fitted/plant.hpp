@@ -16,8 +16,8 @@
 #include <span>
 #include <stdexcept>
 
-#include "host/forward/inputs.hpp"
-#include "host/forward/steady.hpp"
+#include "host/simulation/fitted/inputs.hpp"
+#include "host/simulation/fitted/steady.hpp"
 
 namespace flexspline::batch::forward {
 

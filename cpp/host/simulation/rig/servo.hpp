@@ -13,7 +13,7 @@
 
 #include "host/simulation/common/encoder.hpp"
 #include "host/simulation/common/servo_limit.hpp"
-#include "host/simulation/joint.hpp"
+#include "host/simulation/rig/joint.hpp"
 
 namespace flexspline::batch::simulation {
 

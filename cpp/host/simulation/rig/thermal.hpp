@@ -6,7 +6,7 @@
 /// Powers are the mean ones of the stretch before. A capacity of 0 keeps the room's temperature.
 #pragma once
 
-#include "host/simulation/joint.hpp"
+#include "host/simulation/rig/joint.hpp"
 
 namespace flexspline::batch::simulation {
 
