@@ -104,67 +104,85 @@ double falling_root(const Function& f) {
   return (low + high) / 2;
 }
 
+/// What the output pushes on outside.
+double outside_of(const Joint& j, double load, double theta, double q, double v) {
+  const double torque =
+      load + j.gravity * std::sin(q - j.gravity_angle) + written(j.output_ripple, theta, q).value;
+  const double depth = j.obstacle.direction * (q - j.obstacle.angle);
+  if (!(j.obstacle.stiffness > 0 && depth > 0)) return torque;
+  const double rate = j.obstacle.direction * v;
+  return torque +
+         j.obstacle.direction * j.obstacle.stiffness * depth * (1 + j.obstacle.dissipation * rate);
+}
+
+/// What springs and slip elements do to the bodies, and what of it goes through the gear.
+struct Gearing {
+  double on_motor = 0, on_output = 0, transmitted = 0;
+};
+Gearing gearing(const Joint& j, const Motion& m, bool rigid) {
+  const double theta = m.position[motor];
+  const double q = m.position[output];
+  Written error;
+  Gearing sum;
+  if (!rigid) {
+    error = written(j.kinematic_error, theta, q);
+    const double spring = spring_torque(j.spring, j.ratio, theta - j.ratio * q + error.value);
+    sum = {-spring * (1 + error.by_theta), spring * (j.ratio - error.by_q),
+           spring * (j.ratio - error.by_q)};
+  }
+  for (std::size_t i = 0; i < j.element_count; ++i) {
+    const auto [a, b] = j.elements[i].along;
+    const double within = a != 0 && b != 0 ? 1 : 0;  // the gear, so that it sees the error
+    const double y = a * (theta + within * error.value) + b * q;
+    const double z = m.slip[i] != 0 ? m.slip[i] * j.elements[i].level
+                                    : j.elements[i].stiffness * (y - m.anchor[i]);
+    const double to_output = -z * (b + within * a * error.by_q);
+    sum.on_motor -= z * a * (1 + within * error.by_theta);
+    sum.on_output += to_output;
+    sum.transmitted += within * to_output;
+  }
+  return sum;
+}
+
 Accelerations expected(const Joint& j, double motor_torque, double load, const Motion& m) {
   const double n = j.ratio;
   const double q = m.position[output];
   const double v = m.velocity[output];
   const bool rigid = j.spring.mesh_stiffness == 0 && j.spring.wave_generator_stiffness == 0;
-  double theta = m.position[motor];
-  if (rigid) theta = n * q - written(j.kinematic_error, n * q, q).value;
+  const double theta =
+      rigid ? n * q - written(j.kinematic_error, n * q, q).value : m.position[motor];
   const double omega = rigid ? n * v : m.velocity[motor];
   const double driven =
       motor_torque + written(j.current_ripple, theta, q).value - written(j.cogging, theta, q).value;
-  double outside =
-      load + j.gravity * std::sin(q - j.gravity_angle) + written(j.output_ripple, theta, q).value;
-  const double depth = j.obstacle.direction * (q - j.obstacle.angle);
-  if (j.obstacle.stiffness > 0 && depth > 0) {
-    const double rate = j.obstacle.direction * v;
-    outside +=
-        j.obstacle.direction * j.obstacle.stiffness * depth * (1 + j.obstacle.dissipation * rate);
-  }
-  const Written error = rigid ? Written{} : written(j.kinematic_error, theta, q);
-  const double spring = rigid ? 0 : spring_torque(j.spring, n, theta - n * q + error.value);
-  double on_motor = -spring * (1 + error.by_theta);
-  double on_output = spring * (n - error.by_q);
-  double transmitted = on_output;
-  for (std::size_t i = 0; i < j.element_count; ++i) {
-    const auto [a, b] = j.elements[i].along;
-    const bool in_gear = a != 0 && b != 0;
-    const double y = a * (theta + (in_gear ? error.value : 0)) + b * q;
-    const double z = m.slip[i] != 0 ? m.slip[i] * j.elements[i].level
-                                    : j.elements[i].stiffness * (y - m.anchor[i]);
-    on_motor -= z * a * (in_gear ? 1 + error.by_theta : 1);
-    const double to_output = -z * (b + (in_gear ? a * error.by_q : 0));
-    on_output += to_output;
-    if (in_gear) transmitted += to_output;
-  }
-  const double damped = rigid ? 0 : j.damping * (omega / n - v);
-  const double brake = m.braked ? j.brake : 0;
+  const double outside = outside_of(j, load, theta, q, v);
+  const Gearing gear = gearing(j, m, rigid);
   const Friction& fm = j.friction[motor];
   const Friction& fo = j.friction[output];
+  const double brake = m.braked ? j.brake : 0;
   const double share = 1 + written(j.friction_ripple, theta, q).value;
   const double at_motor = friction_without_load(fm, omega, m.temperature[motor], 1, brake);
   const double at_output = friction_without_load(fo, v, m.temperature[output], share, 0);
+  const double on_motor = driven + gear.on_motor - at_motor;
+  const double on_output = gear.on_output - outside - at_output;
+  const double at_stake = std::abs(gear.on_output) + std::abs(outside) + std::abs(at_output);
   Accelerations out;
   if (!rigid) {
-    const double more_m = std::copysign(load_share(fm, omega) * std::abs(transmitted) / n, omega);
-    const double more_o = std::copysign(load_share(fo, v) * std::abs(transmitted), v);
-    out.of = {(driven + on_motor - damped / n - at_motor - more_m) / j.motor_inertia,
-              (on_output + damped - outside - at_output - more_o) / j.output_inertia};
-    out.size = {(std::abs(driven) + std::abs(on_motor) + std::abs(at_motor)) / j.motor_inertia,
-                (std::abs(on_output) + std::abs(outside) + std::abs(at_output)) / j.output_inertia};
+    const double damped = j.damping * (omega / n - v);
+    const double load_on_motor = load_share(fm, omega) * std::abs(gear.transmitted) / n;
+    const double load_on_output = load_share(fo, v) * std::abs(gear.transmitted);
+    out.of = {(on_motor - damped / n - std::copysign(load_on_motor, omega)) / j.motor_inertia,
+              (on_output + damped - std::copysign(load_on_output, v)) / j.output_inertia};
+    out.size = {(std::abs(driven) + std::abs(gear.on_motor) + std::abs(at_motor)) / j.motor_inertia,
+                at_stake / j.output_inertia};
     return out;
   }
   const double mass = j.output_inertia + n * n * j.motor_inertia;
-  const double base = n * driven + on_output - outside - at_output - n * at_motor;
-  const double both = load_share(fo, v) + load_share(fm, v);
+  const double factor = load_share(fo, v) + load_share(fm, v);
   out.of[output] = falling_root([&](double a) {
     const double carried = std::abs(outside + j.output_inertia * a);
-    return base - std::copysign(both * carried, v) - mass * a;
+    return on_output + n * (driven - at_motor) - std::copysign(factor * carried, v) - mass * a;
   });
-  out.size[output] = (std::abs(n * driven) + std::abs(on_output) + std::abs(outside) +
-                      std::abs(at_output) + std::abs(n * at_motor)) /
-                     mass;
+  out.size[output] = (at_stake + std::abs(n * driven) + std::abs(n * at_motor)) / mass;
   return out;
 }
 
