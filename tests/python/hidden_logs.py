@@ -119,7 +119,7 @@ def fitted(effects: Sequence[str | Effect], logs: Sequence[Log], target: str) ->
 
 
 def share_closed(base: Fit, made: Fit, floor: float) -> float:
-    """How much of base's mean square beyond the noise a fit takes away, on left-out rows."""
+    """How much of base's mean square beyond the noise a fit takes away, on held-out rows."""
     return (base.cv_rmse**2 - made.cv_rmse**2) / (base.cv_rmse**2 - floor**2)
 
 

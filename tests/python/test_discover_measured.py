@@ -207,7 +207,7 @@ def test_without_gravity_the_iiwas_joint_2_lacks_gravity() -> None:
 
 
 def test_presliding_of_iiwa_joints_5_and_7_and_friction_over_the_angle() -> None:
-    """0.0203 and 0.110 Nm before; what `fit` leaves on left-out runs with these names."""
+    """0.0203 and 0.110 Nm before; what `fit` leaves on held-out runs with these names."""
     five = at_speeds(5, "p1 p2 p3 p4 p5 p6 p7 p8 p9")
     assert set(five.names) == {"presliding_friction", "position_dependent_friction"}
     assert five.final_rmse < 0.0185

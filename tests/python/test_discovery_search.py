@@ -67,7 +67,7 @@ def held_out(table: Table, model: Array) -> Array:
 def test_a_fold_that_goes_beyond_the_others_does_not_condemn_a_right_effect() -> None:
     table, model, beside, gain = folds_apart(2.0)
     plain = held_out(table, model) - held_out(table, np.append(model, beside))
-    assert plain.sum() < 0.0  # the error on left-out folds would refuse it
+    assert plain.sum() < 0.0  # the error on held-out folds would refuse it
     assert held_out_gain(table, model, beside, gain).sum() > 0.5 * gain
 
 

@@ -304,7 +304,7 @@ class Analysis:
         """Share of the gap above the noise floor that a flexible basis alone closes held out.
 
         In the noise's own metric, where slow noise does not hide it; by the evidence where runs go
-        where no other went, so that squares on left-out folds tell nothing.
+        where no other went, so that squares on held-out folds tell nothing.
         """
         if not self.leftover.groups:
             return 0.0
@@ -417,7 +417,7 @@ def _small(problem: Problem, base: Working, final: Working, leftover: Leftover) 
 
     Nor may such a name close half of what is left without it. The gap is what names and
     flexible functions explain. Where names explain more than half of it in the noise's own metric,
-    but not nearly all, the target's unit decides, on left-out folds: the noise sees more of what a
+    but not nearly all, the target's unit decides, on held-out folds: the noise sees more of what a
     form misses, such as the shape of a jump.
     """
     if not final.named or leftover.share >= 0.5:

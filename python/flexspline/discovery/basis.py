@@ -4,7 +4,7 @@ A cause that is not in the catalogue still depends on something measured. Functi
 and of every two, stand for it: a few powers, which need little evidence, and hats (their products
 for two), which follow every smooth function; a channel times every function of another; orders of
 the motor's angle, one by one and together; and what a channel was some time ago. What they explain
-on left-out folds beyond the named effects is "unexplained", and the channels are those it depends
+on held-out folds beyond the named effects is "unexplained", and the channels are those it depends
 on.
 
 Any linear cause with memory is a sum of first-order lags of its channel x with time constants T,

@@ -380,7 +380,7 @@ def _next(
             sure.append((effect, made, t))
         else:
             refused[effect.name] = (
-                f"does not hold on left-out runs: {here.rmse:.4g} to {made.rmse:.4g} rad, "
+                f"does not hold on held-out runs: {here.rmse:.4g} to {made.rmse:.4g} rad, "
                 f"t = {t:.1f}"
             )
     if not sure:

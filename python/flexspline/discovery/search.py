@@ -429,7 +429,7 @@ class Searcher:
             return True
         rise = held_out_gain(dictionary.table, model, offer.columns, offer.gain)
         if float(rise.sum()) < 0.5 * offer.gain:
-            self.refused[offer.effect.name] = "does not hold on left-out runs"
+            self.refused[offer.effect.name] = "does not hold on held-out runs"
             return False
         return True
 

@@ -245,7 +245,7 @@ class Disagreement:
 
 
 def disagreement(made: Discovery) -> Disagreement:
-    """Compare what the base predicts on left-out folds with what was measured.
+    """Compare what the base predicts on held-out folds with what was measured.
 
     Raises
     ------

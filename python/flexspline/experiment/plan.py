@@ -46,12 +46,12 @@ class Outlook:
     ----------
     names : a named effect and its rival, or a parameter alone.
     now, expected : |t| that the named effect would keep beside model and rival if it is right,
-        with the recorded runs and with the planned one as well; what it does keep, and left-out
+        with the recorded runs and with the planned one as well; what it does keep, and held-out
         runs, may say less. Of a parameter: its standard error, in `unit`; ∞ where nothing is
         known of it.
     taken : share of what the named effect explains that the rival would explain too, then; 0 for a
         parameter. `discover` still calls a rival that explains nearly all of it an alias, unless
-        left-out runs tell the two apart.
+        held-out runs tell the two apart.
     doubled : the limit whose doubling would help most, what it would be, and |t| (or the standard
         error) then; None where the limits suffice.
     """

@@ -44,7 +44,7 @@ Array = NDArray[np.float64]
 
 MOST_ROWS = 1_000_000  # above, what slow noise costs a fit is little
 APART = 0.01  # share of right models that the test holds for wrong
-FORETELLS = 1.03  # times the plain fit's error on left-out rows at most; in slow noise both vary
+WORSE = 1.03  # times the plain fit's error on held-out rows at most; in slow noise both vary
 ADDED = 0.3  # of a direction's variance, that it may seem to add: what starts a filter is lost
 TOLD = 0.02  # of a direction's variance, that generalised least squares takes off it at least
 
@@ -55,7 +55,7 @@ def generalised(made: Estimate) -> Estimate | None:
     That is where the noise has no memory, where rows are weighed otherwise (low pass, robust,
     priors), where logs are long or so short that their noise is not known, where a bound is in the
     way, where nothing is gained, and where the two are too far apart for a right model or the plain
-    one foretells more.
+    one predicts better.
     """
     problem, tangent = made.tangent.problem, made.tangent
     rows = sum(run.counted for run in problem.runs)
@@ -69,7 +69,7 @@ def generalised(made: Estimate) -> Estimate | None:
     try:
         if best is None or not _same(made, best, plain, best.uncertainty):
             return None
-        return best if _left_out(best) <= FORETELLS * _left_out(made) else None
+        return best if _left_out(best) <= WORSE * _left_out(made) else None
     except InputError:  # too few rows are left once filters have started
         return None
 

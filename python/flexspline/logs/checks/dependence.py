@@ -105,7 +105,7 @@ def _thinned(run: Mapping[str, Array]) -> dict[str, Array]:
 
 
 def _left(x: Sequence[Array], y: Sequence[Array], *, turns: bool, pieces: int) -> float:
-    """RMS of what a smooth function of x leaves of y on left-out folds, over y's deviation."""
+    """RMS of what a smooth function of x leaves of y on held-out folds, over y's deviation."""
     if len(x) >= 4:
         folds = list(zip(x, y, strict=True))
     else:
