@@ -104,11 +104,15 @@ def channels_for(
         )
     log = with_motor_torque(log) if "motor_torque" in reads else log
     needed = reads - {"load", "motor_position", "period"}
-    if "motor_position" in reads and "motor_position" not in log:
+    turning = [e.name for e in effects if "motor_position" in e.reads]
+    if turning and "motor_position" in log:
+        pair = TURNS_WITH_OUTPUT.get(str(log.facts.get("output_spline")))
+        turning = [e.name for e in effects if pair in [of for _, of in e.harmonics]]
+    if turning:
         needed.add("output_position")
     for name in sorted(needed):
         if name not in log:
-            users = listed(e.name for e in effects if name in e.reads) or "ripple effects"
+            users = listed([e.name for e in effects if name in e.reads] or turning)
             by_current = name == "motor_torque" and "motor_current" in log
             remedy = "give torque_constant" if by_current else "map a column to it"
             raise InputError(
@@ -137,6 +141,13 @@ def core_channels(log: Log, effects: Sequence[Effect], known_load: str | None) -
         channels["period"] = np.diff(log["time"], prepend=log["time"][:1])
         channels["period"][runs(log["time"])[:, 0]] = 0.0
     return channels
+
+
+TURNS_WITH_OUTPUT = {
+    "circular": "wave_generator_on_circular_spline",
+    "flex": "wave_generator_on_flexspline",
+}
+"""The pair that the motor's angle alone does not tell, by the spline that is the output."""
 
 
 def gear_of(facts: Mapping[str, Any], motor_encoder: bool) -> dict[str, Any]:

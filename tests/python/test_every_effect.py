@@ -13,6 +13,7 @@ from flexspline import CATALOGUE, InputError, effect
 from flexspline.effects import TARGETS, Effect
 from flexspline.least_squares.options import shapes_of
 from flexspline.logs.checks import check
+from flexspline.logs.checks.excitation import channels_asked
 from flexspline.logs.log import Log
 
 BASE = ["offset", "viscous_friction"]
@@ -43,34 +44,52 @@ def test_a_run_with_everything_excites_it(name: str) -> None:
     findings.raise_errors()
 
 
-NEEDS = {
-    "torque_constant_error": (LOAD, "motor_current"),
-    "gain_error": (LOAD, "sensor_torque"),
-    "gain_temperature_dependence": ("temperature", "sensor_torque"),
-    "thermal_gradient_drift": ("temperature", "sensor_torque"),
-    "temperature_dependent_friction": ("temperature", "motor_current"),
-    "backlash": (LOAD, "torsion"),
-    "temperature_dependent_stiffness": ("temperature", "torsion"),
-}
+TARGET = {"S": "sensor_torque", "M": "motor_current", "D": "torsion"}
+NEEDS = [
+    (name, asked) for name, info in sorted(CATALOGUE.items()) for asked in channels_asked(info)
+]
 
 
-@pytest.mark.parametrize("name", NEEDS)
+@pytest.mark.parametrize(("name", "asked"), NEEDS)
 @pytest.mark.parametrize("checks", [True, False])
-def test_without_the_channel_that_it_needs_it_is_refused_in_one_sentence(
-    name: str, checks: bool
+def test_without_a_channel_that_it_needs_it_is_refused_in_one_sentence(
+    name: str, asked: str, checks: bool
 ) -> None:
-    channel, target = NEEDS[name]
-    log = rich_log((channel,))
-    load = None if channel == LOAD or target == "motor_current" else LOAD
+    channels, target = asked.split(" or "), TARGET[CATALOGUE[name].targets[0]]
+    log = rich_log(tuple(channels))
+    load = LOAD if LOAD in log and target != "motor_current" else None
     with pytest.raises(InputError) as caught:
-        flexspline.fit([*_base(target), name], log, target, known_load=load, checks=checks)
+        flexspline.fit(["offset", with_orders(name)], log, target, known_load=load, checks=checks)
     said = str(caught.value)
-    assert name in said and "\n" not in said
-    assert channel in said or "load" in said
+    assert "\n" not in said
+    # a torsion is a difference of both angles: without one it is the target that cannot be had
+    of_angle = target == "torsion" and channels[0] in ("output_position", "motor_position")
+    assert f"target {target}" in said if of_angle else name in said
+    assert any(channel in said for channel in channels) or "load" in said
 
 
-def _base(target: str) -> list[str]:
-    return ["offset"] if target == "torsion" else BASE
+@pytest.mark.parametrize(
+    ("spline", "pair", "tells"),
+    [
+        ("circular", "wave_generator_on_circular_spline", False),
+        ("circular", "wave_generator_on_flexspline", True),
+        ("flex", "wave_generator_on_flexspline", False),
+        ("circular", "motor_on_stator", True),
+    ],
+)
+def test_a_pair_that_turns_with_the_output_needs_its_angle(
+    spline: str, pair: str, tells: bool
+) -> None:
+    """It had been taken for zero where the log has the motor's angle alone."""
+    log = rich_log(("output_position",)).with_facts({"output_spline": spline})
+    ripple = effect("wave_generator_ripple", orders=[(2, pair)])
+    effects = ["offset", "viscous_friction", ripple]
+    if tells:
+        fit = flexspline.fit(effects, log, "sensor_torque")
+        assert np.isfinite([p.value for p in fit.parameters]).all()
+        return
+    with pytest.raises(InputError, match="wave_generator_ripple needs the channel output_position"):
+        flexspline.fit(effects, log, "sensor_torque", checks=False)
 
 
 @pytest.mark.parametrize("name", ["sensor_nonlinearity", "torque_hysteresis", "sensor_lag"])

@@ -81,7 +81,7 @@ def test_an_order_has_the_amplitude_and_phase_that_were_put_in() -> None:
 
 def test_a_useless_fit_is_called_useless() -> None:
     first = str(report_fits.useless_fit()).splitlines()[0]
-    assert first.startswith("Explains nothing of the sensor torque") or "little" in first
+    assert first.startswith("Explains nothing of the sensor torque on held-out rows: 2.57 Nm RMSE")
 
 
 def test_states_are_said_in_words() -> None:

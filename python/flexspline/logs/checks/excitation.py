@@ -27,8 +27,8 @@ MOTION = "output_position or output_velocity"
 DRIVE = "motor_torque or motor_current"
 FROM_LOG = {
     "output_velocity": MOTION,
-    "output_acceleration": MOTION,
-    "motor_position": POSITION,
+    "output_acceleration": f"{POSITION} or output_acceleration",
+    "motor_position": f"{POSITION} or {MOTOR}",
     "motor_torque": DRIVE,
     "load": f"{KNOWN} or {MOTION}",
 }
