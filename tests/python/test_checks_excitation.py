@@ -130,9 +130,12 @@ def test_a_missing_target_is_an_error() -> None:
     assert [f.name for f in findings.errors] == ["missing_channel"]
 
 
-def test_a_velocity_alone_is_motion_enough() -> None:
+def test_a_velocity_alone_is_motion_enough_but_for_an_acceleration() -> None:
+    """Which `fit` derives of the angle alone."""
     log = Log.from_arrays(time=TIME, output_velocity=np.sin(TIME))
-    assert not check(log, effects=["coulomb_friction", "viscous_friction", "inertia"])
+    assert not check(log, effects=["coulomb_friction", "viscous_friction"])
+    (finding,) = check(log, effects=["inertia"])
+    assert finding.sentence.startswith("inertia needs output_position or output_acceleration")
 
 
 def test_a_short_run_is_said_to_be_short() -> None:
