@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from tqdm import tqdm
 
 from flexspline.effects import Effect, effect
-from flexspline.effects.roles import OFFSET
+from flexspline.effects.causes import OFFSET
 from flexspline.errors import InputError
 
 if TYPE_CHECKING:  # what is heavy is imported where it is used: `flexspline --help` is quick

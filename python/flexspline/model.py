@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from flexspline import _core
 from flexspline.about import __version__
 from flexspline.effects import unit_in
-from flexspline.effects.roles import COULOMB_PER_DIRECTION
+from flexspline.effects.causes import COULOMB_PER_DIRECTION
 from flexspline.errors import InputError, did_you_mean, listed, shortened
 from flexspline.estimators import ESTIMATORS, Estimator
 from flexspline.estimators.needs import require_complete

@@ -22,8 +22,8 @@ from flexspline.discovery.confirmation import ERRORS, Shown, significance, toget
 from flexspline.discovery.result import LESSER, UNLIKELY, Discovery
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect, effect
-from flexspline.effects.roles import FRICTION_BY_DIRECTION as DIRECTIONS
-from flexspline.effects.roles import LAG
+from flexspline.effects.causes import FRICTION_BY_DIRECTION as DIRECTIONS
+from flexspline.effects.causes import LAG
 from flexspline.least_squares.result import Fit
 from flexspline.logs.log import Log
 from flexspline.prepared import noise_of_channels

@@ -28,7 +28,7 @@ from scipy.signal import lfilter
 from flexspline.discovery.physics import WIDTH, fastest_of
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect
-from flexspline.effects.roles import COULOMB
+from flexspline.effects.causes import COULOMB
 from flexspline.least_squares.problem import Problem, Run
 from flexspline.logs.segments import median_step, runs
 from flexspline.orders.parts import effective_ratio

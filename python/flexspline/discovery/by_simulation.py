@@ -35,7 +35,7 @@ from flexspline.discovery.faults import DataFault
 from flexspline.discovery.result import Discovery, Found, Motion, Unexplained
 from flexspline.discovery.slices import HeldRun, compared_motion
 from flexspline.effects import Effect
-from flexspline.effects.roles import TORQUE_SCALE
+from flexspline.effects.causes import TORQUE_SCALE
 from flexspline.errors import InputError, listed
 from flexspline.fitting import fit
 from flexspline.least_squares.options import FitOptions

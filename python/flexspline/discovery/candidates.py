@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from flexspline import _core
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import CATALOGUE, TARGETS, Effect, Harmonic, ShapeInfo
-from flexspline.effects.roles import (
+from flexspline.effects.causes import (
     BASIC_FRICTION,
     FRICTION_BY_DIRECTION,
     GRAVITY,

@@ -39,7 +39,7 @@ from flexspline.discovery.result import Discovery
 from flexspline.discovery.search import Study, study_of
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect
-from flexspline.effects.roles import LAG
+from flexspline.effects.causes import LAG
 from flexspline.errors import InputError
 from flexspline.experiment.limits import Limits
 from flexspline.fitting import fit, fit_near, with_orders

@@ -43,7 +43,7 @@ from flexspline.discovery.candidates import Candidate, span_of, unseen
 from flexspline.discovery.physics import level_of, one_signed
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect
-from flexspline.effects.roles import COULOMB, GRAVITY, OUTPUT_RIPPLE, STRIBECK
+from flexspline.effects.causes import COULOMB, GRAVITY, OUTPUT_RIPPLE, STRIBECK
 from flexspline.least_squares.problem import Problem
 from flexspline.regression.candidate_model import Working
 from flexspline.regression.gram import (

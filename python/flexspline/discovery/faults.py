@@ -40,7 +40,7 @@ from flexspline.discovery.analysis import Analysis, FirstLook
 from flexspline.discovery.basis import RATE, Functions, flexible_basis
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect
-from flexspline.effects.roles import LAG
+from flexspline.effects.causes import LAG
 from flexspline.errors import InputError
 from flexspline.formatting import short
 from flexspline.least_squares.late_load import slopes_by

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import CATALOGUE
-from flexspline.effects.roles import (
+from flexspline.effects.causes import (
     COULOMB,
     LAG,
     LOAD_LOOP,

@@ -29,7 +29,7 @@ from flexspline.discovery.analysis import Analysis
 from flexspline.discovery.faults import DataFault
 from flexspline.discovery.settings import SETTINGS
 from flexspline.discovery.slices import HeldRun, Slice, slices
-from flexspline.effects.roles import INERTIA
+from flexspline.effects.causes import INERTIA
 from flexspline.errors import InputError
 from flexspline.least_squares.result import Fit, Parameter
 from flexspline.model import PART_OF, Model, Part

@@ -61,7 +61,7 @@ from flexspline.discovery.evidence import (
 from flexspline.discovery.physics import LOOPS, driving_spring, impossible
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import UNITS, Effect
-from flexspline.effects.roles import GRAVITY
+from flexspline.effects.causes import GRAVITY
 from flexspline.errors import InputError
 from flexspline.least_squares.options import SHARED
 from flexspline.least_squares.problem import Problem, problem_of

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from flexspline.effects.roles import GRAVITY, INERTIA, MESH, TORSION_LOOP
+from flexspline.effects.causes import GRAVITY, INERTIA, MESH, TORSION_LOOP
 from flexspline.errors import InputError, listed
 from flexspline.estimators import (
     PREPROCESSING,

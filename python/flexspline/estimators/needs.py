@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from flexspline.effects.roles import INERTIA, MESH
+from flexspline.effects.causes import INERTIA, MESH
 from flexspline.errors import InputError
 from flexspline.estimators.collision import Collision
 from flexspline.estimators.differentiator import DERIVED, Differentiator

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from flexspline.effects import CATALOGUE
-from flexspline.effects.roles import GRAVITY
+from flexspline.effects.causes import GRAVITY
 from flexspline.experiment.limits import Bounds
 from flexspline.formatting import short_names
 from flexspline.logs.log import Log

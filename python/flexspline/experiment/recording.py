@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.effects import Effect, effect
-from flexspline.effects.roles import BASIC, GRAVITY, SCALING_WITH_LOAD
+from flexspline.effects.causes import BASIC, GRAVITY, SCALING_WITH_LOAD
 from flexspline.experiment.limits import Bounds, Range
 from flexspline.experiment.plan import joined, short
 from flexspline.experiment.trajectories import Kind, smoothstep

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline import _core
-from flexspline.effects.roles import WAVE_GENERATOR
+from flexspline.effects.causes import WAVE_GENERATOR
 from flexspline.errors import InputError
 from flexspline.estimation.chain import run_joint
 from flexspline.estimation.plan import Plan, plan_of

@@ -49,7 +49,7 @@ import numpy as np
 
 from flexspline import _core
 from flexspline.effects import Effect, effect
-from flexspline.effects.roles import KINEMATIC_ERROR, MESH, OFFSET, WAVE_GENERATOR
+from flexspline.effects.causes import KINEMATIC_ERROR, MESH, OFFSET, WAVE_GENERATOR
 from flexspline.errors import InputError, listed
 from flexspline.logs.log import Log
 from flexspline.part import Part

@@ -23,8 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.effects import CATALOGUE, unit_in
-from flexspline.effects.derived import DERIVED, SPRINGS, Formula
-from flexspline.effects.roles import MESH, TORSION_LOOP
+from flexspline.effects.causes import DERIVED, MESH, SPRINGS, TORSION_LOOP, Formula
 from flexspline.orders.parts import effective_ratio
 
 if TYPE_CHECKING:

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.effects.roles import OFFSET
+from flexspline.effects.causes import OFFSET
 from flexspline.least_squares.sums import Solution
 
 __all__ = ["Combination", "Confounded", "confounded_groups"]

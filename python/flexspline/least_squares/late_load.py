@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.effects import Effect
-from flexspline.effects.roles import LAG
+from flexspline.effects.causes import LAG
 from flexspline.least_squares.estimate import Estimate
 from flexspline.least_squares.noise_model import Chunk, Chunks
 from flexspline.least_squares.problem import Problem

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from flexspline.effects import Effect, unit_in
-from flexspline.effects.roles import OFFSET
+from flexspline.effects.causes import OFFSET
 from flexspline.least_squares.estimate import Estimate, Given, residuals_of
 from flexspline.least_squares.options import coefficient_names
 from flexspline.least_squares.problem import Problem, Run

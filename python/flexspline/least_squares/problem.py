@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 
 from flexspline import _core
 from flexspline.effects import Effect, require_effects
-from flexspline.effects.roles import BASIC_FRICTION, OFFSET
+from flexspline.effects.causes import BASIC_FRICTION, OFFSET
 from flexspline.errors import InputError, listed
 from flexspline.least_squares.sums import Sums, joined
 from flexspline.logs.derive import LowPass, lowpass

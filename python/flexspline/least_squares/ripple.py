@@ -22,7 +22,12 @@ from scipy.stats import chi2
 
 from flexspline import _core
 from flexspline.effects import UNITS, Effect, Harmonic
-from flexspline.effects.roles import KINEMATIC_ERROR, MODULATED_RIPPLE, MOTOR_RIPPLES, OUTPUT_RIPPLE
+from flexspline.effects.causes import (
+    KINEMATIC_ERROR,
+    MODULATED_RIPPLE,
+    MOTOR_RIPPLES,
+    OUTPUT_RIPPLE,
+)
 from flexspline.least_squares.estimate import Given, counts_of, estimate, residuals_of
 from flexspline.least_squares.problem import Problem
 from flexspline.orders import OrderAnalysis, find_orders

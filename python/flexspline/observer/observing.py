@@ -42,7 +42,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexspline import _core
-from flexspline.effects.roles import INERTIA
+from flexspline.effects.causes import INERTIA
 from flexspline.errors import FlexsplineWarning, InputError
 from flexspline.estimators.checks import above_zero, numbers
 from flexspline.estimators.observer import Observer

@@ -16,7 +16,7 @@ from math import ceil, floor
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.effects.roles import COGGING, GRAVITY, OUTPUT_RIPPLE, WAVE_GENERATOR_RIPPLE
+from flexspline.effects.causes import COGGING, GRAVITY, OUTPUT_RIPPLE, WAVE_GENERATOR_RIPPLE
 from flexspline.errors import InputError
 from flexspline.logs import Log
 

@@ -13,7 +13,7 @@ import numpy as np
 from tqdm import tqdm
 
 from flexspline.effects import Effect
-from flexspline.effects.roles import INERTIA
+from flexspline.effects.causes import INERTIA
 from flexspline.errors import InputError, listed
 from flexspline.fitting import fit, runs_of, with_orders
 from flexspline.forward.drive import DriveInputs, drive_inputs, require_no_delay

@@ -15,7 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from flexspline.effects.roles import OFFSET, TEMPERATURE_DRIFT
+from flexspline.effects.causes import OFFSET, TEMPERATURE_DRIFT
 from flexspline.errors import InputError, listed
 from flexspline.forward import simulate
 from flexspline.least_squares.result import contributions

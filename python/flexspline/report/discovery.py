@@ -12,7 +12,7 @@ from flexspline.about import __version__
 from flexspline.discovery.candidates import EXCLUDED, TAKEN
 from flexspline.discovery.settings import SETTINGS
 from flexspline.discovery.slices import telling
-from flexspline.effects.roles import FRICTION_BY_DIRECTION
+from flexspline.effects.causes import FRICTION_BY_DIRECTION
 from flexspline.errors import listed
 from flexspline.files import atomic_write
 from flexspline.formatting import decimals_for, plus_minus, short
