@@ -5,11 +5,12 @@
 
 Written before code moves and checked after it: a table of cases, each with how many values have the
 same bits, the largest relative difference of the rest, and what differs. FILE is by default
-tests/golden/numbers.json, which holds on the type of processor that wrote it: BLAS sums otherwise on
-another. There, write FILE at the commit before, and check it after. Measured logs are read from FLEXSPLINE_DATA; certificates need Arm's
-compiler and QEMU. --only takes cases by name, such as "fit/*"; where it writes, other cases stay.
-The exit status is 1 where a number differs by more than 1e-12 of it, a name or hash differs, a cost
-rises or a case fails; 2 where nothing does but a case could not be run. Sentences are not compared.
+tests/golden/numbers.json, which holds on the type of processor that wrote it alone, as BLAS sums
+otherwise on another: there, write a FILE at the commit before and check that. Measured logs are
+read from FLEXSPLINE_DATA; certificates need Arm's compiler and QEMU. --only takes cases by name,
+such as "fit/*"; where it writes, other cases stay. The exit status is 1 where a number differs by
+more than 1e-12 of it, a name or hash differs, a cost rises or a case fails; 2 where nothing does
+but a case could not be run. Sentences are not compared.
 """
 
 from __future__ import annotations
