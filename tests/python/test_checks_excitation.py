@@ -10,6 +10,7 @@ from flexspline.effects import CATALOGUE
 from flexspline.errors import InputError
 from flexspline.logs import Log
 from flexspline.logs.checks import check
+from flexspline.logs.checks.excitation import changing
 
 TIME = np.arange(10_000) / 1000
 
@@ -155,6 +156,15 @@ def test_a_rich_run_excites_the_usual_effects() -> None:
         "motor_crosstalk",
     )
     assert not check(sound_log(0), effects=usual, target="sensor_torque")
+
+
+def test_of_channels_that_may_stand_for_each_other_one_that_changes_is_enough() -> None:
+    time = np.arange(200) / 100.0
+    log = Log.from_arrays(time=time, motor_torque=np.sin(time), motor_current=0.0 * time)
+    for channels in ("motor_torque or motor_current", "motor_current or motor_torque"):
+        assert changing(channels, 0.5, "Nm")(log, None) is None
+    lack = changing("motor_current or sensor_torque", 0.5, "A")(log, None)
+    assert lack is not None and lack[0] == 0.0 and "motor_current changes by 0 A" in lack[2]
 
 
 @pytest.mark.parametrize("kwargs", [{"effects": ["coulomb_frictoin"]}, {"target": "sensr_torque"}])

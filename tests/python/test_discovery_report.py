@@ -6,6 +6,8 @@ import json
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ from hidden_logs import LOAD, friction_of, log_of, noise, rich_run
 
 import flexspline
 from flexspline.discovery.analysis import Rival
+from flexspline.discovery.assemble import where
 from flexspline.discovery.candidates import EXCLUDED
 from flexspline.discovery.result import LESSER, Discovery, Motion
 from flexspline.discovery.slices import HeldRun, frequency_bands, order_bands, slices, telling
@@ -35,6 +38,22 @@ def found() -> Discovery:
         torque = c[LOAD] + friction_of(c) + noise(seed, ROWS) + 0.05 * c["motor_torque"]
         runs.append(log_of(c, sensor_torque=torque).with_facts({"name": f"run {seed}"}))
     return flexspline.discover(BASE, runs, target="sensor_torque", known_load=LOAD)
+
+
+@pytest.mark.parametrize(
+    ("forward", "backward", "said"),
+    [(1.0, 0.0, "forward"), (0.0, 1.0, "backward"), (1.0, 1.0, "both directions")],
+)
+def test_an_effect_is_said_to_act_where_what_it_adds_lies(
+    forward: float, backward: float, said: str
+) -> None:
+    v = np.linspace(-1.0, 1.0, 2001)
+    added = np.where(v > 0.0, forward, -backward) * v**8
+    run = log_of({"time": np.arange(2001) / 100.0, "output_velocity": v})
+    problem = SimpleNamespace(runs=[SimpleNamespace(log=run, channels={})])
+    words = where(cast(Any, problem), flexspline.effect("viscous_friction"), [added])
+    fast, *ways = words.split(", ")
+    assert fast.startswith("above 0.91") and ways == [said]  # of v¹⁷, 0.8 lie above 0.2^(1/17)
 
 
 def test_what_is_not_there_is_not_spoken_of() -> None:

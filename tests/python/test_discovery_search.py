@@ -14,6 +14,7 @@ from hidden_logs import LOAD, friction_of, log_of, noise, rich_run
 
 import flexspline
 from flexspline.discovery.evidence import Dictionary, held_out_gain
+from flexspline.discovery.faults import _last_column
 from flexspline.discovery.result import Discovery, confidence
 from flexspline.discovery.search import Searcher, missed, study_of
 from flexspline.discovery.settings import SETTINGS
@@ -75,6 +76,17 @@ def test_waves_that_are_not_there_are_not_foretold() -> None:
     table, model, beside, gain = folds_apart(0.0)
     assert gain < 25.0
     assert held_out_gain(table, model, beside, gain).sum() < 0.5 * 25.0
+
+
+def test_a_delay_does_not_depend_on_the_units_of_the_columns_beside_it() -> None:
+    generator = np.random.default_rng(9)
+    columns = generator.normal(size=(4, 300, 4))
+    values = columns @ [0.5, -1.0, 2.0, 0.3] + 0.1 * generator.normal(size=(4, 300))
+    found = _last_column(table_of([*columns], [*values]))
+    assert abs(found.seconds - 0.3) < 4.0 * found.error < 0.2
+    for unit in ([1e9, 1e9, 1e9, 1.0], [1e-9, 1e-9, 1e-9, 1.0]):
+        other = _last_column(table_of([*(columns * unit)], [*values]))
+        assert (other.seconds, other.error) == pytest.approx((found.seconds, found.error), rel=1e-6)
 
 
 def step_in_temperature(c: dict[str, Array]) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from chain_rig import (
     MERGE,
     SENSOR,
     THERMISTOR,
+    TORSION,
     joint,
     raw_log,
     whole_joint,
@@ -25,8 +27,10 @@ from chain_rig import (
 import flexspline
 from flexspline import Collision, Compliance, InputError, Observer, effect
 from flexspline.estimation import Status
+from flexspline.estimation.result import MEANING
 from flexspline.logs.log import Log
 from flexspline.model import Model, Part
+from flexspline.prepared import Preparation
 
 GAIN = SENSOR.coefficients[1]
 
@@ -80,6 +84,12 @@ def test_columns_are_those_of_the_estimators_that_the_model_holds() -> None:
     assert list(everything.columns) == list(flexspline.estimation.result.COLUMNS)
 
 
+def test_every_status_is_a_bit_of_its_own_with_a_meaning() -> None:
+    bits = [int(bit) for bit in Status.__members__.values()]
+    assert sorted(bits) == [1 << k for k in range(len(bits))]
+    assert set(MEANING) == set(Status.__members__.values())
+
+
 # Nothing invented
 
 SILENT = {  # channel that is gone: what is empty, bits that say so
@@ -110,6 +120,15 @@ def test_a_log_without_a_channel_leaves_its_stage_silent_and_names_it(channel: s
     assert ((made.status & int(bits)) == int(bits)).all()
     assert any(f"reads {channel}, which log 'rig' lacks" in note for note in made.notes)
     assert np.isfinite(made["external_torque_sensor"]).all()
+
+
+def test_the_part_of_the_torsion_says_too_how_its_channels_were_made() -> None:
+    way = Preparation("output_velocity", "output_velocity", 16.0)
+    torsion = replace(TORSION, record={**TORSION.record, "channels_made": [way.to_json()]})
+    notes = flexspline.estimate(
+        Model({"torsion": torsion}, FACTS).with_estimator(Compliance()), raw_log(500)
+    ).notes
+    assert any("part for torsion" in note and way.how in note for note in notes)
 
 
 def test_a_log_without_anything_to_read_is_refused() -> None:

@@ -67,6 +67,8 @@ def test_offsets_that_are_taken_out_are_those_of_a_column_for_each_run(
         assert own.value == pytest.approx(other.value, rel=1e-6, abs=1e-8)
         assert own.standard_error == pytest.approx(other.standard_error, rel=near)
         assert own.naive_error == pytest.approx(other.naive_error, rel=near)
+        worth = 4.0 * near  # rows times the square of the ratio of both errors
+        assert own.effective_samples == pytest.approx(other.effective_samples, rel=worth)
         assert (own.unit, own.state) == (other.unit, other.state)
     assert few.rmse == pytest.approx(one.rmse, rel=1e-9)
     assert few.cv_rmse == pytest.approx(one.cv_rmse, rel=1e-4)

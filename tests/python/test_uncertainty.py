@@ -61,6 +61,14 @@ def test_where_the_intervals_fail_the_result_says_so():
     assert result.too_short > 0.95
 
 
+def test_the_length_that_is_asked_for_is_beyond_what_failed_and_not_far_beyond_what_held():
+    """Intervals held with 15 pieces of news beyond one per parameter, and not with 6."""
+    rows, residual = problem()
+    made = solve(rows, residual)
+    news = made.shortest_length / made.noise.memory - made.noise.parameters
+    assert 15.0 < news < 30.0
+
+
 def test_white_noise_is_not_spoilt():
     result = coverage.study(coverage.Case("white", coverage.WHITE, terms=7), 200, seed=4)
     four_sigma = 4 * np.sqrt(0.95 * 0.05 / 200)

@@ -1,0 +1,129 @@
+"""`find_delay` and the jackknife: what every check of a delay, a gear or a sign rests on."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from flexspline.logs import Log
+from flexspline.logs.checks.consistency import (
+    SURE,
+    Delay,
+    find_delay,
+    gear,
+    motion_columns,
+    solve_with_error,
+    torque,
+)
+from flexspline.logs.checks.motion import motion_of
+
+Array = NDArray[np.float64]
+
+WITHIN, STEP = 0.08, 0.02  # s
+TIME = np.arange(4000) / 200.0
+
+
+def motion(time: Array) -> Array:
+    """Two columns, (N, 2), that no delay turns into each other."""
+    return np.column_stack((np.sin(2.1 * time) + np.sin(7.7 * time + 1.0), np.cos(5.3 * time)))
+
+
+def delay_of(seconds: float, within: float = WITHIN, noise: float = 0.0, seed: int = 0) -> Delay:
+    target = motion(TIME - seconds) @ [2.0, -0.7] + 3.0
+    target += noise * np.random.default_rng(seed).normal(size=len(TIME))
+    valid = (TIME[0] + within <= TIME) & (TIME[-1] - within >= TIME)
+    found = find_delay(TIME, target, motion(TIME), valid, within, STEP)
+    assert found is not None
+    return found
+
+
+@pytest.mark.parametrize("seconds", [-0.079, -0.031, 0.0, 0.009, 0.05, 0.079])
+def test_a_delay_is_found_wherever_it_is_looked_for(seconds: float) -> None:
+    found = delay_of(seconds)
+    assert found.seconds == pytest.approx(seconds, abs=1e-5)
+    assert found.coefficients == pytest.approx([2.0, -0.7], rel=1e-4)
+    assert found.explained == pytest.approx(1.0, abs=1e-8)
+
+
+@pytest.mark.parametrize("seconds", [-0.015, 0.015])
+def test_the_scan_looks_to_both_sides_though_it_be_one_step_wide(seconds: float) -> None:
+    assert delay_of(seconds, within=STEP).seconds == pytest.approx(seconds, abs=1e-5)
+
+
+def test_the_error_of_a_delay_is_as_large_as_delays_scatter() -> None:
+    found = [delay_of(0.013, noise=0.3, seed=seed) for seed in range(60)]
+    away = [(one.seconds - 0.013) / one.error for one in found]
+    # mean square of 60: 1 ± √(2/60), four sigma; sixteen blocks make an error uncertain by a sixth
+    assert abs(np.mean(np.square(away)) - 1.0) < 4 * np.sqrt(2 / 60) + 1 / 6
+
+
+def test_coefficients_and_errors_have_the_unit_of_the_target_over_that_of_the_column() -> None:
+    generator = np.random.default_rng(3)
+    design = generator.normal(size=(3000, 2))
+    target = design @ [1.5, -4.0] + generator.normal(size=3000)
+    values, errors = solve_with_error(design, target)
+    assert errors == pytest.approx(1.0 / np.sqrt(3000), rel=0.6)  # of 16 blocks
+    assert np.all(np.abs(values - [1.5, -4.0]) < 5.0 * errors)
+    scaled, errors_scaled = solve_with_error(design * [1e3, 1e-3], 10.0 * target)
+    assert scaled == pytest.approx(values * [1e-2, 1e4])
+    assert errors_scaled == pytest.approx(errors * [1e-2, 1e4])
+
+
+# What is made of it: a delay that matters is a finding, and one that does not is none
+
+
+def encoders(rows_late: float) -> Log:
+    """Two encoders without noise, the one of the output late by so many rows."""
+    time = np.arange(4000) / 200.0
+
+    def angle(at: Array) -> Array:
+        return np.asarray(0.8 * np.sin(1.3 * at) + 0.3 * np.sin(3.1 * at + 1.0))
+
+    return Log.from_arrays(
+        time=time,
+        output_position=angle(time - rows_late / 200.0),
+        motor_position=100.0 * angle(time),
+        facts={"gear_ratio": 100.0, "output_spline": "flex"},
+    )
+
+
+@pytest.mark.parametrize(("rows_late", "told"), [(0.02, False), (0.3, True)])
+def test_encoders_a_small_part_of_a_row_apart_are_no_fault_however_sure_it_is(
+    rows_late: float, told: bool
+) -> None:
+    assert ["encoder_delay" in one.name for one in gear(encoders(rows_late))].count(True) == told
+
+
+def late_torque(noise: float, rows: int = 6000) -> Log:
+    time = np.arange(rows) / 500.0
+
+    def swing(at: Array, turn: int) -> Array:
+        """The angle, and with one or two turns its derivatives."""
+        waves = ((0.8, 1.3, 0.0), (0.3, 3.1, 1.0), (0.15, 7.3, 2.0))
+        return np.asarray(sum(a * w**turn * np.sin(w * at + p + turn * np.pi / 2)
+                              for a, w, p in waves))  # fmt: skip
+
+    at = time - 0.004
+    reading = 2.0 * np.sin(swing(at, 0)) + 0.4 * np.tanh(swing(at, 1) / 0.02)
+    reading += noise * np.random.default_rng(8).normal(size=len(time))
+    return Log.from_arrays(
+        time=time, output_position=swing(time, 0), sensor_torque=reading,
+        facts={"gear_ratio": 100.0, "output_spline": "flex"},
+    )  # fmt: skip
+
+
+def test_a_late_torque_is_told_where_its_delay_explains_something() -> None:
+    assert [one.name for one in torque(late_torque(0.02))] == ["torque_delay"]
+
+
+def test_a_delay_that_explains_next_to_nothing_is_not_told_however_sure_it_is() -> None:
+    log = late_torque(0.8, 30000)
+    motion = motion_of(log)
+    assert motion is not None
+    reading, columns = motion.smooth(log["sensor_torque"]), motion_columns(log, motion)
+    found = find_delay(motion.time, reading, columns[:, :-2], motion.inside(0.15), 0.15, 0.005)
+    assert found is not None and found.seconds > max(0.001, SURE * found.error)
+    assert 0.5 < found.explained < 1.0
+    assert 1.0 - found.explained > 0.99 * (1.0 - found.explained_without)
+    assert list(torque(log)) == []
