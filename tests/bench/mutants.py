@@ -8,13 +8,13 @@
     python tests/bench/mutants.py record tests/python/test_new.py     after new tests
     python tests/bench/mutants.py slow                           what costs most in the suite
 
-`mutation/draw.py` says what a mutant is, `mutation/record.py` what is watched. A mutant meets, the
-cheapest first, the tests that execute its line, until one fails or all of them have cost `--budget`
-seconds of processor time; a run that is cut off goes on where it stopped, and one with a larger
-budget gives survivors more tests. Too long (see `mutation/judge.py`) counts as killed; a mutant
-that no test executes survives. No file of this tree is changed: `judge` puts the mutated code into
-a forked process, and what is evaluated at import is mutated in a copy of the tree. Mutants that no
-test could kill are in `mutation/equivalent.toml`, with the reason.
+`mutation/draw.py` says what a mutant is, `mutation/record.py` what is watched. A mutant meets the
+tests that execute its line, those first that are cheap and busy with its file, until one fails or
+all of them have cost `--budget` seconds of processor time; a run that is cut off goes on where it
+stopped, and survivors meet further tests in the next. Too long (see `mutation/judge.py`) counts as
+killed; a mutant that no test executes survives. No file of this tree is changed: `judge` puts the
+mutated code into a forked process, and what is evaluated at import is mutated in a copy of the
+tree. Mutants that no test could kill are in `mutation/equivalent.toml`, with the reason.
 
 Why no library: mutmut 3 maps tests to functions rather than lines, has no draw by a seed and
 mutates all files that it watches; cosmic-ray gives every mutant one and the same test command, so

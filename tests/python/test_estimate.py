@@ -124,7 +124,7 @@ def test_a_log_without_a_channel_leaves_its_stage_silent_and_names_it(channel: s
 
 def test_the_part_of_the_torsion_says_too_how_its_channels_were_made() -> None:
     way = Preparation("output_velocity", "output_velocity", 16.0)
-    torsion = replace(TORSION, record={**TORSION.record, "channels_made": [way.to_json()]})
+    torsion = replace(TORSION, record={**TORSION.record, "prepared": [way.to_json()]})
     notes = flexspline.estimate(
         Model({"torsion": torsion}, FACTS).with_estimator(Compliance()), raw_log(500)
     ).notes

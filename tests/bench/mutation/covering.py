@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ast
 import json
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -22,6 +22,7 @@ class Record:
         self.uses: dict[str, set[str]] = defaultdict(set)
         self.passed: set[str] = set()
         self.lines: dict[Path, dict[int, set[str]]] = defaultdict(lambda: defaultdict(set))
+        self.counts: dict[str, Counter[Path]] = defaultdict(Counter)
         for file in sorted(folder.glob("**/tests.*.jsonl")):
             for unit in map(json.loads, file.read_text().splitlines()):
                 self.seconds[unit["unit"]] = unit["seconds"]
@@ -30,13 +31,18 @@ class Record:
                     self.passed.add(unit["unit"])
         for file in sorted(folder.glob("**/lines.*.json")):
             for module, lines in json.loads(file.read_text()).items():
-                for line, units in lines.items():
-                    self.lines[Path(module)][int(line)] |= set(units) - {"", "import"}
+                self._add(Path(module), lines)
         self.closure = cache(self._closure)
         self.users: dict[str, set[str]] = defaultdict(set)
         for test in self.passed:
-            for unit in self.closure(test):
-                self.users[unit].add(test)
+            for name in self.closure(test):
+                self.users[name].add(test)
+
+    def _add(self, module: Path, lines: dict[str, list[str]]) -> None:
+        for line, units in lines.items():
+            for name in set(units) - {"", "import"}:
+                self.lines[module][int(line)].add(name)
+                self.counts[name][module] += 1
 
     def _closure(self, unit: str) -> frozenset[str]:
         found, waiting = {unit}, [unit]
@@ -49,14 +55,20 @@ class Record:
     def cost(self, test: str) -> float:
         return sum(self.seconds.get(unit, 0.0) for unit in self.closure(test))
 
+    def nearness(self, test: str, file: Path) -> float:
+        """Share of the lines that a test executes, which are in this file."""
+        own = sum((self.counts[unit] for unit in self.closure(test)), Counter[Path]())
+        return own[file] / max(own.total(), 1)
+
     def covering(self, mutant: Mutant) -> list[str]:
-        """Tests that execute the mutant, the cheapest first."""
+        """Tests that execute the mutant: first those that are cheap and busy with its file."""
         units: set[str] = set()
         for file, first, last in places(mutant, tuple(self.lines)):
             for line in range(first, last + 1):
                 units |= self.lines[file].get(line, set())
         tests = {test for unit in units for test in self.users[unit]}
-        return sorted(tests, key=lambda test: (self.cost(test), test))
+        near = {test: max(self.nearness(test, mutant.file), 1e-3) for test in tests}
+        return sorted(tests, key=lambda test: ((self.cost(test) + 0.02) / near[test], test))
 
     def affordable(self, tests: list[str], budget: float) -> tuple[list[str], float]:
         """The first of these tests that cost no more than the budget together, and their cost."""
