@@ -181,6 +181,28 @@ def test_a_homing_move_ends_where_the_angle_is_set_anew(seed: int, rows: int, sm
     assert kept.as_recorded((0, 5)) == (move.rows[1], move.rows[1] + 5)
 
 
+@pytest.mark.parametrize(("times", "told"), [(6.0, False), (15.0, True)])
+def test_an_angle_was_set_anew_where_it_goes_far_faster_than_the_joint_does_elsewhere(
+    times: float, told: bool
+) -> None:
+    columns = recorded(1, exact=True)
+    jump = times * np.abs(np.diff(columns["output_position"])).max()
+    columns["output_position"][700:] += jump
+    found = list(homing_move(log_of(without(columns, "output_velocity"))))
+    assert bool(found) == told
+    assert all(one.size == pytest.approx(jump, rel=0.5) for one in found)  # beside its own motion
+
+
+def test_a_drive_that_was_off_in_between_leaves_what_was_before_and_after() -> None:
+    columns = recorded(1)
+    rows = np.arange(4000)
+    columns["enabled"] = ((rows < 1000) | (rows >= 1600)).astype(float)
+    log = log_of(columns)
+    (kept,) = only_experiments([log], "motor_torque")
+    assert kept.rows.tolist() == [*range(1000), *range(1600, 4000)]
+    assert np.array_equal(kept.log["motor_current"], log["motor_current"][kept.rows])
+
+
 def test_rows_of_a_drive_that_is_off_say_nothing_of_a_drive_but_of_a_sensor() -> None:
     columns = recorded(1)
     columns["enabled"] = (np.arange(4000) < 3000).astype(float)

@@ -10,7 +10,7 @@ from flexspline.effects import CATALOGUE
 from flexspline.errors import InputError
 from flexspline.logs import Log
 from flexspline.logs.checks import check
-from flexspline.logs.checks.excitation import changing
+from flexspline.logs.checks.excitation import both_directions, changing, speeds
 
 TIME = np.arange(10_000) / 1000
 
@@ -156,6 +156,14 @@ def test_a_rich_run_excites_the_usual_effects() -> None:
         "motor_crosstalk",
     )
     assert not check(sound_log(0), effects=usual, target="sensor_torque")
+
+
+def test_what_does_not_move_spans_no_speed() -> None:
+    time = np.arange(200) / 100.0
+    log = Log.from_arrays(time=time, output_position=0.0 * time)
+    for need in (both_directions, speeds(2.0)):
+        lack = need(log, None)
+        assert lack is not None and lack[:2] == (0.0, "rad/s")
 
 
 def test_of_channels_that_may_stand_for_each_other_one_that_changes_is_enough() -> None:
