@@ -2,8 +2,17 @@
 
 from __future__ import annotations
 
-from flexspline.discovery.candidates import _low, _of_facts
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from flexspline.discovery.basis import ROUND, _fine
+from flexspline.discovery.candidates import _low, _of_facts, _range
 from flexspline.discovery.settings import SETTINGS
+from flexspline.effects import effect
+from flexspline.logs.log import Log
 
 GEAR = {"gear_ratio": 100.0, "output_spline": "circular"}
 
@@ -35,3 +44,26 @@ def test_pole_pairs_and_slots_are_tried_once_and_twice_a_turn_of_the_motor() -> 
     tried = orders(_of_facts({**GEAR, "pole_pairs": 7, "slots": 36}))
     assert tried == {"motor_stator": [7, 14, 36, 72]}
     assert _of_facts({**GEAR, "pole_pairs": 1}) == []  # these are the low orders
+
+
+def test_a_time_constant_is_looked_for_from_two_rows_to_half_of_the_longest_run() -> None:
+    runs = [SimpleNamespace(log=Log.from_arrays(time=np.arange(n) / rate))
+            for n, rate in ((401, 100.0), (4001, 200.0))]  # fmt: skip
+    lag = effect("sensor_lag")
+    (shape,) = (s for s in lag.info.shapes if s.unit == "s")
+    low, high = _range(lag, shape, cast(Any, SimpleNamespace(runs=runs)))
+    assert (low, high) == pytest.approx((2.0 / 200.0, 10.0))
+
+
+def test_functions_over_a_turn_of_the_motor_are_all_its_low_orders() -> None:
+    angle = np.linspace(0.0, 2.0 * np.pi, 400, endpoint=False)
+    basis, count = _fine({ROUND: angle}, ROUND)
+    columns = basis({ROUND: angle})
+    assert columns.shape == (400, count)
+
+    def left(order: int) -> float:
+        wave = np.cos(order * angle + 0.3)
+        return float(np.ptp(wave - columns @ np.linalg.lstsq(columns, wave, rcond=None)[0]))
+
+    assert max(map(left, range(1, SETTINGS.functions + 1))) < 1e-9
+    assert left(SETTINGS.functions + 1) > 1.0

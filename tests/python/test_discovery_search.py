@@ -25,7 +25,7 @@ from flexspline.regression.candidate_model import solved_at, working
 from flexspline.regression.gram import Table, Whitening, solved
 
 BASE = ["offset", "coulomb_friction", "viscous_friction", "inertia"]
-RUNS, ROWS = 4, 1500
+RUNS, ROWS = 4, 750
 Array = np.ndarray
 
 
