@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import cast
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -10,13 +13,14 @@ from flexspline.logs import Log
 from flexspline.logs.checks.consistency import (
     SURE,
     Delay,
+    _both_ways,
     find_delay,
     gear,
     motion_columns,
     solve_with_error,
     torque,
 )
-from flexspline.logs.checks.motion import motion_of
+from flexspline.logs.checks.motion import Motion, motion_of
 
 Array = NDArray[np.float64]
 
@@ -95,7 +99,7 @@ def test_encoders_a_small_part_of_a_row_apart_are_no_fault_however_sure_it_is(
     assert ["encoder_delay" in one.name for one in gear(encoders(rows_late))].count(True) == told
 
 
-def late_torque(noise: float, rows: int = 6000) -> Log:
+def late_torque(noise: float, rows: int = 6000, late: float = 0.004) -> Log:
     time = np.arange(rows) / 500.0
 
     def swing(at: Array, turn: int) -> Array:
@@ -104,7 +108,7 @@ def late_torque(noise: float, rows: int = 6000) -> Log:
         return np.asarray(sum(a * w**turn * np.sin(w * at + p + turn * np.pi / 2)
                               for a, w, p in waves))  # fmt: skip
 
-    at = time - 0.004
+    at = time - late
     reading = 2.0 * np.sin(swing(at, 0)) + 0.4 * np.tanh(swing(at, 1) / 0.02)
     reading += noise * np.random.default_rng(8).normal(size=len(time))
     return Log.from_arrays(
@@ -113,8 +117,10 @@ def late_torque(noise: float, rows: int = 6000) -> Log:
     )  # fmt: skip
 
 
-def test_a_late_torque_is_told_where_its_delay_explains_something() -> None:
-    assert [one.name for one in torque(late_torque(0.02))] == ["torque_delay"]
+@pytest.mark.parametrize("late", [0.0015, 0.004])  # s; a row is 0.002
+def test_a_late_torque_is_told_where_its_delay_explains_something(late: float) -> None:
+    (found,) = torque(late_torque(1e-3, late=late))
+    assert found.name == "torque_delay" and found.size == pytest.approx(late, rel=0.2)
 
 
 def test_a_delay_that_explains_next_to_nothing_is_not_told_however_sure_it_is() -> None:
@@ -127,3 +133,12 @@ def test_a_delay_that_explains_next_to_nothing_is_not_told_however_sure_it_is() 
     assert 0.5 < found.explained < 1.0
     assert 1.0 - found.explained > 0.99 * (1.0 - found.explained_without)
     assert list(torque(log)) == []
+
+
+@pytest.mark.parametrize(("way", "both"), [(1.0, False), (-1.0, False), (None, True)])
+def test_friction_shows_a_sign_only_where_the_joint_goes_both_ways(
+    way: float | None, both: bool
+) -> None:
+    speed = np.sin(TIME)
+    velocity = speed if way is None else way * np.abs(speed)
+    assert _both_ways(cast(Motion, SimpleNamespace(velocity=velocity))) == both

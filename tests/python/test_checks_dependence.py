@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from flexspline.logs.checks.dependence import dependences
+from flexspline.logs.checks.dependence import _thinned, dependences
 
 Array = NDArray[np.float64]
 Columns = dict[str, Array]
@@ -107,3 +107,10 @@ def test_readings_are_swapped_where_each_effect_reads_one_of_the_two() -> None:
     assert not found.swapped((ANGLE,), (ANGLE, velocity))
     assert not found.swapped((ANGLE, "load"), (ANGLE,))
     assert not found.swapped(("temperature",), ("load",))
+
+
+def test_a_run_of_a_few_thousand_rows_is_used_whole_and_a_longer_one_evenly() -> None:
+    for rows in (100, ROWS, 2 * ROWS - 1):
+        assert len(_thinned({"a": np.arange(float(rows))})["a"]) == rows
+    long = _thinned({"a": np.arange(5.0 * ROWS)})["a"]
+    assert len(long) == ROWS and set(np.diff(long)) == {5.0}

@@ -8,7 +8,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from flexspline.discovery.basis import ROUND, _fine
+from flexspline.discovery.basis import ROUND, _fine, _motor_angle
 from flexspline.discovery.candidates import _low, _of_facts, _range
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import effect
@@ -67,3 +67,13 @@ def test_functions_over_a_turn_of_the_motor_are_all_its_low_orders() -> None:
 
     assert max(map(left, range(1, SETTINGS.functions + 1))) < 1e-9
     assert left(SETTINGS.functions + 1) > 1.0
+
+
+def test_without_a_motor_encoder_the_motor_turns_as_the_gear_says() -> None:
+    angle = np.linspace(-1.0, 2.0, 50)
+    bare = Log.from_arrays(time=np.arange(50.0), output_position=angle, facts=GEAR)
+    run, rows = cast(Any, SimpleNamespace(log=bare)), slice(10, 30)
+    assert _motor_angle(run, rows) == pytest.approx(101.0 * angle[rows])
+    encoder = bare.with_columns({"motor_position": 101.0 * angle + 0.1}, note="an encoder")
+    run = cast(Any, SimpleNamespace(log=encoder))
+    assert _motor_angle(run, rows) == pytest.approx(101.0 * angle[rows] + 0.1)

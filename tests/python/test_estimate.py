@@ -131,6 +131,12 @@ def test_the_part_of_the_torsion_says_too_how_its_channels_were_made() -> None:
     assert any("part for torsion" in note and way.how in note for note in notes)
 
 
+def test_an_estimate_that_is_empty_in_all_rows_is_summed_up_as_empty() -> None:
+    made = flexspline.estimate(whole_joint(), without(raw_log(500), "motor_torque"))
+    (line,) = (s for s in str(made).splitlines() if s.split()[:1] == ["external_torque_observer"])
+    assert line.split()[2:] == ["–", "–", "–", "500"]
+
+
 def test_a_log_without_anything_to_read_is_refused() -> None:
     log = without(raw_log(500), "sensor_voltage", "sensor_torque")
     with pytest.raises(InputError, match=r"no row has all that external_torque_sensor read"):

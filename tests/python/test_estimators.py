@@ -23,6 +23,7 @@ from flexspline.estimators import (
     TemperatureCompensation,
     Thermistor,
 )
+from flexspline.estimators.checks import above_zero
 from flexspline.model import Model, Part
 
 NUMBER = st.floats(allow_nan=False, allow_infinity=False)
@@ -354,3 +355,13 @@ def test_what_is_no_estimator_is_refused():
 def test_the_names_are_public():
     for made in ESTIMATORS.values():
         assert getattr(flexspline, made.__name__) is made
+
+
+def test_what_is_refused_is_said_with_its_unit_where_it_has_one() -> None:
+    for unit, end in (
+        ("kg·m²", "give a number above zero in kg·m²"),
+        ("", "give a number above zero"),
+    ):
+        with pytest.raises(InputError) as caught:
+            above_zero(-1.0, "observer: rotor_inertia", unit)
+        assert str(caught.value).endswith(end)

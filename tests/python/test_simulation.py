@@ -228,3 +228,17 @@ def test_a_motion_without_bound_ends_with_a_sentence() -> None:
     joint = Joint(Gear(100), ROTOR, Output(friction=Friction(cubic=-50.0)))
     with pytest.raises(InputError, match="the motion grows without bound"):
         joint.simulate(np.linspace(0, 50, 501), motor_torque=1.0)
+
+
+@pytest.mark.parametrize("speed", [0.02, 0.5, -1.3])
+def test_friction_given_at_the_output_brakes_as_much_from_the_motor(speed: float) -> None:
+    def torque(f: Friction, v: float) -> float:
+        level = f.coulomb_forward if v > 0.0 else f.coulomb_backward
+        slow = f.stribeck * np.exp(-((v / f.stribeck_velocity) ** 2))
+        smooth = f.viscous * v + f.quadratic * v * abs(v) + f.cubic * v**3
+        return float(np.sign(v) * (level + slow) + smooth)
+
+    ratio = 51.0
+    own = Friction(3.0, 2.5, stribeck=1.0, viscous=4.0, quadratic=0.7, cubic=0.3)
+    there = own.at_motor(ratio)
+    assert ratio * torque(there, ratio * speed) == pytest.approx(torque(own, speed))
