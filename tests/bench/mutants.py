@@ -206,7 +206,7 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--budget", type=float, default=20.0, help="s of tests for a mutant")
     parser.add_argument("--only", default="", help="with run: mutants whose key holds this")
-    given = parser.parse_args()
+    given = parser.parse_intermixed_args()
     if given.task == "record":
         record(given.folder, given.jobs, given.tests)
     elif given.task == "run":

@@ -13,7 +13,7 @@ from fit_logs import WIDTH
 from hidden_logs import LOAD, friction_of, log_of, noise, rich_run
 
 import flexspline
-from flexspline.discovery.evidence import Dictionary, held_out_gain
+from flexspline.discovery.evidence import Dictionary, equivalent_t, held_out_gain
 from flexspline.discovery.faults import _last_column
 from flexspline.discovery.result import Discovery, confidence
 from flexspline.discovery.search import Searcher, missed, study_of
@@ -76,6 +76,13 @@ def test_waves_that_are_not_there_are_not_foretold() -> None:
     table, model, beside, gain = folds_apart(0.0)
     assert gain < 25.0
     assert held_out_gain(table, model, beside, gain).sum() < 0.5 * 25.0
+
+
+@pytest.mark.parametrize("t", [0.5, 3.0, 12.0, 40.0, 200.0])
+def test_a_chi_squared_of_one_column_is_as_surprising_as_its_root(t: float) -> None:
+    assert equivalent_t(t**2, 1) == pytest.approx(t, rel=1e-3)
+    # more columns explain as much by chance more easily, in far tails too, where it hardly matters
+    assert 0.9 * np.sqrt(max(t**2 - 25.0, 0.0)) < equivalent_t(t**2, 4) < t
 
 
 def test_a_delay_does_not_depend_on_the_units_of_the_columns_beside_it() -> None:

@@ -242,8 +242,11 @@ def test_torsion_gives_the_output_from_the_motor() -> None:
     moved = log.with_columns({"output_position": made.simulated}, note="simulated")
     assert np.max(np.abs(model.predict(moved).residual)) < 1e-9
     assert np.max(np.abs(made.simulated - theta / RATIO)) > 1e-4
+    assert np.array_equal(made.measured, log["output_position"])
     bare = Log.from_arrays(time=time, motor_position=theta, reference_torque=load)
-    assert np.array_equal(flexspline.simulate(model, bare).simulated, made.simulated)
+    unmeasured = flexspline.simulate(model, bare)
+    assert np.array_equal(unmeasured.simulated, made.simulated)
+    assert np.isnan(unmeasured.measured).all()
     other = log.with_facts({"gear_ratio": 2.0 * FACTS["gear_ratio"]})
     with pytest.raises(InputError, match="they must be of one joint"):
         flexspline.simulate(model, other)

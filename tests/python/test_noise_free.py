@@ -10,6 +10,9 @@ from fit_logs import FRICTION, friction, motion, simulated
 
 import flexspline
 from flexspline import InputError
+from flexspline.least_squares.estimate import Given, estimate
+from flexspline.least_squares.problem import problem_of
+from flexspline.least_squares.shapes import GRID
 from flexspline.logs.log import Log
 
 MODELS = {
@@ -85,3 +88,14 @@ def test_two_halves_of_a_file_and_a_run_that_differs_by_one_value_are_runs() -> 
     halves = [log.rows(slice(0, 1000), note="one"), log.rows(slice(1000, 2000), note="two")]
     for logs in ([log, other], halves):
         assert len(flexspline.fit(friction(), logs, "sensor_torque", checks=False).runs) == 2
+
+
+def test_who_waits_is_told_of_every_solve_of_a_search() -> None:
+    logs, effects = runs(friction(), FRICTION, 1), friction()
+    problem = problem_of(
+        logs, effects, "sensor_torque", known_load=None, lowpass_hz=None, threads=1
+    )
+    told: list[int] = []
+    estimate(problem, effects, Given({}, {}, {}, False), lambda: told.append(1))
+    assert [shape.name for e in effects for shape in e.fitted_shapes] == ["direction_width"]
+    assert len(told) > GRID  # the points of its scan, and what follows

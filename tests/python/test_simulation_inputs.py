@@ -226,6 +226,7 @@ def test_a_wrong_time_is_named_with_its_row(times: list[float], sentence: str) -
         (lambda: Harmonic(1, 1.0, pair="output"), "is no pair of parts"),
         (lambda: Motor(resistance=1.0), "give torque_constant as well"),
         (lambda: Obstacle(direction=0), "Obstacle.direction is 0"),
+        (lambda: Obstacle(direction=-2), "Obstacle.direction is -2"),
         (lambda: Servo(delay=65), "Servo.delay is 65; give a whole number from 0 to 64"),
         (lambda: Servo(feedback="link"), "give 'motor' or 'output'"),
         (lambda: Stop(reaction="panic"), "give 'release', 'brake' or 'hold'"),
