@@ -24,9 +24,13 @@ class Result:
 
 
 def last_results(folder: Path) -> dict[str, Result]:
-    path = folder / "results.jsonl"
-    lines = path.read_text().splitlines() if path.exists() else []
-    return {result.key: result for result in (Result(**json.loads(line)) for line in lines)}
+    """The last result of each mutant; what is dead stays so, whoever judges it again."""
+    path, found = folder / "results.jsonl", dict[str, Result]()
+    for line in path.read_text().splitlines() if path.exists() else []:
+        result = Result(**json.loads(line))
+        if not (result.key in found and found[result.key].dead):
+            found[result.key] = result
+    return found
 
 
 def add(folder: Path, result: Result) -> None:
