@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from flexspline.errors import InputError
 from flexspline.logs import Log
 from flexspline.logs.checks import check
+from flexspline.logs.checks.samples import unwrapped
 from flexspline.logs.repairs import repaired
 
 Array = NDArray[np.float64]
@@ -412,3 +413,14 @@ def test_a_log_of_few_rows_is_checked_without_failing(rows: int) -> None:
 def test_a_log_of_nothing_but_nan_is_checked_without_failing() -> None:
     log = Log.from_arrays(time=np.arange(100.0), output_position=np.full(100, np.nan))
     assert check(log).named("not_finite")
+
+
+@pytest.mark.parametrize("row", [1, 2, 3, 50, 97, 98, 99])
+def test_a_wrap_is_seen_in_whatever_row_it_is(row: int) -> None:
+    """Beside an end of the run the steps around it lie on one side."""
+    angle = 0.01 * (np.arange(100.0) - row + 0.5)
+    wrapped = np.where(np.arange(100) >= row, angle - np.pi, angle + np.pi)
+    found = check(Log.from_arrays(time=0.01 * np.arange(100.0), output_position=wrapped))
+    (finding,) = found.named("wrapped_angle")
+    assert finding.rows[0] == row
+    np.testing.assert_allclose(unwrapped(wrapped), angle + np.pi, atol=1e-12)

@@ -287,8 +287,9 @@ def _wraps(position: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.
     far = np.flatnonzero(np.abs(steps) > np.pi / 2)
     if far.size == 0 or len(steps) < 5:
         return far[:0] + 1, np.zeros(0)
-    around = np.clip(far[:, None] + np.array([-2, -1, 1, 2]), 0, len(steps) - 1)
-    excess = steps[far] - np.median(steps[around], axis=1)
+    window = np.clip(far - 2, 0, len(steps) - 5)[:, None] + np.arange(5)  # at an end: to one side
+    around = steps[window][window != far[:, None]].reshape(-1, 4)
+    excess = steps[far] - np.median(around, axis=1)
     whole = np.abs(np.abs(excess) - 2 * np.pi) < 0.7
     return far[whole] + 1, np.sign(excess[whole])
 
