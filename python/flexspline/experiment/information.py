@@ -38,7 +38,7 @@ from flexspline.least_squares.problem import Problem, Run
 from flexspline.logs.local_fit import WIDEST
 from flexspline.logs.log import Log
 from flexspline.regression.candidate_model import Working
-from flexspline.regression.gram import Columns, Whitening, left_by
+from flexspline.regression.gram import SINGULAR, Columns, Whitening, left_by
 
 __all__ = [
     "Layout",
@@ -107,7 +107,8 @@ class Question:
     def _left(self, total: Array, columns: Columns) -> float:
         across = total @ self.signal
         full = np.block([[total, across[:, None]], [across[None, :], self.signal @ across]])
-        return float(left_by(full, columns)[-1, -1])
+        left, alone = float(left_by(full, columns)[-1, -1]), float(full[-1, -1])
+        return left if left > SINGULAR * alone else 0.0  # a difference of equals is its rounding
 
 
 @dataclass(frozen=True, eq=False)
