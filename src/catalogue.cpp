@@ -4,11 +4,6 @@
 namespace flexspline::bindings {
 namespace {
 
-constexpr std::array<const char*, 9> channel_names{
-    "output_position", "output_velocity", "output_acceleration",
-    "motor_position",  "temperature",     "load",
-    "motor_torque",    "period",          "time"};
-
 constexpr std::array<const char*, 14> excitation_names{
     "both_directions", "speed_ratio",    "low_speeds",     "acceleration", "turn",
     "resolved_order",  "resolved_poles", "temperature",    "duration",     "known_load",
@@ -61,12 +56,12 @@ py::dict describe(const Effect& effect) {
   entry["terms"] = terms;
   py::list reads;
   for (const Channel channel : effect.reads) {
-    reads.append(channel_names[static_cast<std::size_t>(channel)]);
+    reads.append(std::string(channel_names[static_cast<std::size_t>(channel)]));
   }
   entry["reads"] = reads;
   py::list paths;
   for (const Path& path : paths_of<Effect>()) {
-    paths.append(py::make_tuple(channel_names[static_cast<std::size_t>(path.channel)],
+    paths.append(py::make_tuple(std::string(channel_names[static_cast<std::size_t>(path.channel)]),
                                 std::string(path.width)));
   }
   entry["paths"] = paths;
@@ -103,6 +98,14 @@ void bind_catalogue(py::module_& module) {
       },
       "Every effect of the core: name, targets, terms, shapes, channels read, pairs of parts.");
   module.attr("max_harmonics") = batch::max_harmonics;
+  const auto names = [](const auto& from, auto name) {
+    py::tuple all(from.size());
+    for (std::size_t k = 0; k < from.size(); ++k) all[k] = py::str(std::string(name(from[k])));
+    return all;
+  };
+  module.attr("numbers") = names(numbers<double>, [](const auto& each) { return each.name(); });
+  module.attr("instruments") =
+      names(instruments<double>, [](const auto& each) { return each.name; });
 }
 
 }  // namespace flexspline::bindings

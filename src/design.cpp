@@ -199,22 +199,16 @@ Borrowed borrow(const py::dict& columns, py::ssize_t size) {
   Borrowed borrowed;
   batch::Channels& c = borrowed.channels;
   c.size = static_cast<std::size_t>(size);
-  const std::array<std::pair<const char*, const double**>, 9> known{{
-      {"output_position", &c.output_position},
-      {"output_velocity", &c.output_velocity},
-      {"output_acceleration", &c.output_acceleration},
-      {"motor_position", &c.motor_position},
-      {"temperature", &c.temperature},
-      {"known_load", &c.known_load},
-      {"motor_torque", &c.motor_torque},
-      {"period", &c.period},
-      {"time", &c.time},
-  }};
-  for (const auto& [name, field] : known) {
-    if (!columns.contains(name)) continue;
-    borrowed.arrays.push_back(columns[name].cast<Array>());
-    *field = column_or_null(borrowed.arrays.back(), c.size, name);
-  }
+  const auto take = [&](std::string_view known, const double*& field) {
+    const std::string name(known);
+    if (!columns.contains(name)) return;
+    borrowed.arrays.push_back(columns[name.c_str()].cast<Array>());
+    field = column_or_null(borrowed.arrays.back(), c.size, name.c_str());
+  };
+  take("output_position", c.output_position);
+  take("motor_position", c.motor_position);
+  take("known_load", c.known_load);
+  for (std::size_t k = 0; k < c.number.size(); ++k) take(numbers<double>[k].name(), c.number[k]);
   return borrowed;
 }
 

@@ -57,11 +57,9 @@ JointColumns borrow_readings(const py::dict& columns, std::span<const std::size_
     const auto name = key.cast<std::string>();
     made.arrays.push_back(value.cast<Array>());
     const double* values = column_or_null(made.arrays.back(), made.log.size, name.c_str());
-    const auto* number =
-        std::find_if(batch::reading_numbers.begin(), batch::reading_numbers.end(),
-                     [&name](const auto& candidate) { return candidate.name == name; });
-    if (number != batch::reading_numbers.end()) {
-      made.log.numbers[number - batch::reading_numbers.begin()] = values;
+    const std::size_t number = batch::place_of_reading(name);
+    if (number < made.log.numbers.size() && !batch::of_the_clock(name)) {
+      made.log.numbers[number] = values;
     } else if (name == "time") {
       made.log.time = values;
     } else if (name == "output_position") {

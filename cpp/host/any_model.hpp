@@ -22,7 +22,7 @@ class AnyModel {
   AnyModel() : AnyModel(Design({}, Gear<double>{}), {}) {}
 
   /// Some of the channels, by their number.
-  using Known = std::array<bool, std::size_t(Channel::time) + 1>;
+  using Known = std::array<bool, channel_names.size()>;
 
   /// As many coefficients as the design has columns.
   AnyModel(const Design& design, std::span<const double> coefficients)

@@ -108,7 +108,8 @@ void bend(const Effect& effect, const SampleBlock& block, double* out, std::size
     double* cosine = out + 2 * k * stride;
     double* sine = cosine + stride;
     const std::uint32_t order = effect.harmonics()[k].order;
-    run_wide([&effect, cosine, sine, order, v = block.output_velocity, size = block.size] {
+    run_wide([&effect, cosine, sine, order, v = block.column<Channel::output_velocity>(),
+              size = block.size] {
       for (std::size_t i = 0; i < size; ++i) {
         const auto p = effect.bent({cosine[i], sine[i]}, order, v[i]);
         cosine[i] = p.cosine;

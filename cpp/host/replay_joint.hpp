@@ -22,15 +22,27 @@ struct NamedField {
   double Row::* field;
 };
 
-inline constexpr std::array<NamedField<Reading<double>>, 7> reading_numbers{{
-    {"output_velocity", &Reading<double>::output_velocity},
-    {"output_acceleration", &Reading<double>::output_acceleration},
-    {"motor_torque", &Reading<double>::motor_torque},
-    {"sensor_voltage", &Reading<double>::sensor_voltage},
-    {"sensor_torque", &Reading<double>::sensor_torque},
-    {"thermistor_voltage", &Reading<double>::thermistor_voltage},
-    {"temperature", &Reading<double>::temperature},
-}};
+/// The numbers of a reading: those that models read, then the instruments'. Time and period are
+/// made of the log's clock.
+inline constexpr auto reading_numbers = [] {
+  std::array<NamedField<Reading<double>>, numbers<double>.size() + instruments<double>.size()> all;
+  auto next = all.begin();
+  for (const Number<double>& each : numbers<double>) *next++ = {each.name(), each.read};
+  for (const Instrument<double>& each : instruments<double>) *next++ = {each.name, each.read};
+  return all;
+}();
+
+/// The place of a number of a reading; behind the last where there is none of the name.
+constexpr std::size_t place_of_reading(std::string_view name) noexcept {
+  std::size_t place = 0;
+  while (place < reading_numbers.size() && reading_numbers[place].name != name) ++place;
+  return place;
+}
+
+/// Whether a number of a reading is made of the log's clock.
+constexpr bool of_the_clock(std::string_view name) noexcept {
+  return name == "time" || name == "period";
+}
 
 /// What a stage makes of a row, NaN in rows that it missed.
 struct NamedOutput {
@@ -156,9 +168,9 @@ class Ahead {
     for (const Channel c : {Channel::output_position, Channel::motor_position, Channel::time}) {
       know(c, true);
     }
-    for (const Channel c :
-         {Channel::output_velocity, Channel::output_acceleration, Channel::motor_torque}) {
-      know(c, plain);
+    for (const Number<double>& each : numbers<double>) {
+      const bool changes = each.channel == Channel::temperature || of_the_clock(each.name());
+      if (!changes) know(each.channel, plain);
     }
   }
 
@@ -180,30 +192,25 @@ class Ahead {
 
   /// What a `Reading` has of these rows: NaN for what is missing.
   void read(std::size_t row, std::size_t count) {
+    channels_ = {.size = count};
     for (std::size_t k = 0; k < numbers_.size(); ++k) {
-      const double* from = log_.numbers[k];
+      const bool time = numbers<double>[k].channel == Channel::time;
+      const double* from = time ? log_.time : log_.numbers[k];
+      const double start = time ? log_.time[0] : 0.0;
       for (std::size_t i = 0; i < count; ++i) {
-        numbers_[k][i] = from == nullptr ? unknown : math::finite_or_nan(from[row + i]);
+        numbers_[k][i] = from == nullptr ? unknown : math::finite_or_nan(from[row + i] - start);
       }
-    }
-    for (std::size_t i = 0; i < count; ++i) {
-      time_[i] = math::finite_or_nan(log_.time[row + i] - log_.time[0]);
+      channels_.number[k] = numbers_[k].data();
     }
     const auto at = [row](const double* angle) { return angle == nullptr ? angle : angle + row; };
-    channels_ = {.size = count,
-                 .output_position = at(log_.output_position),
-                 .output_velocity = numbers_[0].data(),
-                 .output_acceleration = numbers_[1].data(),
-                 .motor_position = at(log_.motor_position),
-                 .motor_torque = numbers_[2].data(),
-                 .time = time_.data()};
+    channels_.output_position = at(log_.output_position);
+    channels_.motor_position = at(log_.motor_position);
   }
 
   LogJoint& joint_;
   const JointLog& log_;
   AnyModel::Known known_{};
-  std::array<SampleBlock::Column<double>, 3> numbers_;  ///< the first of `reading_numbers`
-  SampleBlock::Column<double> time_;
+  std::array<SampleBlock::Column<double>, numbers<double>.size()> numbers_;
   Channels channels_;
 };
 

@@ -6,6 +6,7 @@
 #include <cstddef>
 
 #include "flexspline/effects/harmonics.hpp"
+#include "flexspline/gear.hpp"
 #include "host/wide_loop.hpp"
 
 namespace flexspline::batch {
@@ -13,16 +14,19 @@ namespace flexspline::batch {
 /// Borrowed columns of equal length; a null pointer is a channel that the log lacks.
 struct Channels {
   std::size_t size = 0;
-  const double* output_position = nullptr;      ///< rad
-  const double* output_velocity = nullptr;      ///< rad/s
-  const double* output_acceleration = nullptr;  ///< rad/s²
-  const double* motor_position = nullptr;       ///< rad
-  const double* temperature = nullptr;          ///< °C
-  const double* known_load = nullptr;           ///< Nm
-  const double* motor_torque = nullptr;         ///< Nm at the shaft
-  const double* period = nullptr;               ///< s since the row before; 0: a new start
-  const double* time = nullptr;                 ///< s since the run began
+  const double* output_position = nullptr;  ///< rad
+  const double* motor_position = nullptr;   ///< rad
+  const double* known_load = nullptr;       ///< Nm
+  /// In the order of `numbers`. The period is 0 where a run starts anew.
+  std::array<const double*, numbers<double>.size()> number{};
 };
+
+/// The place of a channel in `numbers`; behind the last where it is none of them.
+constexpr std::size_t place_of_number(Channel channel) noexcept {
+  std::size_t place = 0;
+  while (place < numbers<double>.size() && numbers<double>[place].channel != channel) ++place;
+  return place;
+}
 
 /// Up to `capacity` samples of a log, a column each, so that a loop over them vectorises. Plain
 /// channels stay where they are; phases are made here.
@@ -36,39 +40,28 @@ struct SampleBlock {
   std::size_t size = 0;
   const double* output_position = nullptr;
   const double* motor_position = nullptr;
-  const double* output_velocity = nullptr;
-  const double* output_acceleration = nullptr;
-  const double* temperature = nullptr;
   const double* known_load = nullptr;
-  const double* motor_torque = nullptr;
-  const double* period = nullptr;
-  const double* time = nullptr;
   const double* load = nullptr;
+  std::array<const double*, numbers<double>.size()> number{};  ///< as in `Channels`
   Column<std::int32_t> turns;
   Column<std::uint64_t> output_phase, motor_phase, flexspline_phase, circular_spline_phase;
 
   /// Points at rows [first, first + count) and fills the phases asked for; the load is the known
   /// load.
-  /// A channel that the log lacks is 0 (temperature: 25, period: 1); a position that is not finite
+  /// A channel that the log lacks is what `Sample` has (period: 1); a position that is not finite
   /// gives phase zero.
   void read(const Channels& from, std::size_t first, std::size_t count, const Gear<double>& gear,
             Angles angles) noexcept {
-    static const Column<double> none = filled(0.0);
-    static const Column<double> room = filled(25.0);
-    static const Column<double> second = filled(1.0);
+    static const auto lacking = lacking_numbers();
+    static const Column<double> none{};
     const auto at = [first](const double* column, const Column<double>& absent) {
       return column != nullptr ? column + first : absent.data();
     };
     size = count;
     output_position = at(from.output_position, none);
     motor_position = at(from.motor_position, none);
-    output_velocity = at(from.output_velocity, none);
-    output_acceleration = at(from.output_acceleration, none);
-    temperature = at(from.temperature, room);
     known_load = at(from.known_load, none);
-    motor_torque = at(from.motor_torque, none);
-    period = at(from.period, second);
-    time = at(from.time, none);
+    for (std::size_t k = 0; k < number.size(); ++k) number[k] = at(from.number[k], lacking[k]);
     load = known_load;
     if (angles == Angles::none) return;
     if (from.output_position == nullptr) {
@@ -78,6 +71,13 @@ struct SampleBlock {
       read_angle(from.output_position + first, turns, output_phase);
     }
     if (angles == Angles::both_sides) read_motor(from, first, gear);
+  }
+
+  /// A channel that is one of `numbers`.
+  template <Channel channel>
+  const double* column() const noexcept {
+    static_assert(place_of_number(channel) < numbers<double>.size());
+    return number[place_of_number(channel)];
   }
 
   /// The phases of one pair of parts.
@@ -100,37 +100,21 @@ struct SampleBlock {
     switch (channel) {
       case Channel::output_position:
         return math::is_finite(output_position[i]);
-      case Channel::output_velocity:
-        return math::is_finite(output_velocity[i]);
-      case Channel::output_acceleration:
-        return math::is_finite(output_acceleration[i]);
       case Channel::motor_position:
         return math::is_finite(output_position[i]) && math::is_finite(motor_position[i]);
-      case Channel::temperature:
-        return math::is_finite(temperature[i]);
       case Channel::load:
         return math::is_finite(load[i]);
-      case Channel::motor_torque:
-        return math::is_finite(motor_torque[i]);
-      case Channel::period:
-        return math::is_finite(period[i]);
-      case Channel::time:
-        return math::is_finite(time[i]);
+      default:
+        return math::is_finite(number[place_of_number(channel)][i]);
     }
-    return false;
   }
 
   Sample<double> operator[](std::size_t i) const noexcept {
     Sample<double> at;
     at.output_position = {turns[i], {output_phase[i]}};
-    at.output_velocity = output_velocity[i];
-    at.output_acceleration = output_acceleration[i];
     at.motor_position = {0, {motor_phase[i]}};
-    at.temperature = temperature[i];
     at.known_load = known_load[i];
-    at.motor_torque = motor_torque[i];
-    at.period = period[i];
-    at.time = time[i];
+    for_each_number([&](auto place) { at.*numbers<double>[place].at = number[place][i]; });
     at.wave_generator_on_flexspline = {flexspline_phase[i]};
     at.wave_generator_on_circular_spline = {circular_spline_phase[i]};
     at.load = load[i];
@@ -138,10 +122,12 @@ struct SampleBlock {
   }
 
  private:
-  static Column<double> filled(double value) noexcept {
-    Column<double> column;
-    column.fill(value);
-    return column;
+  static std::array<Column<double>, numbers<double>.size()> lacking_numbers() noexcept {
+    Sample<double> lacking;
+    lacking.period = 1;
+    std::array<Column<double>, numbers<double>.size()> all;
+    for (std::size_t k = 0; k < all.size(); ++k) all[k].fill(lacking.*numbers<double>[k].at);
+    return all;
   }
 
   void read_angle(const double* angle, Column<std::int32_t>& whole,

@@ -48,7 +48,7 @@ void walk_together(std::span<const Walker<Effect>> walkers, std::size_t first,
     if constexpr (LooksAhead<Effect>) look_ahead(effects[n], block, ahead[n].data());
   }
   for (std::size_t i = 0; i < block.size; ++i) {
-    if (block.period[i] == 0.0) states = {};
+    if (block.column<Channel::period>()[i] == 0.0) states = {};
     bool good = true;
     for (const Channel channel : Effect::reads) good &= block.finite(channel, i);
     if (!good) continue;

@@ -18,6 +18,8 @@ _Run = tuple[
 ]
 
 max_harmonics: int
+numbers: tuple[str, ...]
+instruments: tuple[str, ...]
 simulation_columns: list[str]
 simulation_elements: int
 

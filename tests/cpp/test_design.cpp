@@ -31,9 +31,12 @@ struct RandomLog {
     for (std::size_t i = 0; i < rows; ++i) time.push_back(0.001 * static_cast<double>(i));
   }
   batch::Channels channels() const {
-    return {rows,          q.data(),           v.data(),    a.data(),
-            theta.data(),  temperature.data(), load.data(), motor_torque.data(),
-            period.data(), time.data()};
+    return {
+        rows,
+        q.data(),
+        theta.data(),
+        load.data(),
+        {v.data(), a.data(), temperature.data(), motor_torque.data(), period.data(), time.data()}};
   }
   Sample<double> operator[](std::size_t i) const {
     Sample<double> at;

@@ -68,7 +68,7 @@ TEST_CASE("a row in which time stands still is missed, and the next counts from 
   joint.estimating.observer = {1.0};
   const std::array<std::size_t, 1> starts{0};
   batch::JointLog log{4, starts, time.data()};
-  log.numbers[4] = torque.data();
+  log.numbers[batch::place_of_reading("sensor_torque")] = torque.data();
   batch::JointResults results{temperature.data(), sensor.data()};
   results.outputs[1] = external.data();
   results.flags = flags.data();

@@ -89,6 +89,31 @@ TEST_CASE_TEMPLATE("a channel that no effect reads may hold anything", S, float,
   CHECK(torque == S(3));
 }
 
+TEST_CASE_TEMPLATE("each channel is an angle, the load or one of the numbers, once", S, float,
+                   double) {
+  std::array<int, channel_names.size()> counted{};
+  for (const Channel made : {Channel::output_position, Channel::motor_position, Channel::load}) {
+    ++counted[std::size_t(made)];
+  }
+  Reading<S> in;
+  Sample<S> at;
+  for (const Number<S>& number : numbers<S>) {
+    const auto place = std::size_t(number.channel);
+    ++counted[place];
+    in.*number.read = at.*number.at = S(100 + place);
+  }
+  for (std::size_t k = 0; k < counted.size(); ++k) {
+    CHECK_MESSAGE(counted[k] == 1, channel_names[k]);
+  }
+  for (const Number<S>& number : numbers<S>) {  // no member stands in two rows
+    const auto place = std::size_t(number.channel);
+    CHECK_MESSAGE(in.*number.read == S(100 + place), number.name());
+    CHECK_MESSAGE(at.*number.at == S(100 + place), number.name());
+  }
+  CHECK(channel_names[std::size_t(Channel::time)] == "time");
+  CHECK(channel_names.size() == std::size_t(Channel::time) + 1);
+}
+
 TEST_CASE_TEMPLATE("a model without effects predicts zero", S, float, double) {
   constexpr Model<S> model{};
   S torque = 5;

@@ -21,17 +21,14 @@ std::optional<flexspline::Angle<unit::Scalar>> angle(const certify::Row<unit::Sc
 
 void unit::take(const certify::Row<Scalar>& row) noexcept {
   if ((row.marks & certify::fresh) != 0) state = {};
-  in.period = row.period;
   in.output_position = angle(row, 0);
   in.motor_position = angle(row, 1);
-  in.output_velocity = row.output_velocity;
-  in.output_acceleration = row.output_acceleration;
-  in.motor_torque = row.motor_torque;
-  in.sensor_voltage = row.sensor_voltage;
-  in.sensor_torque = row.sensor_torque;
-  in.thermistor_voltage = row.thermistor_voltage;
-  in.temperature = row.temperature;
-  in.time = row.time;
+  for (unsigned k = 0; k < row.numbers.size(); ++k) {
+    in.*flexspline::numbers<Scalar>[k].read = row.numbers[k];
+  }
+  for (unsigned k = 0; k < row.instruments.size(); ++k) {
+    in.*flexspline::instruments<Scalar>[k].read = row.instruments[k];
+  }
 }
 
 void unit::give(certify::Result<Scalar>& result) noexcept {

@@ -25,13 +25,10 @@ void unit::take(const certify::Row<Scalar>& row) noexcept {
   if ((row.marks & certify::fresh) != 0) state = {};
   at.output_position = {row.turns[0], {row.fractions[0]}};
   at.motor_position = {row.turns[1], {row.fractions[1]}};
-  at.output_velocity = row.output_velocity;
-  at.output_acceleration = row.output_acceleration;
-  at.temperature = row.temperature;
   at.known_load = row.known_load;
-  at.motor_torque = row.motor_torque;
-  at.period = row.period;
-  at.time = row.time;
+  for (unsigned k = 0; k < row.numbers.size(); ++k) {
+    at.*flexspline::numbers<Scalar>[k].at = row.numbers[k];
+  }
 }
 
 void unit::give(certify::Result<Scalar>& result) noexcept {

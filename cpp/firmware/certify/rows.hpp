@@ -1,20 +1,21 @@
 /// What certify's program reads and writes, row by row, in memory's own byte order (little-endian).
 ///
-/// The same layout is `ROW` and `RESULT` in python/flexspline/certification/program.py.
+/// `ROW` and `RESULT` in python/flexspline/certification/program.py lay them out alike.
 #pragma once
 
 #include <array>
 #include <cstdint>
 
-#include "flexspline/angle.hpp"
+#include "flexspline/sample.hpp"
 
 namespace certify {
 
 /// One period's readings; NaN is missing.
 template <typename S>
 struct Row {
-  S period, time, output_velocity, output_acceleration, motor_torque, sensor_voltage, sensor_torque,
-      thermistor_voltage, temperature, known_load;
+  std::array<S, flexspline::numbers<S>.size()> numbers;
+  std::array<S, flexspline::instruments<S>.size()> instruments;
+  S known_load;
   std::array<flexspline::math::Bits<S>, 2> fractions;  ///< of a turn: q, θ
   std::array<std::int32_t, 2> turns;                   ///< q, θ
   std::uint32_t marks;                                 ///< bits of Mark
@@ -39,7 +40,6 @@ struct Footer {
   std::uint32_t stack_bytes;  ///< that the steps used, painted; 0 on a host
 };
 
-static_assert(sizeof(Row<float>) == 64 && sizeof(Row<double>) == 112);
 static_assert(sizeof(Result<float>) == 48 && sizeof(Result<double>) == 80);
 
 }  // namespace certify

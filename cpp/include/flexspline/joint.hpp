@@ -148,12 +148,12 @@ struct Joint {
     Sample<S> at;
     at.output_position = in.output_position.value_or(Angle<S>{});
     at.motor_position = in.motor_position.value_or(Angle<S>{});
-    at.output_velocity = math::finite_or_nan(in.output_velocity);
-    at.output_acceleration = math::finite_or_nan(in.output_acceleration);
+    for_each_number([&](auto place) {
+      constexpr Number<S> number = numbers<S>[place];
+      at.*number.at = math::finite_or_nan(in.*number.read);
+    });
     at.temperature = temperature;
-    at.motor_torque = math::finite_or_nan(in.motor_torque);
     at.period = in.period;
-    at.time = math::finite_or_nan(in.time);
     return at;
   }
 

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "flexspline/effects/harmonics.hpp"
+#include "flexspline/gear.hpp"
 #include "flexspline/status.hpp"
 
 namespace flexspline {
@@ -79,14 +80,13 @@ constexpr void prepare(const Model& model, Sample<S>& at) noexcept {
 template <typename S, typename Model>
 constexpr bool readable(const Model& model, const Sample<S>& at) noexcept {
   bool good = true;
-  if (model.template reads<Channel::output_velocity>()) good &= math::is_finite(at.output_velocity);
-  if (model.template reads<Channel::output_acceleration>()) {
-    good &= math::is_finite(at.output_acceleration);
-  }
-  if (model.template reads<Channel::temperature>()) good &= math::is_finite(at.temperature);
+  for_each_number([&](auto place) {
+    constexpr Number<S> number = numbers<S>[place];
+    if constexpr (number.channel != Channel::period) {
+      if (model.template reads<number.channel>()) good &= math::is_finite(at.*number.at);
+    }
+  });
   if (model.template reads<Channel::load>()) good &= math::is_finite(at.known_load);
-  if (model.template reads<Channel::motor_torque>()) good &= math::is_finite(at.motor_torque);
-  if (model.template reads<Channel::time>()) good &= math::is_finite(at.time);
   return good;
 }
 

@@ -23,7 +23,7 @@
 #pragma once
 
 #include "flexspline/fields.hpp"
-#include "flexspline/reading.hpp"
+#include "flexspline/gear.hpp"
 #include "flexspline/sample.hpp"
 
 namespace flexspline {

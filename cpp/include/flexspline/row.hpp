@@ -44,19 +44,6 @@ struct Shape {
 };
 inline constexpr std::string_view of_model = "model";
 
-/// What an effect reads of a sample.
-enum class Channel : unsigned char {
-  output_position,
-  output_velocity,
-  output_acceleration,
-  motor_position,
-  temperature,
-  load,  ///< the transmitted torque, filled by the model
-  motor_torque,
-  period,  ///< time since the sample before
-  time,    ///< since the run began
-};
-
 /// What may drive an effect that remembers, and the shape that is its width then. Where an effect
 /// has several, its shape `path` is the number of the one in use; it reads that channel alone.
 struct Path {

@@ -1,11 +1,37 @@
-/// One instant of a log, and the gear that relates its two sides.
+/// The channels of one instant: as a device reads them, and as models see them.
+///
+/// A channel that is a plain number is a member of `Sample` and of `Reading`, a `Channel` with its
+/// name, and a row of `numbers`; chain, models, replays and programs of certificates follow.
 #pragma once
 
-#include <cstdint>
+#include <array>
+#include <cstddef>
+#include <limits>
+#include <optional>
+#include <string_view>
+#include <type_traits>
+#include <utility>
 
 #include "flexspline/angle.hpp"
 
 namespace flexspline {
+
+/// What an effect reads of a sample.
+enum class Channel : unsigned char {
+  output_position,
+  output_velocity,
+  output_acceleration,
+  motor_position,
+  temperature,
+  load,  ///< the transmitted torque, filled by the model
+  motor_torque,
+  period,  ///< time since the sample before
+  time,    ///< since the run began
+};
+inline constexpr std::array<std::string_view, 9> channel_names{
+    "output_position", "output_velocity", "output_acceleration",
+    "motor_position",  "temperature",     "load",
+    "motor_torque",    "period",          "time"};
 
 /// What is known of a joint at one instant. SI units; signs as in the log format: torques are
 /// positive when the joint pushes outward, the motor side is counted so that θ ≈ +Ñ q.
@@ -27,44 +53,63 @@ struct Sample {
   S load = 0;  ///< Nm, torque that the gear transmits: known load, inertia and gravity
 };
 
-enum class OutputSpline : std::uint8_t { unknown, circular, flex };
-
-/// The gear's effective ratio Ñ as whole turns and a fraction, and what turns against what.
-///
-///   θ = Ñ q;  Ñ = N + 1 where the circular spline is the output, N otherwise
+/// What is read in one period. SI units, signs as in the log format.
 template <typename S>
-struct Gear {
-  std::uint32_t whole_ratio = 1;
-  Phase<double> ratio_fraction;  ///< in 2^−64 for a float too: turns multiply what it lacks
-  OutputSpline output = OutputSpline::unknown;
-  bool motor_encoder = false;  ///< false: the motor's angle is Ñ q
+struct Reading {
+  static constexpr S missing = std::numeric_limits<S>::quiet_NaN();
 
-  /// `effective_ratio` Ñ > 0.
-  static constexpr Gear from_ratio(double effective_ratio, OutputSpline output,
-                                   bool motor_encoder) noexcept {
-    const auto ratio = Angle<double>::from_turns(effective_ratio);
-    return {static_cast<std::uint32_t>(ratio.turns), ratio.phase, output, motor_encoder};
-  }
-
-  /// The phase of Ñ q, exact to one unit of the fraction (float) or two (double).
-  constexpr Phase<S> motor_phase(const Angle<S>& q) const noexcept {
-    constexpr int spare = 64 - 8 * int(sizeof(S));
-    const std::uint64_t phase = std::uint64_t(q.phase.fraction) << spare;
-    const auto turns = static_cast<std::uint64_t>(std::int64_t(q.turns));
-    const std::uint64_t theta = whole_ratio * phase + turns * ratio_fraction.fraction +
-                                multiply_high(ratio_fraction.fraction, phase);
-    return {static_cast<math::Bits<S>>(theta >> spare)};
-  }
-
-  /// Wave generator against flexspline: θ, or θ + q where the flexspline is the output.
-  constexpr Phase<S> against_flexspline(Phase<S> q, Phase<S> theta) const noexcept {
-    return output == OutputSpline::flex ? theta + q : theta;
-  }
-
-  /// Wave generator against circular spline: θ, or θ − q where the circular spline is the output.
-  constexpr Phase<S> against_circular_spline(Phase<S> q, Phase<S> theta) const noexcept {
-    return output == OutputSpline::circular ? theta - q : theta;
-  }
+  S period = missing;                       ///< s since the last reading
+  std::optional<Angle<S>> output_position;  ///< q
+  std::optional<Angle<S>> motor_position;   ///< θ
+  S output_velocity = missing;              ///< rad/s
+  S output_acceleration = missing;          ///< rad/s²
+  S motor_torque = missing;                 ///< Nm at the motor's shaft
+  S sensor_voltage = missing;               ///< V
+  S sensor_torque = missing;                ///< Nm, where no voltage is read
+  S thermistor_voltage = missing;           ///< V
+  S temperature = missing;                  ///< °C, where no thermistor is read
+  S time = missing;                         ///< s since the run began
 };
+
+/// A channel of models that is a plain number, in a reading and in a sample.
+template <typename S>
+struct Number {
+  Channel channel;
+  S Reading<S>::* read;
+  S Sample<S>::* at;
+
+  constexpr std::string_view name() const noexcept { return channel_names[std::size_t(channel)]; }
+};
+template <typename S>
+inline constexpr std::array<Number<S>, 6> numbers{{
+    {Channel::output_velocity, &Reading<S>::output_velocity, &Sample<S>::output_velocity},
+    {Channel::output_acceleration, &Reading<S>::output_acceleration,
+     &Sample<S>::output_acceleration},
+    {Channel::temperature, &Reading<S>::temperature, &Sample<S>::temperature},
+    {Channel::motor_torque, &Reading<S>::motor_torque, &Sample<S>::motor_torque},
+    {Channel::period, &Reading<S>::period, &Sample<S>::period},
+    {Channel::time, &Reading<S>::time, &Sample<S>::time},
+}};
+
+/// A number that stages read and models do not.
+template <typename S>
+struct Instrument {
+  std::string_view name;
+  S Reading<S>::* read;
+};
+template <typename S>
+inline constexpr std::array<Instrument<S>, 3> instruments{{
+    {"thermistor_voltage", &Reading<S>::thermistor_voltage},
+    {"sensor_voltage", &Reading<S>::sensor_voltage},
+    {"sensor_torque", &Reading<S>::sensor_torque},
+}};
+
+/// Calls use(place) for each of `numbers`, whose place is a constant of the program.
+template <typename Use>
+constexpr void for_each_number(Use use) {
+  [&use]<std::size_t... places>(std::index_sequence<places...>) {
+    (use(std::integral_constant<std::size_t, places>{}), ...);
+  }(std::make_index_sequence<numbers<float>.size()>{});
+}
 
 }  // namespace flexspline

@@ -9,7 +9,7 @@
 /// Source: full_range_torque_estimation (11), (14); (11) should read Δθ = q Ñ − θ = θ_c Ñ − θ_w.
 #pragma once
 
-#include "flexspline/sample.hpp"
+#include "flexspline/gear.hpp"
 
 namespace flexspline {
 

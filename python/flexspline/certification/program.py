@@ -31,6 +31,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from flexspline import _core
 from flexspline.about import PACKAGE, get_include
 from flexspline.certification.devices import Device, call, found, host_compiler
 from flexspline.errors import InputError
@@ -65,18 +66,7 @@ BARE = ("-nostdlib", "-lc", "-lgcc")  # no start-up code, no C++ library
 
 Rows = NDArray[np.void]
 
-CHANNELS = (
-    "period",
-    "time",
-    "output_velocity",
-    "output_acceleration",
-    "motor_torque",
-    "sensor_voltage",
-    "sensor_torque",
-    "thermistor_voltage",
-    "temperature",
-    "known_load",
-)
+CHANNELS = (*_core.numbers, *_core.instruments, "known_load")
 ANGLES = ("output_position", "motor_position")
 MOST_TURNS = 2**30
 
@@ -197,7 +187,8 @@ def _compiler(device: Device) -> str:
 def _row(real: str, fraction: str) -> np.dtype[np.void]:
     numbers = [(name, real) for name in CHANNELS]
     angles = [("fractions", fraction, 2), ("turns", "<i4", 2)]
-    return np.dtype([*numbers, *angles, ("marks", "<u4"), ("spare", "<u4")])
+    marks = [("marks", "<u4"), ("spare", "<u4")]
+    return np.dtype([*numbers, *angles, *marks], align=True)
 
 
 def _result(real: str) -> np.dtype[np.void]:

@@ -12,6 +12,7 @@ import textwrap
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from flexspline import _core
 from flexspline.about import __version__
 from flexspline.effects import Effect, TermInfo, unit_in
 from flexspline.errors import InputError, listed, shortened
@@ -43,6 +44,18 @@ MEANING = {
     "torsion": "output_position * ratio - motor_position",
 }
 
+WORDS = {
+    "motor_torque": "Nm at the motor's shaft",
+    "period": "s since the last sample whose status was ok",
+    "time": "s since the run began",
+}
+
+
+def _words(name: str) -> str:
+    """A number's unit in ASCII, and what else a reader of the header needs to know of it."""
+    return WORDS.get(name) or CHANNELS[name].unit.replace("°", "deg ").replace("²", "^2")
+
+
 USE = {
     "output_position": (
         "flexspline::Status read = flexspline::read_radians(q, at.output_position);  // rad",
@@ -50,12 +63,10 @@ USE = {
         "// the fraction in 2^-32 turns (float) or 2^-64 turns (double)",
     ),
     "motor_position": ("// likewise at.motor_position",),
-    "output_velocity": ("at.output_velocity = velocity;  // rad/s",),
-    "output_acceleration": ("at.output_acceleration = acceleration;  // rad/s^2",),
-    "temperature": ("at.temperature = temperature;  // deg C",),
-    "motor_torque": ("at.motor_torque = motor_torque;  // Nm at the motor's shaft",),
-    "period": ("at.period = period;  // s since the last sample whose status was ok",),
-    "time": ("at.time = time;  // s since the run began",),
+    **{
+        name: (f"at.{name} = {name.removeprefix('output_')};  // {_words(name)}",)
+        for name in _core.numbers
+    },
     "load": ("at.known_load = load;  // Nm at the output, 0 where nothing is known of it",),
 }
 
@@ -66,16 +77,7 @@ COUNTED = {
     "time": ("s", "since the run began, as in the logs"),
 }
 
-READINGS = {
-    "thermistor_voltage": "V",
-    "temperature": "deg C",
-    "sensor_voltage": "V",
-    "sensor_torque": "Nm",
-    "output_velocity": "rad/s",
-    "output_acceleration": "rad/s^2",
-    "motor_torque": "Nm at the motor's shaft",
-    "time": "s since the run began",
-}
+READINGS = {name: _words(name) for name in (*_core.instruments, *_core.numbers) if name != "period"}
 ANGLES = {"output_position": "q", "motor_position": "theta"}
 RESULTS = {
     "sensor": "external_sensor",

@@ -146,6 +146,11 @@ const std::vector<Use> others = {
        for_each_field<Thermistor<S>>([&](const auto&) { ++numbers; });
        return numbers == 5;
      }},
+    {"gear.hpp",
+     [] {
+       const auto gear = Gear<S>::from_ratio(100.25, OutputSpline::flex, false);
+       return near(gear.motor_phase(Angle<S>::from_turns(S(2))).shortest(), -0.5);
+     }},
     {"gear_compliance.hpp",
      [] {
        const S back =
@@ -178,7 +183,6 @@ const std::vector<Use> others = {
        parameters::visit(count, joint(S(2)));
        return count.total == 6;
      }},
-    {"reading.hpp", [] { return !math::is_finite(Reading<S>{}.temperature); }},
     {"reading_checks.hpp",
      [] {
        typename ReadingChecks<S>::State state;
@@ -190,8 +194,9 @@ const std::vector<Use> others = {
     {"row.hpp", [] { return near(weighted<S, 2>({S(1), S(2)}, {S(3), S(4)}), 11); }},
     {"sample.hpp",
      [] {
-       const auto gear = Gear<S>::from_ratio(100.25, OutputSpline::flex, false);
-       return near(gear.motor_phase(Angle<S>::from_turns(S(2))).shortest(), -0.5);
+       S left = 0;
+       for (const Number<S>& each : numbers<S>) left += Sample<S>{}.*each.at;
+       return near(left, 25) && !math::is_finite(Reading<S>{}.temperature);
      }},
     {"status.hpp", [] { return extrapolated(S(3), S(1), S(2)) == Flag::extrapolated; }},
     {"swap.hpp",

@@ -64,9 +64,9 @@ inline bool blind_to_load(const Member& member) noexcept {
 
 /// The effect as lines of the load, where it is made of them.
 inline std::optional<BothWays> steady(const Member& member) noexcept {
-  for (const Channel other :
-       {Channel::output_position, Channel::output_acceleration, Channel::motor_position,
-        Channel::temperature, Channel::motor_torque, Channel::period, Channel::time}) {
+  for (std::size_t k = 0; k < channel_names.size(); ++k) {
+    const auto other = static_cast<Channel>(k);
+    if (other == Channel::output_velocity || other == Channel::load) continue;
     if (reads_channel(member.effect, other)) return std::nullopt;
   }
   BothWays found;

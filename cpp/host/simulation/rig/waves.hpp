@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "flexspline/effects/harmonics.hpp"
+#include "flexspline/gear.hpp"
 
 namespace flexspline::batch::simulation {
 
