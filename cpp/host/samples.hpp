@@ -5,6 +5,7 @@
 #include <array>
 #include <cstddef>
 
+#include "flexspline/each_place.hpp"
 #include "flexspline/effects/harmonics.hpp"
 #include "flexspline/gear.hpp"
 #include "host/wide_loop.hpp"
@@ -114,7 +115,8 @@ struct SampleBlock {
     at.output_position = {turns[i], {output_phase[i]}};
     at.motor_position = {0, {motor_phase[i]}};
     at.known_load = known_load[i];
-    for_each_number([&](auto place) { at.*numbers<double>[place].at = number[place][i]; });
+    for_each_place<numbers<double>.size()>(
+        [&](std::size_t k) { at.*numbers<double>[k].at = number[k][i]; });
     at.wave_generator_on_flexspline = {flexspline_phase[i]};
     at.wave_generator_on_circular_spline = {circular_spline_phase[i]};
     at.load = load[i];

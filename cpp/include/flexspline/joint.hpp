@@ -106,7 +106,7 @@ struct Joint {
       if (Chain::is_temperature(temperature)) state.temperature = temperature;
     }
     constexpr S beside_load(S torque, const typename Chain::Input&) noexcept {
-      at = sample(in, state.temperature);
+      at = sample(in, state.temperature, NumberPlaces{});
       return joint.sensing.sensor ? joint.beside_load(in, at, state, torque) : S(0);
     }
     constexpr void predict(S external, typename Chain::Input& input) noexcept {
@@ -144,14 +144,13 @@ struct Joint {
   }
 
   /// What the models read; infinite is missing.
-  static constexpr Sample<S> sample(const Reading<S>& in, S temperature) noexcept {
+  template <std::size_t... k>
+  static constexpr Sample<S> sample(const Reading<S>& in, S temperature,
+                                    std::index_sequence<k...>) noexcept {
     Sample<S> at;
     at.output_position = in.output_position.value_or(Angle<S>{});
     at.motor_position = in.motor_position.value_or(Angle<S>{});
-    for_each_number([&](auto place) {
-      constexpr Number<S> number = numbers<S>[place];
-      at.*number.at = math::finite_or_nan(in.*number.read);
-    });
+    ((at.*numbers<S>[k].at = math::finite_or_nan(in.*numbers<S>[k].read)), ...);
     at.temperature = temperature;
     at.period = in.period;
     return at;

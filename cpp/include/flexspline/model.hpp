@@ -76,18 +76,19 @@ constexpr void prepare(const Model& model, Sample<S>& at) noexcept {
   if (model.template reads<Channel::load>()) at.load = at.known_load + model.carried(at);
 }
 
-/// Whether all numbers that the model reads are finite.
-template <typename S, typename Model>
-constexpr bool readable(const Model& model, const Sample<S>& at) noexcept {
+/// Whether a channel is finite, or the model does not read it.
+template <Channel channel, typename S, typename Model>
+constexpr bool readable(const Model& model, S value) noexcept {
+  return channel == Channel::period || !model.template reads<channel>() || math::is_finite(value);
+}
+
+/// Whether all numbers that the model reads are finite; the period is looked at by itself.
+template <typename S, typename Model, std::size_t... k>
+constexpr bool readable(const Model& model, const Sample<S>& at,
+                        std::index_sequence<k...>) noexcept {
   bool good = true;
-  for_each_number([&](auto place) {
-    constexpr Number<S> number = numbers<S>[place];
-    if constexpr (number.channel != Channel::period) {
-      if (model.template reads<number.channel>()) good &= math::is_finite(at.*number.at);
-    }
-  });
-  if (model.template reads<Channel::load>()) good &= math::is_finite(at.known_load);
-  return good;
+  ((good &= readable<numbers<S>[k].channel>(model, at.*numbers<S>[k].at)), ...);
+  return good & readable<Channel::load>(model, at.known_load);
 }
 
 /// The modelled torque at one instant, in the target's unit; `state` moves with each good sample.
@@ -96,7 +97,7 @@ constexpr bool readable(const Model& model, const Sample<S>& at) noexcept {
 template <typename S, typename Model>
 constexpr Status predict(const Model& model, Sample<S> at, typename Model::State& state,
                          S& torque) noexcept {
-  if (!readable(model, at)) return Status::not_finite;
+  if (!readable(model, at, NumberPlaces{})) return Status::not_finite;
   if (model.template reads<Channel::period>() && !math::is_positive(at.period)) {
     return Status::bad_period;
   }

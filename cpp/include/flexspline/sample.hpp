@@ -9,7 +9,6 @@
 #include <limits>
 #include <optional>
 #include <string_view>
-#include <type_traits>
 #include <utility>
 
 #include "flexspline/angle.hpp"
@@ -104,12 +103,7 @@ inline constexpr std::array<Instrument<S>, 3> instruments{{
     {"sensor_torque", &Reading<S>::sensor_torque},
 }};
 
-/// Calls use(place) for each of `numbers`, whose place is a constant of the program.
-template <typename Use>
-constexpr void for_each_number(Use use) {
-  [&use]<std::size_t... places>(std::index_sequence<places...>) {
-    (use(std::integral_constant<std::size_t, places>{}), ...);
-  }(std::make_index_sequence<numbers<float>.size()>{});
-}
+/// The places in `numbers`, for what is written out.
+using NumberPlaces = std::make_index_sequence<numbers<float>.size()>;
 
 }  // namespace flexspline
