@@ -53,6 +53,9 @@ from flexspline.regression.gram import (
     Table,
     Whitening,
     gain_of,
+    gains_of,
+    left_by,
+    scaled_products,
     tabulated,
 )
 
@@ -331,14 +334,17 @@ def _orders(
     columns, gain, cost = np.empty(0, dtype=np.intp), 0.0, 0.0
     each = price(2, len(atoms), len(dictionary.candidates))
     while len(chosen) < most:
-        trials = []
-        for atom in (a for a in atoms if a not in chosen):
-            both = np.concatenate([columns, dictionary.at[atom]])
-            if not chosen or _parted(left, both, raw):
-                trials.append((gain_of(left, both, raw)[0], atom, both))
-        if not trials:
+        rest = [atom for atom in atoms if atom not in chosen]
+        trials = np.array([[*columns, *dictionary.at[atom]] for atom in rest], dtype=np.intp)
+        if chosen and rest:
+            parted = _parted(left, trials, raw)
+            rest = [atom for atom, apart in zip(rest, parted, strict=True) if apart]
+            trials = trials[parted]
+        if not rest:
             break
-        reached, atom, both = max(trials, key=lambda trial: trial[0])
+        best = int(_more(left, columns, trials[:, len(columns) :], raw).argmax())
+        atom, both = rest[best], trials[best]
+        reached, _ = gain_of(left, both, raw)
         if chosen and reached - gain < max(each, SETTINGS.form * reached):
             break
         chosen.append(atom)
@@ -360,22 +366,37 @@ def _exchanged(
     first is taken for those that are still to come."""
     columns = np.concatenate([dictionary.at[atom] for atom in chosen])
     while len(chosen) > 1:
-        best = (gain, 0, chosen[0], columns)
-        for place in range(len(chosen)):
-            for atom in (a for a in atoms if a not in chosen):
-                trial = [*chosen[:place], atom, *chosen[place + 1 :]]
-                both = np.concatenate([dictionary.at[a] for a in trial])
-                if (reached := gain_of(left, both, raw)[0]) > best[0] and _parted(left, both, raw):
-                    best = (reached, place, atom, both)
-        if best[0] <= gain * (1.0 + SINGULAR):
+        rest = [atom for atom in atoms if atom not in chosen]
+        if not rest:
             break
-        gain, place, atom, columns = best
-        chosen[place] = atom
+        own = np.array([dictionary.at[atom] for atom in chosen])
+        others = np.array([dictionary.at[atom] for atom in rest])
+        kept = [np.delete(own, place, axis=0).ravel() for place in range(len(own))]
+        gains = np.array([gain_of(left, those, raw)[0] + _more(left, those, others, raw)
+                          for those in kept])  # fmt: skip
+        better = np.argwhere(gains > gain * (1.0 + SINGULAR))
+        better = better[np.argsort(-gains[tuple(better.T)], kind="stable")]
+        for place, news in better:
+            own[place] = others[news]
+            if _parted(left, own.reshape(1, -1), raw)[0]:
+                break
+            own[place] = dictionary.at[chosen[place]]
+        else:
+            break
+        chosen[place], columns = rest[news], own.ravel()
+        gain, _ = gain_of(left, columns, raw)
     return columns, gain
 
 
-def _parted(left: Array, columns: Columns, raw: Array) -> bool:
-    """Whether every mix of these columns keeps a share of its squares beside the model."""
-    scale = np.sqrt(np.maximum(raw[columns], TINY))
-    products = left[np.ix_(columns, columns)] / np.outer(scale, scale)
-    return float(np.linalg.eigvalsh(products)[0]) >= SETTINGS.negligible
+def _more(left: Array, kept: Columns, groups: NDArray[np.intp], raw: Array) -> Array:
+    """What each of some groups of columns (n, k) explains beside columns that are kept, (n,)."""
+    asked = np.concatenate([kept, groups.ravel(), [len(left) - 1]]).astype(np.intp)
+    beside = left_by(left[np.ix_(asked, asked)], np.arange(len(kept)))
+    places = len(kept) + np.arange(groups.size).reshape(groups.shape)
+    return gains_of(beside, places, raw[asked])[0]
+
+
+def _parted(left: Array, groups: NDArray[np.intp], raw: Array) -> NDArray[np.bool_]:
+    """Whether every mix of each group of columns (n, k) keeps a share of its squares, (n,)."""
+    products, _ = scaled_products(left, groups, raw)
+    return np.asarray(np.linalg.eigvalsh(products)[:, 0] >= SETTINGS.negligible)

@@ -76,6 +76,7 @@ from flexspline.regression.gram import (
     Table,
     Whitening,
     gain_of,
+    gains_of,
     left_of,
     rows_of,
     tabulated,
@@ -255,7 +256,8 @@ FEW_PLACES = "it is at a few angles of the output, and does not come again betwe
 class Searcher:
     """A search at one noise; `refused` says why the best offers were not taken.
 
-    `lax`: for a first look, with no more than prices.
+    `lax`: for a first look, with no more than prices. `kept`: what effects gained beside a model
+    and columns that were given.
     """
 
     study: Study
@@ -263,6 +265,7 @@ class Searcher:
     lax: bool = False
     say: Callable[[str], object] = lambda _: None
     refused: dict[str, str] = field(default_factory=dict)
+    kept: dict[Any, dict[Effect, float]] = field(default_factory=dict, repr=False)
 
     def run(self, work: Working) -> tuple[Working, list[Offer]]:
         """Return the model with all names, and these with what they gained as they were taken."""
@@ -354,8 +357,10 @@ class Searcher:
             return self.fitted(rest)
         if len(rest.effects) + len(out) < len(work.effects):  # others read the load of these
             return work, squares
-        instead = (o for o in self._instead(dictionary, model, out) if _net(o) > gain - cost)
-        best = next((o for o in instead if self._worthy(o[0], dictionary, rest, model)), None)
+        instead = [o for o in self._instead(dictionary, model, out) if _net(o) > gain - cost]
+        rivals = [first.effect for first, *_ in instead]
+        worthy = (o for o in instead if self._worthy(o[0], dictionary, rest, model, rivals))
+        best = next(worthy, None)
         if best is None:
             return work, squares
         least = gain - cost
@@ -416,13 +421,24 @@ class Searcher:
     def _worth(self, dictionary: Dictionary, work: Working, model: Columns) -> list[Offer]:
         """Offers beside a model that are worth a fit, the best first."""
         made = sorted(offers(dictionary, model, plain=True), key=_rank, reverse=True)
-        return [offer for offer in made if self._worthy(offer, dictionary, work, model)]
+        rivals = [offer.effect for offer in made if offer.net > 0.0]
+        return [offer for offer in made if self._worthy(offer, dictionary, work, model, rivals)]
 
-    def _worthy(self, offer: Offer, dictionary: Dictionary, work: Working, model: Columns) -> bool:
-        """Whether an offer beside a model, and its columns, is worth a fit of its shapes."""
+    def _worthy(
+        self,
+        offer: Offer,
+        dictionary: Dictionary,
+        work: Working,
+        model: Columns,
+        rivals: Sequence[Effect],
+    ) -> bool:
+        """Whether an offer beside a model, and its columns, is worth a fit of its shapes.
+
+        `rivals`: effects of other offers, which may be asked of next.
+        """
         if offer.net <= 0.0 or self.lax:
             return offer.net > 0.0
-        if offer.gain < self._missed(dictionary, work, offer.effect, offer.gain):
+        if offer.gain < self._missed(dictionary, work, offer.effect, offer.gain, rivals):
             self.refused[offer.effect.name] = LEFT_OF_FORM
             return False
         if work.bound:  # folds say little of a model that its shapes cannot follow
@@ -433,7 +449,14 @@ class Searcher:
             return False
         return True
 
-    def _missed(self, dictionary: Dictionary, work: Working, effect: Effect, gain: float) -> float:
+    def _missed(
+        self,
+        dictionary: Dictionary,
+        work: Working,
+        effect: Effect,
+        gain: float,
+        rivals: Sequence[Effect] = (),
+    ) -> float:
         """What the forms of names may miss, χ²; 0 if an effect clearly pays beside freed forms.
 
         ∞ where what bends friction over the speed is no more than how friction turns over at rest.
@@ -443,24 +466,57 @@ class Searcher:
         tied, others = self.study.tied, [e for e in work.named if e.name != effect.name]
         names = {e.name: missed(dictionary, e, effect, tied) for e in others}
         most = max(names.values(), default=0.0)
-        problem, rivals = self.study.thinned().problem, len(dictionary.candidates)
-        least = price(len(effect.terms), 1.0, rivals)
+        problem = self.study.thinned().problem
+        least = price(len(effect.terms), 1.0, len(dictionary.candidates))
         rest = [e for e in work.effects if e.name != effect.name]
         turning = turning_over(problem, rest) if {*effect.reads} == {SPEED} else None
         more = rows_of(self.study.problem) / rows_of(problem)
-        if turning and more * self._kept(problem, work, effect, turning) < least:
+        alike = [e for e in rivals if {*e.reads} == {SPEED}]
+        if turning and more * self._kept(problem, work, effect, turning, (), alike) < least:
             return np.inf
         if gain >= most:
             return most
-        freed = bent_forms(problem, [e for e in others if names[e.name] > 0.5 * gain])
+        bent = tuple(e for e in others if names[e.name] > 0.5 * gain)
+        freed = bent_forms(problem, bent)
         if freed is None:
             return most
-        return 0.0 if self._kept(problem, work, effect, freed) >= SETTINGS.freed * least else most
+        kept = self._kept(problem, work, effect, freed, bent, rivals)
+        return 0.0 if kept >= SETTINGS.freed * least else most
 
-    def _kept(self, problem: Problem, work: Working, effect: Effect, given: Given) -> float:
-        """What an effect gains beside a model and columns that are given."""
-        table, own = self._apart(problem, work, effect, given)
-        return table.gain(own, np.setdiff1d(np.arange(len(table.total) - 1), own))
+    def _kept(
+        self,
+        problem: Problem,
+        work: Working,
+        effect: Effect,
+        given: Given,
+        bent: tuple[Effect, ...],
+        rivals: Sequence[Effect],
+    ) -> float:
+        """What an effect gains beside a model and columns that are given.
+
+        `bent`: effects whose other forms these columns are. From the second effect on that is asked
+        of beside the same, its rivals are asked of together, for most of the work is the same.
+        """
+        rest = work.without(effect.name)
+        fixed = tuple(sorted(rest.fixed.items()))
+        known = self.kept.setdefault((rest.effects, rest.coefficients.tobytes(), fixed, bent), {})
+        if effect not in known:
+            names = {e.name for e in work.effects}
+            more = rivals if known and effect.name not in names else ()
+            together = [effect, *(e for e in more if e not in known and e.name not in names)]
+            known.update(self._gains(problem, rest, list(dict.fromkeys(together)), given))
+        return known[effect]
+
+    def _gains(
+        self, problem: Problem, work: Working, effects: Sequence[Effect], given: Given
+    ) -> dict[Effect, float]:
+        """What each effect alone gains beside a model and columns that are given."""
+        table = tabulated(problem, work.sheet(beside=effects, given=given), self.whitening)
+        ends = np.cumsum([len(work.owners()), *(len(effect.terms) for effect in effects)])
+        model = np.delete(np.arange(len(table.total) - 1), np.arange(ends[0], ends[-1]))
+        left, raw = table.without(model), np.diag(table.total)
+        own = zip(effects, ends, ends[1:], strict=False)
+        return {e: gain_of(left, np.arange(first, last), raw)[0] for e, first, last in own}
 
     def _apart(
         self, problem: Problem, work: Working, effect: Effect, given: Given
@@ -519,14 +575,11 @@ def greedy(left: Array, raw: Array, groups: NDArray[np.intp]) -> Iterator[float]
     """Yield what the best group of columns explains, the best two, one added after the other."""
     chosen: list[int] = []
     while len(chosen) < len(groups):
-        trials = [
-            (gain_of(left, groups[[*chosen, k]].ravel(), raw)[0], k)
-            for k in range(len(groups))
-            if k not in chosen
-        ]
-        gain, best = max(trials)
-        chosen.append(best)
-        yield gain
+        rest = np.setdiff1d(np.arange(len(groups)), chosen)
+        trials = np.array([groups[[*chosen, k]].ravel() for k in rest])
+        gains, _ = gains_of(left, trials, raw)
+        chosen.append(int(rest[gains.argmax()]))
+        yield float(gains.max())
 
 
 def cost_of(dictionary: Dictionary, work: Working, name: str) -> float:

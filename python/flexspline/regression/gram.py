@@ -55,9 +55,11 @@ __all__ = [
     "edges_of",
     "fold_blocks",
     "gain_of",
+    "gains_of",
     "left_by",
     "pieces_of",
     "rows_of",
+    "scaled_products",
     "solved",
     "tabulated",
     "thinned",
@@ -419,7 +421,10 @@ class Table:
         """Squares over σ² that some columns explain beside those of a model."""
         if not len(columns):
             return 0.0
-        return gain_of(self.without(model), columns, np.diag(self.total))[0]
+        asked = np.concatenate([model, columns, [len(self.total) - 1]])
+        products = self.total[np.ix_(asked, asked)]
+        left = left_by(products, np.arange(len(model)))
+        return gain_of(left, np.arange(len(model), len(asked) - 1), np.diag(products))[0]
 
 
 def solved(products: Array, model: Columns, base: int | None = None) -> Array:
@@ -443,13 +448,26 @@ def left_by(products: Array, model: Columns) -> Array:
 
 def gain_of(left: Array, columns: Columns, raw: Array) -> tuple[float, int]:
     """Squares over σ² that columns explain of what the model leaves, and how many are seen."""
-    scale = np.sqrt(np.maximum(raw[columns], TINY))
-    products = left[np.ix_(columns, columns)] / np.outer(scale, scale)
+    gains, seen = gains_of(left, columns[None], raw)
+    return float(gains[0]), int(seen[0])
+
+
+def gains_of(left: Array, groups: NDArray[np.intp], raw: Array) -> tuple[Array, NDArray[np.intp]]:
+    """The same for each of several groups of columns (n, k): (n,) and (n,)."""
+    products, scale = scaled_products(left, groups, raw)
     values, vectors = np.linalg.eigh(products)
-    least = max(SLIVER, SINGULAR * float(values.max(initial=0.0)))
-    seen = values > least
-    along = vectors[:, seen].T @ (left[columns, -1] / scale)
-    return float(np.sum(along**2 / values[seen])), int(seen.sum())
+    most = values.max(axis=1, initial=0.0)[:, None]
+    seen = values > np.maximum(SLIVER, SINGULAR * most)
+    along = np.einsum("nkj,nk->nj", vectors, left[groups, -1] / scale)
+    gains = np.where(seen, along**2 / np.where(seen, values, 1.0), 0.0).sum(axis=1)
+    return gains, seen.sum(axis=1)
+
+
+def scaled_products(left: Array, groups: NDArray[np.intp], raw: Array) -> tuple[Array, Array]:
+    """Products (n, k, k) of groups of columns (n, k) in the lengths that they had, (n, k)."""
+    scale = np.sqrt(np.maximum(raw[groups], TINY))
+    across = left[groups[:, :, None], groups[:, None, :]]
+    return across / (scale[:, :, None] * scale[:, None, :]), scale
 
 
 def _inverse(products: Array, model: Columns) -> tuple[Array, Array, Array]:
