@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -112,17 +113,10 @@ def channel_noise(logs: Sequence[Log], channel: str) -> ChannelNoise | None:
     """
     rate = min(log.rate for log in logs)
     frequencies = np.geomspace(2.0 / SECONDS, 0.45 * rate, 80)
-    densities, weights = [], []
-    for log in logs:
-        time, values = log["time"], log[channel]
-        for first, last in runs(time):
-            if last - first >= SHORTEST and 0.45 * rate > 4 * DIFFERENCES / SECONDS:
-                made = [_density(time[a:b], values[a:b], frequencies)
-                        for a, b in _looked_at(first, last)]  # fmt: skip
-                densities.append(np.mean(made, axis=0))
-                weights.append(last - first)
-    if not densities:
+    found = [one for log in logs for one in _told(log, channel, rate, frequencies)]
+    if not found:
         return None
+    weights, densities = zip(*found, strict=True)
     density = np.average(densities, axis=0, weights=weights)
     floor = float(np.median(density[frequencies > 0.5 * frequencies[-1]]))
     exceeds = minimum_filter1d((density > 2.0 * floor).astype(int), BESIDE, mode="nearest")
@@ -138,6 +132,25 @@ def channel_noise(logs: Sequence[Log], channel: str) -> ChannelNoise | None:
         frequencies,
         density,
     )
+
+
+def _told(log: Log, channel: str, rate: float, frequencies: Array) -> list[tuple[int, Array]]:
+    """Rows and density of each run of a log that is long enough to tell, made once for a log."""
+    kept = _KEPT.setdefault(log, {})
+    if (channel, rate) not in kept:
+        time, values = log["time"], log[channel]
+        made = kept[channel, rate] = []
+        for first, last in runs(time):
+            if last - first >= SHORTEST and 0.45 * rate > 4 * DIFFERENCES / SECONDS:
+                parts = [_density(time[a:b], values[a:b], frequencies)
+                         for a, b in _looked_at(first, last)]  # fmt: skip
+                made.append((last - first, np.mean(parts, axis=0)))
+    return kept[channel, rate]
+
+
+_KEPT: WeakKeyDictionary[Log, dict[tuple[str, float], list[tuple[int, Array]]]] = (
+    WeakKeyDictionary()
+)
 
 
 def _looked_at(first: int, last: int) -> list[tuple[int, int]]:
