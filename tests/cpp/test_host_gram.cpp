@@ -7,6 +7,7 @@
 #include <stdexcept>
 #include <vector>
 
+#include "every_isa.hpp"
 #include "host/column_block.hpp"
 #include "host/gram.hpp"
 #include "host/kernels.hpp"
@@ -43,19 +44,6 @@ Sum reference(const double* x, const double* y, const double* weights, std::size
     sum.size += std::abs(static_cast<double>(term));
   }
   return sum;
-}
-
-template <typename Check>
-void for_every_isa(Check check) {
-  for (const Isa isa : all_isas) {
-    const Kernels* const table = kernels_of(isa);
-    if (table == nullptr) {
-      MESSAGE("skipped: this machine cannot run the kernels for ", name_of(isa));
-      continue;
-    }
-    CAPTURE(name_of(isa));
-    check(*table);
-  }
 }
 
 constexpr std::size_t sizes[] = {0, 1, 2, 3, 5, 8, 17, 511, 513, 1030};

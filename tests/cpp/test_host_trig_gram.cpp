@@ -6,6 +6,7 @@
 #include <random>
 #include <vector>
 
+#include "every_isa.hpp"
 #include "host/column_block.hpp"
 #include "host/kernels.hpp"
 #include "host/trig_gram.hpp"
@@ -64,19 +65,6 @@ void check_equal(const Kernels& with, std::size_t dense, std::size_t harmonics, 
       const double bound = epsilon * static_cast<double>(4 * harmonics + samples + 4) * size;
       REQUIRE(std::abs(structured.high[at] - plain.high[at]) <= bound);
     }
-  }
-}
-
-template <typename Check>
-void for_every_isa(Check check) {
-  for (const Isa isa : all_isas) {
-    const Kernels* const table = kernels_of(isa);
-    if (table == nullptr) {
-      MESSAGE("skipped: this machine cannot run the kernels for ", name_of(isa));
-      continue;
-    }
-    CAPTURE(name_of(isa));
-    check(*table);
   }
 }
 

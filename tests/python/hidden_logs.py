@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 import flexspline
-from flexspline.effects import Effect
+from flexspline.effects import Effect, effect
 from flexspline.least_squares.result import Fit
 from flexspline.logs.log import Log
 
@@ -21,6 +21,14 @@ RATE = 200.0
 FINE = 10  # steps of an oscillator or a delay in one row
 CLOSED = 0.9  # of the gap that the effect leaves, on rows that the fit has not seen
 NOTHING = 0.01  # of the error on such rows; a gain below is none
+
+SEEDS = (1, 2)
+BASE = [
+    "offset",
+    effect("coulomb_friction", direction_width=WIDTH),
+    "viscous_friction",
+    "inertia",
+]
 
 Array = NDArray[np.float64]
 Channels = dict[str, Array]

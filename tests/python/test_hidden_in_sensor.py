@@ -6,14 +6,15 @@ from functools import cache
 
 import numpy as np
 import pytest
-from fit_logs import WIDTH
 from hidden_logs import (
+    BASE,
     CLOSED,
     FINE,
     LOAD,
     NOTHING,
     RATE,
     RATIO,
+    SEEDS,
     Array,
     Channels,
     Truth,
@@ -35,14 +36,6 @@ from torsion_logs import bouc_wen
 from flexspline.effects import effect
 from flexspline.least_squares.result import Fit
 from flexspline.logs.log import Log
-
-BASE = [
-    "offset",
-    effect("coulomb_friction", direction_width=WIDTH),
-    "viscous_friction",
-    "inertia",
-]
-SEEDS = (1, 2)
 
 
 def resonating(c: Channels) -> Array:

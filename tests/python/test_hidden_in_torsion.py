@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from hidden_logs import CLOSED, NOTHING, Array, Channels, Truth, evidence, share_closed
+from hidden_logs import CLOSED, NOTHING, SEEDS, Array, Channels, Truth, evidence, share_closed
 from torsion_logs import C_M, K_M0, LOAD, RATIO, log_of, noise, stiffness_run
 
 import flexspline
@@ -16,7 +16,6 @@ from flexspline.least_squares.result import Fit
 from flexspline.logs.log import Log
 
 BASE = ["offset", effect("mesh_compliance", mesh_shape=C_M)]
-SEEDS = (1, 2)
 
 
 def mesh(c: Channels) -> Array:

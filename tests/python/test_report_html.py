@@ -3,40 +3,18 @@
 from __future__ import annotations
 
 import re
-from html.parser import HTMLParser
 from pathlib import Path
 
 import numpy as np
 import pytest
 import report_fits
+from html_pages import tags_of
 
 import flexspline
 from flexspline.errors import InputError
 from flexspline.least_squares.result import shares
 from flexspline.report.html import write_report
 from flexspline.report.tables import compare_scores
-
-VOID = {"meta", "br", "img", "link", "hr"}
-
-
-class _Balance(HTMLParser):
-    """Counts what is opened and not closed."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.open: list[str] = []
-        self.tags: set[str] = set()
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.tags.add(tag)
-        if tag not in VOID:
-            self.open.append(tag)
-
-    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.tags.add(tag)
-
-    def handle_endtag(self, tag: str) -> None:
-        assert self.open.pop() == tag
 
 
 @pytest.fixture(scope="module")
@@ -48,9 +26,7 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 def test_every_tag_is_closed(page: str) -> None:
     for text in (page, report_fits.plain_fit()._repr_html_()):
-        parser = _Balance()
-        parser.feed(text)
-        assert not parser.open
+        assert tags_of(text)
 
 
 def test_the_report_loads_nothing_from_a_network(page: str) -> None:
@@ -78,9 +54,7 @@ def test_the_report_is_small_and_has_all_sections(page: str) -> None:
 
 
 def test_nothing_in_a_report_is_a_script_or_repeats_an_id_of_a_clip(page: str) -> None:
-    parser = _Balance()
-    parser.feed(page)
-    assert "script" not in parser.tags
+    assert "script" not in tags_of(page)
     clips = re.findall(r'<clipPath id="([^"]+)"', page)
     assert len(clips) == len(set(clips))
 
