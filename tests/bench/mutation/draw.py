@@ -18,7 +18,7 @@ checkers read are left alone: a mutant of these is no different program.
 from __future__ import annotations
 
 import ast
-import random
+import hashlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -61,6 +61,13 @@ class Mutant:
     def key(self) -> str:
         return f"{self.file.parent.name}/{self.file.name}:{self.line} {self.after}"
 
+    def hashed(self, seed: int) -> str:
+        """Of the seed, the file, the function, and the lines before and after."""
+        name, _ = self.function or ("", 0)
+        place = f"{self.file.parent.name}/{self.file.name} {name}"
+        text = "\n".join((str(seed), place, self.kind, self.before, self.after))
+        return hashlib.sha256(text.encode()).hexdigest()
+
     @property
     def function(self) -> tuple[str, int] | None:
         """Qualified name and first line of the outermost function whose body holds it."""
@@ -88,9 +95,13 @@ class Mutant:
 
 
 def drawn(files: list[Path], seed: int, number: int) -> list[Mutant]:
-    """Draw mutants of these files, each as likely as any other; a seed draws the same ones."""
+    """Draw mutants of these files, each as likely as any other: those of the smallest hashes.
+
+    A hash is of the seed and the mutant's own lines, so that what changes elsewhere in the sources
+    changes nothing of the draw, and another day's count is one of nearly the same mutants.
+    """
     every = [mutant for file in sorted(files) for mutant in mutants_of(file)]
-    return random.Random(seed).sample(every, min(number, len(every)))
+    return sorted(every, key=lambda mutant: mutant.hashed(seed))[:number]
 
 
 def mutants_of(file: Path) -> Iterator[Mutant]:
