@@ -74,6 +74,7 @@ def test_html_is_closed_and_loads_nothing(tmp_path: Path) -> None:
         page = path.read_text(encoding="utf-8")
         for text in (page, made._repr_html_()):
             assert "script" not in tags_of(text)
+            assert "<script" not in text
         assert not re.search(r"""(src|href)\s*=\s*["'](https?:)?//""", page)
 
 

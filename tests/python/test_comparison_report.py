@@ -76,6 +76,7 @@ def test_html_is_closed_and_loads_nothing(hidden: str, tmp_path: Path) -> None:
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     for text in (page, made._repr_html_()):
         assert "script" not in tags_of(text)
+        assert "<script" not in text
     assert not re.search(r"""(src|href)\s*=\s*["'](https?:)?//""", page)
     assert page.count("<svg") == 2
 

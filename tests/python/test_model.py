@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.resources
 import json
 import re
 
@@ -15,6 +16,7 @@ import flexspline
 from flexspline import CATALOGUE, InputError, effect
 from flexspline.effects import TARGETS
 from flexspline.estimators import Observer
+from flexspline.logs.channels import CHANNELS
 from flexspline.logs.log import Log
 from flexspline.model import PART_OF, Model, Part
 
@@ -364,3 +366,9 @@ def test_a_part_of_another_joint_is_refused(key, value):
     extra = Part("torsion", tuple(chosen("offset")), np.array([0.001]))
     with pytest.raises(InputError, match=rf"{key}.*one joint"):
         model.with_part(extra, {key: value})
+
+
+def test_the_schema_of_a_model_knows_every_channel_that_a_log_may_have() -> None:
+    path = importlib.resources.files("flexspline") / "schemas" / "model.schema.json"
+    known = json.loads(path.read_text(encoding="utf-8"))["$defs"]["channel"]["enum"]
+    assert {*known} == {*CHANNELS, "known_load"} - {"simulated_torque"}

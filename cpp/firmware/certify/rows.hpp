@@ -4,6 +4,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 
 #include "flexspline/sample.hpp"
@@ -40,6 +41,11 @@ struct Footer {
   std::uint32_t stack_bytes;  ///< that the steps used, painted; 0 on a host
 };
 
+/// Two fractions are as long as two numbers; no byte is left between.
+template <typename S>
+inline constexpr std::size_t row_bytes =
+    sizeof(S) * (flexspline::numbers<S>.size() + flexspline::instruments<S>.size() + 3) + 16;
+static_assert(sizeof(Row<float>) == row_bytes<float> && sizeof(Row<double>) == row_bytes<double>);
 static_assert(sizeof(Result<float>) == 48 && sizeof(Result<double>) == 80);
 
 }  // namespace certify
