@@ -121,6 +121,26 @@ def test_the_json_is_the_contract_of_the_command_line() -> None:
     assert content["base_effects"] == BASE
 
 
+@pytest.mark.parametrize("hidden", HIDDEN)
+def test_what_is_left_is_never_called_a_noise_floor(hidden: str) -> None:
+    """It bounds the noise; a floor is below it, and something other than the error says so."""
+    made = found(hidden)
+    text = " ".join(str(made).split())
+    headline = text.split(" Noise")[0]
+    if made.unexplained is None:
+        assert made.floor.by == "names" and made.noise_floor == made.final_rmse
+        assert "noise floor" not in text.lower()
+        assert "Noise: at most what is left" in text
+        assert not made.names or "and no channel tells more" in headline
+    else:
+        assert made.floor.by in ("functions", "place") and made.noise_floor < made.final_rmse
+        assert "Noise floor: at most" in text
+    assert 0.0 < made.floor.error < 0.1 * made.noise_floor
+    content = json.loads(made.to_json())
+    assert content["noise_floor_error"] == made.floor.error
+    assert content["noise_floor_method"].startswith("what is left")
+
+
 def test_a_late_velocity_is_a_fault_before_it_is_physics() -> None:
     late = []
     for log in runs("one"):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -27,7 +27,7 @@ from flexspline.effects.causes import LAG
 from flexspline.least_squares.result import Fit
 from flexspline.logs.log import Log
 from flexspline.prepared import noise_of_channels
-from flexspline.regression.candidate_model import fall_of
+from flexspline.regression.candidate_model import HeldOut, fall_of, rmse_error
 
 Array = NDArray[np.float64]
 
@@ -338,6 +338,25 @@ def test_what_the_base_was_given_stays_where_it_is_significant(
 
 def held(*residuals: Sequence[float]) -> list[Array]:
     return [np.array(part, dtype=float) for part in residuals]
+
+
+def test_the_error_of_an_rmse_counts_the_memory_of_what_is_left() -> None:
+    """White noise would be known three times as well as this (autoregressive, 0.9)."""
+    rng, found, errors = np.random.default_rng(5), list[float](), list[float]()
+    for _ in range(200):
+        left = tuple(lfilter([1.0], [1.0, -0.9], rng.normal(size=4000)) for _ in range(2))
+        left[0][:7] = np.nan
+        held = SimpleNamespace(residuals=left, problem=SimpleNamespace(block_rows=200))
+        found.append(float(np.sqrt(np.nanmean(np.concatenate(left) ** 2))))
+        errors.append(rmse_error(cast(HeldOut, held)))
+    assert np.mean(errors) == pytest.approx(np.std(found), rel=0.15)
+    white = found[0] / np.sqrt(2 * 8000)
+    assert errors[0] > 2.0 * white
+
+
+def test_one_block_tells_no_error_of_an_rmse() -> None:
+    held = SimpleNamespace(residuals=(np.ones(10),), problem=SimpleNamespace(block_rows=100))
+    assert np.isnan(rmse_error(cast(HeldOut, held)))
 
 
 def test_the_fall_of_the_held_out_error_is_that_of_its_squares() -> None:

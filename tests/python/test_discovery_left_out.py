@@ -69,7 +69,7 @@ def test_rows_left_out_are_counted_by_reason() -> None:
 def test_the_headline_counts_the_rows_that_the_error_is_of() -> None:
     used = found("spoilt").rows["used"]
     assert used < RUNS * ROWS
-    headline = " ".join(str(found("spoilt")).split()).split("noise floor")[0]
+    headline = " ".join(str(found("spoilt")).split()).split(" Noise")[0]
     assert f"that no fit saw ({used} of {RUNS * ROWS} rows)" in headline
 
 

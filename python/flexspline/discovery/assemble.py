@@ -14,7 +14,16 @@ from flexspline.discovery.candidates import shaped
 from flexspline.discovery.confirmation import Confirmed, together, wald
 from flexspline.discovery.evidence import equivalent_t
 from flexspline.discovery.faults import DataFault
-from flexspline.discovery.result import Discovery, Found, Unexplained, driven_apart
+from flexspline.discovery.result import (
+    BY_FUNCTIONS,
+    BY_NAMES,
+    BY_PLACE,
+    Discovery,
+    Found,
+    NoiseFloor,
+    Unexplained,
+    driven_apart,
+)
 from flexspline.discovery.settings import SETTINGS
 from flexspline.discovery.slices import HeldRun
 from flexspline.discovery.unexplained import repeated
@@ -27,7 +36,7 @@ from flexspline.least_squares.problem import Problem
 from flexspline.least_squares.ripple import CORE_PAIRS
 from flexspline.logs.channel_noise import ChannelNoise
 from flexspline.orders.parts import Candidate, Pair, owner, pairs
-from flexspline.regression.candidate_model import HeldOut, held_out
+from flexspline.regression.candidate_model import HeldOut, held_out, rmse_error
 from flexspline.regression.gram import TINY, Whitening, by_runs
 
 __all__ = ["assembled", "where"]
@@ -129,9 +138,11 @@ def assembled(
     """Put everything together that a user sees; `limits`: of the run to record next."""
     made, fit, problem = held.made, held.fit, held.made.study.problem
     before, after, steps = made.before, made.after, made.errors
-    unexplained, floor = _unexplained(made, made.fitted_as, steps)
-    if unexplained is None:
-        unexplained, floor = _again(made, after, steps)
+    unexplained, floor = (
+        _unexplained(made, made.fitted_as, steps)
+        or _again(made, after, steps)
+        or (None, NoiseFloor(steps[-1], rmse_error(after), BY_NAMES))
+    )
     groups = together(steps)
     found = [
         _found(held, effect, group, (steps[first], steps[last]))
@@ -148,7 +159,7 @@ def assembled(
         found=tuple(found),
         base_rmse=steps[0],
         final_rmse=steps[-1],
-        noise_floor=floor,
+        floor=floor,
         validated_by="runs" if by_runs(problem) else "blocks",
         data_faults=faults,
         unexplained=unexplained,
@@ -186,30 +197,34 @@ def _runs(made: Analysis, before: HeldOut, after: HeldOut) -> tuple[HeldRun, ...
 
 def _unexplained(
     made: Analysis, rows: Whitening, steps: list[float]
-) -> tuple[Unexplained | None, float]:
-    """What is left above the noise floor, if it matters; and the floor."""
+) -> tuple[Unexplained, NoiseFloor] | None:
+    """What functions of the channels tell of what is left, if it matters; and the floor below."""
     if not made.leftover.groups or made.unexplained < SETTINGS.bends:
-        return None, steps[-1]
+        return None
     problem, functions = made.part.problem, Functions(made.leftover.groups)
-    floor = held_out(problem, made.final, rows, functions).rmse
+    beside = held_out(problem, made.final, rows, functions)
+    floor = beside.rmse
     if made.part is not made.study:
         floor *= steps[-1] / held_out(problem, made.final, rows).rmse
-    floor = min(floor, *steps)
-    return Unexplained(made.unexplained, tuple(made.leftover.channels)), floor
+    bound = NoiseFloor(min(floor, *steps), rmse_error(beside), BY_FUNCTIONS)
+    return Unexplained(made.unexplained, tuple(made.leftover.channels)), bound
 
 
-def _again(made: Analysis, left: HeldOut, steps: list[float]) -> tuple[Unexplained | None, float]:
+def _again(
+    made: Analysis, left: HeldOut, steps: list[float]
+) -> tuple[Unexplained, NoiseFloor] | None:
     """What comes again at the same place in other folds, if it matters; and the floor below it."""
     again = repeated(left)
     if again is None:
-        return None, steps[-1]
+        return None
     share = again.fall / max(steps[0] ** 2 - steps[-1] ** 2 + again.fall, TINY)
     if share < SETTINGS.bends:
-        return None, steps[-1]
+        return None
     known = made.study.problem.known_load
     channels = dict.fromkeys(channel_told(name, known) for name in again.channels)
     floor = float(np.sqrt(max(steps[-1] ** 2 - again.fall, 0.0)))
-    return Unexplained(float(min(share, 1.0)), tuple(channels)), floor
+    bound = NoiseFloor(floor, rmse_error(left), BY_PLACE)
+    return Unexplained(float(min(share, 1.0)), tuple(channels)), bound
 
 
 def _found(

@@ -32,7 +32,14 @@ from flexspline.comparison.runs import resolution
 from flexspline.comparison.search import analysed
 from flexspline.discovery.candidates import possible
 from flexspline.discovery.faults import DataFault
-from flexspline.discovery.result import Discovery, Found, Motion, Unexplained
+from flexspline.discovery.result import (
+    BY_ENCODER,
+    Discovery,
+    Found,
+    Motion,
+    NoiseFloor,
+    Unexplained,
+)
 from flexspline.discovery.slices import HeldRun, compared_motion
 from flexspline.effects import Effect
 from flexspline.effects.causes import TORQUE_SCALE
@@ -129,7 +136,7 @@ def discover_by_simulation(
         found=tuple(_found(step, fit, units) for step in made.steps),
         base_rmse=made.base.rmse,
         final_rmse=final.rmse,
-        noise_floor=floor,
+        floor=NoiseFloor(floor, float("nan"), BY_ENCODER),
         validated_by=units,
         data_faults=faults,
         unexplained=_unexplained(made, held, floor),

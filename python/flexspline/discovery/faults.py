@@ -262,12 +262,13 @@ class _Look:
             return fault
         grave = bool(np.hypot(self.floor, makes) > (1.0 + SETTINGS.negligible) * self.floor)
         unit, source = self.fit.unit, self._read_instead(fault)
-        said = f"It makes {short(makes)} {unit} RMS, the noise floor is {short(self.floor)} {unit}"
+        size = f"{short(makes)} {unit} RMS beside noise of at most {short(self.floor)} {unit}"
+        said = f"It makes {size}"
         said += "." if grave else ": too little to matter."
         if source:
             said = (
                 f"Names are looked for with a velocity derived from {source}; as recorded it makes "
-                f"{short(makes)} {unit} RMS, the noise floor is {short(self.floor)} {unit}."
+                f"{size}."
             )
         return replace(fault, makes=makes, grave=grave, sentence=f"{fault.sentence} {said}")
 

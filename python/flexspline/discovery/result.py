@@ -55,6 +55,7 @@ __all__ = [
     "Discovery",
     "Found",
     "Motion",
+    "NoiseFloor",
     "Unexplained",
     "confidence",
     "discovery_json",
@@ -184,6 +185,35 @@ class Found:
 
 
 @dataclass(frozen=True)
+class NoiseFloor:
+    """How low the error could get, and what says so: at most this is noise.
+
+    What no channel follows counts as noise: the true floor may be lower. What an encoder resolves
+    is its own floor, and no bound of other noise.
+
+    Parameters
+    ----------
+    rmse : on folds that no fit saw, in the unit of the errors.
+    error : its standard error, from blocks longer than the noise's memory; NaN of an encoder.
+    by : what bounds it, a key of `BOUNDS`.
+    """
+
+    rmse: float
+    error: float
+    by: str
+
+
+BY_FUNCTIONS, BY_PLACE, BY_NAMES, BY_ENCODER = "functions", "place", "names", "encoder"
+BOUNDS = {
+    BY_FUNCTIONS: "what is left beside functions of the channels",
+    BY_PLACE: "what is left beside what comes again at the same place in other folds",
+    BY_NAMES: "what is left: neither functions of the channels nor places tell more of it",
+    BY_ENCODER: "what the encoder resolves",
+}
+"""What bounds the noise, for `NoiseFloor.by`."""
+
+
+@dataclass(frozen=True)
 class Unexplained:
     """Structure that no effect explains: its share of the first gap's square above the floor.
 
@@ -203,8 +233,8 @@ class Discovery:
     target, unit : what is explained.
     base_effects : names of the effects that were there.
     found : missing effects, in the order of discovery.
-    base_rmse, final_rmse, noise_floor : on folds that the fit never saw; the floor is what no
-        channel explains.
+    base_rmse, final_rmse : on folds that the fit never saw.
+    floor : how low that could get, and what says so.
     validated_by : "runs" or "blocks", what was left out.
     data_faults : looked for first.
     unexplained : None where the residual is down at the floor.
@@ -231,7 +261,7 @@ class Discovery:
     found: tuple[Found, ...]
     base_rmse: float
     final_rmse: float
-    noise_floor: float
+    floor: NoiseFloor
     validated_by: str
     data_faults: tuple[DataFault, ...]
     unexplained: Unexplained | None
@@ -277,8 +307,16 @@ class Discovery:
         return {name: why for name, why in self.refused.items() if why in whys}
 
     @property
+    def noise_floor(self) -> float:
+        """How low the error could get, in `unit`; `floor` says how that is known."""
+        return self.floor.rmse
+
+    @property
     def gap_closed(self) -> float:
-        """Share of the base's mean square above the noise floor that is gone; NaN without a gap."""
+        """Share of the base's mean square above the noise floor that is gone; NaN without a gap.
+
+        1 where the floor is what is left (`floor.by` is "names"): none of it is known to be gap.
+        """
         gap = self.base_rmse**2 - self.noise_floor**2
         return (self.base_rmse**2 - self.final_rmse**2) / gap if gap > 0.0 else float("nan")
 
@@ -359,6 +397,8 @@ def discovery_json(made: Discovery) -> str:
             "final": made.final_rmse,
             "noise_floor": made.noise_floor,
         },
+        "noise_floor_error": made.floor.error if np.isfinite(made.floor.error) else None,
+        "noise_floor_method": BOUNDS[made.floor.by],
         "also_seen": [asdict(one) | unit for one in made.also_seen],
         "inputs": [
             one | {"delay": _delay(made, one["channel"])} for one in inputs_json(made.inputs, ways)

@@ -12,6 +12,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
+from flexspline.discovery.result import BY_NAMES
 from flexspline.discovery.slices import telling
 from flexspline.errors import InputError
 from flexspline.experiment.plan import ENOUGH
@@ -53,7 +54,7 @@ LOOK_FOR = {
     "the base does not.",
     "left": "The same stretch: measured less predicted. What is left should be noise about zero.",
     "shrunk": "RMS on folds that no fit saw, before (open) and after (full), in parts of the runs "
-    "and in bands of the residual; the dashed line is the noise floor of all rows.",
+    "and in bands of the residual; the dashed line is how low it could get over all rows.",
     "driven": "The run on which the forward simulation gained most, or lost least: both models "
     "start from the measured state and see nothing but the inputs, by fits that never saw the run. "
     "What friction is wrong about adds up here.",
@@ -166,7 +167,8 @@ def shrunk(made: Discovery, ax: Axes | None = None) -> Axes:
     ax = axes_or_new(ax, 6.0, 0.8 + 0.2 * len(shown))
     at = -np.arange(len(shown), dtype=np.float64)
     base, final = (np.array([getattr(s, key) for s in shown]) for key in ("base", "final"))
-    ax.axvline(made.noise_floor, color=INK, linewidth=0.8, linestyle="--", label="noise floor")
+    floor = "all that is left" if made.floor.by == BY_NAMES else "noise floor"
+    ax.axvline(made.noise_floor, color=INK, linewidth=0.8, linestyle="--", label=floor)
     ax.hlines(at, final, base, color=GREY, linewidth=1.2)
     ax.plot(base, at, "o", color=BEFORE, markerfacecolor="none", markersize=5, label="before")
     if made.found:

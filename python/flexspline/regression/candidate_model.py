@@ -47,6 +47,7 @@ __all__ = [
     "mixed",
     "plain_rows",
     "refitted",
+    "rmse_error",
     "solved_at",
     "started",
     "working",
@@ -497,6 +498,22 @@ def _folds(problem: Problem, work: Working, betas: Sequence[Array]) -> Iterator[
             values = work.coefficients.copy()
             values[work.free] = next(solutions)[:count]
             yield Fold(number, int(first), int(last), values)
+
+
+def rmse_error(held: HeldOut) -> float:
+    """Return the standard error of an RMSE held out: blocks longer than memory are independent."""
+    sums, counts = list[float](), list[int]()
+    for left in held.residuals:
+        squares = left[np.isfinite(left)] ** 2
+        blocks = np.array_split(squares, max(1, round(len(squares) / held.problem.block_rows)))
+        sums += [float(block.sum()) for block in blocks]
+        counts += [len(block) for block in blocks]
+    if len(sums) < 2 or not sum(sums) > 0.0:
+        return float("nan")
+    mean = sum(sums) / sum(counts)
+    off = np.array(sums) - mean * np.array(counts)
+    spread = np.sqrt(len(sums) / (len(sums) - 1)) * np.linalg.norm(off) / sum(counts)
+    return float(spread / (2.0 * np.sqrt(mean)))
 
 
 def fall_of(before: Sequence[Array], after: Sequence[Array], rows: int) -> tuple[float, float]:

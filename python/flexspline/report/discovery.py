@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from flexspline.about import __version__
 from flexspline.discovery.candidates import EXCLUDED, TAKEN
+from flexspline.discovery.result import BY_ENCODER, BY_FUNCTIONS, BY_NAMES
 from flexspline.discovery.settings import SETTINGS
 from flexspline.discovery.slices import telling
 from flexspline.effects.causes import FRICTION_BY_DIRECTION
@@ -174,8 +175,7 @@ def verdict(made: Discovery) -> str:
     rmse = f"{short(made.base_rmse)} to {short(made.final_rmse)} {made.unit}"
     if made.found:
         names = listed(made.names, most=len(made.names))
-        floor = f"noise floor {short(made.noise_floor)} {made.unit}"
-        return f"{base} lacks {names}: RMSE {rmse} {where}, {floor}."
+        return f"{base} lacks {names}: RMSE {rmse} {where}, {_floor_words(made)}."
     if made.unexplained:
         return (
             f"No effect that is known explains what {said} lacks: RMSE "
@@ -190,6 +190,38 @@ def verdict(made: Discovery) -> str:
         f"Nothing is missing in {said} that these runs show: RMSE "
         f"{short(made.base_rmse)} {made.unit} {where}, which is noise."
     )
+
+
+def _floor_words(made: Discovery) -> str:
+    """How low that could get, for the headline."""
+    if made.floor.by == BY_NAMES:
+        return "and no channel tells more"
+    most = "" if made.floor.by == BY_ENCODER else "at most "
+    return f"noise floor {most}{short(made.noise_floor)} {made.unit}"
+
+
+def floor_sentence(made: Discovery) -> str:
+    """Return what bounds the noise floor, and how well it is known."""
+    folds = made.validated_by
+    if made.floor.by == BY_ENCODER:
+        return (
+            f"Noise floor: {short(made.noise_floor)} {made.unit} is what the encoder resolves; no "
+            "simulation gets below it."
+        )
+    most = plus_minus(made.floor.rmse, made.floor.error)
+    if made.floor.by == BY_NAMES:
+        return (
+            f"Noise: at most what is left, {most} {made.unit}. Held out, neither functions of the "
+            f"channels and pairs of them nor rows of other {folds} at the same place explain "
+            f"{100.0 * SETTINGS.bends:.0f} % of the gap; what no channel follows counts as noise."
+        )
+    assert made.unexplained is not None
+    by = listed(made.unexplained.depends_on)
+    told = (
+        f"functions of {by} leave" if made.floor.by == BY_FUNCTIONS
+        else f"rows of other {folds} at the same {by} leave"
+    )  # fmt: skip
+    return f"Noise floor: at most {most} {made.unit}, which {told} on {folds} that no fit saw."
 
 
 def _of_how_many(made: Discovery) -> str:
@@ -274,6 +306,7 @@ def remarks(made: Discovery) -> list[str]:
     """Return what else has to be said: what is unexplained, what to record, what was not tried."""
     said = [
         unexplained_sentence(made),
+        floor_sentence(made),
         withdrawn_sentence(made),
         rejected_sentence(made),
         _also_seen(made),
@@ -392,13 +425,20 @@ def headlines(made: Discovery) -> list[tuple[str, str]]:
     rows = [("base model, RMSE held out", f"{short(made.base_rmse)} {unit}")]
     if made.found:
         rows.append(("extended model, RMSE held out", f"{short(made.final_rmse)} {unit}"))
-    simulated = made.by == "simulation"
-    floor = "what the encoder resolves" if simulated else "what these channels do not explain"
-    rows.append((f"noise floor: {floor}", f"{short(made.noise_floor)} {unit}"))
-    if made.found and made.gap_closed == made.gap_closed:
-        closed = f"{100.0 * min(made.gap_closed, 1.0):.0f} % of its mean square"
-        rows.append(("gap above the floor that is closed", closed))
-    if made.motion is not None and not simulated:
+    by, floor = made.floor.by, f"{short(made.noise_floor)} {unit}"
+    if by == BY_ENCODER:
+        rows.append(("noise floor: what the encoder resolves", floor))
+    else:
+        rows.append(("noise floor, at most", "what is left" if by == BY_NAMES else floor))
+    if made.found and by == BY_NAMES:
+        closed = 1.0 - (made.final_rmse / made.base_rmse) ** 2
+        rows.append(("mean square that the names take away", f"{100.0 * closed:.0f} %"))
+    elif made.found and made.gap_closed == made.gap_closed:
+        closed = min(made.gap_closed, 1.0)
+        rows.append(
+            ("gap above the floor that is closed", f"{100.0 * closed:.0f} % of its mean square")
+        )
+    if made.motion is not None and made.by != "simulation":
         rows.append((f"{_channel(made.motion)} of a forward simulation, RMSE", _motion(made)))
     return rows
 
