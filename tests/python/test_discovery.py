@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -139,6 +140,22 @@ def test_what_is_left_is_never_called_a_noise_floor(hidden: str) -> None:
     content = json.loads(made.to_json())
     assert content["noise_floor_error"] == made.floor.error
     assert content["noise_floor_method"].startswith("what is left")
+
+
+def test_a_cause_without_a_name_that_is_too_small_to_matter_changes_no_headline(
+    tmp_path: Path,
+) -> None:
+    made = found("unknown")
+    floor = replace(made.floor, rmse=0.995 * made.final_rmse)
+    small = replace(made, floor=floor, doubted=())
+    headline = " ".join(str(small).split()).split(". ")[0]
+    assert headline.startswith("Nothing that matters is missing")
+    assert "less than 0.000359 Nm has a cause without a name" in headline
+    assert "Unexplained: " in str(small)
+    for each, grave in ((made, True), (small, False)):
+        each.report(tmp_path / "report.html")
+        assert ('class="verdict grave"' in (tmp_path / "report.html").read_text()) is grave
+    assert str(made).startswith("No effect that is known explains")
 
 
 def test_a_late_velocity_is_a_fault_before_it_is_physics() -> None:

@@ -135,7 +135,8 @@ def _common(made: Discovery) -> dict[str, Any]:
             }
             for one in made.found
         ],
-        "grave": bool(made.unexplained or any(fault.grave for fault in made.data_faults)),
+        "grave": bool(made.unexplained and not _unexplained_is_small(made))
+        or any(fault.grave for fault in made.data_faults),
         "version": __version__,
     }
 
@@ -176,7 +177,8 @@ def verdict(made: Discovery) -> str:
     if made.found:
         names = listed(made.names, most=len(made.names))
         return f"{base} lacks {names}: RMSE {rmse} {where}, {_floor_words(made)}."
-    if made.unexplained:
+    little = _unexplained_is_small(made)
+    if made.unexplained and not little:
         return (
             f"No effect that is known explains what {said} lacks: RMSE "
             f"{short(made.base_rmse)} {made.unit} {where}."
@@ -186,10 +188,25 @@ def verdict(made: Discovery) -> str:
             f"These runs do not tell what {said} lacks, if anything: RMSE "
             f"{short(made.base_rmse)} {made.unit} {where}."
         )
+    if little:
+        return (
+            f"Nothing that matters is missing in {said}: RMSE {short(made.base_rmse)} {made.unit} "
+            f"{where}, of which less than {_small(made)} {made.unit} has a cause without a name."
+        )
     return (
         f"Nothing is missing in {said} that these runs show: RMSE "
         f"{short(made.base_rmse)} {made.unit} {where}, which is noise."
     )
+
+
+def _unexplained_is_small(made: Discovery) -> bool:
+    """Whether what is unexplained lowers the error by too little to matter."""
+    small = SETTINGS.negligible * made.final_rmse
+    return made.unexplained is not None and made.final_rmse - made.noise_floor < small
+
+
+def _small(made: Discovery) -> str:
+    return short(SETTINGS.negligible * made.final_rmse)
 
 
 def _floor_words(made: Discovery) -> str:
@@ -334,9 +351,8 @@ def unexplained_sentence(made: Discovery) -> str:
         f"{listed(made.unexplained.depends_on)}, in a way that no effect of the catalogue is seen "
         "to have."
     )
-    little = SETTINGS.negligible * made.final_rmse
-    if made.final_rmse - made.noise_floor < little:
-        said += f" Of the error itself that is less than {short(little)} {made.unit}."
+    if _unexplained_is_small(made):
+        said += f" Of the error itself that is less than {_small(made)} {made.unit}."
     return said
 
 

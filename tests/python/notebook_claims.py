@@ -1,0 +1,87 @@
+"""What the sentences of a notebook say of its results, as a cell that is run behind the last one.
+
+A sentence that names an effect, counts claims or gives a number has its line here; a change of the
+package that makes a sentence wrong then fails the notebook's test. `missing_effect_measured` has
+`test_discover_measured`, `mujoco_pendulum` its own assertions.
+"""
+
+CLAIMS = {
+    "missing_effect": """
+assert "below 0.07 rad/s" in where.sentences[1] and "turns with the joint" in where.sentences[1]
+assert found.names == ("stribeck_friction", "wave_generator_ripple")
+fades = found.fit["stribeck_friction.stribeck_velocity"]
+assert abs(fades.value - 0.12) < 3.0 * fades.standard_error and abs(fades.value - 0.12) < 0.005
+assert [order for order, _ in found.fit.part.effects[-1].harmonics] == [2]
+assert again.names == () and "presliding_friction" in again.withdrawn
+assert set(again.unexplained.depends_on) == {"output_velocity", "output_acceleration"}
+assert not found.plan
+""",
+    "missing_effect_ur10e": """
+assert found.names == ("load_dependent_friction", "presliding_friction")
+first, second = found.found
+assert first.indistinguishable_from == ("position_dependent_friction",)
+assert second.confidence < first.confidence
+springs = [p for p in found.parameters("presliding_friction") if p.unit == "A"]
+assert any(p.state == "not determined" for p in springs)
+parts = found.before_after()["final"]
+near, far = (parts["reversals"][k] for k in ("within ±0.1 s of a reversal", "elsewhere"))
+assert 0.5 * far < near < 1.3 * far
+""",
+    "first_fit": """
+assert 4.5 < first.rmse / 0.015 < 6.0
+assert {round(one.per_output_turn) for one in orders.found} == {1, 2, 202}
+assert str(full).count("not significant: temperature_drift.quadratic.") == 1
+assert largest < 1e-8 and len(turlapati.confounded) == 1
+off = table["errors off"].abs()
+assert (off.drop(["coulomb_friction.level", "direction_width"]) < 3.0).all()
+higher = table.loc["coulomb_friction.level", "value"] - table.loc["coulomb_friction.level", "truth"]
+assert 0.015 < higher < 0.025
+assert table.loc["direction_width", "value"] < table.loc["direction_width", "truth"]
+""",
+    "certificate": """
+loaded = subprocess.run(f"./loader {blocks}", shell=True, capture_output=True, text=True).stdout
+status = [line.split("status ")[1].split(",")[0] for line in loaded.splitlines()]
+assert "0" not in status[:3] and status[3] == "0"
+""",
+    "turlapati": """
+assert fit.confounded and len(fit.confounded[0].known) == 2
+passed = made.story.tables["lowpass"]["first-order filter passes"]
+assert [round(100.0 * (1.0 - share)) for share in passed] == [16, 47]
+after = made.story.tables["bearing"]["after [%]"]
+assert (after[["trial 1", "trial 2", "trial 3"]] < 11.0).all()
+bad = made.claims[made.claims["verdict"] == "does not hold"]["claim"]
+words = ("full rank", "are recovered", "inertial torque", "low pass")
+assert [sum(word in claim for claim in bad) for word in words] == [1, 1, 1, 1] and len(bad) == 4
+""",
+    "zhang": """
+assert (paper.claims["verdict"] == "does not hold").sum() == 6
+cost = tables["drift_methods"]["cost [ns per sample]"]
+assert cost["kernel regression"] > 100.0 * cost["polynomial of degree 2"]
+left = tables["drift_methods"]["RMSE [Nm]"]
+assert left.idxmin() == "polynomial of degree 2"
+""",
+    "measured_logs": """
+found_orders = {round(order.per_output_turn) for order in ripple.orders.found}
+assert {1800, 3600, 47, 100, 200, 400} <= found_orders and not {300, 600} & found_orders
+kept = {order for e in ripple.part.effects for order, _ in e.harmonics}
+assert {12, 14, 7, 24, 18, 36} <= kept and not {47, 1, 2, 4} & kept
+assert sorted(range(1, 13), key=lambda k: -amplitude[k - 1])[:3] == [8, 2, 4]
+moving = table["moving [A]"]
+assert moving[2, "load"] < 0.4 * moving[2, "base"]
+assert abs(moving[4, "load"] / moving[4, "base"] - 1.0) < 0.03
+assert abs(held_out - 0.114) < 0.002
+assert servo_table["off the law, RMS"].max() < 24.5e-3
+assert servo_table["with 2.1 ms, RMS"].max() < 5.6e-3
+""",
+    "full_range": """
+assert round(measured / 15548, 2) == 1.81
+assert 0.0 < table.improvement("m1", "o") < table.improvement("m2", "o")
+transitions = [made.transitions[name].transition_velocity for name in ("m1", "m2")]
+assert 0.001 < transitions[0] < transitions[1] < 0.05
+assert held.sum() == 100
+assert same
+shown = claims.story.tables["table3"]["ours"]
+assert shown["order 200: amplitude"] > shown["order 2: amplitude"] > shown["order 4: amplitude"]
+assert shown["order 404: amplitude"] < shown["order 202: amplitude"] < 1.0
+""",
+}
