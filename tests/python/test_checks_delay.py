@@ -14,6 +14,7 @@ from flexspline.logs.checks.consistency import (
     SURE,
     Delay,
     _both_ways,
+    _lowest,
     find_delay,
     gear,
     motion_columns,
@@ -142,3 +143,24 @@ def test_friction_shows_a_sign_only_where_the_joint_goes_both_ways(
     speed = np.sin(TIME)
     velocity = speed if way is None else way * np.abs(speed)
     assert _both_ways(cast(Motion, SimpleNamespace(velocity=velocity))) == both
+
+
+def test_a_column_of_zeros_has_no_part_in_a_delay() -> None:
+    columns = np.column_stack((np.zeros_like(TIME), motion(TIME)))
+    target = motion(TIME - 0.01) @ [2.0, -0.7]
+    valid = (TIME[0] + WITHIN <= TIME) & (TIME[-1] - WITHIN >= TIME)
+    found = find_delay(TIME, target, columns, valid, WITHIN, STEP)
+    assert found is not None
+    assert found.coefficients == pytest.approx([0.0, 2.0, -0.7], rel=1e-4)
+
+
+def test_the_lowest_point_is_walked_to_and_looks_at_its_neighbours_alone() -> None:
+    grid, asked = np.linspace(-1.0, 1.0, 41), list[float]()
+
+    def loss(delay: float) -> float:
+        asked.append(delay)
+        return (delay - 0.5) ** 2
+
+    scanned = [abs(delay - 0.4) for delay in grid]
+    assert _lowest(loss, grid, scanned) == pytest.approx(0.5)
+    assert sorted(asked) == pytest.approx([0.35, 0.4, 0.45, 0.5, 0.55])

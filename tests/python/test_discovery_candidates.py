@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from flexspline.discovery.basis import ROUND, _fine, _motor_angle
-from flexspline.discovery.candidates import _low, _of_facts, _range
+from flexspline.discovery.candidates import _low, _of_facts, _range, _size, scanned
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import effect
 from flexspline.logs.log import Log
@@ -28,9 +28,9 @@ def test_low_orders_of_all_that_turns_are_tried_where_the_gear_ratio_is_known() 
     tried = orders(_low(GEAR, scanned_out=False))
     assert "output_housing" in tried and len(tried) > 1
     assert all(found == list(range(1, SETTINGS.tried + 1)) for found in tried.values())
-    scanned = orders(_low(GEAR, scanned_out=True))
-    assert len(scanned["output_housing"]) == SETTINGS.functions > SETTINGS.tried
-    assert {k: v for k, v in scanned.items() if k != "output_housing"} == {
+    after = orders(_low(GEAR, scanned_out=True))
+    assert len(after["output_housing"]) == SETTINGS.functions > SETTINGS.tried
+    assert {k: v for k, v in after.items() if k != "output_housing"} == {
         k: v for k, v in tried.items() if k != "output_housing"
     }
 
@@ -77,3 +77,14 @@ def test_without_a_motor_encoder_the_motor_turns_as_the_gear_says() -> None:
     encoder = bare.with_columns({"motor_position": 101.0 * angle + 0.1}, note="an encoder")
     run = cast(Any, SimpleNamespace(log=encoder))
     assert _motor_angle(run, rows) == pytest.approx(101.0 * angle[rows] + 0.1)
+
+
+def test_the_size_of_a_channel_is_its_largest_without_the_outermost_half_per_cent() -> None:
+    values = np.linspace(-1.0, 1.0, 20001)
+    assert _size(values, "Nm") == pytest.approx(0.995)
+    assert _size(values, "rad") == pytest.approx(0.99)
+
+
+def test_where_nothing_turns_no_order_is_found() -> None:
+    still = Log.from_arrays(time=np.arange(0.0, 5.0, 0.01), output_position=np.full(500, 0.3))
+    assert scanned([still], [np.zeros(500)], "Nm") == ()

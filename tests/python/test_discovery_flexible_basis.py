@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,8 +11,9 @@ from hidden_logs import LOAD, log_of, rich_run
 from scipy.signal import lfilter
 
 from flexspline.discovery.analysis import Rival
-from flexspline.discovery.basis import PAST, Functions, flexible_basis, past_of
-from flexspline.discovery.unexplained import kept, repeated
+from flexspline.discovery.basis import PAST, ROUND, Functions, flexible_basis, past_of
+from flexspline.discovery.settings import SETTINGS
+from flexspline.discovery.unexplained import Ceiling, kept, leftover_of, repeated
 from flexspline.effects import effect
 from flexspline.least_squares.problem import Problem, problem_of
 from flexspline.regression.candidate_model import HeldOut, held_out, solved_at, working
@@ -179,3 +181,22 @@ def test_waves_finer_than_all_functions_come_again_where_they_were(
     assert found is not None
     assert channels <= set(found.channels)
     assert 0.3 * 0.005 < found.fall < 1.1 * 0.005  # of its mean square
+
+
+def test_waves_over_a_turn_have_as_many_orders_as_the_settings_say() -> None:
+    waves = [g for g in flexible_basis(problem()) if g.channels == (ROUND,) and g.count == 2]
+    assert len(waves) == SETTINGS.lines
+
+
+def test_what_functions_gain_above_chance_is_less_than_all_that_they_gain() -> None:
+    c = rich_run(3, ROWS)
+    torque = 0.02 * c[LOAD] * c["output_velocity"] + 0.01 * np.random.default_rng(1).normal(
+        size=ROWS
+    )
+    here = problem_of([log_of(c, sensor_torque=torque)], [effect("offset")], "sensor_torque",
+                      known_load=LOAD, lowpass_hz=None, threads=1)  # fmt: skip
+    white = Whitening(np.ones(1), 1e-4, 1)
+    base = replace(working([effect("offset")], 1, {}), coefficients=np.zeros(1))
+    found = leftover_of(Ceiling(here, white), base)
+    assert set(found.channels) == {LOAD, "output_velocity"}
+    assert 0.5 * found.gain < found.net < found.gain

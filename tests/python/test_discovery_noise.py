@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any, cast
+
 import numpy as np
+import pytest
 from hidden_logs import LOAD, friction_of, log_of, noise, rich_run
 from scipy.signal import lfilter
 
@@ -12,7 +16,7 @@ from flexspline.least_squares.noise_model import NoiseModel
 from flexspline.logs.log import Log
 from flexspline.regression.candidate_model import working
 from flexspline.regression.gram import Whitening
-from flexspline.regression.whitening import restricted_whitening
+from flexspline.regression.whitening import _rough_whitening, restricted_whitening
 
 ROWS = 2000
 SLOW = ("offset", "time_drift", "temperature_drift", "gain_error", "gravity")
@@ -48,3 +52,17 @@ def test_what_lasts_as_long_as_a_run_is_no_noise() -> None:
 def test_memory_that_is_short_is_found() -> None:
     """(1 + φ) / (1 − φ) of a noise of first order is 99 rows."""
     assert 0.5 * 99.0 < memory(noise_beside_the_model(0.98)) < 2.0 * 99.0
+
+
+def test_a_first_guess_of_the_noise_has_its_memory_and_its_innovations() -> None:
+    rows = lfilter([1.0], [1.0, -0.9], np.random.default_rng(4).normal(0.0, 0.03, 20_000))
+    run = cast(Any, SimpleNamespace(stretches=[(0, 12_000), (12_000, 20_000)]))
+    made = _rough_whitening([rows], [run], 1)
+    assert made.variance == pytest.approx(0.03**2, rel=0.05)
+    assert made.denominator[1] == pytest.approx(-0.9, abs=0.03)
+
+
+def test_stretches_too_short_for_the_filter_to_start_are_left_out() -> None:
+    run = cast(Any, SimpleNamespace(stretches=[(0, 100), (100, 105), (105, 105), (105, 300)]))
+    white = Whitening(np.array([1.0, -0.5, 0.1]), 1.0, 1)
+    assert [(rows[0], rows[-1]) for rows in white.taken(run)] == [(0, 99), (105, 299)]

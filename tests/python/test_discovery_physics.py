@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import flexspline
-from flexspline.discovery.physics import driving_spring, impossible, spring_bounds
+from flexspline.discovery.physics import driving_spring, impossible, one_signed, spring_bounds
 from flexspline.least_squares.problem import problem_of
 from flexspline.logs.log import Log
 from flexspline.regression.candidate_model import working
@@ -132,3 +132,20 @@ def test_a_sensors_loop_lags_and_is_wider_than_its_load_scatters(
     made = replace(working(effects, 1, {}), coefficients=np.array([0.0, height, 0.0, 0.0, 0.0]))
     why = impossible(made, HYSTERESIS, problem, scatter)
     assert said in why and bool(said) is bool(why)
+
+
+@pytest.mark.parametrize(
+    ("name", "target", "signs"),
+    [
+        ("presliding_friction", "motor_torque", 1),
+        ("presliding_friction", "sensor_torque", 2),
+        ("torsional_hysteresis", "torsion", 1),
+        ("coulomb_friction", "motor_torque", 1),
+        ("coulomb_friction", "sensor_torque", 0),
+        ("offset", "motor_torque", 0),
+    ],
+)
+def test_a_loop_costs_energy_and_only_friction_may_be_seen_from_the_other_side(
+    name: str, target: str, signs: int
+) -> None:
+    assert one_signed(name, target) == signs

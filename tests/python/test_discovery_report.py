@@ -328,3 +328,30 @@ def test_a_forward_simulation_that_got_worse_is_said_to_be_so(final: float, wors
     said = " ".join(str(replace(found(), motion=motion)).split())
     assert f"by 1 to {final} rad RMS" in said
     assert ("the names do not make this better" in said) is worse
+
+
+def there_and_back(rows: int = 4000) -> Log:
+    """Two rad one way and back."""
+    time = np.arange(rows) / 200.0
+    velocity = np.where(time < time[-1] / 2.0, 0.2, -0.2)
+    angle = np.cumsum(velocity) / 200.0
+    return Log.from_arrays(time=time, output_position=angle, output_velocity=velocity)
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_bands_of_orders_hold_what_is_left_in_either_direction(way: float) -> None:
+    log = there_and_back()
+    wave = np.cos(20.0 * log["output_position"])
+    left = np.where(way * log["output_velocity"] > 0.0, wave, 0.0)
+    bands = dict(order_bands([log], [[left]]))
+    assert bands["orders 10 to 50"][0] == pytest.approx(0.5, rel=0.05)
+    assert bands["below order 10"][0] < 0.1
+
+
+def test_a_stretch_of_few_rows_tells_no_order_wherever_it_lies() -> None:
+    log = there_and_back()
+    velocity = np.zeros(len(log))
+    velocity[3000:3020] = 10.0  # one radian in a tenth of a second
+    angle = np.cumsum(velocity) / 200.0
+    short = log.with_columns({"output_position": angle, "output_velocity": velocity}, note="short")
+    assert order_bands([short], [[np.ones(len(log))]]) == []

@@ -30,3 +30,18 @@ def test_a_loop_that_gives_back_more_than_the_mesh_yields_is_warned_of() -> None
 
 def test_a_loop_wider_than_half_the_load_s_turns_is_warned_of() -> None:
     assert "its load_width of 500 Nm is wider than half of the 83" in said(1.0, width=500.0)
+
+
+def test_rows_that_do_not_count_are_said_to_be_those_of_the_effect_that_remembers() -> None:
+    time = np.arange(0.0, 20.0, 0.01)
+    log = flexspline.Log.from_arrays(
+        time=time,
+        output_position=0.3 * np.sin(time),
+        output_velocity=0.3 * np.cos(time),
+        sensor_torque=np.sin(time) + 0.01 * np.cos(9.0 * time),
+    )
+    effects = ["coulomb_friction", flexspline.effect("presliding_friction", presliding_width=0.01)]
+    fit = flexspline.fit(effects, log, "sensor_torque", checks=False,
+                         fixed={"presliding_width": 0.01, "direction_width": 0.01})  # fmt: skip
+    (said,) = [text for text in fit.warnings if "depends on what came before" in text]
+    assert "presliding_friction" in said and "coulomb" not in said

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import cast
+
 import numpy as np
 import pytest
 from fit_logs import autoregressive
 
 import flexspline
+from flexspline.least_squares.ripple import _only_by_fit
 from flexspline.logs import Log
-from flexspline.orders import find_orders
+from flexspline.orders import OrderAnalysis, find_orders
 from flexspline.rigs import sensor_rig
 
 SMOOTH = ["offset", "coulomb_friction", "viscous_friction"]
@@ -83,3 +87,17 @@ def test_given_orders_are_taken_as_they_are() -> None:
     )
     assert fit.orders is None
     assert [o for o, _ in fit.part.effects[-1].harmonics] == [1, 3]
+
+
+def test_only_orders_of_the_output_that_the_analysis_doubts_are_said_to_be_the_fits_own() -> None:
+    def order(number: int) -> SimpleNamespace:
+        return SimpleNamespace(order=number)
+
+    found = cast(OrderAnalysis, SimpleNamespace(faint=[order(2), order(4)]))
+    filled = {
+        "output_ripple": flexspline.effect("output_ripple", orders=[2, 8]),
+        "cogging": flexspline.effect("cogging", orders=[4, 7]),
+    }
+    (said,) = _only_by_fit(found, filled)
+    assert said.startswith("orders 2 per output turn are in the model")
+    assert _only_by_fit(found, {"cogging": filled["cogging"]}) == []

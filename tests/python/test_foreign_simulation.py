@@ -14,7 +14,7 @@ from hidden_logs import LOAD, WIDTH, friction_of, log_of, noise, rich_run
 import flexspline
 from flexspline import InputError, Log, Model
 from flexspline.exporting import export
-from flexspline.simulator import take
+from flexspline.simulator import late, take
 
 ROWS = 3000
 LEAK = 0.05
@@ -322,3 +322,11 @@ def test_the_command_line_refuses_two_bases_with_one_sentence(tmp_path: Path) ->
     wrong = call("compare", *measured, *COMMON, "--simulated-torque", "mujco",
                  "--out", tmp_path / "x")  # fmt: skip
     assert wrong.exit_code == 2 and "mujoco" in wrong.stderr
+
+
+@pytest.mark.parametrize("first", [0.0, 1e5])
+def test_a_delay_of_a_simulation_is_told_whenever_the_clock_began(first: float) -> None:
+    made = run(1, holds_load=True, late=0.05)
+    log = made.with_columns({"time": made["time"] + first}, note="another clock")
+    (said,) = late(log, log["sensor_torque"], log["simulated_torque"], "simulation")
+    assert said.size == pytest.approx(0.05, abs=0.3 * SAMPLE)

@@ -23,6 +23,7 @@ from hypothesis import strategies as st
 
 import flexspline
 from flexspline import FitOptions, effect
+from flexspline.least_squares.identifiability import _reduced
 
 HELD = {"direction_width": WIDTH}
 RIPPLE = effect("output_ripple", orders=[1, 2])
@@ -331,3 +332,9 @@ def test_a_bound_that_holds_one_of_the_group_resolves_it():
     elsewhere = fitted(PER_DIRECTION, log_of(), bounds={"viscosity": (0.5, 1.0)})
     assert elsewhere["viscosity"].state == "at lower bound"
     assert groups(elsewhere) == [{"offset", "positive", "negative"}]
+
+
+def test_combinations_that_are_whole_numbers_but_for_rounding_are_whole() -> None:
+    rows = np.array([[1.0, 2.0 + 1e-9, -1.0 - 1e-10], [0.0, 0.0, 1e-12]])
+    np.testing.assert_array_equal(_reduced(rows)[0], [1.0, 2.0, -1.0])
+    assert _reduced(np.array([[1.0, 0.5 + 1e-9]]))[0, 1] != 0.5

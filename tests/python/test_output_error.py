@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -15,6 +16,8 @@ from flexspline.errors import InputError
 from flexspline.least_squares.result import Fit
 from flexspline.logs.read import write_log
 from flexspline.model import Model
+from flexspline.output_error.settings import with_servo_torque
+from flexspline.output_error.space import Searched, Space
 from flexspline.plot import simulated_motion
 
 FREE = ("torque", "back_emf")
@@ -36,8 +39,6 @@ def wrong_start() -> Fit:
 @cache
 def open_loop() -> Fit:
     """Driven by the measured torque of two runs, the law's true torque among their channels."""
-    from flexspline.output_error.settings import with_servo_torque
-
     given = [with_servo_torque(log, law(), "motor_torque") for log in runs()[:2]]
     return flexspline.fit_motion(
         EFFECTS,
@@ -208,3 +209,24 @@ def test_a_log_without_torque_and_duty_is_refused():
     log = flexspline.Log.from_arrays(**kept, facts=dict(runs()[0].facts))
     with pytest.raises(InputError, match="motor_torque or duty"):
         flexspline.fit_motion(EFFECTS, log, "motor_torque", controller=law())
+
+
+def test_what_a_law_without_a_supply_gives_is_its_torque_by_the_duty() -> None:
+    log, plain = runs()[0], replace(law(), supply=False)
+    given = with_servo_torque(log, plain, "motor_torque")["motor_torque"]
+    expected = plain.torque * log["duty"] - plain.back_emf * log["output_velocity"]
+    np.testing.assert_allclose(given, expected, atol=1e-12)
+
+
+def test_limits_of_a_search_are_those_that_were_given_in_its_own_coordinates() -> None:
+    name = "viscous_friction.viscosity"
+    one = Searched(name, "coefficient", "", 0.01, False, 0.05, 0.004, 0.02)
+    low, high = Space(wrong_start().part, (name,), (one,)).bounds
+    assert (0.05 * low[0], 0.05 * high[0]) == pytest.approx((0.004, 0.02))
+
+
+def test_a_number_away_from_its_limits_is_fitted_and_memory_lowers_what_it_is_known_by() -> None:
+    level = wrong_start()["coulomb_friction.level"]
+    assert level.state == "fitted" and level.determined
+    rows = sum(len(log) for log in runs())
+    assert 1.0 < level.effective_samples < rows

@@ -7,11 +7,12 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 import report_fits
 
 from flexspline.formatting import plus_minus, short_names, truncated
-from flexspline.least_squares.result import Fit
+from flexspline.least_squares.result import Fit, contributions, shares
 from flexspline.least_squares.ripple import ripple_orders
 from flexspline.report.text import fit_text
 
@@ -113,3 +114,13 @@ def test_a_share_is_never_rounded_up_to_all() -> None:
 
 def _words(text: str) -> list[str]:
     return NUMBER.sub("#", text).split()
+
+
+def test_the_share_of_an_effect_is_the_rms_of_what_it_gives_over_all_runs() -> None:
+    fit = report_fits.plain_fit()
+    given = [contributions(fit, one) for one in fit.runs]
+    for name, size in shares(fit).items():
+        values = np.concatenate(
+            [g[name][one.counts] for g, one in zip(given, fit.runs, strict=True)]
+        )
+        assert size == pytest.approx(float(np.sqrt(np.nanmean(values**2))), rel=1e-12)

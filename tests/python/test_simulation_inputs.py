@@ -264,3 +264,24 @@ def test_a_channel_that_no_rig_has_is_refused() -> None:
         run["link_torqe"]
     with pytest.raises(InputError, match="a log at 2000 Hz of a trajectory at 1000 Hz"):
         run.log(rate=2000.0)
+
+
+def test_torsion_is_the_output_s_angle_at_the_motor_less_that_of_the_motor() -> None:
+    run = JOINT.simulate(TIME, motor_torque=0.3 * np.sin(5 * TIME), load_torque=2.0)
+    apart = JOINT.effective_ratio * run["output_position"] - run["motor_position"]
+    np.testing.assert_array_equal(run.torsion, apart)
+    assert 1e-4 < np.abs(run.torsion).max() < 0.1
+
+
+def test_noise_of_a_sensor_is_added_to_what_it_reads() -> None:
+    run = JOINT.simulate(TIME, load_torque=2.0)
+    noise = np.linspace(-0.1, 0.3, len(TIME))
+    sensor = TorqueSensor(gain=1.1)
+    np.testing.assert_allclose(sensor.read(run, noise) - sensor.read(run), noise, atol=1e-12)
+
+
+def test_a_joint_starts_in_balance_with_the_load_of_its_first_row() -> None:
+    load = np.where(np.arange(len(TIME)) == 0, 2.0, 7.0)
+    run = JOINT.simulate(TIME, load_torque=load)
+    weight = JOINT.output.gravity * np.sin(run["output_position"][0] - JOINT.output.gravity_angle)
+    assert run["transmitted_torque"][0] == pytest.approx(2.0 + weight, abs=1e-9)

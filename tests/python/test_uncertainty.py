@@ -21,6 +21,10 @@ from flexspline.least_squares.noise_model import (
     Chunk,
     Chunks,
     NoiseModel,
+    _collect,
+    _expected_products,
+    _iterate,
+    _solve,
     lagged_products,
     noise_model,
 )
@@ -327,3 +331,23 @@ def test_a_residual_that_cannot_be_used_is_refused_in_a_sentence(samples, spoilt
 def test_a_confidence_of_95_is_refused():
     with pytest.raises(InputError, match=r"0\.95"):
         solve(*problem()).intervals(np.zeros(5), confidence=95)
+
+
+def test_the_spread_of_the_noise_is_widened_by_what_the_terms_hide_of_it() -> None:
+    """1 / (1 - r): r is the factor by which an iteration takes a coefficient to its fixed point."""
+    rng = np.random.default_rng(7)
+    rows = np.column_stack([np.cos(np.pi * k * (np.arange(400) + 0.5) / 400) for k in range(5)])
+    rows /= np.linalg.norm(rows, axis=0)
+    left = lfilter([1.0], [1.0, -0.9], rng.normal(size=400))
+    left -= rows @ (rows.T @ left)
+    starts = np.arange(400) == 0
+    made = noise_model(lambda: iter([Chunk(rows, left, starts)]), np.eye(5), max_order=1)
+    products, _ = _collect(lambda: iter([Chunk(rows, left, starts)]), np.eye(5), 1, 1, 1, False)
+    degrees = 399 - 5
+    phi, expected = _iterate(products, degrees)
+    one, two = (_solve(_expected_products(phi + step, products, degrees)[0])
+                for step in (1e-3, -1e-3))  # fmt: skip
+    rate = float((one - two)[0]) / 2e-3
+    assert 0.05 < rate < 0.9
+    known = made.innovation_variance / expected[1, 1]
+    assert made.coefficient_covariance[0, 0] == pytest.approx(known / (1.0 - rate), rel=0.1)

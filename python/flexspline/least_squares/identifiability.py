@@ -228,7 +228,8 @@ def _reduced(rows: Array) -> Array:
                 break
             lead += 1
         if lead == rows.shape[1]:
-            return rows[:r]
+            rows = rows[:r]
+            break
         rows[[r, pivot]] = rows[[pivot, r]]
         rows[r] /= rows[r, lead]
         others = np.arange(len(rows)) != r
