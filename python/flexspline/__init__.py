@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from flexspline.about import __version__, get_include
 from flexspline.effects import CATALOGUE, Effect, effect
 from flexspline.errors import FlexsplineWarning, InputError
+from flexspline.lazy import attached
 from flexspline.presentation import register_renderers
 
 if TYPE_CHECKING:
@@ -161,13 +162,12 @@ _ROOMS = (
 """Sub-packages with an interface of their own, as in `flexspline.simulation.Joint`."""
 
 
+_public = attached(__name__, _HOME)
+
+
 def __getattr__(name: str) -> Any:
-    """Import a public name when it is first used (PEP 562): the package starts quickly."""
-    if name in _ROOMS:
-        return importlib.import_module(f"{__name__}.{name}")
-    if name not in _HOME:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(importlib.import_module(f"{__name__}.{_HOME[name]}"), name)
+    """Import a public name or sub-package when it is first used."""
+    return importlib.import_module(f"{__name__}.{name}") if name in _ROOMS else _public(name)
 
 
 def __dir__() -> list[str]:

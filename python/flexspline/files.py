@@ -16,7 +16,14 @@ from flexspline.errors import InputError
 if TYPE_CHECKING:
     import pandas
 
-__all__ = ["atomic_write", "atomic_writer", "save_table", "whole_folder"]
+__all__ = [
+    "atomic_write",
+    "atomic_writer",
+    "file_to_write",
+    "folder_to_write",
+    "save_table",
+    "whole_folder",
+]
 
 
 @contextlib.contextmanager
@@ -25,22 +32,17 @@ def atomic_writer(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
 
     It is written beside its destination, flushed to the disk and then renamed over it, so
     a reader (or a power cut) finds the old file or the new one, never a part. After an
-    error the old file is untouched and nothing is left behind.
+    error the old file is untouched and nothing is left behind. A folder that is not there is
+    made; a symbolic link stays, and the file that it leads to is written.
 
     Raises
     ------
     InputError
-        Where the folder does not exist or cannot be written to.
+        Where the folder cannot be written to, or what is there is a device or a pipe.
     """
-    target = Path(path)
-    try:
-        handle, name = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
-    except OSError as error:
-        raise InputError(
-            f"{target}: cannot be written ({error.strerror}); "
-            "give a folder that exists and that you may write to"
-        ) from error
-    draft = Path(name)
+    target = file_to_write(path)
+    made = [folder for folder in target.parents if not folder.exists()]
+    handle, draft = _draft_file(target)
     try:
         with os.fdopen(handle, "wb") as file:
             yield cast(BinaryIO, file)
@@ -50,8 +52,46 @@ def atomic_writer(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
         _rename(draft, target)
     except BaseException:
         draft.unlink(missing_ok=True)
+        _remove(made)
         raise
     _sync_folder(target.parent)
+
+
+def file_to_write(path: str | os.PathLike[str]) -> Path:
+    """Return the file that a path leads to, which may not be there.
+
+    Raises
+    ------
+    InputError
+        Where it is a device, a pipe or a socket, or a link that leads round in a circle.
+    """
+    target = Path(path)
+    try:
+        found = target.resolve() if target.is_symlink() else target
+        special = found.exists() and not found.is_file() and not found.is_dir()
+    except (OSError, RuntimeError) as error:
+        raise InputError(f"{target}: is a link in a circle; give the name of a file") from error
+    if special:
+        raise InputError(f"{target}: is a device, a pipe or a socket; give the name of a file")
+    return found
+
+
+def _draft_file(target: Path) -> tuple[int, Path]:
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
+    except OSError as error:
+        raise InputError(
+            f"{target}: cannot be written ({error.strerror}); give a folder that you may write to"
+        ) from error
+    return handle, Path(name)
+
+
+def _remove(folders: list[Path]) -> None:
+    """Remove folders that were made for what did not come about, the innermost first."""
+    for folder in folders:
+        with contextlib.suppress(OSError):
+            folder.rmdir()
 
 
 def save_table(frame: pandas.DataFrame, path: str | os.PathLike[str]) -> None:
@@ -110,9 +150,7 @@ def whole_folder(path: str | os.PathLike[str], last: str = "") -> Iterator[Path]
     InputError
         Where `path` is a file, or nothing can be written beside it.
     """
-    target = Path(path)
-    if target.exists() and not target.is_dir():
-        raise InputError(f"{target}: is a file; give the name of a folder")
+    target = folder_to_write(path)
     made = [folder for folder in target.parents if not folder.exists()]
     draft = _draft_folder(target)
     try:
@@ -121,10 +159,16 @@ def whole_folder(path: str | os.PathLike[str], last: str = "") -> Iterator[Path]
         _publish(draft, target, last)
     except BaseException:
         shutil.rmtree(draft, ignore_errors=True)
-        for folder in made:
-            with contextlib.suppress(OSError):
-                folder.rmdir()
+        _remove(made)
         raise
+
+
+def folder_to_write(path: str | os.PathLike[str]) -> Path:
+    """Return the folder of this path, which may not be there; refuse what is none."""
+    target = Path(path)
+    if target.exists() and not target.is_dir():
+        raise InputError(f"{target}: is a file; give the name of a folder")
+    return target
 
 
 def _draft_folder(target: Path) -> Path:
@@ -148,7 +192,7 @@ def _publish(draft: Path, target: Path, last: str) -> None:
     files = sorted(path for path in draft.rglob("*") if path.is_file())
     files.sort(key=lambda file: file.name == last)
     for file in files:
-        there = target / file.relative_to(draft)
+        there = file_to_write(target / file.relative_to(draft))
         there.parent.mkdir(parents=True, exist_ok=True)
         _rename(file, there)
     _sync_folder(target)

@@ -13,7 +13,6 @@ from collections.abc import Mapping
 from functools import cache, partial
 from typing import Any
 
-import jsonschema
 import numpy as np
 
 from flexspline.errors import InputError, shortened
@@ -60,8 +59,10 @@ def json_content(text: str, label: str) -> object:
 
 def require_schema(content: dict[str, Any], label: str) -> None:
     """Refuse content that is no model; `label` is what the sentence calls it."""
-    errors = jsonschema.Draft202012Validator(_schema("model")).iter_errors(content)
-    first = jsonschema.exceptions.best_match(errors)
+    from jsonschema import Draft202012Validator
+    from jsonschema.exceptions import best_match
+
+    first = best_match(Draft202012Validator(_schema("model")).iter_errors(content))
     if first is not None:
         where = "/".join(str(part) for part in first.absolute_path) or "the top"
         wrong = shortened(first.message)
@@ -70,8 +71,10 @@ def require_schema(content: dict[str, Any], label: str) -> None:
 
 def checked_json(content: Any, schema: str) -> str:
     """Return content as JSON text that fits "comparison" or "discovery"; no NaN, no tuple in it."""
+    from jsonschema import Draft202012Validator
+
     content = plain_json(content)
-    jsonschema.Draft202012Validator(_schema(schema)).validate(content)
+    Draft202012Validator(_schema(schema)).validate(content)
     return json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 

@@ -27,8 +27,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
-from scipy.optimize import minimize_scalar
 
 from flexspline.errors import InputError, listed
 from flexspline.logs.checks.consistency import MOST_ROWS, SURE, WITHIN, block_error, motion_columns
@@ -364,6 +362,9 @@ def _delay(
     log: Log, motion: Motion, measured: Array, simulated: Array
 ) -> tuple[float, float] | None:
     """The delay and its standard error, s, where it is sure and matters."""
+    from scipy.interpolate import CubicSpline
+    from scipy.optimize import minimize_scalar
+
     reading, says = motion.smooth(measured), motion.smooth(simulated)
     beside = _lacking(motion, motion_columns(log, motion), says)
     step = median_step(motion.time)

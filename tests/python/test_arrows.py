@@ -18,7 +18,7 @@ from flexspline.presentation import RENDERERS
 
 LAYERS = (
     # what knows nothing of joints
-    ("_core", "about", "errors", "parallel", "rendering"),
+    ("_core", "about", "errors", "lazy", "parallel", "rendering"),
     ("files", "formatting", "schema"),
     # runs, and what they show by themselves; logs know no effects, their checks do
     ("effects", "logs"),
@@ -69,7 +69,7 @@ OTHER_THINGS = {
 }
 """Words of other rooms that are also names of effects, and mean something else there."""
 
-BY_TABLE = ("flexspline.rendering",)
+BY_TABLE = ("flexspline.lazy", "flexspline.rendering")
 """Modules that import what a table gives them whose strings are arrows where the table stands."""
 
 PACKAGE = Path(flexspline.__file__).parent

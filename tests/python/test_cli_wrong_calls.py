@@ -66,7 +66,7 @@ WRONG = [
     (PREDICT + " --gear-ratio 80", "gear_ratio"),
     (PREDICT + " --target torsion", "torsion"),
     ("predict --model {model} {run1} --out {run1}", "overwrite"),
-    ("predict --model {model} {run1} --out {folder}/none/out.csv", "folder"),
+    ("predict --model {model} {run1} --out {run2}/out.csv", "that you may write to"),
     ("predict --model {model} {narrow} --out {new}", "narrow"),
     ("export --model {model} --out {new}", "--format"),
     ("export --model {model} --format xml --out {new}", "header"),

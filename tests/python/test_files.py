@@ -12,7 +12,7 @@ import pytest
 
 import flexspline
 from flexspline.errors import InputError
-from flexspline.files import atomic_write, atomic_writer
+from flexspline.files import atomic_write, atomic_writer, whole_folder
 
 
 def test_a_failure_half_way_leaves_the_old_file_and_nothing_else(tmp_path: Path) -> None:
@@ -34,9 +34,49 @@ def test_what_is_written_replaces_the_file_and_keeps_its_mode(tmp_path: Path) ->
     assert out.stat().st_mode & 0o777 == 0o640
 
 
-def test_a_missing_folder_is_named(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"run\.csv: cannot be written .*folder that exists"):
+def test_a_missing_folder_is_made_and_goes_again_with_what_did_not_come_about(
+    tmp_path: Path,
+) -> None:
+    out = tmp_path / "of" / "mine" / "run.csv"
+    with pytest.raises(RuntimeError), atomic_writer(out):
+        raise RuntimeError
+    assert list(tmp_path.iterdir()) == []
+    atomic_write(out, "new")
+    assert out.read_text() == "new" and [p.name for p in out.parent.iterdir()] == ["run.csv"]
+
+
+def test_a_file_in_the_place_of_a_folder_is_named(tmp_path: Path) -> None:
+    (tmp_path / "no").write_text("mine")
+    with pytest.raises(InputError, match=r"run\.csv: cannot be written .* that you may write to"):
         atomic_write(tmp_path / "no" / "run.csv", b"")
+    assert (tmp_path / "no").read_text() == "mine"
+
+
+@pytest.mark.skipif(os.name != "posix", reason="links and pipes of POSIX")
+def test_a_link_stays_and_the_file_that_it_leads_to_is_written(tmp_path: Path) -> None:
+    there, link = tmp_path / "there" / "model.json", tmp_path / "latest.json"
+    atomic_write(there, "old")
+    link.symlink_to(there)
+    atomic_write(link, "new")
+    assert link.is_symlink() and there.read_text() == "new"
+    with whole_folder(tmp_path / "joint") as draft:
+        (draft / "model.json").write_text("one")
+    (tmp_path / "joint" / "model.json").unlink()
+    (tmp_path / "joint" / "model.json").symlink_to(there)
+    with whole_folder(tmp_path / "joint") as draft:
+        (draft / "model.json").write_text("two")
+    assert (tmp_path / "joint" / "model.json").is_symlink() and there.read_text() == "two"
+
+
+@pytest.mark.skipif(os.name != "posix", reason="links and pipes of POSIX")
+def test_a_pipe_a_device_and_a_circle_are_refused_and_stay(tmp_path: Path) -> None:
+    pipe, circle = tmp_path / "pipe", tmp_path / "circle"
+    os.mkfifo(pipe)
+    circle.symlink_to(circle)
+    for path in (pipe, circle, Path("/dev/null")):
+        with pytest.raises(InputError, match="give the name of a file"):
+            atomic_write(path, "new")
+    assert pipe.is_fifo() and circle.is_symlink() and Path("/dev/null").is_char_device()
 
 
 def test_a_folder_in_the_way_is_named_and_nothing_is_left(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from flexspline.cli.options import Reading, Taught, positive, reading, repairs
+from flexspline.cli.options import Reading, Taught, loaded, positive, reading, repairs
 from flexspline.files import whole_folder
 
 __all__ = ["command"]
@@ -129,12 +129,12 @@ def command(
       flexspline calibrate warmup.csv --reference none --into sensor/model.json --out sensor2
       flexspline calibrate load.csv warmup.csv --thermal-lag fit --gradient fit --out sensor
     """
-    from flexspline.calibration.calibrating import calibrate
-    from flexspline.model import Model
-
-    model = None if into is None else Model.load(into)
+    model = None if into is None else loaded(into)
     with whole_folder(out, last="model.json") as draft:
         logs = reading.logs(runs, {} if model is None else model.facts)
+
+        from flexspline.calibration.calibrating import calibrate
+
         channel = None if reference.lower() == NO_REFERENCE else reference
         made = calibrate(logs, reference=channel, into=model, **options)
         made.report(draft / "report.html")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import click
 
 from flexspline.cli.options import on_terminal
+from flexspline.files import folder_to_write
 
 __all__ = [
     "demo",
@@ -29,6 +30,8 @@ def demo(out: str) -> None:
     Example:
       flexspline demo --out flexspline-demo
     """
+    folder_to_write(out)
+
     from flexspline.demo import demo as run_demo
 
     run_demo(out, say=click.echo)

@@ -18,6 +18,7 @@ from flexspline.cli.options import (
     effects_by_target,
     fixed,
     known_load,
+    loaded,
     lowpass,
     named,
     named_effects,
@@ -92,10 +93,6 @@ def compare(
       flexspline compare run3.csv --target sensor_torque --simulated-torque mujoco --out where
       flexspline compare run3.csv --simulation made3.csv --simulated-motion --out where
     """
-    from flexspline.comparison import compare as compare_runs
-    from flexspline.forward import PositionServo
-    from flexspline.model import Model
-
     foreign = bool(simulation) or simulated_torque is not None
     if model_path is None and not foreign:
         raise InputError(
@@ -104,12 +101,16 @@ def compare(
         )
     if model_path is None and target is None and not simulated_motion:
         raise InputError("--target is needed beside a simulated torque; say what it predicts")
-    joint = None if model_path is None else Model.load(model_path)
+    joint = None if model_path is None else loaded(model_path)
     if joint is not None:
         joint.part(target)
     with whole_folder(out, last="comparison.json") as draft:
         column = None if simulation else simulated_torque
         logs = reading.logs(runs, joint.facts if joint else {}, column)
+
+        from flexspline.comparison import compare as compare_runs
+        from flexspline.forward import PositionServo
+
         made = compare_runs(
             joint,
             logs,
@@ -206,9 +207,6 @@ def discover(
       flexspline discover run5.csv --model joint/model.json --target motor_torque --out found
       flexspline discover run*.csv --target sensor_torque --simulated-torque mujoco --out found
     """
-    from flexspline.discovery.discovering import discover as look
-    from flexspline.model import Model
-
     foreign = bool(simulation) or simulated_torque is not None
     if (names is not None) + (model_path is not None or foreign) != 1:
         raise InputError(
@@ -218,11 +216,14 @@ def discover(
     if model_path is None and target is None and options["by"] == "regression":
         beside = "a simulation" if foreign else "--effects"
         raise InputError(f"--target is needed beside {beside}; say what is explained")
-    model = None if model_path is None else Model.load(model_path)
+    model = None if model_path is None else loaded(model_path)
     effects = None if names is None else named_effects(names)
     with whole_folder(out, last="discovery.json") as draft:
         column = None if simulation else simulated_torque
         logs = reading.logs(runs, {} if model is None else model.facts, column)
+
+        from flexspline.discovery.discovering import discover as look
+
         made = look(
             effects if model is None else model,
             logs,

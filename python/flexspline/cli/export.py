@@ -13,6 +13,7 @@ from flexspline.cli.options import (
     LateChoice,
     Reading,
     Taught,
+    loaded,
     model,
     out_file,
     reading,
@@ -77,12 +78,12 @@ def export(
     Example:
       flexspline export --model joint/model.json --format header --out joint.hpp
     """
+    refuse_overwriting(out, [model_path])
+    joint = loaded(model_path)
+
     from flexspline.exporting import export as export_model
     from flexspline.exporting import export_warnings
-    from flexspline.model import Model
 
-    refuse_overwriting(out, [model_path])
-    joint = Model.load(model_path)
     export_model(joint, out, format=form, target=target, scalar=scalar, strict=strict)
     warn(export_warnings(joint, target))
     alone = [
@@ -132,12 +133,12 @@ def certify(
     Example:
       flexspline certify --model joint/model.json run3.csv --device cortex-m4f --out cert.json
     """
-    from flexspline.certification import certify as run_on_device
-    from flexspline.model import Model
-
     refuse_overwriting(out, [run, model_path])
-    joint = Model.load(model_path)
+    joint = loaded(model_path)
     (log,) = reading.logs([run], joint.facts)
+
+    from flexspline.certification import certify as run_on_device
+
     made = run_on_device(joint, log, device, target=target, options=options or ("-O2",))
     made.save(out)
     click.echo(str(made))

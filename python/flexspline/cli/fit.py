@@ -15,6 +15,7 @@ from flexspline.cli.options import (
     effects_by_target,
     fixed,
     known_load,
+    loaded,
     lowpass,
     named,
     named_effects,
@@ -27,9 +28,11 @@ from flexspline.cli.options import (
     target,
     threads,
 )
+from flexspline.effects import require_effects
 from flexspline.errors import InputError
 from flexspline.files import whole_folder
 from flexspline.fitting import fit as fit_effects
+from flexspline.fitting import with_orders
 
 __all__ = ["fit"]
 
@@ -149,12 +152,10 @@ def fit(
           --effects inertia,gravity,coulomb_friction,load_dependent_friction --out servo
     """
     from flexspline.least_squares.options import FitOptions
-    from flexspline.model import Model
-    from flexspline.output_error.fitting import fit_motion
-    from flexspline.output_error.settings import MotionOptions
 
     effects = named_effects(names)
-    model = None if into is None else Model.load(into)
+    require_effects(with_orders(effects, options["orders"]), target)
+    model = None if into is None else loaded(into)
     with whole_folder(out, last="model.json") as draft:
         column = None if simulation else simulated_torque
         logs = reading.logs(runs, {} if model is None else model.facts, column)
@@ -174,6 +175,9 @@ def fit(
         foreign = simulations(simulation, simulated_torque)
         if options["by"] == "simulation":
             _refuse_of_motion(options, foreign is not None or simulated_torque is not None)
+            from flexspline.output_error.fitting import fit_motion
+            from flexspline.output_error.settings import MotionOptions
+
             free = [name for name in options["free_controller"].split(",") if name]
             asked = MotionOptions(free_controller=free, starts=options["starts"], **how)
             made = fit_motion(

@@ -67,11 +67,13 @@ def check(
       flexspline check run1.csv run2.csv
       flexspline check run*.csv --target motor_torque --effects viscous_friction,inertia --out audit
     """
+    effects = named_effects(names)
+    logs = reading.logs(runs)
+
     from flexspline.logs.checks import check as look_at
     from flexspline.report.check import check_json, check_verdict, write_check_report
 
-    effects = named_effects(names)
-    audits = [(log, look_at(log, effects=effects, target=target)) for log in reading.logs(runs)]
+    audits = [(log, look_at(log, effects=effects, target=target)) for log in logs]
     lines = [line for _, found in audits for line in (*str(found).split("\n"), "")]
     click.echo("\n".join(map(printable, (*lines, check_verdict(audits, target)))))
     if out is not None:

@@ -19,9 +19,11 @@ from tqdm import tqdm
 
 from flexspline.effects import TARGETS, effect
 from flexspline.errors import InputError, printable
+from flexspline.files import file_to_write
 
 if TYPE_CHECKING:
     from flexspline.logs.log import Log
+    from flexspline.model import Model
 
     Choice = click.Choice[str]
 else:
@@ -36,6 +38,7 @@ __all__ = [
     "effects_by_target",
     "fixed",
     "known_load",
+    "loaded",
     "lowpass",
     "model",
     "named",
@@ -193,6 +196,13 @@ def model(command: Command) -> Command:
     return click.option(
         "--model", "model_path", required=True, metavar="MODEL.json", help="A model that fit wrote."
     )(command)
+
+
+def loaded(path: str) -> Model:
+    """Read the model of a command; what the command computes with is imported after its files."""
+    from flexspline.model import Model
+
+    return Model.load(path)
 
 
 def simulation(command: Command) -> Command:
@@ -373,7 +383,8 @@ def on_terminal() -> bool:
 
 
 def refuse_overwriting(out: str, inputs: Sequence[str]) -> None:
-    """Raise `InputError` where the file to write is one of those that are read."""
+    """Raise `InputError` where the file to write is one of those that are read, or no file."""
+    file_to_write(out)
     for path in inputs:
         if Path(path).resolve() == Path(out).resolve():
             raise InputError(f"--out {out}: would overwrite what is read; give another name")

@@ -12,6 +12,7 @@ from flexspline.cli.options import (
     Reading,
     Taught,
     controller,
+    loaded,
     lowpass,
     model,
     out_file,
@@ -68,14 +69,8 @@ def predict(
     Example:
       flexspline predict --model joint/model.json run3.csv --out residual.csv
     """
-    import numpy as np
-    import pandas
-
-    from flexspline.files import save_table
-    from flexspline.model import Model, refuse_warnings
-
     refuse_overwriting(out, [run, model_path, *simulation])
-    joint = Model.load(model_path)
+    joint = loaded(model_path)
     part = joint.part(target)
     foreign = bool(simulation) or simulated_torque is not None
     if part.simulated is not None and not foreign:
@@ -87,6 +82,13 @@ def predict(
         raise InputError(f"--simulation is given {len(simulation)} times; give one for the run")
     (log,) = reading.logs([run], joint.facts, None if simulation else simulated_torque)
     files = simulations(simulation, simulated_torque)
+
+    import numpy as np
+    import pandas
+
+    from flexspline.files import save_table
+    from flexspline.model import refuse_warnings
+
     found = joint.predict(
         log,
         part.target,
@@ -138,12 +140,12 @@ def estimate(
     Example:
       flexspline estimate --model joint/model.json run3.csv --out external.csv
     """
-    from flexspline.estimation import estimate as run_chain
-    from flexspline.model import Model
-
     refuse_overwriting(out, [run, model_path])
-    joint = Model.load(model_path)
+    joint = loaded(model_path)
     (log,) = reading.logs([run], joint.facts)
+
+    from flexspline.estimation import estimate as run_chain
+
     made = run_chain(joint, log, bandwidth=bandwidth)
     made.save(out)
     click.echo(str(made))
@@ -197,13 +199,13 @@ def simulate(
       flexspline simulate --model joint/model.json run3.csv --out motion.csv
       flexspline simulate --model joint/model.json run3.csv --controller servo.json --out motion.csv
     """
-    from flexspline.forward import simulate as simulate_run
-    from flexspline.model import Model
-
     refuse_overwriting(out, [run, model_path, *([controller] if controller else [])])
-    joint = Model.load(model_path)
+    joint = loaded(model_path)
     joint.part(target)
     (log,) = reading.logs([run], joint.facts)
+
+    from flexspline.forward import simulate as simulate_run
+
     made = simulate_run(
         joint, log, target=target, controller=controller, steps_per_sample=steps, horizon=horizon
     )

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from flexspline.lazy import attached
 
 if TYPE_CHECKING:
     from flexspline.least_squares.identifiability import Combination, Confounded
@@ -35,9 +36,4 @@ _HOME = {
     "accumulate": "sums",
 }
 
-
-def __getattr__(name: str) -> Any:
-    """Import a public name when it is first used (PEP 562)."""
-    if name not in _HOME:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(importlib.import_module(f"{__name__}.{_HOME[name]}"), name)
+__getattr__ = attached(__name__, _HOME)

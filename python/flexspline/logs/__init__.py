@@ -1,21 +1,28 @@
 """Logs: reading, checking, repairing, merging and deriving the channels of a run."""
 
-from flexspline.logs.channels import CHANNELS, Channel
-from flexspline.logs.checks import Finding, Findings, check
-from flexspline.logs.columns import ColumnSource
-from flexspline.logs.derive import (
-    decimate,
-    differentiate,
-    differentiate_causal,
-    lowpass,
-    lowpass_log,
-    resample,
-)
-from flexspline.logs.log import Log, Source
-from flexspline.logs.merge import Clock, Merged, find_clock, merge
-from flexspline.logs.read import convert, read_log, write_log
-from flexspline.logs.repairs import REPAIRS, repaired
-from flexspline.logs.segments import Segment
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from flexspline.lazy import attached
+
+if TYPE_CHECKING:
+    from flexspline.logs.channels import CHANNELS, Channel
+    from flexspline.logs.checks import Finding, Findings, check
+    from flexspline.logs.columns import ColumnSource
+    from flexspline.logs.derive import (
+        decimate,
+        differentiate,
+        differentiate_causal,
+        lowpass,
+        lowpass_log,
+        resample,
+    )
+    from flexspline.logs.log import Log, Source
+    from flexspline.logs.merging import Clock, Merged, find_clock, merge
+    from flexspline.logs.read import convert, read_log, write_log
+    from flexspline.logs.repairs import REPAIRS, repaired
+    from flexspline.logs.segments import Segment
 
 __all__ = [
     "CHANNELS",
@@ -43,3 +50,36 @@ __all__ = [
     "resample",
     "write_log",
 ]
+
+_HOME = {
+    "CHANNELS": "channels",
+    "REPAIRS": "repairs",
+    "Channel": "channels",
+    "Clock": "merging",
+    "ColumnSource": "columns",
+    "Finding": "checks",
+    "Findings": "checks",
+    "Log": "log",
+    "Merged": "merging",
+    "Segment": "segments",
+    "Source": "log",
+    "check": "checks",
+    "convert": "read",
+    "decimate": "derive",
+    "differentiate": "derive",
+    "differentiate_causal": "derive",
+    "find_clock": "merging",
+    "lowpass": "derive",
+    "lowpass_log": "derive",
+    "merge": "merging",
+    "read_log": "read",
+    "repaired": "repairs",
+    "resample": "derive",
+    "write_log": "read",
+}
+
+__getattr__ = attached(__name__, _HOME)
+
+
+def __dir__() -> list[str]:
+    return __all__

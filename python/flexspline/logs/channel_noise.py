@@ -23,9 +23,6 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import make_interp_spline
-from scipy.ndimage import minimum_filter1d
-from scipy.signal import welch
 
 from flexspline.logs.local_fit import response
 from flexspline.logs.log import Log
@@ -111,6 +108,8 @@ def channel_noise(logs: Sequence[Log], channel: str) -> ChannelNoise | None:
     ----------
     logs : runs that all have the channel, of finite values; time strictly increasing.
     """
+    from scipy.ndimage import minimum_filter1d
+
     rate = min(log.rate for log in logs)
     frequencies = np.geomspace(2.0 / SECONDS, 0.45 * rate, 80)
     found = [one for log in logs for one in _told(log, channel, rate, frequencies)]
@@ -163,6 +162,9 @@ def _looked_at(first: int, last: int) -> list[tuple[int, int]]:
 
 def _density(time: Array, values: Array, frequencies: Array) -> Array:
     """Power spectral density of an unbroken run at frequencies [Hz], unit²/Hz; local medians."""
+    from scipy.interpolate import make_interp_spline
+    from scipy.signal import welch
+
     step = median_step(time)
     if np.max(np.abs(np.diff(time) - step)) > EVEN * step:
         even = np.arange(time[0], time[-1], step)

@@ -12,7 +12,6 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
-import pandas
 from numpy.typing import NDArray
 
 from flexspline.errors import InputError, did_you_mean, listed
@@ -182,6 +181,8 @@ def _numbers(table: Table, channel: str, number: int) -> NDArray[np.float64]:
             f"{table.label}: {table.title(number)} holds complex numbers where "
             f"'{channel}' needs real ones; give their real part"
         )
+    import pandas
+
     series = pandas.Series(column)
     try:
         values = pandas.to_numeric(series, errors="coerce").to_numpy(np.float64, na_value=np.nan)

@@ -14,15 +14,15 @@ import json
 import lzma
 import os
 import re
+import sys
 import zipfile
 import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
-import pandas
 from numpy.typing import NDArray
 
 from flexspline.errors import InputError, listed
@@ -35,6 +35,9 @@ from flexspline.logs.table import (
     records_at,
     require_droppable,
 )
+
+if TYPE_CHECKING:
+    import pandas
 
 __all__ = ["PACKED", "Dialect", "read_table"]
 
@@ -49,12 +52,7 @@ BROKEN: Final = (OSError, EOFError, lzma.LZMAError, zipfile.BadZipFile, zlib.err
 SEPARATORS: Final = (",", ";", "\t", "|", " ")
 SPELLED: Final = {"\t": "tab", " ": "whitespace"}
 SAMPLE_LINES: Final = 20
-# Before 3.1, pandas read some numbers wrong in the last digit unless asked not to.
-EXACT: Final[dict[str, Any]] = (
-    {"float_precision": "round_trip"}
-    if tuple(map(int, pandas.__version__.split(".")[:2])) < (3, 1)
-    else {}
-)
+EXACT_SINCE: Final = (3, 1)  # of pandas, which read some numbers wrong in the last digit before
 
 
 def read_table(
@@ -80,7 +78,7 @@ def read_table(
     """
     if isinstance(source, (str, os.PathLike)):
         return _from_file(Path(source), variable, dialect, drop_rows)
-    if isinstance(source, pandas.DataFrame):
+    if _is_frame(source):
         table = _from_frame(source)
     elif isinstance(source, np.ndarray):
         table = from_array(source, "array")
@@ -190,6 +188,12 @@ def _from_json(content: bytes, label: str, variable: str | None) -> Table:
     if not isinstance(value, (dict, list)):
         raise InputError(f"{label}: holds no records; give a list of them, or an object with one")
     return records_at(value, label, variable)
+
+
+def _is_frame(source: Any) -> bool:
+    """Whether that is pandas' frame; who has one has imported pandas."""
+    pandas = sys.modules.get("pandas")
+    return pandas is not None and isinstance(source, pandas.DataFrame)
 
 
 def _from_frame(frame: pandas.DataFrame) -> Table:
@@ -418,6 +422,9 @@ def _count(marks: NDArray[np.bool_], ends: NDArray[np.intp]) -> NDArray[np.intp]
 
 
 def _parsed(body: str, label: str, separator: str, decimal: str, skipped: int) -> Any:
+    import pandas
+
+    exact = tuple(map(int, pandas.__version__.split(".")[:2])) >= EXACT_SINCE
     try:
         return pandas.read_csv(
             io.StringIO(body),
@@ -428,7 +435,7 @@ def _parsed(body: str, label: str, separator: str, decimal: str, skipped: int) -
             skipinitialspace=True,
             index_col=False,
             low_memory=False,
-            **EXACT,
+            float_precision=None if exact else "round_trip",
         )
     except (pandas.errors.ParserError, ValueError) as error:
         raise InputError(

@@ -19,15 +19,15 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
-from scipy.signal import oaconvolve
-from scipy.sparse import csr_array, vstack
 
 from flexspline.errors import InputError
+
+if TYPE_CHECKING:  # SciPy's parts take long to import: where they are used
+    from scipy.sparse import csr_array
 
 WIDTH = 0.233688
 """σ·B: (1 + s) exp(-s) = 1/√2 at s = 1.07796."""
@@ -122,6 +122,8 @@ class LocalFit:
 
     def _even(self, columns: NDArray[np.float64], step: float) -> NDArray[np.float64]:
         """One FIR kernel inside, one-sided fits at both ends."""
+        from scipy.signal import oaconvolve
+
         bells = self._bells(step)
         kernel, reach = self._kernel(bells), len(bells) // 2
         out = np.empty_like(columns)
@@ -143,6 +145,8 @@ class LocalFit:
 
         Row i lacks the weights of the offsets before -i: its moments are sums of the rest.
         """
+        from scipy.signal import oaconvolve
+
         reach, degree = len(bells) // 2, END_DEGREE[self.derivative]
         moments = np.cumsum(bells[::-1, : 2 * degree + 1], axis=0)[reach : 2 * reach]
         coefficients = self._solve(moments, degree)
@@ -169,6 +173,8 @@ class LocalFit:
         self, time: NDArray[np.float64], columns: NDArray[np.float64]
     ) -> NDArray[np.float64]:
         """Every row with weights of its own; wide windows on an even grid through a spline."""
+        from scipy.interpolate import CubicSpline
+
         steps = np.diff(time)
         step = float(np.median(steps)) if steps.size else 1.0
         width = int((time[-1] - time[0]) / step)
@@ -186,6 +192,8 @@ class LocalFit:
 
         None where the run is better filtered anew: steps are even, or the window or run is long.
         """
+        from scipy.sparse import csr_array, vstack
+
         steps = np.diff(time)
         step = float(np.median(steps)) if steps.size else 1.0
         mean = (time[-1] - time[0]) / max(len(time) - 1, 1)
@@ -224,6 +232,8 @@ class LocalFit:
         degree: int,
     ) -> csr_array:
         """Weights of a fit around some rows, one offset of the window at a time for all of them."""
+        from scipy.sparse import csr_array
+
         first, last = self._widened(rows, window, degree, len(time))
         sigma = np.maximum(WIDTH / self.bandwidth, (time[last - 1] - time[first]) / (2 * REACH))
         spans = range(int(np.max(last - first)))

@@ -11,10 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
-import h5py
 import numpy as np
-import pandas
-import scipy.io
 from numpy.typing import NDArray
 
 from flexspline.errors import InputError, did_you_mean, listed
@@ -204,6 +201,8 @@ def records_at(value: Any, label: str, variable: str | None) -> Table:
         return Table(table.label, table.data, table.names, facts, table.notes)
     if not _is_records(value):
         return from_value(value, label, None)
+    import pandas
+
     frame = pandas.DataFrame.from_records(value)
     note = "records" + (f" under '{variable}'" if variable else "")
     return Table(
@@ -267,6 +266,9 @@ def read_matlab(content: bytes, label: str, variable: str | None) -> Table:
     InputError
         Where the file is corrupt, or has no such variable, or no table there.
     """
+    import h5py
+    from scipy.io import loadmat
+
     try:
         file = io.BytesIO(content)
         if any(content.startswith(HDF5, start) for start in (0, 512)):
@@ -275,7 +277,7 @@ def read_matlab(content: bytes, label: str, variable: str | None) -> Table:
         else:
             value = {
                 name: inner
-                for name, inner in scipy.io.loadmat(file, simplify_cells=True).items()
+                for name, inner in loadmat(file, simplify_cells=True).items()
                 if not name.startswith("__")
             }
     except Exception as error:  # scipy and h5py raise many kinds on a corrupt file
@@ -290,6 +292,8 @@ def _group(group: Any) -> dict[str, Any]:
 
     MATLAB stores columns first, so each matrix comes transposed.
     """
+    import h5py
+
     found: dict[str, Any] = {}
     for name, inner in group.items():
         if isinstance(inner, h5py.Group):

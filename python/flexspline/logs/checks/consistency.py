@@ -43,8 +43,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
-from scipy.optimize import minimize_scalar
 
 from flexspline.logs.channels import CHANNELS
 from flexspline.logs.checks.findings import Finding
@@ -448,6 +446,9 @@ def find_delay(
     within : s, delays from -within to +within are tried
     step : s, of the scan
     """
+    from scipy.interpolate import CubicSpline
+    from scipy.optimize import minimize_scalar
+
     rows = np.flatnonzero(valid)
     if rows.size < 200:
         return None

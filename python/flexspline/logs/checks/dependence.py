@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import BSpline
 
 __all__ = ["Dependence", "dependences"]
 
@@ -138,6 +137,8 @@ def _left(x: Sequence[Array], y: Sequence[Array], *, turns: bool, pieces: int) -
 
 def _spline(place: Array, pieces: int) -> Array:
     """Cubic B-splines over 0 … 1 at each place, (N, pieces + 3)."""
+    from scipy.interpolate import BSpline
+
     knots = np.arange(-3, pieces + 4) / pieces
     inside = np.clip(place, 0.0, 1.0 - 1e-12)
     return np.asarray(BSpline.design_matrix(inside, knots, 3).toarray())

@@ -21,7 +21,6 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_dilation, maximum_filter1d, minimum_filter1d
 
 from flexspline.errors import listed
 from flexspline.logs.channels import CHANNELS
@@ -475,6 +474,8 @@ def _only(log: Log, target: str) -> Kept:
 
 def resting(log: Log) -> NDArray[np.bool_]:
     """Return where the joint of a log rests, (N,); nowhere if the log has no joint angle."""
+    from scipy.ndimage import binary_dilation, maximum_filter1d, minimum_filter1d
+
     if "output_position" not in log or log.rate * log.duration < 2.0:
         return np.zeros(len(log), dtype=bool)
     angle = log["output_position"]

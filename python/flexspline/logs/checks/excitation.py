@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
-from scipy.integrate import cumulative_trapezoid
 
 from flexspline.effects import CATALOGUE, EffectInfo
 from flexspline.errors import InputError, did_you_mean, listed
@@ -82,6 +81,8 @@ def excitation(log: Log, effects: Sequence[str], target: str | None) -> Iterator
 
 def _with_position(log: Log) -> Log:
     """The log with the integral of its velocity as position, where it has no position."""
+    from scipy.integrate import cumulative_trapezoid
+
     if "output_position" in log or "output_velocity" not in log:
         return log
     path = cumulative_trapezoid(np.nan_to_num(log["output_velocity"]), log["time"], initial=0.0)

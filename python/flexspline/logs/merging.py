@@ -78,7 +78,7 @@ def merge(
         How much faster the other's clock runs [ppm].
     align : (str, str), optional
         A channel of `log` and one of `other` that see the same thing: what is not given of
-        offset and drift is found by them (`flexspline.logs.merge`). Without it, a drift
+        offset and drift is found by them (`flexspline.logs.merging`). Without it, a drift
         that is not given is 0.
 
     Returns
