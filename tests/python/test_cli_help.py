@@ -51,12 +51,39 @@ def test_the_version_is_that_of_the_package() -> None:
     assert call("--version").stdout == f"flexspline {flexspline.__version__}\n"
 
 
-def test_help_starts_without_what_is_heavy() -> None:
-    asked = "import sys, flexspline.cli; print(*{name.split('.')[0] for name in sys.modules})"
-    loaded = subprocess.run(
-        [sys.executable, "-c", asked], capture_output=True, text=True, check=True
-    ).stdout.split()
-    assert not set(HEAVY) & set(loaded)
+ASKED = """
+import sys
+from flexspline.cli import main
+sys.argv = ["flexspline", *sys.argv[1:]]
+try:
+    main()
+finally:
+    print(*{name.split(".")[0] for name in sys.modules}, file=sys.stderr)
+"""
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "--help",
+        "fit --help",
+        "discover --help",
+        "fit none.csv --target sensor_torque --effects offset --out new",
+        "fit none.csv --target sensor_torque --effects ofset --out new",
+        "fit none.csv --target torsion --effects inertia --out new",
+        "check none.csv",
+        "predict --model none.json run.csv --out new",
+        "compare --model none.json run.csv --out new",
+        "export --model none.json --format header --out new",
+    ],
+)
+def test_help_and_wrong_calls_are_answered_without_what_is_heavy(line: str, tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", ASKED, *line.split()], capture_output=True, text=True, cwd=tmp_path
+    )
+    assert done.returncode == (0 if "--help" in line else 2)
+    assert not set(HEAVY) & set(done.stderr.split("\n")[-2].split())
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_the_module_is_the_command() -> None:
