@@ -21,6 +21,8 @@ __all__ = [
     "atomic_writer",
     "file_to_write",
     "folder_to_write",
+    "refuse_special",
+    "require_there",
     "save_table",
     "whole_folder",
 ]
@@ -68,12 +70,25 @@ def file_to_write(path: str | os.PathLike[str]) -> Path:
     target = Path(path)
     try:
         found = target.resolve() if target.is_symlink() else target
-        special = found.exists() and not found.is_file() and not found.is_dir()
+        refuse_special(found, "the name of a file")
     except (OSError, RuntimeError) as error:
         raise InputError(f"{target}: is a link in a circle; give the name of a file") from error
-    if special:
-        raise InputError(f"{target}: is a device, a pipe or a socket; give the name of a file")
     return found
+
+
+def refuse_special(path: str | os.PathLike[str], wanted: str) -> None:
+    """Refuse what may never end or never answer: a device, a pipe or a socket."""
+    found = Path(path)
+    if found.exists() and not found.is_file() and not found.is_dir():
+        raise InputError(f"{path}: is a device, a pipe or a socket; give {wanted}")
+
+
+def require_there(path: str | os.PathLike[str]) -> None:
+    """Refuse a path of a log at which no file is."""
+    refuse_special(path, "the path of a log")
+    if not Path(path).is_file():
+        what = "is a folder" if Path(path).is_dir() else "no such file"
+        raise InputError(f"{path}: {what}; give the path of a log")
 
 
 def _draft_file(target: Path) -> tuple[int, Path]:

@@ -23,7 +23,7 @@ from flexspline.effects.causes import COULOMB_PER_DIRECTION
 from flexspline.errors import InputError, did_you_mean, listed, shortened
 from flexspline.estimators import ESTIMATORS, Estimator
 from flexspline.estimators.needs import require_complete
-from flexspline.files import atomic_write
+from flexspline.files import atomic_write, refuse_special
 from flexspline.logs.channels import CHANNELS
 from flexspline.logs.derive import lowpass
 from flexspline.logs.log import Log
@@ -274,6 +274,7 @@ class Model:
         InputError
             Where the file is missing, is no model, is damaged, or is of a newer version.
         """
+        refuse_special(path, "a model.json")
         try:
             text = Path(path).read_text(encoding="utf-8")
         except OSError as error:

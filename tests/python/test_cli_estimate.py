@@ -117,8 +117,8 @@ def wrong_calls(folder: Path, run: Path, model: Path) -> dict[str, tuple[list[ob
         ),
         "no model": (["--model", folder / "none.json", run, "--out", out], "none.json"),
         "the run itself as output": (["--model", model, run, "--out", run], "would overwrite"),
-        "a folder that is not there": (
-            ["--model", model, run, "--out", folder / "none" / "out.csv"],
+        "a file in the place of a folder": (
+            ["--model", model, run, "--out", run / "out.csv"],
             "cannot be written",
         ),
     }
@@ -131,7 +131,7 @@ CASES = (
     "a bandwidth of zero",
     "no model",
     "the run itself as output",
-    "a folder that is not there",
+    "a file in the place of a folder",
 )
 
 

@@ -168,9 +168,10 @@ def test_a_coefficient_that_no_float_holds_is_named(tmp_path: Path) -> None:
         header(Model({"sensor": part}, {}), tmp_path)
 
 
-def test_a_folder_that_does_not_exist_is_named(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"nowhere.*cannot be written"):
-        export(ONE, tmp_path / "nowhere" / "joint.hpp")
+def test_a_file_in_the_place_of_a_folder_is_named(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("mine")
+    with pytest.raises(InputError, match=r"file.*cannot be written"):
+        export(ONE, tmp_path / "file" / "joint.hpp")
 
 
 def test_the_same_model_gives_the_same_header(tmp_path: Path) -> None:

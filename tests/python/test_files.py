@@ -6,6 +6,7 @@ import ast
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,7 @@ import pytest
 import flexspline
 from flexspline.errors import InputError
 from flexspline.files import atomic_write, atomic_writer, whole_folder
+from flexspline.logs.read import read_map
 
 
 def test_a_failure_half_way_leaves_the_old_file_and_nothing_else(tmp_path: Path) -> None:
@@ -103,6 +105,20 @@ def test_a_kill_in_the_middle_of_any_write_leaves_a_whole_file(tmp_path: Path) -
     for name, hit, torn in said:
         assert int(torn) == 0, name
         assert int(hit) == 8, f"{name}: the kills came while nothing was written"
+
+
+@pytest.mark.skipif(os.name != "posix", reason="pipes of POSIX")
+@pytest.mark.parametrize(
+    "read",
+    [flexspline.read_log, flexspline.Model.load, read_map, flexspline.PositionServo.load],
+)
+@pytest.mark.parametrize("place", ["pipe", "/dev/zero"])
+def test_what_may_never_end_is_not_read(
+    read: Callable[[Path], object], place: str, tmp_path: Path
+) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(InputError, match="is a device, a pipe or a socket; give "):
+        read(tmp_path / place)
 
 
 def test_nothing_of_ours_writes_a_file_in_place() -> None:

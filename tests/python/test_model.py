@@ -212,9 +212,10 @@ def test_a_failure_while_saving_leaves_the_old_file(tmp_path, monkeypatch):
     assert [file.name for file in tmp_path.iterdir()] == ["model.json"]
 
 
-def test_saving_into_a_folder_that_is_not_there_is_refused(tmp_path):
+def test_saving_below_a_file_is_refused(tmp_path):
+    (tmp_path / "file").write_text("mine")
     with pytest.raises(InputError, match="cannot be written"):
-        Model({}).save(tmp_path / "none" / "model.json")
+        Model({}).save(tmp_path / "file" / "model.json")
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf])

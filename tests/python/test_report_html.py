@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import re
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import matplotlib
 import numpy as np
 import pytest
 import report_fits
@@ -84,9 +86,10 @@ def test_names_of_logs_are_escaped(tmp_path: Path) -> None:
         assert "&lt;script&gt;" in text
 
 
-def test_a_report_into_no_folder_is_an_error_in_one_sentence(tmp_path: Path) -> None:
+def test_a_report_below_a_file_is_an_error_in_one_sentence(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("mine")
     with pytest.raises(InputError, match="cannot be written"):
-        write_report(report_fits.useless_fit(), tmp_path / "none" / "report.html")
+        write_report(report_fits.useless_fit(), tmp_path / "file" / "report.html")
 
 
 def test_confounded_effects_share_one_bar() -> None:
@@ -122,3 +125,22 @@ def test_fits_of_different_targets_are_not_compared() -> None:
         compare_scores({"a": report_fits.plain_fit(), "b": other})
     with pytest.raises(InputError, match="no fit to compare"):
         compare_scores({})
+
+
+def test_a_users_style_and_backend_change_no_report(tmp_path: Path) -> None:
+    fit = report_fits.plain_fit()
+    fit.report(tmp_path / "plain.html")
+    style = {"text.usetex": True, "axes.facecolor": "red", "font.size": 40.0, "axes.grid": True}
+    with matplotlib.rc_context(style):
+        fit.report(tmp_path / "styled.html")
+        assert matplotlib.rcParams["font.size"] == 40.0
+    assert (tmp_path / "styled.html").read_text() == (tmp_path / "plain.html").read_text()
+
+
+def test_reports_of_two_threads_are_those_of_one(tmp_path: Path) -> None:
+    fit = report_fits.plain_fit()
+    with ThreadPoolExecutor(2) as threads:
+        for made in [threads.submit(fit.report, tmp_path / f"{k}.html") for k in range(2)]:
+            made.result()
+    fit.report(tmp_path / "alone.html")
+    assert len({path.read_text() for path in tmp_path.iterdir()}) == 1

@@ -19,7 +19,7 @@ from tqdm import tqdm
 
 from flexspline.effects import TARGETS, effect
 from flexspline.errors import InputError, printable
-from flexspline.files import file_to_write
+from flexspline.files import file_to_write, require_there
 
 if TYPE_CHECKING:
     from flexspline.logs.log import Log
@@ -329,9 +329,12 @@ class Reading:
         InputError
             Where a file cannot be read, or is given twice.
         """
-        for number, path in enumerate(paths):
-            if Path(path).resolve() in (Path(other).resolve() for other in paths[:number]):
+        seen = set[Path]()
+        for path in paths:
+            require_there(path)
+            if Path(path).resolve() in seen:
                 raise InputError(f"{path}: is given twice; give each run once")
+            seen.add(Path(path).resolve())
         arguments = with_simulated(self._with_map(), simulated_torque)
         quiet = not on_terminal()
         return [

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from flexspline.errors import InputError, did_you_mean, listed
+from flexspline.files import atomic_write, refuse_special
 from flexspline.logs.log import Log
 
 __all__ = ["PositionServo"]
@@ -74,6 +75,7 @@ class PositionServo:
         InputError
             Where the file is missing or is no servo; the sentence names the field.
         """
+        refuse_special(path, "a servo.json")
         try:
             content = json.loads(Path(path).read_text(encoding="utf-8"))
         except OSError as error:
@@ -101,8 +103,6 @@ class PositionServo:
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write a `servo.json`, whole or not at all."""
-        from flexspline.files import atomic_write
-
         content = {field.name: getattr(self, field.name) for field in fields(self)}
         atomic_write(path, json.dumps(content, indent=1) + "\n")
 

@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.errors import InputError, listed
+from flexspline.files import require_there
 from flexspline.logs.log import Fact, Source, parsed_fact
 from flexspline.logs.table import (
     Table,
@@ -99,9 +100,7 @@ def _no_source(source: object) -> InputError:
 def _from_file(
     path: Path, variable: str | None, dialect: Dialect, drop_rows: int
 ) -> tuple[Table, Source]:
-    if not path.is_file():
-        what = "is a folder" if path.is_dir() else "no such file"
-        raise InputError(f"{path}: {what}; give the path of a log")
+    require_there(path)
     if path.stat().st_size == 0:
         raise InputError(f"{path}: the file is empty; record or copy it again")
     try:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.errors import InputError, did_you_mean, listed
-from flexspline.files import atomic_writer
+from flexspline.files import atomic_writer, refuse_special
 from flexspline.logs.columns import ColumnSpec, Picked, picked
 from flexspline.logs.formats import PACKED, Dialect, read_table
 from flexspline.logs.log import Fact, Log, checked_facts
@@ -236,6 +236,7 @@ def read_map(path: str | os.PathLike[str]) -> dict[str, dict[str, Any]]:
     InputError
         For a missing file, bad TOML, an unknown section or key.
     """
+    refuse_special(path, "the path of a TOML file")
     try:
         content = tomllib.loads(Path(path).read_text(encoding="utf-8"))
     except OSError as error:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import math
-from collections.abc import Callable, Sequence
+import threading
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -34,6 +36,7 @@ __all__ = [
     "legend",
     "orders_axis",
     "outline",
+    "own_style",
     "panelled",
     "plain",
     "spread_evenly",
@@ -68,6 +71,20 @@ Array = NDArray[np.float64]
 
 MOST_POINTS = 20_000
 LEAST_IN_BIN = 5
+
+
+_STYLE = threading.RLock()
+
+
+@contextlib.contextmanager
+def own_style() -> Iterator[None]:
+    """Draw as Matplotlib does by default, whatever a user's matplotlibrc says (`text.usetex`).
+
+    These settings are Matplotlib's global state: one thread at a time.
+    """
+    with _STYLE, matplotlib.rc_context():
+        matplotlib.rcdefaults()
+        yield
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from flexspline.about import __version__
 from flexspline.files import atomic_write
 from flexspline.formatting import plus_minus, short
+from flexspline.plot.canvas import own_style
 from flexspline.report.html import log_facts, templates
 from flexspline.report.text import Verdict, faults_sentence
 
@@ -70,6 +71,7 @@ def calibration_html(result: CalibrationResult) -> str:
     return templates().get_template("calibration_fragment.html").render(_common(result))
 
 
+@own_style()
 def write_calibration_report(result: CalibrationResult, path: str | os.PathLike[str]) -> None:
     """Write a self-contained report, whole or not at all.
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from flexspline.about import __version__
 from flexspline.files import atomic_write
 from flexspline.formatting import short
+from flexspline.plot.canvas import own_style
 from flexspline.report.html import templates
 from flexspline.schema import checked_json
 
@@ -57,6 +58,7 @@ def check_json(audits: Audits, target: str | None = None) -> str:
     return checked_json(content, "check")
 
 
+@own_style()
 def write_check_report(
     audits: Audits, path: str | os.PathLike[str], target: str | None = None
 ) -> None:

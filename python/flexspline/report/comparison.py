@@ -12,6 +12,7 @@ from flexspline.comparison.bands import Band, worst_band
 from flexspline.comparison.result import floor_sentence, ranked, sized
 from flexspline.files import atomic_write
 from flexspline.formatting import rows_text
+from flexspline.plot.canvas import own_style
 from flexspline.report.html import log_facts, templates
 from flexspline.report.tables import input_rows, smoothed_rows
 
@@ -68,6 +69,7 @@ def comparison_html(made: Comparison) -> str:
     return templates().get_template("comparison_fragment.html").render(_common(made))
 
 
+@own_style()
 def write_comparison_report(made: Comparison, path: str | os.PathLike[str]) -> None:
     """Write a self-contained report, whole or not at all.
 

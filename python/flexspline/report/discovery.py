@@ -17,6 +17,7 @@ from flexspline.effects.causes import FRICTION_BY_DIRECTION
 from flexspline.errors import listed
 from flexspline.files import atomic_write
 from flexspline.formatting import decimals_for, plus_minus, short
+from flexspline.plot.canvas import own_style
 from flexspline.report.html import model_facts, templates, used_logs
 from flexspline.report.tables import input_rows
 from flexspline.report.text import TARGET_WORDS, ParameterLine, known_groups, parameter_lines
@@ -75,6 +76,7 @@ def discovery_html(made: Discovery) -> str:
     return templates().get_template("discovery_fragment.html").render(_common(made))
 
 
+@own_style()
 def write_discovery_report(made: Discovery, path: str | os.PathLike[str]) -> None:
     """Write a self-contained report, whole or not at all.
 

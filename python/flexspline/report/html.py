@@ -25,7 +25,7 @@ from flexspline.files import atomic_write
 from flexspline.formatting import short
 from flexspline.least_squares.result import shares
 from flexspline.logs.channels import CHANNELS
-from flexspline.plot.canvas import INK, Panel, PlainFigure, axes_or_new
+from flexspline.plot.canvas import INK, Panel, PlainFigure, axes_or_new, own_style
 from flexspline.plot.fit import panels
 from flexspline.report.tables import delay_sentence, grouped_scores, input_rows, score_rows
 from flexspline.report.text import (
@@ -71,6 +71,7 @@ def fit_html(fit: Fit) -> str:
     )
 
 
+@own_style()
 def write_report(fit: Fit, path: str | os.PathLike[str]) -> None:
     """Write a self-contained report, whole or not at all.
 
