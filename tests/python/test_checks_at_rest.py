@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from flexspline.logs import Log
 from flexspline.logs.checks import check
+from flexspline.logs.checks.samples import repeated_rows
 from flexspline.logs.segments import at_rest
 
 Array = NDArray[np.float64]
@@ -122,3 +123,12 @@ def test_a_log_without_a_position_tells_no_rest() -> None:
 def test_a_joint_that_never_moves_rests() -> None:
     time = np.arange(100) / RATE
     assert at_rest(Log.from_arrays(time=time, output_position=np.ones(100))).all()
+
+
+@pytest.mark.parametrize(("rows", "said"), [(9, 0), (12, 1)])
+def test_of_a_few_rows_nothing_is_said_to_repeat(rows: int, said: int) -> None:
+    time = np.arange(rows) / 100.0
+    angle = np.sin(9.0 * time)
+    angle[4:8] = angle[4]
+    log = Log.from_arrays(time=time, output_position=angle, sensor_torque=angle)
+    assert len([*repeated_rows(log)]) == said

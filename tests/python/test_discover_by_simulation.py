@@ -6,13 +6,16 @@ import json
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 from cli_calls import call
 
 import flexspline
-from flexspline import InputError, Log, Model, Part
+from flexspline import Fit, InputError, Log, Model, Part
+from flexspline.discovery.by_simulation import Driven, _where
 from flexspline.effects import effect
 from flexspline.forward import PositionServo
 from flexspline.logs.read import write_log
@@ -128,3 +131,11 @@ def test_what_cannot_be_driven_is_refused() -> None:
         flexspline.discover(BASE, logs, by="simulation", simulated_torque="x")
     with pytest.raises(InputError, match="give by='simulation' or leave it out"):
         flexspline.discover(BASE, logs, target="motor_torque", controller=SERVO)
+
+
+def test_the_motion_gains_most_where_its_mean_square_falls_most() -> None:
+    swings, leans = np.array([1.0, -1.0, 1.0, -1.0]), np.full(4, 0.5)
+    before = cast(Driven, SimpleNamespace(held_out=[swings, leans, np.full(4, np.nan)]))
+    after = cast(Driven, SimpleNamespace(held_out=[0.0 * swings, 0.0 * leans, np.full(4, np.nan)]))
+    runs = [SimpleNamespace(log=SimpleNamespace(name=name)) for name in ("swings", "leans", "lost")]
+    assert _where(before, after, cast(Fit, SimpleNamespace(runs=runs))) == "most in swings"

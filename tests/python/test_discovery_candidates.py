@@ -10,6 +10,7 @@ import pytest
 
 from flexspline.discovery.basis import ROUND, _fine, _motor_angle
 from flexspline.discovery.candidates import _low, _of_facts, _range, _size, scanned
+from flexspline.discovery.search import _finite
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import effect
 from flexspline.logs.log import Log
@@ -88,3 +89,14 @@ def test_the_size_of_a_channel_is_its_largest_without_the_outermost_half_per_cen
 def test_where_nothing_turns_no_order_is_found() -> None:
     still = Log.from_arrays(time=np.arange(0.0, 5.0, 0.01), output_position=np.full(500, 0.3))
     assert scanned([still], [np.zeros(500)], "Nm") == ()
+
+
+def test_a_candidate_whose_channel_has_holes_is_left_out_with_the_log_that_has_them() -> None:
+    time = np.arange(0.0, 5.0, 0.01)
+    warm = np.where(time > 4.0, np.nan, 30.0)
+    logs = [Log.from_arrays(time=time, temperature=np.full(500, 25.0), facts={"name": "whole"}),
+            Log.from_arrays(time=time, temperature=warm, facts={"name": "holed"})]  # fmt: skip
+    reasons: dict[str, str] = {}
+    assert not _finite(effect("temperature_drift"), logs, reasons)
+    assert "log 'holed': temperature is not finite" in reasons["temperature_drift"]
+    assert _finite(effect("temperature_drift"), logs[:1], reasons)

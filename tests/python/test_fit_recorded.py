@@ -205,3 +205,13 @@ def test_the_command_line_takes_a_bandwidth_or_none(tmp_path: Path) -> None:
     assert used["9"]["output_velocity"] == 9.0 != used[""]["output_velocity"]
     wrong = call(*start, "--bandwidth", "wide", "--out", tmp_path / "wrong")
     assert wrong.exit_code == 2 and "'wide' is no number above zero" in wrong.stderr
+
+
+def test_a_prior_that_says_nothing_changes_neither_the_delay_nor_its_error() -> None:
+    made = fitted()
+    with_prior = flexspline.fit(
+        base(), late_runs(), TARGET, known_load=LOAD, priors={"coulomb_friction.level": (0.0, 1e6)}
+    )
+    assert made.delay is not None and with_prior.delay is not None
+    assert with_prior.delay.seconds == pytest.approx(made.delay.seconds, rel=1e-6)
+    assert with_prior.delay.standard_error == pytest.approx(made.delay.standard_error, rel=1e-3)

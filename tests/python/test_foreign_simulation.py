@@ -330,3 +330,15 @@ def test_a_delay_of_a_simulation_is_told_whenever_the_clock_began(first: float) 
     log = made.with_columns({"time": made["time"] + first}, note="another clock")
     (said,) = late(log, log["sensor_torque"], log["simulated_torque"], "simulation")
     assert said.size == pytest.approx(0.05, abs=0.3 * SAMPLE)
+
+
+def test_how_far_a_delay_is_looked_for_follows_from_the_length_of_a_run_not_from_its_clock() -> (
+    None
+):
+    made = run(1, holds_load=True, late=0.28).rows(slice(0, 401))
+    told = []
+    for first in (0.0, 1e5):
+        log = made.with_columns({"time": made["time"] + first}, note="another clock")
+        told += late(log, log["sensor_torque"], log["simulated_torque"], "simulation")
+    assert len(told) == 2
+    assert told[1].size == pytest.approx(told[0].size, abs=1e-5)

@@ -161,3 +161,17 @@ def test_work_and_memory_grow_with_the_runs_and_not_with_their_square(
         assert made.folds <= 40
     assert taken[240][0] <= 1.1 * taken[60][0]
     assert taken[240][1] <= 1.3 * taken[60][1]
+
+
+def test_what_is_left_of_a_run_left_out_is_that_of_a_column_for_its_offset(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    logs = [run_of(k, 80, 0.7) for k in range(20)]
+
+    def make() -> Fit:
+        held = {"direction_width": WIDTH}
+        return fitted(logs, options=FitOptions(offset_per_run=True), fixed=held)
+
+    few, one = make(), with_columns(monkeypatch, make)
+    for own, other in zip(few.runs, one.runs, strict=True):
+        assert own.held_out == pytest.approx(other.held_out, abs=1e-6, nan_ok=True)
