@@ -61,7 +61,7 @@ PARTS = (
 )
 SEED, NUMBER = 16, 200
 LONGER, LONGER_BY = 4.0, 30.0  # times, and s: the processor time that a mutant may take
-FROZEN = "tests/python/test_frozen.py::test_every_dataclass_but_those_that_work_is_frozen"  # reads no line
+FROZEN = "tests/python/test_frozen.py::test_every_dataclass_but_those_that_work_is_frozen"
 FAILED, INTERRUPTED = 1, 2  # pytest's
 
 
