@@ -22,6 +22,7 @@ if TYPE_CHECKING:  # what is heavy is imported where it is used: `flexspline --h
     from flexspline.least_squares.problem import Problem
     from flexspline.least_squares.result import Fit
     from flexspline.logs.log import Log
+    from flexspline.logs.read import LogLike
     from flexspline.model import Model
     from flexspline.prepared import Preparation
     from flexspline.simulator import Simulated
@@ -34,7 +35,7 @@ SETTLING_ROUNDS = 3
 
 def fit(
     effects: str | Effect | Iterable[str | Effect],
-    logs: Log | Sequence[Log],
+    logs: LogLike | Iterable[LogLike],
     target: str,
     *,
     known_load: str | None = None,
@@ -54,7 +55,7 @@ def fit(
     Parameters
     ----------
     effects : names of `CATALOGUE`, or `Effect` with shapes to start from and orders.
-    logs : one or several runs of one joint.
+    logs : one or several runs (as `read_log` takes them) of one joint.
     target : "sensor_torque" [Nm], "motor_torque" [Nm at the output], "motor_current" [A] or
         "torsion" [rad].
     known_load : channel that holds τ_load [Nm], such as "reference_torque". Without it a
@@ -257,7 +258,7 @@ def fit_near(
     return assembled(problem, made, into, [], None)
 
 
-def runs_of(logs: Log | Sequence[Log]) -> list[Log]:
+def runs_of(logs: LogLike | Iterable[LogLike]) -> list[Log]:
     """Return logs as a list of runs that can be fitted together.
 
     Raises
@@ -265,17 +266,12 @@ def runs_of(logs: Log | Sequence[Log]) -> list[Log]:
     InputError
         Where there is none, something else, or one twice.
     """
-    from flexspline.logs.log import Log
+    from flexspline.logs.read import as_logs
     from flexspline.requirements import require_apart
 
-    runs = [logs] if isinstance(logs, Log) else list(logs)
+    runs = as_logs(logs)
     if not runs:
         raise InputError("there is no log to fit; give at least one")
-    for run in runs:
-        if not isinstance(run, Log):
-            raise InputError(
-                f"logs holds a {type(run).__name__}; give logs, as read_log makes them"
-            )
     require_apart(runs)
     return runs
 

@@ -27,6 +27,7 @@ from flexspline.files import atomic_write, refuse_special
 from flexspline.logs.channels import CHANNELS
 from flexspline.logs.derive import lowpass
 from flexspline.logs.log import Log
+from flexspline.logs.read import LogLike, as_log
 from flexspline.part import PART_OF, SIDES, Part, part_from_json, part_to_json
 from flexspline.prepared import prepared
 from flexspline.schema import json_content, require_schema
@@ -167,19 +168,20 @@ class Model:
 
     def predict(
         self,
-        log: Log,
+        log: LogLike,
         target: str | None = None,
         *,
         lowpass_hz: float | None = None,
-        simulation: Log | None = None,
+        simulation: LogLike | None = None,
         simulated_torque: str | None = None,
     ) -> Prediction:
         """Return measured and predicted y of a log.
 
         Parameters
         ----------
-        log : with the channels that the effects read; a missing velocity or acceleration is
-            derived from the position, and one that the model expects smoothed is smoothed.
+        log : a log, or what `read_log` reads as one, with the channels that the effects read; a
+            missing velocity or acceleration is derived from the position, and one that the model
+            expects smoothed is smoothed.
             A part that corrects a simulation adds to what that says: the channel
             `simulated_torque`, or what `simulation` and `simulated_torque` name.
         target : which part; None picks the only one.
@@ -193,9 +195,11 @@ class Model:
             Where a channel that an effect reads is missing, or the gear is another one.
         """
         part = self.part(target)
+        log = as_log(log)
         self.require_scales(log, part)
         if simulation is not None or simulated_torque is not None:
-            log = self._with_simulation(part, log, simulation, simulated_torque)
+            given = None if simulation is None else as_log(simulation)
+            log = self._with_simulation(part, log, given, simulated_torque)
         measured = self._measured(part, log)
         inputs = prepared(log, part.preparations)
         inputs = channels_for(inputs, part.effects, part.known_load, load_needed=False)
@@ -225,10 +229,10 @@ class Model:
         """Refuse a log of another gear, or whose current is worth another load."""
         self._require_same(_scales(part), log.facts, f"log '{log.name}' has")
 
-    def components(self, log: Log, target: str | None = None) -> dict[str, Array]:
+    def components(self, log: LogLike, target: str | None = None) -> dict[str, Array]:
         """Return what each effect contributes, (N,) by its name, in the unit of the target."""
         part = self.part(target)
-        log = prepared(log, part.preparations)
+        log = prepared(as_log(log), part.preparations)
         log = channels_for(log, part.effects, part.known_load, load_needed=False)
         rows = self._design(part, log).rows(
             core_channels(log, part.effects, part.known_load), len(log), part.coefficients

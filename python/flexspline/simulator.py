@@ -36,6 +36,7 @@ from flexspline.logs.columns import picked
 from flexspline.logs.derive import has_value, increasing_time
 from flexspline.logs.formats import Dialect, read_table
 from flexspline.logs.log import Log
+from flexspline.logs.read import LogLike, as_logs
 from flexspline.logs.segments import median_step, since_reversal
 from flexspline.signals import target_of, torque_of_current
 
@@ -98,7 +99,7 @@ def take(
     logs: Sequence[Log],
     target: str,
     known_load: str | None,
-    simulation: Log | Sequence[Log] | None,
+    simulation: LogLike | Sequence[LogLike] | None,
     column: str | None,
 ) -> TakenSimulation:
     """Bring what a simulation says of a target onto the clock of each run.
@@ -141,9 +142,9 @@ def take(
     return TakenSimulation(tuple(made), simulated, tuple(remarks))
 
 
-def paired(logs: Sequence[Log], simulation: Log | Sequence[Log]) -> list[Log]:
+def paired(logs: Sequence[Log], simulation: LogLike | Sequence[LogLike]) -> list[Log]:
     """Return the simulation's logs, one for each run."""
-    files = [simulation] if isinstance(simulation, Log) else list(simulation)
+    files = as_logs(simulation)
     if len(files) != len(logs):
         raise InputError(
             f"there are {len(logs)} runs and {len(files)} files of a simulation; give one file for "

@@ -209,7 +209,12 @@ WRONG = {
         ["offset_per_run", "add"],
     ),
     "no log": (BASE, list, {}, ["no log"]),
-    "the name of a file for a log": (BASE, lambda: ["run.csv"], {}, ["str", "read_log"]),
+    "the name of a file that is not there": (
+        BASE,
+        lambda: ["run.csv"],
+        {},
+        ["run.csv", "no such file"],
+    ),
     "bounds that are no pair": (
         BASE,
         log_of,

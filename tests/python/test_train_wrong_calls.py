@@ -82,7 +82,7 @@ def test_rows_that_no_gaussian_process_can_have_are_refused(rows: Any) -> None:
 
 def test_what_is_no_log_no_model_and_no_part_is_named() -> None:
     log = rigs.rig(0).log
-    refused(5, "logs holds a int; give logs, as read_log makes them")
-    refused([log, "run.csv"], "logs holds a str; give logs")
+    refused(5, "a log cannot be read from a int; give a path, an array")
+    refused([log, "run.csv"], "run.csv: no such file; give the path of a log")
     refused(log, "model is a str; give a model", model="x")
     refused(log, "'1' is a float; give a part", torsion_parts={"1": 15548.0})

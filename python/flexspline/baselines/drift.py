@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexspline import _core
 from flexspline.errors import InputError, listed
 from flexspline.logs.log import Log
+from flexspline.logs.read import as_logs
 
 if TYPE_CHECKING:
     import pandas
@@ -190,7 +191,7 @@ def _scikit() -> tuple[Any, Any, Any]:
 
 def _rows(logs: Log | Sequence[Log], channels: Sequence[str]) -> tuple[Array, ...]:
     """The finite rows of these channels over all logs."""
-    runs = [logs] if isinstance(logs, Log) else list(logs)
+    runs = as_logs(logs)
     if not runs:
         raise InputError("drift: there is no log; give at least one")
     for log in runs:
@@ -242,7 +243,7 @@ def compare_drift_methods(
             raise InputError(
                 f"log '{validation.name}': the drift methods need the channel {name}; map it"
             )
-    runs = [training] if isinstance(training, Log) else list(training)
+    runs = as_logs(training)
     linear, kernel = linear_drift(runs), kernel_drift(runs, seed=seed)
     line, curve = (calibrate(runs, degree=its).model.estimators for its in (0, degree))
     volts, warmth = validation["sensor_voltage"], validation["temperature"]

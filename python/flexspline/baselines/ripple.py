@@ -22,6 +22,7 @@ from flexspline.errors import InputError
 from flexspline.fitting import fit
 from flexspline.formatting import rows_html, rows_text, short
 from flexspline.logs.log import Log
+from flexspline.logs.read import as_logs
 from flexspline.logs.segments import standstill, true_ranges
 from flexspline.orders.parts import pairs
 from flexspline.signals import core_channels, gear_of
@@ -369,7 +370,7 @@ def _filters(
 
 def _regression(log: Log, training: Log | Sequence[Log], orders: Sequence[int]) -> _Method:
     """Ours: the ripple fitted once, predicted from the angle and taken off."""
-    runs = [training] if isinstance(training, Log) else list(training)
+    runs = as_logs(training)
     load = "reference_torque" if all("reference_torque" in run for run in runs) else None
     fitted = fit(
         ["offset", RIPPLE],

@@ -6,7 +6,7 @@ In this order: runs, regression, estimators, accuracy, warnings.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -33,6 +33,7 @@ from flexspline.schema import plain_json
 
 if TYPE_CHECKING:
     from flexspline.estimators import Thermistor
+    from flexspline.logs.read import LogLike
 
 __all__ = [
     "calibrate",
@@ -46,7 +47,7 @@ FIT = "fit"
 
 
 def calibrate(
-    logs: Log | Sequence[Log],
+    logs: LogLike | Iterable[LogLike],
     *,
     reference: str | None = "reference_torque",
     degree: int = 2,
@@ -111,17 +112,12 @@ def calibrate(
     ``calibrate(warm_up, reference=None, into=first.model)``. The sensitivity is taken not to
     depend on temperature, as in (8).
     """
-    from flexspline.logs.log import Log
+    from flexspline.logs.read import as_logs
     from flexspline.model import Model
 
-    runs = [logs] if isinstance(logs, Log) else list(logs)
+    runs = as_logs(logs)
     if not runs:
         raise InputError("there is no log to calibrate from; give at least one")
-    for run in runs:
-        if not isinstance(run, Log):
-            raise InputError(
-                f"logs holds a {type(run).__name__}; give logs, as read_log makes them"
-            )
     if not isinstance(into, Model | None):
         raise InputError(
             f"into is a {type(into).__name__}; give a model, as Model.load or a fit makes it"

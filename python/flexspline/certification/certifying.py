@@ -55,7 +55,7 @@ from flexspline.exporting import export
 from flexspline.formatting import short
 from flexspline.logs.derive import differentiate
 from flexspline.logs.log import Log
-from flexspline.logs.read import with_motor_torque
+from flexspline.logs.read import LogLike, as_log, with_motor_torque
 from flexspline.logs.segments import runs
 from flexspline.model import Model
 from flexspline.prepared import prepared
@@ -88,7 +88,7 @@ class _Subject:
 
 def certify(
     model: Model,
-    log: Log,
+    log: LogLike,
     device: str = "host",
     *,
     target: str | None = None,
@@ -127,6 +127,7 @@ def certify(
     compiler = host_compiler() if chosen.compiler is None else found(chosen.compiler)
     if chosen.machine is not None:
         found("qemu-system-arm")
+    log = as_log(log)
     subject = _subject(model, log, target)
     with tempfile.TemporaryDirectory(prefix="flexspline-certify-") as name:
         folder = Path(name)

@@ -5,7 +5,7 @@ Against a simulation, the model is a part without effects, whose prediction is t
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -20,6 +20,7 @@ from flexspline.simulator import Remark, take
 if TYPE_CHECKING:
     from flexspline.comparison.result import Comparison
     from flexspline.forward.servo import PositionServo
+    from flexspline.logs.read import LogLike
 
 __all__ = [
     "Base",
@@ -32,14 +33,14 @@ FACTS = ("joint", "gear_ratio", "output_spline", "pole_pairs", "slots", "torque_
 
 def compare(
     model: Model | None,
-    logs: Log | Sequence[Log],
+    logs: LogLike | Iterable[LogLike],
     *,
     target: str | None = None,
     lowpass: float | None = None,
     bandwidth: float | None = None,
     simulated: bool = False,
     controller: PositionServo | None = None,
-    simulation: Log | Sequence[Log] | None = None,
+    simulation: LogLike | Sequence[LogLike] | None = None,
     simulated_torque: str | None = None,
     simulated_motion: bool = False,
     known_load: str | None = None,
@@ -50,7 +51,7 @@ def compare(
     Parameters
     ----------
     model : with a part for the target; None where a simulation is the base.
-    logs : one or several runs of its joint.
+    logs : one or several runs (as `read_log` takes them) of its joint.
     target : which part, where the model has several.
     lowpass : Hz; zero phase, on measured and predicted alike.
     bandwidth : Hz, -3 dB to which the motion of the output is smoothed before the model reads it.
@@ -90,9 +91,9 @@ def compare(
     from flexspline.comparison.runs import predicted, simulated_elsewhere
     from flexspline.comparison.runs import simulated as by_simulation
     from flexspline.comparison.search import analysed
-    from flexspline.logs.log import Log
+    from flexspline.logs.read import as_logs
 
-    runs = [logs] if isinstance(logs, Log) else list(logs)
+    runs = as_logs(logs)
     if not runs:
         raise InputError("there is no log to compare with; give at least one")
     if controller is not None and not simulated:
@@ -167,7 +168,7 @@ def based(
     logs: Sequence[Log],
     target: str | None,
     known_load: str | None,
-    simulation: Log | Sequence[Log] | None,
+    simulation: LogLike | Sequence[LogLike] | None,
     column: str | None,
 ) -> Base:
     """Return the base that a simulation makes, alone or beneath the model that corrects it.

@@ -23,6 +23,7 @@ from flexspline.logs.channel_noise import ChannelNoise
 from flexspline.logs.derive import velocity_noise, with_motion
 from flexspline.logs.log import Log
 from flexspline.logs.quantisation import quantum, white_noise
+from flexspline.logs.read import LogLike
 from flexspline.logs.segments import median_step
 from flexspline.logs.segments import runs as unbroken
 from flexspline.model import Model, Part
@@ -410,7 +411,7 @@ def simulated(
     return Compared(tuple(runs), channel, unit, True, None, source, part.unit, floor)
 
 
-def simulated_elsewhere(logs: Sequence[Log], simulation: Log | Sequence[Log]) -> Compared:
+def simulated_elsewhere(logs: Sequence[Log], simulation: LogLike | Sequence[LogLike]) -> Compared:
     """Return measured angles of the output, and those that a foreign simulation gives.
 
     Raises

@@ -50,6 +50,7 @@ from flexspline.least_squares.result import Fit
 from flexspline.logs.checks.ends import Kept, at_work, only_experiments
 from flexspline.logs.derive import has_value, sampled
 from flexspline.logs.log import Log
+from flexspline.logs.read import LogLike, as_logs
 from flexspline.model import Model
 from flexspline.output_error.settings import MotionOptions, settings_of, with_servo_torque
 from flexspline.prepared import Preparation, learned, prepared
@@ -62,11 +63,11 @@ __all__ = ["discover"]
 
 def discover(
     model_or_effects: Model | str | Effect | Iterable[str | Effect] | None,
-    logs: Log | Sequence[Log],
+    logs: LogLike | Iterable[LogLike],
     *,
     target: str | None = None,
     known_load: str | None = None,
-    simulation: Log | Sequence[Log] | None = None,
+    simulation: LogLike | Sequence[LogLike] | None = None,
     simulated_torque: str | None = None,
     lowpass: float | None = None,
     bandwidth: float | None = None,
@@ -87,7 +88,8 @@ def discover(
     model_or_effects : a model to start from, or the effects that are known to be there. Of a
         model, what its user fixed stays fixed; all else is fitted again. None where a simulation
         is the base.
-    logs : one or several runs of one joint; four and more are left out one by one.
+    logs : one or several runs (as `read_log` takes them) of one joint; four and more are left out
+        one by one.
     target : "sensor_torque" [Nm], "motor_torque" [Nm at the output], "motor_current" [A] or
         "torsion" [rad]; None: the model's only part.
     known_load : channel that holds τ_load [Nm]; None: that of the model.
@@ -125,7 +127,7 @@ def discover(
     the noise's memory where that agrees with plain least squares as for a right model, by plain
     least squares otherwise (`least_squares/generalised.py`).
     """
-    runs = [logs] if isinstance(logs, Log) else list(logs)
+    runs = as_logs(logs)
     if not runs:
         raise InputError("there is no log to look at; give at least one")
     require_apart(runs)
@@ -453,7 +455,7 @@ def _base(
     runs: list[Log],
     target: str | None,
     known_load: str | None,
-    simulation: Log | Sequence[Log] | None,
+    simulation: LogLike | Sequence[LogLike] | None,
     column: str | None,
 ) -> tuple[Model | str | Effect | Iterable[str | Effect], list[Log], tuple[DataFault, ...]]:
     """What to start from, the runs with what it reads, and what is wrong with a simulation."""

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from flexspline.effects import Effect, effect
 from flexspline.errors import InputError, listed
 from flexspline.experiment.limits import Limits
+from flexspline.logs.read import LogLike, as_logs
 
 if TYPE_CHECKING:  # what is heavy is imported where it is used
     from flexspline.discovery.result import Discovery
@@ -27,7 +28,7 @@ Pair = tuple[str | Effect, str | Effect]
 def next_experiment(
     model_or_discovery: Model | Fit | Discovery,
     rivals: Pair | Iterable[Pair] | None,
-    logs: Log | Sequence[Log],
+    logs: LogLike | Iterable[LogLike],
     *,
     limits: Limits | None = None,
     target: str | None = None,
@@ -66,7 +67,6 @@ def next_experiment(
     from flexspline.discovery.result import Discovery
     from flexspline.experiment.planning import planned
     from flexspline.least_squares.result import Fit
-    from flexspline.logs.log import Log
     from flexspline.regression.whitening import restricted_whitening
 
     given = model_or_discovery
@@ -74,7 +74,7 @@ def next_experiment(
     model = given.model if isinstance(given, (Discovery, Fit)) else given
     part = model.part(target or (fit.target if fit is not None else None))
     pairs = _declared(given) if rivals is None else _asked(rivals, part)
-    runs = [logs] if isinstance(logs, Log) else list(logs)
+    runs = as_logs(logs)
     cutoff = lowpass or (fit.lowpass if fit is not None else None)
     problem, work = _prepared(part, [rival for _, rival in pairs], runs, cutoff)
     whitening = restricted_whitening(problem, work)

@@ -22,7 +22,7 @@ from flexspline.estimation.plan import READINGS, Plan, made_by, plan_of, with_de
 from flexspline.estimation.result import Estimate, Status
 from flexspline.logs.local_fit import require_bandwidth
 from flexspline.logs.log import Log
-from flexspline.logs.read import with_motor_torque
+from flexspline.logs.read import LogLike, as_log, with_motor_torque
 from flexspline.logs.segments import median_step, runs
 from flexspline.model import Model
 from flexspline.part import Part
@@ -67,7 +67,7 @@ RANGE_OF = {
 }
 
 
-def estimate(model: Model, log: Log, *, bandwidth: float | None = None) -> Estimate:
+def estimate(model: Model, log: LogLike, *, bandwidth: float | None = None) -> Estimate:
     """Run a model's estimators over a log, sample by sample, by the code that the joint runs.
 
     The chain is the core's: reading checks, differentiator, thermistor, temperature compensation,
@@ -109,7 +109,7 @@ def estimate(model: Model, log: Log, *, bandwidth: float | None = None) -> Estim
     zhang_disturbance_elimination (6)–(11), (16)–(25); full_range_torque_estimation (7), (8),
     (14)–(20).
     """
-    plan = plan_of(model)
+    plan, log = plan_of(model), as_log(log)
     _require_increasing(log)
     _require_stable(plan, log)
     said: dict[str, None] = {}  # sentences, each once, in order

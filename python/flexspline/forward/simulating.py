@@ -6,7 +6,7 @@ Parts of a model that follow a given motion integrate nothing, and nothing stick
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import partial
 from typing import Any, overload
 
@@ -17,6 +17,7 @@ from flexspline.forward.drive import CHANNELS, DriveInputs, drive_inputs, requir
 from flexspline.forward.result import ForwardRun
 from flexspline.forward.servo import PositionServo
 from flexspline.logs.log import Log
+from flexspline.logs.read import LogLike, as_logs, is_one
 from flexspline.model import Model
 from flexspline.part import PART_OF, Part
 
@@ -58,7 +59,7 @@ def simulate(
 ) -> list[ForwardRun]: ...
 def simulate(
     model: Model,
-    log: Log | Sequence[Log],
+    log: LogLike | Iterable[LogLike],
     *,
     target: str | None = None,
     controller: PositionServo | str | os.PathLike[str] | None = None,
@@ -76,7 +77,7 @@ def simulate(
     Parameters
     ----------
     model : with a part for the target; a drive needs the effect inertia.
-    log : one run, or several.
+    log : one run, or several; as `read_log` takes them.
     target : which part, where the model has several.
     controller : a servo law that takes the place of the measured motor torque (drive only), or the
         path of its `servo.json`; it reads commanded_position.
@@ -106,11 +107,11 @@ def simulate(
     law = (
         PositionServo.load(controller) if isinstance(controller, (str, os.PathLike)) else controller
     )
-    logs = [log] if isinstance(log, Log) else list(log)
+    logs = as_logs(log)
     part = model.part(target)
     how = partial(drive_inputs, controller=law, hold=inputs == "hold", horizon=horizon)
     made = [_simulated(model, part, one, how, steps_per_sample) for one in logs]
-    return made[0] if isinstance(log, Log) else made
+    return made[0] if is_one(log) else made
 
 
 def _simulated(

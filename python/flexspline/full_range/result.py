@@ -37,7 +37,7 @@ from flexspline.full_range.rivals import (
 )
 from flexspline.full_range.transition import Transition, merge_weight
 from flexspline.logs.log import Log
-from flexspline.logs.read import with_motor_torque
+from flexspline.logs.read import as_logs, with_motor_torque
 from flexspline.model import Model
 from flexspline.rendering import render
 
@@ -136,7 +136,7 @@ class FullRange:
 
     def table(self, logs: Log | Sequence[Log]) -> ErrorTable:
         """Return Table I for these logs, which need the reference torque."""
-        runs = [logs] if isinstance(logs, Log) else list(logs)
+        runs = as_logs(logs)
         made = [self.estimates(run) for run in runs]
         joined = {name: np.concatenate([run[name] for run in made]) for name in made[0]}
         velocity = np.concatenate([self._signals(run).velocity for run in runs])

@@ -45,6 +45,7 @@ from flexspline.full_range.rivals import (
 from flexspline.full_range.transition import Transition, choose_transition
 from flexspline.logs.checks import check
 from flexspline.logs.log import Log
+from flexspline.logs.read import as_logs
 from flexspline.model import Model
 from flexspline.part import Part
 
@@ -306,14 +307,10 @@ def training_logs(logs: Log | Sequence[Log], reference: str, models: Sequence[Mo
         Where there is no log, something else than a log, no reference or one that never changes,
         or a row without a number.
     """
-    runs = [logs] if isinstance(logs, Log) else _listed(logs)
+    runs = as_logs(logs)
     if not runs:
         raise InputError("there is no training log; give at least one")
     for run in runs:
-        if not isinstance(run, Log):
-            raise InputError(
-                f"logs holds a {type(run).__name__}; give logs, as read_log makes them"
-            )
         if reference not in run:
             raise InputError(
                 f"log '{run.name}': no channel '{reference}'; training needs the true torque at "
@@ -418,15 +415,6 @@ def warnings_of(
                 "that of the torsion's part"
             )
     return said
-
-
-def _listed(logs: object) -> list[Log]:
-    try:
-        return list(logs)  # type: ignore[call-overload, no-any-return]
-    except TypeError:
-        raise InputError(
-            f"logs holds a {type(logs).__name__}; give logs, as read_log makes them"
-        ) from None
 
 
 def _reads(models: Sequence[Model]) -> set[str]:

@@ -20,6 +20,7 @@ from flexspline.least_squares.uncertainty import Uncertainty
 from flexspline.least_squares.validation import Score
 from flexspline.logs.derive import lowpass
 from flexspline.logs.log import Log
+from flexspline.logs.read import LogLike
 from flexspline.model import Model, Part, Prediction
 from flexspline.rendering import render
 
@@ -205,7 +206,7 @@ class Fit:
         """Independent samples that the runs are worth for a mean."""
         return self.uncertainty.effective_samples
 
-    def predict(self, log: Log) -> Prediction:
+    def predict(self, log: LogLike) -> Prediction:
         """Return measured and predicted y of any log; see `Model.predict`."""
         return self.model.predict(log, self.target)
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from flexspline import _core
 from flexspline.effects import Effect, effect, require_effects
 from flexspline.errors import InputError
-from flexspline.logs.log import Log
+from flexspline.logs.read import LogLike, as_log
 from flexspline.requirements import gear_for, require_finite, require_load
 from flexspline.signals import channels_for, core_channels, target_of
 
@@ -164,7 +164,7 @@ def _null_space(raw: _core.Solution, columns: int) -> Array:
 
 def accumulate(
     effects: Iterable[str | Effect],
-    logs: Iterable[Log],
+    logs: Iterable[LogLike],
     target: str,
     *,
     known_load: str | None = None,
@@ -202,7 +202,7 @@ def accumulate(
     require_effects(chosen, target)
     require_load(chosen, known_load)
     pieces = []
-    for number, log in enumerate(logs):
+    for number, log in enumerate(map(as_log, logs)):
         log = channels_for(log, chosen, known_load)
         channels = core_channels(log, chosen, known_load)
         y = target_of(log, target, known_load)

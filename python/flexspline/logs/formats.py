@@ -40,7 +40,7 @@ from flexspline.logs.table import (
 if TYPE_CHECKING:
     import pandas
 
-__all__ = ["PACKED", "Dialect", "read_table"]
+__all__ = ["PACKED", "Dialect", "is_frame", "no_source", "read_table"]
 
 PACKED: Final[dict[str, Callable[[bytes], bytes]]] = {
     ".gz": gzip.decompress,
@@ -79,18 +79,19 @@ def read_table(
     """
     if isinstance(source, (str, os.PathLike)):
         return _from_file(Path(source), variable, dialect, drop_rows)
-    if _is_frame(source):
+    if is_frame(source):
         table = _from_frame(source)
     elif isinstance(source, np.ndarray):
         table = from_array(source, "array")
     elif isinstance(source, Mapping):
         table = from_value(dict(source), "dictionary", variable)
     else:
-        raise _no_source(source)
+        raise no_source(source)
     return table.checked().without_first(drop_rows), None
 
 
-def _no_source(source: object) -> InputError:
+def no_source(source: object) -> InputError:
+    """Return the error for what is no source of a log."""
     return InputError(
         f"a log cannot be read from a {type(source).__name__}; "
         "give a path, an array, a dictionary of arrays or a pandas DataFrame"
@@ -189,7 +190,7 @@ def _from_json(content: bytes, label: str, variable: str | None) -> Table:
     return records_at(value, label, variable)
 
 
-def _is_frame(source: Any) -> bool:
+def is_frame(source: Any) -> bool:
     """Whether that is pandas' frame; who has one has imported pandas."""
     pandas = sys.modules.get("pandas")
     return pandas is not None and isinstance(source, pandas.DataFrame)

@@ -9,9 +9,9 @@ import math
 import os
 import re
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import TYPE_CHECKING, Any, Final, Literal, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,13 +19,20 @@ from numpy.typing import NDArray
 from flexspline.errors import InputError, did_you_mean, listed
 from flexspline.files import atomic_writer, refuse_special
 from flexspline.logs.columns import ColumnSpec, Picked, picked
-from flexspline.logs.formats import PACKED, Dialect, read_table
+from flexspline.logs.formats import PACKED, Dialect, is_frame, no_source, read_table
 from flexspline.logs.log import Fact, Log, checked_facts
 from flexspline.logs.repairs import Repairs, move_earlier, repaired
 from flexspline.logs.table import Table
 
+if TYPE_CHECKING:
+    import pandas
+
 __all__ = [
+    "LogLike",
+    "as_log",
+    "as_logs",
     "convert",
+    "is_one",
     "read_log",
     "read_map",
     "with_motor_torque",
@@ -141,6 +148,35 @@ def _timed(
         raise InputError(f"{table.label}: rate is {rate!r}; give a positive number of Hz")
     rows = len(next(iter(found.channels.values())))
     return {"time": np.arange(rows) / rate, **found.channels}, (f"time is made of {rate:g} Hz",)
+
+
+LogLike: TypeAlias = "Log | str | os.PathLike[str] | Mapping[str, Any] | pandas.DataFrame"
+"""A log, or what `read_log` reads as one by itself: a file's name, arrays by channel, a table."""
+
+
+def as_log(source: LogLike) -> Log:
+    """Return a log as it is, and read anything else as `read_log` does.
+
+    Raises
+    ------
+    InputError
+        Where it is nothing that can be read, or a file or table that cannot.
+    """
+    return source if isinstance(source, Log) else read_log(source)
+
+
+def is_one(source: object) -> bool:
+    """Whether that is one log, or what could be read as one, and not several."""
+    return isinstance(source, (Log, str, os.PathLike, Mapping, np.ndarray)) or is_frame(source)
+
+
+def as_logs(sources: LogLike | Iterable[LogLike]) -> list[Log]:
+    """Return one log, or several, as a list; see `as_log`."""
+    if is_one(sources):
+        return [as_log(cast("LogLike", sources))]
+    if not isinstance(sources, Iterable):
+        raise no_source(sources)
+    return [as_log(source) for source in cast("Iterable[LogLike]", sources)]
 
 
 def _facts(

@@ -15,6 +15,7 @@ import numpy as np
 from flexspline.errors import InputError
 from flexspline.formatting import rows_html, rows_text
 from flexspline.logs import Log
+from flexspline.logs.read import as_logs
 from flexspline.orders.low import Faint, find_faint, find_low, less_low
 from flexspline.orders.parts import Candidate, Pair, candidates, effective_ratio, owner
 from flexspline.orders.parts import pairs as known_pairs
@@ -263,7 +264,7 @@ def find_orders(
     Runs are cut by direction; amplitude and phase may differ between the stretches, and both
     what keeps its phase and what does not is found. Sources: `orders/scan.py`, `orders/low.py`.
     """
-    logs = [logs] if isinstance(logs, Log) else list(logs)
+    logs = as_logs(logs)
     if not 0 < false_alarm < 1:
         raise InputError(
             f"find_orders: false_alarm = {false_alarm} is no probability; "

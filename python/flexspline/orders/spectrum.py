@@ -25,6 +25,7 @@ from scipy.interpolate import CubicSpline
 
 from flexspline.errors import InputError
 from flexspline.logs import Log
+from flexspline.logs.read import as_logs
 from flexspline.orders.parts import Pair, effective_ratio, pairs
 from flexspline.orders.stretches import Stretch, Values, chosen_values, stretches
 from flexspline.rendering import render
@@ -129,7 +130,7 @@ def order_spectrum(
     direction of each run is taken out. At each order k the amplitude is that of the fit of
     cos kq and sin kq: uneven samples, even samples and part of a turn alike [Lomb1976].
     """
-    logs = [logs] if isinstance(logs, Log) else list(logs)
+    logs = as_logs(logs)
     arrays, channel, unit = chosen_values(logs, values, unit)
     turned = _named_pair(logs[0], pair)
     wanted = None if orders is None else np.asarray(orders, dtype=np.float64)

@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from flexspline.least_squares.options import Bounds
     from flexspline.least_squares.result import Fit
     from flexspline.logs.log import Log
+    from flexspline.logs.read import LogLike
     from flexspline.model import Model
 
 __all__ = ["EVALUATIONS", "cost_of", "fit_motion", "require_drive", "require_motion",
@@ -51,7 +52,7 @@ EVALUATIONS = 25  # of each descent
 
 def fit_motion(
     effects: str | Effect | Iterable[str | Effect],
-    logs: Log | Sequence[Log],
+    logs: LogLike | Iterable[LogLike],
     target: str,
     *,
     controller: PositionServo | str | os.PathLike[str] | None = None,

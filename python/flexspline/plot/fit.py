@@ -20,6 +20,7 @@ from flexspline.errors import InputError, listed
 from flexspline.forward import simulate
 from flexspline.least_squares.result import contributions
 from flexspline.logs.log import Log
+from flexspline.logs.read import as_logs
 from flexspline.model import Model, Part
 from flexspline.plot.canvas import (
     GREY,
@@ -382,7 +383,7 @@ def drift_curve(
             f"the model of {part.target} has no {TEMPERATURE_DRIFT}; it has "
             f"{listed(effect.name for effect in part.effects)}"
         )
-    runs = [logs] if isinstance(logs, Log) else list(logs)
+    runs = as_logs(logs)
     known = _temperatures(model, part, runs, ax)
     grid = np.linspace(known.min(), known.max(), 200)
     curve, error = _curve(model, part, grid)

@@ -25,7 +25,7 @@ from flexspline.logs.checks.samples import (
     time_order,
     wrapped,
 )
-from flexspline.logs.log import Log
+from flexspline.logs.read import LogLike, as_log
 from flexspline.parallel import in_order
 
 __all__ = ["Finding", "Findings", "Gear", "Severity", "check", "measured_gear"]
@@ -50,13 +50,13 @@ CHECKS = (
 
 
 def check(
-    log: Log, *, effects: Sequence[str] = (), target: str | None = None, threads: int = 1
+    log: LogLike, *, effects: Sequence[str] = (), target: str | None = None, threads: int = 1
 ) -> Findings:
     """Look for faults of the data. Nothing is changed; each finding names the repair to ask for.
 
     Parameters
     ----------
-    log : any log, broken ones too
+    log : any log, broken ones too; or what `read_log` reads as one
     effects : names of the catalogue that are to be fitted: missing channels and lacking
         excitation are then found as well
     target : the channel to be fitted (or ``torsion``): it has to be there
@@ -70,6 +70,7 @@ def check(
     ------
     InputError : an effect or target that does not exist.
     """
+    log = as_log(log)
     try:
         motion_of(log)  # once, before several ask for it
         made = in_order(threads, lambda one: list(one(log)), CHECKS)
