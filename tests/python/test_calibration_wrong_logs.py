@@ -148,7 +148,7 @@ def test_time_that_runs_backwards_is_refused() -> None:
 def test_what_is_no_log_is_refused() -> None:
     with pytest.raises(InputError, match="there is no log"):
         calibrate([])
-    with pytest.raises(InputError, match="run.csv: no such file"):
+    with pytest.raises(InputError, match=r"run\.csv: no such file"):
         calibrate(["run.csv"])
 
 
