@@ -83,6 +83,13 @@ class Prediction:
     unit: str
     warnings: tuple[str, ...] = ()
 
+    def __repr__(self) -> str:
+        known = self.residual[np.isfinite(self.residual)]
+        gap = (
+            f"RMSE {np.sqrt(np.mean(known**2)):.4g} {self.unit}" if known.size else "none measured"
+        )
+        return f"<Prediction of {self.target}: {len(self.time)} rows, {gap}>"
+
     @property
     def residual(self) -> Array:
         """Measured minus predicted."""
@@ -100,6 +107,12 @@ class Model:
     parts: Mapping[str, Part]
     facts: Mapping[str, Any] = field(default_factory=dict)
     estimators: Mapping[str, Estimator] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        joint = self.facts.get("joint")
+        parts = [f"{key}: {', '.join(e.name for e in p.effects)}" for key, p in self.parts.items()]
+        own = [f"estimators: {', '.join(self.estimators)}"] if self.estimators else []
+        return "\n  ".join([f"<Model of {joint}" if joint else "<Model", *parts, *own]) + ">"
 
     def __post_init__(self) -> None:
         for key, estimator in self.estimators.items():

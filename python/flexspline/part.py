@@ -49,6 +49,10 @@ class Part:
     record: Mapping[str, Any] = field(default_factory=dict)
     simulated: Simulated | None = None
 
+    def __repr__(self) -> str:
+        beside = f", {self.simulated.words} corrected" if self.simulated is not None else ""
+        return f"<Part for {self.target}: {', '.join(e.name for e in self.effects)}{beside}>"
+
     def __post_init__(self) -> None:
         require_effects(self.effects, self.target)
         values = np.array(self.coefficients, dtype=np.float64)

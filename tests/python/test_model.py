@@ -373,3 +373,18 @@ def test_the_schema_of_a_model_knows_every_channel_that_a_log_may_have() -> None
     path = importlib.resources.files("flexspline") / "schemas" / "model.schema.json"
     known = json.loads(path.read_text(encoding="utf-8"))["$defs"]["channel"]["enum"]
     assert {*known} == {*CHANNELS, "known_load"} - {"simulated_torque"}
+
+
+def test_what_a_prompt_shows_is_a_few_lines_without_arrays():
+    import report_fits
+
+    fit = report_fits.plain_fit()
+    shown = [fit, fit.model, fit.model.part(), fit.uncertainty, fit.predict(fit.runs[0].log),
+             *fit.part.effects]  # fmt: skip
+    for one in shown:
+        text = repr(one)
+        assert len(text.splitlines()) <= 5 and len(text) < 400, text
+        assert "array(" not in text and "mappingproxy" not in text
+    assert repr(flexspline.effect("coulomb_friction", direction_width=0.01)) == (
+        "effect('coulomb_friction', direction_width=0.01)"
+    )

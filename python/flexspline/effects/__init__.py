@@ -152,6 +152,11 @@ class Effect:
     shapes: Mapping[str, float] = field(default_factory=dict)
     harmonics: tuple[Harmonic, ...] = ()
 
+    def __repr__(self) -> str:
+        given = [f"{name}={value:.4g}" for name, value in self.shapes.items()]
+        orders = [f"orders={[order for order, _ in self.harmonics]}"] if self.harmonics else []
+        return f"effect({', '.join([repr(self.name), *given, *orders])})"
+
     def __post_init__(self) -> None:
         if self.name not in CATALOGUE:
             near = did_you_mean(self.name, CATALOGUE)

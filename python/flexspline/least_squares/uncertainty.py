@@ -60,6 +60,13 @@ class Uncertainty:
     rows: int
     noise: NoiseModel
 
+    def __repr__(self) -> str:
+        count, known = self.basis.shape
+        return (
+            f"<Uncertainty of {count} parameters, {known} combinations determined: "
+            f"{self.rows} rows, effective sample size {self.effective_samples:.0f}>"
+        )
+
     @property
     def covariance(self) -> Array:
         """(P, P), of the parameters."""
