@@ -199,7 +199,7 @@ def _say_result(final: Fit, truth: Truth, before: float, after: float, say: Say)
     for parameter in final.parameters:
         true = truth.value(parameter.name)
         say(
-            f"   {parameter.name:<43} {parameter.value:>8.4f} ±{parameter.standard_error:<7.4f}"
+            f"   {parameter.name:<43} {round(parameter.value, 4) + 0.0:>8.4f} ±{parameter.standard_error:<7.4f}"
             f"{true:>9.4f}  {parameter.unit}"
         )
     say(
