@@ -198,8 +198,9 @@ def _say_result(final: Fit, truth: Truth, before: float, after: float, say: Say)
     say(f"   {'parameter':<43} {'fit':>8}   error {'true':>9}  unit")
     for parameter in final.parameters:
         true = truth.value(parameter.name)
+        value = round(parameter.value, 4) + 0.0  # no minus zero
         say(
-            f"   {parameter.name:<43} {round(parameter.value, 4) + 0.0:>8.4f} ±{parameter.standard_error:<7.4f}"
+            f"   {parameter.name:<43} {value:>8.4f} ±{parameter.standard_error:<7.4f}"
             f"{true:>9.4f}  {parameter.unit}"
         )
     say(
