@@ -65,14 +65,15 @@ def file_to_write(path: str | os.PathLike[str]) -> Path:
     Raises
     ------
     InputError
-        Where it is a device, a pipe or a socket, or a link that leads round in a circle.
+        Where it is a device, a pipe or a socket, or cannot be looked at: a link in a circle.
     """
     target = Path(path)
     try:
         found = target.resolve() if target.is_symlink() else target
         refuse_special(found, "the name of a file")
     except (OSError, RuntimeError) as error:
-        raise InputError(f"{target}: is a link in a circle; give the name of a file") from error
+        why = getattr(error, "strerror", None) or "a link in a circle"
+        raise InputError(f"{target}: cannot be written ({why}); give the name of a file") from error
     return found
 
 

@@ -31,7 +31,7 @@ class Commands(click.Group):
         self, args: Sequence[str] | None = None, prog_name: str | None = None, **_: Any
     ) -> None:
         """Run, and leave by `SystemExit`."""
-        os.environ["MPLBACKEND"] = "Agg"  # nothing is shown; a notebook sets what may not be there
+        os.environ["MPLBACKEND"] = "Agg"  # a notebook's own may not be installed here
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             given = list(sys.argv[1:] if args is None else args)

@@ -163,9 +163,10 @@ def verdict(fit: Fit) -> Verdict:
     if fit.simulation is not None:
         good = f"{fit.simulation.verdict} {good}"
     grave, doubts = _grave(fit, share), _doubts(fit)
-    if not grave and not doubts:
-        return Verdict(good, "No problem was found with the fit itself.", False)
-    return Verdict(good, faults_sentence([*grave, *doubts], bool(grave)), bool(grave))
+    said = "No problem was found with the fit itself."
+    if grave or doubts:
+        said = faults_sentence([*grave, *doubts], bool(grave))
+    return Verdict(good, " ".join([said, *_zeros(fit)]), bool(grave))
 
 
 def faults_sentence(faults: Sequence[str], grave: bool) -> str:
@@ -240,13 +241,17 @@ def _doubts(fit: Fit) -> list[str]:
     shapes = [short_names(p.name) for p in fit.parameters if p.kind == "shape" and not p.determined]
     if shapes:
         found.append(f"shape not determined: {listed(shapes, 6)}")
-    idle = _idle(fit)
-    if idle:
-        found.append(f"not significant: {listed(idle, 6)}")
     warned = len([said for said in fit.warnings if said != fit.uncertainty.statement])
     if warned:
         found.append(f"{warned} warning{'s' if warned > 1 else ''}, see below")
     return found
+
+
+def _zeros(fit: Fit) -> list[str]:
+    """A sentence of the terms that may be zero, which is no fault of a fit."""
+    idle = _idle(fit)
+    errors = "its error" if len(idle) == 1 else "their errors"
+    return [f"Zero within {errors}: {listed(idle, 6)}."] if idle else []
 
 
 def _idle(fit: Fit) -> list[str]:
