@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from cli_calls import call, write_runs
+from click.shell_completion import ShellComplete
 
 import flexspline
 from flexspline.cli import commands
@@ -17,6 +18,7 @@ from flexspline.logs.repairs import REPAIRS
 from flexspline.model import Model
 
 SHELL = [sys.executable, "-m", "flexspline.cli"]
+SOURCE = {"_FLEXSPLINE_COMPLETE": "zsh_source"}
 HEAVY = ("scipy", "pandas", "matplotlib", "pint", "h5py", "jsonschema", "jinja2")
 
 
@@ -134,3 +136,33 @@ def test_an_interrupt_is_130(monkeypatch: pytest.MonkeyPatch) -> None:
     result = call("predict", "--model", "m.json", "run.csv", "--out", "out.csv")
     assert result.exit_code == 130
     assert result.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("words", "begun", "offered"),
+    [
+        ([], "che", ["check"]),
+        (["fit", "run.csv", "--effects"], "inertia,stri", ["inertia,stribeck_friction"]),
+        (["fit", "run.csv", "--target"], "motor_t", ["motor_torque"]),
+        (["check", "run.csv", "--repair"], "unw", ["unwrap"]),
+        (["export", "--model", "m.json", "--format"], "hea", ["header"]),
+    ],
+)
+def test_a_shell_completes_commands_effects_targets_and_repairs(
+    words: list[str], begun: str, offered: list[str]
+) -> None:
+    shell = ShellComplete(commands, {}, "flexspline", "_FLEXSPLINE_COMPLETE")
+    assert [item.value for item in shell.get_completions(words, begun)] == offered
+
+
+@pytest.mark.parametrize("words", [["fit"], ["predict", "--model"], ["fit", "a.csv", "--out"]])
+def test_a_shell_completes_names_of_files_by_itself(words: list[str]) -> None:
+    shell = ShellComplete(commands, {}, "flexspline", "_FLEXSPLINE_COMPLETE")
+    assert [item.type for item in shell.get_completions(words, "")] == ["file"]
+
+
+def test_a_shell_is_given_the_script_that_asks() -> None:
+    done = subprocess.run(
+        SHELL, capture_output=True, text=True, env={**os.environ, **SOURCE}, check=True
+    )
+    assert "_flexspline_completion" in done.stdout

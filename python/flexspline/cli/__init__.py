@@ -62,6 +62,10 @@ def commands() -> None:
     Each command explains itself: flexspline fit --help. Exit codes: 0 done; 2 the input or the
     call is wrong, and one line on standard error says what to do; 1 a defect of flexspline; 3, of
     check alone, the data forbid a fit.
+
+    \b
+    Tab completion in this bash (or zsh_source, fish_source):
+      eval "$(_FLEXSPLINE_COMPLETE=bash_source flexspline)"
     """
 
 

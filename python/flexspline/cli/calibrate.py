@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from flexspline.cli.options import Reading, Taught, loaded, positive, reading, repairs
+from flexspline.cli.options import FILE, Reading, Taught, loaded, positive, reading, repairs
 from flexspline.files import whole_folder
 
 __all__ = ["command"]
@@ -47,8 +47,10 @@ def _thermistor(
 
 
 @click.command("calibrate", cls=Taught, sections=(repairs,))
-@click.argument("runs", nargs=-1, required=True, metavar="RUN.csv...")
-@click.option("--out", required=True, metavar="DIR", help="Folder for model.json and report.html.")
+@click.argument("runs", nargs=-1, required=True, metavar="RUN.csv...", type=FILE)
+@click.option(
+    "--out", required=True, metavar="DIR", type=FILE, help="Folder for model.json and report.html."
+)
 @click.option(
     "--reference",
     default="reference_torque",
@@ -56,7 +58,9 @@ def _thermistor(
     metavar="CHANNEL",
     help="The trusted torque; none where all runs are without load.",
 )
-@click.option("--into", metavar="MODEL.json", help="Add the estimators to a model of this joint.")
+@click.option(
+    "--into", metavar="MODEL.json", type=FILE, help="Add the estimators to a model of this joint."
+)
 @click.option(
     "--degree",
     type=click.IntRange(0, 6),

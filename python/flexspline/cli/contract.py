@@ -15,10 +15,13 @@ from pathlib import Path
 from typing import Any
 
 import click
+from click.shell_completion import shell_complete
 
 from flexspline.errors import InputError, did_you_mean, listed, printable
 
 __all__ = ["Commands"]
+
+COMPLETE = "_FLEXSPLINE_COMPLETE"  # what a shell asks for, in this variable
 
 DEFECT, WRONG, INTERRUPTED, NO_READER = 1, 2, 130, 141
 TRACEBACK = "FLEXSPLINE_TRACEBACK"
@@ -31,6 +34,8 @@ class Commands(click.Group):
         self, args: Sequence[str] | None = None, prog_name: str | None = None, **_: Any
     ) -> None:
         """Run, and leave by `SystemExit`."""
+        if asked := os.environ.get(COMPLETE):
+            sys.exit(shell_complete(self, {}, prog_name or "flexspline", COMPLETE, asked))
         os.environ["MPLBACKEND"] = "Agg"  # a notebook's own may not be installed here
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from flexspline.cli.options import on_terminal
+from flexspline.cli.options import FILE, on_terminal
 from flexspline.files import folder_to_write
 
 __all__ = [
@@ -17,7 +17,12 @@ PAPERS = ("zhang", "turlapati", "full_range", "all")  # importing those of repro
 
 @click.command()
 @click.option(
-    "--out", default="flexspline-demo", show_default=True, metavar="DIR", help="Folder to write."
+    "--out",
+    default="flexspline-demo",
+    show_default=True,
+    metavar="DIR",
+    type=FILE,
+    help="Folder to write.",
 )
 def demo(out: str) -> None:
     """See the whole path work, without any data of your own.
@@ -39,7 +44,9 @@ def demo(out: str) -> None:
 
 @click.command()
 @click.argument("paper", type=click.Choice(PAPERS))
-@click.option("--out", required=True, metavar="DIR", help="Folder for figures, tables and claims.")
+@click.option(
+    "--out", required=True, metavar="DIR", type=FILE, help="Folder for figures, tables and claims."
+)
 @click.option(
     "--draws",
     type=click.IntRange(1),

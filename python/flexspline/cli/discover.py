@@ -11,6 +11,8 @@ from typing import Any
 import click
 
 from flexspline.cli.options import (
+    EFFECTS,
+    FILE,
     Reading,
     Taught,
     bandwidth,
@@ -44,14 +46,20 @@ NEXT = "next_experiment.csv"
 
 
 @click.command(cls=Taught, sections=(repairs,))
-@click.argument("runs", nargs=-1, required=True, metavar="RUN.csv...")
-@click.option("--model", "model_path", metavar="MODEL.json", help="A model that fit wrote.")
+@click.argument("runs", nargs=-1, required=True, metavar="RUN.csv...", type=FILE)
+@click.option(
+    "--model", "model_path", metavar="MODEL.json", type=FILE, help="A model that fit wrote."
+)
 @simulation
 @click.option(
     "--simulated-motion", is_flag=True, help="Compare the output_position of --simulation."
 )
 @click.option(
-    "--out", required=True, metavar="DIR", help="Folder for comparison.json and report.html."
+    "--out",
+    required=True,
+    metavar="DIR",
+    type=FILE,
+    help="Folder for comparison.json and report.html.",
 )
 @target(required=False)
 @click.option(
@@ -136,10 +144,14 @@ def _numbers(text: str) -> tuple[float, ...]:
 
 
 @click.command(cls=Taught, sections=(effects_by_target, repairs))
-@click.argument("runs", nargs=-1, required=True, metavar="RUN.csv...")
+@click.argument("runs", nargs=-1, required=True, metavar="RUN.csv...", type=FILE)
 @target(required=False)
-@click.option("--effects", "names", metavar="A,B,C", help="Effects that are known; or none.")
-@click.option("--model", "model_path", metavar="MODEL.json", help="Or a model to start from.")
+@click.option(
+    "--effects", "names", metavar="A,B,C", type=EFFECTS, help="Effects that are known; or none."
+)
+@click.option(
+    "--model", "model_path", metavar="MODEL.json", type=FILE, help="Or a model to start from."
+)
 @simulation
 @click.option(
     "--by",
@@ -150,7 +162,10 @@ def _numbers(text: str) -> tuple[float, ...]:
     "is measured.",
 )
 @click.option(
-    "--controller", metavar="SERVO.json", help="By simulation: the servo's law that drives it."
+    "--controller",
+    metavar="SERVO.json",
+    type=FILE,
+    help="By simulation: the servo's law that drives it.",
 )
 @click.option(
     "--free-controller",
@@ -158,8 +173,10 @@ def _numbers(text: str) -> tuple[float, ...]:
     default="",
     help="Fields of the law to fit too: torque, back_emf.",
 )
-@click.option("--exclude", metavar="A,B,C", help="Effects that are known not to be there.")
-@click.option("--out", required=True, metavar="DIR", help="Folder for what is found.")
+@click.option(
+    "--exclude", metavar="A,B,C", type=EFFECTS, help="Effects that are known not to be there."
+)
+@click.option("--out", required=True, metavar="DIR", type=FILE, help="Folder for what is found.")
 @known_load
 @lowpass
 @bandwidth

@@ -10,6 +10,7 @@ from collections.abc import Iterable
 import click
 
 from flexspline.cli.options import (
+    FILE,
     LateChoice,
     Reading,
     Taught,
@@ -95,7 +96,7 @@ def export(
 
 
 @click.command(cls=Taught, sections=(repairs,))
-@click.argument("run", metavar="RUN.csv")
+@click.argument("run", metavar="RUN.csv", type=FILE)
 @model
 @click.option(
     "--device",

@@ -9,6 +9,8 @@ from typing import Any
 import click
 
 from flexspline.cli.options import (
+    EFFECTS,
+    FILE,
     Reading,
     Taught,
     bandwidth,
@@ -64,13 +66,22 @@ def _refuse_of_motion(options: dict[str, Any], foreign: bool) -> None:
 
 
 @click.command(cls=Taught, sections=(effects_by_target, repairs))
-@click.argument("runs", nargs=-1, required=True, metavar="RUN.csv...")
+@click.argument("runs", nargs=-1, required=True, metavar="RUN.csv...", type=FILE)
 @target(required=True)
 @click.option(
-    "--effects", "names", required=True, metavar="A,B,C", help="Effects, listed below; or none."
+    "--effects",
+    "names",
+    required=True,
+    metavar="A,B,C",
+    type=EFFECTS,
+    help="Effects, listed below; or none.",
 )
-@click.option("--out", required=True, metavar="DIR", help="Folder for model.json and report.html.")
-@click.option("--into", metavar="MODEL.json", help="Add this part to a model of the same joint.")
+@click.option(
+    "--out", required=True, metavar="DIR", type=FILE, help="Folder for model.json and report.html."
+)
+@click.option(
+    "--into", metavar="MODEL.json", type=FILE, help="Add this part to a model of the same joint."
+)
 @known_load
 @lowpass
 @bandwidth
@@ -99,7 +110,10 @@ def _refuse_of_motion(options: dict[str, Any], foreign: bool) -> None:
     help="Fit the torque, or from there on the motion that it makes when simulated.",
 )
 @click.option(
-    "--controller", metavar="SERVO.json", help="By simulation: the servo's law that drives it."
+    "--controller",
+    metavar="SERVO.json",
+    type=FILE,
+    help="By simulation: the servo's law that drives it.",
 )
 @click.option(
     "--free-controller",

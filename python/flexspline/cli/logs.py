@@ -10,6 +10,8 @@ from pathlib import Path
 import click
 
 from flexspline.cli.options import (
+    EFFECTS,
+    FILE,
     Reading,
     Taught,
     effects_by_target,
@@ -32,16 +34,19 @@ FORBIDDEN = 3  # exit code: findings that forbid a fit
 
 
 @click.command(cls=Taught, sections=(effects_by_target, repairs))
-@click.argument("runs", nargs=-1, required=True, metavar="RUN.csv...")
+@click.argument("runs", nargs=-1, required=True, metavar="RUN.csv...", type=FILE)
 @click.option(
     "--effects",
     "names",
     metavar="A,B,C",
+    type=EFFECTS,
     default="none",
     help="Effects to be fitted: missing channels and lacking excitation are found too.",
 )
 @target(required=False, says="What is to be fitted: it has to be there, and suit.")
-@click.option("--out", metavar="DIR", help="Folder for check.json and report.html with figures.")
+@click.option(
+    "--out", metavar="DIR", type=FILE, help="Folder for check.json and report.html with figures."
+)
 @reading()
 @click.pass_context
 def check(
@@ -86,7 +91,7 @@ def check(
 
 
 @click.command(cls=Taught, sections=(repairs,))
-@click.argument("foreign", metavar="FOREIGN")
+@click.argument("foreign", metavar="FOREIGN", type=FILE)
 @out_file("RUN.csv")
 @reading(columns_needed=True)
 def convert(foreign: str, out: str, reading: Reading) -> None:

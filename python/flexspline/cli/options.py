@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
+from click.shell_completion import CompletionItem
 from tqdm import tqdm
 
 from flexspline.effects import TARGETS, effect
@@ -26,10 +27,13 @@ if TYPE_CHECKING:
     from flexspline.model import Model
 
     Choice = click.Choice[str]
+    ParamType = click.ParamType[str]
 else:
-    Choice = click.Choice  # before click 8.4 no generic one
+    Choice, ParamType = click.Choice, click.ParamType  # before click 8.4 no generic ones
 
 __all__ = [
+    "EFFECTS",
+    "FILE",
     "LateChoice",
     "Reading",
     "Taught",
@@ -75,6 +79,42 @@ class LateChoice(Choice):
     @cached_property
     def choices(self) -> tuple[str, ...]:  # type: ignore[override]
         return tuple(self._names())
+
+
+class Listed(ParamType):
+    """Names with commas between them, read as one text; a shell completes the last one."""
+
+    name = "text"
+
+    def __init__(self, names: Callable[[], Iterable[str]]) -> None:
+        self._names = names
+
+    def shell_complete(
+        self, ctx: click.Context, param: click.Parameter, incomplete: str
+    ) -> list[CompletionItem]:
+        """Return what the text may become."""
+        before, comma, last = incomplete.rpartition(",")
+        return [
+            CompletionItem(f"{before}{comma}{name}")
+            for name in self._names()
+            if name.startswith(last)
+        ]
+
+
+def _effect_names() -> Iterable[str]:
+    from flexspline.effects import CATALOGUE
+
+    return CATALOGUE
+
+
+def _repair_names() -> Iterable[str]:
+    from flexspline.logs.repairs import REPAIRS as KNOWN
+
+    return KNOWN
+
+
+FILE = click.Path(readable=False)  # a shell completes it; it is looked at where it is read
+EFFECTS, REPAIRS = Listed(_effect_names), Listed(_repair_names)
 
 
 def positive(text: str) -> float:
@@ -194,7 +234,12 @@ def bandwidth(command: Command) -> Command:
 def model(command: Command) -> Command:
     """--model MODEL.json"""
     return click.option(
-        "--model", "model_path", required=True, metavar="MODEL.json", help="A model that fit wrote."
+        "--model",
+        "model_path",
+        required=True,
+        metavar="MODEL.json",
+        type=FILE,
+        help="A model that fit wrote.",
     )(command)
 
 
@@ -217,6 +262,7 @@ def simulation(command: Command) -> Command:
         "--simulation",
         multiple=True,
         metavar="FILE",
+        type=FILE,
         help="Its files, with time stamps of the runs' clock; one for each run, in their order.",
     )(command)
 
@@ -224,7 +270,7 @@ def simulation(command: Command) -> Command:
 def controller(command: Command) -> Command:
     """--controller SERVO.json"""
     says = "A servo law that takes the place of the measured motor torque."
-    return click.option("--controller", metavar="SERVO.json", help=says)(command)
+    return click.option("--controller", metavar="SERVO.json", type=FILE, help=says)(command)
 
 
 def strict(command: Command) -> Command:
@@ -236,7 +282,7 @@ def strict(command: Command) -> Command:
 def out_file(metavar: str) -> Callable[[Command], Command]:
     """--out FILE"""
     says = "File to write, whole or not at all."
-    return click.option("--out", required=True, metavar=metavar, help=says)
+    return click.option("--out", required=True, metavar=metavar, type=FILE, help=says)
 
 
 def reading(columns_needed: bool = False) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
@@ -260,6 +306,7 @@ def reading(columns_needed: bool = False) -> Callable[[Callable[..., Any]], Call
             {
                 "multiple": True,
                 "metavar": "NAME[=VALUE]",
+                "type": REPAIRS,
                 "help": "A repair of the data, listed below; can be repeated, done in this order.",
             },
         ),
@@ -267,6 +314,7 @@ def reading(columns_needed: bool = False) -> Callable[[Callable[..., Any]], Call
             "--columns",
             {
                 "metavar": "MAP.toml",
+                "type": FILE,
                 "required": columns_needed,
                 "help": "Column map of a foreign file: channel, column, unit, sign.",
             },

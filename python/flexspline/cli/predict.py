@@ -9,6 +9,7 @@ from __future__ import annotations
 import click
 
 from flexspline.cli.options import (
+    FILE,
     Reading,
     Taught,
     controller,
@@ -36,7 +37,7 @@ __all__ = [
 
 
 @click.command(cls=Taught, sections=(repairs,))
-@click.argument("run", metavar="RUN.csv")
+@click.argument("run", metavar="RUN.csv", type=FILE)
 @model
 @out_file("FILE.csv")
 @target(required=False)
@@ -115,7 +116,7 @@ def _bits() -> tuple[str, list[tuple[str, str]]]:
 
 
 @click.command(cls=Taught, sections=(_bits, repairs))
-@click.argument("run", metavar="RUN.csv")
+@click.argument("run", metavar="RUN.csv", type=FILE)
 @model
 @out_file("FILE.csv")
 @click.option(
@@ -153,7 +154,7 @@ def estimate(
 
 
 @click.command(cls=Taught, sections=(repairs,))
-@click.argument("run", metavar="RUN.csv")
+@click.argument("run", metavar="RUN.csv", type=FILE)
 @model
 @controller
 @out_file("FILE.csv")
