@@ -31,6 +31,7 @@ from flexspline.logs.checks import check
 from flexspline.logs.log import Log, Source
 from flexspline.logs.read import read_log, write_log
 from flexspline.model import Model
+from flexspline.plot.canvas import own_style
 from flexspline.prepared import prepared
 from flexspline.rigs.sensor import SPEEDS, Recorder, Rig, Truth, sensor_rig
 from flexspline.signals import channels_for, core_channels
@@ -210,7 +211,8 @@ def _say_result(final: Fit, truth: Truth, before: float, after: float, say: Say)
 
 
 def _leave(found: Discovery, draft: Path) -> None:
-    found.plot().savefig(draft / "before_after.png", dpi=110)
+    with own_style():
+        found.plot().savefig(draft / "before_after.png", dpi=110)
     found.report(draft / "report.html")
     found.model.save(draft / "model.json")
     export(found.model, draft / "joint.hpp", format="header")

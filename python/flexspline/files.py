@@ -6,6 +6,7 @@ import contextlib
 import errno
 import os
 import shutil
+import stat
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -44,7 +45,7 @@ def atomic_writer(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
     """
     target = file_to_write(path)
     made = [folder for folder in target.parents if not folder.exists()]
-    handle, draft = _draft_file(target)
+    handle, draft = _draft_file(target, made)
     try:
         with os.fdopen(handle, "wb") as file:
             yield cast(BinaryIO, file)
@@ -68,35 +69,43 @@ def file_to_write(path: str | os.PathLike[str]) -> Path:
         Where it is a device, a pipe or a socket, or cannot be looked at: a link in a circle.
     """
     target = Path(path)
-    try:
-        found = target.resolve() if target.is_symlink() else target
-        refuse_special(found, "the name of a file")
-    except (OSError, RuntimeError) as error:
-        why = getattr(error, "strerror", None) or "a link in a circle"
-        raise InputError(f"{target}: cannot be written ({why}); give the name of a file") from error
-    return found
+    refuse_special(target, "the name of a file")
+    return target.resolve() if target.is_symlink() else target
 
 
 def refuse_special(path: str | os.PathLike[str], wanted: str) -> None:
-    """Refuse what may never end or never answer: a device, a pipe or a socket."""
-    found = Path(path)
-    if found.exists() and not found.is_file() and not found.is_dir():
+    """Refuse what may never end or never answer, and what cannot be looked at.
+
+    The one is a device, a pipe or a socket; the other a link in a circle, a name that is too long.
+    """
+    try:
+        found = Path(path).stat()
+    except (FileNotFoundError, NotADirectoryError):
+        return
+    except OSError as error:
+        raise InputError(
+            f"{path}: cannot be looked at ({error.strerror}); give {wanted}"
+        ) from error
+    if not stat.S_ISREG(found.st_mode) and not stat.S_ISDIR(found.st_mode):
         raise InputError(f"{path}: is a device, a pipe or a socket; give {wanted}")
 
 
 def require_there(path: str | os.PathLike[str]) -> None:
     """Refuse a path of a log at which no file is."""
-    refuse_special(path, "the path of a log")
+    wanted = "the path of a log"
+    refuse_special(path, wanted)
     if not Path(path).is_file():
         what = "is a folder" if Path(path).is_dir() else "no such file"
-        raise InputError(f"{path}: {what}; give the path of a log")
+        raise InputError(f"{path}: {what}; give {wanted}")
 
 
-def _draft_file(target: Path) -> tuple[int, Path]:
+def _draft_file(target: Path, made: list[Path]) -> tuple[int, Path]:
+    """An open file beside a file to be; folders that are `made` for it go again if that fails."""
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         handle, name = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
     except OSError as error:
+        _remove(made)
         raise InputError(
             f"{target}: cannot be written ({error.strerror}); give a folder that you may write to"
         ) from error
@@ -168,7 +177,7 @@ def whole_folder(path: str | os.PathLike[str], last: str = "") -> Iterator[Path]
     """
     target = folder_to_write(path)
     made = [folder for folder in target.parents if not folder.exists()]
-    draft = _draft_folder(target)
+    draft = _draft_folder(target, made)
     try:
         yield draft
         draft.chmod(0o777 & ~_mask())
@@ -181,19 +190,32 @@ def whole_folder(path: str | os.PathLike[str], last: str = "") -> Iterator[Path]
 
 def folder_to_write(path: str | os.PathLike[str]) -> Path:
     """Return the folder of this path, which may not be there; refuse what is none."""
-    target = Path(path)
+    target, wanted = Path(path), "the name of a folder"
+    refuse_special(target, wanted)
     if target.exists() and not target.is_dir():
-        raise InputError(f"{target}: is a file; give the name of a folder")
+        raise InputError(f"{target}: is a file; give {wanted}")
+    if target.is_symlink() and not target.exists():
+        raise InputError(f"{target}: is a link that leads nowhere; give {wanted}")
     return target
 
 
-def _draft_folder(target: Path) -> Path:
+def _beside(file: Path, there: Path) -> Path:
+    """The file, or a copy of it where a link leads to another device, which no rename reaches."""
+    if file.stat().st_dev == there.parent.stat().st_dev:
+        return file
+    handle, copy = _draft_file(there, [])
+    os.close(handle)
+    return Path(shutil.copy(file, copy))
+
+
+def _draft_folder(target: Path, made: list[Path]) -> Path:
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         if target.is_dir() and not os.access(target, os.W_OK | os.X_OK):
             raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
         return Path(tempfile.mkdtemp(prefix=f".{target.name}.", dir=target.parent))
     except OSError as error:
+        _remove(made)
         raise InputError(
             f"{target}: cannot be written ({error.strerror}); give a folder that you may write to"
         ) from error
@@ -207,9 +229,9 @@ def _publish(draft: Path, target: Path, last: str) -> None:
         return
     files = sorted(path for path in draft.rglob("*") if path.is_file())
     files.sort(key=lambda file: file.name == last)
-    for file in files:
-        there = file_to_write(target / file.relative_to(draft))
+    places = [file_to_write(target / file.relative_to(draft)) for file in files]
+    for file, there in zip(files, places, strict=True):
         there.parent.mkdir(parents=True, exist_ok=True)
-        _rename(file, there)
+        _rename(_beside(file, there), there)
     _sync_folder(target)
     shutil.rmtree(draft, ignore_errors=True)

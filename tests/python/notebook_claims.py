@@ -25,12 +25,12 @@ springs = [p for p in found.parameters("presliding_friction") if p.unit == "A"]
 assert any(p.state == "not determined" for p in springs)
 parts = found.before_after()["final"]
 near, far = (parts["reversals"][k] for k in ("within ±0.1 s of a reversal", "elsewhere"))
-assert 0.5 * far < near < 1.3 * far
+assert 0.7 * far < near < 1.3 * far
 """,
     "first_fit": """
 assert 4.5 < first.rmse / 0.015 < 6.0
 assert {round(one.per_output_turn) for one in orders.found} == {1, 2, 202}
-assert "Zero within its error: temperature_drift.quadratic." in str(full)
+assert "May be zero (95 %): temperature_drift.quadratic." in str(full)
 assert largest < 1e-8 and len(turlapati.confounded) == 1
 off = table["errors off"].abs()
 assert (off.drop(["coulomb_friction.level", "direction_width"]) < 3.0).all()
@@ -56,7 +56,7 @@ assert [sum(word in claim for claim in bad) for word in words] == [1, 1, 1, 1] a
     "zhang": """
 assert (paper.claims["verdict"] == "does not hold").sum() == 6
 cost = tables["drift_methods"]["cost [ns per sample]"]
-assert cost["kernel regression"] > 100.0 * cost["polynomial of degree 2"]
+assert cost["kernel regression"] > 10.0 * cost["polynomial of degree 2"]
 left = tables["drift_methods"]["RMSE [Nm]"]
 assert left.idxmin() == "polynomial of degree 2"
 """,

@@ -6,6 +6,7 @@ import ast
 import os
 import subprocess
 import sys
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -45,6 +46,51 @@ def test_a_missing_folder_is_made_and_goes_again_with_what_did_not_come_about(
     assert list(tmp_path.iterdir()) == []
     atomic_write(out, "new")
     assert out.read_text() == "new" and [p.name for p in out.parent.iterdir()] == ["run.csv"]
+
+
+def test_a_name_too_long_is_told_and_leaves_no_folder(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="give "):
+        atomic_write(tmp_path / "of" / "mine" / (250 * "x"), "new")
+    assert list(tmp_path.iterdir()) == []
+    for read in (
+        flexspline.read_log,
+        flexspline.Model.load,
+        read_map,
+        flexspline.PositionServo.load,
+    ):
+        with pytest.raises(InputError, match=r"cannot be looked at .*; give "):
+            read(tmp_path / (300 * "x"))
+
+
+@pytest.mark.skipif(os.name != "posix", reason="links and pipes of POSIX")
+def test_nothing_of_a_folder_is_replaced_where_one_of_its_files_is_refused(tmp_path: Path) -> None:
+    with whole_folder(tmp_path / "joint") as draft:
+        (draft / "a.txt").write_text("old")
+    os.mkfifo(tmp_path / "joint" / "z.txt")
+    with (
+        pytest.raises(InputError, match="is a device, a pipe"),
+        whole_folder(tmp_path / "joint") as draft,
+    ):
+        (draft / "a.txt").write_text("new")
+        (draft / "z.txt").write_text("new")
+    assert (tmp_path / "joint" / "a.txt").read_text() == "old"
+    lost = tmp_path / "lost"
+    lost.symlink_to(tmp_path / "nowhere")
+    with pytest.raises(InputError, match="leads nowhere"), whole_folder(lost):
+        raise AssertionError("nothing is computed for it")
+
+
+@pytest.mark.skipif(os.name != "posix", reason="links of POSIX")
+def test_a_link_to_another_device_is_followed(tmp_path: Path) -> None:
+    memory = Path("/dev/shm")
+    with tempfile.TemporaryDirectory(dir=memory if memory.is_dir() else None) as other:
+        (tmp_path / "joint").mkdir()
+        (tmp_path / "joint" / "model.json").symlink_to(Path(other) / "model.json")
+        with whole_folder(tmp_path / "joint") as draft:
+            (draft / "model.json").write_text("new")
+        assert [file.name for file in Path(other).iterdir()] == ["model.json"]
+        assert (Path(other) / "model.json").read_text() == "new"
+    assert (tmp_path / "joint" / "model.json").is_symlink()
 
 
 def test_a_file_in_the_place_of_a_folder_is_named(tmp_path: Path) -> None:

@@ -36,11 +36,16 @@ class Commands(click.Group):
         """Run, and leave by `SystemExit`."""
         if asked := os.environ.get(COMPLETE):
             sys.exit(shell_complete(self, {}, prog_name or "flexspline", COMPLETE, asked))
+        before = os.environ.get("MPLBACKEND")
         os.environ["MPLBACKEND"] = "Agg"  # a notebook's own may not be installed here
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            given = list(sys.argv[1:] if args is None else args)
-            sys.exit(self._code(prog_name or "flexspline", given))
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                given = list(sys.argv[1:] if args is None else args)
+                sys.exit(self._code(prog_name or "flexspline", given))
+        finally:
+            del os.environ["MPLBACKEND"]
+            os.environ.update({} if before is None else {"MPLBACKEND": before})
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
         """Find the command; an unknown one is answered with the nearest."""

@@ -37,7 +37,7 @@ from flexspline.least_squares.ripple import CORE_PAIRS
 from flexspline.logs.channel_noise import ChannelNoise
 from flexspline.orders.parts import Candidate, Pair, owner, pairs
 from flexspline.regression.candidate_model import HeldOut, held_out, rmse_error
-from flexspline.regression.gram import TINY, Whitening, by_runs
+from flexspline.regression.gram import TINY, by_runs
 
 __all__ = ["assembled", "where"]
 
@@ -139,7 +139,7 @@ def assembled(
     made, fit, problem = held.made, held.fit, held.made.study.problem
     before, after, steps = made.before, made.after, made.errors
     unexplained, floor = (
-        _unexplained(made, made.fitted_as, steps)
+        _unexplained(made, after, steps)
         or _again(made, after, steps)
         or (None, NoiseFloor(steps[-1], rmse_error(after), BY_NAMES))
     )
@@ -196,18 +196,24 @@ def _runs(made: Analysis, before: HeldOut, after: HeldOut) -> tuple[HeldRun, ...
 
 
 def _unexplained(
-    made: Analysis, rows: Whitening, steps: list[float]
+    made: Analysis, left: HeldOut, steps: list[float]
 ) -> tuple[Unexplained, NoiseFloor] | None:
-    """What functions of the channels tell of what is left, if it matters; and the floor below."""
+    """What functions of the channels tell of what is left, if it matters; and the floor below.
+
+    Where folds go where no other goes, functions lower nothing on them, and all that is left is the
+    bound of the noise.
+    """
     if not made.leftover.groups or made.unexplained < SETTINGS.bends:
         return None
-    problem, functions = made.part.problem, Functions(made.leftover.groups)
-    beside = held_out(problem, made.final, rows, functions)
-    floor = beside.rmse
+    told = Unexplained(made.unexplained, tuple(made.leftover.channels))
+    problem, rows = made.part.problem, made.fitted_as
+    beside = held_out(problem, made.final, rows, Functions(made.leftover.groups))
+    scale = 1.0
     if made.part is not made.study:
-        floor *= steps[-1] / held_out(problem, made.final, rows).rmse
-    bound = NoiseFloor(min(floor, *steps), rmse_error(beside), BY_FUNCTIONS)
-    return Unexplained(made.unexplained, tuple(made.leftover.channels)), bound
+        scale = steps[-1] / held_out(problem, made.final, rows).rmse
+    if scale * beside.rmse >= min(steps):
+        return told, NoiseFloor(steps[-1], rmse_error(left), BY_NAMES)
+    return told, NoiseFloor(scale * beside.rmse, scale * rmse_error(beside), BY_FUNCTIONS)
 
 
 def _again(
@@ -223,7 +229,8 @@ def _again(
     known = made.study.problem.known_load
     channels = dict.fromkeys(channel_told(name, known) for name in again.channels)
     floor = float(np.sqrt(max(steps[-1] ** 2 - again.fall, 0.0)))
-    bound = NoiseFloor(floor, rmse_error(left), BY_PLACE)
+    error = np.hypot(steps[-1] * rmse_error(left), 0.5 * again.error) / max(floor, TINY)
+    bound = NoiseFloor(floor, float(error), BY_PLACE)
     return Unexplained(float(min(share, 1.0)), tuple(channels)), bound
 
 

@@ -194,7 +194,8 @@ class NoiseFloor:
     Parameters
     ----------
     rmse : on folds that no fit saw, in the unit of the errors.
-    error : its standard error, from blocks longer than the noise's memory; NaN of an encoder.
+    error : its standard error, from blocks longer than the noise's memory; NaN of an encoder, and
+        where there is one block alone.
     by : what bounds it, a key of `BOUNDS`.
     """
 
@@ -207,7 +208,7 @@ BY_FUNCTIONS, BY_PLACE, BY_NAMES, BY_ENCODER = "functions", "place", "names", "e
 BOUNDS = {
     BY_FUNCTIONS: "what is left beside functions of the channels",
     BY_PLACE: "what is left beside what comes again at the same place in other folds",
-    BY_NAMES: "what is left: neither functions of the channels nor places tell more of it",
+    BY_NAMES: "what is left: neither functions of the channels nor places lower it held out",
     BY_ENCODER: "what the encoder resolves",
 }
 """What bounds the noise, for `NoiseFloor.by`."""

@@ -154,7 +154,9 @@ class Effect:
 
     def __repr__(self) -> str:
         given = [f"{name}={value:.4g}" for name, value in self.shapes.items()]
-        orders = [f"orders={[order for order, _ in self.harmonics]}"] if self.harmonics else []
+        usual = self.info.pairs[0] if self.info.pairs else ""
+        named = [order if pair == usual else (order, pair) for order, pair in self.harmonics]
+        orders = [f"orders={named}"] if named else []
         return f"effect({', '.join([repr(self.name), *given, *orders])})"
 
     def __post_init__(self) -> None:

@@ -36,9 +36,9 @@ _ROUNDS = 8
 
 
 @overload
-def simulate(
+def simulate(  # type: ignore[overload-overlap]  # a name is text, and text has parts
     model: Model,
-    log: Log,
+    log: LogLike,
     *,
     target: str | None = None,
     controller: PositionServo | str | os.PathLike[str] | None = None,
@@ -49,7 +49,7 @@ def simulate(
 @overload
 def simulate(
     model: Model,
-    log: Sequence[Log],
+    log: Iterable[LogLike],
     *,
     target: str | None = None,
     controller: PositionServo | str | os.PathLike[str] | None = None,

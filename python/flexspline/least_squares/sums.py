@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,7 @@ from numpy.typing import NDArray
 from flexspline import _core
 from flexspline.effects import Effect, effect, require_effects
 from flexspline.errors import InputError
-from flexspline.logs.read import LogLike, as_log
+from flexspline.logs.read import LogLike, as_log, is_one
 from flexspline.requirements import gear_for, require_finite, require_load
 from flexspline.signals import channels_for, core_channels, target_of
 
@@ -202,7 +203,8 @@ def accumulate(
     require_effects(chosen, target)
     require_load(chosen, known_load)
     pieces = []
-    for number, log in enumerate(map(as_log, logs)):
+    several = cast("Iterable[LogLike]", [logs] if is_one(logs) else logs)
+    for number, log in enumerate(as_log(each) for each in several):
         log = channels_for(log, chosen, known_load)
         channels = core_channels(log, chosen, known_load)
         y = target_of(log, target, known_load)

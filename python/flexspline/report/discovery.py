@@ -197,14 +197,15 @@ def verdict(made: Discovery) -> str:
         )
     return (
         f"Nothing is missing in {said} that these runs show: RMSE "
-        f"{short(made.base_rmse)} {made.unit} {where}, which is noise."
+        f"{short(made.base_rmse)} {made.unit} {where}, noise as far as their channels tell."
     )
 
 
 def _unexplained_is_small(made: Discovery) -> bool:
     """Whether what is unexplained lowers the error by too little to matter."""
-    small = SETTINGS.negligible * made.final_rmse
-    return made.unexplained is not None and made.final_rmse - made.noise_floor < small
+    if made.unexplained is None or made.floor.by == BY_NAMES:  # nothing says how large it is
+        return False
+    return made.final_rmse - made.noise_floor < SETTINGS.negligible * made.final_rmse
 
 
 def _small(made: Discovery) -> str:
@@ -213,8 +214,8 @@ def _small(made: Discovery) -> str:
 
 def _floor_words(made: Discovery) -> str:
     """How low that could get, for the headline."""
-    if made.floor.by == BY_NAMES:
-        return "and no channel tells more"
+    if made.floor.by == BY_NAMES and not made.unexplained:
+        return "and no channel is seen to tell more that matters"
     most = "" if made.floor.by == BY_ENCODER else "at most "
     return f"noise floor {most}{short(made.noise_floor)} {made.unit}"
 
@@ -228,11 +229,17 @@ def floor_sentence(made: Discovery) -> str:
             "simulation gets below it."
         )
     most = plus_minus(made.floor.rmse, made.floor.error)
+    if made.floor.by == BY_NAMES and made.unexplained:
+        return (
+            f"Noise: at most what is left, {most} {made.unit}. Each of these {folds} goes where no "
+            "other goes: how much lower it is they do not tell."
+        )
     if made.floor.by == BY_NAMES:
         return (
             f"Noise: at most what is left, {most} {made.unit}. Held out, neither functions of the "
-            f"channels and pairs of them nor rows of other {folds} at the same place explain "
-            f"{100.0 * SETTINGS.bends:.0f} % of the gap; what no channel follows counts as noise."
+            f"channels and pairs of them nor rows of other {folds} at the same place are seen to "
+            f"explain {100.0 * SETTINGS.bends:.0f} % of the gap; what no channel follows counts as "
+            "noise."
         )
     assert made.unexplained is not None
     by = listed(made.unexplained.depends_on)

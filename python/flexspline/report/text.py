@@ -250,8 +250,7 @@ def _doubts(fit: Fit) -> list[str]:
 def _zeros(fit: Fit) -> list[str]:
     """A sentence of the terms that may be zero, which is no fault of a fit."""
     idle = _idle(fit)
-    errors = "its error" if len(idle) == 1 else "their errors"
-    return [f"Zero within {errors}: {listed(idle, 6)}."] if idle else []
+    return [f"May be zero (95 %): {listed(idle, 6)}."] if idle else []
 
 
 def _idle(fit: Fit) -> list[str]:

@@ -17,6 +17,7 @@ from tqdm import tqdm
 from flexspline.about import __version__
 from flexspline.errors import InputError, did_you_mean, listed
 from flexspline.files import whole_folder
+from flexspline.plot.canvas import own_style
 from flexspline.reproduce.claims import PAPERS, Verdict, judged
 
 if TYPE_CHECKING:
@@ -118,7 +119,8 @@ def reproduce(
         return {name: _one(name, draws, seed, threads, progress) for name in papers}
     with whole_folder(out, last="claims.json") as folder:
         made = {name: _one(name, draws, seed, threads, progress) for name in papers}
-        _write(folder, made)
+        with own_style():
+            _write(folder, made)
     return made
 
 
@@ -130,7 +132,9 @@ def _one(paper: str, draws: int, seed: int, threads: int, progress: bool) -> Rep
         for values in _drawn(paper, seeds, threads):
             found.append(values)
             bar.update()
-    return Reproduction(paper, module.story(seed), judged(paper, found), draws, seed)
+    with own_style():
+        story = module.story(seed)
+    return Reproduction(paper, story, judged(paper, found), draws, seed)
 
 
 def _drawn(paper: str, seeds: Sequence[int], threads: int) -> Iterator[Mapping[str, float]]:
