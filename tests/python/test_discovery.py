@@ -62,7 +62,7 @@ def test_a_hidden_effect_is_named_and_most_of_the_gap_is_closed() -> None:
     assert made.names == ("motor_crosstalk",)
     (one,) = made.found
     assert one.rmse_after < one.rmse_before
-    assert one.share_of_gap == 1.0  # nothing else closes any of it
+    assert one.share_of_gap == pytest.approx(1.0, abs=1e-3)  # nothing else closes any of it
     assert made.gap_closed > 0.9
     assert made.unexplained is None and made.next_experiment is None
     (leak,) = made.parameters("motor_crosstalk")
