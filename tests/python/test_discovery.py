@@ -143,7 +143,7 @@ def test_what_is_left_is_never_called_a_noise_floor(hidden: str) -> None:
     assert content["noise_floor_method"].startswith("what is left")
 
 
-def test_a_cause_without_a_name_that_is_too_small_to_matter_changes_no_headline(
+def test_what_is_unexplained_and_too_small_to_matter_changes_no_headline(
     tmp_path: Path,
 ) -> None:
     made = found("unknown")
@@ -151,7 +151,7 @@ def test_a_cause_without_a_name_that_is_too_small_to_matter_changes_no_headline(
     small = replace(made, floor=floor, doubted=())
     headline = " ".join(str(small).split()).split(". ")[0]
     assert headline.startswith("Nothing that matters is missing")
-    assert f"less than {0.01 * made.final_rmse:.3g} Nm has a cause without a name" in headline
+    assert f"less than {0.01 * made.final_rmse:.3g} Nm is unexplained" in headline
     assert "Unexplained: " in str(small)
     for each, grave in ((made, True), (small, False)):
         each.report(tmp_path / "report.html")

@@ -193,7 +193,7 @@ def verdict(made: Discovery) -> str:
     if little:
         return (
             f"Nothing that matters is missing in {said}: RMSE {short(made.base_rmse)} {made.unit} "
-            f"{where}, of which less than {_small(made)} {made.unit} has a cause without a name."
+            f"{where}, of which less than {_small(made)} {made.unit} is unexplained."
         )
     return (
         f"Nothing is missing in {said} that these runs show: RMSE "
