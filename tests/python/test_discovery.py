@@ -12,7 +12,7 @@ import pytest
 from hidden_logs import LOAD, friction_of, log_of, noise, rich_run
 
 import flexspline
-from flexspline.discovery.result import Discovery
+from flexspline.discovery.result import Discovery, NoiseFloor
 from flexspline.effects import effect
 from flexspline.logs.log import Log
 
@@ -157,6 +157,18 @@ def test_what_is_unexplained_and_too_small_to_matter_changes_no_headline(
         each.report(tmp_path / "report.html")
         assert ('class="verdict grave"' in (tmp_path / "report.html").read_text()) is grave
     assert str(made).startswith("No effect that is known explains")
+
+
+@pytest.mark.parametrize("error", [0.001, float("nan")])
+def test_what_folds_cannot_size_is_never_called_too_small(error: float) -> None:
+    made = found("unknown")
+    alone = replace(made, floor=NoiseFloor(made.final_rmse, error, "names"), doubted=())
+    text = " ".join(str(alone).split())
+    assert text.startswith("No effect that is known explains")
+    assert "how much lower it is they do not tell" in text
+    assert "nan" not in text and "Nothing that matters" not in text
+    named = replace(alone, found=found("one").found, fit=found("one").fit)
+    assert "how much of that is noise is not known." in " ".join(str(named).split())
 
 
 def test_a_late_velocity_is_a_fault_before_it_is_physics() -> None:

@@ -211,9 +211,10 @@ def _unexplained(
     scale = 1.0
     if made.part is not made.study:
         scale = steps[-1] / held_out(problem, made.final, rows).rmse
-    if scale * beside.rmse >= min(steps):
+    floor = scale * beside.rmse
+    if floor >= steps[-1]:
         return told, NoiseFloor(steps[-1], rmse_error(left), BY_NAMES)
-    return told, NoiseFloor(scale * beside.rmse, scale * rmse_error(beside), BY_FUNCTIONS)
+    return told, NoiseFloor(min(floor, *steps), scale * rmse_error(beside), BY_FUNCTIONS)
 
 
 def _again(

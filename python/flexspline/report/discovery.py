@@ -8,6 +8,8 @@ from collections.abc import Sequence
 from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from flexspline.about import __version__
 from flexspline.discovery.candidates import EXCLUDED, TAKEN
 from flexspline.discovery.result import BY_ENCODER, BY_FUNCTIONS, BY_NAMES
@@ -214,8 +216,9 @@ def _small(made: Discovery) -> str:
 
 def _floor_words(made: Discovery) -> str:
     """How low that could get, for the headline."""
-    if made.floor.by == BY_NAMES and not made.unexplained:
-        return "and no channel is seen to tell more that matters"
+    if made.floor.by == BY_NAMES:
+        told = "how much of that is noise is not known"
+        return f"and {told if made.unexplained else 'no channel is seen to tell more that matters'}"
     most = "" if made.floor.by == BY_ENCODER else "at most "
     return f"noise floor {most}{short(made.noise_floor)} {made.unit}"
 
@@ -228,7 +231,9 @@ def floor_sentence(made: Discovery) -> str:
             f"Noise floor: {short(made.noise_floor)} {made.unit} is what the encoder resolves; no "
             "simulation gets below it."
         )
-    most = plus_minus(made.floor.rmse, made.floor.error)
+    most = short(made.floor.rmse)
+    if np.isfinite(made.floor.error):
+        most = plus_minus(made.floor.rmse, made.floor.error)
     if made.floor.by == BY_NAMES and made.unexplained:
         return (
             f"Noise: at most what is left, {most} {made.unit}. Each of these {folds} goes where no "
