@@ -578,6 +578,7 @@ def moteus() -> File:
         _channel(run, "output_position", "encoder_1_position", "%.9g", REV),
         _same("fault", "0", rows),
     ]
+    turns = "no unit is stated: that they are turns stands in the controller's manual"
     return _file(
         "moteus_id1.csv",
         _text([_headers(columns, ","), *_lines(columns, ",")]),
@@ -587,12 +588,15 @@ def moteus() -> File:
             "motor_torque": "torque may be that of the motor or that of the output",
             "motor_current": "no unit is stated",
             "motor_temperature": "temperature may be that of the board, the motor or the joint",
+            "motor_position": turns,
+            "motor_velocity": turns,
+            "output_position": turns,
         },
     )
 
 
 @_recorder(
-    "https://emanual.robotis.com/docs/en/dxl/x/xm430-w350/ (control table and its units)",
+    "http://emanual.robotis.com/docs/en/dxl/x/xm430-w210/ (control table and its units)",
     "raw ticks of everything, a clock of 1 ms that starts again at 32768, no unit anywhere",
 )
 def dynamixel_raw() -> File:
@@ -619,10 +623,11 @@ def dynamixel_raw() -> File:
         "dxl_id3.csv",
         _text([_headers(columns, ","), *_lines(columns, ",")]),
         columns,
-        ambiguous=dict.fromkeys(
-            ("motor_current", "duty", "supply_voltage", "output_velocity"),
-            "raw ticks: what one is worth stands in the servo's manual and not in the file",
-        ),
+        ambiguous={
+            column.channel: "raw ticks: what one is worth stands in the servo's manual alone"
+            for column in columns
+            if column.channel and column.channel != "temperature"
+        },
         wraps={"time": 32.768},
     )
 
@@ -757,7 +762,7 @@ def twincat_scope() -> File:
             "°/s (Velocity)",
         ),
         (_channel(run, "motor_current", "ActCurrent", "%d", 1e-3), "INT16", 2, "mA (Current)"),
-        (_channel(run, "sensor_torque", "TorqueSensor", "%.6g"), "REAL32", 4, "N m (Torque)"),
+        (_channel(run, "sensor_torque", "TorqueSensor", "%.6g"), "REAL32", 4, "Nm (Torque)"),
         (_same("StatusWord", "4663", rows), "UINT16", 2, "(None)"),
     ]
     slow = [f"{x:.1f}" for x in run["temperature"][::10]] + [""] * (rows - rows // 10)
@@ -774,8 +779,8 @@ def twincat_scope() -> File:
     preamble = [
         "Name\tJoint2_Axis",
         "File\tC:\\Messungen\\Joint2_Axis.csv",
-        "Starttime of export\t134146389438430000\tMontag, 2. Februar 2026\t15:56:24.376",
-        "Endtime of export\t134146389468420000\tMontag, 2. Februar 2026\t15:56:27.375",
+        "Starttime of export\t134145177843760000\tMontag, 2. Februar 2026\t15:56:24.376",
+        "Endtime of export\t134145177873750000\tMontag, 2. Februar 2026\t15:56:27.375",
         "",
         "",
         row("Name", names),
@@ -874,7 +879,7 @@ def catman_ascii() -> File:
             _channel(run, "output_position", "Winkel_Abtrieb [°]", "%.4f", DEG),
             _channel(run, "reference_torque", "T40B_Drehmoment [kNm]", "%.7f", 1e3),
             _other("DMS_Brücke [mV/V]", run["sensor_torque"] / 40.0, "%.6f"),
-            _channel(run, "motor_current", "Strom_U [A]", "%.4f"),
+            _channel(run, "motor_current", "Strom_Motor [A]", "%.4f"),
             _channel(run, "temperature", "PT100_Gehäuse [°C]", "%.2f"),
             _other("Zeit  2 - Langsame Messrate [s]", np.floor(run["time"]), "%.5f"),
             _same("Kommentar", "", rows),
@@ -886,7 +891,6 @@ def catman_ascii() -> File:
         columns,
         ambiguous={
             "sensor_voltage": "mV/V: volts are known with the bridge's supply alone",
-            "motor_current": "the current of a phase and not that which makes torque",
         },
     )
 
@@ -908,19 +912,19 @@ def hioki_memory() -> File:
         *[_same(f"LCHA{k}", "1" if k < 3 else "0", rows) for k in (1, 2, 3, 4)],
     ]
     head = [
-        '"COMMENT","JOINT RIG"',
-        '"DATE","03-05-2026"',
-        '"TIME","15:26:55"',
-        f'"NUM_SIGS",{len(columns)}',
-        '"INTERVAL",2.500E-03',
-        '"HORZ_UNITS","S"',
-        '"VERT_UNITS","S","deg","r/min","A","Nm","Bit","Bit","Bit","Bit"',
-        '"SIGNAL",' + ",".join(f'"{c.header}"' for c in columns),
+        '"COMMENT", "JOINT RIG"',
+        '"DATE", "03-05-2026"',
+        '"TIME", "15:26:55"',
+        f'"NUM_SIGS", {len(columns)}',
+        '"INTERVAL", 2.500E-03',
+        '"HORZ_UNITS", "S"',
+        '"VERT_UNITS", "S", "deg", "r/min", "A", "Nm", "Bit", "Bit", "Bit", "Bit"',
+        '"SIGNAL", ' + ", ".join(f'"{c.header}"' for c in columns),
         '"DATA"',
     ]
     return _file(
         "AUTO0003.TXT",
-        _text([*head, *_lines(columns, ",")], "\r\n"),
+        _text([*head, *_lines(columns, ", ")], "\r\n"),
         columns,
         facts={"gear_ratio": 100},
         ambiguous={
@@ -1275,7 +1279,7 @@ def pandas_iso() -> File:
 @_recorder(
     "",
     "remarks behind //, ticks of 1 ms, counts whose resolution stands in a remark, words in hex, "
-    "a checksum, a motor that counts the other way",
+    "a checksum, a motor that counts the other way and a sensor that reads the reaction",
 )
 def stm32_swo() -> File:
     run = joint_run(23, 500.0, 6.0, ratio=120.0, motion="sines")
@@ -1286,7 +1290,7 @@ def stm32_swo() -> File:
         _channel(run, "output_position", "enc_out", "%d", REV / 2**19),
         _channel(run, "motor_position", "enc_mot", "%d", -REV / 4096),
         _channel(run, "motor_current", "iq_mA", "%d", -1e-3),
-        _channel(run, "sensor_torque", "tau_mNm", "%d", 1e-3),
+        _channel(run, "sensor_torque", "tau_mNm", "%d", -1e-3),
         _channel(run, "temperature", "temp_dC", "%d", 0.1),
     ]
     columns.append(_other("crc", np.random.default_rng(23).integers(0, 65536, rows), "%04x"))
@@ -1346,7 +1350,7 @@ def aligned_hash() -> File:
 
 
 @_recorder(
-    "simulated_lab_logs/README.md of the shared data",
+    "",
     "Latin-1, three lines of preamble, names and units in two rows, decimal comma, a rotor angle "
     "that wraps, torque without a side, compressed with xz",
 )
@@ -1531,7 +1535,8 @@ def numpy_npz() -> File:
         **_kept(run, steps | {"time": 0.0}),
         facts={"gear_ratio": 101},
         ambiguous={
-            "gear_ratio": "101 turns: a ratio of 100 with the circular spline at the output, or 101"
+            "gear_ratio": "101 turns; JSON in meta says 100 with the circular spline at the output",
+            **dict.fromkeys(list(names.values())[1:], "no unit is stated anywhere"),
         },
     )
 

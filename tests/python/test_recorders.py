@@ -285,7 +285,7 @@ def catman_ascii(path: Path) -> Read:
         "time": ("Zeit  1 - Standardmessrate [s]", 1.0),
         "output_position": ("Winkel_Abtrieb [°]", DEGREE),
         "reference_torque": ("T40B_Drehmoment [kNm]", 1e3),
-        "motor_current": ("Strom_U [A]", 1.0),
+        "motor_current": ("Strom_Motor [A]", 1.0),
         "temperature": ("PT100_Gehäuse [°C]", 1.0),
     }
     return scaled(pd.read_csv(path, sep="\t", decimal=",", encoding="latin-1"), columns)
@@ -421,7 +421,7 @@ def stm32_swo(path: Path) -> Read:
         "output_position": (2, TURN / 2**19),
         "motor_position": (3, -TURN / 4096),
         "motor_current": (4, -1e-3),
-        "sensor_torque": (5, 1e-3),
+        "sensor_torque": (5, -1e-3),
         "temperature": (6, 0.1),
     }
     return scaled(table, columns)
