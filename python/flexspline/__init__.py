@@ -52,6 +52,8 @@ if TYPE_CHECKING:
     from flexspline.model import Model, Part, Prediction
     from flexspline.output_error.fitting import fit_motion
     from flexspline.output_error.settings import MotionOptions
+    from flexspline.recordings.guessing import guess_map
+    from flexspline.recordings.result import Guess
 
 __all__ = [
     "CATALOGUE",
@@ -70,6 +72,7 @@ __all__ = [
     "FitOptions",
     "FlexsplineWarning",
     "ForwardRun",
+    "Guess",
     "InputError",
     "Limits",
     "Log",
@@ -98,6 +101,7 @@ __all__ = [
     "fit",
     "fit_motion",
     "get_include",
+    "guess_map",
     "next_experiment",
     "read_log",
     "simulate",
@@ -119,6 +123,7 @@ _HOME = {
     "Fit": "least_squares.result",
     "FitOptions": "least_squares.options",
     "ForwardRun": "forward.result",
+    "Guess": "recordings.result",
     "Limits": "experiment.limits",
     "Log": "logs.log",
     "Merge": "estimators",
@@ -143,6 +148,7 @@ _HOME = {
     "convert": "logs.read",
     "fit": "deprecated",
     "fit_motion": "output_error.fitting",
+    "guess_map": "recordings.guessing",
     "next_experiment": "discovery.experimenting",
     "read_log": "logs.read",
     "simulate": "forward.simulating",

@@ -23,7 +23,7 @@ LAYERS = (
     # runs, and what they show by themselves; logs know no effects, their checks do
     ("effects", "logs"),
     ("logs.checks",),
-    ("orders", "prepared", "signals"),
+    ("orders", "prepared", "recordings", "signals"),
     ("requirements", "simulator"),
     # a model of a joint, and what it is made of
     ("part",),
@@ -66,6 +66,7 @@ OTHER_THINGS = {
     "exporting": ("inertia",),  # numbers of a plan, and arguments
     "observer": ("inertia",),
     "plot": ("inertia",),
+    "recordings": ("gravity",),  # in the name of a column
 }
 """Words of other rooms that are also names of effects, and mean something else there."""
 

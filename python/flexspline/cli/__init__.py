@@ -13,6 +13,7 @@ from flexspline.cli.demo import demo, reproduce
 from flexspline.cli.discover import compare, discover
 from flexspline.cli.export import certify, export
 from flexspline.cli.fit import fit
+from flexspline.cli.init import init
 from flexspline.cli.logs import check, convert
 from flexspline.cli.predict import estimate, predict, simulate
 
@@ -34,6 +35,7 @@ def commands() -> None:
 
     \b
     The path:
+      begin    with any recorder's file       flexspline init (guesses the column map)
       read     your runs, CSV in SI units     flexspline convert (from other formats)
       check    are the data sound?            flexspline check
       calibrate  a bridge's volts to torque   flexspline calibrate
@@ -70,8 +72,8 @@ def commands() -> None:
 
 
 COMMANDS = (
-    check, fit, calibrate, predict, simulate, compare, discover, estimate, export, certify, convert,
-    demo, reproduce,
+    init, check, fit, calibrate, predict, simulate, compare, discover, estimate, export, certify,
+    convert, demo, reproduce,
 )  # fmt: skip
 
 for command in COMMANDS:

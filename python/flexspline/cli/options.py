@@ -320,6 +320,15 @@ def reading(columns_needed: bool = False) -> Callable[[Callable[..., Any]], Call
             },
         ),
         ("--rate", {"type": positive, "metavar": "HZ", "help": "Of runs without time stamps."}),
+        ("--encoding", {"metavar": "NAME", "help": "Of text files, such as latin-1."}),
+        (
+            "--skip-lines",
+            {"type": click.IntRange(0), "metavar": "N", "help": "Above the table of a text file."},
+        ),
+        (
+            "--units-row",
+            {"is_flag": True, "help": "The row below the names holds units."},
+        ),
     ]
     names = [name[2:].replace("-", "_") for name, _ in options]
 
@@ -327,7 +336,8 @@ def reading(columns_needed: bool = False) -> Callable[[Callable[..., Any]], Call
         def packed(**given: Any) -> Any:
             own = {name: given.pop(name) for name in names}
             facts = {name: own[name] for name in names[:5] if own[name] is not None}
-            how = Reading(facts, own["repair"], own["columns"], own["rate"])
+            text = {name: own[name] for name in names[-3:] if own[name]}
+            how = Reading(facts, own["repair"], own["columns"], own["rate"], text)
             return command(reading=how, **given)
 
         packed.__name__, packed.__doc__ = command.__name__, command.__doc__
@@ -349,17 +359,19 @@ class Reading:
     repair : repairs by name, in order.
     columns : path of a column map, or None.
     rate : Hz, of files without time stamps.
+    text : how text files are written, where not found by looking.
     """
 
     facts: Mapping[str, Any] = field(default_factory=dict)
     repair: tuple[str, ...] = ()
     columns: str | None = None
     rate: float | None = None
+    text: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def arguments(self) -> dict[str, Any]:
         """What was given, as arguments of `read_log`."""
-        given = {**self.facts, "repair": self.repair, "rate": self.rate}
+        given = {**self.facts, "repair": self.repair, "rate": self.rate, **self.text}
         return {key: value for key, value in given.items() if value}
 
     def logs(

@@ -8,7 +8,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -16,7 +16,9 @@ from numpy.typing import NDArray
 
 from flexspline.errors import InputError, did_you_mean, listed
 from flexspline.logs.channels import CHANNELS
+from flexspline.logs.stamps import is_stamp, seconds_of_stamps
 from flexspline.logs.table import Table
+from flexspline.logs.units import canonical_unit
 
 __all__ = ["ColumnSource", "ColumnSpec", "Picked", "picked"]
 
@@ -38,7 +40,8 @@ class ColumnSource:
     source : str or int
         Name of a column, or its number, counted from 0.
     unit : str, optional
-        Unit in the file, such as "deg", "rpm", "mNm"; by default the channel's own SI unit.
+        Unit in the file, such as "deg", "rpm", "mNm"; by default what the file states in a row
+        or an attribute of units, else the channel's own SI unit.
     sign : int
         1, or −1 for a column that counts the other way.
     scale : float
@@ -78,7 +81,7 @@ def picked(table: Table, columns: Mapping[str, ColumnSpec] | None) -> Picked:
         For an unknown channel, column or unit, a cell that is no number, two channels made
         of one column, columns of unequal length.
     """
-    chosen = _chosen(table, columns)
+    chosen = {name: _with_unit(table, at) for name, at in _chosen(table, columns).items()}
     channels, notes = {}, []
     for channel, at in chosen.items():
         number = table.index(at.source)
@@ -123,6 +126,13 @@ def _chosen(table: Table, columns: Mapping[str, ColumnSpec] | None) -> dict[str,
             "say which is which with columns={'output_position': ('q', 'deg'), ...}"
         )
     return chosen
+
+
+def _with_unit(table: Table, at: ColumnSource) -> ColumnSource:
+    """Return the source with the unit that the file states, where the map states none."""
+    number = table.index(at.source)
+    stated = table.units[number] if table.units and at.unit is None else None
+    return at if stated is None else replace(at, unit=stated)
 
 
 def _source(table: Table, channel: str, spec: ColumnSpec) -> ColumnSource:
@@ -174,6 +184,8 @@ def _numbers(table: Table, channel: str, number: int) -> NDArray[np.float64]:
             return np.zeros(0)
         seconds: NDArray[np.float64] = (column - column[0]) / np.timedelta64(1, "s")
         return seconds
+    if channel == "time" and column.dtype.kind in "iu" and len(column):
+        return _from_first_where_large(column)
     if column.dtype.kind in "biuf":
         return column.astype(np.float64, copy=False)
     if column.dtype.kind == "c":
@@ -184,6 +196,9 @@ def _numbers(table: Table, channel: str, number: int) -> NDArray[np.float64]:
     import pandas
 
     series = pandas.Series(column)
+    stamps = seconds_of_stamps(column) if channel == "time" and is_stamp(column[0]) else None
+    if stamps is not None:
+        return stamps
     try:
         values = pandas.to_numeric(series, errors="coerce").to_numpy(np.float64, na_value=np.nan)
     except OverflowError as error:
@@ -200,6 +215,16 @@ def _numbers(table: Table, channel: str, number: int) -> NDArray[np.float64]:
             + (", or leave the row out with drop_rows=1" if row == 0 else "")
         )
     return np.asarray(values, dtype=np.float64)
+
+
+def _from_first_where_large(stamps: NDArray[Any]) -> NDArray[np.float64]:
+    """Return whole numbers as they are, or from the first where doubles would not tell them apart.
+
+    Nanoseconds since 1970 are beyond 2⁵³.
+    """
+    if np.abs(stamps[0]) > 2**53:
+        stamps = stamps - stamps[0]
+    return stamps.astype(np.float64, copy=False)
 
 
 def _signed(
@@ -273,7 +298,8 @@ def to_si(channel: str, unit: str) -> tuple[float, float]:
     wanted = CHANNELS[channel].unit
     registry = _registry()
     try:
-        source = registry.Unit(_PINT_NAMES.get(str(unit).strip(), unit))
+        spelled = canonical_unit(unit) or unit
+        source = registry.Unit(_PINT_NAMES.get(str(spelled).strip(), spelled))
     except Exception as error:  # pint raises many kinds, its parser's and tokenizer's among them
         raise InputError(
             f"channel '{channel}': unit '{unit}' is not known; "

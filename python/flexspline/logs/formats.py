@@ -40,7 +40,7 @@ from flexspline.logs.table import (
 if TYPE_CHECKING:
     import pandas
 
-__all__ = ["PACKED", "Dialect", "is_frame", "no_source", "read_table"]
+__all__ = ["PACKED", "Dialect", "decoded", "is_frame", "no_source", "read_table", "unpacked_text"]
 
 PACKED: Final[dict[str, Callable[[bytes], bytes]]] = {
     ".gz": gzip.decompress,
@@ -50,6 +50,7 @@ PACKED: Final[dict[str, Callable[[bytes], bytes]]] = {
 }
 BROKEN: Final = (OSError, EOFError, lzma.LZMAError, zipfile.BadZipFile, zlib.error, RuntimeError)
 
+STRUCTURED: Final = (".npy", ".npz", ".mat", ".h5", ".hdf5", ".json")  # all others are text
 SEPARATORS: Final = (",", ";", "\t", "|", " ")
 SPELLED: Final = {"\t": "tab", " ": "whitespace"}
 SAMPLE_LINES: Final = 20
@@ -127,10 +128,28 @@ def _opened(path: Path, variable: str | None, dialect: Dialect, drop_rows: int) 
         table = from_value(_numpy(path, label), label, variable)
     else:
         content = _unpacked(path.read_bytes(), packed, label)
-        if kind not in (".npy", ".npz", ".mat", ".h5", ".hdf5", ".json"):
+        if kind not in STRUCTURED:
             return read_delimited(content, label, dialect, drop_rows).checked()
         table = _structured(content, kind, label, variable)
     return table.checked().without_first(drop_rows)
+
+
+def unpacked_text(path: Path) -> bytes | None:
+    """Return the bytes of a text file as it was before it was packed; None of other formats.
+
+    Raises
+    ------
+    InputError
+        Where the file is missing, empty or damaged.
+    """
+    require_there(path)
+    kind, packed = _kind(path)
+    if kind in STRUCTURED:
+        return None
+    content = _unpacked(path.read_bytes(), packed, str(path))
+    if not content:
+        raise InputError(f"{path}: the file is empty; record or copy it again")
+    return content
 
 
 def _structured(content: bytes, kind: str, label: str, variable: str | None) -> Table:
@@ -209,13 +228,18 @@ def _from_frame(frame: pandas.DataFrame) -> Table:
 class Dialect:
     """How a text file is written; None and "auto" are found out by looking.
 
-    A separator of " " stands for any run of blanks and tabs.
+    A separator of " " stands for any run of blanks and tabs. `skip_lines` and `skip_footer` are
+    lines at the top and at the end that are not read; `units_row` says that the row below the
+    names holds their units.
     """
 
     header: bool | Literal["auto"] = "auto"
     separator: str | None = None
     decimal: str | None = None
     encoding: str = "utf-8"
+    skip_lines: int = 0
+    skip_footer: int = 0
+    units_row: bool = False
 
     def __post_init__(self) -> None:
         for name, sound, remedy in (
@@ -223,9 +247,16 @@ class Dialect:
             ("separator", isinstance(self.separator, str | None), "one character"),
             ("decimal", self.decimal in (None, ".", ","), "'.' or ','"),
             ("encoding", isinstance(self.encoding, str), "a name such as 'latin-1'"),
+            ("skip_lines", _is_count(self.skip_lines), "a whole number of lines"),
+            ("skip_footer", _is_count(self.skip_footer), "a whole number of lines"),
+            ("units_row", isinstance(self.units_row, bool), "True or False"),
         ):
             if not sound:
                 raise InputError(f"{name} is {getattr(self, name)!r}; give {remedy}")
+
+
+def _is_count(value: object) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and value >= 0
 
 
 @dataclass(frozen=True)
@@ -249,7 +280,8 @@ def read_delimited(content: bytes, label: str, dialect: Dialect, drop_rows: int 
         For bytes that are no text in this encoding, a table without rows, rows with
         another number of fields than the first, an unfinished quotation.
     """
-    top = _top(_text(content, label, dialect.encoding))
+    text = decoded(content, label, dialect.encoding)
+    top = _top(*_without(text, label, dialect.skip_lines, dialect.skip_footer))
     sample = [line for line in top.body[:100_000].split("\n") if line.strip()][:SAMPLE_LINES]
     if not sample:
         raise InputError(f"{label}: no rows of data; record the run again")
@@ -258,10 +290,13 @@ def read_delimited(content: bytes, label: str, dialect: Dialect, drop_rows: int 
     headed = dialect.header
     if headed == "auto":
         headed = not any(_is_number(cell, decimal) and cell for cell in first)
+    first = _as_wide_as_rows(first, sample[1:], separator)
     names = tuple(first) if headed else _commented_names(top.comment, separator, len(first))
     lines = _lines_of_rows(top, label, separator, len(first), headed)
     if not len(lines):
         raise InputError(f"{label}: a header line but no rows of data; record the run again")
+    units = _units(sample[headed:], separator, len(first)) if dialect.units_row else None
+    lines = lines[int(dialect.units_row) :]
     require_droppable(label, drop_rows, len(lines))
     lines = lines[drop_rows:]
     frame = _parsed(top.body, label, separator, decimal, int(lines[0]) - top.first_line)
@@ -274,10 +309,44 @@ def read_delimited(content: bytes, label: str, dialect: Dialect, drop_rows: int 
         facts=top.facts,
         notes=(note + ("" if names else ", no header"),),
         lines=lines,
+        units=units,
     )
 
 
-def _text(content: bytes, label: str, encoding: str) -> str:
+def _without(text: str, label: str, top: int, footer: int) -> tuple[str, int]:
+    """Return a text without lines at its top and its end, and the number of its first line."""
+    if not top and not footer:
+        return text, 1
+    lines = text.rstrip("\n").split("\n")
+    if top + footer >= len(lines):
+        raise InputError(
+            f"{label}: has {len(lines)} lines where {top + footer} are to be skipped; "
+            "correct skip_lines or skip_footer"
+        )
+    return "\n".join(lines[top : len(lines) - footer]) + "\n", top + 1
+
+
+def _as_wide_as_rows(first: list[str], below: list[str], separator: str) -> list[str]:
+    """Return the cells of the first line, as many as the rows have: a separator may end a line.
+
+    Some recorders put one behind the last cell of each row, or of the header alone.
+    """
+    rows = [_fields(line, separator) for line in below]
+    if separator == " " or not rows or len({len(row) for row in rows}) != 1:
+        return first
+    if len(rows[0]) == len(first) + 1 and not any(row[-1] for row in rows):
+        return [*first, ""]
+    return first
+
+
+def _units(below: list[str], separator: str, width: int) -> tuple[str | None, ...]:
+    """Return the unit in each cell of the row below the names, None where it says none."""
+    cells = [cell.strip(" []()") for cell in _fields(below[0], separator)] if below else []
+    return tuple(cell or None for cell in (cells + [""] * width)[:width])
+
+
+def decoded(content: bytes, label: str, encoding: str) -> str:
+    """Return the text in these bytes, its lines ended by line feeds."""
     if content.startswith((b"\xff\xfe", b"\xfe\xff")):
         encoding = "utf-16"
     elif b"\0" in content[:4096]:
@@ -300,10 +369,10 @@ def _text(content: bytes, label: str, encoding: str) -> str:
     return text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
 
 
-def _top(text: str) -> _Top:
+def _top(text: str, number: int = 1) -> _Top:
     """Split the comment and blank lines at the top from the table below."""
     facts: dict[str, Fact] = {}
-    comment, start, number = "", 0, 1
+    comment, start = "", 0
     while start < len(text):
         end = text.find("\n", start)
         end = len(text) if end < 0 else end

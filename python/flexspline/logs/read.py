@@ -49,6 +49,9 @@ READ_KEYS: Final = (
     "encoding",
     "variable",
     "drop_rows",
+    "skip_lines",
+    "skip_footer",
+    "units_row",
 )
 
 
@@ -70,6 +73,9 @@ def read_log(
     encoding: str = "utf-8",
     variable: str | None = None,
     drop_rows: int = 0,
+    skip_lines: int = 0,
+    skip_footer: int = 0,
+    units_row: bool = False,
     facts: Mapping[str, Fact] | None = None,
 ) -> Log:
     """Read one run of one joint into a `Log`, in SI units.
@@ -100,7 +106,11 @@ def read_log(
     variable : str, optional
         The part of a .mat, .npz or .json file that holds the table, such as "run.data".
     drop_rows : int
-        Rows of data at the start that are not read: a line of units, a transient.
+        Rows of data at the start that are not read: a transient.
+    skip_lines, skip_footer : int
+        Lines of a text file above the table and below it, which are not read.
+    units_row : bool
+        The row below the names holds units: those of columns whose map gives none.
     facts : mapping, optional
         More facts. Arguments overrule facts, and facts overrule the file's own.
 
@@ -109,7 +119,7 @@ def read_log(
     InputError
         One sentence: file, row or column, what is wrong, what to do.
     """
-    dialect = Dialect(header, separator, decimal, encoding)
+    dialect = Dialect(header, separator, decimal, encoding, skip_lines, skip_footer, units_row)
     table, origin = read_table(source, variable, dialect, drop_rows)
     found = picked(table, columns)
     channels, timing = _timed(table, found, rate)

@@ -7,7 +7,9 @@ Tables lie inside arrays, dictionaries, MATLAB structs and JSON objects. MATLAB 
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping
+import re
+from collections import Counter
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
@@ -26,6 +28,7 @@ __all__ = [
     "require_droppable",
 ]
 
+FAR: Final = 10  # times as long as what describes it is a record
 HDF5: Final = b"\x89HDF\r\n\x1a\n"  # behind the 512 bytes of text that MATLAB puts first
 
 
@@ -41,7 +44,8 @@ def require_droppable(label: str, count: int, rows: int) -> None:
 class Table:
     """Columns, with names where the file has them.
 
-    `lines` is the file line of each row (the first is 1), where the file has lines.
+    `lines` is the file line of each row (the first is 1), where the file has lines; `units` what
+    the file itself says of each column, or None.
     """
 
     label: str
@@ -50,6 +54,7 @@ class Table:
     facts: Mapping[str, Fact] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     lines: NDArray[np.intp] | None = None
+    units: tuple[str | None, ...] | None = None
 
     @property
     def rows(self) -> int:
@@ -161,21 +166,75 @@ def from_value(value: Any, label: str, variable: str | None) -> Table:
     if len(matrices) == 1 and not vectors:
         table = from_array(arrays[matrices[0]], label)
         return Table(table.label, table.data, table.names, facts, table.notes)
-    if not vectors:
-        inside = [str(name) for name in value]
-        if len(inside) == 1 and isinstance(value[inside[0]], Mapping):
-            return from_value(value[inside[0]], label, None)
+    inside = [str(name) for name in value]
+    if not vectors and len(inside) == 1 and isinstance(value[inside[0]], Mapping):
+        return from_value(value[inside[0]], label, None)
+    columns = _columns(value, {name: arrays[name] for name in vectors})
+    if not columns:
         raise InputError(
             f"{label}: no table is seen at once in {listed(inside)}; "
             "name the right part with variable="
         )
     return Table(
         label,
-        tuple(arrays[name] for name in vectors),
-        tuple(vectors),
+        tuple(columns.values()),
+        tuple(columns),
         facts,
-        notes=("arrays " + listed(vectors),),
+        notes=("arrays " + listed(columns),),
     )
+
+
+def _columns(value: Mapping[str, Any], vectors: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    """Return the vectors, and what else is as long: columns of matrices, vectors in groups.
+
+    They are named as NumPy would reach them: ``q[:, 0]``, ``joint.signals[1].values``, or by a
+    label that stands beside them. The length that most numbers have is that of the record; where
+    there are no vectors at the top, it has to be the only one, or far more than the others.
+    """
+    found = {name: column for name, column in _flat(value, "") if name not in vectors}
+    if not found:
+        return vectors
+    numbers = Counter[int]()
+    for column in (*vectors.values(), *found.values()):
+        numbers[len(column)] += len(column)
+    length = numbers.most_common(1)[0][0]
+    others = [each for each in numbers if each != length]
+    if not vectors and others and length < FAR * max(others):
+        return {}
+    if not any(len(column) == length for column in found.values()):
+        return vectors
+    both = {**vectors, **found}
+    return {name: column for name, column in both.items() if len(column) == length}
+
+
+def _flat(value: Any, path: str) -> Iterator[tuple[str, NDArray[Any]]]:
+    if isinstance(value, Mapping):
+        for name, inner in value.items():
+            yield from _flat(inner, f"{path}.{name}" if path else str(name))
+        return
+    if np.ndim(value) == 1 and any(isinstance(inner, Mapping) for inner in value):
+        for number, inner in enumerate(value):
+            label = _label(inner)
+            yield from _flat(inner["values"] if label else inner, label or f"{path}[{number}]")
+        return
+    array = _array(value)
+    if array is None or array.size < 2 or array.dtype.kind not in "biufmMSUO":
+        return
+    if array.dtype.names or array.ndim > 2:
+        return
+    if array.ndim == 1:
+        yield path, array
+    elif array.shape[0] >= array.shape[1]:
+        yield from ((f"{path}[:, {k}]", array[:, k]) for k in range(array.shape[1]))
+    else:
+        yield from ((f"{path}[{k}, :]", array[k]) for k in range(array.shape[0]))
+
+
+def _label(signal: Any) -> str:
+    """Return what stands beside the values of a signal as its name, in Simulink's way."""
+    named = isinstance(signal, Mapping) and "values" in signal
+    texts = [signal.get(key) for key in ("label", "blockName", "name")] if named else []
+    return next((text for text in texts if isinstance(text, str) and text), "")
 
 
 def records_at(value: Any, label: str, variable: str | None) -> Table:
@@ -270,10 +329,11 @@ def read_matlab(content: bytes, label: str, variable: str | None) -> Table:
     from scipy.io import loadmat
 
     try:
-        file = io.BytesIO(content)
+        file, units = io.BytesIO(content), dict[str, str]()
         if any(content.startswith(HDF5, start) for start in (0, 512)):
             with h5py.File(file) as root:
                 value = _group(root)
+                root.visititems(lambda name, inner: units.update(_stated(name, inner)))
         else:
             value = {
                 name: inner
@@ -284,7 +344,41 @@ def read_matlab(content: bytes, label: str, variable: str | None) -> Table:
         raise InputError(
             f"{label}: not a MATLAB file, or a corrupt one ({error}); save it again"
         ) from error
-    return from_value(value, label, variable)
+    table = from_value(value, label, variable)
+    units |= _units_beside(value, "")
+    if not units or not table.names:
+        return table
+    inside = f"{variable}." if variable else ""
+    bare = [re.sub(r"\[[^]]*\]$", "", inside + name) for name in table.names]
+    return replace(table, units=tuple(_ending(units, name) for name in bare))
+
+
+def _ending(units: Mapping[str, str], name: str) -> str | None:
+    """Return the unit of a column whose path may lack the groups around it, if one ends so."""
+    found = [unit for path, unit in units.items() if path == name or path.endswith(f".{name}")]
+    return found[0] if len(found) == 1 else None
+
+
+def _units_beside(value: Any, path: str) -> dict[str, str]:
+    """Return units that stand as text in a struct of that name, by the paths of their columns."""
+    found: dict[str, str] = {}
+    for name, inner in value.items() if isinstance(value, Mapping) else ():
+        if name in ("unit", "units") and isinstance(inner, Mapping):
+            texts = {key: text for key, text in inner.items() if isinstance(text, str)}
+            found |= {f"{path}{key}": text for key, text in texts.items()}
+        else:
+            found |= _units_beside(inner, f"{path}{name}.")
+    return found
+
+
+def _stated(name: str, inner: Any) -> dict[str, str]:
+    """Return the unit that a dataset of HDF5 states in an attribute, by its path with dots."""
+    for key in ("unit", "units", "Unit", "Units"):
+        stated = inner.attrs.get(key)
+        if isinstance(stated, (str, bytes)):
+            text = stated.decode("utf-8", "replace") if isinstance(stated, bytes) else stated
+            return {name.replace("/", "."): text}
+    return {}
 
 
 def _group(group: Any) -> dict[str, Any]:

@@ -1,0 +1,67 @@
+"""`flexspline init`: a column map for a foreign recording, guessed with reasons."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from flexspline.cli.options import FILE, positive, refuse_overwriting
+from flexspline.errors import printable
+from flexspline.files import atomic_writer
+
+__all__ = ["init"]
+
+
+@click.command()
+@click.argument("recording", metavar="RECORDING", type=FILE)
+@click.option(
+    "--out",
+    default="map.toml",
+    show_default=True,
+    metavar="MAP.toml",
+    type=FILE,
+    help="Column map to write, whole or not at all; a figure of its name, .png, stands beside it.",
+)
+@click.option("--joint", metavar="NAME", help="Which joint, as the columns of several call it.")
+@click.option("--rate", type=positive, metavar="HZ", help="Of a recording without time stamps.")
+def init(recording: str, out: str, joint: str | None, rate: float | None) -> None:
+    """Guess which column of a recording is which channel, and write a column map.
+
+    RECORDING is delimited text as any recorder writes it, .npy, .npz, .mat, HDF5 or .json, packed
+    or not. Encoding, preamble, names, a row of units, separators, decimal sign and time stamps are
+    found by looking. Channels come from names and units, and from physics: a velocity is a
+    position's derivative, the motor turns N times as far as the output, a drive does work against
+    friction.
+
+    Each entry of the map has its reason beside it, and what is unsure says so. Look at these and
+    at the figure before the first fit; signs of torques that only the rig knows are yours to see.
+
+    \b
+    Example:
+      flexspline init recording.txt --joint 3 --out map.toml
+      flexspline check recording.txt --columns map.toml
+    """
+    figure = Path(out).with_suffix(".png")
+    for written in (out, str(figure)):
+        refuse_overwriting(written, [recording])
+
+    from flexspline.recordings import guess_map
+
+    guess = guess_map(recording, joint=joint, rate=rate)
+    click.echo(str(guess))
+    if "time" in guess.channels or "rate" in guess.read:
+        drawn = guess.plot()
+        with atomic_writer(figure) as file:
+            drawn.savefig(file, format="png", dpi=110)
+        shown = f" and {figure}"
+    else:
+        shown = ""
+    guess.save(out)
+    click.echo(f"\nwrote {out}{shown}; next: {_next(recording, out)}")
+
+
+def _next(recording: str, out: str) -> str:
+    import shlex
+
+    return printable(shlex.join(["flexspline", "check", recording, "--columns", out]))

@@ -1,0 +1,345 @@
+"""What the name of a column says: quantity, side of the gear, role, unit, joint.
+
+Long words count anywhere in a name, so that "Abtriebswinkel" is an angle of the output; short ones
+and symbols ("q", "tau", "m") count only by themselves. What a name does not say stays open, and
+`physics` may tell it.
+"""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+from flexspline.logs.channels import CHANNELS
+from flexspline.logs.units import canonical_unit
+
+__all__ = ["QUANTITY_OF_UNIT", "Meaning", "meaning", "trusted", "unit_in"]
+
+Words = Mapping[str, tuple[str, ...]]
+
+LONG: Final[Words] = {
+    "enabled": ("enable",),
+    "temperature": ("temperat", "thermo", "温度", "температур"),
+    "acceleration": ("accel", "beschleunig", "加速度", "ускорен"),
+    "velocity": (
+        "veloc", "speed", "drehzahl", "geschwindig", "omega", "qdot", "速度", "скорость",
+        "drehgeschw", "vitesse", "転速", "转速",
+    ),
+    "current": ("current", "strom", "電流", "电流", "courant", "corrente"),
+    "torque": (
+        "torque", "moment", "effort", "トルク", "扭矩", "力矩", "转矩", "couple", "момент",
+    ),
+    "voltage": ("volt", "spannung", "電圧", "电压"),
+    "position": ("position", "angle", "winkel", "angular", "角度", "位置", "угол", "encoder"),
+    "time": ("x value", "time", "zeit", "stamp", "時間", "时间", "время", "tiempo", "temps"),
+    "duty": ("duty",),
+}  # fmt: skip
+"""Quantities by parts of words, those that may hold another one first."""
+
+SHORT: Final = (
+    ("position", ("q", "pos", "ang", "theta", "th", "phi", "enc", "lage", "posn", "p")),
+    (
+        "velocity",
+        (
+            "qd",
+            "dq",
+            "qp",
+            "vel",
+            "spd",
+            "dtheta",
+            "thetad",
+            "thetadot",
+            "dth",
+            "rpm",
+            "velo",
+            "erpm",
+        ),
+    ),
+    ("acceleration", ("qdd", "ddq", "qpp", "ddtheta")),
+    ("torque", ("tau", "trq", "tq", "mom", "mz", "md", "tj", "tor", "tl")),
+    ("current", ("i", "iq", "cur", "curr", "amp", "amps", "imot")),
+    ("temperature", ("temp", "tmp")),
+    ("voltage", ("u", "ub", "vbus", "vin", "ud")),
+    ("time", ("t", "ts", "tm", "clock", "tick", "ticks", "millis", "micros", "ms", "us")),
+    ("duty", ("pwm",)),
+    ("velocity", ("n", "w", "v")),
+    ("acceleration", ("a", "acc")),
+    ("voltage", ("v",)),
+    ("temperature", ("t",)),
+    ("torque", ("m",)),
+)
+"""Quantities by symbols and short words, those that mean one thing first."""
+
+OUTPUT_LONG: Final = ("output", "abtrieb", "link", "gelenk", "achse", "joint", "出力", "関節",
+                      "ausgang", "выход")  # fmt: skip
+OUTPUT_SHORT: Final = ("out", "l", "ls", "j", "o", "load", "arm", "axis", "lss", "q", "qd", "dq")
+MOTOR_LONG: Final = ("motor", "rotor", "antrieb", "wave", "モータ", "电机", "moteur", "двигател")
+MOTOR_SHORT: Final = (
+    "erpm",
+    "mot",
+    "mtr",
+    "m",
+    "hs",
+    "rot",
+    "wg",
+    "input",
+    "drive",
+    "in",
+    "theta",
+    "mo",
+)
+
+COMMANDED_LONG: Final = ("command", "target", "soll", "setpoint", "desired", "demand", "goal",
+                         "指令", "目標", "profile")  # fmt: skip
+COMMANDED_SHORT: Final = ("cmd", "set", "sp", "des", "d", "tgt")
+TRUSTED_LONG: Final = ("reference", "referenz", "load cell", "loadcell", "load_cell", "messwelle",
+                       "dynamometer", "kraftmess", "参照", "基準", "負荷")  # fmt: skip
+TRUSTED_SHORT: Final = ("ft", "ref", "load", "dyno", "brake", "bremse", "last", "tl", "transducer")
+TRANSDUCER: Final = re.compile(r"\bT(?:4|5|10|12|20|22|40)[A-Z]{0,3}(?![A-Za-z0-9])")
+"""Torque transducers of test benches go by these letters and numbers, as T40B."""
+SENSOR_LONG: Final = ("sensor", "strain", "dms", "torsion", "センサ", "joint torque", "传感")
+SENSOR_SHORT: Final = ("s", "j", "sens", "jts", "ts", "tj", "msr", "bridge", "link")
+SUPPLY: Final = (
+    "supply",
+    "bus",
+    "versorgung",
+    "zwischenkreis",
+    "zk",
+    "battery",
+    "vbus",
+    "ub",
+    "vin",
+    "input voltage",
+)
+NONE_OF_OURS: Final = (
+    "error", "deviation", "following", "residual", "differen", "schlepp", "abweich", "fehler",
+    "status", "state", "mode", "flag", "checksum", "limit", "estimat", "friction", "bias", "power",
+    "fault", "warning", "ambient", "umgebung", "driver", "mosfet", "board", "counter", "zähler",
+    "zaehler", "gravity", "meter", "d axis", "battery level",
+)  # fmt: skip
+NONE_SHORT: Final = ("err", "ext", "hat", "crc", "seq", "idx", "index", "id", "min", "max", "std",
+                     "nr", "no", "num", "fet", "pcb", "room", "est", "fehl", "mos", "core", "imu",
+                     "gyro", "acc", "gnss", "roll", "pitch", "yaw", "setup", "defl")  # fmt: skip
+
+COUNTS: Final = ("count", "counts", "cnt", "cnts", "inc", "incr", "increments", "inkremente",
+                 "inkr", "tick", "ticks", "qc", "quadcounts", "pulses", "lsb", "raw")  # fmt: skip
+
+TENTHS: Final = ("dc", "ddegc", "d°c", "0.1°c", "0.1 °c", "1/10°c")  # of a degree Celsius
+FOREIGN: Final = frozenset(
+    [
+        "m",
+        "mm",
+        "cm",
+        "m/s",
+        "mm/s",
+        "m/s^2",
+        "m/s²",
+        "N",
+        "kN",
+        "mV/V",
+        "Pa",
+        "bar",
+        "W",
+        "kW",
+        "J",
+        "g",
+        "kg",
+        "h",
+        "hr",
+        "hrs",
+        "min",
+        "Hz",
+        "kHz",
+        "Wh",
+        "Ah",
+    ]
+)
+"""Units of no channel: what is given in one is something else."""
+
+IN_WORDS: Final = tuple(
+    map(
+        re.compile,
+        (
+            r"^(.*?)\s*[\[({<]\s*([^\[\](){}<>]*)\s*[\])}>]\s*(.*)$",
+            r"^(.+?)\s+in\s+(.+)$",
+            r"^(.+?)\s*[/,]\s*(\S.*)$",
+        ),
+    )
+)
+
+QUANTITY_OF_UNIT: Final[dict[str, str]] = {
+    **dict.fromkeys(("s", "ms", "us", "ns", "day"), "time"),
+    **dict.fromkeys(("rad", "mrad", "deg", "rev"), "position"),
+    **dict.fromkeys(("rad/s", "deg/s", "rpm", "rev/s", "erpm"), "velocity"),
+    **dict.fromkeys(("rad/s^2", "deg/s^2"), "acceleration"),
+    **dict.fromkeys(
+        ("Nm", "mNm", "Ncm", "kilonewton * metre", "uNm", "lbf * inch", "lbf * foot", "ozf * inch",
+         "kgf * cm"),
+        "torque",
+    ),
+    **dict.fromkeys(("A", "mA"), "current"),
+    **dict.fromkeys(("V", "mV"), "voltage"),
+    **dict.fromkeys(("degC", "degF", "K", "ddegC"), "temperature"),
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Meaning:
+    """What a name says of its column; None and "" where it says nothing.
+
+    Parameters
+    ----------
+    name : the column's name as it is in the file.
+    quantity : "position", "torque", …
+    side : "motor" or "output".
+    role : "commanded", "trusted" (a reference torque), "sensor", "supply", "other" or "".
+    unit : pint's name, "counts", or None.
+    """
+
+    name: str
+    quantity: str | None = None
+    side: str | None = None
+    role: str = ""
+    unit: str | None = None
+
+
+def meaning(name: str, stated: str | None = None, *, ours: bool = False) -> Meaning:
+    """Return what a name says, and the unit that the file states elsewhere.
+
+    `ours`: a name of a channel is that channel, in its own unit.
+    """
+    if ours and name in CHANNELS:
+        return _of_channel(name, stated)
+    bare, unit = stated_unit(name)
+    if stated is not None:
+        unit = unit_in(stated) or unit
+    whole = _words(bare)
+    last = _words(re.split(r"/|\.(?=\D)", bare.rstrip("/."))[-1])  # of a path, what counts most
+    unit = "erpm" if "erpm" in whole[1] else unit
+    quantity = _quantity(*last, unit) or _quantity(*whole, unit)
+    if unit in QUANTITY_OF_UNIT and quantity != QUANTITY_OF_UNIT[unit]:
+        unit = None
+    role = "other" if unit == "foreign" else _role(name, *last, quantity)
+    return Meaning(name, quantity, _side(*last, quantity) or _side(*whole, quantity), role, unit)
+
+
+def stated_unit(name: str) -> tuple[str, str | None]:
+    """Return a name without its unit, and the unit: "tau [Nm]", "n / rpm", "pos_deg", "i in A"."""
+    for pattern in IN_WORDS:
+        found = pattern.match(name)
+        if found and (unit := unit_in(found[2])):
+            return " ".join([found[1], *found.groups()[2:]]).strip(), unit
+    for split in (name, re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name)):
+        parts = re.split(r"[_\s.]+", split)
+        for count in (3, 2, 1):
+            if count < len(parts) and (unit := unit_in("_".join(parts[-count:]))):
+                rest = "_".join(parts[:-count])
+                if _fits(unit, rest):
+                    return rest, unit
+    return name, None
+
+
+def unit_in(text: str) -> str | None:
+    """Return pint's name of a unit, "counts", "foreign" for one of no channel, else None.
+
+    Remarks in brackets behind it are left out: "° (Angle)".
+    """
+    plain = text.strip(" []()\"'")
+    short = re.sub(r"\s*\(.*\)?$", "", plain)
+    for each in (plain, short):
+        if each.lower() in COUNTS:
+            return "counts"
+        if each.lower() in TENTHS:
+            return "ddegC"
+        if unit := canonical_unit(each):
+            return unit
+    return "foreign" if plain in FOREIGN else None
+
+
+def _fits(unit: str, rest: str) -> bool:
+    """Whether a name may have this unit behind it: "tau_s" is no torque in seconds."""
+    words, tokens = _words(rest)
+    if unit == "foreign":
+        return False  # as the end of a name it may be a word
+    named = _quantities(words, tokens)
+    if not named:
+        return len(unit) > 1
+    return QUANTITY_OF_UNIT.get(unit) in named if unit != "counts" else "position" in named
+
+
+def _of_channel(name: str, stated: str | None) -> Meaning:
+    parts = name.split("_")
+    side = parts[0] if parts[0] in ("motor", "output") else None
+    role = {"commanded": "commanded", "reference": "trusted", "sensor": "sensor",
+            "supply": "supply"}.get(parts[0], "")  # fmt: skip
+    unit = unit_in(stated) if stated else canonical_unit(CHANNELS[name].unit)
+    return Meaning(name, parts[-1], side, role, unit)
+
+
+def trusted(name: str) -> bool:
+    """Whether a name says in so many words that a torque is a reference: a load cell's."""
+    words, tokens = _words(name)
+    return _has(words, tokens, TRUSTED_LONG, ()) or TRANSDUCER.search(name) is not None
+
+
+def _words(bare: str) -> tuple[str, frozenset[str]]:
+    """Return a name in small letters, and its parts: at changes of case, digits and signs."""
+    text = unicodedata.normalize("NFKC", bare)
+    split = re.sub(r"(?<=[a-zà-ÿ])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", text)
+    tokens = re.findall(r"[^\W\d_]+", split.lower())
+    return " ".join(tokens), frozenset(tokens)
+
+
+def _has(words: str, tokens: frozenset[str], long: tuple[str, ...], short: tuple[str, ...]) -> bool:
+    return any(word in words for word in long) or not tokens.isdisjoint(short)
+
+
+def _quantities(words: str, tokens: frozenset[str]) -> list[str]:
+    """Return the quantities that a name may mean, likeliest first."""
+    named = [quantity for quantity, parts in LONG.items() if any(part in words for part in parts)]
+    if "current" in named and len(named) > 1 and words.startswith("current"):
+        named.remove("current")  # "current position" is the present one
+    symbols = [quantity for quantity, parts in SHORT if not tokens.isdisjoint(parts)]
+    return list(dict.fromkeys([*named, *symbols]))
+
+
+def _quantity(words: str, tokens: frozenset[str], unit: str | None) -> str | None:
+    named = _quantities(words, tokens)
+    by_unit = QUANTITY_OF_UNIT.get(unit or "")
+    if by_unit is not None:
+        return by_unit
+    if unit == "counts" and "position" in named:
+        return "position"
+    return named[0] if named else None
+
+
+def _side(words: str, tokens: frozenset[str], quantity: str | None) -> str | None:
+    if _has(words, tokens, MOTOR_LONG, ()):
+        return "motor"
+    if _has(words, tokens, OUTPUT_LONG, ("out",)):
+        return "output"
+    symbol = {"m"} if quantity == "torque" and _quantities(words, tokens - {"m"}) == [] else set()
+    if not (tokens - symbol).isdisjoint(MOTOR_SHORT):
+        return "motor"
+    return "output" if not tokens.isdisjoint(OUTPUT_SHORT) else None
+
+
+def _role(name: str, words: str, tokens: frozenset[str], quantity: str | None) -> str:
+    if _has(words, tokens, NONE_OF_OURS, NONE_SHORT):
+        return "other"
+    if quantity == "torque" and (
+        _has(words, tokens, TRUSTED_LONG, TRUSTED_SHORT) or TRANSDUCER.search(name)
+    ):
+        return "trusted"
+    if _has(words, tokens, COMMANDED_LONG, COMMANDED_SHORT) or (
+        quantity != "torque" and _has(words, tokens, ("reference", "referenz"), ("ref",))
+    ):
+        return "commanded"
+    if _has(words, tokens, SENSOR_LONG, SENSOR_SHORT):
+        return "sensor"
+    if quantity == "current" and _has(words, tokens, ("supply", "bus", "battery"), ("in", "total")):
+        return "other"
+    return "supply" if quantity == "voltage" and _has(words, tokens, SUPPLY, ("ub", "zk")) else ""

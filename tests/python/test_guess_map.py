@@ -1,0 +1,321 @@
+"""`guess_map` and `flexspline init` on files as recorders write them.
+
+What is guessed is held to the run that a recorder recorded, channel by channel in SI units:
+`recorders.py` has thirty of them, `more_recorders.py` some that no rule was made on.
+"""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli_calls import call
+from recorders import RECORDERS, Recorder
+
+import flexspline
+from flexspline import Guess, InputError, guess_map, read_log
+from flexspline.logs.read import read_map
+
+WITHIN = 0.03  # of a channel's standard deviation, besides the step in which the file holds it
+RIGHT = 27  # of thirty
+FOLDER = tempfile.TemporaryDirectory()
+
+
+def wrong(recorder: Recorder, guess: Guess) -> tuple[list[str], list[str]]:
+    """What a guess says wrongly and does not doubt; and what it lacks or doubts wrongly."""
+    silent, missed = [], []
+    log = guess.log()
+    for channel, truth in recorder.truth.items():
+        made = channel in guess.channels or (channel == "time" and "rate" in guess.read)
+        if made and apart(recorder, channel, log[channel], truth):
+            (missed if guess.doubts.get(channel) else silent).append(channel)
+        elif not made:
+            missed.append(channel)
+    for channel in guess.channels:
+        sure = not guess.doubts.get(channel)
+        if channel not in recorder.truth and channel != "enabled" and sure:
+            silent.append(f"{channel}, which is not there")
+    for fact in ("gear_ratio", "output_spline"):
+        if fact in recorder.facts and guess.facts.get(fact) != recorder.facts[fact]:
+            missed.append(fact)
+    return silent, [name for name in missed if name not in recorder.ambiguous]
+
+
+def apart(recorder: Recorder, channel: str, got: np.ndarray, truth: np.ndarray) -> bool:
+    """Whether a channel is not what was recorded, but for the rounding of the file."""
+    if got.shape != truth.shape:
+        return True
+    if channel == "time":
+        got, truth = got - got[0], truth - truth[0]
+    there = np.isfinite(got) & np.isfinite(truth)
+    left = got[there] - truth[there]
+    if channel in recorder.wraps:
+        left -= recorder.wraps[channel] * np.rint(left / recorder.wraps[channel])
+    step = float(np.median(np.diff(truth))) if channel == "time" else recorder.steps.get(channel, 0)
+    return float(np.sqrt(np.mean(left**2))) > WITHIN * np.std(truth[there]) + step
+
+
+@cache
+def guessed(recorder: Recorder) -> Guess:
+    folder = Path(tempfile.mkdtemp(prefix=recorder.name, dir=FOLDER.name))
+    return guess_map(recorder.write(folder))
+
+
+@pytest.mark.parametrize("recorder", RECORDERS, ids=lambda each: each.name)
+def test_what_is_wrong_in_a_guess_is_said_to_be_unsure(
+    recorder: Recorder, data_folder: Path
+) -> None:
+    silent, _ = wrong(recorder, guessed(recorder))
+    assert silent == []
+
+
+def test_at_least_27_of_thirty_recordings_get_the_right_map(data_folder: Path) -> None:
+    missed = {each.name: wrong(each, guessed(each))[1] for each in RECORDERS}
+    assert sum(not names for names in missed.values()) >= RIGHT, missed
+
+
+@pytest.mark.parametrize("recorder", RECORDERS, ids=lambda each: each.name)
+def test_a_map_that_is_written_reads_what_the_guess_reads(
+    recorder: Recorder, tmp_path: Path, data_folder: Path
+) -> None:
+    guess = guessed(recorder)
+    guess.save(tmp_path / "map.toml")
+    sections = read_map(tmp_path / "map.toml")
+    facts = sections["facts"]
+    log = read_log(guess.recording, sections["columns"], facts=facts, **sections["read"])
+    same = guess.log()
+    assert log.channels == same.channels
+    assert all(np.array_equal(log[name], same[name], equal_nan=True) for name in log.channels)
+    assert dict(log.facts) == dict(same.facts)
+
+
+# the command
+
+
+def written(tmp_path: Path, name: str) -> Path:
+    return next(each for each in RECORDERS if each.name == name).write(tmp_path)
+
+
+def test_init_writes_a_map_with_reasons_and_a_figure_and_check_takes_it(tmp_path: Path) -> None:
+    recording = written(tmp_path, "excel_german")
+    out = tmp_path / "map.toml"
+    made = call("init", str(recording), "--out", str(out))
+    assert made.exit_code == 0, made.stderr
+    assert out.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
+    content = out.read_text(encoding="utf-8")
+    assert 'encoding = "cp1252"' in content
+    assert "# the motor counts against the output in the file" in content.replace("; ", "\n# ")
+    for channel in guess_map(recording).doubts:
+        assert f"{channel} ?" in made.stdout
+    checked = call("check", str(recording), "--columns", str(out))
+    assert checked.exit_code in (0, 3), checked.stderr
+
+
+def test_init_of_one_joint_of_several_takes_the_one_that_is_asked_for(tmp_path: Path) -> None:
+    recording = written(tmp_path, "ur_rtde")
+    assert guess_map(recording).columns["output_position"].source == "actual_q_2"
+    assert guess_map(recording, joint="4").columns["output_position"].source == "actual_q_4"
+    with pytest.raises(InputError, match=r"no joint '9'.* it has 0, 1, 2, 3, 4, 5"):
+        guess_map(recording, joint="9")
+
+
+@pytest.mark.parametrize(
+    ("content", "sentence"),
+    [
+        (b"", "the file is empty"),
+        (b"only words\nand more\n", "no table of numbers is seen"),
+        (b"a,b\n1,2\n3,1\n2,6\n7,5\n", "no column can be told"),
+    ],
+)
+def test_a_recording_of_nothing_known_is_refused_in_one_sentence(
+    tmp_path: Path, content: bytes, sentence: str
+) -> None:
+    recording = tmp_path / "recording.txt"
+    recording.write_bytes(content)
+    made = call("init", str(recording), "--out", str(tmp_path / "map.toml"))
+    assert made.exit_code == 2
+    assert sentence in made.stderr and str(recording) in made.stderr
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["recording.txt"]
+
+
+def test_a_missing_recording_is_refused_and_a_map_never_replaces_its_recording(
+    tmp_path: Path,
+) -> None:
+    assert call("init", str(tmp_path / "none.csv")).exit_code == 2
+    recording = written(tmp_path, "pandas_iso")
+    before = recording.read_bytes()
+    assert call("init", str(recording), "--out", str(recording)).exit_code == 2
+    assert recording.read_bytes() == before
+
+
+def test_names_that_would_leave_their_comment_or_string_stay_in_it(tmp_path: Path) -> None:
+    evil = 'tau" \\ x = 1 \x1b[2J ‮ [Nm]'
+    recording = tmp_path / "run.npz"
+    time = np.arange(500) / 100.0
+    np.savez(
+        recording,
+        **{"t": time, "q": np.sin(time), "zz\n[read]\nrate = 7": time * 0 + 1, evil: np.cos(time)},
+    )
+    guess = guess_map(recording)
+    guess.save(tmp_path / "map.toml")
+    sections = read_map(tmp_path / "map.toml")
+    assert sections["columns"]["sensor_torque"]["source"] == evil
+    assert "rate" not in sections["read"]
+    assert "\x1b" not in str(guess)
+    comments = [
+        line
+        for line in guess.toml().splitlines()
+        if line.startswith("#") and not line.isprintable()
+    ]
+    assert comments == []
+
+
+# what physics tells
+
+
+TIME = np.arange(2000) / 200.0
+Q = 0.8 * np.sin(1.7 * TIME) + 0.1 * np.sin(5.0 * TIME)  # rad
+DQ = 0.8 * 1.7 * np.cos(1.7 * TIME) + 0.5 * np.cos(5.0 * TIME)  # rad/s
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("deg", 180 / np.pi), ("rev", 0.5 / np.pi)])
+def test_an_angle_without_a_unit_is_told_by_a_velocity_with_one(
+    tmp_path: Path, unit: str, factor: float
+) -> None:
+    np.savez(tmp_path / "run.npz", t=TIME, q=Q * factor, **{"dq [rpm]": DQ * 30 / np.pi})
+    guess = guess_map(tmp_path / "run.npz")
+    assert guess.channels["output_position"].unit == unit
+    assert not guess.doubts.get("output_position")
+    assert np.allclose(guess.log()["output_position"], Q)
+
+
+def test_a_velocity_whose_sign_is_turned_is_turned_back(tmp_path: Path) -> None:
+    np.savez(tmp_path / "run.npz", **{"t": TIME, "q [rad]": Q, "dq [rad/s]": -DQ})
+    assert guess_map(tmp_path / "run.npz").channels["output_velocity"].sign == -1
+
+
+@pytest.mark.parametrize("turns", [100, 101, -100])
+def test_the_gear_ratio_is_how_far_the_motor_turns(tmp_path: Path, turns: int) -> None:
+    np.savez(tmp_path / "run.npz", **{"t": TIME, "q [rad]": Q, "theta [rad]": turns * Q})
+    guess = guess_map(tmp_path / "run.npz")
+    assert guess.facts["gear_ratio"] == abs(turns)
+    assert guess.channels["motor_position"].sign == np.sign(turns)
+    assert any("circular" in said for said in guess.unsure) == (turns == 101)
+
+
+def test_a_rate_that_nothing_states_follows_from_angle_and_velocity(tmp_path: Path) -> None:
+    np.savez(tmp_path / "run.npz", **{"q [rad]": Q, "dq [rad/s]": DQ})
+    guess = guess_map(tmp_path / "run.npz")
+    assert guess.read["rate"] == 200.0
+    assert any("rate" in said for said in guess.unsure)
+
+
+def test_a_recording_without_time_and_rate_says_so_and_takes_the_rate_given(
+    tmp_path: Path,
+) -> None:
+    recording = tmp_path / "run.npz"
+    np.savez(recording, **{"q [rad]": Q, "tau_s [Nm]": Q**2})
+    assert any("--rate" in said for said in guess_map(recording).unsure)
+    with pytest.raises(InputError, match="give the rate in Hz"):
+        guess_map(recording).log()
+    assert guess_map(recording, rate=200.0).log()["time"][1] == 1 / 200.0
+
+
+def test_a_current_against_friction_is_turned_and_gravity_alone_turns_nothing(
+    tmp_path: Path,
+) -> None:
+    friction, gravity = 2.0 * np.tanh(DQ / 0.05) + 1.0 * DQ, 6.0 * np.sin(Q)
+    for current, sign in ((friction + gravity, 1), (-friction - gravity, -1)):
+        np.savez(tmp_path / "run.npz", **{"t": TIME, "q [rad]": Q, "i_q [A]": current})
+        assert guess_map(tmp_path / "run.npz").channels["motor_current"].sign == sign
+    np.savez(tmp_path / "run.npz", **{"t": TIME, "q [rad]": Q, "i_q [A]": -gravity})
+    guess = guess_map(tmp_path / "run.npz")
+    assert guess.channels["motor_current"].sign == 1
+    assert "sign" in guess.doubts["motor_current"]
+
+
+# reading what a map says
+
+
+TEXT = "made by hand\nt;w;M\ns;rpm;mNm\n0,0;1,5;2\n0,5;3,0;4\n1,0;4,5;6\ncomment at the end\n"
+
+
+def test_lines_above_units_below_the_names_and_a_footer_are_read_as_said(tmp_path: Path) -> None:
+    (tmp_path / "run.txt").write_text(TEXT)
+    log = read_log(
+        tmp_path / "run.txt",
+        {"time": "t", "output_velocity": "w", "sensor_torque": ("M", "Nm")},
+        skip_lines=1,
+        units_row=True,
+        skip_footer=1,
+    )
+    assert log["time"].tolist() == [0.0, 0.5, 1.0]
+    assert np.allclose(log["output_velocity"], np.array([1.5, 3.0, 4.5]) * np.pi / 30)
+    assert log["sensor_torque"].tolist() == [2.0, 4.0, 6.0]  # the map's own unit overrules
+
+
+def test_the_command_line_reads_these_too(tmp_path: Path) -> None:
+    (tmp_path / "run.txt").write_text("Prüfstand\n" + TEXT[13:-19], encoding="latin-1")
+    (tmp_path / "map.toml").write_text(
+        '[columns]\ntime = "t"\noutput_velocity = "w"\nsensor_torque = "M"\n'
+    )
+    made = call(
+        "convert", str(tmp_path / "run.txt"), "--columns", str(tmp_path / "map.toml"),
+        "--out", str(tmp_path / "run.csv"),
+        "--encoding", "latin-1", "--skip-lines", "1", "--units-row",
+    )  # fmt: skip
+    assert made.exit_code == 0, made.stderr
+    assert read_log(tmp_path / "run.csv")["sensor_torque"].tolist() == [0.002, 0.004, 0.006]
+
+
+@pytest.mark.parametrize("lines", [9, 10])
+def test_more_lines_to_skip_than_there_are_is_one_sentence(tmp_path: Path, lines: int) -> None:
+    (tmp_path / "run.txt").write_text(TEXT)
+    with pytest.raises(InputError, match=rf"has 7 lines where {lines} are to be skipped"):
+        read_log(tmp_path / "run.txt", {"time": "t"}, skip_lines=lines)
+
+
+@pytest.mark.parametrize(
+    ("stamps", "seconds"),
+    [
+        (["2026-03-01T12:00:00.001Z", "2026-03-01T12:00:00.251Z"], 0.25),
+        (["2026-10-25 02:59:59.5+02:00", "2026-10-25 02:00:00.5+01:00"], 1.0),  # summer time ends
+        (["01.03.2026 12:00:00,125", "01.03.2026 12:00:00,250"], 0.125),
+        (["3/1/2026 11:59:59.5 AM", "3/1/2026 12:00:00.5 PM"], 1.0),
+        (["13/1/2026 1:00:00", "13/1/2026 1:00:02"], 2.0),
+        (["23:59:59.9", "0:00:00.1"], 0.2),
+        (["1770000000000000000", "1770000000004000000"], 4e6),
+    ],
+)
+def test_time_stamps_are_seconds_from_the_first(
+    tmp_path: Path, stamps: list[str], seconds: float
+) -> None:
+    rows = "".join(f"{stamp};{n}\n" for n, stamp in enumerate(stamps))
+    (tmp_path / "run.csv").write_text("when;q\n" + rows)
+    log = read_log(tmp_path / "run.csv", {"time": "when", "output_position": "q"}, separator=";")
+    assert log["time"].tolist() == pytest.approx([0.0, seconds], abs=1e-9)
+
+
+def test_columns_of_matrices_and_vectors_in_groups_are_named_as_numpy_reaches_them(
+    tmp_path: Path,
+) -> None:
+    time, q = np.arange(5) / 10.0, np.arange(15.0).reshape(5, 3)
+    log = read_log({"t": time, "q": q}, {"time": "t", "output_position": "q[:, 2]"})
+    assert log["output_position"].tolist() == q[:, 2].tolist()
+    log = read_log({"t": time, "q": q.T}, {"time": "t", "output_position": "q[2, :]"})
+    assert log["output_position"].tolist() == q[:, 2].tolist()
+    nested = {"run": {"t": time, "joint": {"q": q[:, 1]}}, "gains": {"kp": 3.0}}
+    log = read_log(nested, {"time": "run.t", "output_position": "run.joint.q"})
+    assert log["output_position"].tolist() == q[:, 1].tolist()
+
+
+def test_guess_map_is_public_and_its_repr_is_a_line(tmp_path: Path) -> None:
+    assert "guess_map" in dir(flexspline)
+    guess = guess_map(written(tmp_path, "aligned_hash"))
+    assert "\n" not in repr(guess) and len(repr(guess)) < 300
+    assert "<table" in guess._repr_html_()
+    json.dumps(dict(guess.facts))
