@@ -1,8 +1,10 @@
-"""The collection of recorders by itself: each file, opened by hand, gives its truth."""
+"""The collections of recorders by themselves: each file, opened by hand, gives its truth."""
 
 from __future__ import annotations
 
 import io
+import json
+import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
@@ -10,6 +12,7 @@ import h5py
 import numpy as np
 import pandas as pd
 import pytest
+from more_recorders import MORE_RECORDERS
 from recorders import RECORDERS, Recorder, joint_run
 from scipy.io import loadmat
 
@@ -20,10 +23,11 @@ Read = dict[str, np.ndarray]
 DEGREE = np.pi / 180.0
 TURN = 2.0 * np.pi
 PER_MINUTE = TURN / 60.0
-BY_NAME = {recorder.name: recorder for recorder in RECORDERS}
+ALL_RECORDERS = RECORDERS + MORE_RECORDERS
+BY_NAME = {recorder.name: recorder for recorder in ALL_RECORDERS}
 
 
-@pytest.fixture(params=RECORDERS, ids=lambda recorder: recorder.name)
+@pytest.fixture(params=ALL_RECORDERS, ids=lambda recorder: recorder.name)
 def recorder(request: pytest.FixtureRequest) -> Recorder:
     if request.param.name == "payload_rig":
         request.getfixturevalue("data_folder")
@@ -33,13 +37,17 @@ def recorder(request: pytest.FixtureRequest) -> Recorder:
 # what holds of all
 
 
-def test_thirty_recorders_have_thirty_names_and_file_names(data_folder: Path) -> None:
-    assert len(BY_NAME) == len({recorder.file().name for recorder in RECORDERS}) == 30
+def test_thirty_and_fifteen_recorders_have_names_and_file_names_of_their_own(
+    data_folder: Path,
+) -> None:
+    assert (len(RECORDERS), len(MORE_RECORDERS)) == (30, 15)
+    assert len(BY_NAME) == len({recorder.file().name for recorder in ALL_RECORDERS}) == 45
 
 
 def test_half_of_the_recorders_have_a_documented_form() -> None:
     assert sum(bool(recorder.source) for recorder in RECORDERS) >= 15
-    assert all(recorder.hard for recorder in RECORDERS)
+    assert sum(bool(recorder.source) for recorder in MORE_RECORDERS) >= 8
+    assert all(recorder.hard for recorder in ALL_RECORDERS)
 
 
 def test_a_truth_has_time_and_two_more_channels_of_one_length(recorder: Recorder) -> None:
@@ -503,6 +511,219 @@ def numpy_structured(path: Path) -> Read:
     return scaled(pd.DataFrame({name: array[name] for name in array.dtype.names}), columns)
 
 
+def doosan_rt(path: Path) -> Read:
+    columns = {
+        "time": ("time_stamp", 1.0),
+        "motor_position": ("actual_joint_position[2]", 100.0 * DEGREE),
+        "output_position": ("actual_joint_position_abs[2]", DEGREE),
+        "motor_velocity": ("actual_joint_velocity[2]", 100.0 * DEGREE),
+        "output_velocity": ("actual_joint_velocity_abs[2]", DEGREE),
+        "motor_torque": ("actual_motor_torque[2]", 0.01),
+        "sensor_torque": ("raw_joint_torque[2]", 1.0),
+        "commanded_position": ("target_joint_position[2]", DEGREE),
+    }
+    return scaled(pd.read_csv(path), columns)
+
+
+def influx_annotated(path: Path) -> Read:
+    table = pd.read_csv(path, comment="#")
+    columns = {
+        "motor_current": ("iq_a", 1.0),
+        "motor_position": ("motor_pos_deg", DEGREE),
+        "output_position": ("output_pos_deg", DEGREE),
+        "output_velocity": ("output_vel_degs", DEGREE),
+        "temperature": ("t_housing_c", 1.0),
+        "sensor_torque": ("tau_nm", 1.0),
+    }
+    stamps = table["_time"].str.removesuffix("Z").to_numpy(dtype="datetime64[ns]")
+    ticks = (stamps - stamps[0]).astype(np.int64)
+    return scaled(table, columns) | {"time": ticks * 1e-9}
+
+
+def grafana_formatted(path: Path) -> Read:
+    table = pd.read_csv(path, skiprows=1)
+    prefixes = {"": 1.0, "m": 1e-3, "µ": 1e-6}
+
+    def numbers(name: str, unit: str) -> np.ndarray:
+        parts = table[name].str.extract(rf"^(\S+) (.?){unit}$")
+        return parts[0].to_numpy(dtype=float) * parts[1].map(prefixes).to_numpy(dtype=float)
+
+    stamps = pd.to_datetime(table["Time"])
+    return {
+        "time": (stamps - stamps[0]).dt.total_seconds().to_numpy(),
+        "output_position": numbers("joint angle", "°") * DEGREE,
+        "motor_velocity": numbers("motor speed", "rpm") * PER_MINUTE,
+        "motor_current": numbers("motor current", "A"),
+        "sensor_torque": numbers("joint torque", "Nm"),
+        "temperature": numbers("housing temperature", "°C"),
+    }
+
+
+def json_lines(path: Path) -> Read:
+    first, *lines, _ = path.read_text().splitlines()
+    assert json.loads(first)["units"]["q"] == "rad"
+    columns = {
+        "time": ("ts", 1.0),
+        "output_position": ("q", 1.0),
+        "output_velocity": ("dq", 1.0),
+        "motor_position": ("theta", 1.0),
+        "motor_current": ("iq", 1.0),
+        "sensor_torque": ("tau_jts", 1.0),
+        "temperature": ("temp", 1.0),
+    }
+    return scaled(pd.DataFrame([json.loads(line) for line in lines]), columns)
+
+
+def matlab_timetable(path: Path) -> Read:
+    table = pd.read_csv(path)
+    table["Time"] = table["Time"].str.removesuffix(" sec")
+    columns = {
+        "time": ("Time", 1.0),
+        "output_position": ("phi_out", 1.0),
+        "motor_position": ("phi_mot", 1.0),
+        "motor_velocity": ("omega_mot", 1.0),
+        "motor_current": ("i_q", 1.0),
+        "sensor_torque": ("tau_jts", 1.0),
+    }
+    return scaled(table, columns)
+
+
+def octave_text(path: Path) -> Read:
+    text = path.read_text()
+    matrix = re.search(r"# columns: 6\n((?: .*\n)+)", text)
+    assert matrix
+    table = pd.read_csv(io.StringIO(matrix[1]), sep=" ", header=None).iloc[:, 1:]
+    table.columns = pd.Index(re.findall(r"# length: \d+\n(.*)\n", text)[1:])
+    columns = {
+        "time": ("t_s", 1.0),
+        "output_position": ("q_deg", DEGREE),
+        "motor_position": ("th_deg", DEGREE),
+        "motor_velocity": ("dth_rpm", PER_MINUTE),
+        "motor_current": ("iq_A", 1.0),
+        "sensor_torque": ("tau_Nm", 1.0),
+    }
+    return scaled(table, columns)
+
+
+def r_write_csv(path: Path) -> Read:
+    columns = {
+        "time": ("Time..s.", 1.0),
+        "output_position": ("Output.angle..deg.", DEGREE),
+        "motor_velocity": ("Motor.speed..1.min.", PER_MINUTE),
+        "motor_current": ("Motor.current..A.", 1.0),
+        "sensor_torque": ("Sensor.torque..N.m.", 1.0),
+        "temperature": ("Temp...C.", 1.0),
+        "enabled": ("Servo.on", 1.0),
+    }
+    return scaled(pd.read_csv(path, index_col=0), columns)
+
+
+def pandas_multiindex(path: Path) -> Read:
+    table = pd.read_csv(path, header=[0, 1], index_col=0)
+    columns = {
+        "output_position": (("output", "angle [deg]"), DEGREE),
+        "output_velocity": (("output", "velocity [deg/s]"), DEGREE),
+        "sensor_torque": (("output", "torque [Nm]"), 1.0),
+        "motor_position": (("motor", "angle [rad]"), 1.0),
+        "motor_current": (("motor", "current [A]"), 1.0),
+        "motor_temperature": (("motor", "temperature [degC]"), 1.0),
+    }
+    assert table.index.name == "time [s]"
+    return scaled(table, columns) | {"time": table.index.to_numpy()}
+
+
+def fortran_blocks(path: Path) -> Read:
+    lines = path.read_text().splitlines()
+    numbers = "\n".join(line.replace("D", "E") for line in lines[3:])
+    table = pd.read_csv(io.StringIO(numbers), sep=r"\s+", header=None, names=lines[1].split())
+    columns = {
+        "time": ("T", 1.0),
+        "output_position": ("Q2", DEGREE),
+        "motor_position": ("TH2", DEGREE),
+        "output_velocity": ("V2", 1e-3),
+        "motor_current": ("I2", 1.0),
+        "sensor_torque": ("M2", -1.0),
+    }
+    return scaled(table, columns)
+
+
+def rigol_ds1000z(path: Path) -> Read:
+    table = pd.read_csv(path, skiprows=2, header=None)
+    columns = {"time": (0, 1e-4), "motor_current": (1, 10.0), "sensor_voltage": (2, 1.0)}
+    return scaled(table, columns)
+
+
+def graphtec_gl240(path: Path) -> Read:
+    numbers = re.sub(r"(?<=[+-]) +", "", path.read_text().split('AO1234"\n')[1])
+    table = pd.read_csv(io.StringIO(numbers), header=None, na_values="+++++++")
+    columns = {
+        "output_position": (3, DEGREE),
+        "motor_velocity": (4, PER_MINUTE),
+        "motor_current": (5, 1.0),
+        "reference_torque": (6, 1.0),
+        "temperature": (7, 1.0),
+    }
+    seconds = pd.to_datetime(table[1])
+    whole = (seconds - seconds[0]).dt.total_seconds().to_numpy()
+    return scaled(table, columns) | {"time": whole + 1e-3 * table[2].to_numpy()}
+
+
+def french_bench(path: Path) -> Read:
+    text = path.read_text(encoding="cp1252").replace("\xa0", "")
+    table = pd.read_csv(io.StringIO(text), sep=";", decimal=",", skiprows=3)
+    columns = {
+        "time": ("Temps (s)", 1.0),
+        "output_position": ("Angle sortie (°)", DEGREE),
+        "motor_velocity": ("Vitesse moteur (tr/min)", PER_MINUTE),
+        "motor_current": ("Courant (A)", 1.0),
+        "sensor_torque": ("Couple (N.m)", 1.0),
+        "temperature": ("Température (°C)", 1.0),
+    }
+    return scaled(table, columns)
+
+
+def russian_cp1251(path: Path) -> Read:
+    table = pd.read_csv(path, sep=";", decimal=",", skiprows=4, encoding="cp1251")
+    columns = {
+        "time": ("Время, мс", 1e-3),
+        "output_position": ("Угол выхода, град", DEGREE),
+        "motor_position": ("Угол двигателя, град", -DEGREE),
+        "motor_velocity": ("Скорость двигателя, об/мин", -PER_MINUTE),
+        "motor_current": ("Ток, А", -1.0),
+        "sensor_torque": ("Момент датчика, Н·м", 1.0),
+        "temperature": ("Температура, °C", 1.0),
+    }
+    return scaled(table, columns)
+
+
+def chinese_gbk(path: Path) -> Read:
+    table = pd.read_csv(path, skiprows=6, encoding="gbk", skip_blank_lines=False)
+    columns = {
+        "time": ("时间(ms)", 1e-3),
+        "motor_position": ("电机位置(脉冲)", TURN / 131072),
+        "output_position": ("输出端位置(脉冲)", TURN / 524288),
+        "motor_velocity": ("电机转速(rpm)", PER_MINUTE),
+        "motor_current": ("电机电流(A)", 1.0),
+        "sensor_torque": ("关节扭矩(N·m)", 1.0),
+        "temperature": ("温度(℃)", 1.0),
+    }
+    return scaled(table, columns)
+
+
+def polish_drive(path: Path) -> Read:
+    table = pd.read_csv(path, sep=";", decimal=",", skiprows=6, encoding="cp1250")
+    columns = {
+        "time": ("Czas [ms]", 1e-3),
+        "output_position": ("Położenie wału [°]", DEGREE),
+        "motor_velocity": ("Prędkość silnika [obr/min]", -PER_MINUTE),
+        "motor_torque": ("Moment silnika [% Mn]", -0.64 / 100),
+        "motor_current": ("Prąd silnika [A RMS]", -1.0),
+        "supply_voltage": ("Napięcie DC [V]", 1.0),
+        "motor_temperature": ("Temperatura silnika [°C]", 1.0),
+    }
+    return scaled(table, columns)
+
+
 BY_HAND: tuple[Callable[[Path], Read], ...] = (
     ur_rtde,
     franka_log,
@@ -533,6 +754,21 @@ BY_HAND: tuple[Callable[[Path], Read], ...] = (
     hdf5_groups,
     numpy_npz,
     numpy_structured,
+    doosan_rt,
+    influx_annotated,
+    grafana_formatted,
+    json_lines,
+    matlab_timetable,
+    octave_text,
+    r_write_csv,
+    pandas_multiindex,
+    fortran_blocks,
+    rigol_ds1000z,
+    graphtec_gl240,
+    french_bench,
+    russian_cp1251,
+    chinese_gbk,
+    polish_drive,
 )
 
 
