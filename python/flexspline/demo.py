@@ -33,6 +33,7 @@ from flexspline.logs.read import read_log, write_log
 from flexspline.model import Model
 from flexspline.plot.canvas import own_style
 from flexspline.prepared import prepared
+from flexspline.rigs import zhang_rig
 from flexspline.rigs.sensor import SPEEDS, Recorder, Rig, Truth, sensor_rig
 from flexspline.signals import channels_for, core_channels
 
@@ -52,6 +53,7 @@ BASE = (
 TARGET = "sensor_torque"
 TRAINING, HELD_OUT = 4, 2  # runs
 SECONDS, RATE = 24.0, 200.0
+RECORDING = "recording.txt"
 SAME_SPEED = 0.1  # share by which a row's speed may differ from the one commanded
 
 COMPILERS = ("c++", "g++", "clang++")
@@ -124,6 +126,7 @@ def demo(
         after = unseen_rmse(final, unseen)
         _say_result(final, rig.truth, before, after, say)
         _leave(found, draft)
+        _leave_recordings(logs[-1], draft, seed)
         say(f"\n6. {run_exported(draft / 'joint.hpp', final.model, unseen[0])}")
     _say_files(Path(out), say)
     return Demo(found.names, before, after, final)
@@ -218,11 +221,44 @@ def _leave(found: Discovery, draft: Path) -> None:
     export(found.model, draft / "joint.hpp", format="header")
 
 
+def _leave_recordings(log: Log, draft: Path, seed: int) -> None:
+    """Leave a run as a laboratory's recorder would write it, and calibration runs of a sensor."""
+    columns = {
+        "t [ms]": log["time"] * 1e3,
+        "Output angle [°]": np.degrees(log["output_position"]),
+        "Output speed [1/min]": log["output_velocity"] * 30.0 / np.pi,
+        "Motor angle [°]": np.degrees(log["motor_position"]),
+        "Joint torque [mNm]": log[TARGET] * 1e3,
+        "Temperature [°C]": log["temperature"],
+    }
+    names = ";".join(columns)
+    np.savetxt(
+        draft / RECORDING,
+        np.column_stack(list(columns.values())),
+        fmt="%.4f",
+        delimiter=";",
+        header=f"Bench 2;strain wave gear 100:1\nRun;{log.name}\n\n{names}",
+        comments="",
+        encoding="latin-1",
+    )
+    bench = zhang_rig(seed).bench
+    for name, run in (
+        ("load", bench.calibration(unloading=True)),
+        ("oven", bench.oven()),
+        ("warmup", bench.warm_up()),
+    ):
+        write_log(run, draft / f"{name}.csv")
+
+
 def _say_files(out: Path, say: Say) -> None:
     runs = f"{out / 'run1.csv'} ... run{TRAINING + HELD_OUT}.csv"
     say(f"\nLeft in {out}: model.json, report.html (open it in a browser), before_after.png,")
-    say(f"joint.hpp, and the runs {runs}.")
+    say(f"joint.hpp, and the runs {runs}; besides {RECORDING}, a run")
+    say(
+        "as a recorder writes it, and load.csv, oven.csv and warmup.csv, to calibrate a sensor with."
+    )
     say("Next, the same by hand, and then with runs of your own:")
+    say(f"  flexspline init {out / RECORDING} --out map.toml")
     say(f"  flexspline predict --model {out / 'model.json'} {out / 'run5.csv'} --out residual.csv")
     say("  flexspline fit --help")
 

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cli_calls import call
+from more_recorders import MORE_RECORDERS
 from recorders import RECORDERS, Recorder
 
 import flexspline
@@ -60,9 +61,13 @@ def apart(recorder: Recorder, channel: str, got: np.ndarray, truth: np.ndarray) 
 
 
 @cache
+def guessed_path(recorder: Recorder) -> Path:
+    return recorder.write(Path(tempfile.mkdtemp(prefix=recorder.name, dir=FOLDER.name)))
+
+
+@cache
 def guessed(recorder: Recorder) -> Guess:
-    folder = Path(tempfile.mkdtemp(prefix=recorder.name, dir=FOLDER.name))
-    return guess_map(recorder.write(folder))
+    return guess_map(guessed_path(recorder))
 
 
 @pytest.mark.parametrize("recorder", RECORDERS, ids=lambda each: each.name)
@@ -70,6 +75,19 @@ def test_what_is_wrong_in_a_guess_is_said_to_be_unsure(
     recorder: Recorder, data_folder: Path
 ) -> None:
     silent, _ = wrong(recorder, guessed(recorder))
+    assert silent == []
+
+
+@pytest.mark.parametrize("recorder", MORE_RECORDERS, ids=lambda each: each.name)
+def test_of_files_that_are_no_tables_or_of_odd_ones_nothing_wrong_is_said_either(
+    recorder: Recorder,
+) -> None:
+    try:
+        guess = guessed(recorder)
+        silent, _ = wrong(recorder, guess)
+    except InputError as refused:
+        assert str(guessed_path(recorder)) in str(refused)
+        return
     assert silent == []
 
 
@@ -128,7 +146,7 @@ def test_init_of_one_joint_of_several_takes_the_one_that_is_asked_for(tmp_path: 
     [
         (b"", "the file is empty"),
         (b"only words\nand more\n", "no table of numbers is seen"),
-        (b"a,b\n1,2\n3,1\n2,6\n7,5\n", "no column can be told"),
+        (b"aa,bb\n1,2\n3,1\n2,6\n7,5\n", "no column can be told"),
     ],
 )
 def test_a_recording_of_nothing_known_is_refused_in_one_sentence(

@@ -8,44 +8,25 @@ import subprocess
 import sys
 from pathlib import Path
 
-import calibration_logs
 import numpy as np
 import pytest
 from click.testing import CliRunner
 
 from flexspline.cli import commands
-from flexspline.logs.read import write_log
+from flexspline.logs.read import read_log
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 PYTHON = re.findall(r"^```python\n(.*?)^```$", README, re.MULTILINE | re.DOTALL)
 TABLE = re.findall(r"^\| .* \| `(flexspline .*?)`", README, re.MULTILINE)
 LINKS = re.findall(r"\]\(([^)#:]+)\)", README)
-COLUMN_MAP = """
-[facts]
-gear_ratio = 100
-[columns]
-time = {source = "t", unit = "ms"}
-output_position = {source = "angle", unit = "deg"}
-sensor_torque = {source = "torque", unit = "mNm", sign = -1}
-"""
 
 
 @pytest.fixture(scope="module")
 def after_the_demo(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder as README's first command leaves it, a recorder's file with its map, and two runs
-    of a torque sensor's voltage.
-    """
+    """An empty folder after README's first command."""
     folder = tmp_path_factory.mktemp("readme")
     run(["demo", "--out", str(folder / "flexspline-demo")])
-    time = np.arange(0.0, 2.0, 0.001)
-    recorded = np.column_stack([1e3 * time, 30 * np.sin(3 * time), 200 * np.cos(3 * time)])
-    np.savetxt(
-        folder / "recording.txt", recorded, header="t;angle;torque", delimiter=";", comments=""
-    )
-    write_log(calibration_logs.load_run(), folder / "load.csv")
-    write_log(calibration_logs.drift_run(cooling=True), folder / "warmup.csv")
-    (folder / "map.toml").write_text(COLUMN_MAP, encoding="utf-8")
     return folder
 
 
@@ -67,6 +48,7 @@ def test_the_commands_of_the_table_run_in_their_order(
 ) -> None:
     monkeypatch.chdir(after_the_demo)
     assert [command.split()[1] for command in TABLE] == [
+        "init",
         "convert",
         "check",
         "fit",
@@ -82,6 +64,11 @@ def test_the_commands_of_the_table_run_in_their_order(
     for command in TABLE:
         run(shlex.split(command)[1:])
         assert (after_the_demo / shlex.split(command)[-1]).exists()
+    recorded = read_log(after_the_demo / "run.csv")  # by the map that init wrote
+    run6 = read_log(after_the_demo / "flexspline-demo" / "run6.csv")
+    assert recorded.channels == run6.channels
+    for channel in run6.channels:
+        assert np.allclose(recorded[channel], run6[channel], atol=1e-4 * np.ptp(run6[channel]))
 
 
 def test_the_python_example_runs(

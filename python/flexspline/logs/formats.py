@@ -50,8 +50,18 @@ PACKED: Final[dict[str, Callable[[bytes], bytes]]] = {
 }
 BROKEN: Final = (OSError, EOFError, lzma.LZMAError, zipfile.BadZipFile, zlib.error, RuntimeError)
 
-STRUCTURED: Final = (".npy", ".npz", ".mat", ".h5", ".hdf5", ".json")  # all others are text
+STRUCTURED: Final = (
+    ".npy",
+    ".npz",
+    ".mat",
+    ".h5",
+    ".hdf5",
+    ".json",
+    ".jsonl",
+    ".ndjson",
+)  # all others are text
 SEPARATORS: Final = (",", ";", "\t", "|", " ")
+FORTRAN: Final = r"(?<=\d)[Dd](?=[+-]\d{2}\b)"
 SPELLED: Final = {"\t": "tab", " ": "whitespace"}
 SAMPLE_LINES: Final = 20
 EXACT_SINCE: Final = (3, 1)  # of pandas, which read some numbers wrong in the last digit before
@@ -157,6 +167,9 @@ def _structured(content: bytes, kind: str, label: str, variable: str | None) -> 
         return from_value(_numpy(io.BytesIO(content), label), label, variable)
     if kind == ".json":
         return _from_json(content, label, variable)
+    if kind in (".jsonl", ".ndjson"):
+        lines = b",".join(line for line in content.splitlines() if line.strip())
+        return _from_json(b"[" + lines + b"]", label, variable)
     return read_matlab(content, label, variable)
 
 
@@ -366,7 +379,15 @@ def decoded(content: bytes, label: str, encoding: str) -> str:
         raise InputError(
             f"{label}: encoding '{encoding}' is not known; give one such as 'utf-8' or 'latin-1'"
         ) from error
-    return text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
+    text = text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
+    return _plain_numbers(text)
+
+
+def _plain_numbers(text: str) -> str:
+    """Return a text whose numbers have neither spaces between thousands nor Fortran's D."""
+    if "\xa0" in text or "\u202f" in text:
+        text = re.sub(r"(?<=\d)[\xa0\u202f](?=\d{3})", "", text)
+    return re.sub(FORTRAN, "e", text) if re.search(FORTRAN, text[:100_000]) else text
 
 
 def _top(text: str, number: int = 1) -> _Top:

@@ -453,7 +453,7 @@ def _why_not(column: Column) -> str:
             "it ends long before the others: it has a clock of its own" if column.short else "text"
         )
     if says.unit == "foreign":
-        return "its unit is that of no channel"
+        return "its unit is not known, or that of no channel"
     if says.role == "commanded":
         return "a command"
     if says.role == "other":

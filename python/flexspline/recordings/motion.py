@@ -15,7 +15,13 @@ import numpy as np
 from flexspline.recordings.clock import nice
 from flexspline.recordings.columns import Array, Column
 from flexspline.recordings.physics import EXPLAINED, Ratio, ratio_of, ratio_to_integral
-from flexspline.recordings.units import RADIANS, RADIANS_PER_SECOND, TOLERANCE, radians
+from flexspline.recordings.units import (
+    RADIANS,
+    RADIANS_PER_SECOND,
+    TOLERANCE,
+    UNSTATED,
+    radians,
+)
 
 __all__ = ["GEARED", "WHOLE", "Chosen", "motion_columns"]
 
@@ -50,10 +56,9 @@ def motion_columns(columns: Sequence[Column], taken: Iterable[int], time: Array)
     _positions(found, [c for c in free if c.says.quantity == "position"], velocities, time)
     _velocities(found, velocities, time)
     for column in free:
-        if column.says.quantity == "acceleration":
-            side = column.says.side or "output"
+        if column.says.quantity == "acceleration" and column.says.side != "motor":
             doubt = "" if column.says.side else "its side is not named"
-            found[side].setdefault("acceleration", Chosen(column, "its name", doubt))
+            found["output"].setdefault("acceleration", Chosen(column, "its name", doubt))
     if not any(found.values()):
         _by_numbers(found, [c for c in free if c.says.quantity is None], time)
     return found
@@ -178,8 +183,8 @@ def _fits(velocity: Column, position: Column, factor: float) -> bool:
     turn, unit = radians(position), RADIANS_PER_SECOND.get(str(velocity.says.unit))
     return any(
         abs(math.log(abs(factor) * p / v)) < TOLERANCE
-        for p in ([turn] if turn is not None else RADIANS.values())
-        for v in ([unit] if unit is not None else RADIANS_PER_SECOND.values())
+        for p in ([turn] if turn is not None else [RADIANS[name] for name in UNSTATED[0]])
+        for v in ([unit] if unit is not None else [RADIANS_PER_SECOND[n] for n in UNSTATED[1]])
     )
 
 

@@ -14,13 +14,14 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from flexspline.errors import InputError
+from flexspline.logs.formats import decoded
 from flexspline.logs.stamps import is_stamp
 from flexspline.logs.units import canonical_unit
 from flexspline.recordings.words import meaning, unit_in
 
 __all__ = ["TextLayout", "text_layout"]
 
-ENCODINGS: Final = ("cp1252", "cp932", "cp1251", "gb18030", "mac_roman", "cp850")
+ENCODINGS: Final = ("cp1252", "cp1250", "cp932", "cp1251", "gb18030", "mac_roman", "cp850")
 """Of files that are no Unicode. Where two read them, the one with more known words and units."""
 
 SEPARATORS: Final = (";", "\t", ",", "|", " ")
@@ -72,8 +73,8 @@ def text_layout(content: bytes, label: str) -> TextLayout:
     InputError
         Where no stretch of lines looks like a table of numbers.
     """
-    encoding, text = _decoded(content, label)
-    lines = text.replace("\r\n", "\n").replace("\r", "\n").rstrip("\n").split("\n")
+    encoding = _encoding(content, label)
+    lines = decoded(content, label, encoding).rstrip("\n").split("\n")
     separator, decimal = _way_to_write(lines[:LOOKED_AT])
     first, width = _table(lines[:LOOKED_AT], separator, decimal)
     if first is None:
@@ -129,21 +130,25 @@ def _count(lines: int) -> str:
     return "1 line" if lines == 1 else f"{lines} lines"
 
 
-def _decoded(content: bytes, label: str) -> tuple[str, str]:
-    for mark, name in ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"),
-                       (codecs.BOM_UTF16_BE, "utf-16")):  # fmt: skip
+def _encoding(content: bytes, label: str) -> str:
+    for mark, name in (
+        (codecs.BOM_UTF8, "utf-8"),
+        (codecs.BOM_UTF16_LE, "utf-16"),
+        (codecs.BOM_UTF16_BE, "utf-16"),
+    ):
         if content.startswith(mark):
-            return name.removesuffix("-sig"), content.decode(name, "replace")
+            return name
     if b"\0" in content[:4096]:
-        name = "utf-16-le" if content[1:200:2].count(0) > content[0:200:2].count(0) else "utf-16-be"
-        return name, content.decode(name, "replace")
+        few = content[1:200:2].count(0) > content[0:200:2].count(0)
+        return "utf-16-le" if few else "utf-16-be"
     try:
-        return "utf-8", content.decode("utf-8")
+        content.decode("utf-8")
     except UnicodeDecodeError:
         return _old_encoding(content, label)
+    return "utf-8"
 
 
-def _old_encoding(content: bytes, label: str) -> tuple[str, str]:
+def _old_encoding(content: bytes, label: str) -> str:
     odd = b"\n".join(line for line in content.split(b"\n")[:LOOKED_AT] if not line.isascii())
     best, known = "", -1
     for name in ENCODINGS:
@@ -155,7 +160,7 @@ def _old_encoding(content: bytes, label: str) -> tuple[str, str]:
         best, known = (name, count) if count > known else (best, known)
     if not best:
         raise InputError(f"{label}: is no text in an encoding that is known; convert it to UTF-8")
-    return best, content.decode(best)
+    return best
 
 
 def _known_words(text: str) -> int:
@@ -251,6 +256,11 @@ def _heads(above: list[str], separator: str, width: int, ended: bool) -> _Heads:
     if number is None:
         return _Heads(units=stated)
     names = tuple(cells[number])
+    above_it = [n for n in there if n < number]
+    if above_it and above_it[-1] != units and _groups(cells[above_it[-1]], cells[number]):
+        groups = cells[above_it[-1]]
+        names = tuple(f"{group} {name}".strip() for group, name in zip(groups, names, strict=True))
+        return _Heads(names, stated)
     own = len(cells_of(above[number], separator))
     if REMARK.match(above[number]):
         seen = above[number].lstrip().startswith("#") and number == there[-1]
@@ -262,6 +272,13 @@ def _heads(above: list[str], separator: str, width: int, ended: bool) -> _Heads:
     between = [n for n in there if n > number]
     row = bool(between) and between[0] == units
     return _Heads(names, stated, number, row, len(between) - row)
+
+
+def _groups(cells: list[str], names: list[str]) -> bool:
+    """Whether a row of words stands above one of names as its groups: each fills most cells."""
+    filled = sum(bool(cell) for cell in cells)
+    words = not any(_is_value(cell, ".") or _says(cell) for cell in cells if cell)
+    return words and len(cells) == len(names) and filled >= NUMBERS * len(names)
 
 
 def _aligned(line: str, separator: str, width: int) -> list[str]:

@@ -22,15 +22,17 @@ __all__ = [
     "RADIANS",
     "RADIANS_PER_SECOND",
     "TOLERANCE",
+    "UNSTATED",
     "SideUnits",
     "radians",
     "units_of_side",
     "with_resolutions",
 ]
 
-TOLERANCE: Final = 0.05
+TOLERANCE: Final = 0.03
 """By how much a ratio of units may be off its value: two units of angle or velocity are at least a
-factor of 6 apart, rad and turns; a slow filter of the velocity takes away a few hundredths."""
+factor of 6 apart, rad and turns, but with a gear between them they may come within 5 %: mrad/s of
+an output at 100:1, and rpm of its motor."""
 
 RADIANS: Final = {"rad": 1.0, "mrad": 1e-3, "deg": math.pi / 180, "rev": 2 * math.pi}
 RADIANS_PER_SECOND: Final = {
@@ -38,7 +40,10 @@ RADIANS_PER_SECOND: Final = {
     "deg/s": math.pi / 180,
     "rpm": math.pi / 30,
     "rev/s": 2 * math.pi,
+    "mrad/s": 1e-3,
 }
+UNSTATED: Final = (("rad", "deg", "rev"), ("rad/s", "deg/s", "rpm", "rev/s"))
+"""Units of angles and velocities that a recorder leaves unsaid."""
 TURN: Final = {2 * math.pi: "rad", 360.0: "deg", 1.0: "rev"}
 RESOLUTIONS: Final = tuple(
     sorted(
@@ -101,7 +106,7 @@ def _with_resolution(
             continue
         measured = abs(pair.factor) * 2 * math.pi / RADIANS_PER_SECOND[str(velocity.says.unit)]
         near = min(RESOLUTIONS, key=lambda each: abs(math.log(each / measured)))
-        if abs(near / measured - 1) < TOLERANCE / 2:
+        if abs(near / measured - 1) < TOLERANCE:
             why = f"{measured:.5g} counts per turn by the velocity"
             told = Told("rev", 1, 1 / near, why, "counts per turn are not stated")
             return replace(column, counts=told)
@@ -165,8 +170,8 @@ def _together(p: Told, v: Told, side: str, position: Column, pair: Ratio) -> Sid
         return SideUnits(p, replace(v, sign=sign, reason=joined(v.reason, turned)))
     fits = [
         (a, b)
-        for a in ([p.unit] if p.unit else RADIANS)
-        for b in ([v.unit] if v.unit else RADIANS_PER_SECOND)
+        for a in ([p.unit] if p.unit else UNSTATED[0])
+        for b in ([v.unit] if v.unit else UNSTATED[1])
         if abs(math.log(size * RADIANS[a] * p.scale / RADIANS_PER_SECOND[b])) < TOLERANCE
     ]
     if not fits:

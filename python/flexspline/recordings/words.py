@@ -21,23 +21,33 @@ __all__ = ["QUANTITY_OF_UNIT", "Meaning", "meaning", "trusted", "unit_in"]
 Words = Mapping[str, tuple[str, ...]]
 
 LONG: Final[Words] = {
-    "enabled": ("enable",),
-    "temperature": ("temperat", "thermo", "温度", "температур"),
-    "acceleration": ("accel", "beschleunig", "加速度", "ускорен"),
+    "enabled": ("enable", "servo on"),
+    "temperature": ("temperat", "thermo", "températ", "teplot", "温度", "температур"),
+    "acceleration": ("accel", "beschleunig", "accél", "加速度", "ускорен"),
     "velocity": (
-        "veloc", "speed", "drehzahl", "geschwindig", "omega", "qdot", "速度", "скорость",
-        "drehgeschw", "vitesse", "転速", "转速",
+        "veloc", "speed", "drehzahl", "geschwindig", "omega", "qdot", "vitesse", "prędko",
+        "otáč", "snelheid", "hastighet", "速度", "转速", "回転数", "скорость",
     ),
-    "current": ("current", "strom", "電流", "电流", "courant", "corrente"),
+    "current": (
+        "current", "strom", "courant", "corrente", "corriente", "prąd", "proud", "stroom", "ström",
+        "電流", "电流", "ток",
+    ),
     "torque": (
-        "torque", "moment", "effort", "トルク", "扭矩", "力矩", "转矩", "couple", "момент",
+        "torque", "moment", "effort", "couple", "coppia", "koppel", "トルク", "扭矩", "力矩",
+        "转矩", "момент",
     ),
-    "voltage": ("volt", "spannung", "電圧", "电压"),
-    "position": ("position", "angle", "winkel", "angular", "角度", "位置", "угол", "encoder"),
-    "time": ("x value", "time", "zeit", "stamp", "時間", "时间", "время", "tiempo", "temps"),
+    "voltage": ("volt", "spannung", "tension ", "napięc", "napět", "電圧", "电压", "напряж"),
+    "position": (
+        "position", "angle", "winkel", "angular", "angolo", "ángulo", "ângulo", "kąt", "úhel",
+        "hoek", "vinkel", "poloha", "posizione", "posición", "encoder", "角度", "位置", "угол",
+    ),
+    "time": (
+        "x value", "time", "zeit", "stamp", "temps", "tempo", "tiempo", "czas", "čas", "tijd",
+        "時間", "时间", "время",
+    ),
     "duty": ("duty",),
 }  # fmt: skip
-"""Quantities by parts of words, those that may hold another one first."""
+"""Quantities by parts of words of a dozen languages, those that may hold another one first."""
 
 SHORT: Final = (
     ("position", ("q", "pos", "ang", "theta", "th", "phi", "enc", "lage", "posn", "p")),
@@ -73,10 +83,14 @@ SHORT: Final = (
 )
 """Quantities by symbols and short words, those that mean one thing first."""
 
-OUTPUT_LONG: Final = ("output", "abtrieb", "link", "gelenk", "achse", "joint", "出力", "関節",
-                      "ausgang", "выход")  # fmt: skip
+OUTPUT_LONG: Final = (
+    "output", "abtrieb", "link", "gelenk", "achse", "joint", "ausgang", "sortie", "uscita",
+    "salida", "wyjści", "výstup", "uitgang", "出力", "関節", "输出", "выход",
+)  # fmt: skip
 OUTPUT_SHORT: Final = ("out", "l", "ls", "j", "o", "load", "arm", "axis", "lss", "q", "qd", "dq")
-MOTOR_LONG: Final = ("motor", "rotor", "antrieb", "wave", "モータ", "电机", "moteur", "двигател")
+MOTOR_LONG: Final = (
+    "motor", "rotor", "antrieb", "wave", "moteur", "silnik", "モータ", "电机", "двигател",
+)  # fmt: skip
 MOTOR_SHORT: Final = (
     "erpm",
     "mot",
@@ -159,6 +173,7 @@ FOREIGN: Final = frozenset(
 )
 """Units of no channel: what is given in one is something else."""
 
+MANGLED: Final = re.compile(r"^([^.].*?)\.\.([^.].*?)\.*$")  # R's "Angle..deg." is "Angle [deg]"
 IN_WORDS: Final = tuple(
     map(
         re.compile,
@@ -173,7 +188,7 @@ IN_WORDS: Final = tuple(
 QUANTITY_OF_UNIT: Final[dict[str, str]] = {
     **dict.fromkeys(("s", "ms", "us", "ns", "day"), "time"),
     **dict.fromkeys(("rad", "mrad", "deg", "rev"), "position"),
-    **dict.fromkeys(("rad/s", "deg/s", "rpm", "rev/s", "erpm"), "velocity"),
+    **dict.fromkeys(("rad/s", "deg/s", "rpm", "rev/s", "mrad/s", "erpm"), "velocity"),
     **dict.fromkeys(("rad/s^2", "deg/s^2"), "acceleration"),
     **dict.fromkeys(
         ("Nm", "mNm", "Ncm", "kilonewton * metre", "uNm", "lbf * inch", "lbf * foot", "ozf * inch",
@@ -213,9 +228,9 @@ def meaning(name: str, stated: str | None = None, *, ours: bool = False) -> Mean
     """
     if ours and name in CHANNELS:
         return _of_channel(name, stated)
-    bare, unit = stated_unit(name)
+    bare, unit = stated_unit(MANGLED.sub(_brackets, name))
     if stated is not None:
-        unit = unit_in(stated) or unit
+        unit = unit_in(stated) or ("foreign" if re.search(r"[^\W_]", stated) else unit)
     whole = _words(bare)
     last = _words(re.split(r"/|\.(?=\D)", bare.rstrip("/."))[-1])  # of a path, what counts most
     unit = "erpm" if "erpm" in whole[1] else unit
@@ -291,6 +306,10 @@ def _words(bare: str) -> tuple[str, frozenset[str]]:
     split = re.sub(r"(?<=[a-zà-ÿ])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", text)
     tokens = re.findall(r"[^\W\d_]+", split.lower())
     return " ".join(tokens), frozenset(tokens)
+
+
+def _brackets(found: re.Match[str]) -> str:
+    return f"{found[1].replace('.', ' ')} [{found[2]}]"
 
 
 def _has(words: str, tokens: frozenset[str], long: tuple[str, ...], short: tuple[str, ...]) -> bool:
