@@ -15,6 +15,7 @@ import pytest
 from more_recorders import MORE_RECORDERS
 from recorders import RECORDERS, Recorder, joint_run
 from scipy.io import loadmat
+from unseen_recorders import UNSEEN_RECORDERS
 
 from flexspline.logs.channels import CHANNELS
 
@@ -23,7 +24,7 @@ Read = dict[str, np.ndarray]
 DEGREE = np.pi / 180.0
 TURN = 2.0 * np.pi
 PER_MINUTE = TURN / 60.0
-ALL_RECORDERS = RECORDERS + MORE_RECORDERS
+ALL_RECORDERS = RECORDERS + MORE_RECORDERS + UNSEEN_RECORDERS
 BY_NAME = {recorder.name: recorder for recorder in ALL_RECORDERS}
 
 
@@ -37,11 +38,11 @@ def recorder(request: pytest.FixtureRequest) -> Recorder:
 # what holds of all
 
 
-def test_thirty_and_fifteen_recorders_have_names_and_file_names_of_their_own(
+def test_thirty_fifteen_and_twelve_recorders_have_names_and_file_names_of_their_own(
     data_folder: Path,
 ) -> None:
-    assert (len(RECORDERS), len(MORE_RECORDERS)) == (30, 15)
-    assert len(BY_NAME) == len({recorder.file().name for recorder in ALL_RECORDERS}) == 45
+    assert (len(RECORDERS), len(MORE_RECORDERS), len(UNSEEN_RECORDERS)) == (30, 15, 12)
+    assert len(BY_NAME) == len({recorder.file().name for recorder in ALL_RECORDERS}) == 57
 
 
 def test_half_of_the_recorders_have_a_documented_form() -> None:
@@ -724,6 +725,164 @@ def polish_drive(path: Path) -> Read:
     return scaled(table, columns)
 
 
+def labview_spreadsheet(path: Path) -> Read:
+    columns = {
+        "time": ("Time (s)", 1.0),
+        "output_position": ("Output_Encoder (deg)", DEGREE),
+        "motor_position": ("Motor_Encoder (deg)", DEGREE),
+        "sensor_torque": ("Torque_Sensor (Nm)", -1.0),
+        "motor_current": ("Motor_Current (mA)", 1e-3),
+        "supply_voltage": ("Supply_Voltage (V)", 1.0),
+        "motor_temperature": ("T_Motor (C)", 1.0),
+        "temperature": ("T_Housing (C)", 1.0),
+    }
+    return scaled(pd.read_csv(path, sep="\t"), columns)
+
+
+def python_ft_sensor(path: Path) -> Read:
+    columns = {
+        "time": ("timestamp", 1.0),
+        "output_position": ("EncOut_deg", DEGREE),
+        "motor_position": ("EncMot_deg", DEGREE),
+        "motor_velocity": ("MotSpeed_rpm", PER_MINUTE),
+        "motor_current": ("Iq", 1.0),
+        "reference_torque": ("Mz", 1.0),
+    }
+    return scaled(pd.read_csv(path), columns)
+
+
+def plc_axis(path: Path) -> Read:
+    columns = {
+        "time": ("Time_ms", 1e-3),
+        "commanded_position": ("PosSet", DEGREE),
+        "output_position": ("PosAct", DEGREE),
+        "output_velocity": ("VelAct", DEGREE),
+        "motor_torque": ("TrqAct", 0.64 / 100),
+        "motor_velocity": ("MotSpeed", PER_MINUTE),
+    }
+    return scaled(pd.read_csv(path, sep=";"), columns)
+
+
+def drive_recorder(path: Path) -> Read:
+    columns = {
+        "time": ("Time [s]", 1.0),
+        "motor_position": ("Position [cnt]", TURN / 65536),
+        "motor_velocity": ("Velocity [cnt/sec]", TURN / 65536),
+        "motor_current": ("Active Current [A]", 1.0),
+        "supply_voltage": ("Bus Voltage [V]", 1.0),
+    }
+    return scaled(pd.read_csv(path, skiprows=4, skip_blank_lines=False), columns)
+
+
+def matlab_workspace(path: Path) -> Read:
+    variables = loadmat(path, simplify_cells=True)
+    assert variables["params"]["N"] == 120.0
+    return {
+        "time": variables["t"],
+        "motor_position": -variables["theta_m"],
+        "motor_velocity": -variables["omega_m"],
+        "output_position": variables["theta_l"],
+        "motor_current": variables["i_q"],
+        "sensor_torque": variables["tau_s"],
+    }
+
+
+def hdf5_matrices(path: Path) -> Read:
+    names = {
+        "output_position": "JointPos",
+        "output_velocity": "JointVel",
+        "sensor_torque": "JointTorque",
+        "motor_position": "MotorPos",
+        "motor_current": "MotorCurrent",
+        "motor_temperature": "MotorTemp",
+    }
+    with h5py.File(path) as file:
+        ticks = file["Timestamp"][:]
+        read = {channel: file[name][:, 2].astype(float) for channel, name in names.items()}
+    return read | {"time": 1e-6 * (ticks - ticks[0])}
+
+
+def arduino_monitor(path: Path) -> Read:
+    sent = "\n".join(line.split(" -> ")[1] for line in path.read_text().splitlines()[2:])
+    columns = {
+        "time": ("millis", 1e-3),
+        "output_position": ("theta_deg", DEGREE),
+        "motor_velocity": ("motor_rpm", PER_MINUTE),
+        "motor_current": ("current_mA", 1e-3),
+        "reference_torque": ("loadcell_Nm", 1.0),
+        "temperature": ("temp_C", 1.0),
+    }
+    return scaled(pd.read_csv(io.StringIO(sent)), columns)
+
+
+def german_messwelle(path: Path) -> Read:
+    table = pd.read_csv(path, sep=";", decimal=",", skiprows=6, header=None, encoding="cp1252")
+    columns = {
+        "time": (0, 1.0),
+        "motor_velocity": (1, PER_MINUTE),
+        "output_position": (2, DEGREE),
+        "reference_torque": (3, 1.0),
+        "motor_current": (4, 1.0),
+        "motor_temperature": (5, 1.0),
+        "temperature": (6, 1.0),
+    }
+    return scaled(table, columns)
+
+
+def italian_bench(path: Path) -> Read:
+    columns = {
+        "time": ("Tempo (ms)", 1e-3),
+        "output_position": ("Angolo uscita (gradi)", DEGREE),
+        "motor_position": ("Angolo motore (gradi)", -DEGREE),
+        "motor_velocity": ("Velocità motore (giri/min)", -PER_MINUTE),
+        "motor_current": ("Corrente motore (A)", -1.0),
+        "sensor_torque": ("Coppia (Nm)", 1.0),
+        "temperature": ("Temp. riduttore (°C)", 1.0),
+    }
+    return scaled(pd.read_csv(path, sep=";", decimal=",", encoding="cp1252"), columns)
+
+
+def npz_counts(path: Path) -> Read:
+    with np.load(path) as archive:
+        ticks = archive["t_us"]
+        return {
+            "time": 1e-6 * (ticks - ticks[0]),
+            "output_position": archive["enc_out"] * (TURN / archive["enc_out_cpr"]),
+            "motor_position": archive["enc_mot"] * (TURN / archive["enc_mot_cpr"]),
+            "motor_current": 1e-3 * archive["iq_mA"],
+            "sensor_torque": archive["torque_sensor_Nm"],
+            "temperature": archive["temp_housing"],
+        }
+
+
+def joint_controller_iso(path: Path) -> Read:
+    table = pd.read_csv(path, parse_dates=["timestamp"])
+    columns = {
+        "commanded_position": ("q_des", 1.0),
+        "output_position": ("q_act", 1.0),
+        "output_velocity": ("dq_act", 1.0),
+        "sensor_torque": ("tau_act", 1.0),
+        "motor_position": ("motor_pos", 1.0),
+        "motor_current": ("motor_current", 1.0),
+        "motor_temperature": ("temp_winding_degC", 1.0),
+    }
+    passed = table["timestamp"] - table["timestamp"].iloc[0]
+    return scaled(table, columns) | {"time": passed.dt.total_seconds().to_numpy()}
+
+
+def sensor_bench(path: Path) -> Read:
+    columns = {
+        "time": ("t_us", 1e-6),
+        "output_position": ("link_angle_deg", DEGREE),
+        "motor_position": ("motor_angle_deg", DEGREE),
+        "motor_current": ("motor_current_A", 1.0),
+        "sensor_voltage": ("bridge_mV", 1e-3),
+        "reference_torque": ("T_ref_Nm", 1.0),
+        "temperature": ("temp_sensor_C", 1.0),
+    }
+    return scaled(pd.read_csv(path, comment="#"), columns)
+
+
 BY_HAND: tuple[Callable[[Path], Read], ...] = (
     ur_rtde,
     franka_log,
@@ -769,6 +928,18 @@ BY_HAND: tuple[Callable[[Path], Read], ...] = (
     russian_cp1251,
     chinese_gbk,
     polish_drive,
+    labview_spreadsheet,
+    python_ft_sensor,
+    plc_axis,
+    drive_recorder,
+    matlab_workspace,
+    hdf5_matrices,
+    arduino_monitor,
+    german_messwelle,
+    italian_bench,
+    npz_counts,
+    joint_controller_iso,
+    sensor_bench,
 )
 
 
