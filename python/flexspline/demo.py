@@ -254,9 +254,7 @@ def _say_files(out: Path, say: Say) -> None:
     runs = f"{out / 'run1.csv'} ... run{TRAINING + HELD_OUT}.csv"
     say(f"\nLeft in {out}: model.json, report.html (open it in a browser), before_after.png,")
     say(f"joint.hpp, and the runs {runs}; besides {RECORDING}, a run")
-    say(
-        "as a recorder writes it, and load.csv, oven.csv and warmup.csv, to calibrate a sensor with."
-    )
+    say("as a recorder writes it, and load.csv, oven.csv, warmup.csv to calibrate a sensor with.")
     say("Next, the same by hand, and then with runs of your own:")
     say(f"  flexspline init {out / RECORDING} --out map.toml")
     say(f"  flexspline predict --model {out / 'model.json'} {out / 'run5.csv'} --out residual.csv")

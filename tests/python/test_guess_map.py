@@ -16,6 +16,7 @@ import pytest
 from cli_calls import call
 from more_recorders import MORE_RECORDERS
 from recorders import RECORDERS, Recorder
+from unseen_recorders import UNSEEN_RECORDERS
 
 import flexspline
 from flexspline import Guess, InputError, guess_map, read_log
@@ -78,7 +79,9 @@ def test_what_is_wrong_in_a_guess_is_said_to_be_unsure(
     assert silent == []
 
 
-@pytest.mark.parametrize("recorder", MORE_RECORDERS, ids=lambda each: each.name)
+@pytest.mark.parametrize(
+    "recorder", (*MORE_RECORDERS, *UNSEEN_RECORDERS), ids=lambda each: each.name
+)
 def test_of_files_that_are_no_tables_or_of_odd_ones_nothing_wrong_is_said_either(
     recorder: Recorder,
 ) -> None:

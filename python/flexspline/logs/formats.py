@@ -17,8 +17,9 @@ import re
 import sys
 import zipfile
 import zlib
+from collections import Counter
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal
 
@@ -61,6 +62,7 @@ STRUCTURED: Final = (
     ".ndjson",
 )  # all others are text
 SEPARATORS: Final = (",", ";", "\t", "|", " ")
+MONITOR: Final = r"^\d{1,2}:\d{2}:\d{2}(?:\.\d+)? -> "
 FORTRAN: Final = r"(?<=\d)[Dd](?=[+-]\d{2}\b)"
 SPELLED: Final = {"\t": "tab", " ": "whitespace"}
 SAMPLE_LINES: Final = 20
@@ -168,8 +170,7 @@ def _structured(content: bytes, kind: str, label: str, variable: str | None) -> 
     if kind == ".json":
         return _from_json(content, label, variable)
     if kind in (".jsonl", ".ndjson"):
-        lines = b",".join(line for line in content.splitlines() if line.strip())
-        return _from_json(b"[" + lines + b"]", label, variable)
+        return _from_json_lines(content, label)
     return read_matlab(content, label, variable)
 
 
@@ -220,6 +221,30 @@ def _from_json(content: bytes, label: str, variable: str | None) -> Table:
     if not isinstance(value, (dict, list)):
         raise InputError(f"{label}: holds no records; give a list of them, or an object with one")
     return records_at(value, label, variable)
+
+
+def _from_json_lines(content: bytes, label: str) -> Table:
+    """Return the records, one for each line, but for those of another kind: events between them."""
+    table: list[dict[str, Any]] = []
+    for number, line in enumerate(content.splitlines(), start=1):
+        try:
+            table += [json.loads(line)] if line.strip() else []
+        except (ValueError, RecursionError) as error:
+            raise InputError(
+                f"{label}: line {number} is not JSON ({error}); correct or delete it"
+            ) from error
+    records = [record for record in table if isinstance(record, dict)]
+    if not records:
+        raise InputError(f"{label}: holds no records; give an object for each line")
+    usual = max(map(frozenset, records), key=Counter(map(frozenset, records)).__getitem__)
+    kept = [record for record in records if len(usual & record.keys()) > len(usual) / 2]
+    made = records_at(kept, label, None)
+    left = (
+        f"; {len(table) - len(kept)} lines of other kinds left out"
+        if len(kept) < len(table)
+        else ""
+    )
+    return replace(made, notes=(f"a record in each line{left}",))
 
 
 def is_frame(source: Any) -> bool:
@@ -384,7 +409,12 @@ def decoded(content: bytes, label: str, encoding: str) -> str:
 
 
 def _plain_numbers(text: str) -> str:
-    """Return a text whose numbers have neither spaces between thousands nor Fortran's D."""
+    """Return a text whose numbers have neither spaces between thousands nor Fortran's D.
+
+    The clock that a serial monitor writes before each line is left out.
+    """
+    if re.match(MONITOR, text):
+        text = re.sub(MONITOR, "", text, flags=re.MULTILINE)
     if "\xa0" in text or "\u202f" in text:
         text = re.sub(r"(?<=\d)[\xa0\u202f](?=\d{3})", "", text)
     return re.sub(FORTRAN, "e", text) if re.search(FORTRAN, text[:100_000]) else text

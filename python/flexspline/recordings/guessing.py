@@ -119,7 +119,7 @@ class _Found:
         """Find time, motion, the gear, then what drives and is measured."""
         self._time()
         self.columns = with_resolutions(self.joints.columns, self.said, self.time)
-        motion = motion_columns(self.columns, self.taken, self.time)
+        motion = motion_columns(self.columns, self.taken, self.time, timed=self.timed)
         for side in SIDES:
             self._side(side, motion[side])
         self._gear()
@@ -146,6 +146,11 @@ class _Found:
             return column.whole * seconds
         rows = max((len(c.whole) for c in self.joints.columns), default=0)
         return np.arange(rows) / (self.clock.rate or 1.0)
+
+    @property
+    def timed(self) -> bool:
+        """Whether `time` is in seconds."""
+        return math.isfinite(self.clock.step)
 
     def si(self, channel: str) -> Array:
         """Return a channel as the map makes it, without the jumps of a wrap."""
@@ -179,8 +184,7 @@ class _Found:
         position, velocity = (
             found[name].column if name in found else None for name in ("position", "velocity")
         )
-        timed = math.isfinite(self.clock.step)
-        told = units_of_side(side, position, velocity, self.time, timed)
+        told = units_of_side(side, position, velocity, self.time, self.timed)
         if told.rate is not None:
             why = "under which the velocity is the position's derivative"
             self.clock = Clock(rate=told.rate, reason=why, unsure="the rate is not stated")
@@ -288,9 +292,15 @@ class _Found:
             self._add("duty", column, told, _by_name(column))
 
     def _temperatures(self) -> None:
-        for column in self._free("temperature"):
-            channel = "motor_temperature" if column.says.side == "motor" else "temperature"
-            self._add(channel, column, _stated(column), _by_name(column))
+        free = list(self._free("temperature"))
+        for column in free:
+            motor = column.says.side == "motor"
+            channel = "motor_temperature" if motor else "temperature"
+            same = sum((c.says.side == "motor") == motor for c in free)
+            electronics = "drive" in column.says.name.lower()
+            doubt = "several columns may be it" if same > 1 else ""
+            doubt = "of the motor, or of its electronics" if electronics else doubt
+            self._add(channel, column, _stated(column), _by_name(column), doubt)
 
     def _voltages(self) -> None:
         for column in self._free("voltage"):

@@ -42,8 +42,13 @@ class Chosen(NamedTuple):
 Motion = dict[str, dict[str, Chosen]]
 
 
-def motion_columns(columns: Sequence[Column], taken: Iterable[int], time: Array) -> Motion:
-    """Return position, velocity and acceleration of each side, as far as they are there."""
+def motion_columns(
+    columns: Sequence[Column], taken: Iterable[int], time: Array, *, timed: bool
+) -> Motion:
+    """Return position, velocity and acceleration of each side, as far as they are there.
+
+    `timed` says that the time is in seconds, and not the numbers of the rows.
+    """
     free = [
         column
         for column in columns
@@ -53,8 +58,9 @@ def motion_columns(columns: Sequence[Column], taken: Iterable[int], time: Array)
     ]
     found: Motion = {"output": {}, "motor": {}}
     velocities = [c for c in free if c.says.quantity == "velocity"]
-    _positions(found, [c for c in free if c.says.quantity == "position"], velocities, time)
-    _velocities(found, velocities, time)
+    positions = [c for c in free if c.says.quantity == "position"]
+    _positions(found, positions, velocities if timed else [], time)
+    _velocities(found, velocities, time, timed)
     for column in free:
         if column.says.quantity == "acceleration" and column.says.side != "motor":
             doubt = "" if column.says.side else "its side is not named"
@@ -134,7 +140,7 @@ def _turns(output: Column, motor: Column) -> Ratio:
     return told
 
 
-def _velocities(found: Motion, columns: list[Column], time: Array) -> None:
+def _velocities(found: Motion, columns: list[Column], time: Array, timed: bool) -> None:
     for side in found:
         named = [c for c in columns if c.says.side == side]
         if named:
@@ -142,20 +148,20 @@ def _velocities(found: Motion, columns: list[Column], time: Array) -> None:
     for column in columns:
         sides = [side for side in found if "velocity" not in found[side]]
         if column.says.side is None and sides:
-            side, chosen = _side_of_velocity(found, sides, column, time)
+            side, chosen = _side_of_velocity(found, sides, column, time, timed)
             found[side]["velocity"] = chosen
 
 
 def _side_of_velocity(
-    found: Motion, sides: list[str], column: Column, time: Array
+    found: Motion, sides: list[str], column: Column, time: Array, timed: bool
 ) -> tuple[str, Chosen]:
     """Return the side whose position's derivative a velocity is, or that it turns N times with."""
     with_position = [side for side in sides if "position" in found[side]]
     for side in with_position:
-        if _is_derivative(column, found[side]["position"].column, time):
+        if _is_derivative(column, found[side]["position"].column, time, timed):
             return side, Chosen(column, f"its integral is the {side}'s position")
     output = found["output"].get("position")
-    if output is not None and "motor" in sides:
+    if timed and output is not None and "motor" in sides:
         turns = _turns_for(column, output.column, time)
         if turns is not None and turns >= GEARED and abs(turns - round(turns)) < WHOLE * turns:
             said = f"its integral turns {turns:.5g} times as far as the output"
@@ -173,8 +179,10 @@ def _turns_for(velocity: Column, position: Column, time: Array) -> float | None:
     return unit / (abs(told.factor) * turn)
 
 
-def _is_derivative(velocity: Column, position: Column, time: Array) -> bool:
+def _is_derivative(velocity: Column, position: Column, time: Array, timed: bool = True) -> bool:
     told = ratio_to_integral(time, velocity.whole, position.whole)
+    if not timed:
+        return told.told
     return told.told and (velocity.says.unit == "erpm" or _fits(velocity, position, told.factor))
 
 

@@ -29,6 +29,11 @@ RESOLUTION: Final = re.compile(
     r"\s*(?:per|/|pro|a)\s*(?:rev\w*|turn|umdr\w*|r\b)|(cpr|ppr))",
     re.IGNORECASE,
 )
+NAMED: Final = re.compile(
+    rf"(\w*?)_?(?:cpr|counts_per_(?:rev|turn)|resolution)\b[\s:=;,\t\"]{{1,4}}{NUMBER}",
+    re.IGNORECASE,
+)
+FEWEST_COUNTS: Final = 100.0  # per turn, of an encoder of a joint
 RATIOS: Final = (2.0, 1000.0)  # what a gear ratio can be
 
 
@@ -60,7 +65,7 @@ class Said:
 def said_in(lines: Iterable[str]) -> Said:
     """Return what lines above a table, or the facts of a file, say."""
     there = list(lines)
-    return Said(_gear_ratio(there), _torque_constant(there), tuple(_resolutions(there)))
+    return Said(_gear_ratio(there), _torque_constant(there), (*_resolutions(there), *_named(there)))
 
 
 def _gear_ratio(lines: Sequence[str]) -> float | None:
@@ -88,6 +93,14 @@ def _resolutions(lines: Sequence[str]) -> Iterable[Resolution]:
             quadrature = kind in ("ppr", "pulses")
             if count >= 1:
                 yield Resolution(_words(found[1]), count * (4 if quadrature else 1), not quadrature)
+
+
+def _named(lines: Sequence[str]) -> Iterable[Resolution]:
+    """Resolutions that a scalar of a name such as enc_out_cpr states."""
+    for line in lines:
+        for found in NAMED.finditer(line):
+            if _number(found[2]) >= FEWEST_COUNTS:
+                yield Resolution(_words(found[1]), _number(found[2]), True)
 
 
 def _words(text: str) -> frozenset[str]:

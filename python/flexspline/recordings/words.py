@@ -89,22 +89,12 @@ OUTPUT_LONG: Final = (
 )  # fmt: skip
 OUTPUT_SHORT: Final = ("out", "l", "ls", "j", "o", "load", "arm", "axis", "lss", "q", "qd", "dq")
 MOTOR_LONG: Final = (
-    "motor", "rotor", "antrieb", "wave", "moteur", "silnik", "モータ", "电机", "двигател",
+    "motor", "rotor", "antrieb", "winding", "wicklung", "wave", "moteur", "silnik", "モータ",
+    "电机", "двигател",
 )  # fmt: skip
 MOTOR_SHORT: Final = (
-    "erpm",
-    "mot",
-    "mtr",
-    "m",
-    "hs",
-    "rot",
-    "wg",
-    "input",
-    "drive",
-    "in",
-    "theta",
-    "mo",
-)
+    "erpm", "mot", "mtr", "m", "hs", "rot", "wg", "input", "drive", "in", "mo",
+)  # fmt: skip
 
 COMMANDED_LONG: Final = ("command", "target", "soll", "setpoint", "desired", "demand", "goal",
                          "指令", "目標", "profile")  # fmt: skip
@@ -280,8 +270,9 @@ def _fits(unit: str, rest: str) -> bool:
     if unit == "foreign":
         return False  # as the end of a name it may be a word
     named = _quantities(words, tokens)
-    if not named:
-        return len(unit) > 1
+    letters = {quantity for quantity, parts in SHORT if tokens & {p for p in parts if len(p) == 1}}
+    if set(named) <= letters and unit not in ("s", "A", "V", "K"):
+        return True  # a letter may be many things, "Nm" is one
     return QUANTITY_OF_UNIT.get(unit) in named if unit != "counts" else "position" in named
 
 
@@ -321,6 +312,8 @@ def _quantities(words: str, tokens: frozenset[str]) -> list[str]:
     named = [quantity for quantity, parts in LONG.items() if any(part in words for part in parts)]
     if "current" in named and len(named) > 1 and words.startswith("current"):
         named.remove("current")  # "current position" is the present one
+    if not tokens.isdisjoint(("i", "u")):
+        tokens -= {"q"}  # i_q is a current, of the q axis
     symbols = [quantity for quantity, parts in SHORT if not tokens.isdisjoint(parts)]
     return list(dict.fromkeys([*named, *symbols]))
 
