@@ -103,6 +103,25 @@ def at_rest(log: Log) -> NDArray[np.bool_]:
     return np.asarray(slow & kept)
 
 
+def repeats(log: Log) -> NDArray[np.bool_]:
+    """Rows that repeat all values of the row before, the time aside, shape (N,).
+
+    None where the log holds nothing but time, and none where the joint certainly rests: there a
+    coarse encoder repeats its value with reason.
+    """
+    same = [np.diff(log[name]) == 0.0 for name in log.channels if name != "time"]
+    found = np.zeros(len(log), dtype=bool)
+    if same:
+        found[1:] = np.logical_and.reduce(same) & ~at_rest(log)[1:]
+    return found
+
+
+def stuck_from(*columns: Array) -> int:
+    """First row from which all columns (N,) repeat the row before up to the end; N without any."""
+    fresh = np.flatnonzero(np.logical_or.reduce([np.diff(values) != 0.0 for values in columns]))
+    return int(fresh[-1]) + 2 if fresh.size else min(1, len(columns[0]))
+
+
 def gaps(log: Log, gap: float | None = None) -> tuple[Segment, ...]:
     """The places where rows are missing: the last row before and the first row behind each gap."""
     breaks = runs(log["time"], gap)[1:, 0]
