@@ -241,6 +241,26 @@ def output_velocity(log: Log) -> NDArray[np.float64]:
     return differentiate(log)["output_velocity"]
 
 
+def output_speed(log: Log, least: float) -> NDArray[np.float64]:
+    """Speed of the output [rad/s], shape (N,), by which rows of at least `least` are chosen.
+
+    It is that of the channel ``output_velocity``, else of the derivative of ``output_position``.
+
+    Raises
+    ------
+    InputError
+        Where `least` is no speed, or the log has neither channel.
+    """
+    if not (np.isfinite(least) and least >= 0.0):
+        raise InputError(f"speed_above is {least!r}; give rad/s, 0 or more")
+    if "output_velocity" not in log and "output_position" not in log:
+        raise InputError(
+            f"log '{log.name}': speed_above needs output_velocity or output_position, and it has "
+            "neither; map a column to one of them, or leave speed_above out"
+        )
+    return np.abs(output_velocity(log))
+
+
 def _slow(velocity: NDArray[np.float64]) -> float:
     """1 % of the speed that 99 % of the rows stay below."""
     return 0.01 * float(np.nanpercentile(np.abs(velocity), 99)) if velocity.size else 0.0
