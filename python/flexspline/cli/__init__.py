@@ -13,7 +13,7 @@ from flexspline.cli.demo import demo, reproduce
 from flexspline.cli.discover import compare, discover
 from flexspline.cli.export import certify, export
 from flexspline.cli.fit import fit
-from flexspline.cli.logs import check, convert
+from flexspline.cli.logs import check, convert, orders
 from flexspline.cli.predict import estimate, predict, simulate
 
 __all__ = ["commands", "main"]
@@ -36,6 +36,7 @@ def commands() -> None:
     The path:
       read     your runs, CSV in SI units     flexspline convert (from other formats)
       check    are the data sound?            flexspline check
+      orders   what turns with the joint      flexspline orders
       calibrate  a bridge's volts to torque   flexspline calibrate
       fit      effects to a target            flexspline fit
       judge    held-out error, confounding    what fit prints, and report.html
@@ -70,8 +71,8 @@ def commands() -> None:
 
 
 COMMANDS = (
-    check, fit, calibrate, predict, simulate, compare, discover, estimate, export, certify, convert,
-    demo, reproduce,
+    check, orders, fit, calibrate, predict, simulate, compare, discover, estimate, export, certify,
+    convert, demo, reproduce,
 )  # fmt: skip
 
 for command in COMMANDS:
