@@ -69,6 +69,7 @@ def test_the_commands_of_the_table_run_in_their_order(
     assert [command.split()[1] for command in TABLE] == [
         "convert",
         "check",
+        "orders",
         "fit",
         "predict",
         "calibrate",
