@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from flexspline.discovery.discovering import discover
     from flexspline.discovery.experimenting import next_experiment
     from flexspline.discovery.result import Discovery
-    from flexspline.estimation import Estimate, estimate
+    from flexspline.estimation import Estimate, Estimates, estimate
     from flexspline.estimators import (
         Calibration,
         Collision,
@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     from flexspline.logs.checks import Findings, check
     from flexspline.logs.log import Log
     from flexspline.logs.read import convert, read_log
-    from flexspline.model import Model, Part, Prediction
+    from flexspline.model import Model, Part, Prediction, Predictions
     from flexspline.output_error.fitting import fit_motion
     from flexspline.output_error.settings import MotionOptions
     from flexspline.recordings.guessing import guess_map
@@ -67,6 +67,7 @@ __all__ = [
     "Discovery",
     "Effect",
     "Estimate",
+    "Estimates",
     "Findings",
     "Fit",
     "FitOptions",
@@ -84,6 +85,7 @@ __all__ = [
     "Plan",
     "PositionServo",
     "Prediction",
+    "Predictions",
     "ReadingChecks",
     "TemperatureCompensation",
     "Thermistor",
@@ -119,6 +121,7 @@ _HOME = {
     "Differentiator": "estimators",
     "Discovery": "discovery.result",
     "Estimate": "estimation",
+    "Estimates": "estimation",
     "Findings": "logs.checks",
     "Fit": "least_squares.result",
     "FitOptions": "least_squares.options",
@@ -134,6 +137,7 @@ _HOME = {
     "Plan": "experiment.plan",
     "PositionServo": "forward.servo",
     "Prediction": "model",
+    "Predictions": "model",
     "ReadingChecks": "estimators",
     "TemperatureCompensation": "estimators",
     "Thermistor": "estimators",

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,12 +27,14 @@ from flexspline.files import atomic_write, refuse_special
 from flexspline.logs.channels import CHANNELS
 from flexspline.logs.derive import lowpass
 from flexspline.logs.log import Log
-from flexspline.logs.read import LogLike, as_log
+from flexspline.logs.read import LogLike, as_log, as_logs, is_one
+from flexspline.logs.segments import output_speed
 from flexspline.part import PART_OF, SIDES, Part, part_from_json, part_to_json
+from flexspline.prediction import Prediction, Predictions, require_rows
 from flexspline.prepared import prepared
 from flexspline.schema import json_content, require_schema
 from flexspline.signals import channels_for, core_channels, gear_of, target_of
-from flexspline.simulator import simulation_of
+from flexspline.simulator import paired, simulation_of
 
 __all__ = [
     "MARGIN",
@@ -40,6 +42,7 @@ __all__ = [
     "Model",
     "Part",
     "Prediction",
+    "Predictions",
     "part_warnings",
     "range_warnings",
     "refuse_warnings",
@@ -66,34 +69,6 @@ MARGIN = 0.05
 
 TURN = 2.0 * np.pi
 ANGLES = ("output_position", "motor_position")  # no effect tells one turn from another
-
-
-@dataclass(frozen=True)
-class Prediction:
-    """Measured and predicted y of one log, arrays (N,) in `unit`; NaN where there is nothing.
-
-    `warnings`: a sentence for each thing that is to be known of the model on this log: signs that
-    no drive has, terms that are not significant, rows outside of what it was fitted to.
-    """
-
-    time: Array
-    measured: Array
-    predicted: Array
-    target: str
-    unit: str
-    warnings: tuple[str, ...] = ()
-
-    def __repr__(self) -> str:
-        known = self.residual[np.isfinite(self.residual)]
-        gap = (
-            f"RMSE {np.sqrt(np.mean(known**2)):.4g} {self.unit}" if known.size else "none measured"
-        )
-        return f"<Prediction of {self.target}: {len(self.time)} rows, {gap}>"
-
-    @property
-    def residual(self) -> Array:
-        """Measured minus predicted."""
-        return self.measured - self.predicted
 
 
 @dataclass(frozen=True)
@@ -179,40 +154,96 @@ class Model:
         require_complete(made.estimators, made.parts)
         return made
 
-    def predict(
+    @overload  # a name of a file is one log
+    def predict(  # type: ignore[overload-overlap]
         self,
         log: LogLike,
         target: str | None = None,
         *,
         lowpass_hz: float | None = None,
-        simulation: LogLike | None = None,
+        simulation: LogLike | Sequence[LogLike] | None = None,
         simulated_torque: str | None = None,
-    ) -> Prediction:
-        """Return measured and predicted y of a log.
+        speed_above: float | None = None,
+    ) -> Prediction: ...
+    @overload
+    def predict(
+        self,
+        log: Iterable[LogLike],
+        target: str | None = None,
+        *,
+        lowpass_hz: float | None = None,
+        simulation: LogLike | Sequence[LogLike] | None = None,
+        simulated_torque: str | None = None,
+        speed_above: float | None = None,
+    ) -> Predictions: ...
+    def predict(
+        self,
+        log: LogLike | Iterable[LogLike],
+        target: str | None = None,
+        *,
+        lowpass_hz: float | None = None,
+        simulation: LogLike | Sequence[LogLike] | None = None,
+        simulated_torque: str | None = None,
+        speed_above: float | None = None,
+    ) -> Prediction | Predictions:
+        """Return measured and predicted y of a log, or of several with their pooled error.
 
         Parameters
         ----------
         log : a log, or what `read_log` reads as one, with the channels that the effects read; a
             missing velocity or acceleration is derived from the position, and one that the model
-            expects smoothed is smoothed.
+            expects smoothed is smoothed. Or several of them, such as a list.
             A part that corrects a simulation adds to what that says: the channel
             `simulated_torque`, or what `simulation` and `simulated_torque` name.
         target : which part; None picks the only one.
         lowpass_hz : zero-phase low pass on both, Hz; None for none.
-        simulation : what the simulation says of this run, in a log of its own.
+        simulation : what the simulation says of this run, in a log of its own; of several runs one
+            for each, in their order.
         simulated_torque : its column, there or in the run.
+        speed_above : rad/s; rows whose output is slower are left out of the errors. The speed is
+            that of output_velocity, or of the derivative of output_position.
+
+        Returns
+        -------
+        A `Prediction` of one log; of several, a list of one included, their `Predictions`.
 
         Raises
         ------
         InputError
-            Where a channel that an effect reads is missing, or the gear is another one.
+            Where a channel that an effect reads is missing, the gear is another one, or no row is
+            so fast.
         """
         part = self.part(target)
-        log = as_log(log)
+        logs = as_logs(log)
+        if not logs:
+            raise InputError("there is no log to predict; give at least one")
+        simulations: Sequence[Log | None] = (
+            [None] * len(logs) if simulation is None else paired(logs, simulation)
+        )
+        made = tuple(
+            replace(
+                self._predicted(part, one, lowpass_hz, other, simulated_torque),
+                name=one.name,
+                speed_above=speed_above,
+                speed=None if speed_above is None else output_speed(one, speed_above),
+            )
+            for one, other in zip(logs, simulations, strict=True)
+        )
+        require_rows(made)
+        return made[0] if is_one(log) else Predictions(made)
+
+    def _predicted(
+        self,
+        part: Part,
+        log: Log,
+        lowpass_hz: float | None,
+        simulation: Log | None,
+        simulated_torque: str | None,
+    ) -> Prediction:
+        """What a part says of one log, and how far that is off."""
         self.require_scales(log, part)
         if simulation is not None or simulated_torque is not None:
-            given = None if simulation is None else as_log(simulation)
-            log = self._with_simulation(part, log, given, simulated_torque)
+            log = self._with_simulation(part, log, simulation, simulated_torque)
         measured = self._measured(part, log)
         inputs = prepared(log, part.preparations)
         inputs = channels_for(inputs, part.effects, part.known_load, load_needed=False)

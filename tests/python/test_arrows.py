@@ -23,7 +23,7 @@ LAYERS = (
     # runs, and what they show by themselves; logs know no effects, their checks do
     ("effects", "logs"),
     ("logs.checks",),
-    ("orders", "prepared", "recordings", "signals"),
+    ("orders", "prediction", "prepared", "recordings", "signals"),
     ("requirements", "simulator"),
     # a model of a joint, and what it is made of
     ("part",),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -14,7 +15,7 @@ from flexspline.errors import InputError
 from flexspline.logs import Log
 from flexspline.logs.checks import check
 from flexspline.logs.checks.samples import unwrapped
-from flexspline.logs.repairs import repaired
+from flexspline.logs.repairs import REPAIRS, repaired
 
 Array = NDArray[np.float64]
 Columns = dict[str, Array]
@@ -137,7 +138,7 @@ CASES = {
         "all",
         9,
         "first row 301, up to 9 on end",
-        "Drop these rows",
+        "drop_repeated",
     ),
     "constant": Case(
         put("motor_current", slice(None), 1.5),
@@ -155,7 +156,7 @@ CASES = {
         "sensor_torque",
         None,
         "clipped there",
-        "Leave these rows out",
+        "drop_clipped=sensor_torque:",
     ),
     "wrapped": Case(
         wrap,
@@ -312,6 +313,9 @@ def test_each_broken_log_is_noticed_with_its_size(case: Case) -> None:
         assert finding.size == pytest.approx(case.size, rel=0.05)
 
 
+ASKED = re.compile(r"repair (\w+(?:=[\w:.+-]*\w)?)")  # the full stop ends the sentence
+
+
 @pytest.mark.parametrize(
     ("change", "name", "repairs"),
     [
@@ -332,6 +336,29 @@ def test_the_remedy_mends_what_was_found(
     log = broken(change)
     assert check(log).named(name)
     assert not check(repaired(log, repairs)).named(name)
+
+
+@pytest.mark.parametrize("case", CASES.values(), ids=CASES.keys())
+def test_rows_that_are_to_go_have_a_repair_that_the_finding_names(case: Case) -> None:
+    """Whoever reads that rows are to be dropped can do so without a program of his own."""
+    for finding in check(broken(case.change)):
+        said = finding.remedy.lower()
+        assert not any(words in said for words in ("drop these", "leave these", "remove these"))
+        assert {name.partition("=")[0] for name in ASKED.findall(said)} <= set(REPAIRS)
+
+
+@pytest.mark.parametrize("case", ["nan", "infinite", "time twice", "stuck", "clipped"])
+def test_the_repair_that_a_finding_names_drops_its_rows_and_no_others(case: str) -> None:
+    log = broken(CASES[case].change)
+    (finding,) = (f for f in check(log).named(CASES[case].name))
+    (asked,) = ASKED.findall(finding.remedy)
+    made = repaired(log, asked)
+    assert not check(made).named(finding.name)
+    first, last = finding.rows
+    lost = len(log) - len(made)
+    assert 0 < lost <= last - first
+    if finding.unit == "rows":
+        assert lost == finding.size
 
 
 def test_the_other_spline_is_named_where_the_ratio_says_so() -> None:

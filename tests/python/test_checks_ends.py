@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from flexspline.logs import Log
 from flexspline.logs.checks import check
 from flexspline.logs.checks.ends import drive_disabled, homing_move, only_experiments, stuck_tail
+from flexspline.logs.repairs import repaired
 from flexspline.logs.segments import true_ranges
 
 Array = NDArray[np.float64]
@@ -83,6 +84,25 @@ def test_a_tail_that_is_stuck_while_the_joint_moves_is_found(
     assert abs(first - (len(log) - TAIL)) <= 60  # a coarse position may have stood there before
     assert all(name in tail.sentence for name in channels)
     assert f"{first} to {last}" in tail.sentence
+
+
+@pytest.mark.parametrize(
+    ("channels", "asked"),
+    [
+        ((), "drop_stuck"),
+        (("sensor_torque",), "drop_stuck=sensor_torque"),
+        (("output_position", "sensor_torque"), "drop_stuck=sensor_torque"),
+    ],
+)
+def test_the_repair_that_a_stuck_tail_names_drops_its_rows_and_no_others(
+    channels: tuple[str, ...], asked: str
+) -> None:
+    log = log_of(frozen(recorded(0), *channels))
+    (tail,) = stuck_tail(log)
+    assert tail.remedy == f"Ask for the repair {asked}, or record again."
+    made = repaired(log, asked)
+    assert len(made) == tail.rows[0]
+    assert list(stuck_tail(made)) == []
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -179,6 +199,16 @@ def test_a_homing_move_ends_where_the_angle_is_set_anew(seed: int, rows: int, sm
     speed = np.abs(np.diff(kept.log["output_position"])) * RATE
     assert speed.max() < 20.0
     assert kept.as_recorded((0, 5)) == (move.rows[1], move.rows[1] + 5)
+
+
+@pytest.mark.parametrize("behind", [False, True])
+def test_the_repair_that_a_homing_move_names_keeps_all_other_rows(behind: bool) -> None:
+    log = log_of(homed(1, 3500 if behind else 700, 1))
+    (move,) = homing_move(log)
+    made = repaired(log, move.remedy.removeprefix("Ask for the repair ").rstrip("."))
+    kept = slice(0, move.rows[0]) if behind else slice(move.rows[1], None)
+    np.testing.assert_array_equal(made["time"], log["time"][kept])
+    assert list(homing_move(made)) == []
 
 
 @pytest.mark.parametrize(("times", "told"), [(6.0, False), (15.0, True)])

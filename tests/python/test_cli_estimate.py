@@ -50,6 +50,23 @@ def test_the_file_holds_what_the_call_returns(tmp_path: Path, run: Path, model: 
     assert "1 contact: " in result.stdout and f"wrote {out}" in result.stdout
 
 
+def test_several_runs_get_a_file_each_and_the_errors_beside_their_references(
+    tmp_path: Path, run: Path, model: Path
+) -> None:
+    other = tmp_path / "other.csv"
+    write_log(raw_log(800).with_facts({"name": "other"}), other)
+    out, alone = tmp_path / "external", tmp_path / "alone.csv"
+    result = call("estimate", "--model", model, run, other, "--out", out)
+    assert result.exit_code == 0, result.stderr
+    assert sorted(path.name for path in out.iterdir()) == ["other.csv", "run.csv"]
+    one = call("estimate", "--model", model, other, "--out", alone)
+    assert (out / "other.csv").read_bytes() == alone.read_bytes()
+    assert one.stdout.removesuffix(f"wrote {alone}\n").strip() in result.stdout
+    made = flexspline.estimate(Model.load(model), [run, other])
+    assert result.stdout == f"{made}\n\nwrote run.csv, other.csv to {out}\n"
+    assert f"{made.rmse['external_torque_merged']:.4g}" in result.stdout
+
+
 def test_what_has_no_estimate_is_empty_and_its_row_stays(
     tmp_path: Path, run: Path, model: Path
 ) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import comparison_logs as rig
 import numpy as np
 import pytest
@@ -156,6 +158,36 @@ def test_the_memory_counts_a_slow_cell_as_few_and_a_flickering_one_as_many() -> 
     assert np.all(memory.times(flicker, 2)[0] < 0.8 * memory.times(slow, 2)[0])
 
 
+def test_rows_that_are_slower_than_asked_are_compared_nowhere_and_counted() -> None:
+    logs = rig.logs("slow", runs=2)
+    speeds = [np.abs(log["output_velocity"]) for log in logs]
+    made = flexspline.compare(rig.model(), logs, speed_above=0.2)
+    fast = [speed >= 0.2 for speed in speeds]
+    assert made.overall.rows == sum(int(rows.sum()) for rows in fast)
+    errors = [run.residual[rows] for run, rows in zip(made.runs, fast, strict=True)]
+    assert made.rmse == pytest.approx(np.sqrt(np.mean(np.concatenate(errors) ** 2)), rel=1e-9)
+    whole = sum(map(len, logs))
+    said = f"{whole - made.overall.rows} of {whole} rows are slower than 0.2 rad/s and not compared"
+    assert said in str(made)
+    # what is hidden lies below 0.15 rad/s: none of it is left
+    assert not made.follows and "speed" not in [found.name for found in made.follows]
+    assert json.loads(made.to_json())["speed_above"] == 0.2
+
+
+def test_the_error_of_fast_rows_is_that_of_a_prediction() -> None:
+    logs = rig.logs("slow", runs=2)
+    compared = flexspline.compare(rig.model(), logs, speed_above=0.1)
+    predicted = rig.model().predict(logs, speed_above=0.1)
+    assert compared.rmse == pytest.approx(predicted.rmse, rel=1e-12)
+    assert compared.overall.rows == predicted.rows
+
+
+def test_a_comparison_without_a_least_speed_says_none() -> None:
+    made = rig.comparison("slow")
+    assert made.speed_above is None and json.loads(made.to_json())["speed_above"] is None
+    assert "slower than" not in str(made)
+
+
 def test_wrong_calls_say_what_to_do() -> None:
     (log, *_) = rig.logs("nothing", runs=1, samples=1000)
     with pytest.raises(InputError, match="at least one"):
@@ -167,6 +199,10 @@ def test_wrong_calls_say_what_to_do() -> None:
         flexspline.compare(rig.model(), Log.from_arrays(**bare))
     with pytest.raises(InputError, match="no part for the target"):
         flexspline.compare(rig.model(), log, target="torsion")
+    with pytest.raises(InputError, match="0 rows of the logs move at 99 rad/s or more, and"):
+        flexspline.compare(rig.model(), log, speed_above=99.0)
+    with pytest.raises(InputError, match="speed_above is -1"):
+        flexspline.compare(rig.model(), log, speed_above=-1.0)
     with pytest.raises(InputError, match="leave lowpass out"):
         flexspline.compare(rig.model(), log, simulated=True, lowpass=5.0)
     with pytest.raises(InputError, match="leave it out or give simulated"):

@@ -61,6 +61,40 @@ def test_every_estimator_finds_the_external_torque_that_made_the_log() -> None:
     assert largest(made["temperature"] - log["temperature"]) < 1e-11
 
 
+def test_estimates_of_several_runs_have_the_errors_beside_their_references() -> None:
+    log = raw_log()
+    short = log.rows(slice(0, 1000)).with_facts({"name": "short"})
+    bare = without(log, "reference_torque").with_facts({"name": "bare"})
+    made = flexspline.estimate(whole_joint(), [log, short, bare])
+    assert len(made) == 3 and made[1].name == "short"
+    np.testing.assert_array_equal(
+        made[0]["external_torque_merged"],
+        flexspline.estimate(whole_joint(), log)["external_torque_merged"],
+    )
+    for column in ("external_torque_sensor", "external_torque_merged"):
+        truth = [run["reference_torque"] for run in (log, short)]
+        errors = [one[column] - known for one, known in zip(made.runs[:2], truth, strict=True)]
+        expected = np.concatenate(errors)
+        expected = expected[np.isfinite(expected)]
+        assert made.rmse[column] == pytest.approx(np.sqrt(np.mean(expected**2)), rel=1e-12)
+    table = made.to_frame()
+    assert set(table["run"]) == {"rig", "short"}
+    text = str(made)
+    assert "the estimate less reference_torque" in text and "all runs" in text
+    assert "the worst run of external_torque_sensor is" in text
+    assert "no reference_torque to compare with: bare" in text
+    assert "the estimate less reference_torque" in made._repr_html_()
+
+
+def test_estimates_without_a_reference_say_what_each_says() -> None:
+    bare = without(raw_log(500), "reference_torque")
+    made = flexspline.estimate(whole_joint(), [bare, bare])
+    assert str(made) == f"{made[0]}\n\n{made[1]}"
+    assert np.isnan(made.rmse["external_torque_sensor"])
+    with pytest.raises(InputError, match="there is no log to estimate from"):
+        flexspline.estimate(whole_joint(), [])
+
+
 def test_a_reference_torque_is_never_read() -> None:
     log = raw_log()
     bare = without(log, "reference_torque")

@@ -307,6 +307,10 @@ def test_the_command_line_goes_all_the_way_by_files_of_their_own(tmp_path: Path)
                 "--simulation", simulated[0], "--simulated-torque", "tau",
                 "--out", tmp_path / "p.csv")  # fmt: skip
     assert told.exit_code == 0, told.stderr
+    all_told = call("predict", "--model", tmp_path / "joint" / "model.json", *measured, *files,
+                    "--simulated-torque", "tau", "--out", tmp_path / "all")  # fmt: skip
+    assert all_told.exit_code == 0, all_told.stderr
+    assert (tmp_path / "all" / "run1.csv").read_bytes() == (tmp_path / "p.csv").read_bytes()
 
 
 def test_the_command_line_refuses_two_bases_with_one_sentence(tmp_path: Path) -> None:

@@ -17,6 +17,7 @@ from flexspline import CATALOGUE, InputError, effect
 from flexspline.effects import TARGETS
 from flexspline.estimators import Observer
 from flexspline.logs.channels import CHANNELS
+from flexspline.logs.derive import differentiate
 from flexspline.logs.log import Log
 from flexspline.model import PART_OF, Model, Part
 
@@ -254,6 +255,90 @@ def test_without_the_target_a_log_is_predicted_and_its_measurement_is_nan():
     made = fit.model.predict(bare)
     assert np.isnan(made.measured).all()
     assert np.array_equal(made.predicted, fit.model.predict(log).predicted)
+
+
+def test_several_runs_are_each_predicted_and_their_errors_pooled_by_rows():
+    log, fit = small_fit()
+    runs = [log, log.rows(slice(0, 500)).with_facts({"name": "short"})]
+    made = fit.model.predict(runs)
+    assert len(made) == 2 and made[1].name == "short" and list(made) == list(made.runs)
+    for one, run in zip(made, runs, strict=True):
+        assert np.array_equal(one.predicted, fit.model.predict(run).predicted)
+    residuals = np.concatenate([one.residual for one in made])
+    assert made.rows == len(residuals) == len(log) + 500
+    assert made.rmse == np.sqrt(np.mean(residuals**2))
+    assert made.rmse != pytest.approx(np.mean([one.rmse for one in made]), rel=1e-6)
+    assert made.worst is max(made, key=lambda one: one.rmse)
+    assert np.array_equal(fit.predict(runs).errors, residuals)
+    assert fit.model.predict([log]).rmse == fit.model.predict(log).rmse
+    assert [*made.to_frame()["rows"]] == [len(log), 500]
+
+
+def test_predictions_say_the_error_of_each_run_the_pooled_one_and_the_worst_run():
+    log, fit = small_fit()
+    made = fit.model.predict([log, log.rows(slice(0, 500)).with_facts({"name": "short"})])
+    assert repr(made) == (
+        f"<Predictions of sensor_torque: 2 runs, RMSE {made.rmse:.4g} Nm over {made.rows} rows>"
+    )
+    for text in (str(made), made._repr_html_()):
+        assert f"the worst run is {made.worst.name}: RMSE {made.worst.rmse:.4g} Nm" in text
+        assert "all runs" in text and "RMSE [Nm]" in text and "short" in text
+
+
+def test_predictions_of_runs_without_the_target_have_no_error_and_say_so():
+    log, fit = small_fit()
+    bare = Log.from_arrays(
+        facts=dict(log.facts), **{n: log[n] for n in log.channels if n != "sensor_torque"}
+    )
+    made = fit.model.predict([bare, bare])
+    assert made.rows == 0 and np.isnan(made.rmse) and made.worst is None
+    assert "nothing measured to compare with" in str(made)
+    assert fit.model.predict([bare, log]).worst.name == log.name
+
+
+@pytest.mark.parametrize("derived", [False, True])
+def test_slow_rows_count_in_no_error_and_are_counted(derived):
+    log, fit = small_fit()
+    if derived:
+        log = Log.from_arrays(
+            facts=dict(log.facts), **{n: log[n] for n in log.channels if n != "output_velocity"}
+        )
+        speed = np.abs(differentiate(log)["output_velocity"])
+    else:
+        speed = np.abs(log["output_velocity"])
+    least = float(np.median(speed))
+    made = fit.model.predict(log, speed_above=least)
+    fast = speed >= least
+    assert np.array_equal(made.residual, fit.model.predict(log).residual)
+    assert (made.rows, made.slow_rows) == (fast.sum(), (~fast).sum())
+    assert made.rmse == np.sqrt(np.mean(made.residual[fast] ** 2))
+    assert f"{made.slow_rows} of {len(log)} rows are slower than {least:g} rad/s" in str(
+        fit.model.predict([log], speed_above=least)
+    )
+
+
+@pytest.mark.parametrize(
+    ("change", "least", "says"),
+    [
+        ({}, 1e3, r"no row with a measured value moves at 1000 rad/s or more, the fastest at"),
+        ({}, -1.0, "speed_above is -1.0; give rad/s"),
+        ({}, np.nan, "give rad/s"),
+        ({"time", "sensor_torque"}, 0.1, "needs output_velocity or output_position"),
+    ],
+)
+def test_a_speed_that_chooses_no_row_is_one_sentence(change, least, says):
+    log, fit = small_fit()
+    model = fit.model
+    if change:
+        log = Log.from_arrays(**{name: log[name] for name in change})
+        model = Model({"sensor": Part("sensor_torque", (), np.zeros(0))})
+    with pytest.raises(InputError, match=says):
+        model.predict(log, speed_above=least)
+
+
+def test_no_run_at_all_is_refused():
+    with pytest.raises(InputError, match="there is no log to predict"):
+        small_fit()[1].model.predict([])
 
 
 def test_a_channel_that_is_missing_is_named():

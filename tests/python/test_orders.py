@@ -7,14 +7,18 @@ from pathlib import Path
 import matplotlib
 import measured
 import numpy as np
+import pandas
 import pytest
+from cli_calls import call
 from numpy.typing import NDArray
 from scipy import stats
 from scipy.signal import lfilter
 
 from flexspline.errors import InputError
 from flexspline.logs import Log
+from flexspline.logs.read import write_log
 from flexspline.orders import find_orders, order_spectrum, pairs, time_spectrum
+from flexspline.orders.scan import Share, combined, scattered
 from flexspline.orders.spectrum import fourier_sums
 
 matplotlib.use("Agg")
@@ -189,8 +193,203 @@ def test_results_print_draw_and_export_with_units() -> None:
     assert "[Hz]" in time_spectrum(turning(1, 500, {}), "sensor_torque").plot().get_xlabel()
 
 
+SPEEDS = (1.0, 1.3, 2.2, 3.1)  # turns in 6 s: order 200 is at 33, 43, 73 and 103 Hz
+
+
+def humming(log: Log, hertz: float, size: float, seed: int = 0) -> Log:
+    """The log with a vibration in its sensor torque, of any phase."""
+    phase = np.random.default_rng(seed).uniform(0, 2 * np.pi)
+    hum = size * np.cos(2 * np.pi * hertz * log["time"] + phase)
+    return log.with_columns({"sensor_torque": log["sensor_torque"] + hum}, note="it hums")
+
+
+def hummed(size: float) -> list[Log]:
+    """Runs at several speeds with order 200, 0.1 Nm, and a vibration at 50 Hz."""
+    runs = [turning(turns, 6000, {200.0: 0.1}, seed=i) for i, turns in enumerate(SPEEDS)]
+    return [humming(log, 50.0, size, i) for i, log in enumerate(runs)]
+
+
+@pytest.mark.parametrize("size", [0.05, 0.3])
+def test_a_vibration_that_stays_at_one_frequency_is_told_from_orders_by_several_speeds(
+    size: float,
+) -> None:
+    logs = hummed(size)
+    found = find_orders(logs, "sensor_torque", vibrations=True)
+    assert per_turn(found) == [200] and np.isnan(found.found[0].alone)
+    (hum,) = found.vibrations
+    assert hum.frequency == pytest.approx(50.0, abs=0.1 * hum.resolution)
+    assert hum.amplitude == pytest.approx(size, abs=4 * hum.error)
+    assert hum.resolution == pytest.approx(1 / 6.0, rel=0.1)
+    assert (hum.seen, hum.of) == (4, 4)
+    assert "\n         50.00  " in str(found) and "frequency [Hz]" in found._repr_html_()
+
+
+def test_a_strong_vibration_makes_orders_that_only_competition_takes_away() -> None:
+    plain = find_orders(hummed(0.3), "sensor_torque")
+    assert len(plain) > 1 and plain.vibrations == () and plain.frequencies is None
+    assert "vibration" not in str(plain)
+
+
+def test_at_one_speed_nothing_tells_an_order_from_a_vibration_and_it_says_so() -> None:
+    found = find_orders(hummed(0.3)[0], "sensor_torque", vibrations=True)
+    assert found.vibrations == () and per_turn(found) == [200, 300]
+    text = str(found)
+    assert "all runs turn at one speed, 1.05 rad/s" in text and "300 (50 Hz)" in text
+    assert "record a run at another speed" in text
+
+
+def test_two_speeds_tell_an_order_and_it_is_called_no_vibration() -> None:
+    logs = [turning(turns, 6000, {200.0: 0.1}, seed=i) for i, turns in enumerate(SPEEDS[:2])]
+    found = find_orders(logs, "sensor_torque", vibrations=True)
+    assert found.found[0].per_output_turn == 200 and np.isnan(found.found[0].alone)
+    assert "no vibration that stays at one frequency was found" in str(found)
+
+
+def test_a_speed_that_changes_within_a_run_tells_a_vibration_from_an_order() -> None:
+    time = np.arange(12_000) * 1e-3
+    q = 2 * np.sin(2 * np.pi * 0.1 * time + 1)
+    torque = 0.05 * coloured(np.random.default_rng(1), 12_000) + 0.2 * np.cos(100 * q - 0.4)
+    log = Log.from_arrays(
+        time=time, output_position=q, sensor_torque=torque, facts={"gear_ratio": 100}
+    )
+    assert find_orders(log, "sensor_torque", vibrations=True).vibrations == ()
+    found = find_orders(humming(log, 40.0, 0.2), "sensor_torque", vibrations=True)
+    assert per_turn(found) == [100]
+    (hum,) = found.vibrations
+    assert hum.frequency == pytest.approx(40.0, abs=0.1 * hum.resolution)
+    assert hum.amplitude == pytest.approx(0.2, abs=4 * hum.error)
+
+
+def test_runs_without_a_vibration_have_the_orders_that_they_have_without_looking() -> None:
+    logs = [turning(turns, 6000, {200.0: 0.1, 700.0: 0.05}, seed=i)
+            for i, turns in enumerate(SPEEDS)]  # fmt: skip
+    plain = find_orders(logs, "sensor_torque")
+    looked = find_orders(logs, "sensor_torque", vibrations=True)
+    assert plain.to_frame().drop(columns="alone").equals(looked.to_frame().drop(columns="alone"))
+
+
+def test_noise_alone_makes_a_vibration_no_more_often_than_stated() -> None:
+    named = 0
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        logs = []
+        for run in range(2):
+            time = np.arange(3000) * 1e-3
+            q = 2 * np.sin((1.5 + 0.3 * run) * time) if seed % 2 else (1.5 + run) * time
+            logs.append(
+                Log.from_arrays(time=time, output_position=q, sensor_torque=coloured(rng, 3000))
+            )
+        found = find_orders(logs, "sensor_torque", max_order=300, false_alarm=0.05, vibrations=True)
+        named += len(found.vibrations) > 0
+    # of 40 at 0.05 no more than this, with 99 % probability
+    assert named <= stats.binom.ppf(0.99, 40, 0.05)
+
+
+def test_runs_of_opposite_phases_have_no_steady_part_and_a_spread_as_large_as_they_are() -> None:
+    logs = [turning(1 + 0.3 * i, 6000, {200.0: 0.1}, seed=i, phase=np.pi * i) for i in range(4)]
+    (found,) = find_orders(logs, "sensor_torque", max_order=1000)
+    assert found.steady < 2 * found.steady_error
+    # of four waves two of either sign: Σ (β_g - mean)² / 3 is 4/3 of their square
+    assert found.spread == pytest.approx(0.1 * np.sqrt(4 / 3), rel=0.15)
+    same = [turning(1 + 0.3 * i, 6000, {200.0: 0.1}, seed=i) for i in range(4)]
+    (kept,) = find_orders(same, "sensor_torque", max_order=1000)
+    assert kept.spread < 0.2 * kept.steady
+    assert kept.steady == pytest.approx(0.1, abs=4 * kept.steady_error)
+
+
+def test_the_spread_and_the_error_of_the_steady_part_are_those_that_made_the_waves() -> None:
+    rng = np.random.default_rng(2)
+    beta, tau, sigma = np.array([0.3, -0.2]), 0.05, np.array([0.02, 0.03, 0.05, 0.04, 0.02, 0.03])
+    squares, pulls = [], []
+    for _ in range(400):
+        shares = [
+            Share(
+                "", 1.0, 100, beta + rng.normal(0, tau, 2) + rng.normal(0, s, 2), s**2 * np.eye(2)
+            )
+            for s in sigma
+        ]
+        spread, covariance = scattered(shares)
+        made = combined(shares)
+        steady = made.steady * np.array([np.cos(made.phase), np.sin(made.phase)])
+        squares.append(spread**2)
+        pulls.append((steady - beta) @ np.linalg.solve(covariance, steady - beta) / 2)
+    # the moment's estimate of τ² scatters by about τ² √(2 / 10) each, and is cut off at zero
+    assert np.mean(squares) == pytest.approx(2 * tau**2, rel=0.15)
+    # mean of an F(2, ~10): 10 / 8
+    assert 0.9 < np.mean(pulls) < 1.6
+
+
+def test_one_stretch_has_no_spread() -> None:
+    (found,) = find_orders(turning(3, 6000, {200.0: 0.1}), "sensor_torque", max_order=500)
+    assert np.isnan(found.spread) and found.steady_error == pytest.approx(found.error, rel=1e-3)
+
+
+def test_the_table_of_orders_and_vibrations_has_units_in_its_heads(tmp_path: Path) -> None:
+    found = find_orders(hummed(0.3), "sensor_torque", vibrations=True)
+    found.save(tmp_path / "orders.csv")
+    table = pandas.read_csv(tmp_path / "orders.csv")
+    assert list(table["kind"]) == ["order", "vibration"]
+    assert table["steady part [Nm]"][0] == found.found[0].steady
+    assert table["spread [Nm]"][0] == found.found[0].spread
+    assert table["resolution [orders per output turn]"][0] == found.found[0].resolution
+    assert table["frequency [Hz]"][1] == found.vibrations[0].frequency
+    assert np.isnan(table["frequency [Hz]"][0]) and np.isnan(table["order of pair"][1])
+
+
+def test_the_command_prints_and_writes_what_the_call_finds(tmp_path: Path) -> None:
+    logs = [log.with_facts({"name": f"run{i}"}) for i, log in enumerate(hummed(0.3))]
+    runs = [tmp_path / f"{log.name}.csv" for log in logs]
+    for log, path in zip(logs, runs, strict=True):
+        write_log(log, path)
+    found = find_orders(logs, "sensor_torque", vibrations=True)
+    bare = call("orders", *runs, "--target", "sensor_torque")
+    assert bare.exit_code == 0, bare.stderr
+    assert bare.stdout == f"{found}\n"
+    table, folder = tmp_path / "found.csv", tmp_path / "found"
+    assert call("orders", *runs, "--target", "sensor_torque", "--out", table).exit_code == 0
+    assert call("orders", *runs, "--target", "sensor_torque", "--out", folder).exit_code == 0
+    assert sorted(path.name for path in folder.iterdir()) == ["orders.csv", "orders.png"]
+    assert (folder / "orders.csv").read_bytes() == table.read_bytes()
+
+
 @pytest.mark.parametrize(
-    ("call", "words"),
+    ("line", "says"),
+    [
+        ("{run}", "--target"),
+        ("{run} --target torsion", "motor_position"),
+        ("{run} --target sensor_torque --out {run}", "would overwrite"),
+        ("{run} --target sensor_torque --out {text}", "is a file"),
+        ("{still} --target sensor_torque --out {folder}/new", "stands still"),
+        ("{run} {run} --target sensor_torque", "twice"),
+        ("{run} --target sensor_torque --known-load reference_torque", "reference_torque"),
+    ],
+)
+def test_a_wrong_call_of_the_command_is_one_line_and_writes_nothing(
+    line: str, says: str, tmp_path: Path
+) -> None:
+    run, still, text = (tmp_path / name for name in ("run.csv", "still.csv", "notes.txt"))
+    log = turning(1, 500, {})
+    write_log(log, run)
+    write_log(log.with_columns({"output_position": np.ones(500)}, note="still"), still)
+    text.write_text("a note\n")
+    before = sorted(tmp_path.iterdir())
+    arguments = line.format(run=run, still=still, text=text, folder=tmp_path).split()
+    result = call("orders", *arguments)
+    assert result.exit_code == 2
+    assert says in result.stderr and result.stderr.count("\n") == 1, result.stderr
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_the_kinova_current_vibrates_at_one_frequency_at_all_speeds(data_folder: Path) -> None:
+    found = find_orders(kinova_runs(), "motor_current", vibrations=True)
+    assert {100, 200, 400, 700, 1200, 1400, 2100, 2400, 2800, 4200} <= set(per_turn(found))
+    (wave,) = found.vibrations
+    assert wave.frequency == pytest.approx(5.4, abs=wave.resolution)
+    assert wave.speeds[1] > 2 * wave.speeds[0]
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
     [
         (lambda log: find_orders([], "sensor_torque"), "no log"),
         (lambda log: find_orders(log, [np.ones(3)]), "rows"),
@@ -200,9 +399,9 @@ def test_results_print_draw_and_export_with_units() -> None:
         (lambda log: order_spectrum(log, "sensor_torque", pair="teeth"), "no pair"),
     ],
 )
-def test_a_wrong_call_gets_a_sentence(call: object, words: str) -> None:
+def test_a_wrong_call_gets_a_sentence(wrong: object, words: str) -> None:
     with pytest.raises(InputError, match=words):
-        call(turning(1, 500, {}))  # type: ignore[operator]
+        wrong(turning(1, 500, {}))  # type: ignore[operator]
 
 
 def kinova_runs() -> list[Log]:

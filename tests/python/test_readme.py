@@ -51,6 +51,7 @@ def test_the_commands_of_the_table_run_in_their_order(
         "init",
         "convert",
         "check",
+        "orders",
         "fit",
         "predict",
         "calibrate",

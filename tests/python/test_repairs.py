@@ -62,6 +62,45 @@ def test_signs_are_turned_for_one_channel_or_all_of_the_motor() -> None:
     assert back.history[-1] == "reverse_motor: motor_position, motor_current times -1"
 
 
+def test_repeated_rows_go_and_those_of_a_joint_at_rest_stay() -> None:
+    torque = np.random.default_rng(0).normal(size=200)
+    log = turning(sensor_torque=torque, output_velocity=np.full(200, np.pi))
+    again = log.rows(np.sort(np.concatenate([np.arange(200), np.arange(50, 53)])))
+    made = repaired(again, "drop_repeated")
+    np.testing.assert_array_equal(made["sensor_torque"], torque)
+    note = "drop_repeated: rows that repeat all values of the row before them, dropped: 3"
+    assert made.history[-1] == note
+    still = Log.from_arrays(time=TIME, output_position=np.minimum(TIME, 1.0))
+    assert len(repaired(still, "drop_repeated")) == 200
+
+
+def test_a_stuck_end_goes_for_one_channel_or_where_all_are_stuck() -> None:
+    held = np.minimum(TIME, TIME[149])
+    log = turning(sensor_torque=held, temperature=np.full(200, 25.0))
+    assert len(repaired(log, "drop_stuck")) == 200
+    made = repaired(log, "drop_stuck=sensor_torque")
+    np.testing.assert_array_equal(made["time"], TIME[:150])
+    said = "drop_stuck: the last rows, which repeat sensor_torque; rows dropped: 50"
+    assert made.history[-1] == said
+    whole = Log.from_arrays(time=TIME, sensor_torque=held, temperature=TIME)
+    assert len(repaired(whole, "drop_stuck")) == 150
+
+
+def test_rows_at_the_limit_of_a_channel_go() -> None:
+    made = repaired(turning(sensor_torque=np.minimum(TIME, 1.5)), "drop_clipped=sensor_torque:1.5")
+    np.testing.assert_array_equal(made["time"], TIME[TIME < 1.5])
+
+
+@pytest.mark.parametrize(
+    ("span", "rows"), [("0.5:1", 51), ("0.5:", 150), (":1", 101), ("-1:9", 200), (" 0.5 : 1 ", 51)]
+)
+def test_a_span_of_the_runs_clock_is_kept_with_both_ends(span: str, rows: int) -> None:
+    assert len(repaired(turning(), f"keep={span}")) == rows
+    first, _, last = span.partition(":")
+    if first.strip() and last.strip():
+        assert len(repaired(turning(), {"keep": (float(first), float(last))})) == rows
+
+
 def test_scale_multiplies_one_channel() -> None:
     assert repaired(turning(duty=TIME), {"scale": ("duty", 2)})["duty"][1] == 2 * TIME[1]
 
@@ -109,6 +148,12 @@ def test_a_log_is_resampled_only_when_asked() -> None:
         ("drop_start=soon", "'soon' is no number"),
         ("drop_start=-1", "'-1' is no number that it can take"),
         ("drop_start=99", "drop_start leaves no row of 200; give it less"),
+        ("keep=3", "'keep=3': no span of time; write keep=from:to"),
+        ("keep=:", "no span of time"),
+        ("keep=a:1", "'a' is no number"),
+        ("keep=5:9", "keep leaves no row of 200"),
+        ("drop_clipped=output_position", "write drop_clipped=channel:limit"),
+        ("drop_stuck=torque", "no channel 'torque'"),
         ("flip_sign=torque", "no channel 'torque'"),
         ("shift=torque:1", "'torque' is no channel"),
         ("shift=output_position", "write shift=channel:seconds"),

@@ -14,7 +14,7 @@ from flexspline.cli.discover import compare, discover
 from flexspline.cli.export import certify, export
 from flexspline.cli.fit import fit
 from flexspline.cli.init import init
-from flexspline.cli.logs import check, convert
+from flexspline.cli.logs import check, convert, orders
 from flexspline.cli.predict import estimate, predict, simulate
 
 __all__ = ["commands", "main"]
@@ -38,6 +38,7 @@ def commands() -> None:
       begin    with any recorder's file       flexspline init (guesses the column map)
       read     your runs, CSV in SI units     flexspline convert (from other formats)
       check    are the data sound?            flexspline check
+      orders   what turns with the joint      flexspline orders
       calibrate  a bridge's volts to torque   flexspline calibrate
       fit      effects to a target            flexspline fit
       judge    held-out error, confounding    what fit prints, and report.html
@@ -72,8 +73,8 @@ def commands() -> None:
 
 
 COMMANDS = (
-    init, check, fit, calibrate, predict, simulate, compare, discover, estimate, export, certify,
-    convert, demo, reproduce,
+    init, check, orders, fit, calibrate, predict, simulate, compare, discover, estimate, export,
+    certify, convert, demo, reproduce,
 )  # fmt: skip
 
 for command in COMMANDS:

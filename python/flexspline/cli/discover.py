@@ -30,6 +30,7 @@ from flexspline.cli.options import (
     repairs,
     simulation,
     simulations,
+    speed_above,
     target,
     threads,
 )
@@ -69,6 +70,7 @@ NEXT = "next_experiment.csv"
 @known_load
 @lowpass
 @bandwidth
+@speed_above
 @reading()
 def compare(
     runs: tuple[str, ...],
@@ -83,6 +85,7 @@ def compare(
     known_load: str | None,
     lowpass: float | None,
     bandwidth: float | None,
+    speed_above: float | None,
     reading: Reading,
 ) -> None:
     """Say where a model, or any simulation, and runs disagree, and how far above the noise.
@@ -130,6 +133,7 @@ def compare(
             simulated_torque=simulated_torque,
             simulated_motion=simulated_motion,
             known_load=known_load,
+            speed_above=speed_above,
             controller=PositionServo.load(controller) if controller else None,
             progress=on_terminal(),
         )

@@ -1,6 +1,7 @@
-"""`flexspline check` and `flexspline convert`: runs without a model.
+"""`flexspline check`, `flexspline orders` and `flexspline convert`: runs without a model.
 
-`check` is the audit before any fit; `convert` makes a run of a foreign file and a column map.
+`check` is the audit before any fit, `orders` says what turns with the joint; `convert` makes a run
+of a foreign file and a column map.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from flexspline.cli.options import (
     Reading,
     Taught,
     effects_by_target,
+    known_load,
     named_effects,
     out_file,
     reading,
@@ -28,6 +30,7 @@ from flexspline.files import atomic_write, whole_folder
 __all__ = [
     "check",
     "convert",
+    "orders",
 ]
 
 FORBIDDEN = 3  # exit code: findings that forbid a fit
@@ -88,6 +91,64 @@ def check(
         click.echo(f"\nwrote {Path(out) / 'check.json'} and {Path(out) / 'report.html'}")
     if any(found.forbidding(target) for _, found in audits):
         ctx.exit(FORBIDDEN)
+
+
+@click.command(cls=Taught, sections=(repairs,))
+@click.argument("runs", nargs=-1, required=True, metavar="RUN.csv...", type=FILE)
+@target(required=True, says="Whose ripple is looked for.")
+@known_load
+@click.option(
+    "--out",
+    metavar="FILE.csv|DIR",
+    type=FILE,
+    help="Table of what is found; or a folder for orders.csv and orders.png.",
+)
+@reading()
+def orders(
+    runs: tuple[str, ...], target: str, known_load: str | None, out: str | None, reading: Reading
+) -> None:
+    """Find what turns with the joint, and what vibrates at one frequency; nothing is fitted.
+
+    Prints, for each order that is significant, how often it comes per turn of the output and of
+    which pair of parts; how finely these runs tell orders apart, and what else turns within that;
+    the size and phase of its steady part, which all runs have in common, with errors; and the
+    spread, by how much single runs and directions differ from that. Vibrations stay at one
+    frequency whatever the speed: runs at two speeds tell them from orders, one speed does not.
+
+    \b
+    Examples:
+      flexspline orders run1.csv run2.csv --target sensor_torque --gear-ratio 100
+      flexspline orders run*.csv --target motor_current --repair drop_start=1 --out orders.csv
+    """
+    if out is not None and _is_table(out):
+        refuse_overwriting(out, runs)
+    logs = reading.logs(runs)
+
+    from flexspline.effects import UNITS
+    from flexspline.orders import find_orders
+    from flexspline.signals import target_of
+
+    values = [target_of(log, target, known_load) for log in logs]
+    found = find_orders(logs, values, unit=UNITS[target], channel=target, vibrations=True)
+    click.echo(str(found))
+    if out is None:
+        return
+    if _is_table(out):
+        found.save(out)
+        click.echo(f"\nwrote {out}")
+        return
+    from flexspline.plot.canvas import PlainFigure, own_style
+
+    with whole_folder(out, last="orders.csv") as draft, own_style():
+        figure = PlainFigure(9.0, 4.0)
+        found.plot(figure.add_subplot())
+        figure.savefig(draft / "orders.png", dpi=110)
+        found.save(draft / "orders.csv")
+    click.echo(f"\nwrote {Path(out) / 'orders.csv'} and {Path(out) / 'orders.png'}")
+
+
+def _is_table(out: str) -> bool:
+    return Path(out).suffix.lower() == ".csv" and not Path(out).is_dir()
 
 
 @click.command(cls=Taught, sections=(repairs,))

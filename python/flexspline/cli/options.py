@@ -6,6 +6,7 @@ Help texts list the effects and repairs that exist.
 from __future__ import annotations
 
 import math
+import os
 import sys
 import textwrap
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -40,6 +41,7 @@ __all__ = [
     "bandwidth",
     "controller",
     "effects_by_target",
+    "files_in",
     "fixed",
     "known_load",
     "loaded",
@@ -50,12 +52,14 @@ __all__ = [
     "on_terminal",
     "orders",
     "out_file",
+    "out_files",
     "positive",
     "reading",
     "refuse_overwriting",
     "repairs",
     "simulation",
     "simulations",
+    "speed_above",
     "strict",
     "target",
     "threads",
@@ -277,6 +281,62 @@ def strict(command: Command) -> Command:
     """--strict"""
     says = "Refuse what is otherwise warned of, with exit code 2."
     return click.option("--strict", is_flag=True, help=says)(command)
+
+
+def speed_above(command: Command) -> Command:
+    """--speed-above RAD_PER_S"""
+    return click.option(
+        "--speed-above",
+        type=positive,
+        metavar="RAD_PER_S",
+        help="Rows whose output is slower are left out of the errors; its speed is "
+        "output_velocity, or the derivative of output_position.",
+    )(command)
+
+
+def out_files(command: Command) -> Command:
+    """--out FILE_OR_DIR"""
+    return click.option(
+        "--out",
+        required=True,
+        metavar="FILE_OR_DIR",
+        type=FILE,
+        help="File to write; of several runs a folder, which gets one for each. Whole or not at "
+        "all.",
+    )(command)
+
+
+def files_in(out: str, runs: Sequence[str], inputs: Sequence[str]) -> list[str]:
+    """Return the names of the files of these runs in the folder --out; none where that is a file.
+
+    It is a folder where there are several runs, where one is there, and where its name ends so.
+
+    Raises
+    ------
+    InputError
+        Where runs would have files of one name, --out is a file and there are several runs, or a
+        file that is read would be overwritten.
+    """
+    if len(runs) == 1 and not Path(out).is_dir() and not out.endswith(("/", os.sep)):
+        refuse_overwriting(out, [*runs, *inputs])
+        return []
+    if Path(out).is_file() or (Path(out).suffix and not Path(out).exists()):
+        raise InputError(
+            f"--out {out}: is the name of a file, and there are {len(runs)} runs; give a folder, "
+            "which gets a file for each"
+        )
+    from flexspline.logs.read import run_name
+
+    named = dict[str, str]()
+    for run in runs:
+        name = f"{run_name(Path(run))}.csv"
+        if (other := named.setdefault(name.casefold(), run)) != run:
+            raise InputError(
+                f"{run} and {other}: the files of both in --out would be named {name}; rename one, "
+                "or give them in calls of their own"
+            )
+        refuse_overwriting(str(Path(out) / name), [*runs, *inputs])
+    return [f"{run_name(Path(run))}.csv" for run in runs]
 
 
 def out_file(metavar: str) -> Callable[[Command], Command]:

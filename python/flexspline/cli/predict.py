@@ -6,6 +6,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
 import click
 
 from flexspline.cli.options import (
@@ -13,21 +17,29 @@ from flexspline.cli.options import (
     Reading,
     Taught,
     controller,
+    files_in,
     loaded,
     lowpass,
     model,
     out_file,
+    out_files,
     positive,
     reading,
     refuse_overwriting,
     repairs,
     simulation,
     simulations,
+    speed_above,
     strict,
     target,
     warn,
 )
-from flexspline.errors import InputError
+from flexspline.errors import InputError, listed
+from flexspline.files import whole_folder
+
+if TYPE_CHECKING:
+    from flexspline.estimation.result import Estimate
+    from flexspline.model import Part, Prediction
 
 __all__ = [
     "estimate",
@@ -37,75 +49,115 @@ __all__ = [
 
 
 @click.command(cls=Taught, sections=(repairs,))
-@click.argument("run", metavar="RUN.csv", type=FILE)
+@click.argument("runs", nargs=-1, required=True, metavar="RUN.csv...", type=FILE)
 @model
-@out_file("FILE.csv")
+@out_files
 @target(required=False)
 @lowpass
+@speed_above
 @simulation
 @strict
 @reading()
 def predict(
-    run: str,
+    runs: tuple[str, ...],
     model_path: str,
     simulation: tuple[str, ...],
     simulated_torque: str | None,
     out: str,
     target: str | None,
     lowpass: float | None,
+    speed_above: float | None,
     strict: bool,
     reading: Reading,
 ) -> None:
-    """Predict a run with a model, and subtract.
+    """Predict runs with a model, and subtract.
 
     FILE.csv receives the columns time, measured, predicted and residual, one row for each row
     of the run, in the unit of the target; measured and residual are empty where the run does
     not have them. Nothing is fitted. A model that corrects a simulation asks for what that says.
+    Of several runs a folder receives a file for each, named after the run's, and a table says the
+    error of each run, the pooled one over all their rows, and the worst run.
 
     Standard error says what speaks against the prediction: rows outside of what the model was
     fitted to; damping, inertia or friction of a drive that is negative, terms that are not
     significant, parameters at a bound.
 
     \b
-    Example:
+    Examples:
       flexspline predict --model joint/model.json run3.csv --out residual.csv
+      flexspline predict --model joint/model.json run3.csv run4.csv --speed-above 0.02 --out new
     """
-    refuse_overwriting(out, [run, model_path, *simulation])
+    names = files_in(out, runs, [model_path, *simulation])
     joint = loaded(model_path)
     part = joint.part(target)
-    foreign = bool(simulation) or simulated_torque is not None
-    if part.simulated is not None and not foreign:
+    _require_simulations(model_path, part, runs, simulation, simulated_torque)
+    logs = reading.logs(runs, joint.facts, None if simulation else simulated_torque)
+    files = simulations(simulation, simulated_torque)
+
+    from flexspline.model import refuse_warnings
+
+    found = joint.predict(
+        logs,
+        part.target,
+        lowpass_hz=lowpass,
+        simulation=files,
+        simulated_torque=simulated_torque,
+        speed_above=speed_above,
+    )
+    if strict:
+        refuse_warnings(found.warnings)
+    _save(found.runs, out, names)
+    warn(found.warnings)
+    click.echo(f"{found}\n\n{_wrote(out, names)}" if names else f"{_told(found[0])}; wrote {out}")
+
+
+def _require_simulations(
+    model_path: str,
+    part: Part,
+    runs: Sequence[str],
+    simulation: Sequence[str],
+    simulated_torque: str | None,
+) -> None:
+    """Refuse a part that corrects a simulation without one, and another number of them."""
+    if part.simulated is not None and not simulation and simulated_torque is None:
         raise InputError(
             f"{model_path}: the part for {part.target} corrects what a simulation says "
             f"({part.simulated.words}); {part.simulated.asked}"
         )
-    if len(simulation) > 1:
-        raise InputError(f"--simulation is given {len(simulation)} times; give one for the run")
-    (log,) = reading.logs([run], joint.facts, None if simulation else simulated_torque)
-    files = simulations(simulation, simulated_torque)
+    if simulation and len(simulation) != len(runs):
+        count = f"{len(simulation)} time{'' if len(simulation) == 1 else 's'}"
+        wanted = "the run" if len(runs) == 1 else f"each of the {len(runs)} runs, in their order"
+        raise InputError(f"--simulation is given {count}; give one for {wanted}")
 
-    import numpy as np
-    import pandas
 
-    from flexspline.files import save_table
-    from flexspline.model import refuse_warnings
+def _save(made: Sequence[Prediction | Estimate], out: str, names: Sequence[str]) -> None:
+    """Write the table of each run: into a folder by these names, or of one run without to a file.
 
-    found = joint.predict(
-        log,
-        part.target,
-        lowpass_hz=lowpass,
-        simulation=files[0] if files else None,
-        simulated_torque=simulated_torque,
-    )
-    if strict:
-        refuse_warnings(found.warnings)
-    columns = {name: getattr(found, name) for name in ("time", "measured", "predicted", "residual")}
-    save_table(pandas.DataFrame(columns), out)
-    warn(found.warnings)
-    residual = found.residual[np.isfinite(found.residual)]
-    rmse = np.sqrt(np.mean(residual**2)) if residual.size else np.nan
-    gap = f"RMSE {rmse:.4g} {found.unit}" if residual.size else "nothing measured to compare with"
-    click.echo(f"{log.name}: {part.target} of {len(log)} rows predicted, {gap}; wrote {out}")
+    Without names there is one.
+    """
+    if not names:
+        made[0].save(out)
+        return
+    with whole_folder(out) as draft:
+        for one, name in zip(made, names, strict=True):
+            one.save(draft / name)
+
+
+def _wrote(out: str, names: Sequence[str]) -> str:
+    return f"wrote {listed(names)} to {Path(out)}"
+
+
+def _told(found: Prediction) -> str:
+    """The error of one run in a sentence."""
+    gap = "nothing measured to compare with"
+    if found.rows:
+        gap = f"RMSE {found.rmse:.4g} {found.unit}"
+        if found.speed_above is not None:
+            gap += (
+                f" over {found.rows} rows at {found.speed_above:g} rad/s or more "
+                f"({found.slow_rows} slower ones left out)"
+            )
+    return f"{found.name}: {found.target} of {len(found.time)} rows predicted, {gap}"
 
 
 def _bits() -> tuple[str, list[tuple[str, str]]]:
@@ -116,9 +168,9 @@ def _bits() -> tuple[str, list[tuple[str, str]]]:
 
 
 @click.command(cls=Taught, sections=(_bits, repairs))
-@click.argument("run", metavar="RUN.csv", type=FILE)
+@click.argument("runs", nargs=-1, required=True, metavar="RUN.csv...", type=FILE)
 @model
-@out_file("FILE.csv")
+@out_files
 @click.option(
     "--bandwidth",
     type=positive,
@@ -127,30 +179,32 @@ def _bits() -> tuple[str, list[tuple[str, str]]]:
 )
 @reading()
 def estimate(
-    run: str, model_path: str, out: str, bandwidth: float | None, reading: Reading
+    runs: tuple[str, ...], model_path: str, out: str, bandwidth: float | None, reading: Reading
 ) -> None:
-    """Run the model's estimators over a run, sample by sample, as the joint would.
+    """Run the model's estimators over runs, sample by sample, as the joint would.
 
     FILE.csv receives time, temperature, sensor_torque (compensated) and external_torque_sensor;
     external_torque_observer, _compliance, _compliant_observer and _merged and contact where the
     model holds the estimator; and status. One row for each row of the run, torques in Nm at the
     output, positive where the joint pushes in the positive direction. A value is empty where
-    its stage had nothing to work with; status says which.
+    its stage had nothing to work with; status says which. Of several runs a folder receives a file
+    for each, named after the run's; where runs have a reference_torque a table says the error of
+    each external torque beside it, by run and pooled.
 
     \b
-    Example:
+    Examples:
       flexspline estimate --model joint/model.json run3.csv --out external.csv
+      flexspline estimate --model joint/model.json run3.csv run4.csv --out external
     """
-    refuse_overwriting(out, [run, model_path])
+    names = files_in(out, runs, [model_path])
     joint = loaded(model_path)
-    (log,) = reading.logs([run], joint.facts)
+    logs = reading.logs(runs, joint.facts)
 
     from flexspline.estimation import estimate as run_chain
 
-    made = run_chain(joint, log, bandwidth=bandwidth)
-    made.save(out)
-    click.echo(str(made))
-    click.echo(f"wrote {out}")
+    made = run_chain(joint, logs, bandwidth=bandwidth)
+    _save(made.runs, out, names)
+    click.echo(f"{made}\n\n{_wrote(out, names)}" if names else f"{made[0]}\nwrote {out}")
 
 
 @click.command(cls=Taught, sections=(repairs,))

@@ -44,6 +44,7 @@ def compare(
     simulated_torque: str | None = None,
     simulated_motion: bool = False,
     known_load: str | None = None,
+    speed_above: float | None = None,
     progress: bool = False,
 ) -> Comparison:
     """Say where a model, or any simulation, and logs disagree. No parameter is touched.
@@ -67,6 +68,8 @@ def compare(
         target, at the output. By default `simulated_torque`, or else the target's own channel.
     simulated_motion : compare its output_position [rad] instead of a torque.
     known_load : channel that holds τ_load [Nm], beside a simulated torque.
+    speed_above : rad/s; rows whose output is slower are left out. The speed is that of
+        output_velocity, or of the derivative of output_position.
     progress : show what is being done on standard error.
 
     Returns
@@ -79,8 +82,8 @@ def compare(
     Raises
     ------
     InputError
-        Where a log lacks a channel, is of another joint, or holds too few rows; and unless exactly
-        one of a model and a simulation is the base.
+        Where a log lacks a channel, is of another joint, or holds too few rows (so fast); and
+        unless exactly one of a model and a simulation is the base.
 
     Notes
     -----
@@ -88,7 +91,7 @@ def compare(
     variables), `comparison/effective_sample_size.py`.
     """
     from flexspline.comparison.result import assembled
-    from flexspline.comparison.runs import predicted, simulated_elsewhere
+    from flexspline.comparison.runs import only_fast, predicted, simulated_elsewhere
     from flexspline.comparison.runs import simulated as by_simulation
     from flexspline.comparison.search import analysed
     from flexspline.logs.read import as_logs
@@ -126,6 +129,8 @@ def compare(
                 else predicted(model, runs, target, lowpass, bandwidth)
             )
         compared = replace(compared, notes=(*compared.notes, *notes))
+        if speed_above is not None:
+            compared = only_fast(compared, speed_above)
         made = analysed(compared, say)
         say("bands")
         return assembled(compared, made, model.facts if model else dict(runs[0].facts))

@@ -130,6 +130,7 @@ class Comparison:
     inputs : noise of each channel of the runs; of a prediction.
     preparations : how channels were made before the model read them.
     bandwidth : Hz, of the output's motion, as it was asked for; None: as model or runs tell.
+    speed_above : rad/s of the output, below which rows were left out; None for none.
     """
 
     what: str
@@ -153,6 +154,7 @@ class Comparison:
     inputs: tuple[ChannelNoise, ...] = ()
     preparations: tuple[Preparation, ...] = ()
     bandwidth: float | None = None
+    speed_above: float | None = None
 
     @property
     def rmse(self) -> float:
@@ -257,6 +259,7 @@ def assembled(compared: Compared, made: Analysis, facts: Mapping[str, Any]) -> C
         compared.inputs,
         compared.preparations,
         compared.bandwidth,
+        compared.speed_above,
     )
 
 
@@ -463,6 +466,7 @@ def comparison_json(made: Comparison) -> str:
         "notes": list(made.notes),
         "inputs": inputs_json(made.inputs, made.preparations),
         "bandwidth_hz": bandwidth_used(made.preparations),
+        "speed_above": made.speed_above,
     }
     return checked_json(content, "comparison")
 

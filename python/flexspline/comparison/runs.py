@@ -24,7 +24,7 @@ from flexspline.logs.derive import velocity_noise, with_motion
 from flexspline.logs.log import Log
 from flexspline.logs.quantisation import quantum, white_noise
 from flexspline.logs.read import LogLike
-from flexspline.logs.segments import median_step
+from flexspline.logs.segments import median_step, output_speed
 from flexspline.logs.segments import runs as unbroken
 from flexspline.model import Model, Part
 from flexspline.part import PART_OF
@@ -39,6 +39,7 @@ __all__ = [
     "Rows",
     "load_of",
     "located",
+    "only_fast",
     "predicted",
     "resolution",
     "rows_of",
@@ -93,6 +94,7 @@ class Compared:
     measured, where that is known; None where it is to be estimated. `foreign`: the simulation
     that is the base, in words; "" without one. `notes`: sentences on it. `inputs`: noise of each
     channel; `preparations`: how the model read them; `bandwidth`: Hz, as it was asked for.
+    `speed_above`: rad/s of the output, below which rows are left out; None for none.
     """
 
     runs: tuple[ComparedRun, ...]
@@ -108,6 +110,7 @@ class Compared:
     inputs: tuple[ChannelNoise, ...] = ()
     preparations: tuple[Preparation, ...] = ()
     bandwidth: float | None = None
+    speed_above: float | None = None
 
 
 def predicted(
@@ -368,6 +371,31 @@ def _moving(
     direction = np.where(velocity > still, 1, np.where(velocity < -still, 2, 0))
     near = np.abs(velocity) <= (STILL_IN_NOISE + 1.0) * run.velocity_noise
     return direction.astype(np.int8), np.where(near, doubt, 0.0), doubt
+
+
+def only_fast(compared: Compared, least: float) -> Compared:
+    """Return the runs without rows whose output is slower than `least`, rad/s.
+
+    Raises
+    ------
+    InputError
+        Where a run tells no velocity, or too few rows are so fast.
+    """
+    speeds = [output_speed(run.log, least) for run in compared.runs]
+    runs = tuple(
+        replace(run, modelled=np.where(speed >= least, run.modelled, np.nan))
+        for run, speed in zip(compared.runs, speeds, strict=True)
+    )
+    before, kept = (sum(int(np.isfinite(one.residual).sum()) for one in each)
+                    for each in (compared.runs, runs))  # fmt: skip
+    if before and kept < LEAST_ROWS:
+        raise InputError(
+            f"{kept} rows of the logs move at {least:g} rad/s or more, and {LEAST_ROWS} are needed "
+            f"at least; the fastest moves at {max(map(np.nanmax, speeds)):.3g} rad/s; give a lower "
+            "speed_above or longer runs"
+        )
+    note = f"{before - kept} of {before} rows are slower than {least:g} rad/s and not compared."
+    return replace(compared, runs=runs, notes=(*compared.notes, note), speed_above=least)
 
 
 def _starts(compared: Compared, counts: tuple[NDArray[np.bool_], ...]) -> NDArray[np.intp]:

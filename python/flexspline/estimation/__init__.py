@@ -2,5 +2,6 @@
 
 from flexspline.estimation.chain import estimate
 from flexspline.estimation.result import Estimate, Status
+from flexspline.estimation.several import Estimates
 
-__all__ = ["Estimate", "Status", "estimate"]
+__all__ = ["Estimate", "Estimates", "Status", "estimate"]

@@ -10,8 +10,8 @@ instruments write 9.9e37 for it and 9.91e37 for "not a number" (SCPI-99, 7.2.1.4
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Iterable, Mapping
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,9 +20,10 @@ from flexspline import _core
 from flexspline.errors import InputError, listed
 from flexspline.estimation.plan import READINGS, Plan, made_by, plan_of, with_derivatives
 from flexspline.estimation.result import Estimate, Status
+from flexspline.estimation.several import Estimates
 from flexspline.logs.local_fit import require_bandwidth
 from flexspline.logs.log import Log
-from flexspline.logs.read import LogLike, as_log, with_motor_torque
+from flexspline.logs.read import LogLike, as_logs, is_one, with_motor_torque
 from flexspline.logs.segments import median_step, runs
 from flexspline.model import Model
 from flexspline.part import Part
@@ -67,7 +68,17 @@ RANGE_OF = {
 }
 
 
-def estimate(model: Model, log: LogLike, *, bandwidth: float | None = None) -> Estimate:
+@overload  # a name of a file is one log
+def estimate(  # type: ignore[overload-overlap]
+    model: Model, log: LogLike, *, bandwidth: float | None = None
+) -> Estimate: ...
+@overload
+def estimate(
+    model: Model, log: Iterable[LogLike], *, bandwidth: float | None = None
+) -> Estimates: ...
+def estimate(
+    model: Model, log: LogLike | Iterable[LogLike], *, bandwidth: float | None = None
+) -> Estimate | Estimates:
     """Run a model's estimators over a log, sample by sample, by the code that the joint runs.
 
     The chain is the core's: reading checks, differentiator, thermistor, temperature compensation,
@@ -83,7 +94,7 @@ def estimate(model: Model, log: LogLike, *, bandwidth: float | None = None) -> E
     log : time must increase. `sensor_voltage` is read where the model has a calibration, else
         `sensor_torque`; `thermistor_voltage` where it has a thermistor, else `temperature`. A
         voltage or temperature that no instrument measures counts as none.
-        A reference torque is never read.
+        A reference torque is never read. Or several logs, such as a list.
     bandwidth : Hz, of the causal differentiator where the model has none; None for 20 Hz, or a
         quarter of a low rate.
 
@@ -96,6 +107,8 @@ def estimate(model: Model, log: LogLike, *, bandwidth: float | None = None) -> E
     128 contact not decided, 256 started again, 512 no observer of the link, 1024 no velocity from
     the angle; what the reading checks took out: 2048 sensor, 4096 motor, 8192 speed, 16384 motion,
     32768 encoders, 131072 temperature; 65536 sensor and observer disagree.
+    Of several logs, a list of one included, their `Estimates`: one for each, and the errors of the
+    external torques beside the `reference_torque` of the runs that have one.
 
     Raises
     ------
@@ -109,7 +122,16 @@ def estimate(model: Model, log: LogLike, *, bandwidth: float | None = None) -> E
     zhang_disturbance_elimination (6)–(11), (16)–(25); full_range_torque_estimation (7), (8),
     (14)–(20).
     """
-    plan, log = plan_of(model), as_log(log)
+    plan, logs = plan_of(model), as_logs(log)
+    if not logs:
+        raise InputError("there is no log to estimate from; give at least one")
+    made = tuple(_estimate(model, plan, one, bandwidth) for one in logs)
+    if is_one(log):
+        return made[0]
+    return Estimates(made, tuple(one[LOAD] if LOAD in one.channels else None for one in logs))
+
+
+def _estimate(model: Model, plan: Plan, log: Log, bandwidth: float | None) -> Estimate:
     _require_increasing(log)
     _require_stable(plan, log)
     said: dict[str, None] = {}  # sentences, each once, in order

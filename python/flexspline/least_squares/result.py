@@ -5,9 +5,10 @@ Effects that are indistinguishable contribute only as their sum.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +22,7 @@ from flexspline.least_squares.validation import Score
 from flexspline.logs.derive import lowpass
 from flexspline.logs.log import Log
 from flexspline.logs.read import LogLike
-from flexspline.model import Model, Part, Prediction
+from flexspline.model import Model, Part, Prediction, Predictions
 from flexspline.rendering import render
 
 if TYPE_CHECKING:
@@ -206,8 +207,14 @@ class Fit:
         """Independent samples that the runs are worth for a mean."""
         return self.uncertainty.effective_samples
 
-    def predict(self, log: LogLike) -> Prediction:
-        """Return measured and predicted y of any log; see `Model.predict`."""
+    @overload  # a name of a file is one log
+    def predict(  # type: ignore[overload-overlap]
+        self, log: LogLike
+    ) -> Prediction: ...
+    @overload
+    def predict(self, log: Iterable[LogLike]) -> Predictions: ...
+    def predict(self, log: LogLike | Iterable[LogLike]) -> Prediction | Predictions:
+        """Return measured and predicted y of any log, or of several; see `Model.predict`."""
         return self.model.predict(log, self.target)
 
     def shares(self) -> dict[str, float]:

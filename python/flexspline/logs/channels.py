@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
-__all__ = ["CHANNELS", "Channel"]
+__all__ = ["CHANNELS", "CONDITIONS", "Channel"]
 
 
 class Channel(NamedTuple):
@@ -35,3 +35,12 @@ CHANNELS: Final[dict[str, Channel]] = {
     "enabled": Channel("0/1", "whether the servo's torque is switched on"),
     "simulated_torque": Channel("Nm", "what a foreign simulation says, at the output"),
 }
+
+CONDITIONS: Final = (
+    "enabled",
+    "supply_voltage",
+    "temperature",
+    "motor_temperature",
+    "commanded_position",
+)
+"""Channels that may well stay constant in a run."""

@@ -193,7 +193,7 @@ def _facts(
     table: Table, path: str | None, given: Mapping[str, Any]
 ) -> tuple[dict[str, Fact], tuple[str, ...]]:
     """Return the file's facts and over them those given, and a sentence for each overruled."""
-    run = {"name": _run_name(Path(path))} if path else {}
+    run = {"name": run_name(Path(path))} if path else {}
     known = checked_facts({**run, **table.facts, **given}, table.label)
     notes = tuple(
         f"{key} {table.facts[key]} of the file is overruled by {known[key]}"
@@ -203,7 +203,7 @@ def _facts(
     return known, notes
 
 
-def _run_name(path: Path) -> str:
+def run_name(path: Path) -> str:
     """Return "run" for run.csv and run.csv.gz."""
     return (path.with_suffix("") if path.suffix.lower() in PACKED else path).stem
 

@@ -15,9 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.errors import InputError, did_you_mean, listed
-from flexspline.logs.channels import CHANNELS
+from flexspline.logs.channels import CHANNELS, CONDITIONS
 from flexspline.logs.derive import differentiate, has_value, increasing_time, resample, sampled
 from flexspline.logs.log import Log
+from flexspline.logs.segments import repeats, stuck_from
 
 __all__ = ["REPAIRS", "Repair", "Repairs", "move_earlier", "repaired", "spelled"]
 
@@ -25,6 +26,7 @@ Repairs = str | Sequence[str] | Mapping[str, Any]
 
 POSITIONS: Final = ("output_position", "motor_position", "commanded_position")
 MOTOR_SIDE: Final = ("motor_position", "motor_velocity", "motor_torque", "motor_current")
+OF_EITHER_SIGN: Final = ("scale", "shift", "drop_clipped", "keep")
 VELOCITIES: Final = {"output_velocity": "output_position", "motor_velocity": "motor_position"}
 
 
@@ -125,6 +127,48 @@ def _drop_duplicates(log: Log, _: str) -> Log:
     return _kept(log, fresh, "drop_duplicates", note)
 
 
+def _drop_repeated(log: Log, _: str) -> Log:
+    again = repeats(log)
+    note = (
+        "drop_repeated: rows that repeat all values of the row before them, dropped: "
+        f"{np.count_nonzero(again)}"
+    )
+    return _kept(log, ~again, "drop_repeated", note)
+
+
+def _drop_stuck(log: Log, channel: str) -> Log:
+    measured = [name for name in log.channels if name != "time" and name not in CONDITIONS]
+    names = (channel,) if channel else measured
+    if not names:
+        raise InputError(
+            f"log '{log.name}': drop_stuck finds no measured channel; it has {listed(log.channels)}"
+        )
+    first = stuck_from(*(log[name] for name in names))
+    what = channel or "every measured channel"
+    note = f"drop_stuck: the last rows, which repeat {what}; rows dropped: {len(log) - first}"
+    return _kept(log, np.arange(len(log)) < first, "drop_stuck", note)
+
+
+def _drop_clipped(log: Log, value: str) -> Log:
+    channel, limit = _channel_and_number("drop_clipped", value)
+    clipped = log[channel] == limit
+    note = (
+        f"drop_clipped: rows in which {channel} is {limit:g}, dropped: {np.count_nonzero(clipped)}"
+    )
+    return _kept(log, ~clipped, "drop_clipped", note)
+
+
+def _keep(log: Log, value: str) -> Log:
+    start, colon, end = (part.strip() for part in value.partition(":"))
+    if not colon or not (start or end):
+        raise InputError(f"repair 'keep={value}': no span of time; write {spelled('keep')}")
+    first = _number("keep", start) if start else -math.inf
+    last = _number("keep", end) if end else math.inf
+    inside = (log["time"] >= first) & (log["time"] <= last)
+    note = f"keep: from {first:g} to {last:g} s; rows dropped: {np.count_nonzero(~inside)}"
+    return _kept(log, inside, "keep", note)
+
+
 def _drop_start(log: Log, value: str) -> Log:
     seconds = _number("drop_start", value)
     late = log["time"] >= log["time"][0] + seconds
@@ -209,7 +253,7 @@ def _number(name: str, text: str) -> float:
         number = float(text)
     except ValueError:
         number = math.nan
-    if not math.isfinite(number) or (number < 0 and not REPAIRS[name].value.startswith("channel")):
+    if not math.isfinite(number) or (number < 0 and name not in OF_EITHER_SIGN):
         raise InputError(
             f"repair '{name}={text}': '{text}' is no number that it can take; write {spelled(name)}"
         )
@@ -238,6 +282,10 @@ REPAIRS: Final[dict[str, Repair]] = {
     "drop_invalid": Repair("[channel]", "drop rows that are NaN or infinite", _drop_invalid),
     "sort_time": Repair("", "put rows in the order of time", _sort_time),
     "drop_duplicates": Repair("", "drop rows that repeat a time stamp", _drop_duplicates),
+    "drop_repeated": Repair("", "drop rows that repeat all of the row before", _drop_repeated),
+    "drop_stuck": Repair("[channel]", "drop the end that repeats the last sample", _drop_stuck),
+    "drop_clipped": Repair("channel:limit", "drop rows at a limit of a channel", _drop_clipped),
+    "keep": Repair("from:to", "keep no more than these seconds of the run's clock", _keep),
     "drop_start": Repair("seconds", "drop the start of the run", _drop_start),
     "drop_end": Repair("seconds", "drop the end of the run", _drop_end),
     "unwrap": Repair("[channel]", "undo the jumps of 2π of a wrapped angle", _unwrap),

@@ -103,6 +103,25 @@ def at_rest(log: Log) -> NDArray[np.bool_]:
     return np.asarray(slow & kept)
 
 
+def repeats(log: Log) -> NDArray[np.bool_]:
+    """Rows that repeat all values of the row before, the time aside, shape (N,).
+
+    None where the log holds nothing but time, and none where the joint certainly rests: there a
+    coarse encoder repeats its value with reason.
+    """
+    same = [np.diff(log[name]) == 0.0 for name in log.channels if name != "time"]
+    found = np.zeros(len(log), dtype=bool)
+    if same:
+        found[1:] = np.logical_and.reduce(same) & ~at_rest(log)[1:]
+    return found
+
+
+def stuck_from(*columns: Array) -> int:
+    """First row from which all columns (N,) repeat the row before up to the end; N without any."""
+    fresh = np.flatnonzero(np.logical_or.reduce([np.diff(values) != 0.0 for values in columns]))
+    return int(fresh[-1]) + 2 if fresh.size else min(1, len(columns[0]))
+
+
 def gaps(log: Log, gap: float | None = None) -> tuple[Segment, ...]:
     """The places where rows are missing: the last row before and the first row behind each gap."""
     breaks = runs(log["time"], gap)[1:, 0]
@@ -220,6 +239,26 @@ def output_velocity(log: Log) -> NDArray[np.float64]:
     from flexspline.logs.derive import differentiate  # derive needs the runs above
 
     return differentiate(log)["output_velocity"]
+
+
+def output_speed(log: Log, least: float) -> NDArray[np.float64]:
+    """Speed of the output [rad/s], shape (N,), by which rows of at least `least` are chosen.
+
+    It is that of the channel ``output_velocity``, else of the derivative of ``output_position``.
+
+    Raises
+    ------
+    InputError
+        Where `least` is no speed, or the log has neither channel.
+    """
+    if not (np.isfinite(least) and least >= 0.0):
+        raise InputError(f"speed_above is {least!r}; give rad/s, 0 or more")
+    if "output_velocity" not in log and "output_position" not in log:
+        raise InputError(
+            f"log '{log.name}': speed_above needs output_velocity or output_position, and it has "
+            "neither; map a column to one of them, or leave speed_above out"
+        )
+    return np.abs(output_velocity(log))
 
 
 def _slow(velocity: NDArray[np.float64]) -> float:

@@ -3,6 +3,7 @@
 from flexspline.orders.analysis import FoundOrder, OrderAnalysis, find_orders
 from flexspline.orders.parts import Pair, pairs
 from flexspline.orders.spectrum import OrderSpectrum, TimeSpectrum, order_spectrum, time_spectrum
+from flexspline.orders.vibrations import Vibration
 
 __all__ = [
     "FoundOrder",
@@ -10,6 +11,7 @@ __all__ = [
     "OrderSpectrum",
     "Pair",
     "TimeSpectrum",
+    "Vibration",
     "find_orders",
     "order_spectrum",
     "pairs",

@@ -6,22 +6,30 @@ The result prints as a table, draws itself and is plain data.
 from __future__ import annotations
 
 import html
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexspline.errors import InputError
+from flexspline.errors import InputError, listed
+from flexspline.files import save_table
 from flexspline.formatting import rows_html, rows_text
 from flexspline.logs import Log
 from flexspline.logs.read import as_logs
-from flexspline.orders.low import Faint, find_faint, find_low, less_low
+from flexspline.orders.low import TOGETHER, Faint, find_faint, find_low, less_low
 from flexspline.orders.parts import Candidate, Pair, candidates, effective_ratio, owner
 from flexspline.orders.parts import pairs as known_pairs
-from flexspline.orders.scan import Estimate, Line, Share, estimates, find_lines
+from flexspline.orders.scan import CLEAR, Estimate, Line, Share, estimates, find_lines, scattered
 from flexspline.orders.spectrum import LONGEST, OrderSpectrum, order_spectrum, step_turns
-from flexspline.orders.stretches import Values, chosen_values, stretches
+from flexspline.orders.stretches import Stretch, Values, chosen_values, stretches
+from flexspline.orders.vibrations import (
+    Competition,
+    Vibration,
+    compete,
+    one_speed,
+)
 
 if TYPE_CHECKING:
     import pandas
@@ -35,18 +43,44 @@ __all__ = [
 
 _HEADINGS = (
     "per output turn",
+    "resolution",
     "order of pair",
-    "amplitude",
+    "what turns",
     "steady part",
+    "spread",
     "phase",
     "SNR",
     "false alarm",
-    "label",
+    "effect",
+    "or, within the resolution",
+)
+_FREQUENCIES = ("frequency [Hz]", "resolution", "amplitude", "speeds [rad/s]", "pieces",
+                "false alarm")  # fmt: skip
+_TABLE = [
+    "kind",
+    "order per output turn",
+    "resolution [orders per output turn]",
+    "order of pair",
+    "pair",
+    "what turns",
     "effect",
     "or",
-)
-
-_CLEAR = 2.0  # standard errors that an order must keep once all are fitted together
+    "steady part [unit]",
+    "its error [unit]",
+    "spread [unit]",
+    "phase [rad]",
+    "its error [rad]",
+    "amplitude, RMS [unit]",
+    "error of the RMS [unit]",
+    "SNR",
+    "false alarm",
+    "speed alone [rad/s]",
+    "frequency [Hz]",
+    "resolution [Hz]",
+    "slowest [rad/s]",
+    "fastest [rad/s]",
+]
+_LEFT = {3, 4, 5, 6, 9, 10}  # columns of words and of sizes with their errors
 
 
 @dataclass(frozen=True)
@@ -76,6 +110,9 @@ class FoundOrder:
         What else turns within the resolution.
     shares : tuple of Share
         Amplitude in each stretch of each run, with its speed.
+    alone : float
+        Where vibrations were looked for: the speed [rad/s] at which it is seen, where that alone
+        does not tell it from a vibration of one frequency; NaN where several speeds do.
     """
 
     order: int | float
@@ -93,6 +130,34 @@ class FoundOrder:
     effect: str
     aliases: tuple[str, ...]
     shares: tuple[Share, ...]
+    alone: float = float("nan")
+
+    @property
+    def spread(self) -> float:
+        """Root mean square by which the waves of the stretches differ from the steady part [unit].
+
+        A stretch is one direction of one run. NaN where there is one, or all are fitted as one.
+        """
+        return scattered(self.shares)[0]
+
+    @property
+    def steady_error(self) -> float:
+        """Standard error of `steady` with what the stretches differ by [unit]."""
+        return self._errors[0]
+
+    @property
+    def steady_phase_error(self) -> float:
+        """Standard error of `phase` with what the stretches differ by [rad], π at most."""
+        return self._errors[1]
+
+    @property
+    def _errors(self) -> tuple[float, float]:
+        covariance = scattered(self.shares)[1]
+        along = np.array([np.cos(self.phase), np.sin(self.phase)])
+        across = np.array([-along[1], along[0]])
+        size = float(np.sqrt(along @ covariance @ along))
+        turned = float(np.sqrt(across @ covariance @ across)) / max(self.steady, 1e-300)
+        return size, min(turned, float(np.pi))
 
 
 @dataclass(frozen=True, repr=False)
@@ -102,7 +167,10 @@ class OrderAnalysis:
     `found` are the orders, `faint` low orders of the output that stand out but are not certain
     (never part of `found`; see `orders/low.py`), `unit` and `channel` what was looked at,
     `false_alarm` the probability that noise alone yields any, `scanned` the lowest and highest
-    order per output turn, `runs` how many, `spectrum` what the plot shows.
+    order per output turn, `runs` how many, `spectrum` what the plot shows. Where vibrations were
+    looked for, `vibrations` are those that stay at one frequency, `frequencies` the lowest and the
+    highest [Hz] that was scanned, None where they were not, and `speed` the one speed [rad/s] of
+    all runs, NaN where there are several.
     """
 
     found: tuple[FoundOrder, ...]
@@ -113,6 +181,9 @@ class OrderAnalysis:
     scanned: tuple[float, float]
     runs: int
     spectrum: OrderSpectrum
+    vibrations: tuple[Vibration, ...] = ()
+    frequencies: tuple[float, float] | None = None
+    speed: float = float("nan")
 
     def __iter__(self) -> Iterator[FoundOrder]:
         return iter(self.found)
@@ -143,6 +214,60 @@ class OrderAnalysis:
         rows = [[getattr(found, name) for name in names] for found in self.found]
         return pandas.DataFrame(rows, columns=names)
 
+    def to_table(self) -> pandas.DataFrame:
+        """Return a pandas table of orders and vibrations, a row for each, units in the names."""
+        import pandas
+
+        rows = [*map(self._order_row, self.found), *map(self._vibration_row, self.vibrations)]
+        unit = self.unit or "1"
+        names = [name.replace("unit", unit) for name in _TABLE]
+        return pandas.DataFrame(rows, columns=_TABLE).set_axis(names, axis="columns")
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the table of orders and vibrations as CSV, whole or not at all.
+
+        Raises
+        ------
+        InputError
+            Where the file cannot be written.
+        """
+        save_table(self.to_table(), path)
+
+    def _order_row(self, found: FoundOrder) -> dict[str, object]:
+        return {
+            "kind": "order",
+            "order per output turn": found.per_output_turn,
+            "resolution [orders per output turn]": found.resolution,
+            "order of pair": found.order,
+            "pair": found.pair,
+            "what turns": found.label,
+            "effect": found.effect,
+            "or": "; ".join(_joined(found.aliases)),
+            "steady part [unit]": found.steady,
+            "its error [unit]": found.steady_error,
+            "spread [unit]": found.spread,
+            "phase [rad]": found.phase,
+            "its error [rad]": found.steady_phase_error,
+            "amplitude, RMS [unit]": found.amplitude,
+            "error of the RMS [unit]": found.error,
+            "SNR": found.snr,
+            "false alarm": found.chance,
+            "speed alone [rad/s]": found.alone,
+        }
+
+    def _vibration_row(self, found: Vibration) -> dict[str, object]:
+        return {
+            "kind": "vibration",
+            "amplitude, RMS [unit]": found.amplitude,
+            "error of the RMS [unit]": found.error,
+            "SNR": found.amplitude / found.error,
+            "false alarm": found.chance,
+            "frequency [Hz]": found.frequency,
+            "resolution [Hz]": found.resolution,
+            "slowest [rad/s]": found.speeds[0],
+            "fastest [rad/s]": found.speeds[1],
+        }
+
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the amplitude over orders per output turn, the orders found marked."""
         ax = self.spectrum.plot(ax)
@@ -168,17 +293,19 @@ class OrderAnalysis:
         return f"<OrderAnalysis of {self.channel}: {len(self.found)} orders>"
 
     def __str__(self) -> str:
-        if not self.found:
-            return "\n".join([self._title(), *self._doubtful()])
-        right = {0, 1, 5}
-        left = {*range(len(_HEADINGS))} - right
-        table = rows_text([_HEADINGS, *self._cells()], left)
-        return "\n".join([self._title(), table, *self._doubtful()])
+        blocks = [self._title()]
+        if self.found:
+            blocks.append(rows_text([_HEADINGS, *self._cells()], _LEFT))
+        if self.vibrations:
+            blocks.append("\n" + rows_text([_FREQUENCIES, *self._waves()], {2}))
+        return "\n".join([*blocks, *self.sentences])
 
     def _repr_html_(self) -> str:
-        rows = rows_html([_HEADINGS, *self._cells()]) if self.found else ""
-        notes = "".join(f"<p>{html.escape(sentence)}</p>" for sentence in self._doubtful())
-        return f"<div><b>{html.escape(self._title())}</b><table>{rows}</table>{notes}</div>"
+        tables = [[_HEADINGS, *self._cells()]] if self.found else []
+        tables += [[_FREQUENCIES, *self._waves()]] if self.vibrations else []
+        shown = "".join(f"<table>{rows_html(rows)}</table>" for rows in tables)
+        notes = "".join(f"<p>{html.escape(sentence)}</p>" for sentence in self.sentences)
+        return f"<div><b>{html.escape(self._title())}</b>{shown}{notes}</div>"
 
     def _title(self) -> str:
         low, high = self.scanned
@@ -188,6 +315,11 @@ class OrderAnalysis:
             f"{high:.6g} per output turn in {self.runs} run{'' if self.runs == 1 else 's'} "
             f"(noise alone names one in {self.false_alarm:.2g} of cases at most)"
         )
+
+    @property
+    def sentences(self) -> list[str]:
+        """What is to be said of the orders: which are not certain, and which may be vibrations."""
+        return [*self._doubtful(), *self._of_vibrations()]
 
     def _doubtful(self) -> list[str]:
         if not self.faint:
@@ -200,22 +332,96 @@ class OrderAnalysis:
             "runs over full turns would tell"
         ]
 
+    def _of_vibrations(self) -> list[str]:
+        """What is told of vibrations, and what these runs cannot tell."""
+        if self.frequencies is None:
+            return []
+        alone = [found for found in self.found if np.isfinite(found.alone)]
+        if np.isfinite(self.speed) and len(alone) == len(self.found) and not self.vibrations:
+            return [
+                f"all runs turn at one speed, {self.speed:.3g} rad/s: an order cannot be told from "
+                f"a vibration that stays at one frequency{_hertz(alone)}; record a run at another "
+                "speed"
+            ]
+        said = []
+        if not self.vibrations:
+            low, high = self.frequencies
+            said.append(
+                f"no vibration that stays at one frequency was found between {low:.3g} and "
+                f"{high:.4g} Hz"
+            )
+        if alone:
+            said.append(
+                "orders that may as well be a vibration that stays at one frequency, by the speeds "
+                f"that show them{_hertz(alone)}; runs at other speeds would tell"
+            )
+        return said
+
     def _cells(self) -> list[tuple[str, ...]]:
         return [
             (
                 f"{f.per_output_turn:.6g}",
+                f"{f.resolution:.2g}",
                 f"{f.order:.6g}",
-                _rounded(f.amplitude, f.error, self.unit),
-                _rounded(f.steady, f.error, self.unit),
-                f"{f.phase:+.2f} ± {f.phase_error:.2f} rad",
-                f"{f.snr:.1f}",
-                f"{max(f.chance, 1e-99):.0e}",
                 f.label,
+                _rounded(f.steady, f.steady_error, self.unit),
+                _size(f.spread, f.steady_error, self.unit),
+                f"{f.phase:+.2f} ± {f.steady_phase_error:.2f} rad",
+                f"{f.snr:.1f}",
+                _chance(f.chance),
                 f.effect or "–",
-                "; ".join(f.aliases[:2]),
+                "; ".join(_joined(f.aliases)) or "–",
             )
             for f in self.found
         ]
+
+    def _waves(self) -> list[tuple[str, ...]]:
+        return [
+            (
+                f"{wave.frequency:.{_decimals(0.1 * wave.resolution)}f}",
+                f"{wave.resolution:.2g}",
+                _rounded(wave.amplitude, wave.error, self.unit),
+                " to ".join(dict.fromkeys(f"{speed:.3g}" for speed in wave.speeds)),
+                f"{wave.seen} of {wave.of}",
+                _chance(wave.chance),
+            )
+            for wave in self.vibrations
+        ]
+
+
+def _hertz(found: Sequence[FoundOrder]) -> str:
+    """Orders with the frequency that each has at its one speed."""
+    each = listed(
+        (f"{f.per_output_turn:.6g} ({f.per_output_turn * f.alone / (2 * np.pi):.3g} Hz)"
+         for f in found), 10,
+    )  # fmt: skip
+    return f": {each}" if found else ""
+
+
+def _joined(labels: Sequence[str]) -> list[str]:
+    """Labels such as "output, 7 per turn", the orders of one pair joined: "output, 7, 9 per turn".
+
+    Each is what a `Candidate` is called.
+    """
+    orders: dict[str, list[int]] = {}
+    for label in labels:
+        words, _, order = label.removesuffix(" per turn").rpartition(", ")
+        orders.setdefault(words, []).append(int(order))
+    return [f"{words}, {listed(sorted(each), 6)} per turn" for words, each in orders.items()]
+
+
+def _decimals(step: float) -> int:
+    """Decimals that show a step of this size."""
+    return max(0, int(np.ceil(-np.log10(step))))
+
+
+def _chance(chance: float) -> str:
+    return f"{max(chance, 1e-99):.0e}"
+
+
+def _size(value: float, error: float, unit: str) -> str:
+    """A value with the decimals of an error, "–" where there is none."""
+    return _rounded(value, error, unit).split(" ± ")[0] + f" {unit}" if value == value else "–"
 
 
 def _rounded(value: float, error: float, unit: str) -> str:
@@ -231,6 +437,8 @@ def find_orders(
     max_order: float | None = None,
     false_alarm: float = 0.01,
     unit: str | None = None,
+    channel: str | None = None,
+    vibrations: bool = False,
 ) -> OrderAnalysis:
     """Find the orders at which something turns with the joint, and name them.
 
@@ -249,6 +457,11 @@ def find_orders(
         Probability that logs of noise alone, of any colour, yield any order.
     unit : str, optional
         Unit of `values`; a channel knows its own.
+    channel : str, optional
+        What the values are called; a channel has its own name.
+    vibrations : bool
+        Also look for vibrations that stay at one frequency, and tell orders from them: an order
+        that is one is not among those found. A second scan, over time.
 
     Returns
     -------
@@ -272,7 +485,7 @@ def find_orders(
         )
     if max_order is not None and not max_order > 0:
         raise InputError(f"find_orders: max_order = {max_order} must be above 0")
-    arrays, channel, unit = chosen_values(logs, values, unit)
+    arrays, named, unit = chosen_values(logs, values, unit)
     parts = stretches(logs, arrays, LONGEST)
     ratio = effective_ratio(logs[0]) or 100.0
     highest = min(max_order or min(50 * ratio, 1e4), max(part.highest for part in parts))
@@ -286,19 +499,47 @@ def find_orders(
     rest = [replace(part, values=less_low(part, low, low_estimates)) for part in parts]
     lines, last = find_lines(rest, step_turns(parts), highest, false_alarm / 2, snap, low)
     fitted = estimates(rest, last.floors, [line.order for line in lines])
-    named = _named([*low, *lines], [*low_estimates, *fitted], table, logs[0].facts)
+    orders = _named([*low, *lines], [*low_estimates, *fitted], table, logs[0].facts)
     lowest = min([line.order for line in low] + [part.lowest for part in parts])
-    faint = find_faint(parts, [order.per_output_turn for order in named], false_alarm / 2)
+    faint = find_faint(parts, [order.per_output_turn for order in orders], false_alarm / 2)
     spectrum = order_spectrum(logs, arrays, max_order=highest, unit=unit)
-    return OrderAnalysis(
-        tuple(named),
+    found = OrderAnalysis(
+        tuple(orders),
         faint,
-        channel,
+        channel or named,
         unit,
         false_alarm,
         (lowest, highest),
         len(logs),
-        replace(spectrum, channel=channel),
+        replace(spectrum, channel=channel or named),
+    )
+    if not vibrations:
+        return found
+    rate = min(log.rate for log in logs)
+    made = compete(rest, highest, rate, false_alarm, snap, low)
+    return _told(found, rest, made)
+
+
+def _told(found: OrderAnalysis, parts: Sequence[Stretch], made: Competition) -> OrderAnalysis:
+    """Return the analysis with the vibrations, and without the orders that these explain."""
+    left = [
+        order
+        for order in found
+        if not made.vibrations
+        or order.shares[0].stretch == TOGETHER
+        or any(abs(order.per_output_turn - line.order) < order.resolution for line in made.orders)
+    ]
+    told = [
+        replace(order, alone=made.speed_alone(parts, order.per_output_turn, order.resolution))
+        for order in left
+    ]
+    speed = float(np.median([abs(part.speed) for part in parts])) if one_speed(parts) else np.nan
+    return replace(
+        found,
+        found=tuple(told),
+        vibrations=made.vibrations,
+        frequencies=made.scanned,
+        speed=speed,
     )
 
 
@@ -312,7 +553,7 @@ def _named(
     kept = [
         (line, fit)
         for line, fit in zip(lines, fitted, strict=True)
-        if fit is not None and max(fit.amplitude, fit.steady) > _CLEAR * fit.error
+        if fit is not None and max(fit.amplitude, fit.steady) > CLEAR * fit.error
     ]
     choices = [candidates(line.order, line.resolution, table) for line, _ in kept]
     alone = sum(bool(choice) and choice[0].pair.motor == 0 for choice in choices) == 1

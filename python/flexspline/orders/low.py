@@ -34,9 +34,10 @@ from flexspline.orders.scan import (
 )
 from flexspline.orders.stretches import Stretch
 
-__all__ = ["SCANNED", "Faint", "find_faint", "find_low", "less_low", "pooled", "powers"]
+__all__ = ["SCANNED", "TOGETHER", "Faint", "find_faint", "find_low", "less_low", "pooled", "powers"]
 
 SCANNED = 40
+TOGETHER = "all runs"
 _CYCLES = 1.5
 _BINS = 180
 _CLOSED = 0.98  # turns: the circle counts as covered
@@ -187,7 +188,7 @@ def _estimates(
             combined(
                 [
                     Share(
-                        "all runs",
+                        TOGETHER,
                         float("nan"),
                         rows,
                         weight[pair],

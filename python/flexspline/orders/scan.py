@@ -47,16 +47,24 @@ from flexspline.orders.spectrum import fourier_sums
 from flexspline.orders.stretches import Stretch
 
 __all__ = [
+    "CLEAR",
     "EFFECTIVE",
     "NEIGHBOURS",
+    "SEPARATE",
     "Estimate",
+    "Floor",
     "Line",
+    "Round",
     "Share",
     "chance_in_scan",
     "estimates",
+    "even_weights",
     "find_lines",
+    "is_new",
     "neighbours",
+    "peaks",
     "scan",
+    "scattered",
     "surprise",
     "visible",
 ]
@@ -64,7 +72,8 @@ __all__ = [
 _CHUNK = 1 << 15
 _MOST = 200  # lines; more are not ripple
 
-_SEPARATE = 0.1  # of its information that an order must keep beside the others
+CLEAR = 2.0  # standard errors that a line must keep once all are fitted together
+SEPARATE = 0.1  # of its information that an order must keep beside the others
 
 EFFECTIVE = 0.48  # orders that a median of exponential powers is worth: ln(2)² for the mean
 _NEAR, _FAR = 1.5, 8.0  # independent orders
@@ -169,11 +178,11 @@ def find_lines(
         seen = scan(parts, rest, turns, highest, [line.order for line in (*known, *lines)])
         new: list[Line] = []
         strongest = 0.0
-        for strength, peak in _peaks(seen, false_alarm):
+        for strength, peak in peaks(seen, false_alarm):
             line = Line(snap(peak.order, peak.resolution), peak.chance, peak.resolution)
             if strength < 0.2 * strongest:
                 break
-            if _is_new(line, [*known, *lines], 2.0) and _is_new(line, new, apart / line.resolution):
+            if is_new(line, [*known, *lines], 2.0) and is_new(line, new, apart / line.resolution):
                 strongest = strongest or strength
                 new.append(line)
         if not new or len(lines) > _MOST:
@@ -230,7 +239,7 @@ def _harmonics(
         yield rows, columns
 
 
-def _peaks(seen: Round, false_alarm: float) -> list[tuple[float, Line]]:
+def peaks(seen: Round, false_alarm: float) -> list[tuple[float, Line]]:
     """Return significant peaks with their power over the floor, the strongest first."""
     step = seen.order[1] - seen.order[0]
     cells = 2 * step * float(np.sum(seen.turns))  # two statistics
@@ -265,7 +274,7 @@ def _beside(power: NDArray[np.float64], at: int) -> float:
     return float(0.5 * (before - after) / bend) if bend < 0 else 0.0
 
 
-def _is_new(line: Line, known: Sequence[Line], distance: float) -> bool:
+def is_new(line: Line, known: Sequence[Line], distance: float) -> bool:
     """Whether `line` lies `distance` resolutions or more from every line of `known`."""
     return all(abs(line.order - other.order) >= distance * line.resolution for other in known)
 
@@ -314,7 +323,7 @@ def estimates(
         for i, order in enumerate(here):
             pair = slice(2 * i, 2 * i + 2)
             block = inverse[pair, pair]
-            if np.linalg.eigvalsh(block)[-1] * _SEPARATE * len(part.angle) / 2 < 1:
+            if np.linalg.eigvalsh(block)[-1] * SEPARATE * len(part.angle) / 2 < 1:
                 shares[list(orders).index(order)].append(
                     Share(part.name, part.speed, len(part.angle), weight[pair], noise[i] * block)
                 )
@@ -325,7 +334,7 @@ def combined(shares: Sequence[Share]) -> Estimate:
     """Return the estimate over `shares`, which must not be empty."""
     spread = np.array([np.trace(share.covariance) for share in shares])
     power = np.array([share.amplitude**2 for share in shares]) - spread
-    each = _even_weights(power, spread)
+    each = even_weights(power, spread)
     information = [np.linalg.inv(share.covariance) for share in shares]
     covariance = np.linalg.inv(np.sum(information, axis=0))
     pulls = [info @ share.weight for info, share in zip(information, shares, strict=True)]
@@ -343,7 +352,34 @@ def combined(shares: Sequence[Share]) -> Estimate:
     )
 
 
-def _even_weights(power: NDArray[np.float64], spread: NDArray[np.float64]) -> NDArray[np.float64]:
+def scattered(shares: Sequence[Share]) -> tuple[float, NDArray[np.float64]]:
+    """Return the spread of the stretches about their steady part, and that part's covariance.
+
+    Each stretch has a wave of its own, β_g = β + δ_g, beside the noise. δ_g has the variance
+
+        τ² = max(0, (Σ w_g |β_g - β|² / 2 - (G - 1)) / (Σ w_g - Σ w_g² / Σ w_g)),
+
+    in a and in b alike, w_g = 2 / tr cov_g and β the steady part [DerSimonianLaird1986]; the spread
+    is √2 τ, the root mean square of |δ_g|, in the unit of the values. Waves of opposite phases have
+    no steady part and a spread as large as they are. Of one stretch it is NaN.
+    """
+    information = [np.linalg.inv(share.covariance) for share in shares]
+    covariance = np.linalg.inv(np.sum(information, axis=0))
+    if len(shares) < 2:
+        return float("nan"), covariance
+    pulls = [info @ share.weight for info, share in zip(information, shares, strict=True)]
+    beta = covariance @ np.sum(pulls, axis=0)
+    weight = np.array([2 / np.trace(share.covariance) for share in shares])
+    apart = np.array([np.sum((share.weight - beta) ** 2) for share in shares])
+    total = weight.sum()
+    room = total - weight @ weight / total
+    square = max((weight @ apart / 2 - (len(shares) - 1)) / room, 0.0)
+    return float(np.sqrt(2 * square)), covariance + square * (weight @ weight) / total**2 * np.eye(
+        2
+    )
+
+
+def even_weights(power: NDArray[np.float64], spread: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return w_g, summing to one, for estimated powers A_g² with noise of power `spread`."""
     weight = 1 / spread / np.sum(1 / spread)
     for _ in range(5):

@@ -21,7 +21,7 @@ from flexspline.logs import Log
 from flexspline.logs.channels import CHANNELS
 from flexspline.orders.parts import output_angle
 
-__all__ = ["Stretch", "Values", "chosen_values", "stretches"]
+__all__ = ["NYQUIST", "Stretch", "Values", "chosen_values", "stretches"]
 
 Values = str | Sequence[ArrayLike] | Callable[[Log], ArrayLike]
 
@@ -30,7 +30,7 @@ _STILL = 0.3  # of the run's usual speed: slower than this counts as a reversal 
 _SETTLE = (0.5, 0.1)  # s left out after a start and before a stop: presliding, overshoot
 _SHORTEST = 64  # rows that a stretch needs
 _CYCLES = 1.5  # cycles in the span from which an order can be told from a trend
-_NYQUIST = 0.9  # of half the sampling rate
+NYQUIST = 0.9  # of half the sampling rate
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,8 @@ class Stretch:
 
     `angle` [rad at the output], `raw` values [unit of the channel], `values` without their
     smooth part and `base`, its orthonormal columns, shape (rows, columns); `speed` [rad/s,
-    signed, median]; `turns` of the output that the angle spans; `lowest` and `highest` order seen.
+    signed, median]; `turns` of the output that the angle spans; `lowest` and `highest` order seen;
+    `time` [s] and signed `speeds` [rad/s] of the rows.
     """
 
     run: int
@@ -52,6 +53,8 @@ class Stretch:
     turns: float
     lowest: float
     highest: float
+    time: NDArray[np.float64]
+    speeds: NDArray[np.float64]
 
 
 def chosen_values(
@@ -129,7 +132,7 @@ def _of_run(run: int, log: Log, values: NDArray[np.float64], longest: float) -> 
             rows = way[which == piece]
             if len(rows) >= _SHORTEST:
                 name = f"{log.name} {word}" + (f" part {piece + 1}" if pieces > 1 else "")
-                yield _stretch(run, name, angle[rows], values[rows], speed[rows], rate)
+                yield _stretch(run, name, time[rows], angle[rows], values[rows], speed[rows], rate)
 
 
 def _settled(time: NDArray[np.float64], moving: NDArray[np.bool_]) -> NDArray[np.intp]:
@@ -146,6 +149,7 @@ def _settled(time: NDArray[np.float64], moving: NDArray[np.bool_]) -> NDArray[np
 def _stretch(
     run: int,
     name: str,
+    time: NDArray[np.float64],
     angle: NDArray[np.float64],
     values: NDArray[np.float64],
     speed: NDArray[np.float64],
@@ -165,7 +169,9 @@ def _stretch(
         float(np.median(speed)),
         turns,
         _CYCLES / turns,
-        _NYQUIST * np.pi * rate / fast,
+        NYQUIST * np.pi * rate / fast,
+        time,
+        speed,
     )
 
 

@@ -145,6 +145,8 @@ def _call(made: Comparison) -> str:
     if made.bandwidth is not None:
         told = f"{made.bandwidth!r}" if math.isfinite(made.bandwidth) else "float('inf')"
         given.append(f"bandwidth={told}")
+    if made.speed_above is not None:
+        given.append(f"speed_above={made.speed_above!r}")
     if made.simulated and not foreign:
         given.append("simulated=True")
     return f"comparison = flexspline.compare({', '.join(given)})"

@@ -23,13 +23,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.errors import listed
-from flexspline.logs.channels import CHANNELS
+from flexspline.logs.channels import CHANNELS, CONDITIONS
 from flexspline.logs.checks.consistency import WITHIN
 from flexspline.logs.checks.findings import Finding
-from flexspline.logs.checks.samples import CONDITIONS, LIVELY, MEASURED, unwrapped
+from flexspline.logs.checks.samples import LIVELY, MEASURED, unwrapped
 from flexspline.logs.log import Log
 from flexspline.logs.quantisation import quantum, white_noise
-from flexspline.logs.segments import median_step, true_ranges
+from flexspline.logs.segments import median_step, stuck_from, true_ranges
 
 __all__ = [
     "DRIVES",
@@ -123,10 +123,11 @@ def stuck_tail(log: Log) -> Iterator[Finding]:
     found = [c for c in MEASURED if c in still and c not in off and _dead(log, c)]
     found += [c for c in POSITIONS if c in still and _left_behind(log, c)]
     found += [c for p, c in VELOCITY.items() if c in still and _not_that_of(log, c, p)]
-    first = min((_tail(log[c]).first for c in found), default=len(log))
+    longest = min(found, key=lambda c: _tail(log[c]).first, default="")
+    first = _tail(log[longest]).first if found else len(log)
     whole = _all_stop(log)
     if whole is not None and whole <= first + 1:
-        first, found = whole, []
+        first, found, longest = whole, [], ""
     if first == len(log):
         return
     count = len(log) - first
@@ -141,7 +142,7 @@ def stuck_tail(log: Log) -> Iterator[Finding]:
         "s",
         f"{what} repeat{'s' if len(found) < 2 else ''} the last sample in the last {count} rows, "
         f"{first} to {len(log)} ({seconds:.3g} s), while the joint moves: the recorder is stuck.",
-        "Leave these rows out, or record again.",
+        f"Ask for the repair drop_stuck{longest and f'={longest}'}, or record again.",
     )
 
 
@@ -173,9 +174,25 @@ def homing_move(log: Log) -> Iterator[Finding]:
                 f"{channel} jumps by {size:.4g} rad in row {row}, faster than the joint ever "
                 f"moves elsewhere: the angle was set anew (homing, index search). Rows {begin} to "
                 f"{end} count from another zero.",
-                "Leave these rows out.",
+                f"Ask for the repair keep={_span_of(log['time'], first, last)}.",
             )
         return
+
+
+def _span_of(time: Array, first: int, last: int) -> str:
+    """FROM:TO in which the rows [first, last) lie, and none beside them."""
+    start = _decimal(time[first], time[first - 1]) if first > 0 else ""
+    end = _decimal(time[last - 1], time[last]) if last < len(time) else ""
+    return f"{start}:{end}"
+
+
+def _decimal(value: float, other: float) -> str:
+    """A number between both, not the other one, with as few decimals as that takes."""
+    for decimals in range(10):
+        text = f"{value:.{decimals}f}"
+        if min(value, other) <= float(text) <= max(value, other) and float(text) != other:
+            return text
+    return repr(float(value))
 
 
 def _disabled(log: Log, channel: str, first: int, last: int, why: str) -> Finding:
@@ -214,12 +231,11 @@ def _still(values: Array) -> bool:
 def _tail(values: Array, moving: NDArray[np.bool_] | None = None) -> _Tail:
     """The tail of a channel, beside repetitions where the joint moves; None: everywhere."""
     same = np.diff(values) == 0.0
-    fresh = np.flatnonzero(~same)
-    first = int(fresh[-1]) + 2 if fresh.size else 1  # the last fresh sample is sound
+    first = stuck_from(values)  # the last fresh sample is sound
     if moving is None:
-        return _summed(same, min(first, len(values)))
+        return _summed(same, first)
     counted = int(moving[1:first].sum())
-    tail = _summed(same & moving[1:], min(first, len(values)))
+    tail = _summed(same & moving[1:], first)
     return replace(tail, share=tail.share * first / max(counted, 1), counted=counted)
 
 
@@ -342,9 +358,8 @@ def _all_stop(log: Log) -> int | None:
         return None
     same = {c: np.diff(log[c]) == 0.0 for c in channels}
     every = np.logical_and.reduce(list(same.values()))
-    fresh = np.flatnonzero(~every)
-    first = int(fresh[-1]) + 2 if fresh.size else 1
-    tail = _summed(every, min(first, len(log)))
+    first = stuck_from(*(log[c] for c in channels))
+    tail = _summed(every, first)
     if tail.length < 1 or not _unlikely(tail, tail.length):
         return None
     lively = [c for c in channels if np.mean(same[c][: first - 1]) < LIVELY]

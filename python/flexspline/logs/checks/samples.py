@@ -7,11 +7,11 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.logs.channels import CHANNELS
+from flexspline.logs.channels import CHANNELS, CONDITIONS
 from flexspline.logs.checks.findings import Finding
 from flexspline.logs.log import Log
 from flexspline.logs.quantisation import quantum, white_noise
-from flexspline.logs.segments import at_rest, median_step, true_ranges
+from flexspline.logs.segments import at_rest, median_step, repeats, true_ranges
 
 DROP_STEPS = 1.75
 """A step of more median steps than this has lost at least one sample."""
@@ -25,9 +25,6 @@ whole log are chance."""
 
 LIVELY = 0.01
 """A channel with a smaller share of repeated values changes with every sample that it gets."""
-
-CONDITIONS = ("enabled", "supply_voltage", "temperature", "motor_temperature", "commanded_position")
-"""Channels that may well stay constant in a run."""
 
 POSITIONS = ("output_position", "motor_position", "commanded_position")
 
@@ -132,7 +129,7 @@ def repeated_rows(log: Log) -> Iterator[Finding]:
     if len(log) < 10 or not same:
         return
     rest = at_rest(log)[1:]
-    stuck = np.logical_and.reduce(list(same.values())) & ~rest
+    stuck = repeats(log)[1:]
     others = ~stuck & ~rest
     lively = others.any() and any(np.mean(s[others]) < LIVELY for s in same.values())
     ranges = true_ranges(stuck)
@@ -150,7 +147,7 @@ def repeated_rows(log: Log) -> Iterator[Finding]:
         "rows",
         f"{_rows(rows.size)} repeat all values of the row before, first row {rows[0]}, up to "
         f"{longest} on end: the recorder was read faster than it was written.",
-        "Drop these rows, or record again.",
+        "Ask for the repair drop_repeated, or record again.",
     )
 
 
@@ -218,7 +215,8 @@ def clipped(log: Log) -> Iterator[Finding]:
                 unit,
                 f"{channel} stays at exactly {limit:.6g} {unit} in {count} rows, first in row "
                 f"{ranges[0, 0]}: it is clipped there.",
-                "Leave these rows out, or record with a wider range.",
+                f"Ask for the repair drop_clipped={channel}:{limit!r}, or record with a wider "
+                "range.",
             )
 
 
