@@ -14,7 +14,7 @@ they converge; a step that raises the squares is not taken.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -84,6 +84,7 @@ class Estimate:
     all. `tangent`: rows of `fitted` and `free_shapes` at the solution. `basis`: the directions of
     these that data and priors determine. `noise_variance`: what priors were weighed by.
     `denominator`: A, by which rows were filtered (`generalised.py`); None of a plain fit.
+    `limits`: of shapes that were bounded closer than the catalogue does, by name.
     """
 
     names: list[str]
@@ -96,6 +97,7 @@ class Estimate:
     basis: Array
     noise_variance: float
     denominator: Array | None = None
+    limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
     def fitted(self) -> NDArray[np.intp]:
@@ -108,6 +110,10 @@ class Estimate:
         from flexspline.least_squares.generalised import uncertainty_of
 
         return uncertainty_of(self)
+
+    def bare(self) -> Estimate:
+        """Return the estimate without what was kept to search faster."""
+        return replace(self, tangent=replace(self.tangent, problem=self.tangent.problem.bare()))
 
     @property
     def prior_rows(self) -> Array:
@@ -255,7 +261,16 @@ def _finished(
     )
     basis = _basis(linear, tangent)
     return Estimate(
-        names, linear, search.constraints, searched, tuple(shapes), active, tangent, basis, variance
+        names,
+        linear,
+        search.constraints,
+        searched,
+        tuple(shapes),
+        active,
+        tangent,
+        basis,
+        variance,
+        limits=search.limits,
     )
 
 

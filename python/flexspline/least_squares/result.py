@@ -5,18 +5,22 @@ Effects that are indistinguishable contribute only as their sum.
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import t as student
 
 from flexspline.effects import UNITS
+from flexspline.formatting import plus_minus
 from flexspline.forward.servo import PositionServo
 from flexspline.least_squares.derived import Derived, derived_of
 from flexspline.least_squares.identifiability import Confounded
-from flexspline.least_squares.uncertainty import Uncertainty
+from flexspline.least_squares.options import Bounds
+from flexspline.least_squares.params import Params
+from flexspline.least_squares.uncertainty import Uncertainty, require_level
 from flexspline.least_squares.validation import Score
 from flexspline.logs.derive import lowpass
 from flexspline.logs.log import Log
@@ -27,6 +31,9 @@ from flexspline.rendering import render
 if TYPE_CHECKING:
     import pandas
 
+    from flexspline.least_squares.estimate import Estimate
+    from flexspline.least_squares.late_load import LateLoad
+    from flexspline.least_squares.likelihood import Likelihood
     from flexspline.logs.channel_noise import ChannelNoise
 
 __all__ = [
@@ -44,6 +51,8 @@ __all__ = [
 Array = NDArray[np.float64]
 
 _FIELDS = ("rmse", "held_out", "regression")
+_NOT_KEPT = ("degrees_of_freedom", "bounds", "logarithmic")
+"""Of a parameter, what only the fit that was just made needs."""
 
 
 @dataclass(frozen=True)
@@ -61,6 +70,9 @@ class Parameter:
     determined : whether the data (and priors) determine it by itself.
     prior : (value, standard error) it was given, or None.
     effective_samples : independent samples that its error is worth.
+    degrees_of_freedom : of Student's t behind the interval; NaN where there is none.
+    bounds : (low, high) in `unit` that held it, None for an open end; None: not bounded.
+    logarithmic : whether the interval is that of ln(value): of a fit of the motion.
     """
 
     name: str
@@ -74,11 +86,60 @@ class Parameter:
     determined: bool
     prior: tuple[float, float] | None
     effective_samples: float
+    degrees_of_freedom: float = float("nan")
+    bounds: Bounds | None = None
+    logarithmic: bool = False
 
     @property
     def significant(self) -> bool:
         """Whether the interval leaves out zero."""
         return not self.interval[0] <= 0.0 <= self.interval[1]
+
+    @property
+    def stderr(self) -> float:
+        """The standard error; NaN where there is none: fixed, at a bound, not determined."""
+        return self.standard_error if self.determined else float("nan")
+
+    @property
+    def fixed(self) -> bool:
+        """Whether its value was given and not fitted."""
+        return self.state == "fixed"
+
+    def ci(self, level: float = 0.95) -> tuple[float, float]:
+        """Return the ends of a confidence interval, in `unit`, by its standard error (Wald).
+
+        Parameters
+        ----------
+        level : between 0 and 1; at 0.95 it is `interval`.
+
+        Returns
+        -------
+        (low, high), NaN where there is no standard error. For an interval that need not be
+        symmetric see `Fit.profile`.
+
+        Raises
+        ------
+        InputError
+            For a level that is not between 0 and 1.
+        """
+        require_level(level)
+        half = float(student.ppf(0.5 + 0.5 * level, self.degrees_of_freedom)) * self.stderr
+        if not self.logarithmic:
+            return self.value - half, self.value + half
+        low, high = self.bounds or (None, None)
+        ends = self.value * np.exp(np.array([-half, half]) / self.value)
+        low, high = np.clip(ends, low, high).tolist()
+        return low, high
+
+    def __str__(self) -> str:
+        if not self.determined:
+            return f"{self.name}: not determined"
+        remark = "" if self.state == "fitted" else f" ({self.state})"
+        return f"{self.name} = {plus_minus(self.value, self.stderr)} {self.unit}{remark}"
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the parameter as `model.json` keeps it."""
+        return {key: value for key, value in asdict(self).items() if key not in _NOT_KEPT}
 
 
 @dataclass(frozen=True)
@@ -137,6 +198,9 @@ class Fit:
     delay : of the known load behind the target, beside which the parameters were found; None where
         the load is exact, or an effect is such a delay.
     bandwidth : Hz, of the output's motion, as it was asked for; None: as the runs tell.
+    solved : the estimate with the rows that it was made from, from which likelihood and profiles
+        are computed when they are asked for; None of a fit of the motion.
+    late : the delay of the load as the estimate was made beside it, or None.
     """
 
     model: Model
@@ -158,6 +222,8 @@ class Fit:
     inputs: tuple[ChannelNoise, ...] = ()
     delay: Delay | None = None
     bandwidth: float | None = None
+    solved: Estimate | None = field(default=None, repr=False, compare=False)
+    late: LateLoad | None = field(default=None, repr=False, compare=False)
 
     @property
     def part(self) -> Part:
@@ -195,6 +261,48 @@ class Fit:
 
         names = [parameter.name for parameter in self.parameters]
         return self.parameters[resolve(name, names, "fit")]
+
+    @property
+    def params(self) -> Params:
+        """The parameters by name; prints as a table."""
+        return Params(self)
+
+    @cached_property
+    def likelihood(self) -> Likelihood:
+        """Gaussian likelihood of the rows under the fit's noise (`least_squares/likelihood.py`).
+
+        Raises
+        ------
+        InputError
+            For a robust fit and for a fit of the motion, which have none.
+        """
+        from flexspline.least_squares.likelihood import likelihood_of
+
+        return likelihood_of(self)
+
+    @property
+    def aic(self) -> float:
+        """Akaike's information criterion, −2 ln L + 2 k [Akaike1974].
+
+        L is the likelihood of generalised least squares in the fit's own noise (autoregressive, not
+        white), k the effective number of parameters, with those of the noise. It can be compared
+        between fits to the same rows of the same target alone (equal runs, target, known load, low
+        pass and rows that count); a difference below 2 tells nothing.
+
+        Raises
+        ------
+        InputError
+            As `likelihood`.
+        """
+        return self.likelihood.aic
+
+    @property
+    def bic(self) -> float:
+        """Schwarz's (Bayesian) information criterion, −2 ln L + k ln N [Schwarz1978].
+
+        To be compared, and refused, as `aic`.
+        """
+        return self.likelihood.bic
 
     @cached_property
     def derived(self) -> tuple[Derived, ...]:
@@ -237,6 +345,40 @@ class Fit:
         }
         frame = pandas.DataFrame(list(rows.values()), index=list(rows))
         return frame.rename_axis("parameter")
+
+    def covariance_frame(self) -> pandas.DataFrame:
+        """Return the covariance of the parameters, rows and columns by name, in their units.
+
+        NaN where there is none: in rows and columns of parameters that are fixed, at a bound or not
+        determined by the data; and, where many runs have an offset each, between such an offset and
+        all others.
+        """
+        import pandas
+
+        names = [p.name for p in self.parameters]
+        errors = np.array([p.stderr for p in self.parameters])
+        frame = pandas.DataFrame(np.diag(errors**2), index=names, columns=names)
+        frame = frame.where(np.eye(len(names), dtype=bool))
+        kept = self.part.record["covariance"]["names"]
+        known = [k for k, name in enumerate(kept) if np.isfinite(self.params[name].stderr)]
+        own = [kept[k] for k in known]
+        frame.loc[own, own] = self.covariance[np.ix_(known, known)]
+        return frame.rename_axis(index="parameter", columns="parameter")
+
+    def correlation_frame(self) -> pandas.DataFrame:
+        """Return the correlation of the parameters, −1 … 1, rows and columns by name.
+
+        NaN where `covariance_frame` is.
+        """
+        frame = self.covariance_frame()
+        errors = np.sqrt(np.diag(frame))
+        with np.errstate(divide="ignore", invalid="ignore"):  # without any noise no error
+            return frame.div(errors, axis="index").div(errors, axis="columns")
+
+    def summary(self) -> str:
+        """Return target, rows, noise, errors, criteria and parameters as a text of one page."""
+        text: str = render("fit", "summary", self)
+        return text
 
     def scores_frame(self) -> pandas.DataFrame:
         """Return the scores as a table."""
