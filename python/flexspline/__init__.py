@@ -158,6 +158,7 @@ _ROOMS = (
     "rigs",
     "sensor",
     "simulation",
+    "sklearn",
 )
 """Sub-packages with an interface of their own, as in `flexspline.simulation.Joint`."""
 
