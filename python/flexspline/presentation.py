@@ -17,6 +17,8 @@ RENDERERS = {
     ("fit", "report"): "flexspline.report.html:write_report",
     ("fit", "figure"): "flexspline.plot.fit:plot_fit",
     ("fit", "summary"): "flexspline.report.summary:fit_summary",
+    ("profile", "figure"): "flexspline.plot.profile:plot_profile",
+    ("contour", "figure"): "flexspline.plot.profile:plot_contour",
     ("parameters", "text"): "flexspline.report.summary:parameters_text",
     ("parameters", "html"): "flexspline.report.summary:parameters_html",
     ("calibration", "text"): "flexspline.report.calibration:calibration_text",

@@ -46,6 +46,7 @@ __all__ = [
     "Estimate",
     "Given",
     "estimate",
+    "estimate_holding",
     "huber_weights",
     "newton",
 ]
@@ -168,6 +169,34 @@ def estimate(
         noise = noise_of(made)
         made = _finished(names, shapes, search, noise.long_run_variance * noise.decimation)
     return made
+
+
+def estimate_holding(
+    made: Estimate, held: Mapping[str, float], start: Sequence[Effect]
+) -> LinearFit:
+    """Fit the same rows again with some parameters held, all others as in an estimate.
+
+    Parameters
+    ----------
+    made : the estimate; what is fixed, bounded, weighed or known there stays so.
+    held : values by full name.
+    start : effects with shapes in the valley to look in.
+    """
+    shapes, limits = {shape.name: shape for shape in made.shapes}, made.constraints.held.copy()
+    effects = tuple(start)
+    for name, value in held.items():
+        if name in shapes:
+            effects = shapes[name].set(effects, value)
+        else:
+            limits[made.names.index(name)] = value
+    free = [s for s in made.shapes if s.name in made.searched.at_bound and s.name not in held]
+    constraints = replace(made.constraints, held=limits)
+    problem, weights = made.tangent.problem, made.tangent.weights
+    search = _Search(
+        problem, effects, constraints, free, dict(made.limits), False, lambda: None, True
+    )
+    kept = None if weights is None else list(weights)
+    return search.run(made.noise_variance, kept, made.linear.exact).linear
 
 
 def noise_of(made: Estimate) -> NoiseModel:

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from flexspline.least_squares.estimate import Estimate
     from flexspline.least_squares.late_load import LateLoad
     from flexspline.least_squares.likelihood import Likelihood
+    from flexspline.least_squares.profile import Contour, Profile
     from flexspline.logs.channel_noise import ChannelNoise
 
 __all__ = [
@@ -303,6 +304,56 @@ class Fit:
         To be compared, and refused, as `aic`.
         """
         return self.likelihood.bic
+
+    def profile(self, name: str, level: float = 0.95, *, points: int = 20) -> Profile:
+        """Return how the squares rise around a parameter, and the interval that follows.
+
+        All others are fitted again at each value. Scaled by the noise of the fit, so that it holds
+        under autocorrelation; of a shape, whose squares are no parabola, it is not symmetric.
+
+        Parameters
+        ----------
+        name : as `fit[name]` takes it; a coefficient or a shape.
+        level : of the interval.
+        points : of the profile between its ends, beside those that finding the ends asked.
+
+        Returns
+        -------
+        Profile
+            ``interval`` has None for an end that lies beyond the parameter's bound.
+
+        Raises
+        ------
+        InputError
+            For an unknown name, a parameter without an error (fixed, at a bound, confounded), and a
+            fit of the motion or by generalised least squares.
+        """
+        from flexspline.least_squares.profile import profile_of
+
+        return profile_of(self, name, level, points)
+
+    def contour(self, one: str, other: str, level: float = 0.95, *, points: int = 24) -> Contour:
+        """Return the region in which two parameters lie together, by profiles around it.
+
+        Parameters
+        ----------
+        one, other : as for `profile`.
+        level : of both together.
+        points : around the region.
+
+        Returns
+        -------
+        Contour
+            ``points`` are NaN where the region does not end within bounds.
+
+        Raises
+        ------
+        InputError
+            As `profile`.
+        """
+        from flexspline.least_squares.profile import contour_of
+
+        return contour_of(self, (one, other), level, points)
 
     @cached_property
     def derived(self) -> tuple[Derived, ...]:
