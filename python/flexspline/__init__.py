@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from flexspline.calibration.result import CalibrationResult
     from flexspline.certification import Certificate, certify
     from flexspline.comparison.comparing import compare
+    from flexspline.comparison.models import ModelComparison, compare_models
     from flexspline.comparison.result import Comparison
     from flexspline.deprecated import fit
     from flexspline.discovery.discovering import discover
@@ -79,6 +80,7 @@ __all__ = [
     "Log",
     "Merge",
     "Model",
+    "ModelComparison",
     "MotionOptions",
     "Observer",
     "Part",
@@ -95,6 +97,7 @@ __all__ = [
     "certify",
     "check",
     "compare",
+    "compare_models",
     "convert",
     "discover",
     "effect",
@@ -131,6 +134,7 @@ _HOME = {
     "Log": "logs.log",
     "Merge": "estimators",
     "Model": "model",
+    "ModelComparison": "comparison.models",
     "MotionOptions": "output_error.settings",
     "Observer": "estimators",
     "Part": "model",
@@ -146,6 +150,7 @@ _HOME = {
     "certify": "certification",
     "check": "logs.checks",
     "compare": "comparison.comparing",
+    "compare_models": "comparison.models",
     "discover": "discovery.discovering",
     "estimate": "estimation",
     "export": "exporting",
@@ -168,6 +173,7 @@ _ROOMS = (
     "rigs",
     "sensor",
     "simulation",
+    "sklearn",
 )
 """Sub-packages with an interface of their own, as in `flexspline.simulation.Joint`."""
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:  # what is heavy is imported where it is used: `flexspline --h
     from flexspline.prepared import Preparation
     from flexspline.simulator import Simulated
 
-__all__ = ["fit", "fit_near", "runs_of", "with_orders"]
+__all__ = ["fit", "fit_near", "runs_of", "solved", "with_orders"]
 
 ROWS_A_PARAMETER = 3
 SETTLING_ROUNDS = 3
@@ -144,8 +144,7 @@ def fit(
         chosen, found, said = with_found_orders(chosen, problem)
         posed = problem(chosen)
         _require_rows(posed, chosen)
-        made = estimate(posed, chosen, given, bar.update)
-        posed, made = _settled(posed, made, given, bar.update)
+        posed, made = solved(posed, chosen, given, bar.update)
         late = None
         if can_be_late(posed, [e.name for e in chosen]):
             made, late = beside_delay(posed, made, again)
@@ -245,14 +244,13 @@ def fit_near(
         For too few rows.
     """
     from flexspline.least_squares.assemble import assembled
-    from flexspline.least_squares.estimate import Given, estimate
+    from flexspline.least_squares.estimate import Given
     from flexspline.least_squares.generalised import generalised
     from flexspline.least_squares.problem import settled
 
     _require_rows(problem, effects)
     problem, given = settled(problem, effects), Given(fixed, bounds, {}, False)
-    made = estimate(problem, effects, given, lambda: None, near=True)
-    problem, made = _settled(problem, made, given, lambda: None, near=True)
+    problem, made = solved(problem, effects, given, lambda: None, near=True)
     if general:
         made = generalised(made) or made
     return assembled(problem, made, into, [], None)
@@ -310,18 +308,23 @@ def _checked(
     return sentences
 
 
-def _settled(
+def solved(
     problem: Problem,
-    made: Estimate,
+    effects: Sequence[Effect],
     given: Given,
     tick: Callable[[], object],
     *,
     near: bool = False,
 ) -> tuple[Problem, Estimate]:
-    """Estimate again until the rows left out for unknown memory are those of the widths found."""
+    """Return coefficients and shapes, and the problem whose rows count with the widths found.
+
+    It is estimated again until the rows left out for unknown memory are those of these widths.
+    `tick` and `near`: as `estimate` takes them.
+    """
     from flexspline.least_squares.estimate import estimate
     from flexspline.least_squares.problem import settled
 
+    made = estimate(problem, effects, given, tick, near=near)
     for _ in range(SETTLING_ROUNDS):
         again = settled(problem, made.linear.effects)
         if again.runs == problem.runs:

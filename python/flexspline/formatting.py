@@ -14,6 +14,7 @@ from collections.abc import Collection, Iterable, Sequence
 from uncertainties import ufloat
 
 __all__ = [
+    "apart",
     "decimals_for",
     "percent",
     "plus_minus",
@@ -41,6 +42,15 @@ def plus_minus(value: float, error: float) -> str:
         return f"{value:.6g} ± {error:.0e}" if error > 0.0 else f"{value:.6g} ± 0"
     text = f"{ufloat(value, error):P}".replace("±", " ± ").replace("×", "·")
     return re.sub(r"^-(0(\.0+)?) ± ", r"\1 ± ", text)
+
+
+def apart(text: str) -> tuple[str, str]:
+    """Return value and error of what `plus_minus` wrote, each by itself; "–" without an error."""
+    whole = re.fullmatch(r"\((.+) ± (.+)\)(.*)", text)
+    if whole:
+        return whole[1] + whole[3], whole[2] + whole[3]
+    value, _, error = text.partition(" ± ")
+    return value, error or "–"
 
 
 def short(value: float, digits: int = 3) -> str:

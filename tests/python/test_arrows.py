@@ -36,7 +36,7 @@ LAYERS = (
     ("fitting",),
     ("output_error",),
     # what is asked of runs
-    ("calibration", "comparison", "experiment"),
+    ("calibration", "comparison", "experiment", "sklearn"),
     ("deprecated", "discovery"),
     # the chain of estimators, and the joint and the sensor that it is tried on
     ("estimation", "observer", "sensor", "simulation"),

@@ -358,8 +358,8 @@ def _record(result: CalibrationResult, asked: Asked) -> dict[str, Any]:
         plain_json(
             {
                 "reference": asked.reference,
-                "parameters": [asdict(p) for p in result.torque_parameters],
-                "volts": [asdict(p) for p in result.voltage_parameters],
+                "parameters": [p.to_json() for p in result.torque_parameters],
+                "volts": [p.to_json() for p in result.voltage_parameters],
                 "figures": [asdict(figure) for figure in result.figures],
                 "held_out": {
                     "by": result.validated_by,

@@ -193,6 +193,7 @@ def _parameters(
                 determined,
                 None,
                 float(news[k]),
+                float(uncertainty.degrees_of_freedom[k]),
             )
         )
     return tuple(found)

@@ -16,6 +16,7 @@ from flexspline.least_squares.generalised import uncertainty_of
 from flexspline.least_squares.identifiability import Confounded, confounded_groups
 from flexspline.least_squares.late_load import LateLoad
 from flexspline.least_squares.offsets import offset_parameters
+from flexspline.least_squares.options import bounds_of
 from flexspline.least_squares.problem import Problem, memory_warnings
 from flexspline.least_squares.result import Delay, Fit, FittedRun, Parameter
 from flexspline.least_squares.uncertainty import Uncertainty
@@ -119,6 +120,8 @@ def assembled(
         orders=orders,
         inputs=inputs,
         delay=delay,
+        solved=made.bare(),
+        late=late,
     )
     return replace(found, warnings=(*found.warnings, *sign_warnings(found), *loop_warnings(found)))
 
@@ -185,6 +188,7 @@ def _parameters(
         "low": uncertainty.intervals(values)[:, 0],
         "high": uncertainty.intervals(values)[:, 1],
         "news": uncertainty.effective_samples_of,
+        "freedom": uncertainty.degrees_of_freedom,
     }
     units = _units(problem, made)
     found = []
@@ -199,9 +203,9 @@ def _parameters(
         determined = name not in hidden
         state = state if determined else "not determined"
         value = float(made.linear.coefficients[k])
-        found.append(
-            _parameter(name, "coefficient", value, units[k], state, determined, prior, table, row)
-        )
+        one = _parameter(name, "coefficient", value, units[k], state, determined, prior, table, row)
+        limits = made.constraints.lower[k], made.constraints.upper[k]
+        found.append(replace(one, bounds=bounds_of(*limits)))
     return (*found, *_shape_parameters(made, table))
 
 
@@ -218,11 +222,12 @@ def _shape_parameters(made: Estimate, table: Mapping[str, Array]) -> list[Parame
             state = BOUND[made.searched.at_bound[shape.name]]
         if row is not None and not table["error"][row] < LOOSE * value:
             determined, state = False, "not determined"
-        found.append(
-            _parameter(
-                shape.name, "shape", value, shape.info.unit, state, determined, None, table, row
-            )
+        one = _parameter(
+            shape.name, "shape", value, shape.info.unit, state, determined, None, table, row
         )
+        held = (shape.info.lower, shape.info.upper)
+        limits = made.limits.get(shape.name, held)
+        found.append(one if state == "fixed" else replace(one, bounds=limits))
     return found
 
 
@@ -253,6 +258,7 @@ def _parameter(
         determined,
         prior,
         at("news"),
+        at("freedom"),
     )
 
 
@@ -271,7 +277,7 @@ def _record(
 ) -> dict[str, Any]:
     channels = sorted({name for run in problem.runs for name in run.channels} - {"period"})
     return {
-        "parameters": [asdict(p) for p in parameters],
+        "parameters": [p.to_json() for p in parameters],
         "covariance": {
             "names": [made.names[k] for k in made.fitted] + [s.name for s in made.free_shapes],
             "matrix": uncertainty.covariance.tolist(),

@@ -14,7 +14,7 @@ they converge; a step that raises the squares is not taken.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -46,6 +46,7 @@ __all__ = [
     "Estimate",
     "Given",
     "estimate",
+    "estimate_holding",
     "huber_weights",
     "newton",
 ]
@@ -84,6 +85,7 @@ class Estimate:
     all. `tangent`: rows of `fitted` and `free_shapes` at the solution. `basis`: the directions of
     these that data and priors determine. `noise_variance`: what priors were weighed by.
     `denominator`: A, by which rows were filtered (`generalised.py`); None of a plain fit.
+    `limits`: of shapes that were bounded closer than the catalogue does, by name.
     """
 
     names: list[str]
@@ -96,6 +98,7 @@ class Estimate:
     basis: Array
     noise_variance: float
     denominator: Array | None = None
+    limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
     def fitted(self) -> NDArray[np.intp]:
@@ -108,6 +111,10 @@ class Estimate:
         from flexspline.least_squares.generalised import uncertainty_of
 
         return uncertainty_of(self)
+
+    def bare(self) -> Estimate:
+        """Return the estimate without what was kept to search faster."""
+        return replace(self, tangent=replace(self.tangent, problem=self.tangent.problem.bare()))
 
     @property
     def prior_rows(self) -> Array:
@@ -162,6 +169,34 @@ def estimate(
         noise = noise_of(made)
         made = _finished(names, shapes, search, noise.long_run_variance * noise.decimation)
     return made
+
+
+def estimate_holding(
+    made: Estimate, held: Mapping[str, float], start: Sequence[Effect]
+) -> LinearFit:
+    """Fit the same rows again with some parameters held, all others as in an estimate.
+
+    Parameters
+    ----------
+    made : the estimate; what is fixed, bounded, weighed or known there stays so.
+    held : values by full name.
+    start : effects with shapes in the valley to look in.
+    """
+    shapes, limits = {shape.name: shape for shape in made.shapes}, made.constraints.held.copy()
+    effects = tuple(start)
+    for name, value in held.items():
+        if name in shapes:
+            effects = shapes[name].set(effects, value)
+        else:
+            limits[made.names.index(name)] = value
+    free = [s for s in made.shapes if s.name in made.searched.at_bound and s.name not in held]
+    constraints = replace(made.constraints, held=limits)
+    problem, weights = made.tangent.problem, made.tangent.weights
+    search = _Search(
+        problem, effects, constraints, free, dict(made.limits), False, lambda: None, True
+    )
+    kept = None if weights is None else list(weights)
+    return search.run(made.noise_variance, kept, made.linear.exact).linear
 
 
 def noise_of(made: Estimate) -> NoiseModel:
@@ -255,7 +290,16 @@ def _finished(
     )
     basis = _basis(linear, tangent)
     return Estimate(
-        names, linear, search.constraints, searched, tuple(shapes), active, tangent, basis, variance
+        names,
+        linear,
+        search.constraints,
+        searched,
+        tuple(shapes),
+        active,
+        tangent,
+        basis,
+        variance,
+        limits=search.limits,
     )
 
 

@@ -59,7 +59,8 @@ def offset_parameters(
     noise, covariance = uncertainty.noise, uncertainty.covariance
     spread = _residual_variance(problem, made, uncertainty)
     white = uncertainty.basis @ uncertainty.naive_core @ uncertainty.basis.T
-    quantile = float(student.ppf(0.975, max(noise.samples - noise.parameters, 1)))
+    freedom = float(max(noise.samples - noise.parameters, 1))
+    quantile = float(student.ppf(0.975, freedom))
     found = []
     for name, run, mean in zip(names, problem.runs, _means(made, width), strict=True):
         value = _value(problem, made, run)
@@ -71,9 +72,10 @@ def offset_parameters(
         worth = uncertainty.rows * (naive / error) ** 2 if error > 0.0 else float("nan")
         found.append(
             Parameter(
-                name, "coefficient", value, error, naive, ends, unit, "fitted", True, None, worth
+                name, "coefficient", value, error, naive, ends, unit, "fitted", True, None, worth,
+                freedom,
             )
-        )
+        )  # fmt: skip
     return found
 
 

@@ -27,6 +27,7 @@ __all__ = [
     "Constraints",
     "FitOptions",
     "ShapeParameter",
+    "bounds_of",
     "coefficient_names",
     "constraints_of",
     "finite",
@@ -223,6 +224,12 @@ def finite(value: float, what: str) -> float:
     if not isinstance(value, Real) or not np.isfinite(value):
         raise InputError(f"{what} is {value!r}; give a finite number")
     return float(value)
+
+
+def bounds_of(lower: float, upper: float) -> Bounds | None:
+    """Return bounds as a fit takes them of ends that may not be finite; None where neither is."""
+    low, high = (float(end) if np.isfinite(end) else None for end in (lower, upper))
+    return None if low is None and high is None else (low, high)
 
 
 def pair_of(pair: Any, what: str, form: str) -> tuple[Any, Any]:

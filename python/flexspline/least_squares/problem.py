@@ -157,6 +157,17 @@ class Problem:
         default_factory=_core.Remembered, compare=False, repr=False
     )
 
+    def bare(self) -> Problem:
+        """Return the problem without what was kept to search faster."""
+        return replace(self, kept={}, remembered=_core.Remembered())
+
+    def __getstate__(self) -> dict[str, Any]:
+        kept = ("kept", "remembered")  # the second is the core's, and no pickle
+        return {name: value for name, value in self.__dict__.items() if name not in kept}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state, kept={}, remembered=_core.Remembered())
+
     def place(self, effects: Sequence[Effect], number: int) -> NDArray[np.intp]:
         """Number of the parameter behind each column of the core for a run, (P,).
 

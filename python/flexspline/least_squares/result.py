@@ -6,18 +6,22 @@ Effects that are indistinguishable contribute only as their sum.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import t as student
 
 from flexspline.effects import UNITS
+from flexspline.formatting import plus_minus
 from flexspline.forward.servo import PositionServo
 from flexspline.least_squares.derived import Derived, derived_of
 from flexspline.least_squares.identifiability import Confounded
-from flexspline.least_squares.uncertainty import Uncertainty
+from flexspline.least_squares.options import Bounds
+from flexspline.least_squares.params import Params
+from flexspline.least_squares.uncertainty import Uncertainty, require_level
 from flexspline.least_squares.validation import Score
 from flexspline.logs.derive import lowpass
 from flexspline.logs.log import Log
@@ -28,6 +32,10 @@ from flexspline.rendering import render
 if TYPE_CHECKING:
     import pandas
 
+    from flexspline.least_squares.estimate import Estimate
+    from flexspline.least_squares.late_load import LateLoad
+    from flexspline.least_squares.likelihood import Likelihood
+    from flexspline.least_squares.profile import Contour, Profile
     from flexspline.logs.channel_noise import ChannelNoise
 
 __all__ = [
@@ -45,6 +53,8 @@ __all__ = [
 Array = NDArray[np.float64]
 
 _FIELDS = ("rmse", "held_out", "regression")
+_NOT_KEPT = ("degrees_of_freedom", "bounds", "logarithmic")
+"""Of a parameter, what only the fit that was just made needs."""
 
 
 @dataclass(frozen=True)
@@ -62,6 +72,9 @@ class Parameter:
     determined : whether the data (and priors) determine it by itself.
     prior : (value, standard error) it was given, or None.
     effective_samples : independent samples that its error is worth.
+    degrees_of_freedom : of Student's t behind the interval; NaN where there is none.
+    bounds : (low, high) in `unit` that held it, None for an open end; None: not bounded.
+    logarithmic : whether the interval is that of ln(value): of a fit of the motion.
     """
 
     name: str
@@ -75,11 +88,60 @@ class Parameter:
     determined: bool
     prior: tuple[float, float] | None
     effective_samples: float
+    degrees_of_freedom: float = float("nan")
+    bounds: Bounds | None = None
+    logarithmic: bool = False
 
     @property
     def significant(self) -> bool:
         """Whether the interval leaves out zero."""
         return not self.interval[0] <= 0.0 <= self.interval[1]
+
+    @property
+    def stderr(self) -> float:
+        """The standard error; NaN where there is none: fixed, at a bound, not determined."""
+        return self.standard_error if self.determined else float("nan")
+
+    @property
+    def fixed(self) -> bool:
+        """Whether its value was given and not fitted."""
+        return self.state == "fixed"
+
+    def ci(self, level: float = 0.95) -> tuple[float, float]:
+        """Return the ends of a confidence interval, in `unit`, by its standard error (Wald).
+
+        Parameters
+        ----------
+        level : between 0 and 1; at 0.95 it is `interval`.
+
+        Returns
+        -------
+        (low, high), NaN where there is no standard error. For an interval that need not be
+        symmetric see `Fit.profile`.
+
+        Raises
+        ------
+        InputError
+            For a level that is not between 0 and 1.
+        """
+        require_level(level)
+        half = float(student.ppf(0.5 + 0.5 * level, self.degrees_of_freedom)) * self.stderr
+        if not self.logarithmic:
+            return self.value - half, self.value + half
+        low, high = self.bounds or (None, None)
+        ends = self.value * np.exp(np.array([-half, half]) / self.value)
+        low, high = np.clip(ends, low, high).tolist()
+        return low, high
+
+    def __str__(self) -> str:
+        if not self.determined:
+            return f"{self.name}: not determined"
+        remark = "" if self.state == "fitted" else f" ({self.state})"
+        return f"{self.name} = {plus_minus(self.value, self.stderr)} {self.unit}{remark}"
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the parameter as `model.json` keeps it."""
+        return {key: value for key, value in asdict(self).items() if key not in _NOT_KEPT}
 
 
 @dataclass(frozen=True)
@@ -138,6 +200,9 @@ class Fit:
     delay : of the known load behind the target, beside which the parameters were found; None where
         the load is exact, or an effect is such a delay.
     bandwidth : Hz, of the output's motion, as it was asked for; None: as the runs tell.
+    solved : the estimate with the rows that it was made from, from which likelihood and profiles
+        are computed when they are asked for; None of a fit of the motion.
+    late : the delay of the load as the estimate was made beside it, or None.
     """
 
     model: Model
@@ -159,6 +224,8 @@ class Fit:
     inputs: tuple[ChannelNoise, ...] = ()
     delay: Delay | None = None
     bandwidth: float | None = None
+    solved: Estimate | None = field(default=None, repr=False, compare=False)
+    late: LateLoad | None = field(default=None, repr=False, compare=False)
 
     @property
     def part(self) -> Part:
@@ -196,6 +263,98 @@ class Fit:
 
         names = [parameter.name for parameter in self.parameters]
         return self.parameters[resolve(name, names, "fit")]
+
+    @property
+    def params(self) -> Params:
+        """The parameters by name; prints as a table."""
+        return Params(self)
+
+    @cached_property
+    def likelihood(self) -> Likelihood:
+        """Gaussian likelihood of the rows under the fit's noise (`least_squares/likelihood.py`).
+
+        Raises
+        ------
+        InputError
+            For a robust fit and for a fit of the motion, which have none.
+        """
+        from flexspline.least_squares.likelihood import likelihood_of
+
+        return likelihood_of(self)
+
+    @property
+    def aic(self) -> float:
+        """Akaike's information criterion, −2 ln L + 2 k [Akaike1974].
+
+        L is the likelihood of generalised least squares in the fit's own noise (autoregressive, not
+        white), k the effective number of parameters, with those of the noise. It can be compared
+        between fits to the same rows of the same target alone (equal runs, target, known load, low
+        pass and rows that count); a difference below 2 tells nothing.
+
+        Raises
+        ------
+        InputError
+            As `likelihood`.
+        """
+        return self.likelihood.aic
+
+    @property
+    def bic(self) -> float:
+        """Schwarz's (Bayesian) information criterion, −2 ln L + k ln N [Schwarz1978].
+
+        To be compared, and refused, as `aic`.
+        """
+        return self.likelihood.bic
+
+    def profile(self, name: str, level: float = 0.95, *, points: int = 20) -> Profile:
+        """Return how the squares rise around a parameter, and the interval that follows.
+
+        All others are fitted again at each value. Scaled by the noise of the fit, so that it holds
+        under autocorrelation; of a shape, whose squares are no parabola, it is not symmetric.
+
+        Parameters
+        ----------
+        name : as `fit[name]` takes it; a coefficient or a shape.
+        level : of the interval.
+        points : of the profile between its ends, beside those that finding the ends asked.
+
+        Returns
+        -------
+        Profile
+            ``interval`` has None for an end that lies beyond the parameter's bound.
+
+        Raises
+        ------
+        InputError
+            For an unknown name, a parameter without an error (fixed, at a bound, confounded), and a
+            fit of the motion or by generalised least squares.
+        """
+        from flexspline.least_squares.profile import profile_of
+
+        return profile_of(self, name, level, points)
+
+    def contour(self, one: str, other: str, level: float = 0.95, *, points: int = 24) -> Contour:
+        """Return the region in which two parameters lie together, by profiles around it.
+
+        Parameters
+        ----------
+        one, other : as for `profile`.
+        level : of both together.
+        points : around the region.
+
+        Returns
+        -------
+        Contour
+            ``points`` are NaN where the region does not end within bounds.
+
+        Raises
+        ------
+        InputError
+            As `profile`.
+        """
+        from flexspline.least_squares.profile import contour_of
+
+        return contour_of(self, (one, other), level, points)
 
     @cached_property
     def derived(self) -> tuple[Derived, ...]:
@@ -244,6 +403,40 @@ class Fit:
         }
         frame = pandas.DataFrame(list(rows.values()), index=list(rows))
         return frame.rename_axis("parameter")
+
+    def covariance_frame(self) -> pandas.DataFrame:
+        """Return the covariance of the parameters, rows and columns by name, in their units.
+
+        NaN where there is none: in rows and columns of parameters that are fixed, at a bound or not
+        determined by the data; and, where many runs have an offset each, between such an offset and
+        all others.
+        """
+        import pandas
+
+        names = [p.name for p in self.parameters]
+        errors = np.array([p.stderr for p in self.parameters])
+        frame = pandas.DataFrame(np.diag(errors**2), index=names, columns=names)
+        frame = frame.where(np.eye(len(names), dtype=bool))
+        kept = self.part.record["covariance"]["names"]
+        known = [k for k, name in enumerate(kept) if np.isfinite(self.params[name].stderr)]
+        own = [kept[k] for k in known]
+        frame.loc[own, own] = self.covariance[np.ix_(known, known)]
+        return frame.rename_axis(index="parameter", columns="parameter")
+
+    def correlation_frame(self) -> pandas.DataFrame:
+        """Return the correlation of the parameters, −1 … 1, rows and columns by name.
+
+        NaN where `covariance_frame` is.
+        """
+        frame = self.covariance_frame()
+        errors = np.sqrt(np.diag(frame))
+        with np.errstate(divide="ignore", invalid="ignore"):  # without any noise no error
+            return frame.div(errors, axis="index").div(errors, axis="columns")
+
+    def summary(self) -> str:
+        """Return target, rows, noise, errors, criteria and parameters as a text of one page."""
+        text: str = render("fit", "summary", self)
+        return text
 
     def scores_frame(self) -> pandas.DataFrame:
         """Return the scores as a table."""

@@ -92,10 +92,7 @@ class Uncertainty:
 
     def intervals(self, values: Array, confidence: float = 0.95) -> Array:
         """(P, 2): lower and upper ends of the confidence intervals around values (P,)."""
-        if not 0.0 < confidence < 1.0:
-            raise InputError(
-                f"The confidence {confidence} is not between 0 and 1; give 0.95 for 95 %."
-            )
+        require_level(confidence)
         quantiles = student.ppf(0.5 + 0.5 * confidence, self.degrees_of_freedom)
         half = quantiles * self.standard_errors
         return np.column_stack([values - half, values + half])
@@ -141,6 +138,12 @@ class Uncertainty:
         if self.reliable:
             return f"Intervals hold: {need}, there are {have}."
         return f"Intervals may be too narrow: {need}, there are {have}; record longer logs."
+
+
+def require_level(confidence: float) -> None:
+    """Refuse a confidence that is not between 0 and 1."""
+    if not 0.0 < confidence < 1.0:
+        raise InputError(f"The confidence {confidence} is not between 0 and 1; give 0.95 for 95 %.")
 
 
 def parameter_uncertainty(

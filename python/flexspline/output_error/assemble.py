@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
+from flexspline.least_squares.options import bounds_of
 from flexspline.least_squares.problem import problem_of
 from flexspline.least_squares.result import (
     Fit,
@@ -99,7 +100,7 @@ def assembled(
     scores = scores_of(problem, residuals, [run.held_out for run in runs])
     kept = {
         **regression.part.record,
-        "parameters": [asdict(p) for p in parameters],
+        "parameters": [p.to_json() for p in parameters],
         "covariance": {
             "names": [one.name for one in cost.space.searched],
             "matrix": uncertainty.covariance.tolist(),
@@ -124,6 +125,8 @@ def assembled(
         covariance=uncertainty.covariance,
         warnings=(*regression.warnings, *_warnings(parameters, record)),
         simulation=record,
+        solved=None,
+        late=None,
     )
 
 
@@ -161,6 +164,9 @@ def _parameter(one: Searched, k: int, at: float, cost: Cost, errors: Errors) -> 
         determined,
         None,
         float(errors.rows * ratio**2),
+        float(errors.degrees),
+        bounds_of(one.lower, one.upper),
+        one.logarithmic,
     )
 
 

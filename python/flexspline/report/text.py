@@ -22,21 +22,28 @@ if TYPE_CHECKING:
     from flexspline.least_squares.result import Fit, Parameter
 
 __all__ = [
+    "IDLE",
     "TARGET_WORDS",
+    "WIDEST",
     "ParameterLine",
     "Verdict",
     "faults_sentence",
     "fit_text",
     "known_groups",
+    "known_text",
+    "parameter_line",
     "parameter_lines",
     "spread",
     "trust",
     "validation_sentence",
     "verdict",
+    "warnings_text",
+    "wrapped",
 ]
 
 WIDTH = 100
 WIDEST = 120  # of the table of parameters
+IDLE = "not significant"
 
 TARGET_WORDS = {
     "sensor_torque": "sensor torque",
@@ -53,19 +60,20 @@ def fit_text(fit: Fit) -> str:
     """Return what `print(fit)` shows, lines of at most 120 characters where names allow it."""
     judged = verdict(fit)
     blocks = [
-        [*_wrapped(judged.good), *_wrapped(judged.wrong)],
+        [*wrapped(judged.good), *wrapped(judged.wrong)],
         _parameters(parameter_lines(fit)),
-        _known(fit),
+        known_text(fit),
         _trust(fit),
         _channels(fit),
         _motion(fit),
         _scores(fit),
-        _warnings(fit),
+        warnings_text(fit),
     ]
     return "\n\n".join("\n".join(block) for block in blocks if block)
 
 
-def _wrapped(sentence: str, first: str = "", rest: str = "") -> list[str]:
+def wrapped(sentence: str, first: str = "", rest: str = "") -> list[str]:
+    """Return a sentence in lines of at most 100 characters, the first and all others indented."""
     return textwrap.wrap(
         sentence,
         WIDTH,
@@ -87,7 +95,7 @@ def _parameters(lines: Sequence[ParameterLine]) -> list[str]:
     text = [f"{head}  {'unit':<{wide[2]}}".rstrip()]
     for name, line in zip(names, lines, strict=True):
         if line.heading:
-            text += _wrapped(line.heading)
+            text += wrapped(line.heading)
         row = f"{name:<{wide[0]}}  {line.value:<{wide[1]}}  {line.unit:<{wide[2]}}  "
         first, *more = textwrap.wrap(line.remark, max(WIDEST - len(row), 40)) or [""]
         text += [f"{row}{first}".rstrip(), *(" " * len(row) + rest for rest in more)]
@@ -98,17 +106,18 @@ def _in_group(lines: Sequence[ParameterLine], number: int) -> bool:
     return any(line.heading for line in lines[: number + 1])
 
 
-def _known(fit: Fit) -> list[str]:
+def known_text(fit: Fit) -> list[str]:
+    """Return lines that say what is known of coefficients that are not known by themselves."""
     text: list[str] = []
     for group in known_groups(fit):
-        text += _wrapped(f"{group.sentence}.", "", "  ")
+        text += wrapped(f"{group.sentence}.", "", "  ")
         for combination, value in group.known:
-            text += _wrapped(f"known: {combination} = {value}", "  ", "    ")
+            text += wrapped(f"known: {combination} = {value}", "  ", "    ")
     return text
 
 
 def _trust(fit: Fit) -> list[str]:
-    return [line for sentence in trust(fit) for line in _wrapped(sentence)]
+    return [line for sentence in trust(fit) for line in wrapped(sentence)]
 
 
 def _channels(fit: Fit) -> list[str]:
@@ -118,7 +127,7 @@ def _channels(fit: Fit) -> list[str]:
     if not rows:
         return []
     said = delay_sentence(fit.delay, fit.unit)
-    return ["Noisy channels:", rows_text(rows), *(_wrapped(said) if said else [])]
+    return ["Noisy channels:", rows_text(rows), *(wrapped(said) if said else [])]
 
 
 def _motion(fit: Fit) -> list[str]:
@@ -127,7 +136,7 @@ def _motion(fit: Fit) -> list[str]:
     return [
         "Simulated − measured position, mrad RMS:",
         rows_text(fit.simulation.table()),
-        *_wrapped(fit.simulation.ends),
+        *wrapped(fit.simulation.ends),
     ]
 
 
@@ -136,9 +145,10 @@ def _scores(fit: Fit) -> list[str]:
     return [f"Residual of {TARGET_WORDS[fit.target]}, measured − predicted:", rows_text(rows)]
 
 
-def _warnings(fit: Fit) -> list[str]:
+def warnings_text(fit: Fit) -> list[str]:
+    """Return lines of the fit's warnings."""
     said = [sentence for sentence in fit.warnings if sentence != fit.uncertainty.statement]
-    return ["Warnings:", *(x for s in said for x in _wrapped(s, "- "))] if said else []
+    return ["Warnings:", *(x for s in said for x in wrapped(s, "- "))] if said else []
 
 
 @dataclass(frozen=True)
@@ -301,7 +311,7 @@ def parameter_lines(fit: Fit) -> list[ParameterLine]:
     """Return a line for each parameter, then one for each order of ripple and derived quantity."""
     ripple = ripple_orders(fit)
     orders = {name for order in ripple for name in order.names}
-    lines = [_line(fit, p) for p in fit.parameters if p.name not in orders]
+    lines = [parameter_line(fit, p) for p in fit.parameters if p.name not in orders]
     for (effect, turns), members in groupby(ripple, lambda o: (o.effect, o.turns)):
         for number, order in enumerate(members):
             lines.append(_ripple_line(order, "" if number else _heading(effect, turns)))
@@ -363,7 +373,7 @@ def _ripple_line(order: RippleOrder, heading: str) -> ParameterLine:
     counted = ""
     if order.turns != PAIRS["output_on_housing"] and np.isfinite(order.per_output_turn):
         counted = f"{order.per_output_turn:g} per output turn"
-    phase = f"phase {_angle(order)}" if order.significant else "not significant"
+    phase = f"phase {_angle(order)}" if order.significant else IDLE
     return ParameterLine(
         f"order {order.order}",
         plus_minus(order.amplitude, order.amplitude_error),
@@ -381,7 +391,8 @@ def _angle(order: RippleOrder) -> str:
     return f"{order.phase:.{digits}f}° ± {max(order.phase_error, 0.1):.{digits}f}°"
 
 
-def _line(fit: Fit, parameter: Parameter) -> ParameterLine:
+def parameter_line(fit: Fit, parameter: Parameter) -> ParameterLine:
+    """Return the line of one parameter by itself."""
     name = short_names(parameter.name)
     owner = parameter.name.split(".")[0] if "." in parameter.name else ""
     if not parameter.determined:
@@ -398,7 +409,7 @@ def _line(fit: Fit, parameter: Parameter) -> ParameterLine:
         remarks.append(f"prior {plus_minus(*parameter.prior)}")
     if parameter.kind == "coefficient" and np.isfinite(parameter.standard_error):
         if not parameter.significant:
-            remarks.append("not significant")
+            remarks.append(IDLE)
             concern = True
         remarks += _partners(fit, parameter)
     return ParameterLine(
