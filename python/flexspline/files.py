@@ -86,6 +86,8 @@ def refuse_special(path: str | os.PathLike[str], wanted: str) -> None:
         raise InputError(
             f"{path}: cannot be looked at ({error.strerror}); give {wanted}"
         ) from error
+    except ValueError as error:  # a character that no name has
+        raise InputError(f"{path}: is no name of a file ({error}); give {wanted}") from error
     if not stat.S_ISREG(found.st_mode) and not stat.S_ISDIR(found.st_mode):
         raise InputError(f"{path}: is a device, a pipe or a socket; give {wanted}")
 

@@ -27,6 +27,7 @@ from flexspline.files import atomic_write, refuse_special
 from flexspline.logs.channels import CHANNELS
 from flexspline.logs.derive import lowpass
 from flexspline.logs.log import Log
+from flexspline.logs.plausible import measurable
 from flexspline.logs.read import LogLike, as_log
 from flexspline.part import PART_OF, SIDES, Part, part_from_json, part_to_json
 from flexspline.prepared import prepared
@@ -208,7 +209,7 @@ class Model:
             Where a channel that an effect reads is missing, or the gear is another one.
         """
         part = self.part(target)
-        log = as_log(log)
+        log, said = measurable(as_log(log))
         self.require_scales(log, part)
         if simulation is not None or simulated_torque is not None:
             given = None if simulation is None else as_log(simulation)
@@ -222,7 +223,7 @@ class Model:
         if lowpass_hz is not None:
             predicted = lowpass(predicted, log["time"], lowpass_hz).values
             measured = lowpass(measured, log["time"], lowpass_hz).values
-        warnings = (*part_warnings(part), *range_warnings(part, log))
+        warnings = (*said, *part_warnings(part), *range_warnings(part, log))
         time = np.asarray(log["time"])
         return Prediction(time, measured, predicted, part.target, part.unit, warnings)
 
@@ -245,7 +246,7 @@ class Model:
     def components(self, log: LogLike, target: str | None = None) -> dict[str, Array]:
         """Return what each effect contributes, (N,) by its name, in the unit of the target."""
         part = self.part(target)
-        log = prepared(as_log(log), part.preparations)
+        log = prepared(measurable(as_log(log))[0], part.preparations)
         log = channels_for(log, part.effects, part.known_load, load_needed=False)
         rows = self._design(part, log).rows(
             core_channels(log, part.effects, part.known_load), len(log), part.coefficients

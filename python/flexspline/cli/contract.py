@@ -17,7 +17,7 @@ from typing import Any
 import click
 from click.shell_completion import shell_complete
 
-from flexspline.errors import InputError, did_you_mean, listed, printable
+from flexspline.errors import InputError, did_you_mean, listed, one_line
 
 __all__ = ["Commands"]
 
@@ -100,5 +100,5 @@ def _defect(error: Exception) -> int:
 
 def _say(message: str, code: int) -> int:
     """Print one line on standard error, whatever the message's own line ends and control signs."""
-    click.echo(f"flexspline: {printable(' '.join(message.split()))}", err=True)
+    click.echo(f"flexspline: {one_line(' '.join(message.split()))}", err=True)
     return code

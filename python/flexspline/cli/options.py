@@ -6,6 +6,7 @@ Help texts list the effects and repairs that exist.
 from __future__ import annotations
 
 import math
+import os
 import sys
 import textwrap
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -20,7 +21,7 @@ from tqdm import tqdm
 
 from flexspline.effects import TARGETS, effect
 from flexspline.errors import InputError, printable
-from flexspline.files import file_to_write, require_there
+from flexspline.files import file_to_write, folder_to_write, require_there
 
 if TYPE_CHECKING:
     from flexspline.logs.log import Log
@@ -320,6 +321,15 @@ def reading(columns_needed: bool = False) -> Callable[[Callable[..., Any]], Call
             },
         ),
         ("--rate", {"type": positive, "metavar": "HZ", "help": "Of runs without time stamps."}),
+        (
+            "--max-memory",
+            {
+                "type": positive,
+                "metavar": "GB",
+                "help": "What a packed, NumPy or MATLAB file may unfold to; by default half of "
+                "what is free.",
+            },
+        ),
     ]
     names = [name[2:].replace("-", "_") for name, _ in options]
 
@@ -327,7 +337,7 @@ def reading(columns_needed: bool = False) -> Callable[[Callable[..., Any]], Call
         def packed(**given: Any) -> Any:
             own = {name: given.pop(name) for name in names}
             facts = {name: own[name] for name in names[:5] if own[name] is not None}
-            how = Reading(facts, own["repair"], own["columns"], own["rate"])
+            how = Reading(facts, own["repair"], own["columns"], own["rate"], own["max_memory"])
             return command(reading=how, **given)
 
         packed.__name__, packed.__doc__ = command.__name__, command.__doc__
@@ -349,17 +359,24 @@ class Reading:
     repair : repairs by name, in order.
     columns : path of a column map, or None.
     rate : Hz, of files without time stamps.
+    max_memory : GB that a file may unfold to, or None.
     """
 
     facts: Mapping[str, Any] = field(default_factory=dict)
     repair: tuple[str, ...] = ()
     columns: str | None = None
     rate: float | None = None
+    max_memory: float | None = None
 
     @property
     def arguments(self) -> dict[str, Any]:
         """What was given, as arguments of `read_log`."""
-        given = {**self.facts, "repair": self.repair, "rate": self.rate}
+        given = {
+            **self.facts,
+            "repair": self.repair,
+            "rate": self.rate,
+            "max_memory": self.max_memory,
+        }
         return {key: value for key, value in given.items() if value}
 
     def logs(
@@ -433,12 +450,16 @@ def on_terminal() -> bool:
     return sys.stderr.isatty()
 
 
-def refuse_overwriting(out: str, inputs: Sequence[str]) -> None:
-    """Raise `InputError` where the file to write is one of those that are read, or no file."""
-    file_to_write(out)
+def refuse_overwriting(out: str, inputs: Sequence[str], names: Sequence[str] = ()) -> None:
+    """Raise `InputError` where a file to write is one of those that are read, or no file.
+
+    `names`: of the files that are written where `out` is a folder.
+    """
+    places = [folder_to_write(out) / name for name in names] or [file_to_write(out)]
+    taken = {os.path.realpath(place) for place in places}
     for path in inputs:
-        if Path(path).resolve() == Path(out).resolve():
-            raise InputError(f"--out {out}: would overwrite what is read; give another name")
+        if os.path.realpath(path) in taken:
+            raise InputError(f"--out {out}: would overwrite {path}, which is read; give another")
 
 
 def warn(sentences: Sequence[str]) -> None:

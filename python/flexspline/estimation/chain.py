@@ -22,6 +22,7 @@ from flexspline.estimation.plan import READINGS, Plan, made_by, plan_of, with_de
 from flexspline.estimation.result import Estimate, Status
 from flexspline.logs.local_fit import require_bandwidth
 from flexspline.logs.log import Log
+from flexspline.logs.plausible import require_clock
 from flexspline.logs.read import LogLike, as_log, with_motor_torque
 from flexspline.logs.segments import median_step, runs
 from flexspline.model import Model
@@ -121,11 +122,12 @@ def estimate(model: Model, log: LogLike, *, bandwidth: float | None = None) -> E
 
 
 def _require_increasing(log: Log) -> None:
+    require_clock(log)
     bad = np.flatnonzero(~(np.diff(log["time"]) > 0.0))
-    if bad.size or not np.isfinite(log["time"][0]):
-        row = int(bad[0]) + 1 if bad.size else 0
+    if bad.size:
         raise InputError(
-            f"log '{log.name}': time does not increase at row {row}; repair the log before"
+            f"log '{log.name}': time does not increase at row {bad[0] + 1}; repair it with "
+            "sort_time or drop_duplicates"
         )
 
 

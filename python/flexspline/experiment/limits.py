@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.errors import InputError, did_you_mean, listed
+from flexspline.logs.plausible import IMAGINABLE
 
 if TYPE_CHECKING:
     from flexspline.least_squares.problem import Problem
@@ -24,6 +25,7 @@ Range = tuple[float, float]
 
 LONGEST = 120.0  # s, unless a longer run is asked for
 SHORTEST = 4.0  # s
+MOST_SECONDS = 1e6  # s, eleven days
 STARTS = 10.0  # times in a run that the fastest speed can be reached at least
 RANGES = ("position", "load", "temperature")
 
@@ -153,6 +155,10 @@ def _checked(name: str, value: float | Range) -> None:
                          "give the lowest first")  # fmt: skip
     if wanted == 1 and not numbers[0] > 0.0:
         raise InputError(f"the limit '{name}' is {numbers[0]:g}; give a number above zero")
+    most = MOST_SECONDS if name == "duration" else IMAGINABLE
+    if np.max(np.abs(numbers)) > most or (wanted == 1 and numbers[0] < 1.0 / most):
+        raise InputError(f"the limit '{name}' is {value}, which no joint can do; give a number "
+                         f"within {most:g}")  # fmt: skip
 
 
 def _load(problem: Problem, limits: Limits, reads: Sequence[str]) -> Range | None:

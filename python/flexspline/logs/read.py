@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 from flexspline.errors import InputError, did_you_mean, listed
 from flexspline.files import atomic_writer, refuse_special
 from flexspline.logs.columns import ColumnSpec, Picked, picked
-from flexspline.logs.formats import PACKED, Dialect, is_frame, no_source, read_table
+from flexspline.logs.formats import Dialect, is_frame, no_source, read_table
 from flexspline.logs.log import Fact, Log, checked_facts
+from flexspline.logs.packed import PACKED
 from flexspline.logs.repairs import Repairs, move_earlier, repaired
 from flexspline.logs.table import Table
 
@@ -49,6 +50,7 @@ READ_KEYS: Final = (
     "encoding",
     "variable",
     "drop_rows",
+    "max_memory",
 )
 
 
@@ -70,6 +72,7 @@ def read_log(
     encoding: str = "utf-8",
     variable: str | None = None,
     drop_rows: int = 0,
+    max_memory: float | None = None,
     facts: Mapping[str, Fact] | None = None,
 ) -> Log:
     """Read one run of one joint into a `Log`, in SI units.
@@ -101,6 +104,9 @@ def read_log(
         The part of a .mat, .npz or .json file that holds the table, such as "run.data".
     drop_rows : int
         Rows of data at the start that are not read: a line of units, a transient.
+    max_memory : float, optional
+        What a packed, NumPy or MATLAB file may take once it is unfolded [GB]; by default half of
+        what is free.
     facts : mapping, optional
         More facts. Arguments overrule facts, and facts overrule the file's own.
 
@@ -110,7 +116,7 @@ def read_log(
         One sentence: file, row or column, what is wrong, what to do.
     """
     dialect = Dialect(header, separator, decimal, encoding)
-    table, origin = read_table(source, variable, dialect, drop_rows)
+    table, origin = read_table(source, variable, dialect, drop_rows, max_memory)
     found = picked(table, columns)
     channels, timing = _timed(table, found, rate)
     arguments = {
