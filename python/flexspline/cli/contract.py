@@ -76,7 +76,7 @@ class Commands(click.Group):
         except (click.Abort, KeyboardInterrupt):
             return _say("interrupted; nothing was written", INTERRUPTED)
         except OSError as error:
-            return _say(f"{error.filename or 'a file'}: {error.strerror or error}", WRONG)
+            return _say(f"{error.filename or 'standard output'}: {error.strerror or error}", WRONG)
         except Exception as error:
             return _defect(error)
 

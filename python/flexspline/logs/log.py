@@ -309,9 +309,9 @@ def parsed_fact(text: str) -> Fact:
     """
     try:
         number: float | int = int(text) if re.fullmatch(r"[+-]?\d+", text) else float(text)
-    except ValueError:
+        return number if repr(number) == text and math.isfinite(number) else text
+    except (ValueError, OverflowError):  # whole numbers beyond a double stay text
         return text
-    return number if repr(number) == text and math.isfinite(number) else text
 
 
 def _checked(key: str, value: Any, label: str) -> Fact:
