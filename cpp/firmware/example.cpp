@@ -3,7 +3,8 @@
 // `joint.hpp` is what `flexspline export --format header` wrote. On a board, `read_inputs` reads
 // your encoder and converters, and the loop is your timer's interrupt; here both are stand-ins, so
 // that the file compiles and runs as it is. The joint has no velocity to read: its model has a
-// differentiator. Give `in` what the comment at the top of your header asks for.
+// differentiator. Give `in` what the comment at the top of your header asks for. The header of a
+// model without estimators has no `Joint` to step: its comment shows `model<float>.predict` instead.
 #include "joint.hpp"
 
 namespace {

@@ -3,24 +3,37 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Iterable
+from typing import Final
 
 __all__ = [
     "FlexsplineWarning",
     "InputError",
     "did_you_mean",
     "listed",
+    "one_line",
     "printable",
     "shortened",
 ]
+
+
+LONGEST_WORD: Final = 200
+"""Characters of one word in a sentence: a path or a cell may have thousands, and says no more."""
+LONGEST_SENTENCE: Final = 2000
+"""Characters of a sentence; the longest that lists all names of the catalogue has half of it."""
 
 
 class InputError(ValueError):
     """The input or the call is wrong.
 
     The message is one sentence: which file, row, channel or option; what is wrong;
-    what to do. The command line prints it and ends with exit code 2.
+    what to do. The command line prints it and ends with exit code 2. Whatever it quotes,
+    it is one line that a terminal can show, and no longer than a screen: see `one_line`.
     """
+
+    def __init__(self, message: str) -> None:
+        super().__init__(one_line(message))
 
 
 class FlexsplineWarning(UserWarning):
@@ -45,9 +58,18 @@ def printable(text: str) -> str:
     return "".join(map(_printable, text))
 
 
+def one_line(message: str) -> str:
+    """Return a sentence on one line without control characters, long words and quotes cut."""
+    words = re.sub(rf"\S{{{LONGEST_WORD},}}", lambda found: shortened(found[0]), message)
+    return printable(shortened(words, LONGEST_SENTENCE))
+
+
 def shortened(value: object, most: int = 200) -> str:
     """Return a value as text for a sentence, the middle of a long one left out."""
-    text = str(value)
+    try:
+        text = str(value)
+    except ValueError:  # whole numbers of more digits than Python writes
+        text = "a number of thousands of digits"
     half = most // 2
     return text if len(text) <= most else f"{text[:half]} … {text[-half:]}"
 

@@ -10,7 +10,7 @@ import stat
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO, cast
+from typing import TYPE_CHECKING, BinaryIO, Final, cast
 
 from flexspline.errors import InputError
 
@@ -27,6 +27,11 @@ __all__ = [
     "save_table",
     "whole_folder",
 ]
+
+
+FULL: Final = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
+"""What the system says where a disk is full, a quota used up, a file too large, a disk broken; it
+does not say of which file."""
 
 
 @contextlib.contextmanager
@@ -53,9 +58,11 @@ def atomic_writer(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
             os.fsync(file.fileno())
         draft.chmod(_usual_mode(target))
         _rename(draft, target)
-    except BaseException:
+    except BaseException as error:
         draft.unlink(missing_ok=True)
         _remove(made)
+        if isinstance(error, OSError) and error.errno in FULL:
+            raise _no_room(target, error) from error
         raise
     _sync_folder(target.parent)
 
@@ -86,6 +93,8 @@ def refuse_special(path: str | os.PathLike[str], wanted: str) -> None:
         raise InputError(
             f"{path}: cannot be looked at ({error.strerror}); give {wanted}"
         ) from error
+    except ValueError as error:  # a character that no name has
+        raise InputError(f"{path}: is no name of a file ({error}); give {wanted}") from error
     if not stat.S_ISREG(found.st_mode) and not stat.S_ISDIR(found.st_mode):
         raise InputError(f"{path}: is a device, a pipe or a socket; give {wanted}")
 
@@ -129,6 +138,12 @@ def atomic_write(path: str | os.PathLike[str], content: bytes | str) -> None:
     """Write `content` (text as UTF-8) to `path`, whole or not at all; see `atomic_writer`."""
     with atomic_writer(path) as file:
         file.write(content.encode() if isinstance(content, str) else content)
+
+
+def _no_room(target: Path, error: OSError) -> InputError:
+    return InputError(
+        f"{target}: cannot be written ({error.strerror}); make room there, or write elsewhere"
+    )
 
 
 def _rename(draft: Path, target: Path) -> None:
@@ -182,9 +197,13 @@ def whole_folder(path: str | os.PathLike[str], last: str = "") -> Iterator[Path]
         yield draft
         draft.chmod(0o777 & ~_mask())
         _publish(draft, target, last)
-    except BaseException:
+    except BaseException as error:
         shutil.rmtree(draft, ignore_errors=True)
         _remove(made)
+        if isinstance(error, OSError) and error.errno in FULL:
+            raise _no_room(target, error) from error
+        if isinstance(error, InputError) and str(draft) in str(error):  # a name that nobody gave
+            raise InputError(str(error).replace(str(draft), str(target))) from error
         raise
 
 

@@ -30,6 +30,7 @@ if TYPE_CHECKING:  # what is heavy is imported where it is used: `flexspline --h
 __all__ = ["fit", "fit_near", "runs_of", "solved", "with_orders"]
 
 ROWS_A_PARAMETER = 3
+SPARE_ROWS = 20  # beyond those, for the residual to be judged
 SETTLING_ROUNDS = 3
 
 
@@ -271,6 +272,11 @@ def runs_of(logs: LogLike | Iterable[LogLike]) -> list[Log]:
     if not runs:
         raise InputError("there is no log to fit; give at least one")
     require_apart(runs)
+    rows = sum(map(len, runs))
+    if rows < SPARE_ROWS:
+        raise InputError(
+            f"the logs have {rows} rows and a fit needs {SPARE_ROWS} at least; record longer runs"
+        )
     return runs
 
 
@@ -336,7 +342,7 @@ def solved(
 def _require_rows(problem: Problem, effects: Sequence[Effect]) -> None:
     rows = sum(run.counted for run in problem.runs)
     parameters = problem.parameters(effects) + problem.centred * len(problem.runs)
-    needed = ROWS_A_PARAMETER * parameters + 20
+    needed = ROWS_A_PARAMETER * parameters + SPARE_ROWS
     if rows < needed:
         raise InputError(
             f"the logs have {rows} rows that count, but {parameters} "

@@ -13,6 +13,8 @@ from collections.abc import Collection, Iterable, Sequence
 
 from uncertainties import ufloat
 
+from flexspline.errors import printable
+
 __all__ = [
     "apart",
     "decimals_for",
@@ -85,6 +87,7 @@ def short_names(text: str) -> str:
 
 def rows_text(rows: Sequence[Sequence[str]], left: Collection[int] = (0,)) -> str:
     """Return aligned lines; the columns `left` stand to the left, the others to the right."""
+    rows = [[printable(cell) for cell in row] for row in rows]
     wide = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
     return "\n".join(
         "  ".join(
@@ -108,7 +111,7 @@ def rows_html(rows: Sequence[Sequence[str]]) -> str:
 def sentences_text(sentences: Iterable[str], width: int = 100) -> list[str]:
     """Return sentences as a list of points, each wrapped."""
     return [
-        textwrap.fill(sentence, width, initial_indent="- ", subsequent_indent="  ")
+        textwrap.fill(printable(sentence), width, initial_indent="- ", subsequent_indent="  ")
         for sentence in sentences
     ]
 

@@ -27,6 +27,7 @@ from flexspline.files import atomic_write, refuse_special
 from flexspline.logs.channels import CHANNELS
 from flexspline.logs.derive import lowpass
 from flexspline.logs.log import Log
+from flexspline.logs.plausible import measurable
 from flexspline.logs.read import LogLike, as_log, as_logs, is_one
 from flexspline.logs.segments import output_speed
 from flexspline.part import PART_OF, SIDES, Part, part_from_json, part_to_json
@@ -241,6 +242,7 @@ class Model:
         simulated_torque: str | None,
     ) -> Prediction:
         """What a part says of one log, and how far that is off."""
+        log, said = measurable(log)
         self.require_scales(log, part)
         if simulation is not None or simulated_torque is not None:
             log = self._with_simulation(part, log, simulation, simulated_torque)
@@ -253,7 +255,7 @@ class Model:
         if lowpass_hz is not None:
             predicted = lowpass(predicted, log["time"], lowpass_hz).values
             measured = lowpass(measured, log["time"], lowpass_hz).values
-        warnings = (*part_warnings(part), *range_warnings(part, log))
+        warnings = (*said, *part_warnings(part), *range_warnings(part, log))
         time = np.asarray(log["time"])
         return Prediction(time, measured, predicted, part.target, part.unit, warnings)
 
@@ -276,7 +278,7 @@ class Model:
     def components(self, log: LogLike, target: str | None = None) -> dict[str, Array]:
         """Return what each effect contributes, (N,) by its name, in the unit of the target."""
         part = self.part(target)
-        log = prepared(as_log(log), part.preparations)
+        log = prepared(measurable(as_log(log))[0], part.preparations)
         log = channels_for(log, part.effects, part.known_load, load_needed=False)
         rows = self._design(part, log).rows(
             core_channels(log, part.effects, part.known_load), len(log), part.coefficients

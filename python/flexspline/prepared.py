@@ -23,6 +23,7 @@ from flexspline.logs.channel_noise import ChannelNoise, channel_noise
 from flexspline.logs.derive import differentiate, lowpass_log
 from flexspline.logs.local_fit import require_bandwidth
 from flexspline.logs.log import Log
+from flexspline.logs.plausible import is_read
 from flexspline.parallel import in_order
 
 __all__ = [
@@ -191,11 +192,11 @@ def learned(
 
 
 def noise_of_channels(logs: Sequence[Log], threads: int = 1) -> dict[str, ChannelNoise]:
-    """Return the noise of each channel that all runs have with finite values, by its name."""
+    """Return the noise of each channel that all runs have, if its values are an instrument's."""
     shared = [
         name
         for name in logs[0].channels
-        if name != "time" and all(name in log and np.isfinite(log[name]).all() for log in logs)
+        if name != "time" and all(name in log and is_read(log[name]) for log in logs)
     ]
     found = in_order(threads, lambda name: channel_noise(logs, name), shared)
     return {name: one for name, one in zip(shared, found, strict=True) if one is not None}

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from flexspline.effects import Effect
 from flexspline.errors import InputError, listed
 from flexspline.logs.log import Log
+from flexspline.logs.plausible import IMAGINABLE, LEAST
 from flexspline.signals import gear_of
 
 __all__ = [
@@ -25,9 +26,6 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-IMAGINABLE = 1e9
-"""No channel of a log, in SI units, is beyond this; instruments write 9.91e37 for an overload."""
-
 
 def require_finite(log: Log, columns: Mapping[str, Array]) -> None:
     """Refuse columns (N,) with NaN, infinities or an overload, naming channel and row."""
@@ -39,7 +37,7 @@ def require_finite(log: Log, columns: Mapping[str, Array]) -> None:
             raise InputError(
                 f"log '{log.name}': {name} is {values[beyond[0]]:.4g} in row {beyond[0]}, which no "
                 f"instrument reads (rows of this kind: {len(beyond)}): an overload is written so; "
-                "leave such rows out (log.rows), or correct the recording"
+                "ask for the repair drop_invalid, or correct the recording"
             )
         bad = np.flatnonzero(~np.isfinite(values))
         if len(bad):
@@ -58,19 +56,30 @@ def require_apart(logs: Sequence[Log]) -> None:
         for other in alike:
             if all(np.array_equal(log[name], other[name], equal_nan=True) for name in log.channels):
                 raise InputError(
-                    f"run {number + 1} of {len(logs)}, '{log.name}', holds the same values as the "
-                    f"run '{other.name}': a run counts once; leave one of them out"
+                    f"run {number + 1} of {len(logs)}, {_called(log)}, holds the same values as "
+                    f"the run {_called(other)}: a run counts once; leave one of them out"
                 )
         alike.append(log)
 
 
+def _called(log: Log) -> str:
+    """A run by its name, and by its file where it has one: copies of a file share the name."""
+    return f"'{log.name}'" + (f" ({log.source.path})" if log.source is not None else "")
+
+
 def require_change(target: str, columns: Sequence[Array]) -> None:
-    """Refuse a target, (N,) for each run, that is one number throughout."""
+    """Refuse a target, (N,) for each run, that is one number throughout, or next to nothing."""
     if all(np.all(values == columns[0][0]) for values in columns):
         raise InputError(
             f"the target {target} is {columns[0][0]:.6g} in every row of all logs: there is "
             "nothing to explain; check the wiring and the column map, or record runs with motion "
             "and load"
+        )
+    size = max(float(np.max(np.abs(values), initial=0.0)) for values in columns)
+    if size < LEAST:
+        raise InputError(
+            f"the target {target} is at most {size:.3g} in all logs, which no instrument resolves; "
+            "correct the unit of its column"
         )
 
 

@@ -7,7 +7,16 @@ from typing import Any
 
 import click
 
-from flexspline.cli.options import FILE, Reading, Taught, loaded, positive, reading, repairs
+from flexspline.cli.options import (
+    FILE,
+    Reading,
+    Taught,
+    loaded,
+    positive,
+    reading,
+    refuse_overwriting,
+    repairs,
+)
 from flexspline.files import whole_folder
 
 __all__ = ["command"]
@@ -134,6 +143,7 @@ def command(
       flexspline calibrate load.csv warmup.csv --thermal-lag fit --gradient fit --out sensor
     """
     model = None if into is None else loaded(into)
+    refuse_overwriting(out, runs, ("model.json", "report.html"))
     with whole_folder(out, last="model.json") as draft:
         logs = reading.logs(runs, {} if model is None else model.facts)
 

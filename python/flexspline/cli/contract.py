@@ -17,7 +17,7 @@ from typing import Any
 import click
 from click.shell_completion import shell_complete
 
-from flexspline.errors import InputError, did_you_mean, listed, printable
+from flexspline.errors import InputError, did_you_mean, listed, one_line
 
 __all__ = ["Commands"]
 
@@ -76,7 +76,7 @@ class Commands(click.Group):
         except (click.Abort, KeyboardInterrupt):
             return _say("interrupted; nothing was written", INTERRUPTED)
         except OSError as error:
-            return _say(f"{error.filename or 'a file'}: {error.strerror or error}", WRONG)
+            return _say(f"{error.filename or 'standard output'}: {error.strerror or error}", WRONG)
         except Exception as error:
             return _defect(error)
 
@@ -100,5 +100,5 @@ def _defect(error: Exception) -> int:
 
 def _say(message: str, code: int) -> int:
     """Print one line on standard error, whatever the message's own line ends and control signs."""
-    click.echo(f"flexspline: {printable(' '.join(message.split()))}", err=True)
+    click.echo(f"flexspline: {one_line(' '.join(message.split()))}", err=True)
     return code

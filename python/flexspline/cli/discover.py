@@ -27,6 +27,7 @@ from flexspline.cli.options import (
     on_terminal,
     orders,
     reading,
+    refuse_overwriting,
     repairs,
     simulation,
     simulations,
@@ -115,6 +116,7 @@ def compare(
     joint = None if model_path is None else loaded(model_path)
     if joint is not None:
         joint.part(target)
+    refuse_overwriting(out, [*runs, *simulation], ("comparison.json", "report.html"))
     with whole_folder(out, last="comparison.json") as draft:
         column = None if simulation else simulated_torque
         logs = reading.logs(runs, joint.facts if joint else {}, column)
@@ -239,6 +241,8 @@ def discover(
         raise InputError(f"--target is needed beside {beside}; say what is explained")
     model = None if model_path is None else loaded(model_path)
     effects = None if names is None else named_effects(names)
+    written = ("model.json", "discovery.json", "report.html", NEXT)
+    refuse_overwriting(out, [*runs, *simulation], written)
     with whole_folder(out, last="discovery.json") as draft:
         column = None if simulation else simulated_torque
         logs = reading.logs(runs, {} if model is None else model.facts, column)

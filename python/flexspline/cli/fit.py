@@ -24,6 +24,7 @@ from flexspline.cli.options import (
     on_terminal,
     orders,
     reading,
+    refuse_overwriting,
     repairs,
     simulation,
     simulations,
@@ -170,6 +171,7 @@ def fit(
     effects = named_effects(names)
     require_effects(with_orders(effects, options["orders"]), target)
     model = None if into is None else loaded(into)
+    refuse_overwriting(out, [*runs, *simulation], ("model.json", "report.html", "servo.json"))
     with whole_folder(out, last="model.json") as draft:
         column = None if simulation else simulated_torque
         logs = reading.logs(runs, {} if model is None else model.facts, column)

@@ -76,6 +76,8 @@ def check(
       flexspline check run*.csv --target motor_torque --effects viscous_friction,inertia --out audit
     """
     effects = named_effects(names)
+    if out is not None:
+        refuse_overwriting(out, runs, ("check.json", "report.html"))
     logs = reading.logs(runs)
 
     from flexspline.logs.checks import check as look_at

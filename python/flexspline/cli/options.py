@@ -21,7 +21,7 @@ from tqdm import tqdm
 
 from flexspline.effects import TARGETS, effect
 from flexspline.errors import InputError, printable
-from flexspline.files import file_to_write, require_there
+from flexspline.files import file_to_write, folder_to_write, require_there
 
 if TYPE_CHECKING:
     from flexspline.logs.log import Log
@@ -389,6 +389,15 @@ def reading(columns_needed: bool = False) -> Callable[[Callable[..., Any]], Call
             "--units-row",
             {"is_flag": True, "help": "The row below the names holds units."},
         ),
+        (
+            "--max-memory",
+            {
+                "type": positive,
+                "metavar": "GB",
+                "help": "What a packed, NumPy or MATLAB file may unfold to; by default half of "
+                "what is free.",
+            },
+        ),
     ]
     names = [name[2:].replace("-", "_") for name, _ in options]
 
@@ -396,8 +405,8 @@ def reading(columns_needed: bool = False) -> Callable[[Callable[..., Any]], Call
         def packed(**given: Any) -> Any:
             own = {name: given.pop(name) for name in names}
             facts = {name: own[name] for name in names[:5] if own[name] is not None}
-            text = {name: own[name] for name in names[-3:] if own[name]}
-            how = Reading(facts, own["repair"], own["columns"], own["rate"], text)
+            rest = {name: own[name] for name in names[-4:] if own[name]}
+            how = Reading(facts, own["repair"], own["columns"], own["rate"], rest)
             return command(reading=how, **given)
 
         packed.__name__, packed.__doc__ = command.__name__, command.__doc__
@@ -419,19 +428,19 @@ class Reading:
     repair : repairs by name, in order.
     columns : path of a column map, or None.
     rate : Hz, of files without time stamps.
-    text : how text files are written, where not found by looking.
+    rest : how files are written where that is not found by looking, and what memory they may take.
     """
 
     facts: Mapping[str, Any] = field(default_factory=dict)
     repair: tuple[str, ...] = ()
     columns: str | None = None
     rate: float | None = None
-    text: Mapping[str, Any] = field(default_factory=dict)
+    rest: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def arguments(self) -> dict[str, Any]:
         """What was given, as arguments of `read_log`."""
-        given = {**self.facts, "repair": self.repair, "rate": self.rate, **self.text}
+        given = {**self.facts, "repair": self.repair, "rate": self.rate, **self.rest}
         return {key: value for key, value in given.items() if value}
 
     def logs(
@@ -505,12 +514,16 @@ def on_terminal() -> bool:
     return sys.stderr.isatty()
 
 
-def refuse_overwriting(out: str, inputs: Sequence[str]) -> None:
-    """Raise `InputError` where the file to write is one of those that are read, or no file."""
-    file_to_write(out)
+def refuse_overwriting(out: str, inputs: Sequence[str], names: Sequence[str] = ()) -> None:
+    """Raise `InputError` where a file to write is one of those that are read, or no file.
+
+    `names`: of the files that are written where `out` is a folder.
+    """
+    places = [folder_to_write(out) / name for name in names] or [file_to_write(out)]
+    taken = {os.path.realpath(place) for place in places}
     for path in inputs:
-        if Path(path).resolve() == Path(out).resolve():
-            raise InputError(f"--out {out}: would overwrite what is read; give another name")
+        if os.path.realpath(path) in taken:
+            raise InputError(f"--out {out}: would overwrite {path}, which is read; give another")
 
 
 def warn(sentences: Sequence[str]) -> None:

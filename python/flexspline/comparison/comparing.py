@@ -13,8 +13,11 @@ import numpy as np
 from tqdm import tqdm
 
 from flexspline.errors import InputError
+from flexspline.logs.derive import increasing_time
 from flexspline.logs.log import Log
+from flexspline.logs.plausible import measurable
 from flexspline.model import PART_OF, Model, Part
+from flexspline.requirements import require_apart
 from flexspline.simulator import Remark, take
 
 if TYPE_CHECKING:
@@ -99,6 +102,8 @@ def compare(
     runs = as_logs(logs)
     if not runs:
         raise InputError("there is no log to compare with; give at least one")
+    require_apart(runs)
+    runs, emptied = _measurable(runs)
     if controller is not None and not simulated:
         raise InputError("a controller drives a simulation; leave it out or give simulated")
     foreign = simulation is not None or simulated_torque is not None
@@ -113,11 +118,11 @@ def compare(
             bar.update()
             bar.set_description(what)
 
-        notes: tuple[str, ...] = ()
+        notes = emptied
         if foreign and not simulated_motion:
             base = based(model, runs, target, known_load, simulation, simulated_torque)
             model, runs = base.model, base.logs
-            notes = tuple(remark.sentence for remark in base.remarks)
+            notes += tuple(remark.sentence for remark in base.remarks)
         if simulated_motion:
             assert simulation is not None
             compared = simulated_elsewhere(runs, simulation)
@@ -134,6 +139,24 @@ def compare(
         made = analysed(compared, say)
         say("bands")
         return assembled(compared, made, model.facts if model else dict(runs[0].facts))
+
+
+def _measurable(runs: Sequence[Log]) -> tuple[list[Log], tuple[str, ...]]:
+    """The runs with what no instrument reads as empty, and a sentence for each such channel.
+
+    Raises
+    ------
+    InputError
+        Where the time of a run does not increase.
+    """
+    made: list[Log] = []
+    said: list[str] = []
+    for run in runs:
+        log, sentences = measurable(run)
+        increasing_time(log, "a comparison")
+        made.append(log)
+        said += [f"{sentence}." for sentence in sentences]
+    return made, tuple(said)
 
 
 def _require_one_base(

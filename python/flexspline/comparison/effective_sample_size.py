@@ -100,6 +100,8 @@ def _longer(rho: Array, rest: Array, blocks: Sequence[tuple[int, int]], memory: 
     """
     found = [1.0]
     square = float(np.mean([np.mean(rest[a:b] ** 2) for a, b in blocks]))
+    if square == 0.0:  # nothing scatters
+        return 1.0
     for size in (BATCH * memory, 2 * BATCH * memory, 4 * BATCH * memory):
         means = [
             rest[a : a + (b - a) // size * size].reshape(-1, size).mean(axis=1)

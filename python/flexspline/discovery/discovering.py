@@ -14,6 +14,7 @@ from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
 from flexspline.comparison.comparing import based
+from flexspline.comparison.runs import LEAST_ROWS
 from flexspline.discovery.analysis import Analysis, FirstLook, analysed, first_look
 from flexspline.discovery.assemble import assembled
 from flexspline.discovery.by_simulation import discover_by_simulation
@@ -192,6 +193,11 @@ def _by_regression(
     target, load = task.target, task.known_load
     recordings = only_experiments(runs, target)
     runs = [one.log for one in recordings]
+    count = sum(map(len, runs))
+    if count < LEAST_ROWS:
+        raise InputError(
+            f"the logs have {count} rows and {LEAST_ROWS} are needed at least; give longer runs"
+        )
     faults = data_faults(runs, task.effects, target, load, task.threads)
     faults = (*of_base, *_cut(recordings, faults))
     runs, faults = with_measured_ratio(runs, faults, target)

@@ -23,6 +23,7 @@ from flexspline.estimation.result import Estimate, Status
 from flexspline.estimation.several import Estimates
 from flexspline.logs.local_fit import require_bandwidth
 from flexspline.logs.log import Log
+from flexspline.logs.plausible import require_clock
 from flexspline.logs.read import LogLike, as_logs, is_one, with_motor_torque
 from flexspline.logs.segments import median_step, runs
 from flexspline.model import Model
@@ -143,11 +144,12 @@ def _estimate(model: Model, plan: Plan, log: Log, bandwidth: float | None) -> Es
 
 
 def _require_increasing(log: Log) -> None:
+    require_clock(log)
     bad = np.flatnonzero(~(np.diff(log["time"]) > 0.0))
-    if bad.size or not np.isfinite(log["time"][0]):
-        row = int(bad[0]) + 1 if bad.size else 0
+    if bad.size:
         raise InputError(
-            f"log '{log.name}': time does not increase at row {row}; repair the log before"
+            f"log '{log.name}': time does not increase at row {bad[0] + 1}; repair it with "
+            "sort_time or drop_duplicates"
         )
 
 

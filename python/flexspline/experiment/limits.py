@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.errors import InputError, did_you_mean, listed
+from flexspline.logs.plausible import IMAGINABLE
 
 if TYPE_CHECKING:
     from flexspline.least_squares.problem import Problem
@@ -24,6 +25,8 @@ Range = tuple[float, float]
 
 LONGEST = 120.0  # s, unless a longer run is asked for
 SHORTEST = 4.0  # s
+MOST_TURNS = 1e6  # in a run: a sum of sines is looked at 60 times for each of them
+MOST_SECONDS = 1e6  # s, eleven days
 STARTS = 10.0  # times in a run that the fastest speed can be reached at least
 RANGES = ("position", "load", "temperature")
 
@@ -107,17 +110,32 @@ def bounds_of(problem: Problem, limits: Limits, reads: Sequence[str]) -> Bounds:
     longest = max(run.log.duration for run in problem.runs)
     duration = limits.duration or float(np.clip(longest, SHORTEST, LONGEST))
     velocity = max(velocity, 1e-6)
+    acceleration = limits.acceleration or max(
+        _size(problem, "output_acceleration", 0.99), STARTS * velocity / duration
+    )
+    if limits.velocity or limits.acceleration or limits.duration:
+        _require_drawable(velocity, acceleration, duration)
     return Bounds(
         position=limits.position or (_range(problem, "output_position") if moves else (0.0, 0.0)),
         velocity=velocity,
-        acceleration=limits.acceleration
-        or max(_size(problem, "output_acceleration", 0.99), STARTS * velocity / duration),
+        acceleration=acceleration,
         load=_load(problem, limits, reads),
         load_rate=_load_rate(problem),
         temperature=_temperature(problem, limits, reads),
         warming=_warming(problem),
         duration=duration,
     )
+
+
+def _require_drawable(velocity: float, acceleration: float, duration: float) -> None:
+    """Refuse an acceleration that would let a run turn round more often than can be drawn."""
+    turns = acceleration * duration / velocity
+    if turns > MOST_TURNS:
+        raise InputError(
+            f"limits of {acceleration:.3g} rad/s², {velocity:.3g} rad/s and {duration:.3g} s "
+            f"let a run turn round {turns:.2g} times, where {MOST_TURNS:g} can be drawn; correct "
+            "the limits"
+        )
 
 
 def parsed_limits(given: dict[str, tuple[float, ...]]) -> Limits:
@@ -153,6 +171,10 @@ def _checked(name: str, value: float | Range) -> None:
                          "give the lowest first")  # fmt: skip
     if wanted == 1 and not numbers[0] > 0.0:
         raise InputError(f"the limit '{name}' is {numbers[0]:g}; give a number above zero")
+    most = MOST_SECONDS if name == "duration" else IMAGINABLE
+    if np.max(np.abs(numbers)) > most or (wanted == 1 and numbers[0] < 1.0 / most):
+        raise InputError(f"the limit '{name}' is {value}, which no joint can do; give a number "
+                         f"within {most:g}")  # fmt: skip
 
 
 def _load(problem: Problem, limits: Limits, reads: Sequence[str]) -> Range | None:

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from flexspline.effects import Effect, effect
 from flexspline.effects.causes import BASIC, GRAVITY, SCALING_WITH_LOAD
+from flexspline.errors import InputError
 from flexspline.experiment.limits import Bounds, Range
 from flexspline.experiment.plan import joined, short
 from flexspline.experiment.trajectories import Kind, smoothstep
@@ -41,6 +42,7 @@ WAIT = 1800.0  # s in the file between runs at different temperatures
 
 LEAST_KELVIN = 1.0  # below, temperature is a constant
 MOST_PARTS = 6
+MOST_ROWS = 10_000_000  # of a run that is planned: each kind is drawn some hundred times
 WARM = 3.0  # time constants of a warm-up in a part
 
 
@@ -65,6 +67,11 @@ class Excitation:
 def commanded(made: Excitation, bounds: Bounds, rate: float) -> dict[str, Array]:
     """Return time, motion, and load and temperature where they are set, arrays (N,)."""
     count = max(int(_seconds(made.setting, bounds) * rate), 2)
+    if count > MOST_ROWS:
+        raise InputError(
+            f"a run of {count / rate:.4g} s at {rate:.4g} Hz has {count} rows where {MOST_ROWS} "
+            "are planned at most; give a shorter duration"
+        )
     drawn = made.kind.draw(made.numbers, bounds.lasting(count / rate))
     path = drawn.path(np.arange(count + 1) / rate)
     pieces = list(_pieces(made.setting.parts, path, bounds, rate))

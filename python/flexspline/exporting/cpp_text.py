@@ -9,6 +9,7 @@ that would clash with C++ or the C library gets the ending `_model`.
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Mapping
 from pathlib import PurePath
 from typing import Any
@@ -34,6 +35,7 @@ LARGEST = float.fromhex("0x1.fffffep+127")  # the largest float
 LONGEST = 64  # characters of a name
 IDENTIFIER = re.compile(r"(?!.*__)[A-Za-z][A-Za-z0-9_]*")
 HEADER = re.compile(r"(?!.*\.\.)[A-Za-z0-9_][A-Za-z0-9_.-]*(/[A-Za-z0-9_][A-Za-z0-9_.-]*)*")
+SIGNS = "±°·×−–²³⁰¹⁴⁵⁶⁷⁸⁹⁻"  # of numbers and units, which headers hold beside ASCII
 PLAIN = re.compile(r"[ !#->@-\[\]-~]")  # of ASCII, without quote, question mark and backslash
 
 # Keywords of C++20, and the namespaces that an exported header needs.
@@ -117,6 +119,38 @@ wcstoumax wcstouq wcswcs wcswidth wcsxfrm wctob wctomb wctrans wctype wcwidth wm
 wmemcpy wmemmove wmempcpy wmemset wprintf write wscanf y0 y1 yn
 """
 OF_THE_C_LIBRARY = frozenset(_C_LIBRARY.split())
+
+# Macros that g++ knows behind the headers of the C and the C++ library on Linux, in families that
+# begin or end alike, and by themselves. A macro takes the place of a namespace's name.
+_FAMILIES = re.compile(
+    r"(ATOMIC|ADJ|BUS|CLD|CLOCK|CLONE|CLOSE_RANGE|CPU|DBL|FD|FE|FLT|FP|FPE|HUGE_VAL|ILL|ITIMER|LC|"
+    r"LDBL|M|MATH|MOD|NL|POLL|PTHREAD|REG|RENAME|SA|SCHED|SEEK|SEGV|SI|SS|STA|STD(IN|OUT|ERR)|SYS|"
+    r"TIMER|TIMESPEC|TIMEVAL|TRAP)_\w+|(si|sa|sigev|pthread)_[a-z]\w*|U?INT\w*_(MAX|MIN|C|WIDTH)|"
+    r"(PRI|SCN)[a-zX]\w*|SIG_?[A-Z0-9]+|\w+_(MAX|MIN|WIDTH|BIT)"
+)
+_MACRO_WORDS = """
+BIG_ENDIAN BUFSIZ BYTE_ORDER CLOCKS_PER_SEC CSIGNAL DECIMAL_DIG E2BIG EACCES EADDRINUSE
+EADDRNOTAVAIL EADV EAFNOSUPPORT EAGAIN EALREADY EBADE EBADF EBADFD EBADMSG EBADR EBADRQC EBADSLT
+EBFONT EBUSY ECANCELED ECHILD ECHRNG ECOMM ECONNABORTED ECONNREFUSED ECONNRESET EDEADLK EDEADLOCK
+EDESTADDRREQ EDOM EDOTDOT EDQUOT EEXIST EFAULT EFBIG EHOSTDOWN EHOSTUNREACH EHWPOISON EIDRM EILSEQ
+EINPROGRESS EINTR EINVAL EIO EISCONN EISDIR EISNAM EKEYEXPIRED EKEYREJECTED EKEYREVOKED EL2HLT
+EL2NSYNC EL3HLT EL3RST ELIBACC ELIBBAD ELIBEXEC ELIBMAX ELIBSCN ELNRNG ELOOP EMEDIUMTYPE EMFILE
+EMLINK EMSGSIZE EMULTIHOP ENAMETOOLONG ENAVAIL ENETDOWN ENETRESET ENETUNREACH ENFILE ENOANO ENOBUFS
+ENOCSI ENODATA ENODEV ENOENT ENOEXEC ENOKEY ENOLCK ENOLINK ENOMEDIUM ENOMEM ENOMSG ENONET ENOPKG
+ENOPROTOOPT ENOSPC ENOSR ENOSTR ENOSYS ENOTBLK ENOTCONN ENOTDIR ENOTEMPTY ENOTNAM ENOTRECOVERABLE
+ENOTSOCK ENOTSUP ENOTTY ENOTUNIQ ENXIO EOF EOPNOTSUPP EOVERFLOW EOWNERDEAD EPERM EPFNOSUPPORT EPIPE
+EPROTO EPROTONOSUPPORT EPROTOTYPE ERANGE EREMCHG EREMOTE EREMOTEIO ERESTART ERFKILL EROFS ESHUTDOWN
+ESOCKTNOSUPPORT ESPIPE ESRCH ESRMNT ESTALE ESTRPIPE ETIME ETIMEDOUT ETOOMANYREFS ETXTBSY EUCLEAN
+EUNATCH EUSERS EWOULDBLOCK EXDEV EXFULL EXIT_FAILURE EXIT_SUCCESS F_LOCK F_OK F_TEST F_TLOCK F_ULOCK
+HUGE_VAL HUGE_VALF HUGE_VALL INFINITY LITTLE_ENDIAN L_INCR L_SET L_XTND L_ctermid L_cuserid L_tmpnam
+MAXFLOAT MAX_CANON MAX_INPUT MINSIGSTKSZ NAN NFDBITS NGREG NSIG NULL NZERO PDP_ENDIAN PIPE_BUF
+P_tmpdir R_OK SEM_FAILED SIGEV_NONE SIGEV_SIGNAL SIGEV_THREAD SIGEV_THREAD_ID SNAN SNANF SNANF128
+SNANF32 SNANF32X SNANF64 SNANF64X SNANL TEMP_FAILURE_RETRY TIME_UTC WCONTINUED WEOF WEXITED
+WEXITSTATUS WIFCONTINUED WIFEXITED WIFSIGNALED WIFSTOPPED WNOHANG WNOWAIT WSTOPPED WSTOPSIG WTERMSIG
+WUNTRACED W_OK X_OK assert_perror math_errhandling sched_priority timeradd timerclear timercmp
+timerisset timersub va_arg va_copy va_end va_start
+"""
+_MACROS = frozenset(_MACRO_WORDS.split())
 _PRECISION = re.compile(r"(f|l|f32|f32x|f64|f64x|f128)$")
 _RESERVED = re.compile(r".*_t|posix|std[0-9]+")
 
@@ -169,12 +203,21 @@ def comment(text: str) -> str:
     """Return the text in a form that stays inside a comment and its line.
 
     Control characters, line and paragraph separators, and marks that turn the direction of writing
-    become blanks; a backslash, which would join the next line, becomes a slash; the marks of a
-    trigraph and of a block comment are parted.
+    become blanks, letters beyond ASCII lose their accents or become question marks, but for the
+    signs of numbers and units; a backslash, which would join the next line, becomes a slash; the
+    marks of a trigraph and of a block comment are parted.
     """
-    text = "".join(letter if letter.isprintable() else " " for letter in text)
-    text = text.replace("\\", "/")
+    text = "".join(map(_plain, text)).replace("\\", "/")
     return re.sub(r"\?(?=\?)|\*(?=/)|/(?=\*)", r"\g<0> ", text)
+
+
+def _plain(letter: str) -> str:
+    if letter.isascii() or letter in SIGNS:
+        return letter if letter.isprintable() else " "
+    if not letter.isprintable():
+        return " "
+    base = unicodedata.normalize("NFKD", letter)[0]
+    return base if base.isascii() and base.isprintable() else "?"
 
 
 def literal(value: float, name: str) -> str:
@@ -228,10 +271,12 @@ def _escaped(letter: str) -> str:
 
 
 def is_taken(name: str) -> bool:
-    """Whether a namespace of this name would clash with the language or the C library."""
+    """Whether a namespace of this name would clash with the language, its library or a macro."""
     return (
         name in WORDS
         or name in OF_THE_C_LIBRARY
+        or name in _MACROS
+        or _FAMILIES.fullmatch(name) is not None
         or _PRECISION.sub("", name) in OF_THE_C_LIBRARY
         or _RESERVED.fullmatch(name) is not None
     )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
@@ -13,6 +12,7 @@ from typing import Any
 from flexspline.errors import InputError, did_you_mean, listed
 from flexspline.files import atomic_write, refuse_special
 from flexspline.logs.log import Log
+from flexspline.logs.plausible import given_number
 
 __all__ = ["PositionServo"]
 
@@ -61,8 +61,7 @@ class PositionServo:
                 continue
             if field.name == "position_gain" and isinstance(value, str):
                 continue
-            if not isinstance(value, (int, float)) or not math.isfinite(value):
-                raise InputError(f"servo: {field.name} is {value!r}; give a finite number")
+            given_number(value, f"servo: {field.name}")
         if self.limit <= 0.0 or self.encoder_step < 0.0:
             raise InputError("servo: limit must be above 0, encoder_step not below; correct them")
 
@@ -123,12 +122,10 @@ class PositionServo:
         if not isinstance(self.position_gain, str):
             return self
         value = log.facts.get(self.position_gain)
-        if not isinstance(value, (int, float)) or not math.isfinite(value):
-            raise InputError(
-                f"log '{log.name}': the servo's position_gain is its fact '{self.position_gain}', "
-                f"which is {value!r}; give the log that fact as a number"
-            )
-        return replace(self, position_gain=float(value))
+        said = f"log '{log.name}': the servo's position_gain is its fact '{self.position_gain}', "
+        if not isinstance(value, (int, float)):
+            raise InputError(f"{said}which is {value!r}; give the log that fact as a number")
+        return replace(self, position_gain=given_number(value, f"{said}which"))
 
     def with_fields(self, values: Mapping[str, float]) -> PositionServo:
         """Return the servo with some of its numbers replaced."""

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any, overload
 
@@ -16,7 +17,9 @@ from flexspline.errors import InputError, listed
 from flexspline.forward.drive import CHANNELS, DriveInputs, drive_inputs, require_movable
 from flexspline.forward.result import ForwardRun
 from flexspline.forward.servo import PositionServo
+from flexspline.logs.derive import increasing_time
 from flexspline.logs.log import Log
+from flexspline.logs.plausible import measurable
 from flexspline.logs.read import LogLike, as_logs, is_one
 from flexspline.model import Model
 from flexspline.part import PART_OF, Part
@@ -122,6 +125,15 @@ def _simulated(
             f"the part for {part.target} corrects what another simulation says and cannot be "
             "driven alone; add its effects to that simulation"
         )
+    log, said = measurable(log)
+    increasing_time(log, "a simulation")
+    made = _along(model, part, log, how, steps)
+    return replace(made, notes=(*made.notes, *said))
+
+
+def _along(
+    model: Model, part: Part, log: Log, how: partial[DriveInputs], steps: int | None
+) -> ForwardRun:
     side = PART_OF[part.target]
     if side != "drive" and how.keywords["controller"] is not None:
         raise InputError(

@@ -32,12 +32,12 @@ from flexspline.least_squares.options import (
     ShapeParameter,
     coefficient_names,
     constraints_of,
-    finite,
     pair_of,
     shapes_of,
 )
 from flexspline.least_squares.problem import Problem, Run
 from flexspline.least_squares.shapes import Bent, ShapeFit, Tangent, bent, filtered, fit_shapes
+from flexspline.logs.plausible import given_number
 
 if TYPE_CHECKING:
     from flexspline.least_squares.uncertainty import Uncertainty
@@ -148,7 +148,7 @@ def estimate(
     bounds, shape_bounds = _split(given.bounds, shapes)
     for shape in shapes:
         if shape.name in fixed_shapes:
-            value = finite(fixed_shapes[shape.name], f"fixed: {shape.name}")
+            value = given_number(fixed_shapes[shape.name], f"fixed: {shape.name}")
             effects = shape.set(effects, value)
     priors, shape_priors = _split(given.priors, shapes)
     for name in shape_priors:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from numbers import Real
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 
 from flexspline.effects import CATALOGUE, OF_MODEL, Effect, ShapeInfo
 from flexspline.errors import InputError, did_you_mean, listed
+from flexspline.logs.plausible import MOST, given_number
 
 if TYPE_CHECKING:
     from flexspline.logs.log import Log
@@ -30,7 +30,6 @@ __all__ = [
     "bounds_of",
     "coefficient_names",
     "constraints_of",
-    "finite",
     "pair_of",
     "require_robust",
     "resolve",
@@ -196,34 +195,33 @@ def constraints_of(
     """
     made = Constraints(*(np.full(len(names), np.nan) for _ in range(5)))
     for name, value in fixed.items():
-        made.held[resolve(name, names, "fixed", shapes)] = finite(value, f"fixed: {name}")
+        made.held[resolve(name, names, "fixed", shapes)] = given_number(value, f"fixed: {name}")
     for name, limits in bounds.items():
         at = _not_fixed(resolve(name, names, "bounds", shapes), made, f"bounds: {name}")
         low, high = pair_of(limits, f"bounds: {name}", "(low, high)")
-        made.lower[at] = -np.inf if low is None else low
-        made.upper[at] = np.inf if high is None else high
+        made.lower[at] = -np.inf if low is None else _limit(low, f"bounds: {name}")
+        made.upper[at] = np.inf if high is None else _limit(high, f"bounds: {name}")
         if not made.lower[at] < made.upper[at]:
             raise InputError(f"bounds: {name} from {low} to {high} is empty; give low < high")
     for name, known in priors.items():
         at = _not_fixed(resolve(name, names, "priors", shapes), made, f"priors: {name}")
         value, error = pair_of(known, f"priors: {name}", "(value, standard error)")
-        if not finite(error, f"priors: the error of {name}") > 0.0:
-            raise InputError(f"priors: the error of {name} is {error}; give one above zero")
-        made.prior[at], made.prior_error[at] = finite(value, f"priors: {name}"), error
+        if not given_number(error, f"priors: the error of {name}") >= 1.0 / MOST:
+            least = "zero" if error <= 0.0 else f"{1.0 / MOST:g}"
+            raise InputError(f"priors: the error of {name} is {error}; give one above {least}")
+        made.prior[at], made.prior_error[at] = given_number(value, f"priors: {name}"), error
     return made
+
+
+def _limit(value: float, what: str) -> float:
+    """One end of an interval, which may be open: infinite."""
+    return value if np.isinf(value) else given_number(value, what)
 
 
 def _not_fixed(at: int, made: Constraints, what: str) -> int:
     if not np.isnan(made.held[at]):
         raise InputError(f"{what} is fixed already; leave out one of the two")
     return at
-
-
-def finite(value: float, what: str) -> float:
-    """Return a number, or refuse what is none."""
-    if not isinstance(value, Real) or not np.isfinite(value):
-        raise InputError(f"{what} is {value!r}; give a finite number")
-    return float(value)
 
 
 def bounds_of(lower: float, upper: float) -> Bounds | None:

@@ -7,14 +7,15 @@ from __future__ import annotations
 
 import functools
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.errors import InputError, did_you_mean, listed
+from flexspline.errors import InputError, did_you_mean, listed, shortened
 from flexspline.logs.channels import CHANNELS
 from flexspline.logs.stamps import is_stamp, seconds_of_stamps
 from flexspline.logs.table import Table
@@ -29,6 +30,17 @@ _PINT_NAMES = {
     "0/1": "dimensionless",
     "°C": "degC",
 }
+
+
+_NAME = r"[^\W\d_]\w*|[%°′″'\"‰µΩ]+\w*"
+_POWER = r"(?:\s*(?:\^|\*\*)\s*[-+]?[1-9]|[⁻]?[¹²³⁴⁵⁶⁷⁸⁹])?"
+_FACTOR = rf"(?:(?:{_NAME}){_POWER}|1(?:\.0+)?)"
+_PRODUCT = rf"{_FACTOR}(?:\s*(?:\*|/|·|⋅|\s)\s*{_FACTOR})*"
+UNIT: Final = re.compile(rf"\s*(?:|[-–]|0/1|{_PRODUCT}|{_PRODUCT}\s*/\s*\(\s*{_PRODUCT}\s*\))\s*")
+"""What a unit may be before pint sees it: names, joined by ``* /`` or a blank, with powers of one
+digit; one bracket below the line. Pint computes: ``10**10**10`` takes for ever."""
+LONGEST_UNIT: Final = 40
+"""Characters of a unit; "kilogram * metre ** 2 / second ** 2" has 34."""
 
 
 @dataclass(frozen=True)
@@ -287,8 +299,9 @@ def to_si(channel: str, unit: str) -> tuple[float, float]:
     channel : str
         A name of `CHANNELS`.
     unit : str
-        Anything pint understands: "deg", "rpm", "mNm", "mV", "degC", "%" ...
-        "Nm" is newton metre. The empty text is a plain number.
+        Names that pint understands, with prefixes, products, quotients and small powers: "deg",
+        "rpm", "mNm", "N*m", "deg/s^2", "mV", "degC", "%" ... "Nm" is newton metre. The empty text
+        is a plain number.
 
     Raises
     ------
@@ -298,11 +311,15 @@ def to_si(channel: str, unit: str) -> tuple[float, float]:
     wanted = CHANNELS[channel].unit
     registry = _registry()
     try:
-        spelled = canonical_unit(unit) or unit
-        source = registry.Unit(_PINT_NAMES.get(str(spelled).strip(), spelled))
+        if not (isinstance(unit, str) and len(unit) <= LONGEST_UNIT):
+            raise ValueError
+        spelled = canonical_unit(unit) or unit.strip()
+        if not UNIT.fullmatch(spelled):
+            raise ValueError
+        source = registry.Unit(_PINT_NAMES.get(spelled, spelled))
     except Exception as error:  # pint raises many kinds, its parser's and tokenizer's among them
         raise InputError(
-            f"channel '{channel}': unit '{unit}' is not known; "
+            f"channel '{channel}': unit '{shortened(unit)}' is not known; "
             f"give one such as '{_example(wanted)}'"
         ) from error
     target = registry.Unit(_PINT_NAMES.get(wanted, wanted))

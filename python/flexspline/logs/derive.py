@@ -29,6 +29,8 @@ from flexspline import _core
 from flexspline.errors import InputError, listed
 from flexspline.logs.local_fit import LocalFit, require_bandwidth
 from flexspline.logs.log import Log
+from flexspline.logs.memory import memory_limit, require_memory
+from flexspline.logs.plausible import IMAGINABLE, LATEST
 from flexspline.logs.quantisation import quantum, white_noise
 from flexspline.logs.segments import GAP_STEPS, median_step, runs
 
@@ -220,6 +222,10 @@ def resample(log: Log, rate: float) -> Log:
     if not rate > 0:
         raise InputError(f"{log.name}: a rate of {rate!r} Hz is not possible; give one above 0.")
     ranges = runs(time)
+    rows = sum(float(time[b - 1] - time[a]) * rate for a, b in ranges)
+    require_memory(
+        8.0 * rows * (1 + len(log.channels)), memory_limit(None), f"{log.name} at {rate:.4g} Hz"
+    )
     grid = [
         np.arange(np.ceil(time[a] * rate - 1e-6), time[b - 1] * rate + 1e-6) / rate
         for a, b in ranges
@@ -271,10 +277,12 @@ def _usable(log: Log, channel: str) -> tuple[Array, Array]:
             f"{log.name}, row {int(stuck[0]) + 1}: time does not increase; repair it "
             f"with sort_time or drop_duplicates."
         )
-    bad = np.flatnonzero(~np.isfinite(values))
+    bad = np.flatnonzero(~(np.abs(values) <= (LATEST if channel == "time" else IMAGINABLE)))
     if bad.size:
+        wrong = values[bad[0]]
+        what = f"{wrong:.4g}, beyond any instrument" if np.isfinite(wrong) else "not finite"
         raise InputError(
-            f"{log.name}, row {int(bad[0])}: {channel} is not finite; repair it with drop_invalid."
+            f"{log.name}, row {int(bad[0])}: {channel} is {what}; repair it with drop_invalid."
         )
     return time, values
 

@@ -5,20 +5,15 @@ Delimited text is CSV in all its dialects, with facts in `# key: value` lines on
 
 from __future__ import annotations
 
-import bz2
 import csv
-import gzip
 import hashlib
 import io
 import json
-import lzma
 import os
 import re
 import sys
-import zipfile
-import zlib
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal
@@ -29,6 +24,9 @@ from numpy.typing import NDArray
 from flexspline.errors import InputError, listed
 from flexspline.files import require_there
 from flexspline.logs.log import Fact, Source, parsed_fact
+from flexspline.logs.memory import memory_limit
+from flexspline.logs.numpy_files import read_numpy
+from flexspline.logs.packed import PACKED, unpacked
 from flexspline.logs.table import (
     Table,
     from_array,
@@ -41,15 +39,7 @@ from flexspline.logs.table import (
 if TYPE_CHECKING:
     import pandas
 
-__all__ = ["PACKED", "Dialect", "decoded", "is_frame", "no_source", "read_table", "unpacked_text"]
-
-PACKED: Final[dict[str, Callable[[bytes], bytes]]] = {
-    ".gz": gzip.decompress,
-    ".bz2": bz2.decompress,
-    ".xz": lzma.decompress,
-    ".zip": lambda content: _only_member(content),
-}
-BROKEN: Final = (OSError, EOFError, lzma.LZMAError, zipfile.BadZipFile, zlib.error, RuntimeError)
+__all__ = ["Dialect", "decoded", "is_frame", "no_source", "read_table", "unpacked_text"]
 
 STRUCTURED: Final = (
     ".npy",
@@ -70,7 +60,11 @@ EXACT_SINCE: Final = (3, 1)  # of pandas, which read some numbers wrong in the l
 
 
 def read_table(
-    source: Any, variable: str | None, dialect: Dialect, drop_rows: int = 0
+    source: Any,
+    variable: str | None,
+    dialect: Dialect,
+    drop_rows: int = 0,
+    max_memory: float | None = None,
 ) -> tuple[Table, Source | None]:
     """Return what `source` holds, and where it comes from if it is a file.
 
@@ -84,6 +78,8 @@ def read_table(
         How text is written.
     drop_rows : int
         Rows at the start that are left out.
+    max_memory : float, optional
+        What a file may take once it is unfolded [GB]; by default half of what is free.
 
     Raises
     ------
@@ -91,7 +87,7 @@ def read_table(
         Where the file is missing, empty, corrupt or holds no table.
     """
     if isinstance(source, (str, os.PathLike)):
-        return _from_file(Path(source), variable, dialect, drop_rows)
+        return _from_file(Path(source), variable, dialect, drop_rows, memory_limit(max_memory))
     if is_frame(source):
         table = _from_frame(source)
     elif isinstance(source, np.ndarray):
@@ -112,14 +108,14 @@ def no_source(source: object) -> InputError:
 
 
 def _from_file(
-    path: Path, variable: str | None, dialect: Dialect, drop_rows: int
+    path: Path, variable: str | None, dialect: Dialect, drop_rows: int, most: int
 ) -> tuple[Table, Source]:
     require_there(path)
     if path.stat().st_size == 0:
         raise InputError(f"{path}: the file is empty; record or copy it again")
     try:
         digest = _sha256(path)
-        table = _opened(path, variable, dialect, drop_rows)
+        table = _opened(path, variable, dialect, drop_rows, most)
     except PermissionError as error:
         raise InputError(f"{path}: may not be read; change its permissions") from error
     return table, Source(str(path), digest, table.rows + drop_rows)
@@ -133,16 +129,16 @@ def _sha256(path: Path) -> str:
     return digest.hexdigest()
 
 
-def _opened(path: Path, variable: str | None, dialect: Dialect, drop_rows: int) -> Table:
+def _opened(path: Path, variable: str | None, dialect: Dialect, drop_rows: int, most: int) -> Table:
     kind, packed = _kind(path)
     label = str(path)
     if kind == ".npy" and not packed:
-        table = from_value(_numpy(path, label), label, variable)
+        table = from_value(read_numpy(path, label, most), label, variable)
     else:
-        content = _unpacked(path.read_bytes(), packed, label)
+        content = unpacked(path.read_bytes(), packed, label, most)
         if kind not in STRUCTURED:
             return read_delimited(content, label, dialect, drop_rows).checked()
-        table = _structured(content, kind, label, variable)
+        table = _structured(content, kind, label, variable, most)
     return table.checked().without_first(drop_rows)
 
 
@@ -158,20 +154,20 @@ def unpacked_text(path: Path) -> bytes | None:
     kind, packed = _kind(path)
     if kind in STRUCTURED:
         return None
-    content = _unpacked(path.read_bytes(), packed, str(path))
+    content = unpacked(path.read_bytes(), packed, str(path), memory_limit(None))
     if not content:
         raise InputError(f"{path}: the file is empty; record or copy it again")
     return content
 
 
-def _structured(content: bytes, kind: str, label: str, variable: str | None) -> Table:
+def _structured(content: bytes, kind: str, label: str, variable: str | None, most: int) -> Table:
     if kind in (".npy", ".npz"):
-        return from_value(_numpy(io.BytesIO(content), label), label, variable)
+        return from_value(read_numpy(io.BytesIO(content), label, most), label, variable)
     if kind == ".json":
         return _from_json(content, label, variable)
     if kind in (".jsonl", ".ndjson"):
         return _from_json_lines(content, label)
-    return read_matlab(content, label, variable)
+    return read_matlab(content, label, variable, most)
 
 
 def _kind(path: Path) -> tuple[str, str]:
@@ -179,38 +175,6 @@ def _kind(path: Path) -> tuple[str, str]:
     suffixes = [suffix.lower() for suffix in path.suffixes]
     packed = suffixes.pop() if suffixes and suffixes[-1] in PACKED else ""
     return (suffixes[-1] if suffixes else ""), packed
-
-
-def _unpacked(content: bytes, packed: str, label: str) -> bytes:
-    if not packed:
-        return content
-    try:
-        content = PACKED[packed](content)
-    except BROKEN as error:
-        raise InputError(f"{label}: cannot be unpacked ({error}); copy it again") from error
-    if not content:
-        raise InputError(f"{label}: the packed file is empty; record or copy it again")
-    return content
-
-
-def _only_member(content: bytes) -> bytes:
-    with zipfile.ZipFile(io.BytesIO(content)) as archive:
-        files = [name for name in archive.namelist() if not name.endswith("/")]
-        if len(files) != 1:
-            raise zipfile.BadZipFile(f"it holds {len(files)} files where one is wanted")
-        return archive.read(files[0])
-
-
-def _numpy(file: Path | io.BytesIO, label: str) -> Any:
-    """Return the array in a file, left on disk, or the arrays of an .npz file."""
-    try:
-        loaded = np.load(file, mmap_mode="r" if isinstance(file, Path) else None)
-        return loaded if isinstance(loaded, np.ndarray) else dict(loaded)
-    except (*BROKEN, ValueError) as error:
-        raise InputError(
-            f"{label}: not a NumPy file of numbers ({error}); "
-            "save it again with numpy.save or numpy.savez"
-        ) from error
 
 
 def _from_json(content: bytes, label: str, variable: str | None) -> Table:
@@ -320,11 +284,16 @@ def read_delimited(content: bytes, label: str, dialect: Dialect, drop_rows: int 
     """
     text = decoded(content, label, dialect.encoding)
     top = _top(*_without(text, label, dialect.skip_lines, dialect.skip_footer))
-    sample = [line for line in top.body[:100_000].split("\n") if line.strip()][:SAMPLE_LINES]
+    sample = _first_lines(top.body, SAMPLE_LINES)
     if not sample:
         raise InputError(f"{label}: no rows of data; record the run again")
-    separator, decimal = _layout(sample, dialect)
-    first = _fields(sample[0], separator)
+    try:
+        separator, decimal = _layout(sample, dialect)
+        first = _fields(sample[0], separator)
+    except csv.Error as error:
+        raise InputError(
+            f"{label}: no table could be read ({error}); check separator and quotation marks"
+        ) from error
     headed = dialect.header
     if headed == "auto":
         headed = not any(_is_number(cell, decimal) and cell for cell in first)
@@ -393,14 +362,17 @@ def decoded(content: bytes, label: str, encoding: str) -> str:
             "formats; give a table as text, .npy, .npz, .mat or .json"
         )
     try:
-        text = content.decode("utf-8-sig" if encoding.lower() in ("utf-8", "utf8") else encoding)
-    except UnicodeDecodeError as error:
-        line = content.count(b"\n", 0, error.start) + 1
+        plain = encoding.lower() in ("utf-8", "utf8")
+        text = content.decode("utf-8-sig" if plain else encoding)
+        if not plain:
+            text.encode()  # some codecs give halves of characters
+    except UnicodeError as error:  # the codecs of host names say no place
+        where = content.count(b"\n", 0, getattr(error, "start", 0)) + 1
         raise InputError(
-            f"{label}: line {line} is not {encoding} text; "
+            f"{label}: line {where} is not {encoding} text; "
             "give its encoding, such as encoding='latin-1'"
         ) from error
-    except LookupError as error:
+    except (LookupError, ValueError) as error:
         raise InputError(
             f"{label}: encoding '{encoding}' is not known; give one such as 'utf-8' or 'latin-1'"
         ) from error
@@ -418,6 +390,19 @@ def _plain_numbers(text: str) -> str:
     if "\xa0" in text or "\u202f" in text:
         text = re.sub(r"(?<=\d)[\xa0\u202f](?=\d{3})", "", text)
     return re.sub(FORTRAN, "e", text) if re.search(FORTRAN, text[:100_000]) else text
+
+
+def _first_lines(body: str, most: int) -> list[str]:
+    """The first lines that are not blank, however long they are."""
+    lines: list[str] = []
+    start = 0
+    while start < len(body) and len(lines) < most:
+        end = body.find("\n", start)
+        end = len(body) if end < 0 else end
+        line = body[start:end]
+        lines += [line] if line.strip() else []
+        start = end + 1
+    return lines
 
 
 def _top(text: str, number: int = 1) -> _Top:

@@ -56,6 +56,9 @@ MOST_WEIGHTS = 4_000_000
 WIDEST = 0.25
 """Bandwidth of a log, as a share of its rate, at most."""
 
+NARROWEST = 1e-9
+"""Of the rate, at least: a window of a thousand million rows weighs all rows of a log alike."""
+
 WIDE = 40.0
 """Half lengths of more median steps than this go through a cubic spline to an even grid: its
 error is below 1e-4 there, and the work does not grow with the window."""
@@ -287,8 +290,9 @@ def _neighbour(
 
 def require_bandwidth(bandwidth: float, rate: float, what: str) -> None:
     """Refuse a bandwidth [Hz] that a log of this rate [Hz] cannot have."""
-    if not 0 < bandwidth <= WIDEST * rate:
+    if not NARROWEST * rate < bandwidth <= WIDEST * rate:
+        least = "0" if bandwidth <= 0 else f"{NARROWEST * rate:.4g} Hz"
         raise InputError(
             f"{what}: a bandwidth of {bandwidth:.4g} Hz does not suit a rate of {rate:.4g} Hz; "
-            f"choose one above 0 and up to {WIDEST * rate:.4g} Hz (a quarter of the rate)."
+            f"choose one above {least} and up to {WIDEST * rate:.4g} Hz (a quarter of the rate)."
         )

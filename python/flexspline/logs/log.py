@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexspline.errors import InputError, did_you_mean, listed, printable
+from flexspline.errors import InputError, did_you_mean, listed, printable, shortened
 from flexspline.formatting import rows_html, rows_text, sentences_text
 from flexspline.logs.channels import CHANNELS
 from flexspline.rendering import render
@@ -38,8 +38,11 @@ _CHUNK = 1 << 20  # rows looked at in one go, so that a memory-mapped log stays 
 Fact = str | float | int
 
 TEXTS: Final = ("name", "joint")
-POSITIVE: Final = ("gear_ratio", "torque_constant")
-COUNTS: Final = ("pole_pairs", "slots")
+POSITIVE: Final = {"gear_ratio": 2.0**30, "torque_constant": 1e9}
+"""Facts above zero, and what none of them exceeds: the ratio that the core's angles can hold; Nm/A,
+for which no motor is known."""
+COUNTS: Final = {"pole_pairs": 1e6, "slots": 1e6}
+"""Whole numbers above zero, and what no motor exceeds."""
 SPLINES: Final = ("circular", "flex")
 
 
@@ -282,8 +285,8 @@ def checked_facts(facts: Mapping[str, Any], label: str) -> dict[str, Fact]:
     facts : mapping of str to str, float or int
         `gear_ratio` [–] and `torque_constant` [Nm/A] are positive numbers, `pole_pairs` and
         `slots` positive whole numbers, `output_spline` is "circular" or "flex", `name`
-        and `joint` are text, which is kept to one line that a terminal can show. Everything else
-        is free. None means "not known" and is left out.
+        and `joint` are text. Everything else is free; all text is kept to one line that a terminal
+        can show. None means "not known" and is left out.
     label : str
         What an error calls the log, such as its file name.
 
@@ -293,7 +296,7 @@ def checked_facts(facts: Mapping[str, Any], label: str) -> dict[str, Fact]:
         Where a known fact has a value that it cannot have.
     """
     return {
-        str(key): _checked(str(key), value, label)
+        printable(str(key)): _checked(str(key), value, label)
         for key, value in facts.items()
         if value is not None
     }
@@ -306,18 +309,18 @@ def parsed_fact(text: str) -> Fact:
     """
     try:
         number: float | int = int(text) if re.fullmatch(r"[+-]?\d+", text) else float(text)
-    except ValueError:
+        return number if repr(number) == text and math.isfinite(number) else text
+    except (ValueError, OverflowError):  # whole numbers beyond a double stay text
         return text
-    return number if repr(number) == text and math.isfinite(number) else text
 
 
 def _checked(key: str, value: Any, label: str) -> Fact:
     if key in TEXTS:
         return printable(str(value))
     if key in POSITIVE:
-        return _positive(key, value, label)
+        return _positive(key, value, label, POSITIVE[key])
     if key in COUNTS:
-        number = _positive(key, value, label)
+        number = _positive(key, value, label, COUNTS[key])
         if number != int(number):
             raise InputError(f"{label}: {key} is {value!r}; give a positive whole number")
         return int(number)
@@ -325,14 +328,21 @@ def _checked(key: str, value: Any, label: str) -> Fact:
         raise InputError(f"{label}: output_spline is {value!r}; give 'circular' or 'flex'")
     if hasattr(value, "item"):
         value = value.item()
-    return value if isinstance(value, (str, int, float)) else str(value)
+    return value if isinstance(value, (int, float)) else printable(str(value))
 
 
-def _positive(key: str, value: Any, label: str) -> float:
+def _positive(key: str, value: Any, label: str, most: float) -> float:
     try:
         number = float(value)
     except (TypeError, ValueError):
         number = math.nan
+    except OverflowError:
+        number = math.inf
     if not (number > 0 and math.isfinite(number)):
-        raise InputError(f"{label}: {key} is {value!r}; give a positive number")
+        raise InputError(f"{label}: {key} is {shortened(repr(value))}; give a positive number")
+    if not 1.0 / most <= number <= most:
+        raise InputError(
+            f"{label}: {key} is {number:g}, which no joint has; give one from {1.0 / most:.3g} to "
+            f"{most:.3g}"
+        )
     return number

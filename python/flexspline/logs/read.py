@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 from flexspline.errors import InputError, did_you_mean, listed
 from flexspline.files import atomic_writer, refuse_special
 from flexspline.logs.columns import ColumnSpec, Picked, picked
-from flexspline.logs.formats import PACKED, Dialect, is_frame, no_source, read_table
+from flexspline.logs.formats import Dialect, is_frame, no_source, read_table
 from flexspline.logs.log import Fact, Log, checked_facts
+from flexspline.logs.packed import PACKED
 from flexspline.logs.repairs import Repairs, move_earlier, repaired
 from flexspline.logs.table import Table
 
@@ -52,6 +53,7 @@ READ_KEYS: Final = (
     "skip_lines",
     "skip_footer",
     "units_row",
+    "max_memory",
 )
 
 
@@ -76,6 +78,7 @@ def read_log(
     skip_lines: int = 0,
     skip_footer: int = 0,
     units_row: bool = False,
+    max_memory: float | None = None,
     facts: Mapping[str, Fact] | None = None,
 ) -> Log:
     """Read one run of one joint into a `Log`, in SI units.
@@ -111,6 +114,9 @@ def read_log(
         Lines of a text file above the table and below it, which are not read.
     units_row : bool
         The row below the names holds units: those of columns whose map gives none.
+    max_memory : float, optional
+        What a packed, NumPy or MATLAB file may take once it is unfolded [GB]; by default half of
+        what is free.
     facts : mapping, optional
         More facts. Arguments overrule facts, and facts overrule the file's own.
 
@@ -120,7 +126,7 @@ def read_log(
         One sentence: file, row or column, what is wrong, what to do.
     """
     dialect = Dialect(header, separator, decimal, encoding, skip_lines, skip_footer, units_row)
-    table, origin = read_table(source, variable, dialect, drop_rows)
+    table, origin = read_table(source, variable, dialect, drop_rows, max_memory)
     found = picked(table, columns)
     channels, timing = _timed(table, found, rate)
     arguments = {

@@ -18,6 +18,7 @@ from flexspline.errors import InputError, did_you_mean, listed
 from flexspline.logs.channels import CHANNELS, CONDITIONS
 from flexspline.logs.derive import differentiate, has_value, increasing_time, resample, sampled
 from flexspline.logs.log import Log
+from flexspline.logs.plausible import beyond
 from flexspline.logs.segments import repeats, stuck_from
 
 __all__ = ["REPAIRS", "Repair", "Repairs", "move_earlier", "repaired", "spelled"]
@@ -105,10 +106,14 @@ def spelled(name: str) -> str:
 
 def _drop_invalid(log: Log, channel: str) -> Log:
     names = (channel,) if channel else log.channels
-    valid = np.logical_and.reduce([np.isfinite(log[name]) for name in names])
-    lost = {name: int(np.count_nonzero(~np.isfinite(log[name]))) for name in names}
-    where = listed(f"{count} in {name}" for name, count in lost.items() if count)
-    note = f"drop_invalid: rows dropped: {np.count_nonzero(~valid)}; not finite: {where}"
+    wrong = {name: ~np.isfinite(log[name]) for name in names}
+    where = listed(f"{rows.sum()} in {name}" for name, rows in wrong.items() if rows.any())
+    said = f"not finite: {where}"
+    for one in (found for found in beyond(log) if found.channel in wrong):
+        wrong[one.channel][one.rows] = True
+        said += f"; {one.sentence}"
+    valid = ~np.logical_or.reduce(list(wrong.values()))
+    note = f"drop_invalid: rows dropped: {np.count_nonzero(~valid)}; {said}"
     return _kept(log, valid, "drop_invalid", note)
 
 
@@ -279,7 +284,9 @@ def _kept(log: Log, mask: NDArray[np.bool_], what: str, note: str) -> Log:
 
 
 REPAIRS: Final[dict[str, Repair]] = {
-    "drop_invalid": Repair("[channel]", "drop rows that are NaN or infinite", _drop_invalid),
+    "drop_invalid": Repair(
+        "[channel]", "drop rows with NaN, infinity or an overload", _drop_invalid
+    ),
     "sort_time": Repair("", "put rows in the order of time", _sort_time),
     "drop_duplicates": Repair("", "drop rows that repeat a time stamp", _drop_duplicates),
     "drop_repeated": Repair("", "drop rows that repeat all of the row before", _drop_repeated),

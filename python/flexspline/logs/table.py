@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import io
 import re
+import struct
+import zlib
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -18,6 +20,8 @@ from numpy.typing import NDArray
 
 from flexspline.errors import InputError, did_you_mean, listed
 from flexspline.logs.log import Fact
+from flexspline.logs.memory import require_memory
+from flexspline.logs.packed import PIECE
 
 __all__ = [
     "Table",
@@ -29,6 +33,7 @@ __all__ = [
 ]
 
 FAR: Final = 10  # times as long as what describes it is a record
+PACKED_VARIABLE: Final = 15  # miCOMPRESSED of MATLAB's files of version 5
 HDF5: Final = b"\x89HDF\r\n\x1a\n"  # behind the 512 bytes of text that MATLAB puts first
 
 
@@ -156,7 +161,14 @@ def from_value(value: Any, label: str, variable: str | None) -> Table:
     if variable is not None:
         value = _at(value, label, variable)
     if not isinstance(value, Mapping):
-        return from_array(np.asanyarray(value), label)
+        try:
+            return from_array(np.asanyarray(value), label)
+        except ValueError as error:
+            if isinstance(error, InputError):
+                raise
+            raise InputError(
+                f"{label}: holds lists of unequal length; give rows that all have as many numbers"
+            ) from error
     found = {str(name): _array(inner) for name, inner in value.items()}
     known = {name: array for name, array in found.items() if array is not None}
     facts = {name: _single(array) for name, array in known.items() if array.size == 1}
@@ -308,7 +320,7 @@ def _single(array: NDArray[Any]) -> Fact:
     return value if isinstance(value, (str, int, float)) else str(value)
 
 
-def read_matlab(content: bytes, label: str, variable: str | None) -> Table:
+def read_matlab(content: bytes, label: str, variable: str | None, most: int) -> Table:
     """Return the table in the bytes of a .mat (or plain HDF5) file.
 
     Parameters
@@ -319,11 +331,14 @@ def read_matlab(content: bytes, label: str, variable: str | None) -> Table:
         What an error calls it.
     variable : str, optional
         A variable, or a path with dots into structs, such as "run.data".
+    most : int
+        Bytes that it may unfold to.
 
     Raises
     ------
     InputError
-        Where the file is corrupt, or has no such variable, or no table there.
+        Where the file is corrupt, or has no such variable, or no table there; where it unfolds to
+        more; and where it leads to what other files hold.
     """
     import h5py
     from scipy.io import loadmat
@@ -332,14 +347,17 @@ def read_matlab(content: bytes, label: str, variable: str | None) -> Table:
         file, units = io.BytesIO(content), dict[str, str]()
         if any(content.startswith(HDF5, start) for start in (0, 512)):
             with h5py.File(file) as root:
-                value = _group(root)
+                value = _group(root, label, most)
                 root.visititems(lambda name, inner: units.update(_stated(name, inner)))
         else:
+            _require_unfolded(content, label, most)
             value = {
                 name: inner
                 for name, inner in loadmat(file, simplify_cells=True).items()
                 if not name.startswith("__")
             }
+    except InputError:
+        raise
     except Exception as error:  # scipy and h5py raise many kinds on a corrupt file
         raise InputError(
             f"{label}: not a MATLAB file, or a corrupt one ({error}); save it again"
@@ -381,18 +399,44 @@ def _stated(name: str, inner: Any) -> dict[str, str]:
     return {}
 
 
-def _group(group: Any) -> dict[str, Any]:
+def _require_unfolded(content: bytes, label: str, most: int) -> None:
+    """Refuse a file of MATLAB 5 to 7 whose packed variables unfold to more than `most` bytes."""
+    start, total = 128, 0  # behind the head
+    order = "<" if content[126:128] == b"IM" else ">"
+    while start + 8 <= len(content):
+        kind, size = struct.unpack(f"{order}II", content[start : start + 8])
+        if kind == PACKED_VARIABLE:
+            unfolding, rest = zlib.decompressobj(), content[start + 8 : start + 8 + size]
+            while rest and not unfolding.eof:
+                total += len(unfolding.decompress(rest, PIECE))
+                require_memory(total, most, label)
+                rest = unfolding.unconsumed_tail
+        start += 8 + size
+
+
+def _group(group: Any, label: str, most: int) -> dict[str, Any]:
     """Return the numbers in a group of HDF5 as nested dictionaries.
 
-    MATLAB stores columns first, so each matrix comes transposed.
+    MATLAB stores columns first, so each matrix comes transposed. Nothing is read that lies in
+    another file: a log could hold what its sender never saw.
     """
     import h5py
 
     found: dict[str, Any] = {}
-    for name, inner in group.items():
+    for name in group:
+        at = f"{group.name.rstrip('/')}/{name}"
+        if not isinstance(group.get(name, getlink=True), h5py.HardLink):
+            raise InputError(f"{label}: '{at}' is a link to elsewhere; save the numbers themselves")
+        inner = group[name]
+        if isinstance(inner, h5py.Dataset):
+            if inner.external or inner.is_virtual:
+                raise InputError(
+                    f"{label}: the numbers of '{at}' lie in another file; save them in this one"
+                )
+            require_memory((inner.size or 0) * inner.dtype.itemsize, most, label)
         if isinstance(inner, h5py.Group):
             if not name.startswith("#"):
-                found[name] = _group(inner)
+                found[name] = _group(inner, label, most)
         elif inner.attrs.get("MATLAB_class") == b"char":
             found[name] = "".join(map(chr, np.asarray(inner).T.reshape(-1)))
         elif inner.dtype.kind in "fiub":

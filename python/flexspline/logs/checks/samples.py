@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from flexspline.logs.channels import CHANNELS, CONDITIONS
 from flexspline.logs.checks.findings import Finding
 from flexspline.logs.log import Log
+from flexspline.logs.plausible import SHORTEST, beyond
 from flexspline.logs.quantisation import quantum, white_noise
 from flexspline.logs.segments import at_rest, median_step, repeats, true_ranges
 
@@ -61,6 +62,33 @@ def not_finite(log: Log) -> Iterator[Finding]:
                 f"{channel} is NaN or infinite in {_rows(bad.size)}, first in row {bad[0]}.",
                 "Ask for the repair drop_invalid.",
             )
+
+
+def impossible(log: Log) -> Iterator[Finding]:
+    """Numbers that no instrument reads, such as an overload, and clocks that no recorder has."""
+    for one in beyond(log):
+        yield Finding(
+            "impossible_value",
+            "error" if one.channel == "time" else "fault",
+            one.channel,
+            _span(one.rows),
+            float(one.rows.size),
+            "rows",
+            f"{one.sentence}.",
+            "Ask for the repair drop_invalid, or correct the unit of the column.",
+        )
+    step = median_step(log["time"])
+    if 0.0 < step < SHORTEST:
+        yield Finding(
+            "impossible_clock",
+            "error",
+            "time",
+            (0, len(log)),
+            step,
+            "s",
+            f"time goes by steps of {step:.3g} s, which no recorder has.",
+            "Correct the unit of its column.",
+        )
 
 
 def time_order(log: Log) -> Iterator[Finding]:
