@@ -1,14 +1,20 @@
-"""Writing files whole or not at all."""
+"""Writing files whole or not at all, and what becomes of a file that is there already.
+
+By itself a write replaces it. The command line keeps it once, as NAME.previous, or refuses.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import errno
+import filecmp
 import os
 import shutil
 import stat
 import tempfile
 from collections.abc import Iterator
+from contextvars import ContextVar
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, Final, cast
 
@@ -18,6 +24,7 @@ if TYPE_CHECKING:
     import pandas
 
 __all__ = [
+    "Writing",
     "atomic_write",
     "atomic_writer",
     "file_to_write",
@@ -26,12 +33,76 @@ __all__ = [
     "require_there",
     "save_table",
     "whole_folder",
+    "writing",
 ]
 
 
 FULL: Final = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 """What the system says where a disk is full, a quota used up, a file too large, a disk broken; it
 does not say of which file."""
+
+
+PREVIOUS: Final = ".previous"
+
+
+@dataclass
+class Writing:
+    """What is to become of files that are there, and what was written.
+
+    Parameters
+    ----------
+    keep : whether a file that is replaced by another content stays beside it as NAME.previous.
+    refuse : whether a file that is there is refused instead.
+    written : files, in the order in which they were written.
+    kept : names under which files stayed.
+    """
+
+    keep: bool = False
+    refuse: bool = False
+    written: list[Path] = field(default_factory=list)
+    kept: list[Path] = field(default_factory=list)
+
+    @staticmethod
+    def current() -> Writing:
+        """Return what counts now: by itself files are replaced."""
+        return _WRITING.get(None) or Writing()
+
+    def before(self, target: Path) -> None:
+        """Refuse a file that is there, where that is asked for.
+
+        Raises
+        ------
+        InputError
+            Where it is there.
+        """
+        if self.refuse and target.exists():
+            raise InputError(
+                f"{target}: is there already; give another name, or leave --no-overwrite out"
+            )
+
+    def replaces(self, draft: Path, target: Path) -> None:
+        """Note that a file is about to be written, and keep what is there by another name."""
+        self.before(target)
+        if self.keep and target.is_file() and not filecmp.cmp(draft, target, shallow=False):
+            previous = target.with_name(target.name + PREVIOUS)
+            handle, copy = _draft_file(previous, [])
+            os.close(handle)
+            Path(shutil.copy2(target, copy)).replace(previous)
+            self.kept.append(previous)
+        self.written.append(target)
+
+
+_WRITING: ContextVar[Writing] = ContextVar("writing")
+
+
+@contextlib.contextmanager
+def writing() -> Iterator[Writing]:
+    """Let files that are replaced inside stay as NAME.previous; gives what is written."""
+    token = _WRITING.set(Writing(keep=True))
+    try:
+        yield _WRITING.get()
+    finally:
+        _WRITING.reset(token)
 
 
 @contextlib.contextmanager
@@ -57,6 +128,7 @@ def atomic_writer(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
             file.flush()
             os.fsync(file.fileno())
         draft.chmod(_usual_mode(target))
+        Writing.current().replaces(draft, target)
         _rename(draft, target)
     except BaseException as error:
         draft.unlink(missing_ok=True)
@@ -194,7 +266,11 @@ def whole_folder(path: str | os.PathLike[str], last: str = "") -> Iterator[Path]
     made = [folder for folder in target.parents if not folder.exists()]
     draft = _draft_folder(target, made)
     try:
-        yield draft
+        inside = _WRITING.set(Writing())  # what is drafted replaces nothing
+        try:
+            yield draft
+        finally:
+            _WRITING.reset(inside)
         draft.chmod(0o777 & ~_mask())
         _publish(draft, target, last)
     except BaseException as error:
@@ -242,15 +318,21 @@ def _draft_folder(target: Path, made: list[Path]) -> Path:
 
 def _publish(draft: Path, target: Path, last: str) -> None:
     """Rename the draft, or move its files over those of a folder that is there."""
+    record = Writing.current()
+    files = sorted(path for path in draft.rglob("*") if path.is_file())
+    files.sort(key=lambda file: file.name == last)
+    places = [target / file.relative_to(draft) for file in files]
     if not target.exists():
         _rename(draft, target)
         _sync_folder(target.parent)
+        record.written += places
         return
-    files = sorted(path for path in draft.rglob("*") if path.is_file())
-    files.sort(key=lambda file: file.name == last)
-    places = [file_to_write(target / file.relative_to(draft)) for file in files]
+    places = [file_to_write(place) for place in places]
+    for there in places:
+        record.before(there)
     for file, there in zip(files, places, strict=True):
         there.parent.mkdir(parents=True, exist_ok=True)
+        record.replaces(file, there)
         _rename(_beside(file, there), there)
     _sync_folder(target)
     shutil.rmtree(draft, ignore_errors=True)

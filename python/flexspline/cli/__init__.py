@@ -16,6 +16,7 @@ from flexspline.cli.fit import fit
 from flexspline.cli.init import init
 from flexspline.cli.logs import check, convert, orders
 from flexspline.cli.predict import estimate, predict, simulate
+from flexspline.cli.speech import spoken
 
 __all__ = ["commands", "main"]
 
@@ -62,9 +63,10 @@ def commands() -> None:
       flexspline predict --model joint/model.json run3.csv --out residual.csv
       flexspline export --model joint/model.json --format header --out joint.hpp
 
-    Each command explains itself: flexspline fit --help. Exit codes: 0 done; 2 the input or the
-    call is wrong, and one line on standard error says what to do; 1 a defect of flexspline; 3, of
-    check alone, the data forbid a fit.
+    Each command explains itself: flexspline fit --help. With --json it prints one object for
+    scripts, with -q nothing, and a file that it replaces stays as NAME.previous. Exit codes: 0
+    done; 2 the input or the call is wrong, and one line on standard error says what to do; 1 a
+    defect of flexspline; 3, of check alone, the data forbid a fit.
 
     \b
     Tab completion in this bash (or zsh_source, fish_source):
@@ -78,7 +80,7 @@ COMMANDS = (
 )  # fmt: skip
 
 for command in COMMANDS:
-    commands.add_command(command)
+    commands.add_command(spoken(command))
 
 
 def main() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from flexspline.cli.options import (
     refuse_overwriting,
     repairs,
 )
+from flexspline.cli.speech import found, say
 from flexspline.files import whole_folder
 
 __all__ = ["command"]
@@ -154,4 +156,13 @@ def command(
         made.report(draft / "report.html")
         made.model.save(draft / "model.json")
         verdict = str(made)
-    click.echo(f"{verdict}\n\nwrote {Path(out) / 'model.json'} and {Path(out) / 'report.html'}")
+    found(
+        {
+            "unit": made.unit,
+            "rmse": made.rmse,
+            "parameters": [parameter.to_json() for parameter in made.parameters],
+            "figures": [asdict(figure) for figure in made.figures],
+            "warnings": made.warnings,
+        }
+    )
+    say(f"{verdict}\n\nwrote {Path(out) / 'model.json'} and {Path(out) / 'report.html'}")

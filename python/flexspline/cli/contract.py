@@ -17,6 +17,7 @@ from typing import Any
 import click
 from click.shell_completion import shell_complete
 
+from flexspline.cli.speech import speaking
 from flexspline.errors import InputError, did_you_mean, listed, one_line
 
 __all__ = ["Commands"]
@@ -56,14 +57,18 @@ class Commands(click.Group):
 
     # One clause for each way in which a call ends: it is the list of them.
     def _code(self, name: str, args: list[str]) -> int:
+        context = None
         try:
-            with self.make_context(name, args) as context:
-                self.invoke(context)
+            with speaking() as end_with:
+                try:
+                    with self.make_context(name, args) as context:
+                        self.invoke(context)
+                    code = 0
+                except click.exceptions.Exit as end:
+                    code = end.exit_code
+                end_with(context.invoked_subcommand if context else None, code)
             sys.stdout.flush()
-            return 0
-        except click.exceptions.Exit as end:
-            sys.stdout.flush()
-            return end.exit_code
+            return code
         except click.UsageError as error:
             return _usage(error)
         except click.ClickException as error:

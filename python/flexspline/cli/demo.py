@@ -5,6 +5,7 @@ from __future__ import annotations
 import click
 
 from flexspline.cli.options import FILE, on_terminal
+from flexspline.cli.speech import found, say
 from flexspline.files import folder_to_write
 
 __all__ = [
@@ -39,7 +40,8 @@ def demo(out: str) -> None:
 
     from flexspline.demo import demo as run_demo
 
-    run_demo(out, say=click.echo)
+    made = run_demo(out, say=say)
+    found({"found": made.found, "rmse_before": made.before, "rmse_after": made.after})
 
 
 @click.command()
@@ -85,5 +87,6 @@ def reproduce(paper: str, out: str, draws: int, seed: int, threads: int) -> None
 
     made = run(paper, out, draws=draws, seed=seed, threads=threads, progress=on_terminal())
     for reproduction in made.values():
-        click.echo(f"{reproduction}\n")
-    click.echo(f"wrote {out}")
+        say(f"{reproduction}\n")
+    found({"papers": {name: [v.to_json() for v in one.verdicts] for name, one in made.items()}})
+    say(f"wrote {out}")

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +36,7 @@ from flexspline.cli.options import (
     target,
     threads,
 )
+from flexspline.cli.speech import found, say
 from flexspline.errors import InputError
 from flexspline.experiment.limits import parsed_limits
 from flexspline.files import atomic_write, whole_folder
@@ -142,7 +144,8 @@ def compare(
         made.report(draft / "report.html")
         atomic_write(draft / "comparison.json", made.to_json())
         said = str(made)
-    click.echo(f"{said}\n\nwrote {Path(out) / 'comparison.json'} and {Path(out) / 'report.html'}")
+    found(json.loads(made.to_json()))
+    say(f"{said}\n\nwrote {Path(out) / 'comparison.json'} and {Path(out) / 'report.html'}")
 
 
 def _numbers(text: str) -> tuple[float, ...]:
@@ -276,5 +279,6 @@ def discover(
         verdict = str(made)
     if made.plan is None:  # of an earlier discovery
         (Path(out) / NEXT).unlink(missing_ok=True)
+    found(json.loads(made.to_json()))
     files = f"model.json, discovery.json{f', {NEXT}' if made.plan else ''} and report.html"
-    click.echo(f"{verdict}\n\nwrote {files} to {Path(out)}")
+    say(f"{verdict}\n\nwrote {files} to {Path(out)}")

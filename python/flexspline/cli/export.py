@@ -24,6 +24,7 @@ from flexspline.cli.options import (
     target,
     warn,
 )
+from flexspline.cli.speech import found, say
 
 __all__ = [
     "certify",
@@ -86,13 +87,15 @@ def export(
     from flexspline.exporting import export_warnings
 
     export_model(joint, out, format=form, target=target, scalar=scalar, strict=strict)
-    warn(export_warnings(joint, target))
+    warnings = export_warnings(joint, target)
+    found({"format": form, "warnings": warnings})
+    warn(warnings)
     alone = [
         f"; for {part.target} it is the correction alone: add what the simulation says"
         for part in joint.parts.values()
         if part.simulated is not None and target in (None, part.target)
     ]
-    click.echo(f"wrote {out}{''.join(alone)}")
+    say(f"wrote {out}{''.join(alone)}")
 
 
 @click.command(cls=Taught, sections=(repairs,))
@@ -142,5 +145,6 @@ def certify(
 
     made = run_on_device(joint, log, device, target=target, options=options or ("-O2",))
     made.save(out)
-    click.echo(str(made))
-    click.echo(f"wrote {out}")
+    found(made.to_json())
+    say(str(made))
+    say(f"wrote {out}")

@@ -31,6 +31,7 @@ from flexspline.cli.options import (
     target,
     threads,
 )
+from flexspline.cli.speech import found, say
 from flexspline.effects import require_effects
 from flexspline.errors import InputError
 from flexspline.files import whole_folder
@@ -219,4 +220,13 @@ def fit(
         made.report(draft / "report.html")
         made.model.save(draft / "model.json")
         verdict = str(made)
-    click.echo(f"{verdict}\n\nwrote {Path(out) / 'model.json'} and {Path(out) / 'report.html'}")
+    found(
+        {
+            "target": made.target,
+            "unit": made.unit,
+            "rmse": made.rmse,
+            "held_out_rmse": made.cv_rmse,
+            "parameters": [parameter.to_json() for parameter in made.parameters],
+        }
+    )
+    say(f"{verdict}\n\nwrote {Path(out) / 'model.json'} and {Path(out) / 'report.html'}")

@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from flexspline.cli.options import FILE, positive, refuse_overwriting
+from flexspline.cli.speech import found, say
 from flexspline.errors import printable
 from flexspline.files import atomic_writer
 
@@ -49,7 +50,8 @@ def init(recording: str, out: str, joint: str | None, rate: float | None) -> Non
     from flexspline.recordings import guess_map
 
     guess = guess_map(recording, joint=joint, rate=rate)
-    click.echo(str(guess))
+    found(guess.to_json())
+    say(str(guess))
     if "time" in guess.channels or "rate" in guess.read:
         drawn = guess.plot()
         with atomic_writer(figure) as file:
@@ -58,7 +60,7 @@ def init(recording: str, out: str, joint: str | None, rate: float | None) -> Non
     else:
         shown = ""
     guess.save(out)
-    click.echo(f"\nwrote {out}{shown}; next: {_next(recording, out)}")
+    say(f"\nwrote {out}{shown}; next: {_next(recording, out)}")
 
 
 def _next(recording: str, out: str) -> str:

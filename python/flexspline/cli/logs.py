@@ -6,6 +6,7 @@ of a foreign file and a column map.
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import click
@@ -24,6 +25,7 @@ from flexspline.cli.options import (
     repairs,
     target,
 )
+from flexspline.cli.speech import found, say
 from flexspline.errors import printable
 from flexspline.files import atomic_write, whole_folder
 
@@ -84,14 +86,15 @@ def check(
     from flexspline.report.check import check_json, check_verdict, write_check_report
 
     audits = [(log, look_at(log, effects=effects, target=target)) for log in logs]
-    lines = [line for _, found in audits for line in (*str(found).split("\n"), "")]
-    click.echo("\n".join(map(printable, (*lines, check_verdict(audits, target)))))
+    lines = [line for _, one in audits for line in (*str(one).split("\n"), "")]
+    found(json.loads(check_json(audits, target)))
+    say("\n".join(map(printable, (*lines, check_verdict(audits, target)))))
     if out is not None:
         with whole_folder(out, last="check.json") as draft:
             write_check_report(audits, draft / "report.html", target)
             atomic_write(draft / "check.json", check_json(audits, target))
-        click.echo(f"\nwrote {Path(out) / 'check.json'} and {Path(out) / 'report.html'}")
-    if any(found.forbidding(target) for _, found in audits):
+        say(f"\nwrote {Path(out) / 'check.json'} and {Path(out) / 'report.html'}")
+    if any(one.forbidding(target) for _, one in audits):
         ctx.exit(FORBIDDEN)
 
 
@@ -131,22 +134,23 @@ def orders(
     from flexspline.signals import target_of
 
     values = [target_of(log, target, known_load) for log in logs]
-    found = find_orders(logs, values, unit=UNITS[target], channel=target, vibrations=True)
-    click.echo(str(found))
+    made = find_orders(logs, values, unit=UNITS[target], channel=target, vibrations=True)
+    found({"orders": made.to_frame().to_dict("records")})
+    say(str(made))
     if out is None:
         return
     if _is_table(out):
-        found.save(out)
-        click.echo(f"\nwrote {out}")
+        made.save(out)
+        say(f"\nwrote {out}")
         return
     from flexspline.plot.canvas import PlainFigure, own_style
 
     with whole_folder(out, last="orders.csv") as draft, own_style():
         figure = PlainFigure(9.0, 4.0)
-        found.plot(figure.add_subplot())
+        made.plot(figure.add_subplot())
         figure.savefig(draft / "orders.png", dpi=110)
-        found.save(draft / "orders.csv")
-    click.echo(f"\nwrote {Path(out) / 'orders.csv'} and {Path(out) / 'orders.png'}")
+        made.save(draft / "orders.csv")
+    say(f"\nwrote {Path(out) / 'orders.csv'} and {Path(out) / 'orders.png'}")
 
 
 def _is_table(out: str) -> bool:
@@ -180,4 +184,5 @@ def convert(foreign: str, out: str, reading: Reading) -> None:
     assert reading.columns is not None
     refuse_overwriting(out, [foreign, reading.columns])
     log = convert_log(foreign, reading.columns, out, **reading.arguments)
-    click.echo(f"{log}\n\nwrote {out}")
+    found({"run": log.name, "rows": len(log), "rate": log.rate, "channels": log.channels})
+    say(f"{log}\n\nwrote {out}")

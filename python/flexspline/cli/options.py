@@ -19,6 +19,7 @@ import click
 from click.shell_completion import CompletionItem
 from tqdm import tqdm
 
+from flexspline.cli.speech import is_quiet, tell
 from flexspline.effects import TARGETS, effect
 from flexspline.errors import InputError, printable
 from flexspline.files import file_to_write, folder_to_write, require_there
@@ -511,7 +512,7 @@ def with_simulated(arguments: Mapping[str, Any], column: str | None) -> dict[str
 
 def on_terminal() -> bool:
     """Whether somebody watches standard error: then there is a progress bar."""
-    return sys.stderr.isatty()
+    return sys.stderr.isatty() and not is_quiet()
 
 
 def refuse_overwriting(out: str, inputs: Sequence[str], names: Sequence[str] = ()) -> None:
@@ -536,6 +537,7 @@ def _completed(path: str, arguments: Mapping[str, Any], known: Mapping[str, Any]
     from flexspline.logs.read import read_log, with_motor_torque
 
     log = read_log(path, **arguments)
+    tell("\n".join(log.history))
     missing = {key: value for key, value in known.items() if key not in log.facts}
     return with_motor_torque(log.with_facts(missing)) if missing else log
 

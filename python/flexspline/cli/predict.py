@@ -34,6 +34,7 @@ from flexspline.cli.options import (
     target,
     warn,
 )
+from flexspline.cli.speech import found, say
 from flexspline.errors import InputError, listed
 from flexspline.files import whole_folder
 
@@ -96,7 +97,7 @@ def predict(
 
     from flexspline.model import refuse_warnings
 
-    found = joint.predict(
+    made = joint.predict(
         logs,
         part.target,
         lowpass_hz=lowpass,
@@ -105,10 +106,13 @@ def predict(
         speed_above=speed_above,
     )
     if strict:
-        refuse_warnings(found.warnings)
-    _save(found.runs, out, names)
-    warn(found.warnings)
-    click.echo(f"{found}\n\n{_wrote(out, names)}" if names else f"{_told(found[0])}; wrote {out}")
+        refuse_warnings(made.warnings)
+    _save(made.runs, out, names)
+    warn(made.warnings)
+    errors = {"target": made.target, "unit": made.unit, "rmse": made.rmse, "rows": made.rows}
+    runs_of = [{"run": one.name, "rmse": one.rmse, "rows": one.rows} for one in made.runs]
+    found({**errors, "runs": runs_of, "warnings": made.warnings})
+    say(f"{made}\n\n{_wrote(out, names)}" if names else f"{_told(made[0])}; wrote {out}")
 
 
 def _require_simulations(
@@ -204,7 +208,8 @@ def estimate(
 
     made = run_chain(joint, logs, bandwidth=bandwidth)
     _save(made.runs, out, names)
-    click.echo(f"{made}\n\n{_wrote(out, names)}" if names else f"{made[0]}\nwrote {out}")
+    found({"unit": "Nm", "rmse": made.rmse, "runs": [one.name for one in made.runs]})
+    say(f"{made}\n\n{_wrote(out, names)}" if names else f"{made[0]}\nwrote {out}")
 
 
 @click.command(cls=Taught, sections=(repairs,))
@@ -265,4 +270,5 @@ def simulate(
         joint, log, target=target, controller=controller, steps_per_sample=steps, horizon=horizon
     )
     made.save(out)
-    click.echo(f"{made}\nwrote {out}")
+    found({"channel": made.channel, "unit": made.unit, "rmse": made.rmse, "rows": len(made.log)})
+    say(f"{made}\nwrote {out}")

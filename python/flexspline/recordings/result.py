@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from flexspline.errors import listed, printable
@@ -100,6 +100,15 @@ class Guess:
         from flexspline.logs.read import read_log
 
         return read_log(self.recording, self.columns, facts=self.facts, **self.read)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the map with its reasons and doubts, as `flexspline init --json` prints it."""
+        return {
+            "read": dict(self.read),
+            "facts": dict(self.facts),
+            "channels": {name: asdict(each) for name, each in self.channels.items()},
+            "unsure": [*(f"{name}: {said}" for name, said in self.doubts.items()), *self.unsure],
+        }
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the map as TOML, each entry with its reason as a comment; whole or not at all."""
