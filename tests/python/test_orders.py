@@ -260,6 +260,21 @@ def test_a_speed_that_changes_within_a_run_tells_a_vibration_from_an_order() -> 
     assert hum.amplitude == pytest.approx(0.2, abs=4 * hum.error)
 
 
+def test_a_vibration_of_a_run_that_goes_to_and_fro_is_one_line() -> None:
+    """The rows of one direction have gaps in time, which would make two lines of it, or more."""
+    time = np.arange(40_000) * 1e-3
+    q = 3 * np.sin(2 * np.pi * time / 10)
+    torque = 0.1 * np.random.default_rng(0).normal(size=len(time)) + 0.1 * np.cos(200 * q)
+    log = Log.from_arrays(
+        time=time, output_position=q, sensor_torque=torque, facts={"gear_ratio": 100}
+    )
+    found = find_orders(humming(log, 50.0, 0.05), "sensor_torque", vibrations=True)
+    assert per_turn(found) == [200]
+    (hum,) = found.vibrations
+    assert hum.frequency == pytest.approx(50.0, abs=0.1 * hum.resolution)
+    assert hum.amplitude == pytest.approx(0.05, abs=4 * hum.error)
+
+
 def test_runs_without_a_vibration_have_the_orders_that_they_have_without_looking() -> None:
     logs = [turning(turns, 6000, {200.0: 0.1, 700.0: 0.05}, seed=i)
             for i, turns in enumerate(SPEEDS)]  # fmt: skip

@@ -23,7 +23,7 @@ from flexspline.orders.parts import Candidate, Pair, candidates, effective_ratio
 from flexspline.orders.parts import pairs as known_pairs
 from flexspline.orders.scan import CLEAR, Estimate, Line, Share, estimates, find_lines, scattered
 from flexspline.orders.spectrum import LONGEST, OrderSpectrum, order_spectrum, step_turns
-from flexspline.orders.stretches import Stretch, Values, chosen_values, stretches
+from flexspline.orders.stretches import Stretch, Values, chosen_values, stretches, sweeps
 from flexspline.orders.vibrations import (
     Competition,
     Vibration,
@@ -516,8 +516,8 @@ def find_orders(
     if not vibrations:
         return found
     rate = min(log.rate for log in logs)
-    made = compete(rest, highest, rate, false_alarm, snap, low)
-    return _told(found, rest, made)
+    swept = sweeps(rest)
+    return _told(found, swept, compete(swept, highest, rate, false_alarm, snap, low))
 
 
 def _told(found: OrderAnalysis, parts: Sequence[Stretch], made: Competition) -> OrderAnalysis:

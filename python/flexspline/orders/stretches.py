@@ -11,7 +11,7 @@ Within a stretch order k is seen between
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,9 +19,10 @@ from numpy.typing import ArrayLike, NDArray
 from flexspline.errors import InputError
 from flexspline.logs import Log
 from flexspline.logs.channels import CHANNELS
+from flexspline.logs.segments import runs
 from flexspline.orders.parts import output_angle
 
-__all__ = ["NYQUIST", "Stretch", "Values", "chosen_values", "stretches"]
+__all__ = ["NYQUIST", "Stretch", "Values", "chosen_values", "stretches", "sweeps"]
 
 Values = str | Sequence[ArrayLike] | Callable[[Log], ArrayLike]
 
@@ -110,6 +111,37 @@ def stretches(
     return found
 
 
+def sweeps(parts: Sequence[Stretch]) -> list[Stretch]:
+    """Cut stretches where their rows are not one after the other in time: at each reversal.
+
+    Sweeps of too few rows are left out; where there are no others, the stretches stay as they are.
+    """
+    made = [
+        _sweep(part, slice(int(first), int(last)))
+        for part in parts
+        for first, last in runs(part.time)
+        if last - first >= _SHORTEST
+    ]
+    return made or list(parts)
+
+
+def _sweep(part: Stretch, rows: slice) -> Stretch:
+    angle, base = part.angle[rows], _orthonormal(part.base[rows])
+    turns = float(np.ptp(angle)) / (2 * np.pi)
+    return replace(
+        part,
+        angle=angle,
+        raw=part.raw[rows],
+        values=part.values[rows] - base @ (base.T @ part.values[rows]),
+        base=base,
+        speed=float(np.median(part.speeds[rows])),
+        turns=turns,
+        lowest=_CYCLES / turns,
+        time=part.time[rows],
+        speeds=part.speeds[rows],
+    )
+
+
 def _of_run(run: int, log: Log, values: NDArray[np.float64], longest: float) -> Iterator[Stretch]:
     angle, time = output_angle(log), log["time"]
     good = np.isfinite(angle) & np.isfinite(values) & np.isfinite(time)
@@ -190,6 +222,10 @@ def _smooth_base(angle: NDArray[np.float64], speed: NDArray[np.float64]) -> NDAr
     if np.std(speed) > 0.2 * abs(np.mean(speed)):
         v = speed / np.max(np.abs(speed))
         columns = np.column_stack([columns, v, v * v])
+    return _orthonormal(columns)
+
+
+def _orthonormal(columns: NDArray[np.float64]) -> NDArray[np.float64]:
     ortho, triangle = np.linalg.qr(columns)
     size = np.abs(np.diag(triangle))
     kept: NDArray[np.float64] = ortho[:, size > 1e-9 * size.max()]

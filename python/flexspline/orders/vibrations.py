@@ -61,7 +61,7 @@ leaves behind is no line there, and more than the floor."""
 
 STRONGEST = 0.2  # of the strongest line of a round: weaker ones may be its leakage
 STEADY = 0.05  # spread of the speeds of what counts as one speed, as in `logs/segments.py`
-MOST = 100  # lines of one kind
+MOST = 50  # lines of one kind
 _CYCLES = 1.5  # in a stretch, below which a vibration cannot be told from a trend
 _CHUNK = 1 << 15
 
@@ -127,6 +127,7 @@ def compete(
 
     Parameters
     ----------
+    parts : without gaps in time, which would make each line many (`sweeps`).
     highest : order per output turn that is scanned.
     rate : Hz, of the slowest run.
     false_alarm : probability that noise alone yields any line.
