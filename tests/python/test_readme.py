@@ -13,6 +13,7 @@ import pytest
 from click.testing import CliRunner
 
 from flexspline.cli import commands
+from flexspline.logs.channels import CHANNELS
 from flexspline.logs.read import read_log
 
 ROOT = Path(__file__).parents[2]
@@ -80,6 +81,16 @@ def test_the_python_example_runs(
     exec(compile(example, "README.md", "exec"), {})
     assert "stribeck_friction" in capsys.readouterr().out
     assert (after_the_demo / "joint.json").is_file()
+
+
+def test_the_table_of_channels_is_that_of_the_package() -> None:
+    table = re.findall(r"^\| `(\w+)` \| (\S+) \| (output|motor|) ?\|", README, re.MULTILINE)
+    assert [(name, unit) for name, unit, _ in table] == [
+        (name, channel.unit) for name, channel in CHANNELS.items()
+    ]
+    sides = {name: side for name, _, side in table}
+    named = {name: name.split("_")[0] for name in sides if name.startswith(("output", "motor"))}
+    assert {name: sides[name] for name in named} == named
 
 
 @pytest.mark.parametrize("link", sorted(set(LINKS)))

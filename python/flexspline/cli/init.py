@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from flexspline.cli.options import FILE, positive, refuse_overwriting
+from flexspline.cli.options import FILE, Taught, channels, positive, refuse_overwriting
 from flexspline.cli.speech import found, say
 from flexspline.errors import printable
 from flexspline.files import atomic_writer
@@ -14,7 +14,7 @@ from flexspline.files import atomic_writer
 __all__ = ["init"]
 
 
-@click.command()
+@click.command(cls=Taught, sections=(channels,))
 @click.argument("recording", metavar="RECORDING", type=FILE)
 @click.option(
     "--out",

@@ -16,6 +16,7 @@ from flexspline.cli.options import (
     FILE,
     Reading,
     Taught,
+    channels,
     effects_by_target,
     known_load,
     named_effects,
@@ -38,7 +39,7 @@ __all__ = [
 FORBIDDEN = 3  # exit code: findings that forbid a fit
 
 
-@click.command(cls=Taught, sections=(effects_by_target, repairs))
+@click.command(cls=Taught, sections=(channels, effects_by_target, repairs))
 @click.argument("runs", nargs=-1, required=True, metavar="RUN.csv...", type=FILE)
 @click.option(
     "--effects",
@@ -157,7 +158,7 @@ def _is_table(out: str) -> bool:
     return Path(out).suffix.lower() == ".csv" and not Path(out).is_dir()
 
 
-@click.command(cls=Taught, sections=(repairs,))
+@click.command(cls=Taught, sections=(channels, repairs))
 @click.argument("foreign", metavar="FOREIGN", type=FILE)
 @out_file("RUN.csv")
 @reading(columns_needed=True)

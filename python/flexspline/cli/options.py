@@ -40,6 +40,7 @@ __all__ = [
     "Reading",
     "Taught",
     "bandwidth",
+    "channels",
     "controller",
     "effects_by_target",
     "files_in",
@@ -350,8 +351,15 @@ def reading(columns_needed: bool = False) -> Callable[[Callable[..., Any]], Call
     """Add the options of how runs are read; the command gets them as one `Reading`."""
     spline = click.Choice(["circular", "flex"])
     options: list[tuple[str, dict[str, Any]]] = [
-        ("--gear-ratio", {"type": positive, "metavar": "N", "help": "Gear ratio N."}),
-        ("--output-spline", {"type": spline, "help": "The part of the gear that is the output."}),
+        ("--gear-ratio", {"type": positive, "metavar": "N", "help": "Gear ratio N, as sold."}),
+        (
+            "--output-spline",
+            {
+                "type": spline,
+                "help": "The part of the gear that is the output; where it is the circular one, "
+                "the motor turns N + 1 times.",
+            },
+        ),
         (
             "--torque-constant",
             {
@@ -564,6 +572,14 @@ def effects_by_target() -> tuple[str, list[tuple[str, str]]]:
 
     title = "Effects (S: sensor_torque, M: motor_torque and motor_current, D: torsion)"
     return title, [(e.name, f"{e.targets:<3} {e.signature}") for e in CATALOGUE.values()]
+
+
+def channels() -> tuple[str, list[tuple[str, str]]]:
+    """Every channel of a run, with its unit."""
+    from flexspline.logs.channels import CHANNELS
+
+    rows = [(name, f"{each.unit:<6} {each.meaning}") for name, each in CHANNELS.items()]
+    return "Channels; torques at the output are positive where the joint pushes in +q", rows
 
 
 def repairs() -> tuple[str, list[tuple[str, str]]]:

@@ -33,7 +33,10 @@ class _Speech:
 
 
 _SPEECH: ContextVar[_Speech] = ContextVar("speech")
-_SPEECH.set(_Speech())
+
+
+def _speech() -> _Speech:
+    return _SPEECH.get(None) or _Speech()
 
 
 @contextmanager
@@ -48,7 +51,7 @@ def speaking() -> Iterator[Callable[[str | None, int], None]]:
 
 
 def _end(record: Writing, command: str | None, code: int, seconds: float) -> None:
-    speech = _SPEECH.get()
+    speech = _speech()
     kept = [str(path) for path in record.kept]
     if kept:
         say(f"kept what was there before: {listed(map(printable, kept))}")
@@ -67,26 +70,26 @@ def _plain(value: Any) -> Any:
 
 def say(text: object = "") -> None:
     """Print text for a person on standard output, unless that is asked to be quiet or JSON."""
-    speech = _SPEECH.get()
+    speech = _speech()
     if not (speech.quiet or speech.json):
         click.echo(str(text))
 
 
 def tell(text: object) -> None:
     """Print on standard error what `-v` asks for."""
-    if _SPEECH.get().verbose:
+    if _speech().verbose:
         for line in str(text).splitlines():
             click.echo(f"flexspline: {printable(line)}", err=True)
 
 
 def found(content: Mapping[str, Any]) -> None:
     """Add to the object that `--json` prints."""
-    _SPEECH.get().object.update(content)
+    _speech().object.update(content)
 
 
 def is_quiet() -> bool:
     """Whether no progress is to be shown."""
-    return _SPEECH.get().quiet or _SPEECH.get().json
+    return _speech().quiet or _speech().json
 
 
 def spoken(command: click.Command) -> click.Command:
@@ -95,7 +98,7 @@ def spoken(command: click.Command) -> click.Command:
     def asked(name: str) -> Callable[[click.Context, click.Parameter, bool], None]:
         def set_it(ctx: click.Context, param: click.Parameter, value: bool) -> None:
             if value:
-                setattr(_SPEECH.get(), name, True)
+                setattr(_speech(), name, True)
 
         return set_it
 
