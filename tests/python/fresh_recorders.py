@@ -1,0 +1,417 @@
+"""Twelve more files of the ordinary kind, with known truth, for a score that nothing was made on.
+
+They are made as those of `unseen_recorders`, by another hand: exports in the manner of drives'
+tools, scripts and test benches. Nothing that guesses was looked at while they were written, and
+no form is copied from a program's documentation. Not part of the package.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable
+from functools import cache
+
+import h5py
+import numpy as np
+from more_recorders import WHERE, _filtered, _stamps
+from recorders import (
+    DEG,
+    REV,
+    RPM,
+    Column,
+    File,
+    Recorder,
+    _channel,
+    _commas,
+    _file,
+    _headers,
+    _kept,
+    _lines,
+    _other,
+    _same,
+    _still,
+    _text,
+    _white,
+    joint_run,
+)
+from scipy.io import savemat
+
+NO_UNIT = "its unit is stated nowhere"
+
+_made: list[Recorder] = []
+
+
+def _recorder(hard: str) -> Callable[[Callable[[], File]], Callable[[], File]]:
+    def keep(make: Callable[[], File]) -> Callable[[], File]:
+        _made.append(Recorder(make.__name__, "", hard, cache(make)))
+        return make
+
+    return keep
+
+
+# tools of drives
+
+
+@_recorder(
+    "object names of CiA 402 with a demand beside each actual value, increments whose resolution "
+    "and the gear's ratio stand in the preamble alone, per mille of a rated torque, motor's side"
+)
+def maxon_recorder() -> File:
+    run = joint_run(301, 1000.0, 4.0, ratio=100.0, pace=1.5, from_zero=True)
+    inc = REV / 4096
+    demand = 100.0 * run["commanded_position"]
+    demand += np.mean(run["motor_position"] - demand)
+    columns = [
+        _channel(run, "time", "Time [ms]", "%.1f", 1e-3),
+        _other("Position Demand Value [inc]", demand / inc, "%.0f"),
+        _channel(run, "motor_position", "Position Actual Value [inc]", "%d", inc),
+        _channel(run, "motor_velocity", "Velocity Actual Value [rpm]", "%d", RPM),
+        _channel(run, "motor_current", "Current Actual Value [mA]", "%d", 1e-3),
+        _channel(run, "motor_torque", "Torque Actual Value [per mille]", "%d", 0.46e-3),
+        _channel(run, "supply_voltage", "Power Supply Voltage [V]", "%.1f"),
+    ]
+    head = [
+        "Data Recorder;Node 3",
+        "Encoder resolution [inc/turn];4096",
+        "Motor rated torque [mNm];460",
+        "Gear reduction;100/1",
+        "",
+    ]
+    return _file(
+        "Recorder_Node3.csv",
+        _text([*head, _headers(columns, ";"), *_lines(columns, ";")], "\r\n"),
+        columns,
+        facts={"gear_ratio": 100},
+        ambiguous={
+            "motor_position": "increments of a resolution that only the preamble gives",
+            "motor_torque": "per mille of a rated torque that only the preamble gives",
+            "gear_ratio": "a line of the preamble; the output's side is not in the file",
+            "commanded_position": "the motor's: that of the output needs the ratio",
+        },
+    )
+
+
+@_recorder(
+    "names of a drive's variables in quotes, A rms, a motor angle that wraps at 360° beside a "
+    "second feedback at the output that counts the other way, a command of speed"
+)
+def kollmorgen_scope() -> File:
+    run = joint_run(302, 500.0, 8.0, ratio=160.0, motion="trapezoids", torque_constant=0.06)
+    speed = 160.0 * np.gradient(run["commanded_position"], run["time"]) / RPM
+    columns = [
+        _channel(run, "time", '"Time (ms)"', "%.3f", 1e-3),
+        _other('"VL.CMD (rpm)"', speed, "%.3f"),
+        _channel(run, "motor_velocity", '"VL.FB (rpm)"', "%.3f", RPM),
+        _channel(run, "motor_position", '"PL.FB (deg)"', "%.3f", DEG, wrap=360.0),
+        _channel(run, "output_position", '"FB2.P (deg)"', "%.5f", -DEG),
+        _channel(run, "motor_current", '"IL.FB (Arms)"', "%.3f"),
+        _channel(run, "supply_voltage", '"VBUS.VALUE (V)"', "%.1f"),
+    ]
+    return _file(
+        "Scope_2026-05-04.csv",
+        _text([_headers(columns, ","), *_lines(columns, ",")], "\r\n"),
+        columns,
+        facts={"gear_ratio": 160},
+        ambiguous={
+            "motor_current": "A rms or amplitude: which one a torque constant goes with is open",
+            "output_position": "FB2 is a second feedback: at the output by its slowness alone",
+        },
+        wraps={"motor_position": REV},
+    )
+
+
+@_recorder(
+    "turns and turns/s without a unit, set points beside estimates, two temperatures, an output "
+    "encoder in degrees"
+)
+def odrive_script() -> File:
+    run = joint_run(303, 200.0, 12.0, ratio=50.0, torque_constant=0.2, from_zero=True)
+    rows = run["time"].size
+    wanted = 50.0 * np.gradient(run["commanded_position"], run["time"]) / REV
+    columns = [
+        _channel(run, "time", "time", "%.4f", start=0.0123),
+        _channel(run, "motor_position", "pos_estimate", "%.6f", REV),
+        _other("input_vel", wanted, "%.5f"),
+        _channel(run, "motor_velocity", "vel_estimate", "%.5f", REV),
+        _other("Iq_setpoint", run["motor_current"] + _white(303, 0.05, rows), "%.4f"),
+        _channel(run, "motor_current", "Iq_measured", "%.4f"),
+        _channel(run, "supply_voltage", "vbus_voltage", "%.3f"),
+        _other("fet_temp", 36.0 + _white(3031, 0.2, rows), "%.2f"),
+        _channel(run, "motor_temperature", "motor_temp", "%.2f"),
+        _channel(run, "output_position", "output_enc_deg", "%.4f", DEG),
+    ]
+    return _file(
+        "odrive_log_axis0.csv",
+        _text([_headers(columns, ","), *_lines(columns, ",")]),
+        columns,
+        facts={"gear_ratio": 50},
+        ambiguous=dict.fromkeys(
+            ("motor_position", "motor_velocity", "motor_current", "supply_voltage"), NO_UNIT
+        )
+        | {"gear_ratio": "the motor's angle has no unit: turns are known from the maker alone"},
+    )
+
+
+@_recorder(
+    "no clock but a sampling period in the preamble, a torque command in per cent, a motor's speed "
+    "of the other sign than the link-side encoder, tabs"
+)
+def servo_tool_trace() -> File:
+    run = joint_run(304, 500.0, 7.0, ratio=161.0, motion="trapezoids", torque_constant=0.06)
+    columns = [
+        _channel(run, "motor_velocity", "Feedback Speed [r/min]", "%d", -RPM),
+        _other("Torque Command [%]", -100.0 * run["motor_torque"] / 0.32, "%.0f"),
+        _channel(run, "motor_current", "Feedback Current [A]", "%.2f", -1.0),
+        _channel(run, "output_position", "Link-side encoder [deg]", "%.4f", DEG),
+    ]
+    head = ["Waveform data", "Sampling period\t2 ms", "Reduction ratio\t161", "Points\t3500", ""]
+    clock = Column("", [], "time", run["time"], 0.0)
+    return _file(
+        "wave0007.txt",
+        _text([*head, _headers(columns, "\t"), *_lines(columns, "\t")], "\r\n"),
+        [*columns, clock],
+        facts={"gear_ratio": 161},
+        ambiguous={"time": "no column: the sampling period is in the preamble"},
+    )
+
+
+@_recorder(
+    "German in cp1252, numbers of parameters before the names, decimal comma, per cent of a torque "
+    "that is not in the file, velocity of the motor in 1/min and filtered, no angle of the motor"
+)
+def rexroth_oszilloskop() -> File:
+    run = joint_run(305, 250.0, 12.0, ratio=120.0, motion="trapezoids", torque_constant=0.08)
+    run["motor_velocity"] = _filtered(run["motor_velocity"], 250.0, 8e-3)
+    table = [
+        _channel(run, "time", "Zeit [s]", "%.3f"),
+        _channel(run, "commanded_position", "S-0-0047 Lagesollwert [Grad]", "%.4f", DEG),
+        _channel(run, "output_position", "S-0-0053 Lageistwert Geber 2 [Grad]", "%.4f", DEG),
+        _channel(run, "motor_velocity", "S-0-0040 Geschwindigkeitsistwert [1/min]", "%.2f", RPM),
+        _channel(run, "motor_torque", "S-0-0084 Drehmomentistwert [%]", "%.1f", 0.5e-2),
+        _channel(run, "motor_temperature", "S-0-0383 Motortemperatur [°C]", "%.1f"),
+    ]
+    columns = _commas(table)
+    return _file(
+        "Oszi_Achse1.csv",
+        _text([_headers(columns, ";"), *_lines(columns, ";")], "\r\n", "cp1252"),
+        columns,
+        facts={"gear_ratio": 120},
+        ambiguous={"motor_torque": "per cent of a rated torque that is not in the file"},
+    )
+
+
+# benches and scripts
+
+
+@_recorder(
+    "German symbols with units in a row of their own, torque of the drive and of the output beside "
+    "a force cell, effective current, ambient beside motor temperature, decimal comma"
+)
+def german_formelzeichen() -> File:
+    run = joint_run(306, 200.0, 15.0, ratio=160.0, torque_constant=0.06)
+    rows = run["time"].size
+    force = run["reference_torque"] / 0.4 + _white(306, 0.1, rows)
+    table = [
+        (_channel(run, "time", "t", "%.3f"), "s"),
+        (_channel(run, "motor_position", "phi_mot", "%.2f", DEG), "°"),
+        (_channel(run, "output_position", "phi_out", "%.4f", DEG), "°"),
+        (_channel(run, "motor_velocity", "n_mot", "%.1f", RPM), "min-1"),
+        (_channel(run, "motor_torque", "M_an", "%.4f"), "Nm"),
+        (_channel(run, "reference_torque", "M_ab", "%.3f"), "Nm"),
+        (_other("F_Zelle", force, "%.2f"), "N"),
+        (_channel(run, "motor_current", "I_RMS", "%.3f"), "A"),
+        (_channel(run, "supply_voltage", "U_DC", "%.2f"), "V"),
+        (_channel(run, "motor_temperature", "T_mot", "%.1f"), "°C"),
+        (_other("T_amb", 22.4 + _white(3061, 0.05, rows), "%.1f"), "°C"),
+    ]
+    columns = _commas([column for column, _ in table])
+    units = ";".join(unit for _, unit in table)
+    return _file(
+        "Messung_P4_03.asc",
+        _text([_headers(columns, ";"), units, *_lines(columns, ";")], "\r\n", "cp1252"),
+        columns,
+        facts={"gear_ratio": 160},
+        ambiguous={
+            "motor_current": "A rms or amplitude: which one a torque constant goes with is open",
+            "reference_torque": "a torque at the output, of the joint's sensor or of another",
+        },
+    )
+
+
+@_recorder("three letters for a name, no unit anywhere, degrees of the output, rpm of the motor")
+def student_short_names() -> File:
+    run = joint_run(307, 100.0, 30.0, ratio=80.0, pace=0.8)
+    columns = [
+        _channel(run, "time", "t", "%.2f"),
+        _channel(run, "output_position", "ang", "%.3f", DEG),
+        _channel(run, "motor_velocity", "spd", "%.1f", RPM),
+        _channel(run, "motor_current", "cur", "%.3f"),
+        _channel(run, "sensor_torque", "trq", "%.3f"),
+        _channel(run, "temperature", "tmp", "%.1f"),
+    ]
+    whose = NO_UNIT + ", nor on which side of the gear it is"
+    return _file(
+        "test2_final.csv",
+        _text([_headers(columns, ","), *_lines(columns, ",")]),
+        columns,
+        ambiguous={
+            "output_position": whose,
+            "motor_velocity": whose,
+            "motor_current": NO_UNIT,
+            "sensor_torque": whose,
+            "temperature": WHERE,
+            "gear_ratio": "angle and speed without units are known to a factor alone",
+        },
+    )
+
+
+@_recorder(
+    "MAT of version 5 with a structure in a structure, units in a structure beside it, mNm and mA, "
+    "both angles in rad, 101 turns, the rotor's angle of the other sign"
+)
+def matlab_nested() -> File:
+    run = joint_run(308, 400.0, 8.0, ratio=101.0, from_zero=True)
+    signals = {
+        "time": ("time", 1.0, "s"),
+        "link_side_encoder": ("output_position", 1.0, "rad"),
+        "rotor_angle": ("motor_position", -1.0, "rad"),
+        "rotor_speed": ("motor_velocity", -1.0, "rad/s"),
+        "iq": ("motor_current", -1e-3, "mA"),
+        "joint_torque_sensor": ("sensor_torque", 1e-3, "mNm"),
+    }
+    data = {name: (run[channel] / unit)[:, None] for name, (channel, unit, _) in signals.items()}
+    units = {name: unit for name, (_, _, unit) in signals.items()}
+    content = io.BytesIO()
+    savemat(content, {"log": {"data": data, "units": units, "operator": "jm"}})
+    return File(
+        "log_0412.mat",
+        content.getvalue(),
+        **_kept(run, {channel: 0.0 for channel, _, _ in signals.values()}),
+        facts={"gear_ratio": 101},
+    )
+
+
+@_recorder(
+    "HDF5 with one matrix of all and the names of its columns beside it, seconds of an epoch, an "
+    "output angle in turns, a derived power that is no channel"
+)
+def hdf5_frame() -> File:
+    run = joint_run(309, 250.0, 12.0, ratio=50.0, motion="trapezoids", torque_constant=0.2)
+    start = 1_777_880_000.25
+    signals = {
+        "timestamp_s": ("time", 1.0),
+        "output_pos_rev": ("output_position", REV),
+        "motor_pos_rev": ("motor_position", REV),
+        "motor_current_A": ("motor_current", 1.0),
+        "torque_sensor_Nm": ("sensor_torque", 1.0),
+        "housing_temp_K": ("temperature", 1.0),
+    }
+    offsets = {"timestamp_s": start, "housing_temp_K": 273.15}
+    values = [run[c] / unit + offsets.get(name, 0.0) for name, (c, unit) in signals.items()]
+    values.append(run["motor_torque"] * run["motor_velocity"])
+    names = [*signals, "mech_power_W"]
+    buffer = io.BytesIO()
+    with h5py.File(buffer, "w") as file:
+        frame = file.create_group("frame")
+        frame.create_dataset("values", data=np.stack(values, axis=1))
+        frame.create_dataset("columns", data=np.array([name.encode() for name in names]))
+    steps = {channel: 0.0 for channel, _ in signals.values()}
+    return File(
+        "run_12.h5",
+        buffer.getvalue(),
+        **_kept(run, steps | {"time": 2.0**-22, "temperature": 2.0**-43}),
+        facts={"gear_ratio": 50},
+    )
+
+
+@_recorder(
+    "topics as names, two joints of which the elbow moves and the shoulder holds, seconds of an "
+    "epoch, an effort that is the joint's torque, no unit"
+)
+def ros_bag_csv() -> File:
+    run = joint_run(310, 250.0, 12.0, ratio=100.0)
+    rows = run["time"].size
+    columns = [_channel(run, "time", "__time", "%.6f", start=1_777_966_512.481_2)]
+    fields = {
+        "joint_states/{}/position": ("output_position", 0.41),
+        "joint_states/{}/velocity": ("output_velocity", 0.0),
+        "joint_states/{}/effort": ("sensor_torque", 31.6),
+        "drive_states/{}/motor_position": ("motor_position", 41.2),
+        "drive_states/{}/motor_current": ("motor_current", 3.4),
+    }
+    for k, (form, (channel, held)) in enumerate(fields.items()):
+        still = _still(3100 + k, held, rows)
+        columns.append(_other("/" + form.format("shoulder_joint"), still, "%.6f"))
+        columns.append(_channel(run, channel, "/" + form.format("elbow_joint"), "%.6f"))
+    channels = [channel for channel, _ in fields.values()]
+    return _file(
+        "bag_elbow_sweep.csv",
+        _text([_headers(columns, ","), *_lines(columns, ",")]),
+        columns,
+        facts={"gear_ratio": 100},
+        ambiguous=dict.fromkeys(channels, NO_UNIT)
+        | {
+            "sensor_torque": "an effort may be measured or made from the current; no unit",
+            "gear_ratio": "that both angles have one unit is likely, but not stated",
+        },
+    )
+
+
+@_recorder(
+    "Spanish in UTF-8 with a mark, time of day alone, decimal comma, grados and rpm, a torque "
+    "sensor that reads the reaction, a remark in each row"
+)
+def spanish_bench() -> File:
+    run = joint_run(311, 100.0, 25.0, ratio=80.0, motion="trapezoids")
+    rows = run["time"].size
+    stamps, run["time"] = _stamps(run["time"], "2026-05-06T09:14:03.120", "ms")
+    clock = [stamp[11:] for stamp in stamps]
+    numbers = _commas(
+        [
+            _channel(run, "output_position", "Ángulo de salida (grados)", "%.4f", DEG),
+            _channel(run, "motor_position", "Ángulo del motor (grados)", "%.2f", DEG),
+            _channel(run, "motor_velocity", "Velocidad del motor (rpm)", "%.1f", RPM),
+            _channel(run, "motor_current", "Corriente del motor (A)", "%.3f"),
+            _channel(run, "sensor_torque", "Sensor de par (N·m)", "%.3f", -1.0),
+            _channel(run, "temperature", "Temperatura reductor (°C)", "%.1f"),
+        ]
+    )
+    columns = [
+        Column("Hora", clock, "time", run["time"], 1e-3),
+        *numbers,
+        _same("Observaciones", "ok", rows),
+    ]
+    return _file(
+        "ensayo_reductor_80.csv",
+        _text([_headers(columns, ";"), *_lines(columns, ";")], "\r\n", "utf-8-sig"),
+        columns,
+        facts={"gear_ratio": 80},
+    )
+
+
+@_recorder(
+    "Chinese in GB18030, a number of the row before the clock in ms, units in brackets of full "
+    "width, mA, a motor's speed and current of the other sign, no angle of the motor"
+)
+def chinese_test_stand() -> File:
+    run = joint_run(312, 200.0, 14.0, ratio=120.0, torque_constant=0.08)
+    rows = run["time"].size
+    columns = [
+        _other("序号", range(1, rows + 1), "%d"),
+        _channel(run, "time", "时间（ms）", "%d", 1e-3, start=20_415),
+        _channel(run, "output_position", "输出端角度（°）", "%.4f", DEG),
+        _channel(run, "motor_velocity", "电机转速（rpm）", "%.1f", -RPM),
+        _channel(run, "motor_current", "电机电流（mA）", "%d", -1e-3),
+        _channel(run, "sensor_torque", "关节力矩传感器（N·m）", "%.3f"),
+        _channel(run, "motor_temperature", "电机温度（℃）", "%.1f"),
+    ]
+    return _file(
+        "关节测试_05.csv",
+        _text([_headers(columns, ","), *_lines(columns, ",")], "\r\n", "gb18030"),
+        columns,
+        facts={"gear_ratio": 120},
+    )
+
+
+FRESH_RECORDERS = tuple(_made)
+"""Twelve recorders, one file each."""
