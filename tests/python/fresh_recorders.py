@@ -93,18 +93,18 @@ def maxon_recorder() -> File:
 
 @_recorder(
     "names of a drive's variables in quotes, A rms, a motor angle that wraps at 360° beside a "
-    "second feedback at the output that counts the other way, a command of speed"
+    "second feedback at the output, a motor that counts the other way, a command of speed"
 )
 def kollmorgen_scope() -> File:
     run = joint_run(302, 500.0, 8.0, ratio=160.0, motion="trapezoids", torque_constant=0.06)
-    speed = 160.0 * np.gradient(run["commanded_position"], run["time"]) / RPM
+    speed = -160.0 * np.gradient(run["commanded_position"], run["time"]) / RPM
     columns = [
         _channel(run, "time", '"Time (ms)"', "%.3f", 1e-3),
         _other('"VL.CMD (rpm)"', speed, "%.3f"),
-        _channel(run, "motor_velocity", '"VL.FB (rpm)"', "%.3f", RPM),
-        _channel(run, "motor_position", '"PL.FB (deg)"', "%.3f", DEG, wrap=360.0),
-        _channel(run, "output_position", '"FB2.P (deg)"', "%.5f", -DEG),
-        _channel(run, "motor_current", '"IL.FB (Arms)"', "%.3f"),
+        _channel(run, "motor_velocity", '"VL.FB (rpm)"', "%.3f", -RPM),
+        _channel(run, "motor_position", '"PL.FB (deg)"', "%.3f", -DEG, wrap=360.0),
+        _channel(run, "output_position", '"FB2.P (deg)"', "%.5f", DEG),
+        _channel(run, "motor_current", '"IL.FB (Arms)"', "%.3f", -1.0),
         _channel(run, "supply_voltage", '"VBUS.VALUE (V)"', "%.1f"),
     ]
     return _file(
