@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cli_calls import call
+from fresh_recorders import FRESH_RECORDERS
 from more_recorders import MORE_RECORDERS
 from recorders import RECORDERS, Recorder
 from unseen_recorders import UNSEEN_RECORDERS
@@ -80,7 +81,7 @@ def test_what_is_wrong_in_a_guess_is_said_to_be_unsure(
 
 
 @pytest.mark.parametrize(
-    "recorder", (*MORE_RECORDERS, *UNSEEN_RECORDERS), ids=lambda each: each.name
+    "recorder", (*MORE_RECORDERS, *UNSEEN_RECORDERS, *FRESH_RECORDERS), ids=lambda each: each.name
 )
 def test_of_files_that_are_no_tables_or_of_odd_ones_nothing_wrong_is_said_either(
     recorder: Recorder,

@@ -175,9 +175,11 @@ def from_value(value: Any, label: str, variable: str | None) -> Table:
     arrays = {name: array for name, array in known.items() if array.size > 1}
     matrices = [name for name, array in arrays.items() if array.ndim > 1 or array.dtype.names]
     vectors = [name for name in arrays if name not in matrices]
-    if len(matrices) == 1 and not vectors:
+    labels = [name for name in vectors if arrays[name].dtype.kind in "US"]
+    if len(matrices) == 1 and vectors == labels:
         table = from_array(arrays[matrices[0]], label)
-        return Table(table.label, table.data, table.names, facts, table.notes)
+        names = table.names or _names_among([arrays[name] for name in labels], len(table.data))
+        return Table(table.label, table.data, names, facts, table.notes)
     inside = [str(name) for name in value]
     if not vectors and len(inside) == 1 and isinstance(value[inside[0]], Mapping):
         return from_value(value[inside[0]], label, None)
@@ -194,6 +196,11 @@ def from_value(value: Any, label: str, variable: str | None) -> Table:
         facts,
         notes=("arrays " + listed(columns),),
     )
+
+
+def _names_among(texts: list[NDArray[Any]], width: int) -> tuple[str, ...] | None:
+    """Return the names of a matrix' columns, which stand in a list of texts beside it."""
+    return next((tuple(map(str, text)) for text in texts if len(text) == width), None)
 
 
 def _columns(value: Mapping[str, Any], vectors: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
@@ -373,8 +380,12 @@ def read_matlab(content: bytes, label: str, variable: str | None, most: int) -> 
 
 def _ending(units: Mapping[str, str], name: str) -> str | None:
     """Return the unit of a column whose path may lack the groups around it, if one ends so."""
-    found = [unit for path, unit in units.items() if path == name or path.endswith(f".{name}")]
-    return found[0] if len(found) == 1 else None
+    leaf = name.rsplit(".", maxsplit=1)[-1]
+    for ending in (name, leaf):
+        found = [unit for path, unit in units.items() if f".{path}".endswith(f".{ending}")]
+        if len(found) == 1:
+            return found[0]
+    return None
 
 
 def _units_beside(value: Any, path: str) -> dict[str, str]:
@@ -439,6 +450,11 @@ def _group(group: Any, label: str, most: int) -> dict[str, Any]:
                 found[name] = _group(inner, label, most)
         elif inner.attrs.get("MATLAB_class") == b"char":
             found[name] = "".join(map(chr, np.asarray(inner).T.reshape(-1)))
+        elif inner.dtype.kind in "SO" and inner.ndim == 1:
+            found[name] = [
+                each.decode("utf-8", "replace") if isinstance(each, bytes) else str(each)
+                for each in inner[()]
+            ]
         elif inner.dtype.kind in "fiub":
             found[name] = np.asarray(inner).T
     return found

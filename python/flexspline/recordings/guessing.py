@@ -29,7 +29,7 @@ from flexspline.recordings.said import Said, said_in
 from flexspline.recordings.signs import friction_share, goes_with
 from flexspline.recordings.text import TextLayout, text_layout
 from flexspline.recordings.units import units_of_side, with_resolutions
-from flexspline.recordings.words import trusted
+from flexspline.recordings.words import placed, trusted
 
 __all__ = ["guess_map"]
 
@@ -298,7 +298,8 @@ class _Found:
             channel = "motor_temperature" if motor else "temperature"
             same = sum((c.says.side == "motor") == motor for c in free)
             electronics = "drive" in column.says.name.lower()
-            doubt = "several columns may be it" if same > 1 else ""
+            doubt = "" if motor or placed(column.says.name) else "where it is measured is not named"
+            doubt = "several columns may be it" if same > 1 else doubt
             doubt = "of the motor, or of its electronics" if electronics else doubt
             self._add(channel, column, _stated(column), _by_name(column), doubt)
 
@@ -415,8 +416,8 @@ def _stated(column: Column) -> Told:
     unit = column.says.unit
     if unit == "ddegC":
         return Told("degC", scale=0.1, reason="tenths")
-    if unit == "permille" and column.says.quantity == "torque":
-        return Told(None, unsure="per mille of a rated torque")
+    if unit in ("%", "permille"):
+        return Told(None, unsure="a share of a rated value that is not stated")
     if unit is not None and unit != "counts":
         return Told(unit, reason="its unit is stated")
     usual = USUAL_UNIT.get(str(column.says.quantity))
@@ -439,6 +440,8 @@ def _torque_channel(column: Column) -> str:
 def _torque_doubt(column: Column, channel: str) -> str:
     if not channel:
         return "its side is not named; of the motor's shaft it is motor_torque"
+    if channel == "sensor_torque" and column.says.role != "sensor":
+        return "at the output, of the joint's own sensor or of another (reference_torque)"
     if channel == "reference_torque" and not trusted(column.says.name):
         return "taken for a trusted torque, beside that of the joint's own sensor"
     return ""

@@ -158,8 +158,10 @@ def _side_of_velocity(
     """Return the side whose position's derivative a velocity is, or that it turns N times with."""
     with_position = [side for side in sides if "position" in found[side]]
     for side in with_position:
-        if _is_derivative(column, found[side]["position"].column, time, timed):
-            return side, Chosen(column, f"its integral is the {side}'s position")
+        position = found[side]["position"]
+        if _is_derivative(column, position.column, time, timed):
+            doubt = "" if position.unsure == "" else "its side is that of the position"
+            return side, Chosen(column, f"its integral is the {side}'s position", doubt)
     output = found["output"].get("position")
     if timed and output is not None and "motor" in sides:
         turns = _turns_for(column, output.column, time)

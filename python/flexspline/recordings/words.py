@@ -16,7 +16,7 @@ from typing import Final
 from flexspline.logs.channels import CHANNELS
 from flexspline.logs.units import canonical_unit
 
-__all__ = ["QUANTITY_OF_UNIT", "Meaning", "meaning", "trusted", "unit_in"]
+__all__ = ["QUANTITY_OF_UNIT", "Meaning", "meaning", "placed", "trusted", "unit_in"]
 
 Words = Mapping[str, tuple[str, ...]]
 
@@ -87,13 +87,27 @@ OUTPUT_LONG: Final = (
     "output", "abtrieb", "link", "gelenk", "achse", "joint", "ausgang", "sortie", "uscita",
     "salida", "wyjści", "výstup", "uitgang", "出力", "関節", "输出", "выход",
 )  # fmt: skip
-OUTPUT_SHORT: Final = ("out", "l", "ls", "j", "o", "load", "arm", "axis", "lss", "q", "qd", "dq")
+OUTPUT_SHORT: Final = (
+    "ab",
+    "out",
+    "l",
+    "ls",
+    "j",
+    "o",
+    "load",
+    "arm",
+    "axis",
+    "lss",
+    "q",
+    "qd",
+    "dq",
+)
 MOTOR_LONG: Final = (
     "motor", "rotor", "antrieb", "winding", "wicklung", "wave", "moteur", "silnik", "モータ",
     "电机", "двигател",
 )  # fmt: skip
 MOTOR_SHORT: Final = (
-    "erpm", "mot", "mtr", "m", "hs", "rot", "wg", "input", "drive", "in", "mo",
+    "erpm", "an", "mot", "mtr", "m", "hs", "rot", "wg", "input", "drive", "in", "mo",
 )  # fmt: skip
 
 COMMANDED_LONG: Final = ("command", "target", "soll", "setpoint", "desired", "demand", "goal",
@@ -124,9 +138,11 @@ NONE_OF_OURS: Final = (
     "fault", "warning", "ambient", "umgebung", "driver", "mosfet", "board", "counter", "zähler",
     "zaehler", "gravity", "meter", "d axis", "battery level",
 )  # fmt: skip
-NONE_SHORT: Final = ("err", "ext", "hat", "crc", "seq", "idx", "index", "id", "min", "max", "std",
-                     "nr", "no", "num", "fet", "pcb", "room", "est", "fehl", "mos", "core", "imu",
-                     "gyro", "acc", "gnss", "roll", "pitch", "yaw", "setup", "defl")  # fmt: skip
+NONE_SHORT: Final = (
+    "err", "ext", "hat", "crc", "seq", "idx", "index", "id", "min", "max", "std", "nr", "no", "num",
+    "fet", "pcb", "room", "amb", "est", "fehl", "mos", "core", "imu", "gyro", "acc", "gnss", "roll",
+    "pitch", "yaw", "setup", "defl",
+)  # fmt: skip
 
 COUNTS: Final = ("count", "counts", "cnt", "cnts", "inc", "incr", "increments", "inkremente",
                  "inkr", "tick", "ticks", "qc", "quadcounts", "pulses", "lsb", "raw")  # fmt: skip
@@ -218,7 +234,8 @@ def meaning(name: str, stated: str | None = None, *, ours: bool = False) -> Mean
     """
     if ours and name in CHANNELS:
         return _of_channel(name, stated)
-    bare, unit = stated_unit(MANGLED.sub(_brackets, name))
+    plain = unicodedata.normalize("NFKC", name)
+    bare, unit = stated_unit(MANGLED.sub(_brackets, plain))
     if stated is not None:
         unit = unit_in(stated) or ("foreign" if re.search(r"[^\W_]", stated) else unit)
     whole = _words(bare)
@@ -289,6 +306,13 @@ def trusted(name: str) -> bool:
     """Whether a name says in so many words that a torque is a reference: a load cell's."""
     words, tokens = _words(name)
     return _has(words, tokens, TRUSTED_LONG, ()) or TRANSDUCER.search(name) is not None
+
+
+def placed(name: str) -> bool:
+    """Whether a name says where on the joint something is measured."""
+    words, tokens = _words(name)
+    places = ("sensor", "housing", "gehäuse", "body", "flexspline", "circular", *OUTPUT_LONG)
+    return _has(words, tokens, places, ("geh", "dms", "jts"))
 
 
 def _words(bare: str) -> tuple[str, frozenset[str]]:
