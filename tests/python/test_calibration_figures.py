@@ -179,3 +179,22 @@ def test_negative_load_is_calibrated_like_positive() -> None:
     assert other["sensitivity"].value == pytest.approx(one["sensitivity"].value, rel=1e-9)
     for name in ("hysteresis", "non-linearity"):
         assert other.figure(name).percent == pytest.approx(one.figure(name).percent, rel=1e-6)
+
+
+def test_noise_is_said_to_show_no_more_than_all_errors_that_there_are() -> None:
+    """Zeros that moved between runs look like very slow noise, whose mean has a huge error."""
+    moved = [
+        log.with_columns({"sensor_voltage": log["sensor_voltage"] + volts}, note="mounted again")
+        for log, volts in zip(
+            (bench.load_run(QUIET, seed=k, temperature=20.0 + 6.0 * k) for k in range(3)),
+            (0.0, 5e-3, -4e-3),
+            strict=True,
+        )
+    ]
+    made = calibrate(moved, degree=1, full_scale=FULL_SCALE)
+    asymptotic = np.sqrt(made.uncertainty.noise.long_run_variance / 60.0)  # 6 s at 10 Hz
+    assert made["sensitivity"].value * asymptotic > 3.0 * made.rmse
+    for figure in made.figures:
+        # the largest of so many normal deviates, or twice the usual range of ten, of the RMSE
+        most = max(np.sqrt(2.0 * np.log(2.0 * 15 * 12)), 2.0 * 3.078) * made.rmse
+        assert figure.noise is None or figure.noise * FULL_SCALE / 100.0 <= most

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import calibration_logs as bench
@@ -184,13 +185,63 @@ def test_a_run_that_alone_holds_the_load_is_not_held_out_whole() -> None:
     assert calibrate(logs).validated_by == "blocks"
 
 
-def test_load_that_follows_temperature_is_named_as_confounded() -> None:
-    ramp = np.linspace(0.0, 1.0, 6000)
-    log = bench.recorded("both", 70.0 * ramp, 20.0 + 25.0 * ramp, QUIET, 5)
-    made = calibrate(log, degree=1)
+def test_load_that_nearly_follows_temperature_is_named_as_confounded() -> None:
+    made = calibrate(load_beside_temperature("saturating", seed=5), degree=2)
     assert any("sensitivity" in group.names for group in made.confounded)
     assert "not determined alone: sensitivity" in str(made)
     assert not made["sensitivity"].determined
+
+
+def load_beside_temperature(course: str, seed: int, thermometer: float = 0.02) -> Log:
+    """Load and temperature that both change all the time; the thermometer has noise, K."""
+    u = np.linspace(0.0, 1.0, 6000)
+    levels = np.arange(0.0, 71.0, 10.0)
+    shares = {
+        "ramp": u,
+        "saturating": 1.0 - np.exp(-3.0 * u),
+        "there and back": 1.0 - np.abs(2.0 * u - 1.0),
+        "cosine": 0.5 - 0.5 * np.cos(np.pi * u),
+        "stairs": bench.stairs(levels, 20.0, 2.0) / 70.0,
+    }
+    share = shares[course]
+    warmth = 20.0 + 25.0 * (share if course == "stairs" else u)
+    rig = replace(QUIET, thermometer=thermometer)
+    log = bench.recorded("both", 70.0 * share, warmth, rig, seed)
+    linear = np.polynomial.polynomial.polyval(warmth, bench.DRIFT[:2]) - bench.drift(warmth)
+    return log.with_columns({"sensor_voltage": log["sensor_voltage"] + linear}, note="linear drift")
+
+
+@pytest.mark.parametrize("degree", [1, 2, 3, 4, 5, 6])
+@pytest.mark.parametrize("course", ["ramp", "saturating", "there and back", "cosine", "stairs"])
+def test_a_sensitivity_holds_the_truth_or_is_refused_whatever_the_degree(
+    course: str, degree: int
+) -> None:
+    for seed, thermometer in enumerate((0.02, 0.02, 0.0, 0.05)):
+        try:
+            found = calibrate(load_beside_temperature(course, seed, thermometer), degree=degree)[
+                "sensitivity"
+            ]
+        except InputError as error:
+            assert "load and temperature change together" in str(error)
+            assert "\n" not in str(error)
+            continue
+        assert abs(found.value - SENSITIVITY) < FOUR_SIGMA * found.standard_error
+
+
+def test_load_that_follows_temperature_is_refused_unless_the_sensitivity_is_known() -> None:
+    log = load_beside_temperature("ramp", 5)
+    with pytest.raises(InputError, match=r"change together .* drift of degree 1 cannot") as raised:
+        calibrate(log, degree=1)
+    assert "smaller degree" not in str(raised.value)
+    made = calibrate(log, degree=1, sensitivity=SENSITIVITY)
+    assert made["sensitivity"].state == "fixed" and "change" not in made.sensitivity_reason
+
+
+def test_a_run_with_load_at_a_steady_temperature_tells_load_and_temperature_apart() -> None:
+    made = calibrate([load_beside_temperature("ramp", 5), bench.load_run(QUIET)], degree=1)
+    sensitivity = made["sensitivity"]
+    assert sensitivity.determined
+    assert abs(sensitivity.value - SENSITIVITY) < FOUR_SIGMA * sensitivity.standard_error
 
 
 def test_a_parameter_or_figure_that_is_not_there_is_answered_with_those_that_are() -> None:

@@ -72,6 +72,90 @@ def test_a_voltage_that_never_changes_is_refused() -> None:
     refused("0 V in every row", changed(LOAD, sensor_voltage=dead), degree=0)
 
 
+@pytest.mark.parametrize("slope", [1.0, 60.0, -60.0])
+@pytest.mark.parametrize("degree", [0, 1, 2])
+def test_a_reference_that_is_the_voltage_is_refused(slope: float, degree: int) -> None:
+    copy = changed(LOAD, reference_torque=3.0 + slope * LOAD["sensor_voltage"])
+    says = f"reference_torque is sensor_voltage times {slope:g} Nm/V .* mapped twice"
+    refused(says, copy, DRIFT, degree=degree)
+    refused(says, copy, DRIFT, degree=degree, sensitivity=60.0)
+
+
+def test_a_reference_computed_from_a_voltage_that_was_rounded_is_refused() -> None:
+    computed = np.round(60.0 * LOAD["sensor_voltage"], 5)
+    refused("computed from the voltage", changed(LOAD, reference_torque=computed), degree=0)
+
+
+def test_a_good_reference_that_is_a_thousandth_of_its_range_beside_the_voltage_is_none() -> None:
+    noise = np.random.default_rng(1).normal(0.0, 1e-5 * 70.0, len(LOAD))
+    near = changed(LOAD, reference_torque=60.0 * LOAD["sensor_voltage"] + noise)
+    assert calibrate(near, degree=0)["sensitivity"].value == pytest.approx(60.0, rel=1e-5)
+
+
+@pytest.mark.parametrize("size", [1e-200, 1e-310, 1e-13])
+@pytest.mark.parametrize("options", [{}, {"degree": 0}, {"sensitivity": 60.0}])
+def test_a_reference_below_what_sensors_read_is_refused(
+    size: float, options: dict[str, float]
+) -> None:
+    logs = [changed(g, reference_torque=size * g["reference_torque"]) for g in (LOAD, DRIFT)]
+    refused("less than any torque sensor reads", *logs, **options)
+
+
+@pytest.mark.parametrize("size", [1e-200, 1e-310, 1e-11])
+def test_a_voltage_below_the_noise_of_bridges_is_refused(size: float) -> None:
+    logs = [changed(g, sensor_voltage=size * g["sensor_voltage"]) for g in (LOAD, DRIFT)]
+    refused("less than the noise of any bridge", *logs)
+
+
+@pytest.mark.parametrize("channel", ["sensor_voltage", "reference_torque", "temperature"])
+@pytest.mark.parametrize("size", [1e308, -1e308, 1e150])
+def test_values_beyond_all_instruments_are_refused(channel: str, size: float) -> None:
+    values = LOAD[channel].copy()
+    values[17] = size
+    refused(f"{channel} is .* in row 17", changed(LOAD, **{channel: values}), DRIFT)
+
+
+def test_units_that_make_no_sensor_are_refused() -> None:
+    logs = [changed(g, sensor_voltage=2e-9 * g["sensor_voltage"]) for g in (LOAD, DRIFT)]
+    refused("sensitivity of no sensor; check the units", *logs)
+
+
+@pytest.mark.parametrize("rows", [2, 3, 20])
+@pytest.mark.parametrize("degree", [0, 2])
+def test_a_few_rows_are_refused_in_one_sentence(rows: int, degree: int) -> None:
+    says = "cannot hold" if degree == 0 else "distinct temperature"
+    refused(says, LOAD.rows(slice(900, 900 + rows)), degree=degree)
+
+
+def test_a_reference_that_stands_without_temperature_leaves_nothing_to_calibrate() -> None:
+    for level in (0.0, 5.0):
+        still = changed(LOAD, reference_torque=np.full(len(LOAD), level))
+        refused("there is nothing to calibrate", still, degree=0)
+
+
+def test_one_row_of_load_does_not_end_as_a_defect() -> None:
+    spike = np.zeros(len(LOAD))
+    spike[50] = 1.0
+    log = changed(LOAD, reference_torque=spike)
+    assert calibrate(log, degree=0, sensitivity=60.0)["sensitivity"].value == 60.0
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"sensitivity": 1e-300},
+        {"sensitivity": 1e300},
+        {"full_scale": 1e-300},
+        {"full_scale": 1e300},
+        {"reference_temperature": 1e200},
+        {"thermal_lag": 1e300},
+        {"thermal_lag": 5.0, "gradient": 1e300},
+    ],
+)
+def test_an_option_that_is_that_of_no_sensor_is_refused(options: dict[str, float]) -> None:
+    refused(f"{list(options)[-1]} = .* no sensor", LOAD, DRIFT, **options)
+
+
 def test_millivolts_as_volts_are_suspected() -> None:
     made = calibrate(changed(LOAD, sensor_voltage=1e3 * LOAD["sensor_voltage"]), degree=0)
     assert any("in mV" in said for said in made.warnings)

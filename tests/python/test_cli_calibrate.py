@@ -81,6 +81,7 @@ def test_into_updates_the_drift_of_a_model(tmp_path: Path, runs: list[Path]) -> 
         (["--gradient", "fit"], "give thermal_lag as well"),
         (["--thermistor", "3.3:10000"], "SUPPLY:DIVIDER:NOMINAL:BETA"),
         (["--into", "nowhere.json"], "nowhere.json: cannot be read"),
+        (["--reference-temperature", "1e200"], "is that of no sensor"),
     ],
 )
 def test_a_wrong_call_ends_with_2_and_one_line_and_no_folder(
@@ -90,6 +91,29 @@ def test_a_wrong_call_ends_with_2_and_one_line_and_no_folder(
     assert result.exit_code == 2
     assert says in result.stderr and result.stderr.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("channel", "size", "says"),
+    [
+        ("reference_torque", None, "mapped twice"),
+        ("reference_torque", 1e-200, "less than any torque sensor reads"),
+        ("reference_torque", 1e-310, "less than any torque sensor reads"),
+        ("reference_torque", 1e306, "cannot be"),
+        ("sensor_voltage", 0.0, "in every row"),
+        ("sensor_voltage", 1e306, "cannot be"),
+    ],
+)
+def test_a_run_that_makes_no_calibration_ends_with_2_and_one_line_and_no_folder(
+    tmp_path: Path, channel: str, size: float | None, says: str
+) -> None:
+    log = bench.load_run()
+    values = log["sensor_voltage"] if size is None else size * log[channel]
+    write_log(log.with_columns({channel: values}, note="changed"), tmp_path / "odd.csv")
+    result = call("calibrate", tmp_path / "odd.csv", "--degree", 0, "--out", tmp_path / "out")
+    assert result.exit_code == 2
+    assert says in result.stderr and result.stderr.count("\n") == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["odd.csv"]
 
 
 def test_runs_without_load_end_with_0_and_the_reason(tmp_path: Path, runs: list[Path]) -> None:

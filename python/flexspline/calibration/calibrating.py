@@ -10,6 +10,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
+from flexspline.calibration.attenuation import PART_OF_ERROR, lost_to_noise
 from flexspline.calibration.parameters import (
     Asked,
     Estimators,
@@ -22,13 +23,25 @@ from flexspline.calibration.parameters import (
 )
 from flexspline.calibration.regression import Regression, Shape, cross_validate, regress
 from flexspline.calibration.result import CalibrationResult, views_of, warnings_of
-from flexspline.calibration.runs import CalibrationRun, calibration_runs, why_unexcited
+from flexspline.calibration.runs import (
+    POSSIBLE,
+    CalibrationRun,
+    calibration_runs,
+    why_unexcited,
+)
+from flexspline.calibration.zeros import (
+    contrast_names,
+    require_own_zeros,
+    run_zeros,
+    zero_test,
+)
 from flexspline.errors import InputError
 from flexspline.estimators import Calibration
 from flexspline.least_squares.identifiability import Confounded
 from flexspline.least_squares.result import Parameter
 from flexspline.logs.log import Log
 from flexspline.model import Model
+from flexspline.requirements import IMAGINABLE
 from flexspline.schema import plain_json
 
 if TYPE_CHECKING:
@@ -44,6 +57,8 @@ ROWS_A_PARAMETER = 3
 ROWS_A_RUN = 8  # that the noise model looks back over before it starts
 ROWS_BESIDE = 40
 FIT = "fit"
+TOGETHER = "load and temperature change together in these runs"
+NOT_FOLLOWED = "the voltage does not follow the reference"
 
 
 def calibrate(
@@ -58,6 +73,7 @@ def calibrate(
     sensitivity: float | None = None,
     full_scale: float | None = None,
     into: Model | None = None,
+    zero_per_run: bool = False,
 ) -> CalibrationResult:
     """Calibrate a torque sensor and compensate its drift with temperature.
 
@@ -81,6 +97,10 @@ def calibrate(
         `into` is used.
     full_scale : Nm, what %FS are percent of; the largest reference where none is given.
     into : a model of the same joint that receives the estimators.
+    zero_per_run : whether each run has its own zero, because the sensor was mounted, or its
+        amplifier zeroed, again between the runs. The zero of the parameters and of the model is
+        then the mean over the runs, whatever their order and length: the next mounting has yet
+        another one, and the mean is the best guess of it. `.zeros` holds that of each run.
 
     Returns
     -------
@@ -91,7 +111,8 @@ def calibrate(
     ------
     InputError
         For missing channels, values that are not finite, a saturated converter, fewer than
-        degree + 1 temperatures, or too few rows.
+        degree + 1 temperatures, too few rows, a reference that is the voltage, load and
+        temperature that change together, or a zero for each run where no run shows the drift.
 
     Notes
     -----
@@ -111,6 +132,13 @@ def calibrate(
     first and then the drift alone, keeps them apart: ``calibrate(load, degree=0)`` and
     ``calibrate(warm_up, reference=None, into=first.model)``. The sensitivity is taken not to
     depend on temperature, as in (8).
+
+    Zeros. With one zero for all runs, a zero that moved between them goes into the drift; this is
+    tested for (`calibration/zeros.py`) and said. With `zero_per_run` errors of reading, and with
+    them the figures in %FS, are those of a sensor that is zeroed at the start of each run: each
+    run is read with its own zero. Where whole runs are held out (four runs or more), a run that
+    was not seen has an unknown zero and is read with the mean of the others', so that its error
+    holds the spread of the zeros; blocks are read with the zero of the rest of their run.
     """
     from flexspline.logs.read import as_logs
     from flexspline.model import Model
@@ -131,6 +159,7 @@ def calibrate(
         None if sensitivity is None else _sensitivity(sensitivity),
         None if full_scale is None else _above_zero(full_scale, "full_scale", "Nm"),
         _thermistor(thermistor, into),
+        bool(zero_per_run),
     )
     _require_sense(asked)
     return calibrated(runs, asked, into)
@@ -194,8 +223,9 @@ def _above_zero(value: Any, name: str, unit: str) -> float:
 
 def _sensitivity(value: Any) -> float:
     found = _finite(value, "sensitivity", "Nm/V")
-    if found == 0.0:
-        raise InputError("sensitivity = 0 reads nothing; give that of an earlier calibration")
+    if not 1.0 / IMAGINABLE <= abs(found) <= IMAGINABLE:
+        what = "0 reads nothing" if found == 0.0 else f"{found:g} Nm/V is that of no sensor"
+        raise InputError(f"sensitivity = {what}; give that of an earlier calibration")
     return found
 
 
@@ -222,6 +252,7 @@ def _thermistor(
 
 
 def _require_sense(asked: Asked) -> None:
+    _require_possible(asked)
     if asked.gradient != 0.0 and asked.thermal_lag == 0.0:
         raise InputError(
             "a gradient is the share of T − T_b, which is zero without a lag; give thermal_lag as "
@@ -229,6 +260,22 @@ def _require_sense(asked: Asked) -> None:
         )
     if asked.degree == 0 and (asked.thermal_lag != 0.0 or asked.gradient != 0.0):
         raise InputError("degree = 0 leaves temperature out; give a degree of 1 or more for a lag")
+
+
+def _require_possible(asked: Asked) -> None:
+    """Refuse numbers that no sensor has, which overflow further on."""
+    low, high, _ = POSSIBLE["temperature"]
+    for name, value, least, most, unit in (
+        ("reference_temperature", asked.reference_temperature, low, high, "°C"),
+        ("thermal_lag", asked.thermal_lag, 0.0, IMAGINABLE, "s"),
+        ("gradient", asked.gradient, -IMAGINABLE, IMAGINABLE, "Nm/K"),
+        ("full_scale", asked.full_scale, 1.0 / IMAGINABLE, IMAGINABLE, "Nm"),
+    ):
+        if value is not None and not least <= value <= most:
+            raise InputError(
+                f"{name} = {value:g} {unit} is that of no sensor; give one from {least:g} to "
+                f"{most:g} {unit}"
+            )
 
 
 @dataclass(frozen=True)
@@ -249,6 +296,8 @@ def calibrated(logs: Sequence[Log], asked: Asked, into: Model | None) -> Calibra
     if asked.degree == 0:
         runs = [replace(run, temperature=None) for run in runs]
     require_temperatures(runs, asked.degree)
+    if asked.zero_per_run:
+        require_own_zeros(runs, asked.degree)
     solved = _solved(runs, asked, into)
     validation = cross_validate(runs, solved.made)
     estimators = estimators_of(runs, solved.made, solved.sensitivity, asked, into)
@@ -276,6 +325,8 @@ def calibrated(logs: Sequence[Log], asked: Asked, into: Model | None) -> Calibra
         fold_labels=validation.labels,
         uncertainty=solved.made.uncertainty,
         shape=solved.made.shape,
+        zeros=run_zeros(runs, solved.made, solved.sensitivity),
+        zero_test=zero_test(runs, solved.made),
         warnings=(),
     )
     result = replace(result, warnings=(*strange, *warnings_of(result, runs, solved.made)))
@@ -284,27 +335,65 @@ def calibrated(logs: Sequence[Log], asked: Asked, into: Model | None) -> Calibra
 
 def _solved(runs: Sequence[CalibrationRun], asked: Asked, into: Model | None) -> _Solved:
     """With the sensitivity where the runs determine it, else the drift alone."""
-    shape = _shape(asked)
+    shape = _shape(asked, runs)
     find_lag = asked.thermal_lag is None
     why_not = why_unexcited(runs)
     if asked.sensitivity is None and not why_not:
         require_rows(runs, len(shape.names) + find_lag)
         made = regress(runs, shape, find_lag=find_lag)
         groups = confounded(made)
-        if sensitivity_determined(made, groups):
-            return _Solved(made, groups, 1.0 / float(made.coefficients[0]), "")
-        why_not = "the voltage does not follow the reference"
-        if any(group.exact and "sensitivity" in group.names for group in groups):
-            why_not = "load and temperature change together in these runs"
+        why_not = _why_not(runs, made, groups)
+        if not why_not:
+            return _Solved(made, groups, _read(made), "")
     known = asked.sensitivity if asked.sensitivity is not None else _known(into)
     held = 0.0 if known is None else (asked.gradient or 0.0)
     shape = replace(shape, sensitivity=False, held_sensitivity=known, held_gradient=held)
     require_rows(runs, len(shape.names) + find_lag)
+    _require_something(asked, known, why_not)
     made = regress(runs, shape, find_lag=find_lag)
     return _Solved(made, confounded(made), known, why_not if asked.sensitivity is None else "")
 
 
-def _shape(asked: Asked) -> Shape:
+def _why_not(runs: Sequence[CalibrationRun], made: Regression, groups: Sequence[Confounded]) -> str:
+    """Why the sensitivity is not determined, "" where it is."""
+    together = any("sensitivity" in group.names for group in groups)
+    if not sensitivity_determined(made, groups):
+        return TOGETHER if together else NOT_FOLLOWED
+    error = float(made.uncertainty.standard_errors[0])
+    lost = together and abs(lost_to_noise(runs, made)) > PART_OF_ERROR * error
+    return TOGETHER if lost else ""
+
+
+def _read(made: Regression) -> float:
+    """k = 1/s, Nm/V."""
+    found = 1.0 / float(made.coefficients[0])
+    if not 1.0 / IMAGINABLE <= abs(found) <= IMAGINABLE:
+        raise InputError(
+            f"the runs say {found:.3g} Nm/V, which is the sensitivity of no sensor; check the "
+            "units of voltage and reference in the column map"
+        )
+    return found
+
+
+def _require_something(asked: Asked, known: float | None, why_not: str) -> None:
+    """Refuse runs that show neither sensitivity nor drift."""
+    if known is not None:
+        return
+    if why_not == TOGETHER:
+        smaller = ", a smaller degree" if asked.degree > 1 else ""
+        raise InputError(
+            f"{TOGETHER}, so that the sensitivity and a drift of degree {asked.degree} cannot be "
+            "told apart; add a run with load at a steady temperature, or one without load while "
+            f"the temperature changes, or give the sensitivity (--sensitivity){smaller}"
+        )
+    if asked.degree == 0 and why_not != NOT_FOLLOWED:
+        raise InputError(
+            f"{why_not} and degree = 0 leaves temperature out, so that there is nothing to "
+            "calibrate; add a run with load, or give a degree of 1 or more for the drift alone"
+        )
+
+
+def _shape(asked: Asked, runs: Sequence[CalibrationRun]) -> Shape:
     return Shape(
         asked.degree,
         asked.reference_temperature,
@@ -313,12 +402,13 @@ def _shape(asked: Asked) -> Shape:
         asked.gradient or 0.0,
         True,
         None,
+        contrast_names(runs) if asked.zero_per_run else (),
     )
 
 
 def _known(into: Model | None) -> float | None:
     found = None if into is None else into.estimators.get("calibration")
-    return found.sensitivity if isinstance(found, Calibration) else None
+    return _sensitivity(found.sensitivity) if isinstance(found, Calibration) else None
 
 
 def _parameters(solved: _Solved) -> tuple[tuple[Parameter, ...], tuple[Parameter, ...]]:
@@ -354,6 +444,7 @@ def _facts(result: CalibrationResult) -> dict[str, Any]:
 
 
 def _record(result: CalibrationResult, asked: Asked) -> dict[str, Any]:
+    zeros = {"zeros": [asdict(zero) for zero in result.zeros]} if result.zeros else {}
     return dict(
         plain_json(
             {
@@ -369,6 +460,7 @@ def _record(result: CalibrationResult, asked: Asked) -> dict[str, Any]:
                 },
                 "warnings": list(result.warnings),
                 "logs": [_log_record(run.log) for run in result.runs],
+                **zeros,
             }
         )
     )

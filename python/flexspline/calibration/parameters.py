@@ -48,7 +48,7 @@ RESOLVED = 10.0  # standard errors from zero below which a sensitivity is not de
 class Asked:
     """What the caller wants. Lag in s, gradient in Nm/K, sensitivity in Nm/V; None: to be fitted.
 
-    `sensitivity` is None where it is to be fitted, else known.
+    `sensitivity` is None where it is to be fitted, else known. `zero_per_run`: a zero for each run.
     """
 
     reference: str | None
@@ -59,6 +59,7 @@ class Asked:
     sensitivity: float | None
     full_scale: float | None
     thermistor: Thermistor | None
+    zero_per_run: bool
 
 
 def _powers(unit: str, degree: int) -> str:
@@ -69,7 +70,13 @@ def units_of(shape: Shape, unit: str) -> list[str]:
     """Units of the columns' coefficients, in V or in Nm."""
     drift = [_powers(unit, k) for k in range(1, shape.degree + 1)]
     slope = ["V/Nm" if unit == "V" else "Nm/V"] if shape.sensitivity else []
-    return [*slope, unit, *drift, *([f"{unit}/K"] if shape.gradient else [])]
+    return [
+        *slope,
+        unit,
+        *drift,
+        *([f"{unit}/K"] if shape.gradient else []),
+        *[unit] * len(shape.contrasts),
+    ]
 
 
 def confounded(made: Regression) -> list[Confounded]:
@@ -99,18 +106,25 @@ def sensitivity_determined(made: Regression, groups: Sequence[Confounded]) -> bo
 
 
 def voltage_parameters(made: Regression, hidden: set[str]) -> tuple[Parameter, ...]:
-    """The coefficients in volts, and the lag."""
-    names = [*made.shape.names]
-    units = units_of(made.shape, "V")
-    values = list(made.coefficients)
+    """The coefficients in volts that all runs share, and the lag."""
+    shared, known = made.shape.shared, made.uncertainty
+    names = made.shape.names[:shared]
+    units = units_of(made.shape, "V")[:shared]
+    values = list(made.coefficients[:shared])
+    if made.shape.contrasts:
+        kept = [*range(shared), *([len(made.coefficients)] if made.lag_free else [])]
+        known = replace(
+            known, basis=known.basis[kept], degrees_of_freedom=known.degrees_of_freedom[kept]
+        )
     if made.lag_free:
         names, units, values = [*names, "thermal_lag"], [*units, "s"], [*values, made.shape.lag]
-    return _parameters(names, units, np.array(values), made.uncertainty, hidden) + _held_lag(made)
+    return _parameters(names, units, np.array(values), known, hidden) + _held_lag(made)
 
 
 def torque_coefficients(made: Regression, sensitivity: float) -> Array:
-    """k, zero, c_k and g of volts per column, (P,) or (P + 1,) where k is held."""
-    own = made.coefficients[1:] if made.shape.sensitivity else made.coefficients
+    """k, zero, c_k and g of volts per column that all runs share; k first where it is held too."""
+    own = made.coefficients[: made.shape.shared]
+    own = own[1:] if made.shape.sensitivity else own
     return np.concatenate([[sensitivity], -sensitivity * own])
 
 
@@ -119,15 +133,15 @@ def torque_parameters(
 ) -> tuple[Parameter, ...]:
     """k, zero, c_k, g and the lag, in Nm. A held k is known without error."""
     values = torque_coefficients(made, sensitivity)
-    names = ["sensitivity", *[n for n in made.shape.names if n != "sensitivity"]]
-    free = made.coefficients.size
+    shared, free = made.shape.shared, made.coefficients.size
+    names = ["sensitivity", *[n for n in made.shape.names[:shared] if n != "sensitivity"]]
     jacobian = np.zeros((len(values), free))
-    others = slice(1 if made.shape.sensitivity else 0, free)
+    others = slice(1 if made.shape.sensitivity else 0, shared)
     jacobian[1:, others] = -sensitivity * np.eye(len(values) - 1)
     if made.shape.sensitivity:
         jacobian[:, 0] = -sensitivity * values
-    own = replace(made.shape, sensitivity=True)
-    units, leading = units_of(own, "Nm"), list(range(free))
+    own = replace(made.shape, sensitivity=True, contrasts=())
+    units, leading = units_of(own, "Nm"), list(range(shared))
     if not made.shape.sensitivity:
         leading = [0, *leading]
     if made.lag_free:

@@ -22,6 +22,10 @@ reference; the coefficients themselves, and the size of their errors, are those 
 line. Reference and temperature enter denoised, as centres of plays that they pull along: a noise
 model that whitens strongly would otherwise explain noise by noise.
 
+A zero of its own for each run (`Shape.contrasts`) adds one column less than there are runs. Their
+rows sum to zero over the runs, so v₀ is the mean of the runs' zeros. A run that is held out whole
+has an unknown zero and is read with the mean of the others'; a block with that of its own run.
+
 Validation. Whole runs are held out where there are at least four and the others still hold load and
 temperature, else contiguous blocks. The lag is estimated again for each fold, within a factor of
 four of that of all rows: sums of blocks at a grid of lags serve every fold, and a parabola through
@@ -197,11 +201,11 @@ def _uncertainty(
     still = [quiet(run) for run in runs]
     smooth = [_tangent(run, shape, solution, lag_free) for run in still]
     wide, left, beside = beside_structure(still, smooth, residuals)
-    noise = noise_model(_chunks(runs, wide, left), beside.basis, every=1 + total // LONG)
-    return parameter_uncertainty(_chunks(runs, rows, residuals), basis, noise)
+    noise = noise_model(chunks_of(runs, wide, left), beside.basis, every=1 + total // LONG)
+    return parameter_uncertainty(chunks_of(runs, rows, residuals), basis, noise)
 
 
-def _chunks(
+def chunks_of(
     runs: Sequence[CalibrationRun], rows: Sequence[Array], residuals: Sequence[Array]
 ) -> Callable[[], Iterator[Chunk]]:
     """Give rows and residuals in pieces, as the noise model reads them."""
@@ -248,6 +252,7 @@ class Shape:
     `degree`: of the drift, 0 for none. `reference_temperature`: T₀, °C. `lag`: s, of T_b behind T,
     0 for T_b = T. `gradient`: whether h is fitted; `held_gradient`: Nm/K, taken off the reference
     beforehand. `sensitivity`: whether s is fitted; `held_sensitivity`: Nm/V, known, or None.
+    `contrasts`: names of the columns, last of all, by which zeros differ between runs.
     """
 
     degree: int
@@ -257,6 +262,12 @@ class Shape:
     held_gradient: float
     sensitivity: bool
     held_sensitivity: float | None
+    contrasts: tuple[str, ...] = ()
+
+    @property
+    def shared(self) -> int:
+        """Number of columns that all runs share, all but the contrasts."""
+        return len(self.names) - len(self.contrasts)
 
     @property
     def names(self) -> list[str]:
@@ -267,6 +278,7 @@ class Shape:
             "zero",
             *drift,
             *(["gradient"] if self.gradient else []),
+            *self.contrasts,
         ]
 
 
@@ -298,6 +310,8 @@ def rows_of(run: CalibrationRun, shape: Shape, drift: Array | None = None) -> Ar
         columns.insert(0, _torque(run, shape, drift)[:, None])
     if shape.gradient:
         columns.append(drift[:, -1:])
+    if shape.contrasts:
+        columns.append(np.tile(run.contrast, (len(run), 1)))
     return np.asfortranarray(np.hstack(columns))
 
 
@@ -394,11 +408,17 @@ def cross_validate(runs: Sequence[CalibrationRun], made: Regression) -> Validati
             squares = [solution_of(s, others).residual_squares for s in at_grid]
             shape = replace(shape, lag=_least(grid, np.array(squares)))
         solution = solution_of(sums if shape == made.shape else sums_of(runs, shape, edges), others)
-        residual = residuals_of([runs[number]], shape, solution)[0]
+        read = _unknown_zero(runs[number]) if by_runs and shape.contrasts else runs[number]
+        residual = residuals_of([read], shape, solution)[0]
         held_out[number][first:last] = residual[first:last]
     rmses = np.array([_rms(held_out[k][a:b]) for k, a, b in parts])
     labels = tuple(_label(runs[k], a, b, by_runs) for k, a, b in parts)
     return Validation(tuple(held_out), "runs" if by_runs else "blocks", rmses, labels)
+
+
+def _unknown_zero(run: CalibrationRun) -> CalibrationRun:
+    """The run with the mean zero of the others: their contrasts are minus its own, summed."""
+    return replace(run, contrast=-run.contrast / len(run.contrast))
 
 
 def _lag_grid(made: Regression) -> Array:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +20,7 @@ from flexspline.calibration.accuracy import (
     points_on,
     slack_of,
 )
+from flexspline.calibration.attenuation import PART_OF_ERROR, lost_to_reference
 from flexspline.calibration.parameters import Estimators, compensation_torque
 from flexspline.calibration.regression import Regression, Shape, drift_columns
 from flexspline.calibration.runs import CalibrationRun, why_unexcited
@@ -30,6 +31,7 @@ from flexspline.calibration.thermal import (
     thermal_legs,
     thermal_means,
 )
+from flexspline.calibration.zeros import LEVEL, RunZero, ZeroTest, zero_spread
 from flexspline.errors import InputError, did_you_mean, listed
 from flexspline.estimators import Calibration, TemperatureCompensation
 from flexspline.least_squares.identifiability import Confounded
@@ -49,7 +51,6 @@ Array = NDArray[np.float64]
 
 WHOLE_LEG = 0.5  # of the reference's span
 
-ATTENUATES = 0.5  # of the sensitivity's standard error
 LAG_SHOWS = 2.0  # thermal hysteresis over what noise would show
 MOST_OF_IT = 0.8  # of the full scale
 DISAGREES = 0.002  # of the sensitivity
@@ -76,6 +77,8 @@ class CalibrationResult:
     validated_by : "runs" or "blocks"; `fold_rmses`: of each that was left out, in `unit`.
     uncertainty : covariance and noise model, in volts.
     shape : what was regressed on what.
+    zeros : of each run, with `zero_per_run`, else none; the parameters hold their mean.
+    zero_test : whether the zero moved between the runs; None for one run or with `zero_per_run`.
     warnings : sentences about the runs and the result.
     """
 
@@ -100,6 +103,8 @@ class CalibrationResult:
     fold_labels: tuple[str, ...]
     uncertainty: Uncertainty
     shape: Shape
+    zeros: tuple[RunZero, ...]
+    zero_test: ZeroTest | None
     warnings: tuple[str, ...]
 
     @property
@@ -131,6 +136,11 @@ class CalibrationResult:
     def worst_fold(self) -> float:
         """Largest RMSE of the parts that were left out in turn, in `unit`."""
         return max(self.fold_rmses)
+
+    @property
+    def zero_spread(self) -> tuple[float, float]:
+        """Standard deviation of the zeros over the runs, V and Nm; NaN without `zero_per_run`."""
+        return zero_spread(self.zeros)
 
     def __getitem__(self, name: str) -> Parameter:
         """Return a parameter by its name, in Nm where the sensitivity is known."""
@@ -226,7 +236,9 @@ class CalibratedRun:
     """One run, arrays (N,). `voltage` V, `reference` Nm, `temperature` °C or None.
 
     `error`: reading less reference with the compensation, `uncompensated`: without, `held_out`:
-    of regressions that never saw the row; Nm, or V where the sensitivity is not known.
+    of regressions that never saw the row; Nm, or V where the sensitivity is not known. With a zero
+    for each run, errors are those with the run's own zero, which is `own_zero` [V] above the mean
+    that the model holds: what runs on the joint reads so many volts' torque more.
     """
 
     log: Log
@@ -236,6 +248,7 @@ class CalibratedRun:
     error: Array
     uncompensated: Array
     held_out: Array
+    own_zero: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -288,9 +301,10 @@ def _calibrated(
     scale = 1.0 if calibration is None else calibration.sensitivity
     error = scale * residual
     if calibration is None:
-        first, shape = len(made.coefficients) - made.shape.degree - made.shape.gradient, made.shape
+        shape = made.shape
+        first = shape.shared - shape.degree - shape.gradient
         columns = drift_columns(run, shape)[:, : shape.degree + shape.gradient]
-        uncompensated = error + columns @ made.coefficients[first:]
+        uncompensated = error + columns @ made.coefficients[first : shape.shared]
     else:
         added = compensation_torque(estimators.compensation, run.log["time"], run.temperature)
         uncompensated = error - added
@@ -302,7 +316,15 @@ def _calibrated(
         error,
         np.asarray(uncompensated),
         scale * held_out,
+        _own_zero(run, made),
     )
+
+
+def _own_zero(run: CalibrationRun, made: Regression) -> float:
+    """Zero of the run less the mean of all, V."""
+    if not made.shape.contrasts:
+        return 0.0
+    return float(run.contrast @ made.coefficients[made.shape.shared :])
 
 
 def _load(
@@ -322,14 +344,26 @@ def _load(
     slack = slack_of([run.torque for run in runs if run.loaded])
     legs = legs_of(columns, slack, WHOLE_LEG * span)
     looked_at = [
-        np.column_stack([run.error, run.voltage + (run.error - run.uncompensated)
+        np.column_stack([run.error, run.voltage - run.own_zero + (run.error - run.uncompensated)
                          / estimators.calibration.sensitivity])
         for run in seen
     ]  # fmt: skip
     if not legs:
         return legs, None, ""
     slow = (abs(estimators.calibration.sensitivity) * long_run, long_run)
-    return legs, points_on(legs, columns, looked_at, slack, slow), ""
+    points = points_on(legs, columns, looked_at, slack, slow)
+    return legs, points and _bounded(points, _rms([run.error for run in seen]), estimators), ""
+
+
+def _bounded(points: Points, seen: float, estimators: Estimators) -> Points:
+    """Noise of a mean, no more than what is seen: RMS of all errors of reading, Nm.
+
+    The noise model's error of a mean is that of many times its memory. Noise that is slower than a
+    plateau lasts, or zeros that moved, would by that rule show more than all errors there are.
+    """
+    assert estimators.calibration is not None
+    most = np.array([seen, seen / abs(estimators.calibration.sensitivity)])
+    return replace(points, noise=np.minimum(points.noise, most))
 
 
 def _warmth(
@@ -366,7 +400,8 @@ def warnings_of(
         *_undetermined(result),
         *_sign(result),
         *_disagrees(result),
-        *_attenuation(result, runs),
+        *_attenuation(result, runs, made),
+        *_moved(result),
         *_lag(result, made),
         *_beyond(result),
         *([] if result.uncertainty.reliable else [result.uncertainty.statement]),
@@ -404,6 +439,8 @@ def _disagrees(result: CalibrationResult) -> Iterator[str]:
     """A known sensitivity that the runs do not share: error = (k / k_own − 1) τ."""
     if result.calibration is None or result.points is None or result.shape.sensitivity:
         return
+    if not np.ptp(result.points.x) > 0.0:
+        return
     slope = float(np.polyfit(result.points.x, result.points.y[:, 0], 1)[0])
     if abs(slope) > DISAGREES:
         own = result.calibration.sensitivity / (1.0 + slope)
@@ -413,19 +450,43 @@ def _disagrees(result: CalibrationResult) -> Iterator[str]:
         )
 
 
-def _attenuation(result: CalibrationResult, runs: Sequence[CalibrationRun]) -> Iterator[str]:
-    """Noise of the reference makes s too small, k too large, by noise²/signal²."""
+def _attenuation(
+    result: CalibrationResult, runs: Sequence[CalibrationRun], made: Regression
+) -> Iterator[str]:
+    """Noise of the reference makes s too small, k too large."""
     loaded = [run.torque for run in runs if run.loaded]
     known = [p for p in result.torque_parameters if p.name == "sensitivity" and p.state == "fitted"]
     if not known or not loaded:
         return
     noise = max(white_noise(torque) for torque in loaded)
-    share = noise**2 / float(np.var(np.concatenate(loaded)))
-    if share * abs(known[0].value) > ATTENUATES * known[0].standard_error:
+    share = lost_to_reference(runs, made)
+    if share * abs(known[0].value) > PART_OF_ERROR * known[0].standard_error:
         yield (
             f"noise of the reference, {noise:.2g} Nm, makes the sensitivity too large by about "
             f"{100 * share:.2g} %: average the reference, or load higher"
         )
+
+
+def _moved(result: CalibrationResult) -> Iterator[str]:
+    """A zero that differs between runs, with its size."""
+    test = result.zero_test
+    if test is None or not test.moved:
+        return
+    size = f"{1e3 * test.spread:.3g} mV"
+    if result.calibration is not None:
+        torque = abs(result.calibration.sensitivity) * test.spread
+        whole = result.full_scale
+        share = f", {100.0 * torque / whole:.2g} %FS" if whole else ""
+        size += f" ({torque:.3g} Nm{share})"
+    lags = result.shape.degree and result.shape.lag == 0.0
+    other = "; a body that lags the thermometer looks like it (--thermal-lag fit)" if lags else ""
+    into = "the drift and its errors" if result.shape.degree else "the errors"
+    yield (
+        f"the zero differs between the runs by up to {size}, more than noise shows in one of "
+        f"{round(1.0 / LEVEL)} calibrations, and {into} hold the difference: ask for "
+        "--zero-per-run (zero_per_run=True) if the sensor was mounted or zeroed again between "
+        f"runs{other}"
+    )
 
 
 def _lag(result: CalibrationResult, made: Regression) -> Iterator[str]:

@@ -7,7 +7,7 @@ strange but possible is returned as a warning.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,7 @@ from flexspline.logs.quantisation import quantum, white_noise
 from flexspline.logs.segments import runs as unbroken
 from flexspline.requirements import IMAGINABLE
 
-__all__ = ["CalibrationRun", "calibration_runs", "why_unexcited"]
+__all__ = ["CalibrationRun", "calibration_runs", "contrasts", "why_unexcited"]
 
 Array = NDArray[np.float64]
 
@@ -35,8 +35,12 @@ WARMEST = 200.0  # °C; above it the column is kelvin
 POSSIBLE = {"temperature": (-273.15, 1000.0, "°C")}
 MOST_LEAP = 10.0  # K, of one row against both of its neighbours
 MOST_TORQUE = 1e4  # Nm, the largest strain wave gears
+LEAST_ROWS = 16
 LOST_IN_NOISE = 0.01  # share of the reference's variance that is its own noise
 LEAST_LEVEL = 1e-3  # Nm
+LEAST_SPAN = 1e-9  # V; a bridge of 350 Ω has 2.4 nV of thermal noise in 1 Hz
+LEAST_TORQUE = 1e-9  # Nm, below which no torque sensor reads
+SAME = 1e-6  # of its range; the best force standards agree to 2e-5
 BEYOND = 3.0  # standard deviations of the line from which a voltage is held back
 LEAST_BEYOND = 1e-6  # of its range
 TOLERATED = ("constant_channel", "repeated_rows", "stuck_recorder")  # of a typed or stepped load
@@ -48,7 +52,8 @@ class CalibrationRun:
 
     `voltage` V. `torque`: the reference, Nm; zeros where the run is without load. `temperature`:
     °C, or None. `loaded`: whether a reference was recorded. `starts`: true on the first row and
-    behind each gap.
+    behind each gap. `contrast`: (R - 1,), row of the run in columns that let each of R runs have
+    its own zero, see `calibration/zeros.py`; read by shapes with such columns alone.
     """
 
     log: Log
@@ -57,6 +62,7 @@ class CalibrationRun:
     temperature: Array | None
     loaded: bool
     starts: NDArray[np.bool_]
+    contrast: Array = field(default_factory=lambda: np.zeros(0))
 
     def __len__(self) -> int:
         return len(self.voltage)
@@ -93,7 +99,52 @@ def calibration_runs(
             f"{VOLTAGE} is {runs[0].voltage[0]:.6g} V in every row of all runs; check the wiring "
             "and the column map"
         )
+    _require_measurable(runs)
+    for run in runs:
+        _require_another_sensor(run, str(reference))
+    rows = contrasts(len(runs))
+    runs = [replace(run, contrast=row) for run, row in zip(runs, rows, strict=True)]
     return runs, [*said, *_strange(runs)]
+
+
+def _require_measurable(runs: Sequence[CalibrationRun]) -> None:
+    """Refuse what is below the noise of all bridges and torque sensors, but not zero."""
+    span = max(float(run.voltage.max()) for run in runs) - min(
+        float(run.voltage.min()) for run in runs
+    )
+    if span < LEAST_SPAN:
+        raise InputError(
+            f"{VOLTAGE} spans only {span:.2g} V in all runs, less than the noise of any bridge; "
+            "check the column map and its units"
+        )
+    load = max(float(np.abs(run.torque).max()) for run in runs)
+    if 0.0 < load < LEAST_TORQUE:
+        raise InputError(
+            f"the reference reaches {load:.2g} Nm in all runs, less than any torque sensor reads; "
+            "check the column map and its units, or give reference=None (--reference none) where "
+            "all runs are without load"
+        )
+
+
+def _require_another_sensor(run: CalibrationRun, reference: str) -> None:
+    """Refuse a reference that is the voltage itself, or was computed from it."""
+    if not np.ptp(run.torque) > 0.0 or not np.ptp(run.voltage) > 0.0 or len(run) < LEAST_ROWS:
+        return
+    volts, torque = run.voltage - run.voltage.mean(), run.torque - run.torque.mean()
+    slope = float(volts @ torque) / float(volts @ volts)
+    if float(np.abs(torque - slope * volts).max()) > SAME * float(np.ptp(torque)):
+        return
+    raise InputError(
+        f"log '{run.log.name}': {reference} is {VOLTAGE} times {slope:.6g} Nm/V in every row, to a "
+        "millionth of its range, so that it is no measurement of its own: the same column was "
+        f"mapped twice, or the reference computed from the voltage; map the reference sensor to "
+        f"{reference}"
+    )
+
+
+def contrasts(count: int) -> Array:
+    """(count, count - 1), rows that sum to zero: the constant beside them is the mean of all."""
+    return np.vstack([np.eye(count - 1), np.full((1, count - 1), -1.0)])
 
 
 def _require_reference(logs: Sequence[Log], reference: str | None) -> None:
@@ -159,7 +210,7 @@ def _require_possible(log: Log) -> None:
         low, high, unit = POSSIBLE.get(channel, (-IMAGINABLE, IMAGINABLE, ""))
         values = log[channel]
         bad = (values < low) | (values > high)
-        if channel == "temperature":
+        if channel == "temperature" and len(log) > 2:
             bad[1:-1] |= np.abs(values - medfilt(values, 3))[1:-1] > MOST_LEAP
         rows = np.flatnonzero(bad)
         if len(rows):

@@ -119,6 +119,11 @@ def _thermistor(
     metavar="NM",
     help="What %FS are percent of; else the largest reference.",
 )
+@click.option(
+    "--zero-per-run",
+    is_flag=True,
+    help="Each run has its own zero: mounted or zeroed again between runs.",
+)
 @reading()
 def command(
     runs: tuple[str, ...],
@@ -137,6 +142,7 @@ def command(
 
     Runs of any kind may be mixed: steps or ramps of load, loading alone or with unloading, and
     runs without load while the temperature changes. Without any load the drift alone is fitted.
+    Zeros that differ between runs are said; with --zero-per-run the model holds their mean.
 
     \b
     Examples:

@@ -244,7 +244,7 @@ def _without_load(result: CalibrationResult) -> tuple[Array, Array, NDArray[np.i
 
     temperatures = [_required(run.temperature) for run in result.runs]
     slope = 0.0 if result.calibration is None else 1.0 / result.calibration.sensitivity
-    volts = [run.voltage - slope * run.reference for run in result.runs]
+    volts = [run.voltage - run.own_zero - slope * run.reference for run in result.runs]
     ways = [np.zeros(len(t), dtype=np.int8) for t in temperatures]
     for leg in thermal_legs(temperatures):
         ways[leg.run][leg.start : leg.stop] = 1 if leg.rising else -1

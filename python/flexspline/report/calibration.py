@@ -47,6 +47,11 @@ SOURCES = {
     "model": "that of the model",
     "reference": "the largest reference, for want of a given one",
 }
+OWN_ZEROS = (
+    "The zero above, which the model holds, is the mean of the runs'; its error is that of the "
+    "noise alone. A sensor that is mounted or zeroed again has another zero: zero its reading, or "
+    "take it to be off by about that standard deviation."
+)
 NOISE_ALONE = (
     "Errors of parameters are those of the noise: bend and hysteresis repeat, and stand in the "
     "figures."
@@ -59,6 +64,7 @@ def calibration_text(result: CalibrationResult) -> str:
     blocks = [
         [*_wrapped(judged.good), *_wrapped(judged.wrong)],
         _parameter_text(result),
+        _zero_text(result),
         _figure_text(result),
         [line for sentence in told(result) for line in _wrapped(sentence)],
         _listed("Warnings:", [w for w in result.warnings if w != result.uncertainty.statement]),
@@ -109,8 +115,14 @@ def _parameter_text(result: CalibrationResult) -> list[str]:
     return _table(rows)
 
 
+def _zero_text(result: CalibrationResult) -> list[str]:
+    if not result.zeros:
+        return []
+    return [*_table(zero_rows(result)), *_wrapped(zero_sentence(result))]
+
+
 def _figure_text(result: CalibrationResult) -> list[str]:
-    return [scale_line(result), *_table([row[:4] for row in figure_rows(result)])]
+    return [*_wrapped(scale_line(result)), *_table([row[:4] for row in figure_rows(result)])]
 
 
 def _table(rows: Sequence[Sequence[str]]) -> list[str]:
@@ -144,6 +156,8 @@ def _common(result: CalibrationResult) -> dict[str, Any]:
     return {
         "verdict": calibration_verdict(result),
         "lines": calibration_lines(result),
+        "zeros": zero_rows(result),
+        "zero_sentence": zero_sentence(result) if result.zeros else "",
         "scale": scale_line(result),
         "figures": figure_rows(result),
         "told": told(result),
@@ -164,6 +178,8 @@ def _call(result: CalibrationResult) -> str:
         given.append("gradient='fit'" if shape.gradient else f"gradient={shape.held_gradient!r}")
     if shape.held_sensitivity is not None:
         given.append(f"sensitivity={shape.held_sensitivity!r}")
+    if result.zeros:
+        given.append("zero_per_run=True")
     if result.full_scale_source == "given":
         given.append(f"full_scale={result.full_scale!r}")
     lines = "".join(f"    {argument},\n" for argument in ["logs", *given])
@@ -198,8 +214,17 @@ def calibration_verdict(result: CalibrationResult) -> Verdict:
     faults, missing = _faults(result), _missing(result)
     if not faults:
         return Verdict(good, f"No problem was found with it.{missing}", False)
-    grave = result.calibration is None or not result.uncertainty.reliable or _hidden(result) != []
+    grave = (
+        result.calibration is None
+        or not result.uncertainty.reliable
+        or _hidden(result) != []
+        or _moved(result)
+    )
     return Verdict(good, f"{faults_sentence(faults, grave)}{missing}", grave)
+
+
+def _moved(result: CalibrationResult) -> bool:
+    return result.zero_test is not None and result.zero_test.moved
 
 
 def calibration_lines(result: CalibrationResult) -> list[CalibrationLine]:
@@ -234,7 +259,33 @@ def scale_line(result: CalibrationResult) -> str:
     if result.full_scale is None:
         return "Figures: no full scale is known."
     source = SOURCES[result.full_scale_source]
-    return f"Figures, in % of the full scale of {short(result.full_scale, 4)} Nm ({source}):"
+    own = ", each run read with its own zero" if result.zeros else ""
+    return f"Figures, in % of the full scale of {short(result.full_scale, 4)} Nm ({source}){own}:"
+
+
+def zero_rows(result: CalibrationResult) -> list[tuple[str, str, str, str]]:
+    """Return a head and, of each run, its zero in Nm, in mV, and what it is beside the mean."""
+    if not result.zeros:
+        return []
+    torque = result.unit == "Nm"
+    rows = [("zero of the run", "value ± standard error" if torque else "", "in volts",
+             "read with the mean zero, it is off by")]  # fmt: skip
+    for zero in result.zeros:
+        volts = plus_minus(MILLI * zero.voltage, MILLI * zero.voltage_error)
+        known = f"{plus_minus(zero.torque, zero.torque_error)} Nm" if torque else ""
+        off = sized(result, zero.beside if torque else zero.beside_voltage)
+        rows.append((zero.run, known, f"{volts} mV", off))
+    return rows
+
+
+def zero_sentence(result: CalibrationResult) -> str:
+    """Return how far the zeros of the runs spread, and what the zero of the result is."""
+    volts, torque = result.zero_spread
+    size = f"{digits(MILLI * volts)} mV"
+    if result.unit == "Nm":
+        share = f", {short(100.0 * torque / result.full_scale, 2)} %FS" if result.full_scale else ""
+        size = f"{digits(torque)} Nm ({size}{share})"
+    return f"Zeros of {len(result.zeros)} runs, standard deviation {size}. {OWN_ZEROS}"
 
 
 def told(result: CalibrationResult) -> list[str]:
@@ -255,9 +306,29 @@ def told(result: CalibrationResult) -> list[str]:
     said.append(
         f"Held out: each of {len(result.fold_rmses)} {held} in turn; RMSE in the median "
         f"{sized(result, result.median_fold)}, in the worst {sized(result, result.worst_fold)}; in "
-        f"sample {sized(result, result.rmse)}."
+        f"sample {sized(result, result.rmse)}.{_held_zero(result)}"
     )
+    if result.zero_test is not None and result.zero_test.tested < len(result.runs) - 1:
+        said.append(
+            "A zero that moved between the runs could pass for drift here, unseen: the temperature "
+            "changes too little within the runs."
+        )
     return [*said, result.uncertainty.statement, NOISE_ALONE]
+
+
+def _held_zero(result: CalibrationResult) -> str:
+    """With what zero a part that was left out is read."""
+    if not result.zeros:
+        return ""
+    if result.validated_by == "runs":
+        return (
+            " A run that was left out has an unknown zero and is read with the mean of the "
+            "others', so that its error holds the spread of the zeros; in sample each has its own."
+        )
+    return (
+        " A block is read with the zero of the rest of its run: a run that was never seen is off "
+        "by the spread of the zeros as well."
+    )
 
 
 def _spread(means: NDArray[np.float64]) -> list[float]:
@@ -305,6 +376,8 @@ def _line(
         remarks.append("given, not fitted")
     elif not shown.significant:
         remarks, concern = ["not significant"], True
+    if name == "zero" and result.zeros:
+        remarks.append("mean of the zeros of the runs")
     if name in MEANS:
         remarks.append(MEANS[name])
     if name == "thermal_lag":
@@ -337,6 +410,8 @@ def _faults(result: CalibrationResult) -> list[str]:
     if result.sensitivity_reason:
         what = "not determined" if result.calibration is None else "not fitted but taken as known"
         found.append(f"the sensitivity is {what}, {result.sensitivity_reason}")
+    if _moved(result):
+        found.append("the zero moved between the runs")
     hidden = _hidden(result)
     if hidden:
         found.append(f"not determined alone: {', '.join(hidden).replace('_', ' ')}")
