@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -197,6 +198,15 @@ def test_what_has_no_profile_says_why():
         plain().contour("offset", VELOCITY, points=3)
     with pytest.raises(InputError, match="not between 0 and 1"):
         plain().profile(VELOCITY, 95)
+
+
+def test_runs_whose_noise_leaves_no_degrees_of_freedom_are_told_so():
+    """As short runs in noise of a long memory may: there the fit has no interval."""
+    nothing = {"interval": (np.nan, np.nan), "degrees_of_freedom": -9.9}
+    fit = replace(plain(), parameters=tuple(replace(p, **nothing) for p in plain().parameters))
+    with pytest.raises(InputError, match="no degrees of freedom; record longer runs"):
+        fit.profile(VELOCITY)
+    assert "nan" not in fit.summary() and "nan" not in str(fit.params)
 
 
 def test_a_fit_by_generalised_least_squares_has_none():

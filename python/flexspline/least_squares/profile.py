@@ -271,6 +271,11 @@ class _Search:
                     f"{p.name} is {p.state}: there is no error that its profile could be scaled "
                     "by; free it, or fit runs that determine it"
                 )
+            if not np.isfinite(p.interval).all():
+                raise InputError(
+                    f"the runs are too short for an interval of {p.name}: the noise leaves no "
+                    "degrees of freedom; record longer runs"
+                )
         if any(p.name not in fit.part.record["covariance"]["names"] for p in parameters):
             raise InputError(
                 "the offset of one of many runs has no profile of its own; its interval is exact"

@@ -162,7 +162,8 @@ def _noise(fit: Fit) -> str:
         return f"white, {size}{every}"
     rows = noise.memory * noise.decimation
     rate = float(np.median([run.log.rate for run in fit.runs]))
-    memory = f"memory {short(rows)} rows ({short(rows / rate)} s)"
+    count = short(rows) if rows < 100.0 else f"{rows:.0f}"
+    memory = f"memory {count} rows ({short(rows / rate)} s)"
     return f"autoregressive of order {noise.order}, {size}, {memory}{every}"
 
 
