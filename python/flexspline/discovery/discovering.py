@@ -193,10 +193,10 @@ def _by_regression(
     target, load = task.target, task.known_load
     recordings = only_experiments(runs, target)
     runs = [one.log for one in recordings]
-    rows = sum(map(len, runs))
-    if rows < LEAST_ROWS:
+    count = sum(map(len, runs))
+    if count < LEAST_ROWS:
         raise InputError(
-            f"the logs have {rows} rows and {LEAST_ROWS} are needed at least; give longer runs"
+            f"the logs have {count} rows and {LEAST_ROWS} are needed at least; give longer runs"
         )
     faults = data_faults(runs, task.effects, target, load, task.threads)
     faults = (*of_base, *_cut(recordings, faults))
