@@ -273,7 +273,7 @@ def runs_of(logs: LogLike | Iterable[LogLike]) -> list[Log]:
         raise InputError("there is no log to fit; give at least one")
     require_apart(runs)
     rows = sum(map(len, runs))
-    if rows < SPARE_ROWS:
+    if rows < SPARE_ROWS and min(map(len, runs)) > 1:  # one row is called no run further down
         raise InputError(
             f"the logs have {rows} rows and a fit needs {SPARE_ROWS} at least; record longer runs"
         )

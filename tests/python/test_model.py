@@ -207,7 +207,7 @@ def test_a_failure_while_saving_leaves_the_old_file(tmp_path, monkeypatch):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("os.fsync", fail)
-    with pytest.raises(OSError):
+    with pytest.raises(InputError, match=r"model\.json: cannot be written"):
         Model({}).save(path)
     assert path.read_bytes() == before
     assert [file.name for file in tmp_path.iterdir()] == ["model.json"]

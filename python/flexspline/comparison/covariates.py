@@ -320,7 +320,7 @@ class Turning:
         orders = np.array([order.per_output_turn for order in self.found])
         made, power = np.zeros(len(rest)), np.zeros(len(orders))
         for way in (1, 2):
-            rows = np.flatnonzero(self.direction == way)
+            rows = np.flatnonzero((self.direction == way) & np.isfinite(self.angle))
             if len(rows) < 4 * len(orders) + 8:
                 continue
             weights = self._weights(orders, rows, rest)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from flexspline.logs.channels import CHANNELS
 from flexspline.logs.checks import check
+from flexspline.logs.plausible import emptied
 from flexspline.plot.canvas import (
     GREY,
     INK,
@@ -45,8 +46,10 @@ def plot_channels(log: Log, findings: Findings | None = None) -> PlainFigure:
     """Return a figure: each channel over time, one below the other, and the findings beside them.
 
     A finding with a place shades its rows; what is so all along, such as a delay, stands as a name
-    above the channel. Where the time does not increase, rows are counted instead.
+    above the channel. Where the time does not increase, rows are counted instead. What no
+    instrument reads is left out: beside an overload nothing else would be seen.
     """
+    log = emptied(log)
     shown = [name for name in log.channels if name != "time"] or ["time"]
     figure = PlainFigure(10.0, 1.25 * len(shown) + 0.8)
     axes = figure.subplots(len(shown), 1, sharex=True, squeeze=False).ravel()
@@ -72,6 +75,7 @@ def channel_over_time(
 ) -> Axes:
     """Draw one channel and what was found of it; what was found of the time stamps is in all."""
     ax = axes_or_new(ax, 10.0, 2.0)
+    log = emptied(log)
     clock, label = _clock(log)
     rows = outline(log[channel])
     ax.plot(clock[rows], log[channel][rows], color=PALETTE[0], linewidth=0.8)
