@@ -261,9 +261,7 @@ class _Found:
     def _torques(self) -> None:
         for column in sorted(self._free("torque"), key=lambda c: _torque_channel(c) == ""):
             channel = _torque_channel(column)
-            doubt = (
-                "" if channel else "its side is not named; of the motor's shaft it is motor_torque"
-            )
+            doubt = _torque_doubt(column, channel)
             self._add(channel or "sensor_torque", column, _stated(column), _by_name(column), doubt)
         if self.said.torque_constant is not None and "motor_torque" not in self.channels:
             self._fact("torque_constant", self.said.torque_constant, "as the file says")
