@@ -79,6 +79,36 @@ def test_nothing_is_left_where_a_draw_fails(
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.usefixtures("small_paper")
+def test_a_paper_that_is_done_stays_where_the_next_one_fails(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    reproduce(PAPER, tmp_path / "alone", draws=2)
+    monkeypatch.setattr(run, "PAPERS", (PAPER, "another"))
+    draw = run.draw
+    monkeypatch.setattr(
+        run, "draw", lambda paper, seed: draw(paper, seed) if paper == PAPER else 1 / 0
+    )
+    monkeypatch.setitem(
+        sys.modules, "flexspline.reproduce.another", sys.modules[f"flexspline.reproduce.{PAPER}"]
+    )
+    with pytest.raises(ZeroDivisionError):
+        reproduce("all", tmp_path / "out", draws=2)
+    for name in ("claims.json", "report.html", f"{PAPER}/table1.csv"):
+        assert (tmp_path / "out" / name).read_bytes() == (tmp_path / "alone" / name).read_bytes()
+
+
+def test_without_scikit_learn_it_is_asked_for_before_anything_is_computed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "sklearn.kernel_ridge", None)
+    monkeypatch.setattr(run, "draw", pytest.fail)
+    for paper in ("zhang", "all"):
+        with pytest.raises(InputError, match=r"pip install 'flexspline\[baselines\]'"):
+            reproduce(paper, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
 def test_an_unknown_paper_is_answered_with_the_nearest() -> None:
     with pytest.raises(InputError, match="did you mean 'zhang'"):
         reproduce("zang")

@@ -29,6 +29,7 @@ __all__ = [
     "compare_drift_methods",
     "kernel_drift",
     "linear_drift",
+    "require_scikit",
 ]
 
 Array = NDArray[np.float64]
@@ -145,7 +146,7 @@ def kernel_drift(logs: Log | Sequence[Log], *, seed: int = 1) -> KernelDrift:
     ----------
     Ref. 17 of zhang_disturbance_elimination.
     """
-    ridge, search, folds = _scikit()
+    ridge, search, folds = require_scikit()
     voltage, temperature, torque = _rows(logs, CHANNELS)
     if len(torque) < 20 or np.ptp(temperature) == 0.0:
         raise InputError(
@@ -178,7 +179,14 @@ def kernel_drift(logs: Log | Sequence[Log], *, seed: int = 1) -> KernelDrift:
     )
 
 
-def _scikit() -> tuple[Any, Any, Any]:
+def require_scikit() -> tuple[Any, Any, Any]:
+    """Return what kernel regression takes from scikit-learn, or say how to install that.
+
+    Raises
+    ------
+    InputError
+        Where it is not installed.
+    """
     try:
         from sklearn.kernel_ridge import KernelRidge
         from sklearn.model_selection import GridSearchCV, KFold

@@ -15,8 +15,9 @@ import numpy as np
 from tqdm import tqdm
 
 from flexspline.about import __version__
+from flexspline.baselines.drift import require_scikit
 from flexspline.errors import InputError, did_you_mean, listed
-from flexspline.files import whole_folder
+from flexspline.files import atomic_write, folder_to_write, whole_folder
 from flexspline.plot.canvas import own_style
 from flexspline.reproduce.claims import PAPERS, Verdict, judged
 
@@ -29,6 +30,8 @@ __all__ = ["DRAWS", "Reproduction", "Story", "reproduce"]
 
 DRAWS = 50
 SEED = 20261121
+
+BESIDE_RIVALS = "zhang"  # the paper whose method is set beside kernel regression
 
 
 @dataclass(frozen=True)
@@ -93,7 +96,7 @@ def reproduce(
     ----------
     paper : "zhang", "turlapati", "full_range" or "all".
     out : folder for figures (PNG and SVG), tables (CSV), `claims.json` and `report.html`,
-        written whole or not at all; None writes nothing.
+        each paper's as soon as it is done, whole or not at all; None writes nothing.
     draws : rigs that differ in what the paper does not print.
     seed : the same seed gives the same numbers.
     threads : processes to draw with.
@@ -106,7 +109,8 @@ def reproduce(
     Raises
     ------
     InputError
-        For an unknown paper, fewer than one draw or thread, or a negative seed.
+        For an unknown paper, fewer than one draw or thread, a negative seed, or, of the first
+        paper, without scikit-learn, before anything is computed.
     """
     if paper != "all" and paper not in PAPERS:
         near = did_you_mean(paper, PAPERS)
@@ -115,19 +119,23 @@ def reproduce(
         if value < least:
             raise InputError(f"{name} is {value}; give at least {least}")
     papers = PAPERS if paper == "all" else (paper,)
-    if out is None:
-        return {name: _one(name, draws, seed, threads, progress) for name in papers}
-    with whole_folder(out, last="claims.json") as folder:
-        made = {name: _one(name, draws, seed, threads, progress) for name in papers}
-        with own_style():
-            _write(folder, made)
+    if BESIDE_RIVALS in papers:
+        require_scikit()
+    folder = None if out is None else folder_to_write(out)
+    made: dict[str, Reproduction] = {}
+    for number, name in enumerate(papers, start=1):
+        title = name if len(papers) == 1 else f"{name} ({number} of {len(papers)})"
+        made[name] = _one(name, draws, seed, threads, title if progress else "")
+        if folder is not None:
+            _write(folder, made, name)
     return made
 
 
-def _one(paper: str, draws: int, seed: int, threads: int, progress: bool) -> Reproduction:
+def _one(paper: str, draws: int, seed: int, threads: int, title: str) -> Reproduction:
+    """One paper done again; a title is shown with its progress, an empty one is not."""
     module = importlib.import_module(f"flexspline.reproduce.{paper}")
     seeds = [int(s.generate_state(1)[0]) for s in np.random.SeedSequence(seed).spawn(draws)]
-    with tqdm(total=draws, desc=paper, unit=" draws", disable=not progress, leave=False) as bar:
+    with tqdm(total=draws, desc=title, unit=" draws", disable=not title, leave=False) as bar:
         found = []
         for values in _drawn(paper, seeds, threads):
             found.append(values)
@@ -152,18 +160,20 @@ def draw(paper: str, seed: int) -> Mapping[str, float]:
     return values
 
 
-def _write(folder: Path, made: Mapping[str, Reproduction]) -> None:
+def _write(folder: Path, made: Mapping[str, Reproduction], latest: str) -> None:
+    """Write the figures and tables of a paper, and page and claims of all that are done."""
     from flexspline.reproduce.claims import report_page
 
-    for name, reproduction in made.items():
-        place = folder / name
-        place.mkdir()
-        for title, figure in reproduction.story.figures.items():
+    story = made[latest].story
+    with own_style(), whole_folder(folder / latest) as place:
+        for title, figure in story.figures.items():
             figure.savefig(place / f"{title}.png", dpi=150)
             figure.savefig(place / f"{title}.svg", metadata={"Date": None})
-        for title, table in reproduction.story.tables.items():
+        for title, table in story.tables.items():
             table.to_csv(place / f"{title}.csv", lineterminator="\n")
-    (folder / "report.html").write_text(report_page(made), encoding="utf-8")
+    with own_style():
+        page = report_page(made)
+    atomic_write(folder / "report.html", page)
     content = {
         "format": "flexspline-claims",
         "version": 1,
@@ -178,4 +188,4 @@ def _write(folder: Path, made: Mapping[str, Reproduction]) -> None:
         },
     }
     text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-    (folder / "claims.json").write_text(text, encoding="utf-8")
+    atomic_write(folder / "claims.json", text)
