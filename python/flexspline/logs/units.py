@@ -69,7 +69,8 @@ def canonical_unit(text: str) -> str | None:
 
 
 def _plain(text: str) -> str:
-    return re.sub(r"[\s\[\](){}·⋅•・*.]|(?<=[A-Za-z])-(?=[A-Za-z])", "", str(text)).strip()
+    bare = re.sub(r"^\s*(?:\[(.*)\]|\((.*)\)|\{(.*)\})\s*$", r"\1\2\3", str(text))
+    return re.sub(r"[\s·⋅•・*.]|(?<=[A-Za-z])-(?=[A-Za-z])", "", bare)
 
 
 @functools.cache
