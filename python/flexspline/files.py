@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     import pandas
 
 __all__ = [
+    "PREVIOUS",
     "Writing",
     "atomic_write",
     "atomic_writer",
@@ -84,15 +85,25 @@ class Writing:
         """Note that a file is about to be written, and keep what is there by another name."""
         self.before(target)
         if self.keep and target.is_file() and not filecmp.cmp(draft, target, shallow=False):
-            previous = target.with_name(target.name + PREVIOUS)
-            handle, copy = _draft_file(previous, [])
-            os.close(handle)
-            Path(shutil.copy2(target, copy)).replace(previous)
-            self.kept.append(previous)
+            self.kept.append(_kept(target))
         self.written.append(target)
 
 
 _WRITING: ContextVar[Writing] = ContextVar("writing")
+
+
+def _kept(target: Path) -> Path:
+    """Copy a file to NAME.previous, whole, and return that name."""
+    previous = target.with_name(target.name + PREVIOUS)
+    handle, copy = _draft_file(previous, [])
+    os.close(handle)
+    try:
+        shutil.copy2(target, copy)
+        _rename(copy, previous)
+    except BaseException:
+        copy.unlink(missing_ok=True)
+        raise
+    return previous
 
 
 @contextlib.contextmanager

@@ -175,7 +175,7 @@ class Predictions(Sequence[Prediction]):
 
     def _title(self) -> str:
         many = f"{len(self)} run{'' if len(self) == 1 else 's'}"
-        gap = f"RMSE {self.rmse:.4g} {self.unit} over {self.rows} rows" if self.rows else "none"
+        gap = f"RMSE {self.rmse:.4g} {self.unit} over {self.rows} rows"
         return f"Predictions of {self.target}: {many}, {gap if self.rows else 'none measured'}"
 
     def _rows(self) -> list[tuple[str, ...]]:
@@ -203,7 +203,7 @@ class Predictions(Sequence[Prediction]):
                 f"{slow} of {self.rows + slow} rows are slower than {speed:g} rad/s and left out "
                 "of these errors"
             )
-        return said
+        return [*said, *self.warnings]
 
 
 def require_rows(runs: Sequence[Prediction]) -> None:

@@ -137,6 +137,39 @@ def test_no_overwrite_refuses_in_one_sentence_and_changes_nothing(
     assert before == {path: path.read_bytes() for path in (tmp_path / "out").iterdir()}
 
 
+def test_a_file_that_would_be_kept_in_the_place_of_an_input_is_refused(
+    folder: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "out.csv").write_text("old")
+    recording = tmp_path / "out.csv.previous"
+    recording.write_bytes(runs_of(folder)[0].read_bytes())
+    (tmp_path / "map.toml").write_text('[columns]\ntime = "time"\n')
+    said = call(
+        "convert", recording, "--columns", tmp_path / "map.toml", "--out", tmp_path / "out.csv"
+    )
+    assert said.exit_code == 2 and "which is read" in said.stderr
+    assert (tmp_path / "out.csv").read_text() == "old"
+
+
+def test_a_folder_in_the_place_of_the_previous_file_is_one_sentence(
+    folder: Path, tmp_path: Path
+) -> None:
+    told = arguments("predict", folder, tmp_path)
+    (tmp_path / "residual.csv").write_text("old")
+    (tmp_path / "residual.csv.previous").mkdir()
+    said = call(*told)
+    assert said.exit_code == 2 and "residual.csv.previous: cannot be replaced" in said.stderr
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "residual.csv",
+        "residual.csv.previous",
+    ]
+
+
+def test_help_is_text_whatever_else_is_asked_for() -> None:
+    said = call("check", "--json", "--help")
+    assert said.stdout.startswith("Usage") and "{" not in said.stdout.splitlines()[-1]
+
+
 def test_a_new_folder_and_new_names_are_no_overwriting(folder: Path, tmp_path: Path) -> None:
     (tmp_path / "notes.txt").write_text("mine")
     assert call(*arguments("fit", folder, tmp_path), "--no-overwrite").exit_code == 0

@@ -11,6 +11,7 @@ import tempfile
 from functools import cache
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 from cli_calls import call
@@ -21,7 +22,9 @@ from unseen_recorders import UNSEEN_RECORDERS
 
 import flexspline
 from flexspline import Guess, InputError, guess_map, read_log
+from flexspline.logs.columns import to_si
 from flexspline.logs.read import read_map
+from flexspline.logs.stamps import seconds_of_stamps
 
 WITHIN = 0.03  # of a channel's standard deviation, besides the step in which the file holds it
 RIGHT = 27  # of thirty
@@ -341,3 +344,98 @@ def test_guess_map_is_public_and_its_repr_is_a_line(tmp_path: Path) -> None:
     assert "\n" not in repr(guess) and len(repr(guess)) < 300
     assert "<table" in guess._repr_html_()
     json.dumps(dict(guess.facts))
+
+
+def test_a_stated_gear_ratio_that_the_motion_denies_is_doubted_and_stages_are_no_ratio(
+    tmp_path: Path,
+) -> None:
+    table = "\n".join(f"{t:.4f};{q:.6f};{50 * q:.4f}" for t, q in zip(TIME, Q, strict=True))
+    recording = tmp_path / "run.txt"
+    for head, doubted in (("gear ratio: 100", True), ("gear ratio: 50", False)):
+        recording.write_text(f"{head}\n\nt [s];q [rad];theta [rad]\n{table}\n")
+        guess = guess_map(recording)
+        assert guess.facts["gear_ratio"] == 50
+        assert any("the file says 100" in said for said in guess.unsure) == doubted
+    recording.write_text(f"Getriebe 3 Stufen, 50:1\n\nt [s];q [rad]\n{table.replace(';', ';')}\n")
+    assert guess_map(recording).facts.get("gear_ratio") in (None, 50)
+
+
+def test_a_rate_beside_a_clock_is_doubted_and_no_rate_below_zero_is_taken(tmp_path: Path) -> None:
+    recording = tmp_path / "run.npz"
+    np.savez(recording, **{"t [s]": TIME, "q [rad]": Q})
+    assert any("clock" in said for said in guess_map(recording, rate=1000.0).unsure)
+    for rate in (0.0, -5.0, float("nan")):
+        with pytest.raises(InputError, match="give rows per second, above zero"):
+            guess_map(recording, rate=rate)
+
+
+def test_an_odd_cell_costs_the_figure_and_not_the_map(tmp_path: Path) -> None:
+    rows = [f"{t:.4f},{q:.6f}" for t, q in zip(TIME, Q, strict=True)]
+    rows[700] = "3.5000,OVLD"
+    recording = tmp_path / "run.csv"
+    recording.write_text("t [s],q [rad]\n" + "\n".join(rows) + "\n")
+    said = call("init", recording, "--out", tmp_path / "map.toml")
+    assert said.exit_code == 0
+    assert "not drawn" in said.stdout and "OVLD" in said.stdout
+    assert (tmp_path / "map.toml").exists() and not (tmp_path / "map.png").exists()
+
+
+def test_a_long_line_above_the_table_takes_no_time(tmp_path: Path) -> None:
+    """A pattern that looks at a line in every way from every letter takes minutes for this."""
+    recording = tmp_path / "run.txt"
+    digits, name = "7" * 20_000, "x" + " " * 20_000 + "y"
+    table = "\n".join(f"{t:.4f};{q:.6f};1" for t, q in zip(TIME[:300], Q[:300], strict=True))
+    recording.write_text(f"{digits}\n\nt [s];q [rad];{name}\n{table}\n")
+    assert "output_position" in guess_map(recording).channels
+
+
+@pytest.mark.parametrize(
+    ("stamps", "seconds"),
+    [
+        (["12/04/2026 23:59:59.5", "13/04/2026 00:00:00.5"], 1.0),
+        (["03/04/2026 23:59:59.5", "04/04/2026 00:00:00.5"], 1.0),
+        (["04/03/2026 23:59:59.5", "04/04/2026 00:00:00.5"], 1.0),
+        (["2026-04-03 14:00:00", "2026-04-03 01:00:00"], -46_800.0),
+    ],
+)
+def test_a_date_is_read_so_that_a_night_is_no_month(stamps: list[str], seconds: float) -> None:
+    read = seconds_of_stamps(np.array(stamps, dtype=object))
+    assert read is not None
+    if "04/03" in stamps[0]:  # a month or a day: both are far
+        assert abs(read[1]) > 3600.0
+    else:
+        assert read.tolist() == [0.0, seconds]
+
+
+@pytest.mark.parametrize(
+    ("channel", "unit", "factor"),
+    [
+        ("sensor_torque", "MNm", 1e6),
+        ("sensor_torque", "mNm", 1e-3),
+        ("sensor_torque", "N·m", 1.0),
+        ("sensor_voltage", "MV", 1e6),
+        ("output_velocity", "1/min", np.pi / 30),
+        ("output_velocity", "RPM", np.pi / 30),
+        ("output_position", "°", np.pi / 180),
+    ],
+)
+def test_a_unit_is_what_pint_calls_it_before_it_is_what_may_be_meant(
+    channel: str, unit: str, factor: float
+) -> None:
+    assert to_si(channel, unit)[0] == pytest.approx(factor)
+
+
+def test_vectors_at_the_top_are_the_record_whatever_lies_beside_them(tmp_path: Path) -> None:
+    np.savez(tmp_path / "run.npz", t=TIME, q=Q, map=np.ones((5000, 10)))
+    log = read_log(tmp_path / "run.npz", {"time": "t", "output_position": "q"})
+    assert len(log) == len(TIME)
+
+
+def test_an_attribute_that_is_no_unit_changes_nothing(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "run.h5", "w") as file:
+        file.create_dataset("t", data=TIME).attrs["units"] = "seconds since 2020-01-01"
+        file.create_dataset("q", data=np.degrees(Q)).attrs["units"] = "deg"
+        file["alias"] = h5py.SoftLink("/q")
+    log = read_log(tmp_path / "run.h5", {"time": "t", "output_position": "q"})
+    assert np.array_equal(log["time"], TIME)
+    assert np.allclose(log["output_position"], Q)

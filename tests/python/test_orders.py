@@ -224,6 +224,15 @@ def test_a_vibration_that_stays_at_one_frequency_is_told_from_orders_by_several_
     assert "\n         50.00  " in str(found) and "frequency [Hz]" in found._repr_html_()
 
 
+@pytest.mark.parametrize("size", [0.1, 0.12])
+def test_an_order_is_not_lost_to_a_vibration_of_its_size_at_two_speeds(size: float) -> None:
+    logs = [turning(turns, 6000, {200.0: 0.1}, seed=i) for i, turns in enumerate(SPEEDS[:2])]
+    logs = [humming(log, 31.0, size, i) for i, log in enumerate(logs)]
+    found = find_orders(logs, "sensor_torque", vibrations=True)
+    assert per_turn(found) == [200]
+    assert [hum.frequency for hum in found.vibrations] == pytest.approx([31.0], abs=0.05)
+
+
 def test_a_strong_vibration_makes_orders_that_only_competition_takes_away() -> None:
     plain = find_orders(hummed(0.3), "sensor_torque")
     assert len(plain) > 1 and plain.vibrations == () and plain.frequencies is None

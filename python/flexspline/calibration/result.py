@@ -31,7 +31,7 @@ from flexspline.calibration.thermal import (
     thermal_legs,
     thermal_means,
 )
-from flexspline.calibration.zeros import LEVEL, RunZero, ZeroTest, zero_spread
+from flexspline.calibration.zeros import LEVEL, RunZero, ZeroTest, require_own_zeros, zero_spread
 from flexspline.errors import InputError, did_you_mean, listed
 from flexspline.estimators import Calibration, TemperatureCompensation
 from flexspline.least_squares.identifiability import Confounded
@@ -401,7 +401,7 @@ def warnings_of(
         *_sign(result),
         *_disagrees(result),
         *_attenuation(result, runs, made),
-        *_moved(result),
+        *_moved(result, runs),
         *_lag(result, made),
         *_beyond(result),
         *([] if result.uncertainty.reliable else [result.uncertainty.statement]),
@@ -467,7 +467,7 @@ def _attenuation(
         )
 
 
-def _moved(result: CalibrationResult) -> Iterator[str]:
+def _moved(result: CalibrationResult, runs: Sequence[CalibrationRun]) -> Iterator[str]:
     """A zero that differs between runs, with its size."""
     test = result.zero_test
     if test is None or not test.moved:
@@ -481,11 +481,15 @@ def _moved(result: CalibrationResult) -> Iterator[str]:
     lags = result.shape.degree and result.shape.lag == 0.0
     other = "; a body that lags the thermometer looks like it (--thermal-lag fit)" if lags else ""
     into = "the drift and its errors" if result.shape.degree else "the errors"
+    try:
+        require_own_zeros(runs, result.shape.degree)
+        ask = "ask for --zero-per-run (zero_per_run=True)"
+    except InputError:
+        ask = "record runs in which the temperature changes and ask for --zero-per-run"
     yield (
         f"the zero differs between the runs by up to {size}, more than noise shows in one of "
-        f"{round(1.0 / LEVEL)} calibrations, and {into} hold the difference: ask for "
-        "--zero-per-run (zero_per_run=True) if the sensor was mounted or zeroed again between "
-        f"runs{other}"
+        f"{round(1.0 / LEVEL)} calibrations, and {into} hold the difference: {ask} if the sensor "
+        f"was mounted or zeroed again between runs{other}"
     )
 
 

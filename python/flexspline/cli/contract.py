@@ -59,14 +59,16 @@ class Commands(click.Group):
     def _code(self, name: str, args: list[str]) -> int:
         context = None
         try:
+            ran = False  # and not ended by --help
             with speaking() as end_with:
                 try:
                     with self.make_context(name, args) as context:
                         self.invoke(context)
-                    code = 0
+                    code, ran = 0, True
                 except click.exceptions.Exit as end:
                     code = end.exit_code
-                end_with(context.invoked_subcommand if context else None, code)
+                ended = code != 0 or ran
+                end_with(context.invoked_subcommand if context and ended else None, code)
             sys.stdout.flush()
             return code
         except click.UsageError as error:

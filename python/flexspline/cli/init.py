@@ -8,7 +8,7 @@ import click
 
 from flexspline.cli.options import FILE, Taught, channels, positive, refuse_overwriting
 from flexspline.cli.speech import found, say
-from flexspline.errors import printable
+from flexspline.errors import InputError, printable
 from flexspline.files import atomic_writer
 
 __all__ = ["init"]
@@ -43,23 +43,27 @@ def init(recording: str, out: str, joint: str | None, rate: float | None) -> Non
       flexspline init recording.txt --joint 3 --out map.toml
       flexspline check recording.txt --columns map.toml
     """
+    refuse_overwriting(out, [recording])
     figure = Path(out).with_suffix(".png")
-    for written in (out, str(figure)):
-        refuse_overwriting(written, [recording])
+    if figure == Path(out):
+        raise InputError(f"--out {out}: is the name of the figure; give one that ends in .toml")
+    refuse_overwriting(str(figure), [recording])
 
     from flexspline.recordings import guess_map
 
     guess = guess_map(recording, joint=joint, rate=rate)
     found(guess.to_json())
     say(str(guess))
-    if "time" in guess.channels or "rate" in guess.read:
-        drawn = guess.plot()
-        with atomic_writer(figure) as file:
-            drawn.savefig(file, format="png", dpi=110)
-        shown = f" and {figure}"
-    else:
-        shown = ""
     guess.save(out)
+    shown = ""
+    try:
+        if "time" in guess.channels or "rate" in guess.read:
+            drawn = guess.plot()
+            with atomic_writer(figure) as file:
+                drawn.savefig(file, format="png", dpi=110)
+            shown = f" and {figure}"
+    except InputError as error:
+        say(f"\nnot drawn, for the map does not read the recording yet: {error}")
     say(f"\nwrote {out}{shown}; next: {_next(recording, out)}")
 
 

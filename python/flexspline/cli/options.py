@@ -22,7 +22,13 @@ from tqdm import tqdm
 from flexspline.cli.speech import is_quiet, tell
 from flexspline.effects import TARGETS, effect
 from flexspline.errors import InputError, printable
-from flexspline.files import file_to_write, folder_to_write, require_there
+from flexspline.files import (
+    PREVIOUS,
+    Writing,
+    file_to_write,
+    folder_to_write,
+    require_there,
+)
 
 if TYPE_CHECKING:
     from flexspline.logs.log import Log
@@ -414,7 +420,7 @@ def reading(columns_needed: bool = False) -> Callable[[Callable[..., Any]], Call
         def packed(**given: Any) -> Any:
             own = {name: given.pop(name) for name in names}
             facts = {name: own[name] for name in names[:5] if own[name] is not None}
-            rest = {name: own[name] for name in names[-4:] if own[name]}
+            rest = {name: own[name] for name in names[-4:] if own[name] not in (None, False)}
             how = Reading(facts, own["repair"], own["columns"], own["rate"], rest)
             return command(reading=how, **given)
 
@@ -449,8 +455,8 @@ class Reading:
     @property
     def arguments(self) -> dict[str, Any]:
         """What was given, as arguments of `read_log`."""
-        given = {**self.facts, "repair": self.repair, "rate": self.rate, **self.rest}
-        return {key: value for key, value in given.items() if value}
+        given = {**self.facts, "repair": self.repair, "rate": self.rate}
+        return {**{key: value for key, value in given.items() if value}, **self.rest}
 
     def logs(
         self,
@@ -529,7 +535,10 @@ def refuse_overwriting(out: str, inputs: Sequence[str], names: Sequence[str] = (
     `names`: of the files that are written where `out` is a folder.
     """
     places = [folder_to_write(out) / name for name in names] or [file_to_write(out)]
-    taken = {os.path.realpath(place) for place in places}
+    for place in places:
+        Writing.current().before(place)
+    kept = [Path(f"{place}{PREVIOUS}") for place in places if place.exists()]
+    taken = {os.path.realpath(place) for place in (*places, *kept)}
     for path in inputs:
         if os.path.realpath(path) in taken:
             raise InputError(f"--out {out}: would overwrite {path}, which is read; give another")

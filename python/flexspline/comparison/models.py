@@ -277,6 +277,7 @@ def _fitted(names: Sequence[str], runs: Sequence[ModelRun]) -> list[str]:
         if own:
             found.append(
                 f"'{name}' was fitted to {listed(own, 3)}: its error there is too low to be "
-                "compared, and marked with †; give the fit itself for held-out errors."
+                "compared, and marked with †; held-out errors are those of a fit itself, at its "
+                "own low pass."
             )
     return found

@@ -141,10 +141,13 @@ def _chosen(table: Table, columns: Mapping[str, ColumnSpec] | None) -> dict[str,
 
 
 def _with_unit(table: Table, at: ColumnSource) -> ColumnSource:
-    """Return the source with the unit that the file states, where the map states none."""
+    """Return the source with the unit that the file states, where the map states none.
+
+    A unit that is not known counts as none: of a time such as "seconds since 2020-01-01".
+    """
     number = table.index(at.source)
     stated = table.units[number] if table.units and at.unit is None else None
-    return at if stated is None else replace(at, unit=stated)
+    return at if stated is None else replace(at, unit=canonical_unit(stated))
 
 
 def _source(table: Table, channel: str, spec: ColumnSpec) -> ColumnSource:
@@ -313,10 +316,7 @@ def to_si(channel: str, unit: str) -> tuple[float, float]:
     try:
         if not (isinstance(unit, str) and len(unit) <= LONGEST_UNIT):
             raise ValueError
-        spelled = canonical_unit(unit) or unit.strip()
-        if not UNIT.fullmatch(spelled):
-            raise ValueError
-        source = registry.Unit(_PINT_NAMES.get(spelled, spelled))
+        source = _measuring(wanted, unit.strip())
     except Exception as error:  # pint raises many kinds, its parser's and tokenizer's among them
         raise InputError(
             f"channel '{channel}': unit '{shortened(unit)}' is not known; "
@@ -332,6 +332,30 @@ def to_si(channel: str, unit: str) -> tuple[float, float]:
         float(registry.Quantity(x, source).to(target).magnitude) for x in (0.0, 1.0, 1e6)
     )
     return ((far - zero) / 1e6 if zero else one), zero  # far: an offset costs no digits
+
+
+def _measuring(wanted: str, unit: str) -> Any:
+    """Return pint's unit, as it is written if that measures the same, else as it may be meant.
+
+    Raises
+    ------
+    Exception
+        Of many kinds, where neither is a unit.
+    """
+    registry = _registry()
+    target = registry.get_root_units(registry.Unit(_PINT_NAMES.get(wanted, wanted)))[1]
+    found = []
+    for spelled in filter(None, (unit or "", canonical_unit(unit))):
+        if UNIT.fullmatch(spelled):
+            try:
+                found.append(registry.Unit(_PINT_NAMES.get(spelled, spelled)))
+            except Exception:  # pint raises many kinds
+                continue
+            if registry.get_root_units(found[-1])[1] == target:
+                return found[-1]
+    if not unit:
+        return registry.Unit("dimensionless")
+    return found[0] if found else registry.Unit(unit if UNIT.fullmatch(unit) else "")
 
 
 @functools.cache

@@ -214,7 +214,8 @@ def _columns(value: Mapping[str, Any], vectors: dict[str, NDArray[Any]]) -> dict
     if not found:
         return vectors
     numbers = Counter[int]()
-    for column in (*vectors.values(), *found.values()):
+    counted = vectors if len(vectors) > 1 else {**vectors, **found}  # one may be any clock
+    for column in counted.values():
         numbers[len(column)] += len(column)
     length = numbers.most_common(1)[0][0]
     others = [each for each in numbers if each != length]
@@ -436,20 +437,15 @@ def _group(group: Any, label: str, most: int) -> dict[str, Any]:
 
     found: dict[str, Any] = {}
     for name in group:
-        at = f"{group.name.rstrip('/')}/{name}"
-        if not isinstance(group.get(name, getlink=True), h5py.HardLink):
-            raise InputError(f"{label}: '{at}' is a link to elsewhere; save the numbers themselves")
-        inner = group[name]
-        if isinstance(inner, h5py.Dataset):
-            if inner.external or inner.is_virtual:
-                raise InputError(
-                    f"{label}: the numbers of '{at}' lie in another file; save them in this one"
-                )
-            require_memory((inner.size or 0) * inner.dtype.itemsize, most, label)
+        inner = _linked(group, name, label)
+        if inner is None:
+            continue
         if isinstance(inner, h5py.Group):
             if not name.startswith("#"):
                 found[name] = _group(inner, label, most)
-        elif inner.attrs.get("MATLAB_class") == b"char":
+            continue
+        require_memory((inner.size or 0) * inner.dtype.itemsize, most, label)
+        if inner.attrs.get("MATLAB_class") == b"char":
             found[name] = "".join(map(chr, np.asarray(inner).T.reshape(-1)))
         elif inner.dtype.kind in "SO" and inner.ndim == 1:
             found[name] = [
@@ -459,3 +455,27 @@ def _group(group: Any, label: str, most: int) -> dict[str, Any]:
         elif inner.dtype.kind in "fiub":
             found[name] = np.asarray(inner).T
     return found
+
+
+def _linked(group: Any, name: str, label: str) -> Any:
+    """Return what a name in a group stands for; None of a link within the file.
+
+    Raises
+    ------
+    InputError
+        Where it, or its numbers, lie in another file.
+    """
+    import h5py
+
+    at = f"{group.name.rstrip('/')}/{name}"
+    link = group.get(name, getlink=True)
+    if isinstance(link, h5py.SoftLink):
+        return None
+    if not isinstance(link, h5py.HardLink):
+        raise InputError(f"{label}: '{at}' is a link to elsewhere; save the numbers themselves")
+    inner = group[name]
+    if isinstance(inner, h5py.Dataset) and (inner.external or inner.is_virtual):
+        raise InputError(
+            f"{label}: the numbers of '{at}' lie in another file; save them in this one"
+        )
+    return inner

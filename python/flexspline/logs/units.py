@@ -12,6 +12,8 @@ from typing import Final
 
 __all__ = ["SPELLINGS", "canonical_unit"]
 
+SMALL: Final = ("mNm", "mA", "mV")  # with a capital M they may be mega
+
 SPELLINGS: Final[dict[str, tuple[str, ...]]] = {
     "s": ("s", "sec", "secs", "second", "seconds", "sek", "sekunden", "秒", "с"),
     "ms": ("ms", "msec", "millis", "millisecond", "milliseconds", "millisekunden", "мс"),
@@ -26,8 +28,8 @@ SPELLINGS: Final[dict[str, tuple[str, ...]]] = {
     "deg/s": ("deg/s", "deg/sec", "°/s", "°/sec", "º/s", "dps", "grad/s", "deg_s", "deg_per_s"),
     "mrad/s": ("mrad/s", "mrad_s"),
     "rpm": (
-        "rpm", "1/min", "1min", "u/min", "min-1", "min^-1", "r/min", "rev/min", "umin", "upm",
-        "tr/min", "/min", "min⁻¹", "rev_min", "об/мин", "obr/min", "ot/min", "giri/min",
+        "rpm", "1/min", "1min", "1.min", "u/min", "min-1", "min^-1", "r/min", "rev/min", "umin",
+        "upm", "tr/min", "/min", "min⁻¹", "rev_min", "об/мин", "obr/min", "ot/min", "giri/min",
     ),
     "rev/s": ("rev/s", "revs/s", "turn/s", "turns/s", "rps", "r/s", "u/s", "rev_s"),
     "rad/s^2": ("rad/s^2", "rad/s²", "rad/s2", "rad/ss", "rad_s2", "rads-2"),
@@ -63,14 +65,23 @@ def canonical_unit(text: str) -> str | None:
     >>> canonical_unit("[N·m]"), canonical_unit("U/min"), canonical_unit("apples")
     ('Nm', 'rpm', None)
     """
-    plain = _plain(text)
+    bare = _bare(text)
     exact, folded = _tables()
-    return exact.get(plain) or folded.get(plain.lower())
+    for plain in (re.sub(r"\s", "", bare), _without_signs(bare)):
+        unit = exact.get(plain) or folded.get(plain.lower())
+        if unit and (plain in exact or not (unit in SMALL and plain != plain.lower())):
+            return unit
+    return None
 
 
-def _plain(text: str) -> str:
-    bare = re.sub(r"^\s*(?:\[(.*)\]|\((.*)\)|\{(.*)\})\s*$", r"\1\2\3", str(text))
-    return re.sub(r"[\s·⋅•・*.]|(?<=[A-Za-z])-(?=[A-Za-z])", "", bare)
+def _bare(text: str) -> str:
+    """Return a unit without the brackets around it."""
+    return re.sub(r"^\s*(?:\[(.*)\]|\((.*)\)|\{(.*)\})\s*$", r"\1\2\3", str(text)).strip()
+
+
+def _without_signs(bare: str) -> str:
+    """Return a torque without the signs of its product: "N·m", "lbf-in"."""
+    return re.sub(r"(?<=[A-Za-zА-я])[\s·⋅•・*.-]+(?=[A-Za-zА-я])", "", bare)
 
 
 @functools.cache
@@ -78,6 +89,7 @@ def _tables() -> tuple[dict[str, str], dict[str, str]]:
     exact, folded = dict[str, str](), dict[str, str]()
     for unit, spellings in SPELLINGS.items():
         for spelling in (unit, *spellings):
-            exact.setdefault(_plain(spelling), unit)
-            folded.setdefault(_plain(spelling).lower(), unit)
+            plain = re.sub(r"\s", "", spelling)
+            exact.setdefault(plain, unit)
+            folded.setdefault(plain.lower(), unit)
     return exact, folded

@@ -148,9 +148,9 @@ def compete(
         if not (turning or lasting) or max(len(orders), len(waves)) > MOST:
             break
         if _strength(lasting) > STRONGER * _strength(turning):
-            waves += [line for _, line in lasting]
+            waves.append(lasting[0][1])
         else:
-            orders += [line for _, line in turning]
+            orders.append(turning[0][1])
         rest = [_less(part, orders, waves) for part in parts]
     return Competition(
         tuple(orders),

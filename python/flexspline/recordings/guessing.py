@@ -89,7 +89,9 @@ def guess_map(
     table = replace(table, names=table.names or layout.names, units=table.units or layout.units)
     said = said_in([*layout.preamble, *(f"{name}: {v}" for name, v in table.facts.items())])
     joints = one_joint(columns_of(table), joint, path.stem, str(path))
-    clock = clock_of(joints.columns, layout.preamble) if rate is None else Clock(rate=rate)
+    clock = clock_of(joints.columns, layout.preamble)
+    if rate is not None:
+        clock = _given(clock, rate)
     found = _Found(clock, joints, said)
     found.assign()
     if not found.channels:
@@ -98,6 +100,20 @@ def guess_map(
             "write the column map by hand"
         )
     return found.guess(path, layout, table)
+
+
+def _given(clock: Clock, rate: float) -> Clock:
+    """Return the clock of a rate that is given, doubted where the recording has one of its own.
+
+    Raises
+    ------
+    InputError
+        For a rate that is not above zero.
+    """
+    if not (isinstance(rate, (int, float)) and math.isfinite(rate) and rate > 0):
+        raise InputError(f"rate is {rate!r}; give rows per second, above zero")
+    doubt = "" if clock.column is None else f"column '{clock.column.says.name}' seems to be a clock"
+    return Clock(rate=float(rate), reason="as given", unsure=doubt)
 
 
 @dataclass
@@ -206,6 +222,9 @@ class _Found:
         if factor < 0:
             self._reverse_motor()
         turns, whole = abs(factor), round(abs(factor))
+        if stated is not None and min(abs(turns / n - 1) for n in (stated, stated + 1)) > WHOLE:
+            said = f"the file says {stated:g}, the motor turns {turns:.5g} times"
+            self.unsure.append(f"gear_ratio: {said}; is a unit wrong?")
         near = abs(turns - whole) < WHOLE * whole and whole >= GEARED
         if stated is not None and near and round(stated) == whole - 1:
             self._fact("gear_ratio", stated, "as the file says")

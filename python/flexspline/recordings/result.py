@@ -133,7 +133,8 @@ class Guess:
             _comment(f"no channel: column {number}{f' {name!r}' if name else ''}: {why}")
             for number, (name, why) in self.ignored.items()
         ]
-        return "\n".join(lines).rstrip("\n") + "\n"
+        content = "\n".join(lines).rstrip("\n") + "\n"
+        return content.encode(errors="replace").decode()  # halves of letters are none
 
     def plot(self) -> Figure:
         """Return a figure of the channels over time, as the map makes them."""

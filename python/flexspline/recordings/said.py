@@ -10,10 +10,14 @@ from typing import Final, NamedTuple
 __all__ = ["Resolution", "Said", "said_in"]
 
 NUMBER: Final = r"(\d+(?:[.,]\d+)?)"
-GEAR: Final = re.compile(
-    r"(?:gear[\s_-]*ratio|übersetzung\w*|uebersetzung\w*|untersetzung\w*|reduction[\s_-]*ratio|減速比"
-    rf"|gear|getriebe)\s*(?:\[[-–1]?\])?[\s:=;,\t\"]{{0,4}}{NUMBER}(?:\s*:\s*1\b)?",
-    re.IGNORECASE,
+LONGEST: Final = 200  # letters of a line or a name that are looked at
+GEAR: Final = (
+    re.compile(
+        r"(?:gear[\s_-]*ratio|übersetzung\w*|uebersetzung\w*|untersetzung\w*|減速比|"
+        rf"reduction(?:[\s_-]*ratio)?)\s*(?:\[[-–1]?\])?[\s:=;,\t\"]{{0,4}}{NUMBER}",
+        re.IGNORECASE,
+    ),
+    re.compile(rf"(?:gear|getriebe|\bi\b|ratio)[^\n]{{0,60}}?\b{NUMBER}\s*:\s*1\b", re.IGNORECASE),
 )
 SIZE_CODE: Final = re.compile(
     r"\b(?:HF\w{2}|CS[GFD]|SH[GFD]|CP[UL]|FHA|SHD)\w*-\d{1,3}-(\d{2,3})\b"
@@ -25,8 +29,8 @@ CONSTANT: Final = re.compile(
     re.IGNORECASE,
 )
 RESOLUTION: Final = re.compile(
-    rf"([^,\n]*?){NUMBER}[\s;,\t\"]*(?:(bits?|counts?|cnts?|inc\w*|pulses|ticks)"
-    r"\s*(?:per|/|pro|a)\s*(?:rev\w*|turn|umdr\w*|r\b)|(cpr|ppr))",
+    rf"{NUMBER}[\s;,\t\"]{{0,6}}(?:(bits?|counts?|cnts?|inc\w{{0,12}}|pulses|ticks)"
+    r"\s{0,3}(?:per|/|pro|a)\s{0,3}(?:rev\w{0,12}|turn|umdr\w{0,12}|r\b)|(cpr|ppr))",
     re.IGNORECASE,
 )
 NAMED: Final = re.compile(
@@ -64,12 +68,12 @@ class Said:
 
 def said_in(lines: Iterable[str]) -> Said:
     """Return what lines above a table, or the facts of a file, say."""
-    there = list(lines)
+    there = [line[:LONGEST] for line in lines]
     return Said(_gear_ratio(there), _torque_constant(there), (*_resolutions(there), *_named(there)))
 
 
 def _gear_ratio(lines: Sequence[str]) -> float | None:
-    for pattern in (GEAR, SIZE_CODE):
+    for pattern in (*GEAR, SIZE_CODE):
         for line in lines:
             found = pattern.search(line)
             if found and RATIOS[0] <= _number(found[1]) <= RATIOS[1]:
@@ -86,13 +90,15 @@ def _torque_constant(lines: Sequence[str]) -> float | None:
 
 def _resolutions(lines: Sequence[str]) -> Iterable[Resolution]:
     for line in lines:
+        before = 0
         for found in RESOLUTION.finditer(line):
-            count, kind = _number(found[2]), (found[3] or found[4]).lower()
+            label, before = line[before : found.start()].rsplit(",", 1)[-1], found.end()
+            count, kind = _number(found[1]), (found[2] or found[3]).lower()
             if kind.startswith("bit"):
                 count = 2.0**count if count <= 32 else 0.0
             quadrature = kind in ("ppr", "pulses")
             if count >= 1:
-                yield Resolution(_words(found[1]), count * (4 if quadrature else 1), not quadrature)
+                yield Resolution(_words(label), count * (4 if quadrature else 1), not quadrature)
 
 
 def _named(lines: Sequence[str]) -> Iterable[Resolution]:

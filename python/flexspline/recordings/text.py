@@ -183,8 +183,11 @@ def cells_of(line: str, separator: str) -> list[str]:
     """Return the cells of a line: behind a separator at its end there is an empty one."""
     if separator == " ":
         return [cell.strip('"') for cell in line.split()]
-    read = csv.reader([line], delimiter=separator, skipinitialspace=True)
-    return [cell.strip() for cell in next(read, [])]
+    try:
+        read = csv.reader([line], delimiter=separator, skipinitialspace=True)
+        return [cell.strip() for cell in next(read, [])]
+    except csv.Error:  # a cell longer than any number
+        return []
 
 
 def _is_value(cell: str, decimal: str) -> bool:
@@ -256,9 +259,9 @@ def _heads(above: list[str], separator: str, width: int, ended: bool) -> _Heads:
     if number is None:
         return _Heads(units=stated)
     names = tuple(cells[number])
-    above_it = [n for n in there if n < number]
-    if above_it and above_it[-1] != units and _groups(cells[above_it[-1]], cells[number]):
-        groups = cells[above_it[-1]]
+    above_it = number - 1 if number - 1 in there else None  # a blank line parts them
+    if above_it is not None and above_it != units and _groups(cells[above_it], cells[number]):
+        groups = cells[above_it]
         names = tuple(f"{group} {name}".strip() for group, name in zip(groups, names, strict=True))
         return _Heads(names, stated)
     own = len(cells_of(above[number], separator))

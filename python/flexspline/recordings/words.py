@@ -148,6 +148,7 @@ COUNTS: Final = ("count", "counts", "cnt", "cnts", "inc", "incr", "increments", 
                  "inkr", "tick", "ticks", "qc", "quadcounts", "pulses", "lsb", "raw")  # fmt: skip
 
 TENTHS: Final = ("dc", "ddegc", "d°c", "0.1°c", "0.1 °c", "1/10°c")  # of a degree Celsius
+LONGEST: Final = 200  # letters of a name that are looked at
 FOREIGN: Final = frozenset(
     [
         "m",
@@ -234,7 +235,7 @@ def meaning(name: str, stated: str | None = None, *, ours: bool = False) -> Mean
     """
     if ours and name in CHANNELS:
         return _of_channel(name, stated)
-    plain = unicodedata.normalize("NFKC", name)
+    plain = unicodedata.normalize("NFKC", " ".join(name.split()))[:LONGEST]
     bare, unit = stated_unit(MANGLED.sub(_brackets, plain))
     if stated is not None:
         unit = unit_in(stated) or ("foreign" if re.search(r"[^\W_]", stated) else unit)

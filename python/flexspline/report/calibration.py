@@ -308,7 +308,8 @@ def told(result: CalibrationResult) -> list[str]:
         f"{sized(result, result.median_fold)}, in the worst {sized(result, result.worst_fold)}; in "
         f"sample {sized(result, result.rmse)}.{_held_zero(result)}"
     )
-    if result.zero_test is not None and result.zero_test.tested < len(result.runs) - 1:
+    test = result.zero_test
+    if test is not None and not test.moved and test.tested < len(result.runs) - 1:
         said.append(
             "A zero that moved between the runs could pass for drift here, unseen: the temperature "
             "changes too little within the runs."

@@ -156,7 +156,7 @@ def _facts(fit: Fit) -> list[tuple[str, str]]:
 
 def _noise(fit: Fit) -> str:
     noise = fit.uncertainty.noise
-    size = f"standard deviation {short(noise.variance**0.5)} {fit.unit}"
+    size = f"innovations of {short(noise.innovation_variance**0.5)} {fit.unit}"
     every = f", every {noise.decimation} rows" if noise.decimation > 1 else ""
     if not noise.order:
         return f"white, {size}{every}"
