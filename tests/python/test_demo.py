@@ -52,7 +52,8 @@ def test_what_it_promises_lies_there(told: tuple[Result, Path]) -> None:
     _, out = told
     runs = {f"run{k + 1}.csv" for k in range(TRAINING + HELD_OUT)}
     left = {"model.json", "report.html", "joint.hpp", "before_after.png"}
-    assert {path.name for path in out.iterdir()} == runs | left
+    recorded = {"recording.txt", "load.csv", "oven.csv", "warmup.csv"}
+    assert {path.name for path in out.iterdir()} == runs | left | recorded
     assert list(out.parent.iterdir()) == [out]
     assert (out / "before_after.png").read_bytes().startswith(b"\x89PNG")
 

@@ -353,9 +353,9 @@ def _measuring(wanted: str, unit: str) -> Any:
                 continue
             if registry.get_root_units(found[-1])[1] == target:
                 return found[-1]
-    if not unit:
+    if not found and not unit:
         return registry.Unit("dimensionless")
-    return found[0] if found else registry.Unit(unit if UNIT.fullmatch(unit) else "")
+    return found[0]
 
 
 @functools.cache
