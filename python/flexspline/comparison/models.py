@@ -174,8 +174,10 @@ def compare_models(
 
 def _target_of(models: Mapping[str, Model | Fit], target: str | None) -> str:
     """The one target of all models."""
-    if not models:
-        raise InputError("there is no model to compare; give at least one by name")
+    if not (isinstance(models, Mapping) and models):
+        raise InputError(
+            "there is no model to compare; give a mapping, such as {'a': fit, 'b': model}"
+        )
     for name, one in models.items():
         if not isinstance(one, (Model, Fit)):
             raise InputError(

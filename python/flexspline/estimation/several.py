@@ -80,7 +80,7 @@ class Estimates(Sequence[Estimate]):
         """Return a table of the errors, a row for each run that has a reference and estimate."""
         import pandas
 
-        return pandas.DataFrame([row for row in self._table() if row[0] != ALL], columns=HEAD)
+        return pandas.DataFrame(list(self._of_runs()), columns=HEAD)
 
     def __repr__(self) -> str:
         return f"<Estimates of {len(self)} runs: {listed(self.estimators)}>"
@@ -102,13 +102,16 @@ class Estimates(Sequence[Estimate]):
     def _has_reference(self) -> bool:
         return any(reference is not None for reference in self.references)
 
-    def _table(self) -> Iterator[tuple[str, str, int, float, float, float]]:
+    def _of_runs(self) -> Iterator[tuple[str, str, int, float, float, float]]:
         for column in self.estimators:
             each = self.errors(column)
             for run, errors, known in zip(self.runs, each, self.references, strict=True):
-                if known is not None:
+                if known is not None and column in run:
                     yield run.name, column, len(errors), *error_sizes(errors)
-            whole = np.concatenate(each)
+
+    def _pooled(self) -> Iterator[tuple[str, str, int, float, float, float]]:
+        for column in self.estimators:
+            whole = np.concatenate(self.errors(column))
             yield ALL, column, len(whole), *error_sizes(whole)
 
     def _rows(self) -> list[tuple[str, ...]]:
@@ -116,7 +119,7 @@ class Estimates(Sequence[Estimate]):
             HEAD,
             *(
                 (run, column, str(rows), *(short(size, 4) for size in sizes))
-                for run, column, rows, *sizes in self._table()
+                for run, column, rows, *sizes in (*self._of_runs(), *self._pooled())
             ),
         ]
 

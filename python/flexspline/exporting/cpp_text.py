@@ -36,6 +36,7 @@ LONGEST = 64  # characters of a name
 IDENTIFIER = re.compile(r"(?!.*__)[A-Za-z][A-Za-z0-9_]*")
 HEADER = re.compile(r"(?!.*\.\.)[A-Za-z0-9_][A-Za-z0-9_.-]*(/[A-Za-z0-9_][A-Za-z0-9_.-]*)*")
 SIGNS = "±°·×−–²³⁰¹⁴⁵⁶⁷⁸⁹⁻"  # of numbers and units, which headers hold beside ASCII
+SPELLED = {"\u00b5": "u", "\u03bc": "u", "\u03a9": "Ohm", "\u2126": "Ohm"}
 PLAIN = re.compile(r"[ !#->@-\[\]-~]")  # of ASCII, without quote, question mark and backslash
 
 # Keywords of C++20, and the namespaces that an exported header needs.
@@ -216,8 +217,10 @@ def _plain(letter: str) -> str:
         return letter if letter.isprintable() else " "
     if not letter.isprintable():
         return " "
-    base = unicodedata.normalize("NFKD", letter)[0]
-    return base if base.isascii() and base.isprintable() else "?"
+    plain = SPELLED.get(letter) or unicodedata.normalize("NFKD", letter).replace(
+        "\N{FRACTION SLASH}", "/"
+    )
+    return "".join(each for each in plain if each.isascii() and each.isprintable()) or "?"
 
 
 def literal(value: float, name: str) -> str:

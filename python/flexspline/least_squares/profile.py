@@ -151,7 +151,7 @@ class Contour:
 
     def __str__(self) -> str:
         both = listed(short_names(name) for name in self.names).replace(", ", " and ")
-        first = f"Region of {both} ({100 * self.level:g} %, both together)"
+        first = f"Region of {both} around the estimate ({100 * self.level:g} %, both together)"
         if not np.isfinite(self.points).any():
             return " ".join([f"{first}: it ends nowhere within bounds.", *self.notes])
         low, high = np.nanmin(self.points, axis=0), np.nanmax(self.points, axis=0)
@@ -173,6 +173,7 @@ class Contour:
 def profile_of(fit: Fit, name: str, level: float, points: int) -> Profile:
     """Return the profile of one parameter; see `Fit.profile`."""
     require_level(level)
+    _require_points(points, 0, "to fill a profile with")
     search = _Search.of(fit, [name])
     (parameter,) = search.parameters
     limit = float(student.ppf(0.5 + 0.5 * level, parameter.degrees_of_freedom)) ** 2
@@ -196,11 +197,15 @@ def profile_of(fit: Fit, name: str, level: float, points: int) -> Profile:
     )
 
 
+def _require_points(points: int, least: int, what: str) -> None:
+    if not (isinstance(points, int) and points >= least):
+        raise InputError(f"points is {points!r}; give a whole number, {least} at least, {what}")
+
+
 def contour_of(fit: Fit, names: tuple[str, str], level: float, points: int) -> Contour:
     """Return the region of two parameters; see `Fit.contour`."""
     require_level(level)
-    if points < 4:
-        raise InputError(f"points is {points}; give 4 at least to go round a region")
+    _require_points(points, 4, "to go round a region")
     search = _Search.of(fit, names)
     one, other = search.parameters
     freedom = min(p.degrees_of_freedom for p in search.parameters)

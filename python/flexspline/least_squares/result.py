@@ -112,7 +112,7 @@ class Parameter:
 
         Parameters
         ----------
-        level : between 0 and 1; at 0.95 it is `interval`.
+        level : between 0 and 1; at 0.95 it is `interval` where there is a standard error.
 
         Returns
         -------

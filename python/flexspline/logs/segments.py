@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from numbers import Real
 from typing import NamedTuple
 
 import numpy as np
@@ -251,7 +252,7 @@ def output_speed(log: Log, least: float) -> NDArray[np.float64]:
     InputError
         Where `least` is no speed, or the log has neither channel.
     """
-    if not (np.isfinite(least) and least >= 0.0):
+    if not (isinstance(least, Real) and np.isfinite(least) and least >= 0.0):
         raise InputError(f"speed_above is {least!r}; give rad/s, 0 or more")
     if "output_velocity" not in log and "output_position" not in log:
         raise InputError(

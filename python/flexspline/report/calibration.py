@@ -50,7 +50,8 @@ SOURCES = {
 OWN_ZEROS = (
     "The zero above, which the model holds, is the mean of the runs'; its error is that of the "
     "noise alone. A sensor that is mounted or zeroed again has another zero: zero its reading, or "
-    "take it to be off by about that standard deviation."
+    "take it to be off by that standard deviation times √(1 + 1/R) after R runs, and by more after "
+    "few."
 )
 NOISE_ALONE = (
     "Errors of parameters are those of the noise: bend and hysteresis repeat, and stand in the "

@@ -57,7 +57,7 @@ def _rows(made: ModelComparison) -> list[tuple[str, ...]]:
         rows.append((label, *_cells(np.round(errors[at], digits), own, digits)))
     for label, values in (("AIC", made.aic), ("BIC", made.bic)):
         if np.isfinite(values).any():
-            rows.append((label, *_cells(values, np.isnan(values), 1)))
+            rows.append((label, *_cells(np.round(values, 1), np.isnan(values), 1)))
     return rows
 
 
@@ -73,7 +73,8 @@ def _cells(values: NDArray[np.float64], own: NDArray[np.bool_], digits: int) -> 
 
 
 def _notes(made: ModelComparison) -> list[str]:
-    said = [f"{BEST} lowest of its row"] if len(made.names) > 1 else []
+    starred = any(BEST in cell for row in _rows(made)[1:] for cell in row[1:])
+    said = [f"{BEST} lowest of its row"] if starred else []
     if len(made.runs) > MOST_RUNS:
         said.append(f"The {MOST_RUNS} worst of {len(made.runs)} runs are shown.")
     if np.isfinite(made.aic).any():

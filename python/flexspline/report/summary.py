@@ -156,15 +156,15 @@ def _facts(fit: Fit) -> list[tuple[str, str]]:
 
 def _noise(fit: Fit) -> str:
     noise = fit.uncertainty.noise
-    size = f"innovations of {short(noise.innovation_variance**0.5)} {fit.unit}"
+    deviation = f"standard deviation {short(noise.innovation_variance**0.5)} {fit.unit}"
     every = f", every {noise.decimation} rows" if noise.decimation > 1 else ""
     if not noise.order:
-        return f"white, {size}{every}"
+        return f"white, {deviation}{every}"
     rows = noise.memory * noise.decimation
     rate = float(np.median([run.log.rate for run in fit.runs]))
     count = short(rows) if rows < 100.0 else f"{rows:.0f}"
     memory = f"memory {count} rows ({short(rows / rate)} s)"
-    return f"autoregressive of order {noise.order}, {size}, {memory}{every}"
+    return f"autoregressive of order {noise.order}, innovations of {deviation}, {memory}{every}"
 
 
 def _criteria(fit: Fit) -> list[tuple[str, str]]:
