@@ -346,21 +346,21 @@ def test_guess_map_is_public_and_its_repr_is_a_line(tmp_path: Path) -> None:
     json.dumps(dict(guess.facts))
 
 
-def test_a_stated_gear_ratio_that_the_motion_denies_is_doubted_and_stages_are_no_ratio(
+def test_a_stated_gear_ratio_that_the_motion_contradicts_is_unsure_and_stages_are_no_ratio(
     tmp_path: Path,
 ) -> None:
     table = "\n".join(f"{t:.4f};{q:.6f};{50 * q:.4f}" for t, q in zip(TIME, Q, strict=True))
     recording = tmp_path / "run.txt"
-    for head, doubted in (("gear ratio: 100", True), ("gear ratio: 50", False)):
+    for head, unsure in (("gear ratio: 100", True), ("gear ratio: 50", False)):
         recording.write_text(f"{head}\n\nt [s];q [rad];theta [rad]\n{table}\n")
         guess = guess_map(recording)
         assert guess.facts["gear_ratio"] == 50
-        assert any("the file says 100" in said for said in guess.unsure) == doubted
+        assert any("the file says 100" in said for said in guess.unsure) == unsure
     recording.write_text(f"Getriebe 3 Stufen, 50:1\n\nt [s];q [rad]\n{table.replace(';', ';')}\n")
     assert guess_map(recording).facts.get("gear_ratio") in (None, 50)
 
 
-def test_a_rate_beside_a_clock_is_doubted_and_no_rate_below_zero_is_taken(tmp_path: Path) -> None:
+def test_a_rate_beside_a_clock_is_unsure_and_no_rate_below_zero_is_taken(tmp_path: Path) -> None:
     recording = tmp_path / "run.npz"
     np.savez(recording, **{"t [s]": TIME, "q [rad]": Q})
     assert any("clock" in said for said in guess_map(recording, rate=1000.0).unsure)

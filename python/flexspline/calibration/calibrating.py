@@ -383,7 +383,7 @@ def _require_something(asked: Asked, known: float | None, why_not: str) -> None:
         smaller = ", a smaller degree" if asked.degree > 1 else ""
         raise InputError(
             f"{TOGETHER}, so that the sensitivity and a drift of degree {asked.degree} cannot be "
-            "told apart; add a run with load at a steady temperature, or one without load while "
+            "distinguished; add a run with load at a steady temperature, or one without load while "
             f"the temperature changes, or give the sensitivity (--sensitivity){smaller}"
         )
     if asked.degree == 0 and why_not != NOT_FOLLOWED:

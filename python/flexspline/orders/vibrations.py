@@ -14,7 +14,7 @@ have to be so far apart that the order moves by more than both resolve:
 
     k (min v - max v') / 2π > 1/T + 1/T'.
 
-A vibration has to be told apart so, and to be significant in half of those pieces at least that
+A vibration has to be distinguished so, and to be significant in half of those pieces at least that
 would show it: what a strong order leaves behind is a line at one speed.
 """
 

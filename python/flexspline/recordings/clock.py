@@ -24,7 +24,7 @@ which its rate lies here. Three decades, as far as the units are apart."""
 SURE: Final = (50.0, 5000.0)  # Hz, inside of which another unit would be out of the usual
 EPOCH: Final = (1.2e9, 2.5e9)  # seconds since 1970: of the years 2008 to 2049
 ROUND: Final = 0.005  # by how much its rate may be off a round one
-EVEN: Final = 0.25  # of the median step: what a clock without a name may be off, mostly
+EVEN: Final = 0.25  # of the median step: what an unnamed clock may be off, mostly
 EXCEL: Final = (36_000.0, 60_000.0)  # days since 1900: of the years 1998 to 2064
 
 

@@ -103,7 +103,7 @@ def guess_map(
 
 
 def _given(clock: Clock, rate: float) -> Clock:
-    """Return the clock of a rate that is given, doubted where the recording has one of its own.
+    """Return the clock of a given rate, unsure where the recording has one of its own.
 
     Raises
     ------
