@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -65,6 +66,14 @@ def _refuse_of_motion(options: dict[str, Any], foreign: bool) -> None:
         raise InputError(
             "--by simulation takes one offset for all runs; leave --offset-per-run out"
         )
+
+
+def _of_joint(content: Mapping[str, Any]) -> dict[str, Any]:
+    """What a fit says of one joint: its errors, and each parameter with its own."""
+    row = {key: content[key] for key in ("unit", "rmse", "held_out_rmse")}
+    for one in content["parameters"]:
+        row |= {one["name"]: one["value"], f"{one['name']}_error": one["standard_error"]}
+    return row
 
 
 @click.command(cls=Taught, sections=(effects_by_target, repairs))
@@ -133,7 +142,7 @@ def _refuse_of_motion(options: dict[str, Any], foreign: bool) -> None:
 @simulation
 @click.option("--offset-per-run", is_flag=True, help="One offset for each run.")
 @threads
-@reading()
+@reading(each_joint=_of_joint)
 def fit(
     runs: tuple[str, ...],
     target: str,
@@ -166,6 +175,8 @@ def fit(
       flexspline fit run*.csv --target motor_torque --by simulation --gear-ratio 1 \\
           --controller servo.json --free-controller back_emf \\
           --effects inertia,gravity,coulomb_friction,load_dependent_friction --out servo
+      flexspline fit robot.csv --columns map.toml --joint all --target sensor_torque \\
+          --effects offset,coulomb_friction,viscous_friction --out robot
     """
     from flexspline.least_squares.options import FitOptions
 

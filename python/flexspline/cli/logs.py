@@ -7,7 +7,9 @@ of a foreign file and a column map.
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -39,6 +41,18 @@ __all__ = [
 FORBIDDEN = 3  # exit code: findings that forbid a fit
 
 
+def _of_joint(content: Mapping[str, Any]) -> dict[str, Any]:
+    """What a check says of one joint: its findings, counted over its runs."""
+    findings = [finding for run in content["runs"] for finding in run["findings"]]
+    counted = {
+        f"{severity}s": sum(finding["severity"] == severity for finding in findings)
+        for severity in ("error", "fault", "note")
+    }
+    named = dict.fromkeys(f["name"] for f in findings if f["severity"] != "note")
+    fit = "no" if content["fit_forbidden"] else "yes"
+    return {"can_be_fitted": fit, **counted, "errors_and_faults": ", ".join(named) or "–"}
+
+
 @click.command(cls=Taught, sections=(channels, effects_by_target, repairs))
 @click.argument("runs", nargs=-1, required=True, metavar="RUN.csv...", type=FILE)
 @click.option(
@@ -53,7 +67,7 @@ FORBIDDEN = 3  # exit code: findings that forbid a fit
 @click.option(
     "--out", metavar="DIR", type=FILE, help="Folder for check.json and report.html with figures."
 )
-@reading()
+@reading(each_joint=_of_joint)
 @click.pass_context
 def check(
     ctx: click.Context,
@@ -183,6 +197,7 @@ def convert(foreign: str, out: str, reading: Reading) -> None:
     from flexspline.logs.read import convert as convert_log
 
     assert reading.columns is not None
+    reading.refuse_cut("one run is written")
     refuse_overwriting(out, [foreign, reading.columns])
     log = convert_log(foreign, reading.columns, out, **reading.arguments)
     found({"run": log.name, "rows": len(log), "rate": log.rate, "channels": log.channels})

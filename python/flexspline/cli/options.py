@@ -19,7 +19,7 @@ import click
 from click.shell_completion import CompletionItem
 from tqdm import tqdm
 
-from flexspline.cli.speech import is_quiet, tell
+from flexspline.cli.speech import found, is_quiet, tell, whose
 from flexspline.effects import TARGETS, effect
 from flexspline.errors import InputError, printable
 from flexspline.files import (
@@ -31,6 +31,7 @@ from flexspline.files import (
 )
 
 if TYPE_CHECKING:
+    from flexspline.cli.joints import Summary
     from flexspline.logs.log import Log
     from flexspline.model import Model
 
@@ -50,6 +51,7 @@ __all__ = [
     "controller",
     "effects_by_target",
     "files_in",
+    "files_of",
     "fixed",
     "known_load",
     "loaded",
@@ -314,10 +316,13 @@ def out_files(command: Command) -> Command:
     )(command)
 
 
-def files_in(out: str, runs: Sequence[str], inputs: Sequence[str]) -> list[str]:
+def files_in(
+    out: str, runs: Sequence[str], inputs: Sequence[str], *, cut: bool = False
+) -> list[str]:
     """Return the names of the files of these runs in the folder --out; none where that is a file.
 
     It is a folder where there are several runs, where one is there, and where its name ends so.
+    `cut`: a file may hold several runs; what they are called is known when they are read.
 
     Raises
     ------
@@ -325,12 +330,13 @@ def files_in(out: str, runs: Sequence[str], inputs: Sequence[str]) -> list[str]:
         Where runs would have files of one name, --out is a file and there are several runs, or a
         file that is read would be overwritten.
     """
-    if len(runs) == 1 and not Path(out).is_dir() and not out.endswith(("/", os.sep)):
+    alone = len(runs) == 1 and not cut
+    if alone and not Path(out).is_dir() and not out.endswith(("/", os.sep)):
         refuse_overwriting(out, [*runs, *inputs])
         return []
     if Path(out).is_file() or (Path(out).suffix and not Path(out).exists()):
         raise InputError(
-            f"--out {out}: is the name of a file, and there are {len(runs)} runs; give a folder, "
+            f"--out {out}: is the name of a file, and there {_count(runs, cut)}; give a folder, "
             "which gets a file for each"
         )
     from flexspline.logs.read import run_name
@@ -347,14 +353,52 @@ def files_in(out: str, runs: Sequence[str], inputs: Sequence[str]) -> list[str]:
     return [f"{run_name(Path(run))}.csv" for run in runs]
 
 
+def _count(runs: Sequence[str], cut: bool) -> str:
+    return "may be several runs in a file" if cut else f"are {len(runs)} runs"
+
+
+def files_of(out: str, logs: Sequence[Log], inputs: Sequence[str]) -> list[str]:
+    """Return the names of the files of runs that were cut, in the folder --out.
+
+    Raises
+    ------
+    InputError
+        Where a file that is read would be overwritten.
+    """
+    names = [f"{log.name}.csv" for log in logs]
+    for name in names:
+        refuse_overwriting(str(Path(out) / name), inputs)
+    return names
+
+
 def out_file(metavar: str) -> Callable[[Command], Command]:
     """--out FILE"""
     says = "File to write, whole or not at all."
     return click.option("--out", required=True, metavar=metavar, type=FILE, help=says)
 
 
-def reading(columns_needed: bool = False) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Add the options of how runs are read; the command gets them as one `Reading`."""
+def _gaps(ctx: click.Context, param: click.Parameter, text: str | None) -> float | bool | None:
+    """Read the seconds of --split-gaps; True without a number."""
+    if text is None or text == "auto":
+        return None if text is None else True
+    try:
+        return positive(text)
+    except click.BadParameter:
+        raise click.BadParameter(
+            f"'{text}' is no number of seconds above zero; write --split-gaps behind the runs, or "
+            "--split-gaps=0.5",
+            ctx,
+            param,
+        ) from None
+
+
+def reading(
+    columns_needed: bool = False, each_joint: Summary | None = None
+) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Add the options of how runs are read; the command gets them as one `Reading`.
+
+    `each_joint`: what a command says of one joint in the summary of several; None: it takes one.
+    """
     spline = click.Choice(["circular", "flex"])
     options: list[tuple[str, dict[str, Any]]] = [
         ("--gear-ratio", {"type": positive, "metavar": "N", "help": "Gear ratio N, as sold."}),
@@ -394,6 +438,37 @@ def reading(columns_needed: bool = False) -> Callable[[Callable[..., Any]], Call
                 "help": "Column map of a foreign file: channel, column, unit, sign.",
             },
         ),
+        (
+            "--joint",
+            {
+                "metavar": "NAME|A,B|all",
+                "help": "Of a robot's files, whose map has sources such as q_{joint}: the joint. "
+                "Several, or all: "
+                + (
+                    "each by itself, into a folder of its own in --out, with one summary."
+                    if each_joint
+                    else "only check, discover, fit and predict take them."
+                ),
+            },
+        ),
+        (
+            "--split-column",
+            {
+                "metavar": "COLUMN",
+                "help": "A file holds several runs: one begins wherever this column changes.",
+            },
+        ),
+        (
+            "--split-gaps",
+            {
+                "is_flag": False,
+                "flag_value": "auto",
+                "metavar": "[SECONDS]",
+                "callback": _gaps,
+                "help": "A file holds several runs: one begins wherever time goes on by more than "
+                "this, or back; without a number by more than 25 median steps.",
+            },
+        ),
         ("--rate", {"type": positive, "metavar": "HZ", "help": "Of runs without time stamps."}),
         ("--encoding", {"metavar": "NAME", "help": "Of text files, such as latin-1."}),
         (
@@ -421,8 +496,14 @@ def reading(columns_needed: bool = False) -> Callable[[Callable[..., Any]], Call
             own = {name: given.pop(name) for name in names}
             facts = {name: own[name] for name in names[:5] if own[name] is not None}
             rest = {name: own[name] for name in names[-4:] if own[name] not in (None, False)}
-            how = Reading(facts, own["repair"], own["columns"], own["rate"], rest)
-            return command(reading=how, **given)
+            cut = (own["split_column"], own["split_gaps"])
+            how = Reading(facts, own["repair"], own["columns"], own["rate"], rest, cut)
+            asked = own["joint"]
+            if asked is None:
+                return command(reading=how, **given)
+            from flexspline.cli.joints import for_joints
+
+            return for_joints(command, each_joint, asked, how, given)
 
         packed.__name__, packed.__doc__ = command.__name__, command.__doc__
         packed.__dict__.update(command.__dict__)  # the options that are there already
@@ -444,6 +525,8 @@ class Reading:
     columns : path of a column map, or None.
     rate : Hz, of files without time stamps.
     rest : how files are written where that is not found by looking, and what memory they may take.
+    cut : the column and the gaps that cut a file into runs, None where they do not.
+    joint : of a robot, whose files have columns of several.
     """
 
     facts: Mapping[str, Any] = field(default_factory=dict)
@@ -451,11 +534,18 @@ class Reading:
     columns: str | None = None
     rate: float | None = None
     rest: Mapping[str, Any] = field(default_factory=dict)
+    cut: tuple[str | None, float | bool | None] = (None, None)
+    joint: str | None = None
+
+    @property
+    def splits(self) -> bool:
+        """Whether a file may hold several runs."""
+        return self.cut != (None, None)
 
     @property
     def arguments(self) -> dict[str, Any]:
         """What was given, as arguments of `read_log`."""
-        given = {**self.facts, "repair": self.repair, "rate": self.rate}
+        given = {**self.facts, "repair": self.repair, "rate": self.rate, "joint": self.joint}
         return {**{key: value for key, value in given.items() if value}, **self.rest}
 
     def logs(
@@ -479,21 +569,63 @@ class Reading:
             if Path(path).resolve() in seen:
                 raise InputError(f"{path}: is given twice; give each run once")
             seen.add(Path(path).resolve())
-        arguments = with_simulated(self._with_map(), simulated_torque)
+        arguments = with_simulated(self.with_map(), simulated_torque)
         quiet = not on_terminal()
-        return [
-            _completed(path, arguments, known or {})
+        logs = [
+            _completed(log, known or {})
             for path in tqdm(paths, "reading", unit="run", disable=quiet, leave=False, delay=1.0)
+            for log in self._read(path, arguments)
         ]
+        if self.splits:
+            found({"cut": [{"run": log.name, "rows": len(log)} for log in logs]})
+        return logs
 
-    def _with_map(self) -> dict[str, Any]:
+    def with_map(self) -> dict[str, Any]:
+        """What was given, and what the map says, as arguments of `read_log`.
+
+        Raises
+        ------
+        InputError
+            Where the map cannot be read.
+        """
         if self.columns is None:
             return self.arguments
-        from flexspline.logs.read import read_map
+        from flexspline.logs.read import map_arguments
 
-        sections = read_map(self.columns)
-        mapped = {"columns": sections["columns"], "facts": sections["facts"]}
-        return {**sections["read"], **mapped, **self.arguments}
+        return {**map_arguments(self.columns, self.joint), **self.arguments}
+
+    def one(self, path: str, known: Mapping[str, Any]) -> Log:
+        """Read the run of a command that takes one; `known` as for `logs`.
+
+        Raises
+        ------
+        InputError
+            Where it cannot be read, or is to be cut.
+        """
+        self.refuse_cut("a run is taken whole")
+        return self.logs([path], known)[0]
+
+    def refuse_cut(self, why: str) -> None:
+        """Refuse to cut a file into runs."""
+        if self.splits:
+            raise InputError(f"{why}; leave --split-column and --split-gaps out")
+
+    def _read(self, path: str, arguments: Mapping[str, Any]) -> list[Log]:
+        """Read the runs of a file, and say how many rows are in none."""
+        from flexspline.logs.read import cut_runs, read_log
+
+        if not self.splits:
+            return [read_log(path, **arguments)]
+        column, gaps = self.cut
+        number = int(column) if column is not None and column.isdecimal() else column
+        cut = cut_runs(path, split_column=number, split_gaps=gaps, **arguments)
+        (warn if cut.rows_left_out else _aside)([cut.sentence])
+        return list(cut.runs)
+
+
+def _aside(sentences: Sequence[str]) -> None:
+    for sentence in sentences:
+        tell(sentence)
 
 
 def simulations(
@@ -547,13 +679,12 @@ def refuse_overwriting(out: str, inputs: Sequence[str], names: Sequence[str] = (
 def warn(sentences: Sequence[str]) -> None:
     """Print each sentence on a line of standard error."""
     for sentence in sentences:
-        click.echo(f"flexspline: warning: {printable(sentence)}", err=True)
+        click.echo(f"flexspline: warning: {whose()}{printable(sentence)}", err=True)
 
 
-def _completed(path: str, arguments: Mapping[str, Any], known: Mapping[str, Any]) -> Log:
-    from flexspline.logs.read import read_log, with_motor_torque
+def _completed(log: Log, known: Mapping[str, Any]) -> Log:
+    from flexspline.logs.read import with_motor_torque
 
-    log = read_log(path, **arguments)
     tell("\n".join(log.history))
     missing = {key: value for key, value in known.items() if key not in log.facts}
     return with_motor_torque(log.with_facts(missing)) if missing else log

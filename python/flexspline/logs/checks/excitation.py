@@ -18,6 +18,7 @@ from flexspline.logs.checks.findings import Finding
 from flexspline.logs.checks.motion import Motion, motion_of
 from flexspline.logs.log import Log
 from flexspline.logs.quantisation import white_noise
+from flexspline.logs.splitting import ROWS_PER_UNKNOWN
 
 TARGETS = ("sensor_torque", "motor_torque", "motor_current", "torsion")
 
@@ -63,7 +64,7 @@ def excitation(log: Log, effects: Sequence[str], target: str | None) -> Iterator
     if not effects:
         return
     motion = motion_of(_with_position(log))
-    if len(log) < 20 * (len(effects) + 1) or log.duration < 1.0:
+    if len(log) < ROWS_PER_UNKNOWN * (len(effects) + 1) or log.duration < 1.0:
         yield Finding(
             "too_short",
             "note",
