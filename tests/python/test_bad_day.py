@@ -382,8 +382,9 @@ def test_nothing_unfolds_beyond_the_memory_that_it_may_take(tmp_path: Path) -> N
     for path in files:
         assert path.stat().st_size < 100_000
         assert "--max-memory" in refused(path, max_memory=0.01), path
-    result = call("check", files[0], "--max-memory", "0.01")
-    assert result.exit_code == 2 and "GB of memory" in result.stderr
+    for command in ("check", "init"):
+        result = call(command, files[0], "--max-memory", "0.01")
+        assert result.exit_code == 2 and "GB of memory" in result.stderr
 
 
 def array_head(shape: tuple[Any, ...], kind: str = "<f8") -> bytes:
@@ -444,11 +445,21 @@ def test_a_file_of_hdf5_reads_no_other_file_of_the_machine(tmp_path: Path) -> No
         assert "time'" in refused(path)
 
 
-def test_a_group_of_hdf5_that_holds_itself_is_refused(tmp_path: Path) -> None:
+def test_a_group_of_hdf5_that_holds_itself_is_read_once(tmp_path: Path) -> None:
     with h5py.File(tmp_path / "run.h5", "w") as file:
-        group = file.create_group("loop")
+        group = file.create_group("run")
         group["again"] = group
-    refused(tmp_path / "run.h5")
+        group["time"], group["output_position"] = np.arange(10.0), np.ones(10)
+    assert read_log(tmp_path / "run.h5").channels == ("time", "output_position")
+
+
+def test_the_memory_that_hdf5_may_take_is_that_of_all_its_datasets(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "run.h5", "w") as file:
+        for name in ("time", "output_position", "output_velocity"):
+            file.create_dataset(name, data=np.zeros(100_000), compression="gzip")
+    assert "--max-memory" in refused(tmp_path / "run.h5", max_memory=0.002)
+    read_table = call("check", tmp_path / "run.h5", "--max-memory", "0.01")
+    assert "GB of memory" not in read_table.stderr
 
 
 @pytest.mark.parametrize(

@@ -118,6 +118,10 @@ def _from_file(
         table = _opened(path, variable, dialect, drop_rows, most)
     except PermissionError as error:
         raise InputError(f"{path}: may not be read; change its permissions") from error
+    except OSError as error:  # a read that fails midway does not say of which file
+        raise InputError(
+            f"{path}: cannot be read ({error.strerror or error}); copy it to a sound disk"
+        ) from error
     return table, Source(str(path), digest, table.rows + drop_rows)
 
 
@@ -142,8 +146,10 @@ def _opened(path: Path, variable: str | None, dialect: Dialect, drop_rows: int, 
     return table.checked().without_first(drop_rows)
 
 
-def unpacked_text(path: Path) -> bytes | None:
+def unpacked_text(path: Path, max_memory: float | None = None) -> bytes | None:
     """Return the bytes of a text file as it was before it was packed; None of other formats.
+
+    `max_memory`: what it may unfold to [GB]; by default half of what is free.
 
     Raises
     ------
@@ -154,7 +160,7 @@ def unpacked_text(path: Path) -> bytes | None:
     kind, packed = _kind(path)
     if kind in STRUCTURED:
         return None
-    content = unpacked(path.read_bytes(), packed, str(path), memory_limit(None))
+    content = unpacked(path.read_bytes(), packed, str(path), memory_limit(max_memory))
     if not content:
         raise InputError(f"{path}: the file is empty; record or copy it again")
     return content
