@@ -7,6 +7,7 @@ and never asks for more memory than the file is worth.
 from __future__ import annotations
 
 import bz2
+import errno
 import gzip
 import io
 import json
@@ -172,8 +173,8 @@ def test_a_target_that_no_instrument_resolves_is_refused(
         (("--torque-constant", "1e308"), "torque_constant is 1e+308"),
         (("--pole-pairs", "1" + "0" * 400), "pole_pairs is 1000"),
         (("--slots", "9" * 5000), "--slots"),
-        (("--repair", "resample=1e12"), "GB of memory"),
-        (("--repair", "resample=1e308"), "GB of memory"),
+        (("--repair", "resample=1e12"), "GB may be taken; give a lower rate"),
+        (("--repair", "resample=1e308"), "GB may be taken; give a lower rate"),
         (("--repair", "resample=1e-300"), "does not suit"),
         (("--max-memory", "0"), "above zero"),
     ],
@@ -456,10 +457,24 @@ def test_a_group_of_hdf5_that_holds_itself_is_read_once(tmp_path: Path) -> None:
 def test_the_memory_that_hdf5_may_take_is_that_of_all_its_datasets(tmp_path: Path) -> None:
     with h5py.File(tmp_path / "run.h5", "w") as file:
         for name in ("time", "output_position", "output_velocity"):
-            file.create_dataset(name, data=np.zeros(100_000), compression="gzip")
-    assert "--max-memory" in refused(tmp_path / "run.h5", max_memory=0.002)
-    read_table = call("check", tmp_path / "run.h5", "--max-memory", "0.01")
-    assert "GB of memory" not in read_table.stderr
+            file.create_dataset(name, data=np.arange(100_000.0), compression="gzip")
+    assert "--max-memory" in refused(tmp_path / "run.h5", max_memory=0.002)  # one takes 0.0008
+    assert len(read_log(tmp_path / "run.h5", max_memory=0.003)) == 100_000
+
+
+def test_a_read_that_fails_midway_names_its_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "run.csv").write_bytes(BYTES)
+
+    def fail(path: Path) -> bytes:
+        raise OSError(errno.EIO, "Input/output error")
+
+    monkeypatch.setattr(Path, "read_bytes", fail)
+    for command in ("check", "init"):
+        result = call(command, tmp_path / "run.csv")
+        assert result.exit_code == 2
+        assert f"{tmp_path / 'run.csv'}: cannot be read (Input/output error)" in result.stderr
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from flexspline.cli.options import FILE, Taught, channels, positive, refuse_overwriting
+from flexspline.cli.options import FILE, MAX_MEMORY, Taught, channels, positive, refuse_overwriting
 from flexspline.cli.speech import found, say
 from flexspline.errors import InputError, printable
 from flexspline.files import atomic_writer
@@ -26,7 +26,7 @@ __all__ = ["init"]
 )
 @click.option("--joint", metavar="NAME", help="Which joint, as the columns of several call it.")
 @click.option("--rate", type=positive, metavar="HZ", help="Of a recording without time stamps.")
-@click.option("--max-memory", type=positive, metavar="GB", help="What a packed file may unfold to.")
+@click.option(MAX_MEMORY[0], **MAX_MEMORY[1])
 def init(
     recording: str, out: str, joint: str | None, rate: float | None, max_memory: float | None
 ) -> None:

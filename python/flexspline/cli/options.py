@@ -353,6 +353,17 @@ def out_file(metavar: str) -> Callable[[Command], Command]:
     return click.option("--out", required=True, metavar=metavar, type=FILE, help=says)
 
 
+MAX_MEMORY: tuple[str, dict[str, Any]] = (
+    "--max-memory",
+    {
+        "type": positive,
+        "metavar": "GB",
+        "help": "What a packed, NumPy or MATLAB file may unfold to; by default half of what is "
+        "free.",
+    },
+)
+
+
 def reading(columns_needed: bool = False) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Add the options of how runs are read; the command gets them as one `Reading`."""
     spline = click.Choice(["circular", "flex"])
@@ -404,15 +415,7 @@ def reading(columns_needed: bool = False) -> Callable[[Callable[..., Any]], Call
             "--units-row/--no-units-row",
             {"default": None, "help": "Whether the row below the names holds units."},
         ),
-        (
-            "--max-memory",
-            {
-                "type": positive,
-                "metavar": "GB",
-                "help": "What a packed, NumPy or MATLAB file may unfold to; by default half of "
-                "what is free.",
-            },
-        ),
+        MAX_MEMORY,
     ]
     names = [name.partition("/")[0][2:].replace("-", "_") for name, _ in options]
 

@@ -13,7 +13,8 @@ import os
 import re
 import sys
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal
@@ -113,16 +114,23 @@ def _from_file(
     require_there(path)
     if path.stat().st_size == 0:
         raise InputError(f"{path}: the file is empty; record or copy it again")
-    try:
+    with _named(path):
         digest = _sha256(path)
         table = _opened(path, variable, dialect, drop_rows, most)
+    return table, Source(str(path), digest, table.rows + drop_rows)
+
+
+@contextmanager
+def _named(path: Path) -> Iterator[None]:
+    """Say of which file a read failed: one that fails midway does not."""
+    try:
+        yield
     except PermissionError as error:
         raise InputError(f"{path}: may not be read; change its permissions") from error
-    except OSError as error:  # a read that fails midway does not say of which file
+    except OSError as error:
         raise InputError(
-            f"{path}: cannot be read ({error.strerror or error}); copy it to a sound disk"
+            f"{path}: cannot be read ({error.strerror or error}); copy it from a sound disk"
         ) from error
-    return table, Source(str(path), digest, table.rows + drop_rows)
 
 
 def _sha256(path: Path) -> str:
@@ -160,7 +168,8 @@ def unpacked_text(path: Path, max_memory: float | None = None) -> bytes | None:
     kind, packed = _kind(path)
     if kind in STRUCTURED:
         return None
-    content = unpacked(path.read_bytes(), packed, str(path), memory_limit(max_memory))
+    with _named(path):
+        content = unpacked(path.read_bytes(), packed, str(path), memory_limit(max_memory))
     if not content:
         raise InputError(f"{path}: the file is empty; record or copy it again")
     return content

@@ -42,7 +42,10 @@ MORE: Final = (
 
 
 def require_memory(wanted: float, most: float, label: str, advice: str = MORE) -> None:
-    """Refuse what takes more than `most` bytes; `label` is what the sentence calls it."""
+    """Refuse what takes more than `most` bytes.
+
+    `label` is what the sentence calls it, `advice` what it says to do.
+    """
     if wanted > most:
         raise InputError(
             f"{label}: takes {wanted / GIGABYTE:.3g} GB of memory or more, of which "

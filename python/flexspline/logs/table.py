@@ -431,7 +431,8 @@ def _require_unfolded(content: bytes, label: str, most: int) -> None:
 class _Hdf5:
     """What is read of one file of HDF5: each group once, all datasets together within `most` bytes.
 
-    A group that holds itself, by a hard link, would never end.
+    A group that holds itself, by a hard link, would never end. Of two names of one group the first
+    counts.
     """
 
     label: str
