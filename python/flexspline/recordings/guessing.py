@@ -497,5 +497,7 @@ def _why_not(column: Column) -> str:
     if says.role == "other":
         return "an error, a state, or what the recorder made of other columns"
     return (
-        f"no channel for this {says.quantity}" if says.quantity else "its name says nothing known"
+        f"no channel for this {says.quantity}"
+        if says.quantity
+        else ("its name says nothing known" if says.name else "it has no name")
     )
