@@ -12,6 +12,8 @@ from click.testing import Result
 from flexspline.cli import commands
 from flexspline.files import Writing, atomic_write, remove_file, whole_folder, writing
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
