@@ -97,13 +97,14 @@ def _names(asked: str, reading: Reading, given: Mapping[str, Any]) -> list[str]:
 
 def _all(reading: Reading, recording: str) -> list[str]:
     """The joints that the map lists, else those that the recording has."""
-    from flexspline.logs.read import joints_of, read_map
+    from flexspline.logs.read import joints_of, read_map, splits
 
     if reading.columns is not None and (joints := read_map(reading.columns)["joints"]):
         return list(joints)
     arguments = reading.with_map()
     columns = arguments.pop("columns", None) or {}
-    arguments.pop("repair", None)
+    for key in ("repair", *splits(arguments)):
+        arguments.pop(key, None)
     return list(joints_of(recording, columns, **arguments))
 
 

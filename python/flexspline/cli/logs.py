@@ -197,7 +197,6 @@ def convert(foreign: str, out: str, reading: Reading) -> None:
     from flexspline.logs.read import convert as convert_log
 
     assert reading.columns is not None
-    reading.refuse_cut("one run is written")
     refuse_overwriting(out, [foreign, reading.columns])
     log = convert_log(foreign, reading.columns, out, **reading.arguments)
     tell("\n".join(log.history))

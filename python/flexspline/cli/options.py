@@ -358,14 +358,21 @@ def _count(runs: Sequence[str], cut: bool) -> str:
 
 
 def files_of(out: str, logs: Sequence[Log], inputs: Sequence[str]) -> list[str]:
-    """Return the names of the files of runs that were cut, in the folder --out.
+    """Return the names of the files of runs cut from files, in the folder --out.
+
+    They go by the names of the files that were read, for a run may be called anything.
 
     Raises
     ------
     InputError
         Where a file that is read would be overwritten.
     """
-    names = [f"{log.name}.csv" for log in logs]
+    from flexspline.logs.read import run_name
+
+    paths = [log.source.path if log.source else log.name for log in logs]
+    names = [
+        f"{run_name(Path(path))}_{paths[: k + 1].count(path)}.csv" for k, path in enumerate(paths)
+    ]
     for name in names:
         refuse_overwriting(str(Path(out) / name), inputs)
     return names
@@ -462,6 +469,7 @@ def reading(
                 ),
             },
         ),
+        ("--rate", {"type": positive, "metavar": "HZ", "help": "Of runs without time stamps."}),
         (
             "--split-column",
             {
@@ -480,7 +488,6 @@ def reading(
                 "this, or back; without a number by more than 25 median steps.",
             },
         ),
-        ("--rate", {"type": positive, "metavar": "HZ", "help": "Of runs without time stamps."}),
         ("--encoding", {"metavar": "NAME", "help": "Of text files, such as latin-1."}),
         (
             "--skip-lines",
@@ -498,9 +505,8 @@ def reading(
         def packed(**given: Any) -> Any:
             own = {name: given.pop(name) for name in names}
             facts = {name: own[name] for name in names[:5] if own[name] is not None}
-            rest = {name: own[name] for name in names[-4:] if own[name] is not None}
-            cut = (own["split_column"], own["split_gaps"])
-            how = Reading(facts, own["repair"], own["columns"], own["rate"], rest, cut)
+            rest = {name: own[name] for name in names[-6:] if own[name] is not None}
+            how = Reading(facts, own["repair"], own["columns"], own["rate"], rest)
             asked = own["joint"]
             if asked is None:
                 return command(reading=how, **given)
@@ -527,8 +533,8 @@ class Reading:
     repair : repairs by name, in order.
     columns : path of a column map, or None.
     rate : Hz, of files without time stamps.
-    rest : how files are written where that is not found by looking, and what memory they may take.
-    cut : the column and the gaps that cut a file into runs, None where they do not.
+    rest : how files are written where that is not found by looking, what cuts them into runs, and
+        what memory they may take.
     joint : of a robot, whose files have columns of several.
     """
 
@@ -537,17 +543,18 @@ class Reading:
     columns: str | None = None
     rate: float | None = None
     rest: Mapping[str, Any] = field(default_factory=dict)
-    cut: tuple[str | None, float | bool | None] = (None, None)
     joint: str | None = None
 
     @property
     def splits(self) -> bool:
-        """Whether a file may hold several runs."""
-        return self.cut != (None, None)
+        """Whether a file is cut into runs."""
+        from flexspline.logs.read import splits
+
+        return bool(splits(self.with_map()))
 
     @property
     def arguments(self) -> dict[str, Any]:
-        """What was given, as arguments of `read_log`."""
+        """What was given, as arguments of `read_runs`."""
         given = {**self.facts, "repair": self.repair, "rate": self.rate, "joint": self.joint}
         return {**{key: value for key, value in given.items() if value}, **self.rest}
 
@@ -572,6 +579,8 @@ class Reading:
             if Path(path).resolve() in seen:
                 raise InputError(f"{path}: is given twice; give each run once")
             seen.add(Path(path).resolve())
+        from flexspline.logs.read import splits
+
         arguments = with_simulated(self.with_map(), simulated_torque)
         quiet = not on_terminal()
         logs = [
@@ -579,12 +588,12 @@ class Reading:
             for path in tqdm(paths, "reading", unit="run", disable=quiet, leave=False, delay=1.0)
             for log in self._read(path, arguments)
         ]
-        if self.splits:
+        if splits(arguments):
             found({"cut": [{"run": log.name, "rows": len(log)} for log in logs]})
         return logs
 
     def with_map(self) -> dict[str, Any]:
-        """What was given, and what the map says, as arguments of `read_log`.
+        """What was given, and what the map says, as arguments of `read_runs`.
 
         Raises
         ------
@@ -605,24 +614,23 @@ class Reading:
         InputError
             Where it cannot be read, or is to be cut.
         """
-        self.refuse_cut("a run is taken whole")
+        self.refuse_cut(f"{path}: one run is taken, whole")
         return self.logs([path], known)[0]
 
     def refuse_cut(self, why: str) -> None:
         """Refuse to cut a file into runs."""
-        if self.splits:
-            raise InputError(f"{why}; leave --split-column and --split-gaps out")
+        from flexspline.logs.read import refuse_split
+
+        refuse_split(self.with_map(), why)
 
     def _read(self, path: str, arguments: Mapping[str, Any]) -> list[Log]:
         """Read the runs of a file, and say how many rows are in none."""
-        from flexspline.logs.read import cut_runs, read_log
+        from flexspline.logs.read import cut_runs, read_log, splits
 
-        if not self.splits:
+        if not splits(arguments):
             return [read_log(path, **arguments)]
-        column, gaps = self.cut
-        number = int(column) if column is not None and column.isdecimal() else column
-        cut = cut_runs(path, split_column=number, split_gaps=gaps, **arguments)
-        (warn if cut.rows_left_out else _aside)([cut.sentence])
+        cut = cut_runs(path, **arguments)
+        (warn if cut.rows_left_out or len(cut.runs) == 1 else _aside)([cut.sentence])
         return list(cut.runs)
 
 

@@ -44,10 +44,15 @@ __all__ = [
     "read_log",
     "read_map",
     "read_runs",
+    "refuse_split",
+    "splits",
     "with_motor_torque",
     "write_log",
 ]
 
+SPLIT: Final = ("split_column", "split_gaps")
+"""Arguments of `read_runs` that `read_log` does not take."""
+UNCUT: Final = [("split_gaps", False)]
 SECTIONS: Final = ("facts", "columns", "read", "joints")
 READ_KEYS: Final = (
     "rate",
@@ -62,6 +67,7 @@ READ_KEYS: Final = (
     "skip_footer",
     "units_row",
     "max_memory",
+    *SPLIT,
 )
 
 
@@ -164,8 +170,8 @@ def read_runs(
     source, columns, repair
         As for `read_log`; repairs are made in each run by itself.
     split_column : str or int, optional
-        A column of the file, by name or number from 0, text or numbers: a run begins wherever its
-        value changes, and rows without one are in no run.
+        A column of the file, by name or number from 0, of text or numbers: a run begins wherever
+        its value changes, and rows without one are in no run.
     split_gaps : bool or float, optional
         A run begins where time goes on by more than so many seconds, or back; True: by more than
         25 median steps.
@@ -175,14 +181,14 @@ def read_runs(
     Returns
     -------
     list of Log
-        Runs of at least 20 rows, in the order of the file, called ``name[1]``, ``name[2]`` and so
-        on. The last sentence of each history says how many rows of the file are in no run.
+        Runs of at least 20 rows, in the order of the file, called ``name_1``, ``name_2`` and so
+        on. The history of each says how many rows of the file are in no run, and why.
 
     Raises
     ------
     InputError
-        As `read_log`; and where neither is given, the column is not there or empty, or every run
-        is too short.
+        As `read_log`; and where neither is given, the column is not there or empty, or more than
+        half of the rows would be in runs that are too short.
     """
     return list(
         cut_runs(
@@ -210,7 +216,7 @@ def cut_runs(
     **how: Any,
 ) -> CutRuns:
     """Return what `read_runs` reads, and what is left out."""
-    cut = Cut(split_column, split_gaps).checked()
+    cut = Cut(split_column, split_gaps)
     asked = inspect.signature(read_log).bind(source, columns, **how)
     asked.apply_defaults()
     given = {name: asked.arguments[name] for name in asked.arguments if name not in _NOT_HOW}
@@ -220,7 +226,7 @@ def cut_runs(
     for number, (first, last) in enumerate(parts.ranges, 1):
         note = f"rows {first} to {last - 1} of {read.log.name} are its run {number}"
         run = read.log.rows(slice(first, last), note=note)
-        named = run.with_facts({"name": f"{read.log.name}[{number}]"}, note=said)
+        named = run.with_facts({"name": f"{read.log.name}_{number}"}, note=said)
         runs.append(read.repaired(named, repair))
     return CutRuns(tuple(runs), parts.left_out, said)
 
@@ -412,8 +418,8 @@ def convert(
 
     A map has four sections, each of which may be left out::
 
-        [read]                     # how the file is written, and repairs: arguments of read_log
-        rate = 1000
+        [read]                     # how the file is written, and repairs: arguments of read_log,
+        rate = 1000                # and of read_runs for a file of several runs
         separator = "whitespace"
         repair = ["unwrap"]
 
@@ -438,15 +444,34 @@ def convert(
     Raises
     ------
     InputError
-        Where map or file are wrong; `out` is then untouched.
+        Where map or file are wrong, or the file is to be cut into runs; `out` is then untouched.
     """
-    log = read_log(foreign, **{**map_arguments(columns, overruling.get("joint")), **overruling})
+    arguments = {**map_arguments(columns, overruling.get("joint")), **overruling}
+    refuse_split(arguments, f"{foreign}: convert writes one run")
+    log = read_log(foreign, **arguments)
     write_log(log, out)
     return log
 
 
+def splits(arguments: Mapping[str, Any]) -> list[str]:
+    """Return which of these arguments of `read_runs` cut a file into runs."""
+    return [key for key in SPLIT if key in arguments]
+
+
+def refuse_split(arguments: Mapping[str, Any], why: str) -> None:
+    """Refuse arguments of `read_runs` that cut a file into runs.
+
+    Raises
+    ------
+    InputError
+        Where they do.
+    """
+    if given := splits(arguments):
+        raise InputError(f"{why}; leave {listed(given)} out, of the column map too")
+
+
 def map_arguments(path: str | os.PathLike[str], joint: str | int | None = None) -> dict[str, Any]:
-    """Return the arguments of `read_log` that a map file stands for; of a joint, if one is given.
+    """Return the arguments of `read_runs` that a map file stands for; of a joint, if one is given.
 
     Raises
     ------
@@ -459,8 +484,8 @@ def map_arguments(path: str | os.PathLike[str], joint: str | int | None = None) 
         raise InputError(
             f"{path}: joint {joint} is no section; write [joints.{joint}] on a line of its own"
         )
-    facts = {**sections["facts"], **own}
-    return {**sections["read"], "columns": sections["columns"], "facts": facts}
+    read = {key: value for key, value in sections["read"].items() if (key, value) not in UNCUT}
+    return {**read, "columns": sections["columns"], "facts": {**sections["facts"], **own}}
 
 
 def read_map(path: str | os.PathLike[str]) -> dict[str, dict[str, Any]]:

@@ -1,8 +1,8 @@
 """Runs in one file: where a column changes its value, or where time jumps.
 
-A run is an unbroken range of rows. Behind it the next begins wherever the label of the rows
-changes, or where time goes on by more than a gap, or back. Rows whose label is empty are in no run,
-nor are those of runs too short for one unknown.
+A run is an unbroken range of rows. Behind it the next begins wherever the column's value changes,
+or where time goes on by more than a gap, or back. Rows without a value are in no run, nor are those
+of runs too short for one unknown; how many there are is said.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, Final, Literal
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,11 @@ GAP: Final = 10.0 * GAP_STEPS
 is a gap inside of a run. Bursts of lost rows stay inside; at 1 kHz it is 25 ms. The measured logs
 that the tests read have no step beyond 2 median ones: halved or doubled it cuts none of them."""
 
+MOST_SHORT: Final = 0.5
+"""Share of the rows in runs that are too short, from which a column does not tell runs apart. Of
+columns that do, the rows of a change are few: halved or doubled (all rows), either sort stays as it
+is."""
+
 Gaps = bool | float | None
 """Whether time cuts a file into runs: by the gaps of `GAP`, by gaps of so many seconds, or not."""
 
@@ -39,7 +44,7 @@ class Cut:
 
     Parameters
     ----------
-    column : name or number of a column of the file, or of a channel; None: none.
+    column : name of a column of the file, or its number from 0; None: none.
     gaps : True: a step longer than `GAP` median steps; a number: longer than so many seconds;
         None or False: no step.
     """
@@ -57,8 +62,8 @@ class Cut:
         """Whether time cuts."""
         return self.gaps is not None and self.gaps is not False
 
-    def checked(self) -> Cut:
-        """Return it.
+    def require_sound(self, label: str) -> None:
+        """Refuse what cannot cut; `label` is what the sentence calls the file.
 
         Raises
         ------
@@ -66,14 +71,13 @@ class Cut:
             Where it cuts nowhere, or a gap is no number of seconds above zero.
         """
         if not self.wanted:
-            raise InputError("give split_column or split_gaps: what begins a new run")
+            raise InputError(f"{label}: give split_column or split_gaps, what begins a new run")
         known = isinstance(self.gaps, (int, float)) and math.isfinite(self.gaps) and self.gaps > 0
         if self.by_time and not known:
             raise InputError(
-                f"split_gaps is {self.gaps!r}; give seconds above zero, or True for {GAP:g} median "
-                "steps"
+                f"{label}: split_gaps is {self.gaps!r}; give seconds above zero, or True for "
+                f"{GAP:g} median steps"
             )
-        return self
 
 
 @dataclass(frozen=True)
@@ -92,8 +96,8 @@ class Parts:
 
     def sentence(self, label: str, cut: Cut) -> str:
         """Say how many runs a file has, and how many rows are in none and why."""
-        runs = f"{len(self.ranges)} run{'' if len(self.ranges) == 1 else 's'}"
-        said = f"{label}: {runs} {_by(cut)}"
+        count = len(self.ranges)
+        said = f"{label}: {count} runs {_by(cut)}" if count > 1 else f"{label}: one run {_by(cut)}"
         why = [f"{self.empty} have no value there"] if self.empty else []
         if self.short:
             those = "a run" if self.short == 1 else f"{self.short} runs"
@@ -114,26 +118,27 @@ def parts_of(table: Table, time: NDArray[np.float64], cut: Cut) -> Parts:
     Raises
     ------
     InputError
-        Where the column is not there or has no value at all, or where no run is long enough.
+        Where nothing cuts, the column is not there or has no value at all, or more than half of the
+        rows would be in runs that are too short.
     """
+    cut.require_sound(table.label)
     begins, empty = _begins(time, cut), np.zeros(len(time), dtype=bool)
     if cut.column is not None:
-        codes = _codes(table, cut.column)
+        codes = _codes(table, cut.column, len(time))
         empty = codes < 0
         begins[1:] |= np.diff(codes) != 0
     edges = np.append(np.flatnonzero(begins), len(time))
     ranges = [(int(a), int(b)) for a, b in pairwise(edges) if not empty[a]]
     kept = tuple((a, b) for a, b in ranges if b - a >= ROWS_PER_UNKNOWN)
-    if not kept:
-        longest = max(b - a for a, b in ranges)
-        raise InputError(
-            f"{table.label}: is cut into {len(ranges)} runs {_by(cut)}, the longest of {longest} "
-            f"row{'' if longest == 1 else 's'}, and a run takes {ROWS_PER_UNKNOWN}; give "
-            f"{_instead(cut)}"
-        )
-    inside = sum(b - a for a, b in kept)
     nothing = int(np.count_nonzero(empty))
-    return Parts(kept, nothing, len(ranges) - len(kept), len(time) - inside - nothing)
+    short = len(time) - sum(b - a for a, b in kept) - nothing
+    if short > MOST_SHORT * (len(time) - nothing):
+        many = f"{len(ranges)} runs" if len(ranges) > 1 else "one run"
+        raise InputError(
+            f"{table.label}: would be {many} {_by(cut)}, and {short} of its {len(time)} rows in "
+            f"runs of fewer than {ROWS_PER_UNKNOWN}; give {_instead(cut)}"
+        )
+    return Parts(kept, nothing, len(ranges) - len(kept), short)
 
 
 def _begins(time: NDArray[np.float64], cut: Cut) -> NDArray[np.bool_]:
@@ -147,11 +152,17 @@ def _begins(time: NDArray[np.float64], cut: Cut) -> NDArray[np.bool_]:
     return begins
 
 
-def _codes(table: Table, column: str | int) -> NDArray[np.intp]:
+def _codes(table: Table, column: str | int, rows: int) -> NDArray[np.intp]:
     """Return a number for each value of a column, (N,), −1 where it is empty."""
     import pandas
 
-    number = table.index(column)
+    named = table.names is not None and column in table.names
+    number = table.index(int(column) if str(column).isdecimal() and not named else column)
+    if len(table.data[number]) != rows:
+        raise InputError(
+            f"{table.label}: {table.title(number)} has {len(table.data[number])} rows where time "
+            f"has {rows}, and cannot say where a run begins; give another column for the runs"
+        )
     codes, values = pandas.factorize(_cells(table.data[number]), use_na_sentinel=True)
     if len(values) == 0:
         raise InputError(
@@ -174,7 +185,7 @@ def _by(cut: Cut) -> str:
     return " and ".join(filter(None, [column, f"by gaps of more than {long}" if long else ""]))
 
 
-def _instead(cut: Cut) -> Literal["a column that keeps its value during a run", "a longer gap"]:
+def _instead(cut: Cut) -> str:
     if cut.column is not None:
-        return "a column that keeps its value during a run"
-    return "a longer gap"
+        return "a column that keeps its value during a run (--split-column)"
+    return "a longer gap (--split-gaps=SECONDS)"
