@@ -151,12 +151,15 @@ def compare(
 
 def _of_joint(content: Mapping[str, Any]) -> dict[str, Any]:
     """What a discovery says of one joint: the names found, and by how much the error fell."""
-    rmse = content["rmse"]
+    sizes = {
+        "rmse_base": content["rmse"]["base"],
+        "rmse_final": content["rmse"]["final"],
+        "noise_floor": content["rmse"]["noise_floor"],
+    }
     names = [one["effect"] for one in content["found"]]
     return {
-        "rmse_base": rmse["base"],
-        "rmse_final": rmse["final"],
-        "noise_floor": rmse["noise_floor"],
+        **sizes,
+        **{f"{name}_unit": content["unit"] for name in sizes},
         "found": ", ".join(names) or ("unexplained" if content["unexplained"] else "nothing"),
     }
 

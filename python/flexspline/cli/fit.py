@@ -69,11 +69,17 @@ def _refuse_of_motion(options: dict[str, Any], foreign: bool) -> None:
 
 
 def _of_joint(content: Mapping[str, Any]) -> dict[str, Any]:
-    """What a fit says of one joint: its errors, and each parameter with its own."""
-    row = {key: content[key] for key in ("unit", "rmse", "held_out_rmse")}
+    """What a fit says of one joint: its errors, each parameter with its own, what is wrong."""
+    unit = content["unit"]
+    row = {"rmse": content["rmse"], "rmse_unit": unit}
+    row |= {"held_out_rmse": content["held_out_rmse"], "held_out_rmse_unit": unit}
     for one in content["parameters"]:
-        row |= {one["name"]: one["value"], f"{one['name']}_error": one["standard_error"]}
-    return row
+        row |= {
+            one["name"]: one["value"],
+            f"{one['name']}_error": one["standard_error"],
+            f"{one['name']}_unit": one["unit"],
+        }
+    return {**row, "remark": content["problems"]}
 
 
 @click.command(cls=Taught, sections=(effects_by_target, repairs))
@@ -230,14 +236,20 @@ def fit(
             made.simulation.controller.save(draft / "servo.json")
         made.report(draft / "report.html")
         made.model.save(draft / "model.json")
-        verdict = str(made)
+        said = str(made)
+
+    from flexspline.report.text import SOUND, verdict
+
+    judged = verdict(made)
     found(
         {
             "target": made.target,
             "unit": made.unit,
             "rmse": made.rmse,
             "held_out_rmse": made.cv_rmse,
+            "verdict": judged.good,
+            "problems": None if judged.wrong == SOUND else judged.wrong,
             "parameters": [parameter.to_json() for parameter in made.parameters],
         }
     )
-    say(f"{verdict}\n\nwrote {Path(out) / 'model.json'} and {Path(out) / 'report.html'}")
+    say(f"{said}\n\nwrote {Path(out) / 'model.json'} and {Path(out) / 'report.html'}")

@@ -31,7 +31,8 @@ ALL: Final = "all"
 TABLE: Final = "joints.csv"
 NAME: Final = re.compile(r"[\w.-]+")  # of a joint: it becomes the name of a folder
 FAILED: Final = 2  # exit code: a joint could not be read or fitted
-ERROR: Final = "_error"  # ending of a standard error's name, behind that of its value
+ERROR, UNIT = "_error", "_unit"  # endings of the names of a value's standard error and unit
+REMARK: Final = "remark"  # of a row: a sentence below the table
 
 
 @dataclass
@@ -96,16 +97,21 @@ def _names(asked: str, reading: Reading, given: Mapping[str, Any]) -> list[str]:
 
 
 def _all(reading: Reading, recording: str) -> list[str]:
-    """The joints that the map lists, else those that the recording has."""
+    """The joints that the recording has, and those of which the map alone knows.
+
+    A map that goes by the numbers of columns has to list them.
+    """
+    from flexspline.logs.joints import goes_by_number
     from flexspline.logs.read import joints_of, read_map, splits
 
-    if reading.columns is not None and (joints := read_map(reading.columns)["joints"]):
-        return list(joints)
+    listed = list(read_map(reading.columns)["joints"]) if reading.columns is not None else []
     arguments = reading.with_map()
     columns = arguments.pop("columns", None) or {}
     for key in ("repair", *splits(arguments)):
         arguments.pop(key, None)
-    return list(joints_of(recording, columns, **arguments))
+    if listed and goes_by_number(columns):
+        return listed
+    return list(dict.fromkeys([*joints_of(recording, columns, **arguments), *listed]))
 
 
 def _inputs(given: Mapping[str, Any]) -> list[str]:
@@ -166,8 +172,8 @@ def _conclude(context: click.Context, made: Sequence[_Joint], out: str | None) -
     """Print and write the summary, and end with the exit code of all."""
     wrong = [joint for joint in made if joint.failed]
     if len(wrong) == len(made):
-        others = f" (as {len(made) - 1} others)" if len(made) > 1 else ""
-        raise InputError(f"joint {wrong[0].name}{others}: {wrong[0].failed}")
+        others = " (and no other joint can be done)" if len(made) > 1 else ""
+        raise InputError(f"joint {wrong[0].name}: {wrong[0].failed}{others}")
     found({"joints": {joint.name: _said(joint) for joint in made}})
     say(_text(made))
     if out is not None:
@@ -199,18 +205,32 @@ def _frame(made: Sequence[_Joint]) -> Any:
 
 def _text(made: Sequence[_Joint]) -> str:
     """The summary as a table; the sentence of a joint that failed takes the place of its row."""
-    from flexspline.formatting import rows_text, short_names
+    from flexspline.formatting import rows_text
 
-    keys = dict.fromkeys(key for joint in made for key in joint.row if not key.endswith(ERROR))
-    head = ["joint", *(short_names(key).replace("_", " ") for key in keys)]
-    rows = [[joint.name, *(_cell(joint.row, key) for key in keys)] for joint in made]
+    done = [joint for joint in made if not joint.failed]
+    keys = [key for key in dict.fromkeys(key for joint in done for key in joint.row)
+            if not key.endswith((ERROR, UNIT)) and key != REMARK]  # fmt: skip
+    rows = [["joint", *(_head(done, key) for key in keys)]]
+    rows += [[joint.name, *(_cell(joint.row, key) for key in keys)] for joint in made]
     texts = {k for k, key in enumerate(keys, 1)
-             if any(isinstance(joint.row.get(key), str) for joint in made)}  # fmt: skip
-    lines = rows_text([head, *rows], left=(0, *texts)).split("\n")
+             if any(isinstance(joint.row.get(key), str) for joint in done)}  # fmt: skip
+    lines = rows_text(rows, left=(0, *texts)).split("\n")
+    wide = max(len(row[0]) for row in rows)
     for number, joint in enumerate(made, 1):
         if joint.failed:
-            lines[number] = f"{lines[number].split()[0]}  failed: {printable(joint.failed)}"
-    return "\n".join(lines)
+            lines[number] = f"{joint.name:<{wide}}  failed: {printable(joint.failed)}"
+    remarks = [(joint.name, joint.row.get(REMARK)) for joint in done]
+    said = [f"joint {name}: {remark}" for name, remark in remarks if remark]
+    return "\n".join([*lines, *(["", *said] if said else [])])
+
+
+def _head(done: Sequence[_Joint], key: str) -> str:
+    """The name of a column, with the unit that its values have in every joint."""
+    from flexspline.formatting import short_names
+
+    units = {str(joint.row[key + UNIT]) for joint in done if joint.row.get(key + UNIT)}
+    name = short_names(key).replace("_", " ")
+    return f"{name} [{units.pop()}]" if len(units) == 1 else name
 
 
 def _cell(row: Mapping[str, Any], key: str) -> str:

@@ -52,7 +52,7 @@ __all__ = [
 
 def _of_joint(content: Mapping[str, Any]) -> dict[str, Any]:
     """What a prediction says of one joint."""
-    return {key: content[key] for key in ("unit", "rmse", "rows")}
+    return {"rmse": content["rmse"], "rmse_unit": content["unit"], "rows": content["rows"]}
 
 
 @click.command(cls=Taught, sections=(repairs,))
@@ -93,6 +93,8 @@ def predict(
     Examples:
       flexspline predict --model joint/model.json run3.csv --out residual.csv
       flexspline predict --model joint/model.json run3.csv run4.csv --speed-above 0.02 --out new
+      flexspline predict --model 'robot/joint_{joint}/model.json' robot.csv --columns map.toml \\
+          --joint all --out new
     """
     names = files_in(out, runs, [model_path, *simulation], cut=reading.splits)
     joint = loaded(model_path)

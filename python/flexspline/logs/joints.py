@@ -16,7 +16,7 @@ from typing import Any, Final
 from flexspline.errors import InputError, listed
 from flexspline.logs.columns import ColumnSource, ColumnSpec
 
-__all__ = ["columns_of_joint", "has_places", "joints_among", "placed_joint"]
+__all__ = ["columns_of_joint", "goes_by_number", "has_places", "joints_among", "placed_joint"]
 
 PLACE: Final = re.compile(r"\{joint(?:\s*([+-])\s*(\d+))?\}")
 
@@ -26,6 +26,11 @@ Columns = Mapping[str, ColumnSpec]
 def has_places(columns: Columns | None) -> bool:
     """Whether a map stands for several joints."""
     return any(PLACE.search(text) for text in _texts(columns))
+
+
+def goes_by_number(columns: Columns | None) -> bool:
+    """Whether all places of a map are the numbers of columns, which tell no joints."""
+    return all(PLACE.fullmatch(text) for text in _texts(columns) if PLACE.search(text))
 
 
 def columns_of_joint(columns: Columns | None, joint: str, label: str) -> dict[str, ColumnSpec]:
@@ -39,7 +44,7 @@ def columns_of_joint(columns: Columns | None, joint: str, label: str) -> dict[st
     if not has_places(columns):
         raise InputError(
             f"{label}: joint {joint} is asked for, and no column of the map has a place for it; "
-            "write sources such as 'q_{joint}', or let flexspline init --joint all write them"
+            "write sources such as 'q_{joint}'"
         )
     return {
         name: _with_text(spec, placed_joint(_text(spec), joint, label))
