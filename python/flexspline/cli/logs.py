@@ -82,7 +82,9 @@ def check(
     Prints, for each run, what makes every fit meaningless (error), what a fit would take for
     physics (fault) and what is worth knowing (note): dropped, repeated and missing rows, delays,
     wrapped angles, wrong units and signs, stuck ends, homing moves, clipping, quanta. Each says
-    where, how much, and which repair to ask for. DIR receives check.json and report.html.
+    where, how much, and which repair to ask for. Then, of the effects that are given, or of all
+    whose channels are there, whether the runs together excite them, and if not, what to record.
+    DIR receives check.json and report.html.
 
     Exit code 0: can be fitted; 3: an error forbids every fit; 2: the call is wrong or a file
     cannot be read.
@@ -98,16 +100,23 @@ def check(
     logs = reading.logs(runs)
 
     from flexspline.logs.checks import check as look_at
-    from flexspline.report.check import check_json, check_verdict, write_check_report
+    from flexspline.report.check import (
+        audit_text,
+        check_json,
+        check_verdict,
+        together,
+        write_check_report,
+    )
 
     audits = [(log, look_at(log, effects=effects, target=target)) for log in logs]
-    lines = [line for _, one in audits for line in (*str(one).split("\n"), "")]
-    found(json.loads(check_json(audits, target)))
-    say("\n".join(map(printable, (*lines, check_verdict(audits, target)))))
+    shown = together(audits, effects, target)
+    found(json.loads(check_json(audits, target, shown)))
+    lines = [*audit_text(audits, shown), check_verdict(audits, target)]
+    say("\n".join(map(printable, lines)))
     if out is not None:
         with whole_folder(out, last="check.json") as draft:
-            write_check_report(audits, draft / "report.html", target)
-            atomic_write(draft / "check.json", check_json(audits, target))
+            write_check_report(audits, draft / "report.html", target, shown)
+            atomic_write(draft / "check.json", check_json(audits, target, shown))
         say(f"\nwrote {Path(out) / 'check.json'} and {Path(out) / 'report.html'}")
     if any(one.forbidding(target) for _, one in audits):
         ctx.exit(FORBIDDEN)
