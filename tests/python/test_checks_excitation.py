@@ -225,7 +225,10 @@ def test_what_is_said_of_every_effect_is_what_is_found_of_it_alone(make: Callabl
 def test_an_effect_of_the_load_is_excited_beside_what_makes_a_load_alone() -> None:
     log = sound_log(1)
     said = {one.effect: one for one in check(log, target="sensor_torque").excited}
-    assert said["sensor_lag"].excited and "beside inertia or gravity" in said["sensor_lag"].remedy
+    assert (
+        said["sensor_lag"].excited
+        and "with inertia or gravity beside it" in said["sensor_lag"].remedy
+    )
     runs = [log.rows(slice(0, 2000))]
     with pytest.raises(InputError, match="inertia"):
         fit(["offset", "sensor_lag"], runs, "sensor_torque")

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 __all__ = ["audit_text", "check_json", "check_verdict", "together", "write_check_report"]
 
+MOST_BESIDE = 12
+"""Runs that have a column each in the table of effects: as many as a wide page holds."""
 Audits = Sequence[tuple["Log", "Findings"]]
 
 
@@ -141,12 +143,13 @@ def write_check_report(
 
 def _effects(audits: Audits, excited: Sequence[Excited]) -> list[dict[str, Any]]:
     """Of each effect: what the runs do together, what each does, what is lacking and to do."""
+    beside = 1 < len(audits) <= MOST_BESIDE
     by_run = [{one.effect: EXCITED[one.excited] for one in found.excited} for _, found in audits]
     return [
         {
             "name": one.effect,
             "together": EXCITED[one.excited],
-            "runs": [run.get(one.effect, "–") for run in by_run] if len(by_run) > 1 else [],
+            "runs": [run.get(one.effect, "–") for run in by_run] if beside else [],
             "said": one.said,
         }
         for one in excited

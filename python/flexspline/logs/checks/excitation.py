@@ -47,7 +47,7 @@ ALWAYS = ("period", "time")
 
 Lack = tuple[float, str, str, str]
 """Size, its unit, what the run lacks, what to record."""
-OWN_LOAD = f"beside inertia or gravity alone, for {KNOWN} is not there"
+OWN_LOAD = f"only with inertia or gravity beside it, for {KNOWN} is not there"
 """What an effect of the load takes where the load is not known."""
 STATE = ("State gear_ratio.", "State pole_pairs.")
 """What to do where a fact is not known, and so neither what a run lacks."""
