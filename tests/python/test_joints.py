@@ -12,7 +12,7 @@ from checks_logs import sound_log
 from cli_calls import call
 from undrawn import undrawn
 
-from flexspline import InputError, Model, check, joints_of, read_log
+from flexspline import InputError, Model, check, guess_map, joints_of, read_log
 from flexspline.logs.joints import placed_joint
 
 NAMED = {"time": "t", "output_position": "q_{joint}", "sensor_torque": "tau_{joint}"}
@@ -171,3 +171,27 @@ def test_a_map_by_numbers_lists_its_joints(tmp_path: Path) -> None:
     columns.write_text(text)
     made = call("check", path, "--columns", columns, "--joint", "all")
     assert [line.split()[0] for line in made.stdout.splitlines()[1:3]] == ["1", "3"]
+
+
+def test_the_map_of_all_joints_is_guessed_from_one_and_reads_each(tmp_path: Path) -> None:
+    columns = robot(3)
+    names = {f"tau_{k}": f"joint torque {k} [Nm]" for k in (1, 2, 3)}
+    names |= {f"q_{k}": f"joint position {k} [deg]" for k in (1, 2, 3)}
+    table = pandas.DataFrame(columns).rename(columns={"t": "time [s]", **names})
+    table.to_csv(tmp_path / "robot.csv", index=False)
+    guess = guess_map(tmp_path / "robot.csv", joint="all")
+    assert guess.columns["output_position"].source == "joint position {joint} [deg]"
+    assert any("those of joint" in doubt for doubt in guess.unsure)
+    for joint in ("1", "2", "3"):
+        log = read_log(tmp_path / "robot.csv", guess.columns, joint=joint, **guess.read)
+        np.testing.assert_allclose(log["output_position"], np.radians(columns[f"q_{joint}"]))
+    np.testing.assert_allclose(  # reads the one that it is guessed from
+        guess.log()["output_position"], np.radians(columns[f"q_{guess.joint}"])
+    )
+
+
+def test_a_map_of_all_joints_is_refused_where_there_is_one(tmp_path: Path) -> None:
+    log = sound_log(3).rows(slice(0, 500))
+    log.to_frame().to_csv(tmp_path / "one.csv", index=False)
+    with pytest.raises(InputError, match="has columns of one joint alone"):
+        guess_map(tmp_path / "one.csv", joint="all")

@@ -44,7 +44,7 @@ def columns_of_joint(columns: Columns | None, joint: str, label: str) -> dict[st
     if not has_places(columns):
         raise InputError(
             f"{label}: joint {joint} is asked for, and no column of the map has a place for it; "
-            "write sources such as 'q_{joint}'"
+            "write sources such as 'q_{joint}', or let flexspline init --joint all write them"
         )
     return {
         name: _with_text(spec, placed_joint(_text(spec), joint, label))
