@@ -126,8 +126,8 @@ def orders(
       flexspline orders run1.csv run2.csv --target sensor_torque --gear-ratio 100
       flexspline orders run*.csv --target motor_current --repair drop_start=1 --out orders.csv
     """
-    if out is not None and _is_table(out):
-        refuse_overwriting(out, runs)
+    if out is not None:
+        refuse_overwriting(out, runs, () if _is_table(out) else ("orders.csv", "orders.png"))
     logs = reading.logs(runs)
 
     from flexspline.effects import UNITS
