@@ -129,6 +129,19 @@ def test_rows_with_an_error_are_shaded_on_their_channel_alone() -> None:
     assert axes["sensor_torque"].get_ylabel() == "sensor torque\n[Nm]"
 
 
+def test_a_run_that_is_there_twice_can_not_be_fitted_and_says_which(tmp_path: Path) -> None:
+    first = written(tmp_path, sound_log(SEED), "run1")
+    other = written(tmp_path, sound_log(SEED + 1), "run2")
+    again = tmp_path / "again.csv"
+    again.write_bytes(first.read_bytes())
+    assert call("check", first, other).exit_code == 0
+    result = call("check", first, other, again, "--json")
+    runs = json.loads(result.stdout)["runs"]
+    assert result.exit_code == 3
+    assert [[f["name"] for f in run["findings"]] for run in runs] == [[], [], ["copy_of_a_run"]]
+    assert f"'run1' ({first})" in runs[2]["findings"][0]["sentence"]
+
+
 def test_a_finding_of_the_clock_is_in_every_panel() -> None:
     keep = np.ones(len(sound_log(SEED)), dtype=bool)
     keep[1500:1560] = False

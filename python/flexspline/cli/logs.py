@@ -83,10 +83,10 @@ def check(
         refuse_overwriting(out, runs, ("check.json", "report.html"))
     logs = reading.logs(runs)
 
-    from flexspline.logs.checks import check as look_at
+    from flexspline.logs.checks import check_runs
     from flexspline.report.check import check_json, check_verdict, write_check_report
 
-    audits = [(log, look_at(log, effects=effects, target=target)) for log in logs]
+    audits = list(zip(logs, check_runs(logs, effects=effects, target=target), strict=True))
     lines = [line for _, one in audits for line in (*str(one).split("\n"), "")]
     found(json.loads(check_json(audits, target)))
     say("\n".join(map(printable, (*lines, check_verdict(audits, target)))))
