@@ -301,7 +301,8 @@ def run_exported(header: Path, model: Model, log: Log) -> str:
         include = ["-I", get_include(), "-I", str(header.parent.resolve())]
         built = _run([compiler, *FLAGS, *include, str(source), "-o", str(device)])
         if built.returncode:
-            why = next(iter(built.stderr.splitlines()), "no message")
+            said = built.stderr.splitlines()
+            why = next((line for line in said if "error" in line), (said or ["no message"])[0])
             return f"Not compiled: {Path(compiler).name} does not take it as C++20 ({why})."
         rows = np.column_stack(list(channels.values()))
         ran = _run([str(device)], "\n".join(map(repr, rows.ravel().tolist())))

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from flexspline.effects import Effect
 from flexspline.errors import InputError, listed
+from flexspline.logs.checks.copies import called, copies
 from flexspline.logs.log import Log
 from flexspline.logs.plausible import IMAGINABLE, LEAST
 from flexspline.signals import gear_of
@@ -49,22 +50,11 @@ def require_finite(log: Log, columns: Mapping[str, Array]) -> None:
 
 def require_apart(logs: Sequence[Log]) -> None:
     """Refuse a run that is there twice: it would be held out and fitted at once."""
-    seen: dict[tuple[object, ...], list[Log]] = {}
-    for number, log in enumerate(logs):
-        ends = tuple((name, log[name][[0, -1]].tobytes()) for name in log.channels)
-        alike = seen.setdefault((len(log), ends), [])
-        for other in alike:
-            if all(np.array_equal(log[name], other[name], equal_nan=True) for name in log.channels):
-                raise InputError(
-                    f"run {number + 1} of {len(logs)}, {_called(log)}, holds the same values as "
-                    f"the run {_called(other)}: a run counts once; leave one of them out"
-                )
-        alike.append(log)
-
-
-def _called(log: Log) -> str:
-    """A run by its name, and by its file where it has one: copies of a file share the name."""
-    return f"'{log.name}'" + (f" ({log.source.path})" if log.source is not None else "")
+    for number, other in copies(logs):
+        raise InputError(
+            f"run {number + 1} of {len(logs)}, {called(logs[number])}, holds the same values as "
+            f"the run {called(logs[other])}: a run counts once; leave one of them out"
+        )
 
 
 def require_change(target: str, columns: Sequence[Array]) -> None:

@@ -53,6 +53,7 @@ LAYERS = (
     ("demo", "reproduce"),
     ("cli",),
     ("",),  # flexspline/__init__.py
+    ("__main__",),
 )
 """Rooms, which are sub-packages and modules of the package, the lowest first. A room imports from
 rows above its own in this table, not from its neighbours. Where a room lies in another one, the

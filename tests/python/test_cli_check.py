@@ -160,6 +160,19 @@ def test_rows_with_an_error_are_shaded_on_their_channel_alone() -> None:
     assert axes["sensor_torque"].get_ylabel() == "sensor torque\n[Nm]"
 
 
+def test_a_run_that_is_there_twice_can_not_be_fitted_and_says_which(tmp_path: Path) -> None:
+    first = written(tmp_path, sound_log(SEED), "run1")
+    other = written(tmp_path, sound_log(SEED + 1), "run2")
+    again = tmp_path / "again.csv"
+    again.write_bytes(first.read_bytes())
+    assert call("check", first, other).exit_code == 0
+    result = call("check", first, other, again, "--json")
+    runs = json.loads(result.stdout)["runs"]
+    assert result.exit_code == 3
+    assert [[f["name"] for f in run["findings"]] for run in runs] == [[], [], ["copy_of_a_run"]]
+    assert f"'run1' ({first})" in runs[2]["findings"][0]["sentence"]
+
+
 def channel_axes(figure: PlainFigure, log: fx.Log) -> list[Axes]:
     """Return the axes of the channels; those of the effects come behind them."""
     return figure.axes[: max(len(log.channels) - 1, 1)]

@@ -181,7 +181,7 @@ def test_the_help_has_an_example_and_every_bit_of_the_status() -> None:
 
 def test_the_installed_command_does_the_same(tmp_path: Path, run: Path, model: Path) -> None:
     out = tmp_path / "external.csv"
-    command = [sys.executable, "-m", "flexspline.cli", "estimate", "--model", str(model), str(run)]
+    command = [sys.executable, "-m", "flexspline", "estimate", "--model", str(model), str(run)]
     done = subprocess.run(
         [*command, "--out", str(out)], capture_output=True, text=True, env=dict(os.environ)
     )

@@ -17,7 +17,7 @@ from flexspline.effects import CATALOGUE, TARGETS
 from flexspline.logs.repairs import REPAIRS
 from flexspline.model import Model
 
-SHELL = [sys.executable, "-m", "flexspline.cli"]
+SHELL = [sys.executable, "-m", "flexspline"]
 SOURCE = {"_FLEXSPLINE_COMPLETE": "zsh_source"}
 HEAVY = ("scipy", "pandas", "matplotlib", "pint", "h5py", "jsonschema", "jinja2")
 

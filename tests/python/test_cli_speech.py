@@ -139,6 +139,22 @@ def test_no_overwrite_refuses_in_one_sentence_and_changes_nothing(
     assert before == {path: path.read_bytes() for path in (tmp_path / "out").iterdir()}
 
 
+@pytest.mark.parametrize(
+    ("written", "told"),
+    [
+        ("orders.png", ["orders", "missing.csv", "--target", "sensor_torque"]),
+        ("model.json", ["demo"]),
+    ],
+)
+def test_no_overwrite_of_a_folder_refuses_before_the_work(
+    written: str, told: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("flexspline.demo.demo", None)  # the work; and missing.csv is not read
+    (tmp_path / written).write_text("old")
+    said = call(*told, "--out", tmp_path, "--no-overwrite")
+    assert said.exit_code == 2 and f"{written}: is there already" in said.stderr
+
+
 def test_a_file_that_would_be_kept_in_the_place_of_an_input_is_refused(
     folder: Path, tmp_path: Path
 ) -> None:

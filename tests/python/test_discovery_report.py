@@ -90,7 +90,7 @@ def turning(values: np.ndarray, rate: float = 100.0) -> Log:
 def test_a_wave_is_in_the_band_of_its_frequency(hertz: float, band: int) -> None:
     time = np.arange(4000) / 100.0
     wave = np.sin(2 * np.pi * hertz * time)
-    sizes = [size for _, (size,) in frequency_bands([turning(wave)], [[wave]])]
+    sizes = [size for _, _, (size,) in frequency_bands([turning(wave)], [[wave]])]
     assert int(np.argmax(sizes)) == band
     assert sizes[band] == pytest.approx(np.sqrt(0.5), rel=0.01)
 
@@ -99,7 +99,7 @@ def test_a_wave_is_in_the_band_of_its_frequency(hertz: float, band: int) -> None
 def test_a_ripple_is_in_the_band_of_its_order(order: float, band: int) -> None:
     time = np.arange(4000) / 100.0
     wave = np.sin(order * 2.0 * time)
-    sizes = [size for _, (size,) in order_bands([turning(wave)], [[wave]])]
+    sizes = [size for _, _, (size,) in order_bands([turning(wave)], [[wave]])]
     assert int(np.argmax(sizes)) == band
     assert sizes[band] == pytest.approx(np.sqrt(0.5), rel=0.02)
 
@@ -107,8 +107,31 @@ def test_a_ripple_is_in_the_band_of_its_order(order: float, band: int) -> None:
 def test_squares_of_the_bands_add_up_to_those_of_the_rows_that_count() -> None:
     residual = np.random.default_rng(5).normal(0.1, 1.0, 3000)
     residual[900:1000] = np.nan
-    sizes = [size for _, (size,) in frequency_bands([turning(residual)], [[residual]])]
+    sizes = [size for _, _, (size,) in frequency_bands([turning(residual)], [[residual]])]
     assert sum(np.square(sizes)) == pytest.approx(float(np.nanmean(residual**2)), rel=1e-12)
+
+
+def test_bands_of_orders_count_the_rows_that_turn_and_no_others() -> None:
+    log = there_and_back()
+    rests = np.where(np.arange(len(log)) % 2000 < 500, 0.0, log["output_velocity"])
+    log = log.with_columns({"output_velocity": rests}, note="rests")
+    left = np.ones(len(log))
+    bands = order_bands([log], [[left]])
+    assert {rows for _, rows, _ in bands} == {int(np.count_nonzero(rests))}
+    assert sum(sizes[0] ** 2 for *_, sizes in bands) == pytest.approx(1.0, rel=1e-12)
+    (whole,) = {rows for _, rows, _ in frequency_bands([log], [[left]])}
+    assert whole == len(log)
+
+
+def test_rows_too_few_to_be_scored_are_told_apart_from_those_used() -> None:
+    made = found()
+    scored = sum(int(run.counts.sum()) for run in made.runs)
+    told = " ".join(
+        str(replace(made, rows={"used": scored + 14, "at rest": 6, "in a gap": 1})).split()
+    )
+    assert f"on runs that no fit saw ({scored} of {scored + 21} rows)" in told
+    assert f"{scored + 14} of {scored + 21} rows were used, 14 of them in stretches" in told
+    assert "stretches" not in str(replace(made, rows={"used": scored, "at rest": 6}))
 
 
 def test_a_gap_at_reversals_alone_is_told_from_one_elsewhere() -> None:
@@ -343,7 +366,7 @@ def test_bands_of_orders_hold_what_is_left_in_either_direction(way: float) -> No
     log = there_and_back()
     wave = np.cos(20.0 * log["output_position"])
     left = np.where(way * log["output_velocity"] > 0.0, wave, 0.0)
-    bands = dict(order_bands([log], [[left]]))
+    bands = {label: sizes for label, _, sizes in order_bands([log], [[left]])}
     assert bands["orders 10 to 50"][0] == pytest.approx(0.5, rel=0.05)
     assert bands["below order 10"][0] < 0.1
 

@@ -11,7 +11,7 @@ from fit_logs import FRICTION, WIDTH, autoregressive, friction, log_with, motion
 import flexspline
 from flexspline.least_squares.estimate import Given, estimate
 from flexspline.least_squares.problem import problem_of
-from flexspline.least_squares.validation import cross_validate, score, scores_of
+from flexspline.least_squares.validation import bands, cross_validate, score, scores_of
 
 HELD = {"direction_width": WIDTH}
 
@@ -147,8 +147,8 @@ def test_rows_are_told_by_direction_speed_temperature_and_nearness_to_a_reversal
     # 0.1 s on either side of the last row forward (999) and of the first row back (1200).
     assert near.rows == pytest.approx(2 * 21, abs=2)
     assert found["reversals", "elsewhere"].rows == 1700 - near.rows
-    bands = [s for (group, _), s in found.items() if group == "temperature"]
-    assert len(bands) == 3 and sum(s.rows for s in bands) == 1700
+    parts = [s for (group, _), s in found.items() if group == "temperature"]
+    assert len(parts) == 3 and sum(s.rows for s in parts) == 1700
     assert found["all", "all rows"].rows == 1700
 
 
@@ -160,10 +160,10 @@ def test_each_run_has_its_score():
 
 def test_speed_bands_hold_about_as_many_rows_each_and_leave_no_moving_row_out():
     fit = fitted(log_of(2, 4000))
-    bands = [s for s in fit.scores if s.group == "speed"]
+    parts = [s for s in fit.scores if s.group == "speed"]
     moving = sum(s.rows for s in fit.scores if s.label in ("forward", "backward"))
-    assert len(bands) == 5 and sum(s.rows for s in bands) == moving
-    assert max(s.rows for s in bands) < 1.1 * min(s.rows for s in bands)
+    assert len(parts) == 5 and sum(s.rows for s in parts) == moving
+    assert max(s.rows for s in parts) < 1.1 * min(s.rows for s in parts)
 
 
 def test_a_prior_that_disagrees_with_the_runs_is_weighed_the_same_in_every_fold():
@@ -181,3 +181,11 @@ def test_a_prior_that_disagrees_with_the_runs_is_weighed_the_same_in_every_fold(
     for k, (a, b) in enumerate(edges):
         brute = refitted([*tables[:k], *tables[k + 1 :], known], *tables[k])
         assert found.residuals[0][a:b] == pytest.approx(brute, abs=1e-9)
+
+
+def test_the_edge_of_a_band_that_is_nothing_beside_the_span_reads_zero() -> None:
+    values = np.concatenate([[1.45e-7], np.linspace(0.5, 30.0, 99)])
+    labels = [label for _, label, _ in bands("load", values, 2, "Nm")]
+    assert labels[0].startswith("0 to ") and labels[-1].endswith(" to 30 Nm")
+    narrow = [label for _, label, _ in bands("load", 1e-7 * values, 2, "Nm")]
+    assert narrow[0].startswith("0 to ") and narrow[-1].endswith(" to 3e-06 Nm")

@@ -263,6 +263,27 @@ def test_a_current_against_friction_is_turned_and_gravity_alone_turns_nothing(
     assert "sign" in guess.doubts["motor_current"]
 
 
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_half_of_the_run_that_goes_one_way_hides_no_sign(tmp_path: Path, sign: int) -> None:
+    late = TIME[-1] / 2.0 < TIME
+    velocity = np.where(late, 0.5 + 0.3 * np.sin(1.7 * TIME), DQ)
+    angle = np.cumsum(velocity) * TIME[1]
+    current = sign * (2.0 * np.tanh(velocity / 0.05) + 6.0 * np.sin(angle))
+    columns = {"t": TIME, "q [rad]": angle, "dq [rad/s]": velocity, "i_q [A]": current}
+    np.savez(tmp_path / "run.npz", **columns)
+    guess = guess_map(tmp_path / "run.npz")
+    assert guess.channels["motor_current"].sign == sign
+    assert ("motor_current" in guess.doubts) == (sign < 0)  # what is turned is to be looked at
+
+
+def test_motion_one_way_is_said_to_tell_no_sign(tmp_path: Path) -> None:
+    angle = 0.5 * TIME + 0.1 * np.sin(TIME)
+    current = 2.0 + 6.0 * np.sin(angle)
+    np.savez(tmp_path / "run.npz", **{"t": TIME, "q [rad]": angle, "i_q [A]": current})
+    doubt = guess_map(tmp_path / "run.npz").doubts["motor_current"]
+    assert "one way" in doubt and "friction" not in doubt
+
+
 # reading what a map says
 
 

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import click
 
-from flexspline.cli.options import FILE, on_terminal
+from flexspline.cli.options import FILE, on_terminal, refuse_overwriting
 from flexspline.cli.speech import found, say
-from flexspline.files import folder_to_write
 
 __all__ = [
     "demo",
@@ -36,7 +35,7 @@ def demo(out: str) -> None:
     Example:
       flexspline demo --out flexspline-demo
     """
-    folder_to_write(out)
+    refuse_overwriting(out, [], ("model.json", "report.html", "joint.hpp"))
 
     from flexspline.demo import demo as run_demo
 

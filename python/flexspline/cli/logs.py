@@ -99,7 +99,7 @@ def check(
         refuse_overwriting(out, runs, ("check.json", "report.html"))
     logs = reading.logs(runs)
 
-    from flexspline.logs.checks import check as look_at
+    from flexspline.logs.checks import check_runs
     from flexspline.report.check import (
         audit_text,
         check_json,
@@ -108,7 +108,7 @@ def check(
         write_check_report,
     )
 
-    audits = [(log, look_at(log, effects=effects, target=target)) for log in logs]
+    audits = list(zip(logs, check_runs(logs, effects=effects, target=target), strict=True))
     shown = together(audits, effects, target)
     found(json.loads(check_json(audits, target, shown)))
     lines = [*audit_text(audits, shown), check_verdict(audits, target)]
@@ -149,8 +149,8 @@ def orders(
       flexspline orders run1.csv run2.csv --target sensor_torque --gear-ratio 100
       flexspline orders run*.csv --target motor_current --repair drop_start=1 --out orders.csv
     """
-    if out is not None and _is_table(out):
-        refuse_overwriting(out, runs)
+    if out is not None:
+        refuse_overwriting(out, runs, () if _is_table(out) else ("orders.csv", "orders.png"))
     logs = reading.logs(runs)
 
     from flexspline.effects import UNITS

@@ -63,8 +63,8 @@ MOVES = 0.5  # of the largest speed but for a tenth, from which a row belongs to
 
 def frequency_bands(
     logs: Sequence[Log], residuals: Sequence[Sequence[Array]]
-) -> list[tuple[str, list[float]]]:
-    """Return label and RMS of each band, slow to fast.
+) -> list[tuple[str, int, list[float]]]:
+    """Return label, rows and RMS of each band, slow to fast.
 
     Parameters
     ----------
@@ -74,20 +74,20 @@ def frequency_bands(
 
     Returns
     -------
-    list of (label, RMS of each model, in the unit of the residuals)
+    list of (label, rows of the stretches, RMS of each model in the unit of the residuals)
     """
     rate = 1.0 / max(median_step(log["time"]) for log in logs)
     high = min(HIGH_HZ, DECADE ** np.floor(np.log10(0.5 * SETTINGS.most * rate)))
     edges = [0.0, high / DECADE, high, np.inf]
     labels = [f"below {edges[1]:g} Hz", f"{edges[1]:g} to {high:g} Hz", f"above {high:g} Hz"]
     made = [_banded(_in_time(logs, values), edges) for values in residuals]
-    return [(label, [sizes[k] for sizes in made]) for k, label in enumerate(labels)]
+    return [(label, *_of_band(made, k)) for k, label in enumerate(labels)]
 
 
 def order_bands(
     logs: Sequence[Log], residuals: Sequence[Sequence[Array]]
-) -> list[tuple[str, list[float]]]:
-    """Return label and RMS of each band of orders per output turn, while the joint turns.
+) -> list[tuple[str, int, list[float]]]:
+    """Return label, rows and RMS of each band of orders per output turn, while the joint turns.
 
     Empty where the runs hold no angle or speed, or turn less than half a radian one way. Takes what
     `frequency_bands` takes.
@@ -100,13 +100,19 @@ def order_bands(
     labels = [f"below order {HIGH_ORDER:g}", f"orders {HIGH_ORDER:g} to {high:g}",
               f"above order {high:g}"]  # fmt: skip
     made = [_banded(_in_angle(logs, values), edges) for values in residuals]
-    if not np.isfinite(made).all():
+    if not all(rows for rows, _ in made):
         return []
-    return [(label, [sizes[k] for sizes in made]) for k, label in enumerate(labels)]
+    return [(label, *_of_band(made, k)) for k, label in enumerate(labels)]
 
 
-def _banded(parts: Iterator[tuple[Array, Array]], edges: Sequence[float]) -> list[float]:
-    """RMS of each band; NaN without a part."""
+def _of_band(made: Sequence[tuple[int, list[float]]], band: int) -> tuple[int, list[float]]:
+    return made[0][0], [sizes[band] for _, sizes in made]
+
+
+def _banded(
+    parts: Iterator[tuple[Array, Array]], edges: Sequence[float]
+) -> tuple[int, list[float]]:
+    """Rows of all parts, and RMS of each band; NaN without a part."""
     squares, rows = np.zeros(len(edges) - 1), 0
     for at, values in parts:
         power = np.asarray(dct(values, norm="ortho")) ** 2
@@ -114,7 +120,7 @@ def _banded(parts: Iterator[tuple[Array, Array]], edges: Sequence[float]) -> lis
             squares[k] += power[(at >= low) & (at < high)].sum()
         rows += len(values)
     sizes: list[float] = np.sqrt(squares / rows if rows else squares * np.nan).tolist()
-    return sizes
+    return rows, sizes
 
 
 def _in_time(logs: Sequence[Log], residuals: Sequence[Array]) -> Iterator[tuple[Array, Array]]:
@@ -176,7 +182,7 @@ class Slice:
     """Some of the rows, or one band of the residual: RMS before and after, unit of the target.
 
     `group`: "all", "run", "frequency", "order", "reversals", "direction", "speed", "temperature" or
-    "load". `rows`: as many as it holds; of a band, of the runs in all.
+    "load". `rows`: as many as it holds; of a band, of the stretches that it is a band of.
     """
 
     group: str
@@ -204,7 +210,7 @@ def slices(runs: Sequence[HeldRun]) -> tuple[Slice, ...]:
         ("frequency", frequency_bands(logs, [before, after])),
         ("order", order_bands(logs, [before, after])),
     ):
-        made += [Slice(group, label, whole, *sizes) for label, sizes in found]
+        made += [Slice(group, label, rows, *sizes) for label, rows, sizes in found]
     return tuple(sorted(made, key=lambda part: GROUPS.index(part.group)))
 
 

@@ -71,6 +71,7 @@ SPEED_BANDS = 5
 TEMPERATURE_BANDS = 3
 REVERSAL_SECONDS = 0.1
 LEAST_ROWS = 10
+ROUND = 1e-3  # of the span of all bands: no band is narrower, and an edge nearer zero reads 0
 
 
 @dataclass(frozen=True)
@@ -368,13 +369,14 @@ def bands(group: str, values: Array, count: int, unit: str) -> Iterator[tuple[st
     if not len(finite):
         return
     edges = np.unique(np.quantile(finite, np.linspace(0.0, 1.0, count + 1)))
-    edges = edges[np.concatenate([[True], np.diff(edges) > 1e-3 * (edges[-1] - edges[0])])]
+    edges = edges[np.concatenate([[True], np.diff(edges) > ROUND * (edges[-1] - edges[0])])]
     if len(edges) < 3:
         return
     for low, high in pairwise(edges):
         last = high == edges[-1]
         mask = (values >= low) & ((values <= high) if last else (values < high))
-        yield group, f"{low:.3g} to {high:.3g} {unit}", mask
+        told = 0.0 if abs(low) < ROUND * (edges[-1] - edges[0]) else low
+        yield group, f"{told:.3g} to {high:.3g} {unit}", mask
 
 
 def _channel(logs: Sequence[Log], counts: Sequence[Mask], channel: str) -> Array:

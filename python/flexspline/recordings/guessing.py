@@ -26,7 +26,7 @@ from flexspline.recordings.motion import GEARED, WHOLE, Chosen, motion_columns
 from flexspline.recordings.physics import ratio_of, ratio_to_integral
 from flexspline.recordings.result import Guess, Guessed
 from flexspline.recordings.said import Said, said_in
-from flexspline.recordings.signs import friction_share, goes_with
+from flexspline.recordings.signs import both_ways, friction_share, goes_with
 from flexspline.recordings.text import TextLayout, text_layout
 from flexspline.recordings.units import units_of_side, with_resolutions
 from flexspline.recordings.words import placed, trusted
@@ -361,6 +361,9 @@ class _Found:
             if channel not in self.channels:
                 continue
             share = friction_share(self.si(channel), *motion)
+            if not both_ways(motion[1]):
+                self._doubt(channel, "the motion goes one way, which does not tell its sign")
+                continue
             if abs(share) < WORK:
                 self._doubt(channel, "friction takes too little of it to tell its sign")
                 continue

@@ -5,8 +5,8 @@ the part of a drive's torque that goes with the direction and the speed of the m
 
     y = a · tanh(v / v_s) + b · v + c + d · sin q + e · cos q + f · dv/dt  (+ g · another torque),
 
-does positive work, in each half of a run by itself. Behind the gear a torque pushes outward where
-the drive does: its part of the drive's is positive.
+does positive work, in the first and the second half of the rows of either direction. Behind the
+gear a torque pushes outward where the drive does: its part of the drive's is positive.
 """
 
 from __future__ import annotations
@@ -14,10 +14,11 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexspline.recordings.columns import Array
 
-__all__ = ["friction_share", "goes_with"]
+__all__ = ["both_ways", "friction_share", "goes_with"]
 
 SLOW: Final = 0.05  # of the fastest speed (99 %), the half-width of a change of direction
 FEWEST: Final = 50  # rows of which a half is told
@@ -29,21 +30,33 @@ EXPLAINED: Final = (
 def friction_share(drive: Array, position: Array, velocity: Array) -> float:
     """Return the work of a drive against friction as a share of what it moves, from −1 to 1.
 
-    It is 0 where both halves of the run do not agree on its sign, or the motion goes one way.
+    It is 0 where the early and the late rows do not agree on its sign, or the motion goes one way.
     """
-    whole = _share(drive, position, velocity)
-    half = len(drive) // 2
-    halves = [
-        _share(drive[part], position[part], velocity[part])
-        for part in (slice(0, half), slice(half, None))
-    ]
+    if not both_ways(velocity):
+        return 0.0
+    design = _design(position, velocity)
+    whole = _share(design, drive, velocity)
+    early = _early(velocity)
+    halves = [_share(design[part], drive[part], velocity[part]) for part in (early, ~early)]
     return whole if all(share * whole > 0 for share in halves) else 0.0
 
 
-def _share(drive: Array, position: Array, velocity: Array) -> float:
-    if len(drive) < FEWEST or not (np.min(velocity) < 0 < np.max(velocity)):
+def both_ways(velocity: Array) -> bool:
+    """Whether a motion goes forward and backward."""
+    return len(velocity) > 0 and bool(np.min(velocity) < 0 < np.max(velocity))
+
+
+def _early(velocity: Array) -> NDArray[np.bool_]:
+    """The first half of the rows forward and of those backward: a half may go one way alone."""
+    early = np.zeros(len(velocity), dtype=bool)
+    for rows in (np.flatnonzero(velocity > 0), np.flatnonzero(velocity <= 0)):
+        early[rows[: len(rows) // 2]] = True
+    return early
+
+
+def _share(design: Array, drive: Array, velocity: Array) -> float:
+    if len(drive) < FEWEST:
         return 0.0
-    design = _design(position, velocity)
     solution = np.linalg.lstsq(design, drive, rcond=None)[0]
     power = (design[:, :2] @ solution[:2]) * velocity
     moved = float(np.sum(np.abs(drive * velocity)))

@@ -59,7 +59,7 @@ _TITLES = {
     "temperature": "cold to hot",
     "load": "unloaded to loaded",
     "frequency": "by frequency, slow to fast",
-    "order": "by order per output turn, while the joint turns",
+    "order": "by order per output turn, one way at half the top speed or more",
 }
 
 
@@ -257,8 +257,12 @@ def floor_sentence(made: Discovery) -> str:
 
 def _of_how_many(made: Discovery) -> str:
     """How many of the rows that is, where some were left out, for the headline."""
-    used, total = made.rows.get("used", 0), sum(made.rows.values())
-    return f" ({used} of {total} rows)" if used < total else ""
+    scored, total = _scored(made), sum(made.rows.values())
+    return f" ({scored} of {total} rows)" if scored < total else ""
+
+
+def _scored(made: Discovery) -> int:
+    return sum(int(np.count_nonzero(run.counts)) for run in made.runs)
 
 
 def rows_sentence(made: Discovery) -> str:
@@ -268,7 +272,14 @@ def rows_sentence(made: Discovery) -> str:
         return ""
     total = sum(made.rows.values())
     told = listed([f"{count} {why}" for why, count in left.items()])
-    return f"{made.rows['used']} of {total} rows were used; left out: {told}."
+    used = made.rows["used"]
+    short_of = used - _scored(made)
+    unscored = (
+        f", {short_of} of them in stretches shorter than the noise's memory, which count in no RMSE"
+        if short_of > 0
+        else ""
+    )
+    return f"{used} of {total} rows were used{unscored}; left out: {told}."
 
 
 def channel_rows(made: Discovery) -> list[tuple[str, ...]]:

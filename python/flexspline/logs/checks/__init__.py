@@ -11,6 +11,7 @@ from flexspline.logs.checks.consistency import (
     torque,
     velocity_of_position,
 )
+from flexspline.logs.checks.copies import copies, copy_finding
 from flexspline.logs.checks.ends import drive_disabled, homing_move, start_transient, stuck_tail
 from flexspline.logs.checks.excitation import excitation, excited
 from flexspline.logs.checks.findings import Excited, Finding, Findings, Severity, sorted_findings
@@ -27,11 +28,21 @@ from flexspline.logs.checks.samples import (
     time_order,
     wrapped,
 )
+from flexspline.logs.log import Log
 from flexspline.logs.plausible import emptied
 from flexspline.logs.read import LogLike, as_log
 from flexspline.parallel import in_order
 
-__all__ = ["Excited", "Finding", "Findings", "Gear", "Severity", "check", "measured_gear"]
+__all__ = [
+    "Excited",
+    "Finding",
+    "Findings",
+    "Gear",
+    "Severity",
+    "check",
+    "check_runs",
+    "measured_gear",
+]
 
 ALWAYS = (no_channels, not_finite, impossible, time_order)
 """Checks that any numbers pass through; the others see what no instrument reads as empty."""
@@ -90,3 +101,14 @@ def check(
     finally:
         motion_of.cache_clear()  # it would keep the log
     return sorted_findings(log.name, found, shown)
+
+
+def check_runs(
+    logs: Sequence[Log], *, effects: Sequence[str] = (), target: str | None = None
+) -> list[Findings]:
+    """Look for faults of each run, as `check` does, and for runs that are there twice."""
+    made = [check(log, effects=effects, target=target) for log in logs]
+    for number, other in copies(logs):
+        found = [*made[number], copy_finding(logs[number], logs[other])]
+        made[number] = sorted_findings(logs[number].name, found)
+    return made

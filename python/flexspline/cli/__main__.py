@@ -1,5 +1,0 @@
-"""`python -m flexspline.cli` is `flexspline`."""
-
-from flexspline.cli import main
-
-main()
