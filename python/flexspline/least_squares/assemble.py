@@ -10,14 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.effects import Effect, unit_in
+from flexspline.least_squares.between_runs import BetweenRuns, own_warnings
 from flexspline.least_squares.derived import loop_warnings, sign_warnings
 from flexspline.least_squares.estimate import Estimate, counts_of, residuals_of
 from flexspline.least_squares.generalised import uncertainty_of
 from flexspline.least_squares.identifiability import Confounded, confounded_groups
 from flexspline.least_squares.late_load import LateLoad
-from flexspline.least_squares.offsets import offset_parameters
+from flexspline.least_squares.offsets import ZERO, offset_parameters
 from flexspline.least_squares.options import bounds_of
-from flexspline.least_squares.problem import Problem, memory_warnings
+from flexspline.least_squares.own_terms import compared_runs, own_parameters
+from flexspline.least_squares.problem import Problem, columns_of, memory_warnings
 from flexspline.least_squares.result import Delay, Fit, FittedRun, Parameter
 from flexspline.least_squares.uncertainty import Uncertainty
 from flexspline.least_squares.validation import cross_validate, scores_of
@@ -78,6 +80,14 @@ def assembled(
         values = np.insert(values, sum(len(e.terms) for e in before), mean)
         effects = (*before, offset[1], *effects[offset[0] :])
     residuals = residuals_of(problem, made.linear)
+    if problem.projected:
+        units = _own_units(problem)
+        own = own_parameters(problem, made, uncertainty, units)
+        kept = [p for p in parameters if p.name not in problem.own]
+        shared = len(made.names) - len(problem.own)
+        parameters = (*kept[:shared], *own, *kept[shared:])
+    between = compared_runs(problem, made, uncertainty, parameters, effects, residuals)
+    values, between = _with_means(values, effects, between)
     scores = scores_of(problem, residuals, held_out_residuals)
     runs = tuple(
         FittedRun(run.log, run.target, run.target - residual, held_out, counts_of(run))
@@ -88,6 +98,8 @@ def assembled(
     record = _record(problem, made, parameters, confounded, uncertainty)
     record["scores"] = [asdict(s) for s in scores]
     record["validated"] = validated
+    if between:
+        record["per_run"] = [term.to_json() for term in between]
     if as_recorded:
         record["prepared"] = []
     if delay is not None:
@@ -114,7 +126,7 @@ def assembled(
         uncertainty=uncertainty,
         covariance=covariance,
         lowpass=problem.lowpass,
-        warnings=(*warnings, *_warnings(made, uncertainty)),
+        warnings=(*warnings, *_warnings(made, uncertainty), *own_warnings(between)),
         exact=made.linear.exact,
         condition=made.linear.solution.condition,
         orders=orders,
@@ -122,6 +134,7 @@ def assembled(
         delay=delay,
         solved=made.bare(),
         late=late,
+        between_runs=between,
     )
     return replace(found, warnings=(*found.warnings, *sign_warnings(found), *loop_warnings(found)))
 
@@ -156,6 +169,28 @@ def _confounded(problem: Problem, made: Estimate, uncertainty: Uncertainty) -> l
         errors_of,
         made.linear.prior_rows,
     )
+
+
+def _own_units(problem: Problem) -> list[str]:
+    """Unit of each term in `own` that is taken out."""
+    terms = [term for effect in problem.projected for term in effect.terms]
+    units = [unit_in(term.unit, problem.target, problem.known_load) for term in terms]
+    return [units[column] for column in columns_of(problem.projected, problem.own)]
+
+
+def _with_means(
+    values: Array, effects: Sequence[Effect], between: tuple[BetweenRuns, ...]
+) -> tuple[Array, tuple[BetweenRuns, ...]]:
+    """Coefficients (P,) with the mean over runs of terms that each run has of its own.
+
+    That of offsets alone is the mean of all runs, and is there.
+    """
+    at = [columns_of(effects, [each.term])[0] for each in between]
+    if [term.term for term in between] == [ZERO]:
+        return values, (replace(between[0], mean=float(values[at[0]])),)
+    values = values.copy()
+    values[at] = [each.mean for each in between]
+    return values, between
 
 
 def _units(problem: Problem, made: Estimate) -> list[str]:
