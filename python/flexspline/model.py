@@ -45,6 +45,7 @@ __all__ = [
     "Part",
     "Prediction",
     "Predictions",
+    "own_of_runs",
     "part_warnings",
     "range_warnings",
     "refuse_warnings",
@@ -527,7 +528,7 @@ def _sign_warnings(part: Part) -> Iterator[str]:
             )
 
 
-def _own_terms(part: Part) -> list[Mapping[str, Any]]:
+def own_of_runs(part: Part) -> list[Mapping[str, Any]]:
     """What is recorded of terms that each run of the fit had of its own, beside offsets alone."""
     own = [*part.record.get("per_run", ())]
     return [] if [term["term"] for term in own] == [f"{OFFSET}.{OFFSET}"] else own
@@ -535,7 +536,7 @@ def _own_terms(part: Part) -> list[Mapping[str, Any]]:
 
 def _varied_terms(part: Part) -> Iterator[str]:
     """Those of these terms that differ between the runs, with their spread."""
-    for term in _own_terms(part):
+    for term in own_of_runs(part):
         if term["differs"]:
             name = short_names(term["term"])
             yield f"{name} (by {short(term['spread'])} {term['unit']}, standard deviation)"
@@ -544,7 +545,7 @@ def _varied_terms(part: Part) -> Iterator[str]:
 def _weak_terms(part: Part) -> list[str]:
     """Coefficients of effects without orders that may as well be zero."""
     ripple = {effect.name for effect in part.effects if effect.ripple}
-    own = tuple(f"{short_names(term['term'])}." for term in _own_terms(part))
+    own = tuple(f"{short_names(term['term'])}." for term in own_of_runs(part))
     return [
         entry["name"]
         for entry in part.record.get("parameters", ())

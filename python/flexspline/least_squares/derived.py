@@ -59,8 +59,8 @@ def derived_of(fit: Fit) -> tuple[Derived, ...]:
     """Return the derived quantities of a fit's effects.
 
     Left out are those that are not finite, that the data do not see, and whose error is more than
-    half of their value, where the first order of the delta method no longer holds, and those of effects of which
-    each run has its own.
+    half of their value, where the first order of the delta method no longer holds, and those of
+    effects of which each run has its own.
     """
     found = []
     ratio = effective_ratio(fit.model.facts)

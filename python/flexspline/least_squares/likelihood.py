@@ -132,11 +132,11 @@ def _summed(fit: Fit, made: Estimate, noise: NoiseModel) -> _Sums:
     whitener = _Whitener(noise)
     width = basis.shape[1] + 1
     sums = _Sums(np.zeros((width, width)))
-    for number, group in groupby(tangent.pieces(), key=itemgetter(0)):
+    every = beside_own(tangent.pieces(), problem) if problem.projected else tangent.pieces()
+    for number, group in groupby(every, key=itemgetter(0)):
         chunks: Chunks = partial(map, itemgetter(2), group)
         if problem.projected:
             many = problem.own_basis(number).rows.shape[1]
-            chunks = partial(beside_own, group, problem)
             beside = pieces(chunks, block_diag(basis, np.eye(many)), noise.decimation)
             _add_beside_own(sums, beside, whitener)
             sums.offsets += many
@@ -160,14 +160,14 @@ def _add_beside_own(
     sums: _Sums, blocks: Iterable[tuple[bool, Array, Array, Array]], whitener: _Whitener
 ) -> None:
     """Add the rows of one run beside terms of its own, whose columns stand behind all others."""
-    width, total = len(sums.products), 0.0
+    width, found = len(sums.products), []
     for starts, rows, residual, _ in blocks:
         z = np.column_stack([rows[:, : width - 1], residual, rows[:, width - 1 :]])
         white, logarithms = whitener(starts, z)
-        total = total + white.T @ white
+        found.append(white.T @ white)
         sums.logarithms += logarithms
         sums.rows += len(z)
-    whole = np.asarray(total)
+    whole = np.sum(found, axis=0)
     shared, own = slice(None, width), slice(width, None)
     inverse = np.linalg.pinv(whole[own, own], hermitian=True)
     sums.products += whole[shared, shared] - whole[shared, own] @ inverse @ whole[own, shared]

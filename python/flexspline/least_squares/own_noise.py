@@ -66,8 +66,8 @@ def noise_beside_own(tangent: Tangent | Beside, problem: Problem, basis: Array) 
 
 def beside_own(
     pieces: Iterable[tuple[int, slice, Chunk]], problem: Problem
-) -> Iterator[Chunk]:
-    """Give the rows of one run with the directions of its own terms behind them."""
+) -> Iterator[tuple[int, slice, Chunk]]:
+    """Give pieces of rows with the directions of their run's own terms behind them."""
     for number, rows, chunk in pieces:
         own = problem.own_basis(number).rows[rows]
-        yield replace(chunk, rows=np.hstack([chunk.rows, own]))
+        yield number, rows, replace(chunk, rows=np.hstack([chunk.rows, own]))

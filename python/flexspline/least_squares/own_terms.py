@@ -37,8 +37,8 @@ from flexspline.effects.causes import OFFSET
 from flexspline.errors import InputError, listed
 from flexspline.least_squares.between_runs import BetweenRuns, OwnValues, between_runs
 from flexspline.least_squares.estimate import Estimate, Given
-from flexspline.least_squares.options import FitOptions, coefficient_names, resolve, shapes_of
 from flexspline.least_squares.offsets import MANY_RUNS, TAIL, ZERO, offset_errors, root_of
+from flexspline.least_squares.options import FitOptions, coefficient_names, resolve, shapes_of
 from flexspline.least_squares.problem import Problem, columns_of
 from flexspline.least_squares.result import Parameter
 from flexspline.least_squares.uncertainty import Uncertainty
@@ -87,9 +87,7 @@ def own_terms(
     return tuple(name for name in names if name in found)
 
 
-def _require_own(
-    effects: Sequence[Effect], asked: str, fixed: Sequence[str], runs: int
-) -> None:
+def _require_own(effects: Sequence[Effect], asked: str, fixed: Sequence[str], runs: int) -> None:
     """Refuse a term that cannot be each run's own."""
     name = asked.split(".")[0]
     effect = next(e for e in effects if name in (e.name, *(term.name for term in e.terms)))
@@ -168,7 +166,7 @@ def own_parameters(
     freedom = float(max(noise.samples - noise.parameters, 1))
     quantile = float(student.ppf(0.975, freedom))
     white = noise.variance * noise.decimation
-    found = []
+    found: list[Parameter] = []
     for number, (values, core, beside) in enumerate(_own_errors(problem, made, uncertainty)):
         basis = problem.own_basis(number)
         errors = np.sqrt(np.diag(core) + np.sum(beside**2, axis=1))
@@ -279,7 +277,9 @@ def _all_errors(
     if problem.centred:
         return [offset_errors(problem, made, uncertainty)]
     if problem.projected:
-        each = [(np.diag(core), beside) for _, core, beside in _own_errors(problem, made, uncertainty)]
+        each = [
+            (np.diag(core), beside) for _, core, beside in _own_errors(problem, made, uncertainty)
+        ]
         return [
             (np.array([noise[k] for noise, _ in each]), np.array([u[k] for _, u in each]))
             for k in range(len(own))

@@ -153,7 +153,7 @@ class Problem:
     `gear`: effective ratio, output spline and whether the motor's angle is measured, as
     `_core.Design` takes them. `lowpass`: Hz, on target and rows alike, or None. `preparations`: of
     the channels that rows read. `centred`: whether an offset of each run is taken out of target and
-    rows (`offsets.py`). `own`: terms, "effect.term", of which each run has a coefficient of its own;
+    rows (`offsets.py`). `own`: terms, "effect.term", of which each run has its own coefficient;
     `projected`: the effects of these, where they are taken out of target and rows in the same way.
     `simulated`: the foreign simulation whose prediction is taken off every target, or None.
     """
@@ -233,8 +233,7 @@ class Problem:
         """Return the directions that a run's own terms span over the rows that count."""
         run = self.runs[number]
         key = ("own", number, run.stretches)
-        made: OwnBasis = self.once(key, lambda: _own_basis(run, self.own_rows(self.projected, number)))
-        return made
+        return self.once(key, lambda: _own_basis(run, self.own_rows(self.projected, number)))
 
     def once(self, key: Any, make: Callable[[], T]) -> T:
         """Return what `make` makes, which is kept: models come and go, the runs stay."""

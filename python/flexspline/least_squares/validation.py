@@ -157,8 +157,8 @@ def _moves(made: Estimate, folds: Sequence[Fold]) -> _Moves:
                 sums[fold, number] += np.append(z[part].sum(axis=0), total)
             if problem.projected:
                 own = problem.own_basis(number).rows[rows][part]
-                total = own.T @ np.column_stack([z[part], chunk.residual[part], own])
-                owned[fold, number] = owned.get((fold, number), 0.0) + total
+                both = own.T @ np.column_stack([z[part], chunk.residual[part], own])
+                owned[fold, number] = owned.get((fold, number), np.zeros_like(both)) + both
     known = made.prior_rows @ made.basis
     whole = products.sum(axis=0) + known.T @ known
     left = {key: problem.runs[key[1]].counted - int(total[-1]) for key, total in sums.items()}
@@ -166,11 +166,11 @@ def _moves(made: Estimate, folds: Sequence[Fold]) -> _Moves:
         of_rows, of_residual = sums[key][:-2], sums[key][-2]
         products[key[0]] += np.outer(of_rows, of_rows) / max(count, 1)
         correlations[key[0]] += of_rows * of_residual / max(count, 1)
-    inverses = {key: _others(total[:, width + 1 :]) for key, total in owned.items()}
-    for key, total in owned.items():
-        spread = total[:, :width].T @ inverses[key]
-        products[key[0]] += spread @ total[:, :width]
-        correlations[key[0]] += spread @ total[:, width]
+    inverses = {key: _others(both[:, width + 1 :]) for key, both in owned.items()}
+    for key, both in owned.items():
+        spread = both[:, :width].T @ inverses[key]
+        products[key[0]] += spread @ both[:, :width]
+        correlations[key[0]] += spread @ both[:, width]
     steps = [
         np.linalg.lstsq(whole - without, -pull, rcond=1e-13)[0]
         for without, pull in zip(products, correlations, strict=True)
@@ -180,8 +180,8 @@ def _moves(made: Estimate, folds: Sequence[Fold]) -> _Moves:
         for key, count in left.items()
     }
     along = {
-        key: inverses[key] @ (total[:, :width] @ steps[key[0]] - total[:, width])
-        for key, total in owned.items()
+        key: inverses[key] @ (both[:, :width] @ steps[key[0]] - both[:, width])
+        for key, both in owned.items()
     }
     return _Moves([made.basis @ step for step in steps], offsets, along)
 
