@@ -198,7 +198,7 @@ def test_the_likelihood_is_that_of_the_whole_covariance_over_runs_and_gaps():
 
 
 def test_aic_is_minus_twice_the_log_density_of_scipy_and_two_for_each_parameter():
-    log = log_of(4, 240)
+    log = log_of(1, 500)
     fit = fitted(log)
     noise, rows, y = fit.uncertainty.noise, rows_of(friction(), log), log["sensor_torque"]
     pulse = lfilter([1.0], noise.denominator, np.eye(1, 20_000)[0])
@@ -210,7 +210,7 @@ def test_aic_is_minus_twice_the_log_density_of_scipy_and_two_for_each_parameter(
     density = multivariate_normal(rows @ best, variance * shape).logpdf(y)
     parameters = 4 + noise.order + 1  # coefficients, those of the noise, and its variance
     assert fit.aic == pytest.approx(-2.0 * density + 2.0 * parameters, rel=1e-6)
-    assert fit.bic == pytest.approx(-2.0 * density + parameters * np.log(240), rel=1e-6)
+    assert fit.bic == pytest.approx(-2.0 * density + parameters * np.log(500), rel=1e-6)
 
 
 def test_the_likelihood_counts_a_prior_as_part_of_a_parameter():

@@ -491,8 +491,9 @@ def _task(
         own = [short_names(term["term"]) for term in own_of_runs(part)]
         if own:
             raise InputError(
-                f"discover fits one value of each term to all runs, but the model has {listed(own)} "
-                "of each run by itself; start from a model without per_run, or from effects"
+                "discover fits one value of each term to all runs, but the model has "
+                f"{listed(own)} of each run by itself; start from a model without per_run, or from "
+                "effects"
             )
         held = {**_fixed_in(part.record), **fixed}
         load = known_load or part.known_load
