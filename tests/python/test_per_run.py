@@ -19,6 +19,7 @@ from flexspline import FitOptions, InputError
 from flexspline.least_squares.between_runs import LEVEL
 from flexspline.least_squares.result import Fit
 from flexspline.logs.log import Log
+from flexspline.logs.read import write_log
 
 own_terms = importlib.import_module("flexspline.least_squares.own_terms")
 EFFECTS = ["offset", "viscous_friction", "inertia", "gravity"]
@@ -136,7 +137,7 @@ def test_a_run_at_one_angle_does_not_determine_its_payload_and_does_not_count(co
     assert sine.determined == (*[True] * (count - 1), False)
     assert sine.mean == pytest.approx(np.mean(sine.values[:-1]))
     assert any(f"run {count - 1} does not determine its own value" in said for said in fit.warnings)
-    assert "not determined" in str(fit)
+    assert ("not determined" in str(fit)) == (count < 12)  # the table shows twelve runs
 
 
 def test_a_model_keeps_mean_and_table_and_says_so_where_it_predicts() -> None:
@@ -147,7 +148,7 @@ def test_a_model_keeps_mean_and_table_and_says_so_where_it_predicts() -> None:
     assert model.part().coefficients[0] == kept[0]["mean"] == fit.between_runs[0].mean
     assert any("differ in offset" in said for said in model.predict(run_of(9)[0]).warnings)
     with pytest.raises(InputError, match=r"gravity\.sine of each run by itself"):
-        flexspline.discover(model, runs_of(4), "sensor_torque")
+        flexspline.discover(model, runs_of(4), target="sensor_torque")
     page = fit._repr_html_()
     for text in (str(fit), fit.summary(), page):
         assert "spread between runs" in text and "the runs differ" in text and "run 3" in text
@@ -185,7 +186,7 @@ def test_the_likelihood_holds_the_terms_that_are_taken_out() -> None:
 
 def test_memory_grows_with_the_runs_and_not_with_their_square() -> None:
     peaks = []
-    for count in (30, 90):
+    for count in (20, 60):
         logs = runs_of(count, rows=80)
         tracemalloc.start()
         fitted(logs, ("offset", "gravity"))
@@ -226,7 +227,7 @@ def test_terms_of_one_run_or_of_too_many_with_something_given_are_refused() -> N
 
 def saved(logs: list[Log], folder: Path) -> list[str]:
     for log in logs:
-        log.save(folder / f"{log.name}.csv")
+        write_log(log, folder / f"{log.name}.csv")
     return [str(folder / f"{log.name}.csv") for log in logs]
 
 

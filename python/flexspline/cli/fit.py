@@ -93,9 +93,12 @@ def _criteria(made: Fit) -> dict[str, float | None]:
 
 def _regions(made: Sequence[Profile | Contour]) -> dict[str, list[dict[str, Any]]]:
     """Profiles and contours for a script, with their points."""
+    import numpy as np
+
     found: dict[str, list[dict[str, Any]]] = {}
     for one in made:
         content = {field.name: getattr(one, field.name) for field in fields(one)}
+        content = {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in content.items()}
         kind = "contours" if "names" in content else "profiles"
         found.setdefault(kind, []).append(content)
     return found

@@ -32,7 +32,10 @@ __all__ = ["LEVEL", "BetweenRuns", "OwnValues", "between_runs", "own_warnings"]
 Array = NDArray[np.float64]
 
 LEVEL = 0.01
-"""Chance that a term is said to differ between runs that does not; as of zeros in a calibration."""
+"""Chance that a term is said to differ between runs that does not; as of zeros in a calibration.
+
+Measured in coloured noise, two terms each: 2.0 % of 300 fits of 5 runs, 0.3 % of 150 fits of 20.
+"""
 
 LOOSE = 10.0
 """Times the median error from which a run is said not to determine its own value.
@@ -102,10 +105,13 @@ class BetweenRuns:
         """Whether the runs differ, in words."""
         if not np.isfinite(self.p):
             return "fewer than two runs determine it"
-        chance = "< 0.0001" if self.p < 1e-4 else f"= {self.p:.2g}"
+        chance = "< 0.0001" if self.p < 1e-4 else f"= {self.p:.3g}"
         if self.differs:
             return f"the runs differ (p {chance})"
-        return f"no difference between the runs is shown (p {chance}); one for all may do"
+        return (
+            f"no difference between the runs is shown (p {chance}, level {LEVEL:g}); one for all "
+            "may do"
+        )
 
     def to_json(self) -> dict[str, Any]:
         """Return the term as `model.json` keeps it."""
