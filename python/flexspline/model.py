@@ -444,7 +444,7 @@ def part_warnings(part: Part) -> list[str]:
     if varied:
         said.append(
             f"the model of {part.target} was fitted to runs that differ in {listed(varied)}; it "
-            "holds their mean, which a new run may be as far from"
+            "holds their mean, and a new run differs from that by as much"
         )
     stuck = [
         f"{entry['name']} ({entry['state'].removeprefix('at ')})"

@@ -22,6 +22,7 @@ from flexspline.logs.log import Log
 from flexspline.logs.read import write_log
 
 own_terms = importlib.import_module("flexspline.least_squares.own_terms")
+offsets = importlib.import_module("flexspline.least_squares.offsets")
 EFFECTS = ["offset", "viscous_friction", "inertia", "gravity"]
 OWN = ("offset", "gravity.sine")
 VISCOSITY, INERTIA, COSINE = 0.4, 0.02, 0.3
@@ -108,6 +109,23 @@ def test_intervals_cover_common_terms_and_each_runs_own_where_payloads_differ() 
     assert low / (len(own) // 3) <= np.mean(np.square(own)) <= 1.1 * high / (len(own) // 3)
 
 
+@pytest.mark.parametrize("per_run", [OWN, ("offset",)])
+@pytest.mark.parametrize("taken_out", [False, True])
+def test_the_error_on_a_new_run_is_that_of_fits_that_never_saw_it(
+    monkeypatch: pytest.MonkeyPatch, per_run: tuple[str, ...], taken_out: bool
+) -> None:
+    if taken_out:
+        for module in (own_terms, offsets):
+            monkeypatch.setattr(module, "MANY_RUNS", 2)
+    logs = runs_of(4, rows=80)
+    left = [
+        fitted([other for other in logs if other is not log], per_run).predict(log).residual
+        for log in logs
+    ]
+    for term in fitted(logs, per_run).between_runs:
+        assert term.new_run_rmse == pytest.approx(np.sqrt(np.mean(np.square(left))), rel=1e-9)
+
+
 def test_without_per_run_payloads_that_differ_hurt_the_common_terms() -> None:
     logs = [run_of(k, seed=7)[0] for k in range(4)]
     with_own, without = fitted(logs), fitted(logs, ())
@@ -138,6 +156,14 @@ def test_a_run_at_one_angle_does_not_determine_its_payload_and_does_not_count(co
     assert sine.mean == pytest.approx(np.mean(sine.values[:-1]))
     assert any(f"run {count - 1} does not determine its own value" in said for said in fit.warnings)
     assert ("not determined" in str(fit)) == (count < 12)  # the table shows twelve runs
+
+
+def test_a_term_that_is_held_in_one_run_is_no_value_that_runs_determine() -> None:
+    fit = fitted(runs_of(4), fixed={"offset.run 2": run_of(2)[1][0]})
+    zero, _ = fit.between_runs
+    assert zero.determined == (True, True, False, True) and zero.standard_errors[2] == 0.0
+    assert zero.differs and not any("determine its own" in said for said in fit.warnings)
+    assert not any("not determined" in line for line in str(fit).splitlines())
 
 
 def test_a_model_keeps_mean_and_table_and_says_so_where_it_predicts() -> None:
@@ -216,7 +242,7 @@ def test_a_term_that_cannot_be_of_each_run_is_refused(
 
 
 def test_terms_of_one_run_or_of_too_many_with_something_given_are_refused() -> None:
-    with pytest.raises(InputError, match="'gravity' of one run is that of all"):
+    with pytest.raises(InputError, match=r"one alone; .* leave gravity\.cosine, gravity\.sine out"):
         fitted(runs_of(1), "gravity")
     with pytest.raises(InputError, match=r"99 coefficients, more than 64, .* gravity"):
         fitted(runs_of(33), ("offset", "gravity"), fixed={"gravity.sine.run 3": 1.0})
@@ -231,9 +257,10 @@ def saved(logs: list[Log], folder: Path) -> list[str]:
     return [str(folder / f"{log.name}.csv") for log in logs]
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_command_takes_per_run_profiles_contours_and_a_summary(tmp_path: Path) -> None:
     given = [
-        "fit", *saved(runs_of(3), tmp_path), "--target", "sensor_torque", "--effects",
+        "fit", *saved(runs_of(3, rows=80), tmp_path), "--target", "sensor_torque", "--effects",
         ",".join(EFFECTS), "--per-run", "offset,gravity.sine", "--profile", "viscosity",
         "--contour", "viscosity,inertia", "--summary", "--out", str(tmp_path / "out"),
     ]  # fmt: skip
@@ -249,7 +276,7 @@ def test_the_command_takes_per_run_profiles_contours_and_a_summary(tmp_path: Pat
     assert len(contour["points"]) == 24
     report = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert "What each run has of its own" in report and "per_run=[" in report
-    wrong = call(*given[:-6], "--contour", "viscosity", "--out", str(tmp_path / "other"))
+    wrong = call(*given[:-5], "--contour", "viscosity", "--out", str(tmp_path / "other"))
     assert wrong.exit_code == 2 and "names 1; write two" in wrong.stderr
     assert not (tmp_path / "other").exists()
 
@@ -260,7 +287,7 @@ def test_models_are_compared_on_the_same_rows_by_a_command(tmp_path: Path) -> No
     paths = [str(tmp_path / f"{name}.json") for name in ("small", "large")]
     for fit, path in zip((small, large), paths, strict=True):
         fit.model.save(path)
-    given = ["models", *saved([run_of(5)[0]], tmp_path), "--model", paths[0]]
+    given = ["compare-models", *saved([run_of(5)[0]], tmp_path), "--model", paths[0]]
     out = tmp_path / "errors.csv"
     text = call(*given, "--model", paths[1], "--out", str(out))
     assert text.exit_code == 0, text.stderr

@@ -47,7 +47,7 @@ def commands() -> None:
       predict  on runs it never saw           flexspline predict
       simulate the motion from its inputs     flexspline simulate
       compare  where model and runs disagree  flexspline compare
-      models   of one target, side by side    flexspline models
+      models   of one target, side by side    flexspline compare-models
       discover which effect is missing        flexspline discover
       estimate the torque from outside        flexspline estimate
       export   constants for the robot        flexspline export

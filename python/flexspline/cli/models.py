@@ -1,4 +1,4 @@
-"""`flexspline models`: several models of one target side by side on the same runs."""
+"""`flexspline compare-models`: several models of one target side by side on the same runs."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from flexspline.files import save_table
 __all__ = ["models"]
 
 
-@click.command(cls=Taught, sections=(repairs,))
+@click.command("compare-models", cls=Taught, sections=(repairs,))
 @click.argument("runs", nargs=-1, required=True, metavar="RUN.csv...", type=FILE)
 @click.option(
     "--model",
@@ -54,8 +54,8 @@ def models(
 
     \b
     Examples:
-      flexspline models run3.csv run4.csv --model before/model.json --model after/model.json
-      flexspline models run3.csv --model a.json --model b.json --lowpass 5 --out errors.csv
+      flexspline compare-models run3.csv run4.csv --model before.json --model after.json
+      flexspline compare-models run3.csv --model a.json --model b.json --out errors.csv
     """
     for path in paths:
         if paths.count(path) > 1:

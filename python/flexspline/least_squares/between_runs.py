@@ -74,13 +74,16 @@ class BetweenRuns:
     ----------
     term : "effect.term".
     runs, values, standard_errors : of each run, (R,).
-    determined : (R,), whether the run determines its value; others do not count below.
+    determined : (R,), whether the run determines its value; others do not count below. The
+        standard error of a value that is fixed or at a bound is 0, and it is not determined.
     mean : what the model predicts a new run with.
     spread : standard deviation between the runs, without what the errors make of it.
-    new_run_error : standard error of `mean` as the value of a new run.
+    new_run_error : standard error of `mean` as the value of a new run, with as many degrees of
+        freedom as there are runs that determine theirs, less one.
     p : of the test that one value would do for all runs; NaN where fewer than two determine it.
-    new_run_rmse : RMS residual, in the target's unit, of each run when predicted with the mean of
-        the others, and its own other terms of this table replaced in the same way.
+    new_run_rmse : RMS residual, in the target's unit, of all runs, each predicted by a fit to the
+        others with their means; one number for all terms of a fit. NaN where none of the others
+        determines a term. Shapes follow along the tangent.
     """
 
     term: str
@@ -103,8 +106,10 @@ class BetweenRuns:
     @property
     def verdict(self) -> str:
         """Whether the runs differ, in words."""
-        if not np.isfinite(self.p):
+        if sum(self.determined) < 2:
             return "fewer than two runs determine it"
+        if not np.isfinite(self.p):
+            return "there is no noise by which a difference could be judged"
         chance = "< 0.0001" if self.p < 1e-4 else f"= {self.p:.3g}"
         if self.differs:
             return f"the runs differ (p {chance})"
@@ -179,7 +184,8 @@ def own_warnings(terms: Sequence[BetweenRuns]) -> list[str]:
     """Return a sentence for each term that some runs do not determine."""
     said = []
     for each in terms:
-        loose = [run for run, known in zip(each.runs, each.determined, strict=True) if not known]
+        every = zip(each.runs, each.determined, each.standard_errors, strict=True)
+        loose = [run for run, known, error in every if not known and error != 0.0]
         if loose:
             said.append(
                 f"{each.term}: {listed(loose, 6)} do{'es' if len(loose) == 1 else ''} not "

@@ -30,7 +30,16 @@ from flexspline.least_squares.result import Parameter
 from flexspline.least_squares.uncertainty import Uncertainty
 from flexspline.logs.log import Log
 
-__all__ = ["MANY_RUNS", "ZERO", "offset_errors", "offset_parameters", "root_of", "taken_out"]
+__all__ = [
+    "MANY_RUNS",
+    "TAIL",
+    "ZERO",
+    "offset_errors",
+    "offset_parameters",
+    "own_parameter",
+    "root_of",
+    "taken_out",
+]
 
 Array = NDArray[np.float64]
 
@@ -60,8 +69,6 @@ def offset_parameters(
     noise, covariance = uncertainty.noise, uncertainty.covariance
     spread = _residual_variance(problem, made, uncertainty)
     white = uncertainty.basis @ uncertainty.naive_core @ uncertainty.basis.T
-    freedom = float(max(noise.samples - noise.parameters, 1))
-    quantile = float(student.ppf(0.975, freedom))
     found = []
     for name, run, mean in zip(names, problem.runs, _means(made, width), strict=True):
         value = _value(problem, made, run)
@@ -69,15 +76,23 @@ def offset_parameters(
         error = float(np.sqrt(of_mean + mean @ covariance @ mean))
         independent = run.counted / noise.decimation
         naive = float(np.sqrt(spread / independent + mean @ white @ mean))
-        ends = (value - quantile * error, value + quantile * error)
-        worth = uncertainty.rows * (naive / error) ** 2 if error > 0.0 else float("nan")
-        found.append(
-            Parameter(
-                name, "coefficient", value, error, naive, ends, unit, "fitted", True, None, worth,
-                freedom,
-            )
-        )  # fmt: skip
+        found.append(own_parameter(name, value, error, naive, unit, uncertainty))
     return found
+
+
+def own_parameter(
+    name: str, value: float, error: float, naive: float, unit: str, uncertainty: Uncertainty,
+    told: bool = True,
+) -> Parameter:  # fmt: skip
+    """Return a coefficient of one run that was taken out; `told`: whether the run determines it."""
+    freedom = float(max(uncertainty.noise.samples - uncertainty.noise.parameters, 1))
+    quantile = float(student.ppf(0.975, freedom))
+    ends = (value - quantile * error, value + quantile * error)
+    worth = uncertainty.rows * (naive / error) ** 2 if error > 0.0 else float("nan")
+    state = "fitted" if told else "not determined"
+    return Parameter(
+        name, "coefficient", value, error, naive, ends, unit, state, told, None, worth, freedom
+    )
 
 
 def offset_errors(

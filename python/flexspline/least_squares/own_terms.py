@@ -30,18 +30,25 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t as student
 
 from flexspline.effects import Effect
 from flexspline.effects.causes import OFFSET
 from flexspline.errors import InputError, listed
 from flexspline.least_squares.between_runs import BetweenRuns, OwnValues, between_runs
 from flexspline.least_squares.estimate import Estimate, Given
-from flexspline.least_squares.offsets import MANY_RUNS, TAIL, ZERO, offset_errors, root_of
+from flexspline.least_squares.offsets import (
+    MANY_RUNS,
+    TAIL,
+    ZERO,
+    offset_errors,
+    own_parameter,
+    root_of,
+)
 from flexspline.least_squares.options import FitOptions, coefficient_names, resolve, shapes_of
-from flexspline.least_squares.problem import Problem, columns_of
+from flexspline.least_squares.problem import OwnBasis, Problem, columns_of, own_basis_of
 from flexspline.least_squares.result import Parameter
 from flexspline.least_squares.uncertainty import Uncertainty
+from flexspline.least_squares.validation import steps_without_runs
 
 __all__ = [
     "compared_runs",
@@ -78,23 +85,21 @@ def own_terms(
     asked += [OFFSET] if how.offset_per_run else []
     found: set[str] = set()
     for each in asked:
-        effect = next((e for e in effects if e.name == each), None)
-        if effect is not None:
-            found |= {f"{each}.{term.name}" for term in effect.terms}
-        else:
-            found.add(names[resolve(each, names, "per_run")])
-        _require_own(effects, each, fixed, runs)
+        its = [name for name in names if name.split(".")[0] == each]
+        its = its or [names[resolve(each, names, "per_run")]]
+        _require_own(effects, its[0].split(".")[0], fixed)
+        found |= {*its}
+    if runs < 2 and found - {ZERO}:
+        raise InputError(
+            f"per_run: nothing differs between the runs where there is one alone; give several, or "
+            f"leave {listed(sorted(found))} out"
+        )
     return tuple(name for name in names if name in found)
 
 
-def _require_own(effects: Sequence[Effect], asked: str, fixed: Sequence[str], runs: int) -> None:
-    """Refuse a term that cannot be each run's own."""
-    name = asked.split(".")[0]
-    effect = next(e for e in effects if name in (e.name, *(term.name for term in e.terms)))
-    if runs < 2 and asked != OFFSET:
-        raise InputError(
-            f"per_run: '{asked}' of one run is that of all; give several runs, or leave it out"
-        )
+def _require_own(effects: Sequence[Effect], name: str, fixed: Sequence[str]) -> None:
+    """Refuse terms of an effect that cannot be each run's own."""
+    effect = next(e for e in effects if e.name == name)
     if effect.ripple:
         raise InputError(
             f"per_run: the orders of {effect.name} are those of all runs; leave it out of per_run"
@@ -127,9 +132,9 @@ def projected_effects(
     if not own or own == (ZERO,) or runs < MANY_RUNS:
         return ()
     its = tuple(e for e in effects if columns_of([e], own))
-    asked = {*given.fixed, *given.bounds, *given.priors}
-    known = asked & {part for name in own for part in (name, *name.split(".", 1))}
-    known |= {name for name in asked if any(name.startswith(f"{e.name}.") for e in its)}
+    words = {word for name in own for word in name.split(".")}
+    asked = [*given.fixed, *given.bounds, *given.priors]
+    known = [name for name in asked if words & {*name.split(".")}]
     carried = any(e.info.carries_load for e in its) and any("load" in e.reads for e in effects)
     if not (known or given.robust or carried or shapes_of(its)):
         return its
@@ -162,38 +167,20 @@ def own_parameters(
     """
     runs = [run.log.name for run in problem.runs]
     names = coefficient_names(problem.projected, runs, problem.own)[-len(runs) * len(problem.own) :]
-    noise = uncertainty.noise
-    freedom = float(max(noise.samples - noise.parameters, 1))
-    quantile = float(student.ppf(0.975, freedom))
-    white = noise.variance * noise.decimation
+    white = uncertainty.noise.variance * uncertainty.noise.decimation
     found: list[Parameter] = []
     for number, (values, core, beside) in enumerate(_own_errors(problem, made, uncertainty)):
         basis = problem.own_basis(number)
         errors = np.sqrt(np.diag(core) + np.sum(beside**2, axis=1))
-        shared = _towards(problem, made, number, basis.to_terms) @ uncertainty.basis
+        shared = _towards(problem, made, number, basis) @ uncertainty.basis
         naive = np.sqrt(
             white * np.sum(basis.to_terms**2, axis=1)
             + np.einsum("ij,jk,ik->i", shared, uncertainty.naive_core, shared)
         )
         for k, term in enumerate(values):
-            told, error = not basis.hidden[k], float(errors[k])
-            worth = uncertainty.rows * (naive[k] / error) ** 2 if error > 0.0 else float("nan")
-            found.append(
-                Parameter(
-                    names[len(found)],
-                    "coefficient",
-                    float(term),
-                    error,
-                    float(naive[k]),
-                    (float(term) - quantile * error, float(term) + quantile * error),
-                    units[k],
-                    "fitted" if told else "not determined",
-                    told,
-                    None,
-                    float(worth),
-                    freedom,
-                )
-            )
+            name, numbers = names[len(found)], (float(term), float(errors[k]), float(naive[k]))
+            told = not basis.hidden[k]
+            found.append(own_parameter(name, *numbers, units[k], uncertainty, told))
     return found
 
 
@@ -211,15 +198,14 @@ def _own_errors(
         parts = [slice(first, last) for first, last in run.stretches]
         own = basis.to_terms @ sum(basis.rows[part].T @ left[part] for part in parts)
         core = basis.to_terms @ _filtered(problem, number, uncertainty) @ basis.to_terms.T
-        yield own, core, _towards(problem, made, number, basis.to_terms) @ root
+        yield own, core, _towards(problem, made, number, basis) @ root
 
 
-def _towards(problem: Problem, made: Estimate, number: int, to_terms: Array) -> Array:
+def _towards(problem: Problem, made: Estimate, number: int, basis: OwnBasis) -> Array:
     """A_r = Z_r⁺ X: what a run's own terms take of the shared ones, (K, F + S)."""
-    run, basis = problem.runs[number], problem.own_basis(number)
-    rows = made.tangent.whole(number)[:, : len(made.fitted) + len(made.free_shapes)]
-    parts = [slice(first, last) for first, last in run.stretches]
-    return np.asarray(to_terms @ sum(basis.rows[part].T @ rows[part] for part in parts))
+    rows = made.tangent.whole(number)[:, :-1]
+    parts = [slice(first, last) for first, last in problem.runs[number].stretches]
+    return np.asarray(basis.to_terms @ sum(basis.rows[part].T @ rows[part] for part in parts))
 
 
 def _filtered(problem: Problem, number: int, uncertainty: Uncertainty) -> Array:
@@ -262,12 +248,12 @@ def compared_runs(
     errors = _all_errors(problem, made, uncertainty, own)
     for k, term in enumerate(own):
         its = [by_name[name] for name in names[shared + k :: len(own)]]
-        told = np.array([p.determined for p in its])
+        told = np.array([p.determined and p.standard_error > 0.0 for p in its])
         values = np.array([p.value for p in its])
         freedom = float(np.nanmin([p.degrees_of_freedom for p in its] or [np.nan]))
         kept = OwnValues(term, its[0].unit, runs, values, *errors[k], told, freedom)
         found.append(between_runs(kept))
-    return _with_rmse(replace(problem, own=own), effects, found, residuals)
+    return _with_rmse(replace(problem, own=own), made, effects, found, residuals)
 
 
 def _all_errors(
@@ -284,51 +270,62 @@ def _all_errors(
             (np.array([noise[k] for noise, _ in each]), np.array([u[k] for _, u in each]))
             for k in range(len(own))
         ]
-    count = len(problem.runs)
-    first = len(made.names) - len(own) * count
-    return [
-        _split(_covariance(made, uncertainty, list(range(first + k, len(made.names), len(own)))))
-        for k in range(len(own))
-    ]
+    first = len(made.names) - len(own) * len(problem.runs)
+    numbers = [np.arange(first + k, len(made.names), len(own)) for k in range(len(own))]
+    return [_split(made, uncertainty, its) for its in numbers]
 
 
-def _covariance(made: Estimate, uncertainty: Uncertainty, numbers: Sequence[int]) -> Array:
-    """Of coefficients by number; zero where one is fixed or at a bound."""
-    found = np.zeros((len(numbers), len(numbers)))
-    at = [k for k, number in enumerate(numbers) if number in made.fitted]
-    rows = uncertainty.basis[np.searchsorted(made.fitted, [numbers[k] for k in at])]
-    found[np.ix_(at, at)] = rows @ uncertainty.core @ rows.T
-    return found
+def _split(
+    made: Estimate, uncertainty: Uncertainty, numbers: NDArray[np.intp]
+) -> tuple[Array, Array]:
+    """D and U with D + U Uᵀ the covariance of coefficients by number; zero of one that is held.
 
-
-def _split(covariance: Array) -> tuple[Array, Array]:
-    """D and U with D + U Uᵀ a covariance (R, R): half of the least eigenvalue, and the rest."""
-    values, vectors = np.linalg.eigh(covariance)
-    least = 0.5 * max(float(values[0]), 0.0)
-    return np.full(len(values), least), vectors * np.sqrt(np.maximum(values - least, 0.0))
+    D is half of the least eigenvalue.
+    """
+    free = np.isin(numbers, made.fitted)
+    rows = uncertainty.basis[np.searchsorted(made.fitted, numbers[free])]
+    values, vectors = np.linalg.eigh(rows @ uncertainty.core @ rows.T)
+    least = 0.5 * max(float(values.min(initial=np.inf)), 0.0)
+    noise, shared = np.zeros(len(numbers)), np.zeros((len(numbers), len(values)))
+    noise[free] = least
+    shared[free] = vectors * np.sqrt(np.maximum(values - least, 0.0))
+    return noise, shared
 
 
 def _with_rmse(
     problem: Problem,
+    made: Estimate,
     effects: Sequence[Effect],
     terms: Sequence[BetweenRuns],
     residuals: Sequence[Array],
 ) -> tuple[BetweenRuns, ...]:
-    """The terms with the error of each run, predicted with the mean of the others."""
+    """The terms with the error of runs that the fit has not seen.
+
+    Without run r the common terms are β + δ (`validation.py`), the own terms of the others
+    n_s − A_s δ, and what is left of r
+
+        e_r − X_r δ + Z_r (n_r − m),     m = mean over s ≠ r of n_s − A_s δ
+    """
     its = [effect for effect in effects if columns_of([effect], problem.own)]
+    columns = [problem.own_rows(its, number) for number in range(len(problem.runs))]
+    bases = [own_basis_of(*both) for both in zip(problem.runs, columns, strict=True)]
+    towards = np.array([_towards(problem, made, *both) for both in enumerate(bases)])
+    values = np.array([term.values for term in terms]).T
+    told = np.array([term.determined for term in terms]).T
+    others = told.sum(axis=0) - told
+    if not others.all():
+        return tuple(terms)
+    alone = len(problem.own_columns(made.linear.effects)) * len(problem.runs)
+    common = np.ones(len(made.fitted) + len(made.free_shapes), dtype=bool)
+    common[: len(made.fitted)] = made.fitted < len(made.names) - alone
     squares, rows = 0.0, 0
-    for number, run in enumerate(problem.runs):
-        shift = np.array([_from_others(term, number) for term in terms])
-        columns = problem.own_rows(its, number)
-        residual = residuals[number] + columns @ shift
-        squares += sum(float(np.sum(residual[a:b] ** 2)) for a, b in run.stretches)
+    for number, step in enumerate(steps_without_runs(made)):
+        run, step = problem.runs[number], np.where(common, step, 0.0)
+        moved = values - towards @ step
+        mean = (np.sum(told * moved, axis=0) - told[number] * moved[number]) / others[number]
+        left = residuals[number] - made.tangent.whole(number)[:, :-1] @ step
+        left += columns[number] @ (values[number] - mean)
+        squares += sum(float(np.sum(left[a:b] ** 2)) for a, b in run.stretches)
         rows += run.counted
     rmse = float(np.sqrt(squares / max(rows, 1)))
     return tuple(replace(term, new_run_rmse=rmse) for term in terms)
-
-
-def _from_others(term: BetweenRuns, number: int) -> float:
-    """What a run has more than the mean of the others that determine theirs."""
-    values, told = np.array(term.values), np.array(term.determined)
-    told[number] = False
-    return float(values[number] - values[told].mean()) if told.any() else 0.0

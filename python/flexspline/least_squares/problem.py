@@ -59,6 +59,7 @@ __all__ = [
     "columns_of",
     "kept_rows",
     "memory_warnings",
+    "own_basis_of",
     "problem_of",
     "resolved_rows",
     "settled",
@@ -230,10 +231,10 @@ class Problem:
         return self.smooth(run, np.asarray(rows)[:, columns_of(effects, self.own)])
 
     def own_basis(self, number: int) -> OwnBasis:
-        """Return the directions that a run's own terms span over the rows that count."""
+        """Return the directions that terms span which are taken out of a run."""
         run = self.runs[number]
         key = ("own", number, run.stretches)
-        return self.once(key, lambda: _own_basis(run, self.own_rows(self.projected, number)))
+        return self.once(key, lambda: own_basis_of(run, self.own_rows(self.projected, number)))
 
     def once(self, key: Any, make: Callable[[], T]) -> T:
         """Return what `make` makes, which is kept: models come and go, the runs stay."""
@@ -436,16 +437,21 @@ def columns_of(effects: Sequence[Effect], terms: Sequence[str]) -> list[int]:
     return [names.index(term) for term in terms if term in names]
 
 
-def _own_basis(run: Run, rows: Array) -> OwnBasis:
-    """Of rows (N, K) of a run's own terms."""
-    counted = np.concatenate([rows[first:last] for first, last in run.stretches])
-    lengths = np.linalg.norm(counted, axis=0)
+def own_basis_of(run: Run, rows: Array) -> OwnBasis:
+    """Return the directions that rows (N, K) of a run's own terms span over those that count."""
+
+    def counted(values: Array) -> Array:
+        return np.concatenate([values[first:last] for first, last in run.stretches])
+
+    lengths = np.linalg.norm(counted(rows), axis=0)
     scale = np.where(lengths > 0.0, lengths, 1.0)
-    _, sizes, right = np.linalg.svd(np.linalg.qr(counted / scale, mode="r"))
+    _, sizes, right = np.linalg.svd(np.linalg.qr(counted(rows / scale), mode="r"))
     seen = sizes > UNSEEN * max(float(sizes.max(initial=0.0)), 1.0)
     right = right[: len(sizes)]
     hidden = np.sum(right[seen] ** 2, axis=0) < 1.0 - UNSEEN
     to_terms = right[seen].T / sizes[seen] / scale[:, None]
+    again = np.linalg.inv(np.linalg.qr(counted(rows @ to_terms), mode="r"))  # once lets terms that
+    to_terms = to_terms @ again  # are nearly one stand askew by rounding over what is left of them
     return OwnBasis(rows @ to_terms, to_terms, hidden)
 
 

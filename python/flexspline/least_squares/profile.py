@@ -283,7 +283,8 @@ class _Search:
                 )
         if any(p.name not in fit.part.record["covariance"]["names"] for p in parameters):
             raise InputError(
-                "the offset of one of many runs has no profile of its own; its interval is exact"
+                "a term of one of many runs has no profile of its own; use its interval, which "
+                "is exact but for the noise model"
             )
         return cls(made, parameters, fit)
 

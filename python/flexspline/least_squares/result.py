@@ -412,8 +412,8 @@ class Fit:
         """Return the covariance of the parameters, rows and columns by name, in their units.
 
         NaN where there is none: in rows and columns of parameters that are fixed, at a bound or not
-        determined by the data; and, where many runs have an offset each, between such an offset and
-        all others.
+        determined by the data; and, where many runs have terms of their own, between such a term
+        and all others.
         """
         import pandas
 

@@ -59,6 +59,7 @@ __all__ = [
     "groups",
     "score",
     "scores_of",
+    "steps_without_runs",
 ]
 
 Array = NDArray[np.float64]
@@ -188,7 +189,18 @@ def _moves(made: Estimate, folds: Sequence[Fold]) -> _Moves:
 
 def _others(held_out: Array) -> Array:
     """G⁺ of the rows that are not held out, of whose products (R, R) all rows have the identity."""
-    return np.asarray(np.linalg.pinv(np.eye(len(held_out)) - held_out, LEFT, hermitian=True))
+    values, vectors = np.linalg.eigh(np.eye(len(held_out)) - held_out)
+    left = values > LEFT
+    return np.asarray(vectors[:, left] / values[left] @ vectors[:, left].T)
+
+
+def steps_without_runs(made: Estimate) -> list[Array]:
+    """Return δ (F + S,) of the fit without each run in turn.
+
+    It moves nothing that the run alone determines, as terms of its own.
+    """
+    runs = made.tangent.problem.runs
+    return _moves(made, [((number, 0, len(run)),) for number, run in enumerate(runs)]).steps
 
 
 def _moved(made: Estimate, folds: Sequence[Fold], moves: _Moves) -> tuple[Array, ...]:

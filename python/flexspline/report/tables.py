@@ -314,9 +314,10 @@ def between_rows(fit: Fit) -> list[tuple[str, ...]]:
 
 
 def _own_value(term: BetweenRuns, number: int) -> str:
-    if not term.determined[number]:
-        return UNDETERMINED
-    return plus_minus(term.values[number], term.standard_errors[number])
+    value, error = term.values[number], term.standard_errors[number]
+    if error == 0.0:
+        return short(value)
+    return plus_minus(value, error) if term.determined[number] else UNDETERMINED
 
 
 def between_sentences(fit: Fit) -> list[str]:
@@ -325,9 +326,12 @@ def between_sentences(fit: Fit) -> list[str]:
     if not terms:
         return []
     said = [f"{short_names(term.term)}: {term.verdict}." for term in terms]
-    said.append(
-        f"Held-out rows are predicted with what the rest of their run says of its own terms; "
-        f"with the mean of the other runs, as a new run is, {short(terms[0].new_run_rmse)} "
-        f"{fit.unit} RMSE is left. The model holds the mean."
-    )
+    rmse, runs = terms[0].new_run_rmse, len(terms[0].runs)
+    said.append("The model predicts a new run with the mean.")
+    if np.isfinite(rmse):
+        said.append(
+            f"That leaves {short(rmse)} {fit.unit} RMSE: of fits that leave out each of the {runs} "
+            "runs in turn and predict it with the mean of the others. The held-out error is of "
+            "blocks of runs whose other rows are known, and their own values with them."
+        )
     return said
