@@ -261,6 +261,7 @@ def test_an_effect_that_is_not_there_wins_by_aic_as_seldom_as_chance_allows():
         same = small.uncertainty.noise.order == large.uncertainty.noise.order
         won += large.aic < small.aic if same else 0
         apart += [large.aic - small.aic] if same else []
+    assert len(apart) > draws / 2
     low, high = binom.interval(0.999, draws, 0.157)
     assert low <= won <= high + 0.03 * draws  # φ is estimated too
     # 2 − χ² has the mean 1 and the variance 2; φ is that of each fit's own residual, 0.2 of it

@@ -16,7 +16,7 @@ from scipy.stats import t as student
 import flexspline
 from flexspline import FitOptions, InputError, effect
 from flexspline.fitting import fit_near
-from flexspline.least_squares.estimate import estimate_holding
+from flexspline.formatting import short
 from flexspline.least_squares.problem import problem_of
 from flexspline.logs.log import Log
 
@@ -171,6 +171,8 @@ def test_another_valley_that_explains_as_much_is_part_of_the_interval():
     assert len(made.parts) == 2 and "do not tell which part is right" in str(made)
     (low, between), (again, high) = made.parts
     assert made.interval == (low, high)
+    both = " or ".join(f"{short(a, 4)} to {short(b, 4)} rad/s" for a, b in made.parts)
+    assert f"by its profile {both} (95 %)" in str(made) and both in repr(made)
     inside = np.sqrt(again * high)
     assert statistic(fit, log, inside) < made.limit < statistic(fit, log, np.sqrt(between * again))
 
@@ -236,16 +238,12 @@ def test_the_95_percent_profile_covers_the_truth_as_often_as_that():
     draws = 40
     inside, at_truth = 0, []
     for seed in range(draws):
-        fit = fitted(log_of(100 + seed))
+        log = log_of(100 + seed)
+        fit = fitted(log)
         made = fit.profile(VELOCITY, points=0)
         inside += any((a or 0.0) <= 0.1 <= (b or np.inf) for a, b in made.parts)
-        held = estimate_holding(fit.solved, {VELOCITY: 0.1}, fit.part.effects)
-        rise = held.squares - fit.solved.linear.squares
-        parameter = fit[VELOCITY]
-        ratio = (parameter.naive_error / parameter.standard_error) ** 2
-        white = np.sum(fit.runs[0].residual ** 2) / fit.score.rows
-        at_truth.append(rise / white * ratio)
+        at_truth.append(statistic(fit, log, 0.1))
     assert binom.ppf(0.001, draws, 0.95) <= inside
-    # D at the truth is χ² with one degree of freedom: errors two thirds or half as long again fail
-    low, high = chi2.interval(0.999, draws)
+    # D, which the profile is (see above), is at the truth χ² with one degree of freedom: errors two thirds or half as long again fail
+    low, high = chi2.interval(0.99, draws)
     assert low <= sum(at_truth) <= high
