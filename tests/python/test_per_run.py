@@ -158,6 +158,30 @@ def test_a_run_at_one_angle_does_not_determine_its_payload_and_does_not_count(co
     assert ("not determined" in str(fit)) == (count < 12)  # the table shows twelve runs
 
 
+@pytest.mark.parametrize("per_run", [("offset",), OWN])
+def test_what_is_constant_in_each_run_is_not_told_from_its_own_offset(
+    monkeypatch: pytest.MonkeyPatch, per_run: tuple[str, ...]
+) -> None:
+    """Gravity at one angle in each run; friction by a velocity that is moved for it."""
+    logs = []
+    for log in runs_of(4, rows=120, amplitude=0.0):
+        channels = {name: log[name] for name in log.channels}
+        channels["output_velocity"] = np.sin(np.arange(120) / 9.0)
+        logs.append(Log.from_arrays(facts={"name": log.name}, **channels))
+    names = ["offset", "viscous_friction", "gravity"]
+    few = fitted(logs, per_run, names)
+    for module in (own_terms, offsets):
+        monkeypatch.setattr(module, "MANY_RUNS", 2)
+    many = fitted(logs, per_run, names)
+    alone = [p.name for p in few.parameters if p.determined]
+    assert (
+        alone == [p.name for p in many.parameters if p.determined] == ["viscous_friction.viscosity"]
+    )
+    for fit in (few, many):
+        assert not any(any(term.determined) for term in fit.between_runs)
+        assert "not excited" not in str(fit) and "indistinguishable" in str(fit)
+
+
 def test_a_term_that_is_held_in_one_run_is_no_value_that_runs_determine() -> None:
     fit = fitted(runs_of(4), fixed={"offset.run 2": run_of(2)[1][0]})
     zero, _ = fit.between_runs

@@ -244,6 +244,7 @@ def test_the_95_percent_profile_covers_the_truth_as_often_as_that():
         inside += any((a or 0.0) <= 0.1 <= (b or np.inf) for a, b in made.parts)
         at_truth.append(statistic(fit, log, 0.1))
     assert binom.ppf(0.001, draws, 0.95) <= inside
-    # D, which the profile is (see above), is at the truth χ² with one degree of freedom: errors two thirds or half as long again fail
+    # D, which the profile is (see above), is χ² with one degree of freedom at the truth: errors
+    # two thirds as long, or half as long again, fail
     low, high = chi2.interval(0.99, draws)
     assert low <= sum(at_truth) <= high

@@ -18,7 +18,7 @@ from flexspline.least_squares.identifiability import Confounded, confounded_grou
 from flexspline.least_squares.late_load import LateLoad
 from flexspline.least_squares.offsets import ZERO, offset_parameters
 from flexspline.least_squares.options import bounds_of
-from flexspline.least_squares.own_terms import compared_runs, own_parameters
+from flexspline.least_squares.own_terms import compared_runs, own_parameters, with_own
 from flexspline.least_squares.problem import Problem, columns_of, memory_warnings
 from flexspline.least_squares.result import Delay, Fit, FittedRun, Parameter
 from flexspline.least_squares.uncertainty import Uncertainty
@@ -74,6 +74,8 @@ def assembled(
     effects, values = made.linear.effects, _shared(problem, made)
     if offset is not None:
         own = offset_parameters(problem, made, uncertainty, offset[1])
+        posed = replace(problem, own=(ZERO,))
+        confounded, own = _told(confounded, own, posed, made, [offset[1]])
         parameters = (*parameters[: len(made.names)], *own, *parameters[len(made.names) :])
         before = effects[: offset[0]]
         mean = float(np.mean([p.value for p in own]))
@@ -83,6 +85,7 @@ def assembled(
     if problem.projected:
         units = _own_units(problem)
         own = own_parameters(problem, made, uncertainty, units)
+        confounded, own = _told(confounded, own, problem, made, problem.projected)
         kept = [p for p in parameters if p.name not in problem.own]
         shared = len(made.names) - len(problem.own)
         parameters = (*kept[:shared], *own, *kept[shared:])
@@ -169,6 +172,20 @@ def _confounded(problem: Problem, made: Estimate, uncertainty: Uncertainty) -> l
         errors_of,
         made.linear.prior_rows,
     )
+
+
+def _told(
+    confounded: list[Confounded],
+    own: list[Parameter],
+    problem: Problem,
+    made: Estimate,
+    effects: Sequence[Effect],
+) -> tuple[list[Confounded], list[Parameter]]:
+    """Groups and parameters of single runs that were taken out, each with what the others say."""
+    groups = with_own(confounded, problem, made, effects, [p.name for p in own])
+    hidden = {name for group in groups for name in group.names}
+    unknown = {"state": "not determined", "determined": False}
+    return groups, [replace(p, **unknown) if p.name in hidden else p for p in own]
 
 
 def _own_units(problem: Problem) -> list[str]:

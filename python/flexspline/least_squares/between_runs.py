@@ -191,6 +191,6 @@ def own_warnings(terms: Sequence[BetweenRuns]) -> list[str]:
                 f"{each.term}: {listed(loose, 6)} do{'es' if len(loose) == 1 else ''} not "
                 f"determine {'its' if len(loose) == 1 else 'their'} own value and do"
                 f"{'es' if len(loose) == 1 else ''} not count in its mean and spread; record runs "
-                "that move through more of what it depends on"
+                "that move so that they tell it from other terms"
             )
     return said

@@ -36,6 +36,7 @@ from flexspline.effects.causes import OFFSET
 from flexspline.errors import InputError, listed
 from flexspline.least_squares.between_runs import BetweenRuns, OwnValues, between_runs
 from flexspline.least_squares.estimate import Estimate, Given
+from flexspline.least_squares.identifiability import NEGLIGIBLE, Confounded
 from flexspline.least_squares.offsets import (
     MANY_RUNS,
     TAIL,
@@ -56,6 +57,7 @@ __all__ = [
     "own_parameters",
     "own_terms",
     "projected_effects",
+    "with_own",
 ]
 
 Array = NDArray[np.float64]
@@ -182,6 +184,53 @@ def own_parameters(
             told = not basis.hidden[k]
             found.append(own_parameter(name, *numbers, units[k], uncertainty, told))
     return found
+
+
+def with_own(
+    confounded: Sequence[Confounded],
+    problem: Problem,
+    made: Estimate,
+    effects: Sequence[Effect],
+    names: Sequence[str],
+) -> list[Confounded]:
+    """Return the groups with those own terms that were taken out and make the same of their run.
+
+    A common term that is constant in each run is an offset there: of what is taken out it leaves
+    nothing, which looks as if the runs did not excite it.
+
+    Parameters
+    ----------
+    problem : with `own`; effects : that have them; names : of the parameters, run after run.
+    """
+    directions, fitted = made.linear.solution.null_space, [made.names[k] for k in made.fitted]
+    if not directions.shape[1]:
+        return [*confounded]
+    moved = np.array([
+        _moved_own(problem, made, number, effects, directions)
+        for number in range(len(problem.runs))
+    ])  # fmt: skip
+    moved = moved.reshape(len(names), -1)
+    found = []
+    for group in confounded:
+        members = directions[[fitted.index(name) for name in group.names]]
+        its = np.abs(members).max(axis=0) > NEGLIGIBLE * np.abs(directions).max(axis=0)
+        more = [name for name, one in zip(names, moved, strict=True) if one[its].any()]
+        found.append(replace(group, names=(*group.names, *more)))
+    return found
+
+
+def _moved_own(
+    problem: Problem, made: Estimate, number: int, effects: Sequence[Effect], directions: Array
+) -> NDArray[np.bool_]:
+    """Which of a run's own terms move along directions of the common coefficients: (K, n)."""
+    run, columns = problem.runs[number], problem.own_rows(effects, number)
+    rows = made.tangent.whole(number)[:, : len(directions)]
+    parts = [slice(first, last) for first, last in run.stretches]
+    sizes = sum(np.sum(rows[part] ** 2, axis=0) for part in parts) ** 0.5 @ np.abs(directions)
+    lengths = sum(np.sum(columns[part] ** 2, axis=0) for part in parts) ** 0.5
+    towards = _towards(problem, made, number, own_basis_of(run, columns))
+    shares = lengths[:, None] * np.abs(towards[:, : len(directions)] @ directions)
+    return np.asarray(shares > NEGLIGIBLE * np.maximum(sizes, 1e-300))
 
 
 def _own_errors(

@@ -251,7 +251,8 @@ def _grave(fit: Fit, share: float) -> list[str]:
         found.append("it predicts no better than a constant")
     if fit.simulation is None and not fit.uncertainty.reliable:
         found.append("the runs are too short for the errors to hold")
-    hidden = [short_names(name) for group in fit.confounded for name in group.names]
+    every = (short_names(name) for group in fit.confounded for name in group.names)
+    hidden = [*dict.fromkeys(every)]
     if hidden:
         found.append(f"not determined alone: {listed(hidden, 6)}")
     stuck = [short_names(p.name) for p in fit.parameters if p.state.startswith("at ")]
