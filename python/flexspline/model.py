@@ -530,14 +530,14 @@ def _sign_warnings(part: Part) -> Iterator[str]:
 
 def own_of_runs(part: Part) -> list[Mapping[str, Any]]:
     """What is recorded of terms that each run of the fit had of its own, beside offsets alone."""
-    own = [*part.record.get("per_run", ())]
+    own = [*part.record.get("validated", {}).get("per_run", ())]
     return [] if [term["term"] for term in own] == [f"{OFFSET}.{OFFSET}"] else own
 
 
 def _varied_terms(part: Part) -> Iterator[str]:
     """Those of these terms that differ between the runs, with their spread."""
     for term in own_of_runs(part):
-        if term["differs"]:
+        if term["differs"] and term["spread"] is not None:
             name = short_names(term["term"])
             yield f"{name} (by {short(term['spread'])} {term['unit']}, standard deviation)"
 

@@ -193,7 +193,7 @@ def test_a_term_that_is_held_in_one_run_is_no_value_that_runs_determine() -> Non
 def test_a_model_keeps_mean_and_table_and_says_so_where_it_predicts() -> None:
     fit = fitted(runs_of(4))
     model = flexspline.Model.from_json(fit.model.to_json())
-    kept = model.part().record["per_run"]
+    kept = model.part().record["validated"]["per_run"]
     assert [term["term"] for term in kept] == ["offset.offset", "gravity.sine"]
     assert model.part().coefficients[0] == kept[0]["mean"] == fit.between_runs[0].mean
     assert any("differ in offset" in said for said in model.predict(run_of(9)[0]).warnings)

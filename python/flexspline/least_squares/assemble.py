@@ -97,12 +97,12 @@ def assembled(
         for run, residual, held_out in zip(problem.runs, residuals, held_out_residuals, strict=True)
     )
     covariance = uncertainty.covariance
-    validated = {"by": validation.by, "folds": validation.folds}
+    validated: dict[str, Any] = {"by": validation.by, "folds": validation.folds}
+    if between:
+        validated["per_run"] = [term.to_json() for term in between]
     record = _record(problem, made, parameters, confounded, uncertainty)
     record["scores"] = [asdict(s) for s in scores]
     record["validated"] = validated
-    if between:
-        record["per_run"] = [term.to_json() for term in between]
     if as_recorded:
         record["prepared"] = []
     if delay is not None:
