@@ -302,6 +302,8 @@ def test_the_command_takes_per_run_profiles_contours_and_a_summary(tmp_path: Pat
     assert "What each run has of its own" in report and "per_run=[" in report
     wrong = call(*given[:-5], "--contour", "viscosity", "--out", str(tmp_path / "other"))
     assert wrong.exit_code == 2 and "names 1; write two" in wrong.stderr
+    wrong = call(*given[:-5], "--profile", "viscosty", "--out", str(tmp_path / "other"))
+    assert wrong.exit_code == 2 and "--profile: there is no parameter 'viscosty'" in wrong.stderr
     assert not (tmp_path / "other").exists()
 
 
@@ -320,5 +322,8 @@ def test_models_are_compared_on_the_same_rows_by_a_command(tmp_path: Path) -> No
     told = json.loads(call(*given, "--model", paths[1], "--json").stdout)
     errors = [one["rmse"] for one in told["models"]]
     assert errors[1] < errors[0] and told["unit"] == "Nm"
+    folder = tmp_path / "side by side"
+    assert call(*given, "--model", paths[1], "--out", str(folder)).exit_code == 0
+    assert sorted(file.name for file in folder.iterdir()) == ["models.csv", "models.png"]
     alone = call(*given)
     assert alone.exit_code == 2 and "give two or more" in alone.stderr

@@ -41,6 +41,7 @@ from flexspline.fitting import fit as fit_effects
 from flexspline.fitting import with_orders
 
 if TYPE_CHECKING:
+    from flexspline.effects import Effect
     from flexspline.least_squares.profile import Contour, Profile
     from flexspline.least_squares.result import Fit
 
@@ -80,6 +81,17 @@ def _pairs(texts: tuple[str, ...]) -> list[tuple[str, str]]:
             raise InputError(f"--contour '{text}' names {len(names)}; write two, NAME,NAME")
         found.append((names[0], names[1]))
     return found
+
+
+def _require_known(names: Sequence[str], effects: Sequence[Effect], option: str) -> None:
+    """Refuse the name of no parameter before the fit; which run it is of is known behind it."""
+    from flexspline.least_squares.options import coefficient_names, resolve, shapes_of
+
+    known = [*coefficient_names(effects), *(shape.name for shape in shapes_of(effects))]
+    words = {word for name in known for word in name.split(".")}
+    for name in names:
+        if name.split(".")[0] not in words:
+            resolve(name, known, option)
 
 
 def _criteria(made: Fit) -> dict[str, float | None]:
@@ -200,14 +212,14 @@ def _refuse_of_motion(options: dict[str, Any], foreign: bool) -> None:
     "profiles",
     multiple=True,
     metavar="NAME",
-    help="Interval of a parameter by its profile, as of a shape. Can be repeated.",
+    help="Profile interval of a parameter, beside the Wald interval. Can be repeated.",
 )
 @click.option(
     "--contour",
     "contours",
     multiple=True,
     metavar="NAME,NAME",
-    help="Region of two parameters together. Can be repeated.",
+    help="Joint confidence region of two parameters. Can be repeated.",
 )
 @click.option("--summary", is_flag=True, help="Print a page of statistics, with AIC and BIC.")
 @threads
@@ -250,7 +262,10 @@ def fit(
     from flexspline.least_squares.options import FitOptions
 
     effects, pairs = named_effects(names), _pairs(options["contours"])
-    require_effects(with_orders(effects, options["orders"]), target)
+    chosen = with_orders(effects, options["orders"])
+    require_effects(chosen, target)
+    _require_known(options["profiles"], chosen, "--profile")
+    _require_known([name for pair in pairs for name in pair], chosen, "--contour")
     model = None if into is None else loaded(into)
     refuse_overwriting(out, [*runs, *simulation], ("model.json", "report.html", "servo.json"))
     with whole_folder(out, last="model.json") as draft:

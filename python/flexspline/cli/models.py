@@ -10,6 +10,7 @@ from flexspline.cli.options import (
     FILE,
     Reading,
     Taught,
+    is_table,
     loaded,
     lowpass,
     reading,
@@ -19,7 +20,7 @@ from flexspline.cli.options import (
 )
 from flexspline.cli.speech import found, say
 from flexspline.errors import InputError
-from flexspline.files import save_table
+from flexspline.files import save_table, whole_folder
 
 __all__ = ["models"]
 
@@ -35,7 +36,12 @@ __all__ = ["models"]
     type=FILE,
     help="A model to compare; give two or more.",
 )
-@click.option("--out", metavar="FILE.csv", type=FILE, help="The table, a row for each model.")
+@click.option(
+    "--out",
+    metavar="FILE.csv|DIR",
+    type=FILE,
+    help="Table, a row for each model; or a folder for models.csv and models.png.",
+)
 @target(required=False)
 @lowpass
 @reading()
@@ -55,7 +61,7 @@ def models(
     \b
     Examples:
       flexspline compare-models run3.csv run4.csv --model before.json --model after.json
-      flexspline compare-models run3.csv --model a.json --model b.json --out errors.csv
+      flexspline compare-models run3.csv --model a.json --model b.json --out side_by_side
     """
     for path in paths:
         if paths.count(path) > 1:
@@ -63,16 +69,13 @@ def models(
     if len(paths) < 2:
         raise InputError("one --model is nothing to compare; give two or more")
     joints = {path: loaded(path) for path in paths}
-    if out is not None:
+    if out is not None and is_table(out):
         refuse_overwriting(out, [*runs, *paths])
     logs = reading.logs(runs, joints[paths[0]].facts)
 
     from flexspline.comparison.models import compare_models
 
     made = compare_models(joints, logs, target=target, lowpass=lowpass)
-    frame = made.to_frame().drop(columns=["aic", "bic"])  # of fits alone
-    if out is not None:
-        save_table(frame.reset_index(), out)
     found(
         {
             "target": made.target,
@@ -88,5 +91,15 @@ def models(
             "notes": made.notes,
         }
     )
-    wrote = [] if out is None else [f"wrote {Path(out)}"]
-    say("\n\n".join([str(made), *wrote]))
+    say(str(made))
+    if out is None:
+        return
+    table = made.to_frame().drop(columns=["aic", "bic"]).reset_index()  # these are of fits alone
+    if is_table(out):
+        save_table(table, out)
+        say(f"\nwrote {out}")
+        return
+    with whole_folder(out, last="models.csv") as draft:
+        made.plot().savefig(draft / "models.png", dpi=110)
+        save_table(table, draft / "models.csv")
+    say(f"\nwrote {Path(out) / 'models.csv'} and {Path(out) / 'models.png'}")

@@ -184,8 +184,10 @@ def _told(
     """Groups and parameters of single runs that were taken out, each with what the others say."""
     groups = with_own(confounded, problem, made, effects, [p.name for p in own])
     hidden = {name for group in groups for name in group.names}
-    unknown = {"state": "not determined", "determined": False}
-    return groups, [replace(p, **unknown) if p.name in hidden else p for p in own]
+    told = [
+        replace(p, state="not determined", determined=False) if p.name in hidden else p for p in own
+    ]
+    return groups, told
 
 
 def _own_units(problem: Problem) -> list[str]:
