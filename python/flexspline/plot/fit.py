@@ -223,8 +223,7 @@ def _residual_over_channel(fit: Fit, channel: str, ax: Axes) -> None:
     ax.plot(
         bands.centre, bands.median, ".-", color=INK, linewidth=1.6, markersize=2, label="median"
     )
-    loaded = channel == fit.part.known_load
-    words = f"{channel.replace('_', ' ')} [Nm]" if loaded else channel_label(channel)
+    words = channel_label(channel)
     ax.set_xlabel(words.replace(" [", " within a turn [") if wrapped else words)
     low, high = np.nanpercentile(y, [0.1, 99.9])
     ax.set_ylim(low - 0.25 * (high - low), high + 0.25 * (high - low))
