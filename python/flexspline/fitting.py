@@ -90,8 +90,9 @@ def fit(
     from flexspline.least_squares.assemble import assembled
     from flexspline.least_squares.estimate import Given, estimate
     from flexspline.least_squares.late_load import beside_delay, can_be_late
-    from flexspline.least_squares.offsets import taken_out
+    from flexspline.least_squares.offsets import ZERO, taken_out
     from flexspline.least_squares.options import FitOptions
+    from flexspline.least_squares.own_terms import holding_own, own_terms, projected_effects
     from flexspline.least_squares.problem import problem_of
     from flexspline.least_squares.ripple import with_found_orders
     from flexspline.prepared import learned, preparations_for, prepared
@@ -106,7 +107,10 @@ def fit(
     runs, simulated, remarks = _with_simulation(runs, target, known_load, how)
     warnings = _checked(runs, chosen, target, known_load) if checks else []
     given = Given(fixed or {}, bounds or {}, priors or {}, how.robust == "huber")
-    centred = how.offset_per_run and taken_out(chosen, runs, given)
+    own = own_terms(chosen, how, [*given.fixed], len(runs))
+    centred = own == (ZERO,) and taken_out(chosen, runs, given)
+    projected = projected_effects(chosen, own, len(runs), given)
+    given = holding_own(given, own) if projected else given
     at = [e.name for e in chosen].index(OFFSET) if centred else 0
     offset = (at, chosen.pop(at)) if centred else None
 
@@ -124,13 +128,13 @@ def fit(
             known_load=known_load,
             lowpass_hz=lowpass,
             threads=how.threads,
-            offset_per_run=how.offset_per_run and not centred,
+            own=() if centred else own,
             preparations=ways,
             inputs=inputs,
             counted=rows,
             simulated=simulated,
         )
-        return replace(made, centred=centred)
+        return replace(made, centred=centred, projected=projected)
 
     counted = _resolved(runs, fine, chosen, ways, target, posed_on)
 
@@ -341,7 +345,8 @@ def solved(
 
 def _require_rows(problem: Problem, effects: Sequence[Effect]) -> None:
     rows = sum(run.counted for run in problem.runs)
-    parameters = problem.parameters(effects) + problem.centred * len(problem.runs)
+    own = len(problem.own) if problem.projected else int(problem.centred)
+    parameters = problem.parameters(effects) + own * len(problem.runs)
     needed = ROWS_A_PARAMETER * parameters + SPARE_ROWS
     if rows < needed:
         raise InputError(

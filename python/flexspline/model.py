@@ -19,11 +19,12 @@ from numpy.typing import NDArray
 from flexspline import _core
 from flexspline.about import __version__
 from flexspline.effects import unit_in
-from flexspline.effects.causes import COULOMB_PER_DIRECTION
+from flexspline.effects.causes import COULOMB_PER_DIRECTION, OFFSET
 from flexspline.errors import InputError, did_you_mean, listed, shortened
 from flexspline.estimators import ESTIMATORS, Estimator
 from flexspline.estimators.needs import require_complete
 from flexspline.files import atomic_write, refuse_special
+from flexspline.formatting import short, short_names
 from flexspline.logs.channels import CHANNELS
 from flexspline.logs.derive import lowpass
 from flexspline.logs.log import Log
@@ -44,6 +45,7 @@ __all__ = [
     "Part",
     "Prediction",
     "Predictions",
+    "own_of_runs",
     "part_warnings",
     "range_warnings",
     "refuse_warnings",
@@ -438,6 +440,12 @@ def part_warnings(part: Part) -> list[str]:
             f"the model of {part.target} has terms that are not significant (95 %): "
             f"{listed(weak)}; leave them out, or record runs that show them"
         )
+    varied = [*_varied_terms(part)]
+    if varied:
+        said.append(
+            f"the model of {part.target} was fitted to runs that differ in {listed(varied)}; it "
+            "holds their mean, and a new run differs from that by as much"
+        )
     stuck = [
         f"{entry['name']} ({entry['state'].removeprefix('at ')})"
         for entry in part.record.get("parameters", ())
@@ -520,15 +528,31 @@ def _sign_warnings(part: Part) -> Iterator[str]:
             )
 
 
+def own_of_runs(part: Part) -> list[Mapping[str, Any]]:
+    """What is recorded of terms that each run of the fit had of its own, beside offsets alone."""
+    own = [*part.record.get("validated", {}).get("per_run", ())]
+    return [] if [term["term"] for term in own] == [f"{OFFSET}.{OFFSET}"] else own
+
+
+def _varied_terms(part: Part) -> Iterator[str]:
+    """Those of these terms that differ between the runs, with their spread."""
+    for term in own_of_runs(part):
+        if term["differs"] and term["spread"] is not None:
+            name = short_names(term["term"])
+            yield f"{name} (by {short(term['spread'])} {term['unit']}, standard deviation)"
+
+
 def _weak_terms(part: Part) -> list[str]:
     """Coefficients of effects without orders that may as well be zero."""
     ripple = {effect.name for effect in part.effects if effect.ripple}
+    own = tuple(f"{short_names(term['term'])}." for term in own_of_runs(part))
     return [
         entry["name"]
         for entry in part.record.get("parameters", ())
         if entry["kind"] == "coefficient"
         and entry["state"] in ("fitted", "not determined")
         and entry["name"].split(".")[0] not in ripple
+        and not entry["name"].startswith(own)
         and not _significant(entry)
     ]
 

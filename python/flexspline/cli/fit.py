@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import fields
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -38,6 +40,11 @@ from flexspline.files import whole_folder
 from flexspline.fitting import fit as fit_effects
 from flexspline.fitting import with_orders
 
+if TYPE_CHECKING:
+    from flexspline.effects import Effect
+    from flexspline.least_squares.profile import Contour, Profile
+    from flexspline.least_squares.result import Fit
+
 __all__ = ["fit"]
 
 
@@ -51,6 +58,64 @@ def _prior(text: str) -> tuple[float, float]:
     return value, error
 
 
+def _names(text: str, option: str) -> tuple[str, ...]:
+    """Read A,B; nothing of "".
+
+    Raises
+    ------
+    InputError
+        Where a name is missing.
+    """
+    names = tuple(name.strip() for name in text.split(",")) if text else ()
+    if "" in names:
+        raise InputError(f"{option} '{text}': a name is missing; write NAME or NAME,NAME")
+    return names
+
+
+def _pairs(texts: tuple[str, ...]) -> list[tuple[str, str]]:
+    """Read what is written NAME,NAME."""
+    found = []
+    for text in texts:
+        names = _names(text, "--contour")
+        if len(names) != 2:
+            raise InputError(f"--contour '{text}' names {len(names)}; write two, NAME,NAME")
+        found.append((names[0], names[1]))
+    return found
+
+
+def _require_known(names: Sequence[str], effects: Sequence[Effect], option: str) -> None:
+    """Refuse the name of no parameter before the fit; which run it is of is known behind it."""
+    from flexspline.least_squares.options import coefficient_names, resolve, shapes_of
+
+    known = [*coefficient_names(effects), *(shape.name for shape in shapes_of(effects))]
+    words = {word for name in known for word in name.split(".")}
+    for name in names:
+        if name.split(".")[0] not in words:
+            resolve(name, known, option)
+
+
+def _criteria(made: Fit) -> dict[str, float | None]:
+    """AIC and BIC for a script; null of a fit that has none."""
+    from flexspline.least_squares.likelihood import why_none
+
+    if why_none(made):
+        return {"aic": None, "bic": None}
+    return {"aic": made.aic, "bic": made.bic}
+
+
+def _regions(made: Sequence[Profile | Contour]) -> dict[str, list[dict[str, Any]]]:
+    """Profiles and contours for a script, with their points."""
+    import numpy as np
+
+    found: dict[str, list[dict[str, Any]]] = {}
+    for one in made:
+        content = {field.name: getattr(one, field.name) for field in fields(one)}
+        content = {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in content.items()}
+        kind = "contours" if "names" in content else "profiles"
+        found.setdefault(kind, []).append(content)
+    return found
+
+
 def _refuse_of_motion(options: dict[str, Any], foreign: bool) -> None:
     """Refuse what a fit of the motion cannot take."""
     if foreign:
@@ -61,9 +126,13 @@ def _refuse_of_motion(options: dict[str, Any], foreign: bool) -> None:
         raise InputError("--by simulation takes no --prior; fix or bound the parameter instead")
     if options["bandwidth"] is not None and options["bandwidth"] != math.inf:
         raise InputError("--by simulation compares the motion as it is; leave --bandwidth out")
-    if options["offset_per_run"]:
+    if options["offset_per_run"] or options["per_run"]:
+        given = "--offset-per-run" if options["offset_per_run"] else "--per-run"
+        what = "one offset" if options["offset_per_run"] else "one value of each term"
+        raise InputError(f"--by simulation takes {what} for all runs; leave {given} out")
+    if options["profiles"] or options["contours"]:
         raise InputError(
-            "--by simulation takes one offset for all runs; leave --offset-per-run out"
+            "--profile and --contour are of a regression; leave them out, or --by simulation"
         )
 
 
@@ -132,6 +201,27 @@ def _refuse_of_motion(options: dict[str, Any], foreign: bool) -> None:
 )
 @simulation
 @click.option("--offset-per-run", is_flag=True, help="One offset for each run.")
+@click.option(
+    "--per-run",
+    metavar="NAME,NAME",
+    default="",
+    help="Terms that differ from run to run: offset (zeros), gravity,inertia (payloads).",
+)
+@click.option(
+    "--profile",
+    "profiles",
+    multiple=True,
+    metavar="NAME",
+    help="Profile interval of a parameter, beside the Wald interval. Can be repeated.",
+)
+@click.option(
+    "--contour",
+    "contours",
+    multiple=True,
+    metavar="NAME,NAME",
+    help="Joint confidence region of two parameters. Can be repeated.",
+)
+@click.option("--summary", is_flag=True, help="Print a page of statistics, with AIC and BIC.")
 @threads
 @reading()
 def fit(
@@ -163,14 +253,19 @@ def fit(
           --effects offset,coulomb_friction,viscous_friction --out joint
       flexspline fit run1.csv --target motor_current --lowpass 5 \\
           --effects offset,coulomb_friction,gravity --repair drop_start=1 --out drive
+      flexspline fit run*.csv --target sensor_torque --gear-ratio 100 --out joint \\
+          --effects offset,viscous_friction,gravity --per-run offset,gravity
       flexspline fit run*.csv --target motor_torque --by simulation --gear-ratio 1 \\
           --controller servo.json --free-controller back_emf \\
           --effects inertia,gravity,coulomb_friction,load_dependent_friction --out servo
     """
     from flexspline.least_squares.options import FitOptions
 
-    effects = named_effects(names)
-    require_effects(with_orders(effects, options["orders"]), target)
+    effects, pairs = named_effects(names), _pairs(options["contours"])
+    chosen = with_orders(effects, options["orders"])
+    require_effects(chosen, target)
+    _require_known(options["profiles"], chosen, "--profile")
+    _require_known([name for pair in pairs for name in pair], chosen, "--contour")
     model = None if into is None else loaded(into)
     refuse_overwriting(out, [*runs, *simulation], ("model.json", "report.html", "servo.json"))
     with whole_folder(out, last="model.json") as draft:
@@ -208,6 +303,7 @@ def fit(
             rest = FitOptions(
                 bandwidth=options["bandwidth"],
                 offset_per_run=options["offset_per_run"],
+                per_run=_names(options["per_run"], "--per-run"),
                 simulation=foreign,
                 simulated_torque=simulated_torque,
                 **how,
@@ -219,7 +315,12 @@ def fit(
             made.simulation.controller.save(draft / "servo.json")
         made.report(draft / "report.html")
         made.model.save(draft / "model.json")
-        verdict = str(made)
+        profiles = [made.profile(name) for name in options["profiles"]]
+        from flexspline.report.text import wrapped
+
+        beside: list[Profile | Contour] = [*profiles, *(made.contour(*pair) for pair in pairs)]
+        verdict = made.summary() if options["summary"] else str(made)
+        verdict = "\n\n".join([verdict, *("\n".join(wrapped(str(one))) for one in beside)])
     found(
         {
             "target": made.target,
@@ -227,6 +328,9 @@ def fit(
             "rmse": made.rmse,
             "held_out_rmse": made.cv_rmse,
             "parameters": [parameter.to_json() for parameter in made.parameters],
+            "per_run": [term.to_json() for term in made.between_runs],
+            **(_criteria(made) if options["summary"] else {}),
+            **_regions(beside),
         }
     )
     say(f"{verdict}\n\nwrote {Path(out) / 'model.json'} and {Path(out) / 'report.html'}")

@@ -18,6 +18,7 @@ from flexspline.cli.options import (
     Taught,
     channels,
     effects_by_target,
+    is_table,
     known_load,
     named_effects,
     out_file,
@@ -127,7 +128,7 @@ def orders(
       flexspline orders run*.csv --target motor_current --repair drop_start=1 --out orders.csv
     """
     if out is not None:
-        refuse_overwriting(out, runs, () if _is_table(out) else ("orders.csv", "orders.png"))
+        refuse_overwriting(out, runs, () if is_table(out) else ("orders.csv", "orders.png"))
     logs = reading.logs(runs)
 
     from flexspline.effects import UNITS
@@ -140,7 +141,7 @@ def orders(
     say(str(made))
     if out is None:
         return
-    if _is_table(out):
+    if is_table(out):
         made.save(out)
         say(f"\nwrote {out}")
         return
@@ -152,10 +153,6 @@ def orders(
         figure.savefig(draft / "orders.png", dpi=110)
         made.save(draft / "orders.csv")
     say(f"\nwrote {Path(out) / 'orders.csv'} and {Path(out) / 'orders.png'}")
-
-
-def _is_table(out: str) -> bool:
-    return Path(out).suffix.lower() == ".csv" and not Path(out).is_dir()
 
 
 @click.command(cls=Taught, sections=(channels, repairs))

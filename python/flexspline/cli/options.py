@@ -51,6 +51,7 @@ __all__ = [
     "effects_by_target",
     "files_in",
     "fixed",
+    "is_table",
     "known_load",
     "loaded",
     "lowpass",
@@ -345,6 +346,11 @@ def files_in(out: str, runs: Sequence[str], inputs: Sequence[str]) -> list[str]:
             )
         refuse_overwriting(str(Path(out) / name), [*runs, *inputs])
     return [f"{run_name(Path(run))}.csv" for run in runs]
+
+
+def is_table(out: str) -> bool:
+    """Whether --out FILE.csv|DIR is the file."""
+    return Path(out).suffix.lower() == ".csv" and not Path(out).is_dir()
 
 
 def out_file(metavar: str) -> Callable[[Command], Command]:

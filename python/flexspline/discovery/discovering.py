@@ -41,9 +41,10 @@ from flexspline.discovery.search import Study, study_of
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect
 from flexspline.effects.causes import LAG
-from flexspline.errors import InputError
+from flexspline.errors import InputError, listed
 from flexspline.experiment.limits import Limits
 from flexspline.fitting import fit, fit_near, with_orders
+from flexspline.formatting import short_names
 from flexspline.forward.servo import PositionServo
 from flexspline.least_squares.options import FitOptions
 from flexspline.least_squares.problem import Problem, problem_of
@@ -52,7 +53,7 @@ from flexspline.logs.checks.ends import Kept, at_work, only_experiments
 from flexspline.logs.derive import has_value, sampled
 from flexspline.logs.log import Log
 from flexspline.logs.read import LogLike, as_logs
-from flexspline.model import Model
+from flexspline.model import Model, own_of_runs
 from flexspline.output_error.settings import MotionOptions, settings_of, with_servo_torque
 from flexspline.prepared import Preparation, learned, prepared
 from flexspline.regression.candidate_model import Working
@@ -487,6 +488,13 @@ def _task(
     """What to start from."""
     if isinstance(given, Model):
         part = given.part(target)
+        own = [short_names(term["term"]) for term in own_of_runs(part)]
+        if own:
+            raise InputError(
+                "discover fits one value of each term to all runs, but the model has "
+                f"{listed(own)} of each run by itself; start from a model without per_run, or from "
+                "effects"
+            )
         held = {**_fixed_in(part.record), **fixed}
         load = known_load or part.known_load
         return Task(part.effects, part.target, load, held, given, part.simulated)

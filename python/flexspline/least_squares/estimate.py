@@ -35,6 +35,7 @@ from flexspline.least_squares.options import (
     pair_of,
     shapes_of,
 )
+from flexspline.least_squares.own_noise import noise_beside_own
 from flexspline.least_squares.problem import Problem, Run
 from flexspline.least_squares.shapes import Bent, ShapeFit, Tangent, bent, filtered, fit_shapes
 from flexspline.logs.plausible import given_number
@@ -141,8 +142,8 @@ def estimate(
     InputError
         For a name that is no parameter, or bounds that leave nothing.
     """
-    runs = [run.log.name for run in problem.runs] if problem.offset_per_run else []
-    names = coefficient_names(effects, runs)
+    runs, own = [run.log.name for run in problem.runs], () if problem.projected else problem.own
+    names = coefficient_names(effects, runs, own)
     shapes = shapes_of(effects)
     fixed, fixed_shapes = _split(given.fixed, shapes)
     bounds, shape_bounds = _split(given.bounds, shapes)
@@ -202,9 +203,11 @@ def estimate_holding(
 def noise_of(made: Estimate) -> NoiseModel:
     """Return the model of the noise around an estimate."""
     decimation = made.tangent.problem.decimation
-    offsets = made.tangent.problem.centred
+    problem = made.tangent.problem
+    if problem.projected:
+        return noise_beside_own(made.tangent, problem, made.basis)
     chunks = made.tangent.some(read_of(made))
-    return noise_model(chunks, made.basis, decimation=decimation, offsets=offsets)
+    return noise_model(chunks, made.basis, decimation=decimation, offsets=problem.centred)
 
 
 def read_of(made: Estimate) -> int:

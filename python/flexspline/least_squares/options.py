@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from flexspline.effects import CATALOGUE, OF_MODEL, Effect, ShapeInfo
 from flexspline.errors import InputError, did_you_mean, listed
+from flexspline.formatting import short_names
 from flexspline.logs.plausible import MOST, given_number
 
 if TYPE_CHECKING:
@@ -54,7 +55,11 @@ class FitOptions:
         best (`Fit.inputs`); exact ones are read as recorded. ``float("inf")``: all channels are
         read as recorded, whatever their noise.
     robust : "huber" weighs down outliers and pushes [HuberRonchetti2009]; None does not.
-    offset_per_run : one offset for each run instead of one for all.
+    per_run : terms of which each run has its own coefficient while it shares all others, by
+        "effect.term", or by the effect for all its terms: ("offset",) for zeros that differ,
+        ("gravity", "inertia") for payloads. See `Fit.between_runs` and
+        `least_squares/own_terms.py`.
+    offset_per_run : the same as "offset" among `per_run`.
     simulation, simulated_torque : what any simulator predicts of the target, as for `compare`; the
         effects are fitted to what it lacks, and the model corrects it.
     threads : for the sums over the logs.
@@ -69,6 +74,7 @@ class FitOptions:
     bandwidth: float | None = None
     robust: str | None = None
     offset_per_run: bool = False
+    per_run: str | Sequence[str] = ()
     simulation: Log | Sequence[Log] | None = None
     simulated_torque: str | None = None
     threads: int = 1
@@ -131,17 +137,20 @@ class Constraints:
         return bool(np.isfinite(self.prior).any())
 
 
-def coefficient_names(effects: Sequence[Effect], runs: Sequence[str] = ()) -> list[str]:
+def coefficient_names(
+    effects: Sequence[Effect], runs: Sequence[str] = (), own: Sequence[str] = ()
+) -> list[str]:
     """Return "effect.term" of every coefficient, in the order of the columns.
 
-    `runs`: names of the runs that have an offset each; these come last.
+    `own`: terms of which each of the `runs` has its own; these come last, as "effect.term.run", or
+    "effect.run" where the only term is called as its effect.
     """
     names = [f"{effect.name}.{term.name}" for effect in effects for term in effect.terms]
-    if runs and "offset.offset" in names:
-        names.remove("offset.offset")
-        for k, run in enumerate(runs):
-            twice = runs.count(run) > 1
-            names.append(f"offset.{run}" + (f" ({k + 1})" if twice else ""))
+    mine = [name for name in own if name in names]
+    names = [name for name in names if name not in mine]
+    for k, run in enumerate(runs):
+        twice = f" ({k + 1})" if runs.count(run) > 1 else ""
+        names += [f"{short_names(name)}.{run}{twice}" for name in mine]
     return names
 
 

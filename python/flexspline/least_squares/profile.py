@@ -104,13 +104,13 @@ class Profile:
     def __str__(self) -> str:
         first = (
             f"{short_names(self.name)} = {short(self.value, 4)} {self.unit}, by its profile "
-            f"{_between(self.interval, self.unit)} ({100 * self.level:g} %); the Wald interval is "
+            f"{_either(self.parts, self.unit)} ({100 * self.level:g} %); the Wald interval is "
             f"{_between(self.wald, self.unit)}."
         )
         return " ".join([first, *self.notes])
 
     def __repr__(self) -> str:
-        return f"<Profile of {self.name}: {_between(self.interval, self.unit)}>"
+        return f"<Profile of {self.name}: {_either(self.parts, self.unit)}>"
 
     def plot(self) -> Figure:
         """Return a figure: the statistic over the value, its limit, and Wald's parabola."""
@@ -193,7 +193,7 @@ def profile_of(fit: Fit, name: str, level: float, points: int) -> Profile:
         limit,
         values,
         statistic,
-        (*_open(parameter, interval), *_in_parts(parts, parameter.unit), *search.lower()),
+        (*_open(parameter, interval), *_in_parts(parts), *search.lower()),
     )
 
 
@@ -283,7 +283,8 @@ class _Search:
                 )
         if any(p.name not in fit.part.record["covariance"]["names"] for p in parameters):
             raise InputError(
-                "the offset of one of many runs has no profile of its own; its interval is exact"
+                "a term of one of many runs has no profile of its own; use its interval, which "
+                "is exact but for the noise model"
             )
         return cls(made, parameters, fit)
 
@@ -447,11 +448,17 @@ def _open(parameter: Parameter, interval: Interval) -> Iterator[str]:
             )
 
 
-def _in_parts(parts: Sequence[Interval], unit: str) -> Iterator[str]:
+def _in_parts(parts: Sequence[Interval]) -> Iterator[str]:
     if len(parts) > 1:
-        each = [_between(part, unit) for part in parts]
-        said = f"{', '.join(each[:-1])} and {each[-1]}"
-        yield f"It has {len(parts)} parts, {said}: these runs do not tell which one is right."
+        yield (
+            f"Between these {len(parts)} parts the runs exclude all values, and they do not tell "
+            "which part is right."
+        )
+
+
+def _either(parts: Sequence[Interval], unit: str) -> str:
+    """The parts of an interval in words."""
+    return " or ".join(_between(part, unit) for part in parts)
 
 
 def _between(interval: Interval, unit: str) -> str:

@@ -67,6 +67,8 @@ LOOK_FOR = {
     "output_velocity": "The median should lie on zero at every speed. A step at zero is Coulomb "
     "friction, a slope viscous friction, a peak at low speed Stribeck friction.",
     "temperature": "The median should lie on zero at every temperature. A slope is drift.",
+    "load": "The median should lie on zero at every load. A slope is a wrong gain, a bend a sensor "
+    "that is not linear, and a band that widens with the load friction that grows with it.",
     "components": "What the prediction is made of. Effects that these runs cannot tell apart are "
     "drawn as their sum.",
     "components over": "The median contribution at each speed; a band holds 90 % where an effect "
@@ -80,6 +82,8 @@ LOOK_FOR = {
 Array = NDArray[np.float64]
 
 _WORDS = {"output_position": "output angle", "motor_position": "motor angle"}
+
+REFERENCE = "reference_torque"
 
 STRETCH = 10.0  # s of a run that can be looked at in one go
 LOOSE = 0.5  # a band wider than this part of the median's range hides the median
@@ -103,6 +107,9 @@ def panels(fit: Fit) -> list[Panel]:
     for channel in ("output_position", "output_velocity", "temperature"):
         if has_channel(fit, channel):
             found.append(Panel(partial(residual_over, fit, channel), LOOK_FOR[channel]))
+    load = fit.part.known_load or REFERENCE
+    if has_channel(fit, load):
+        found.append(Panel(partial(residual_over, fit, load), LOOK_FOR["load"]))
     if fit.part.effects:
         found.append(Panel(partial(components, fit, "time"), LOOK_FOR["components"]))
         if all("output_velocity" in run.log for run in fit.runs):

@@ -27,7 +27,14 @@ from flexspline.least_squares.result import shares
 from flexspline.logs.channels import CHANNELS
 from flexspline.plot.canvas import INK, Panel, PlainFigure, axes_or_new, own_style
 from flexspline.plot.fit import panels
-from flexspline.report.tables import delay_sentence, grouped_scores, input_rows, score_rows
+from flexspline.report.tables import (
+    between_rows,
+    between_sentences,
+    delay_sentence,
+    grouped_scores,
+    input_rows,
+    score_rows,
+)
 from flexspline.report.text import (
     TARGET_WORDS,
     known_groups,
@@ -109,6 +116,9 @@ def _common(fit: Fit) -> dict[str, Any]:
         "verdict": verdict(fit),
         "lines": parameter_lines(fit),
         "groups": known_groups(fit),
+        "determined": all(p.determined for p in fit.parameters),
+        "between": between_rows(fit),
+        "differ": between_sentences(fit),
         "trust": trust(fit)[:-1],
         "held": validation_sentence(fit),
         "motion": None if fit.simulation is None else fit.simulation.table(),
@@ -221,9 +231,11 @@ def _fit_options(fit: Fit) -> list[str]:
     if fit.bandwidth is not None:
         told = f"{fit.bandwidth!r}" if math.isfinite(fit.bandwidth) else "float('inf')"
         options.append(f"bandwidth={told}")
-    own_offset = f"offset.{fit.runs[0].log.name}"
-    if own_offset != "offset.offset" and own_offset in [p.name for p in fit.parameters]:
+    own = [term.term for term in fit.between_runs]
+    if own == ["offset.offset"]:
         options.append("offset_per_run=True")
+    elif own:
+        options.append(f"per_run={own!r}")
     return options
 
 

@@ -16,7 +16,13 @@ import numpy as np
 from flexspline.errors import listed
 from flexspline.formatting import plus_minus, rows_text, short, short_names
 from flexspline.least_squares.ripple import PAIRS, RippleOrder, ripple_orders
-from flexspline.report.tables import delay_sentence, score_rows, smoothed_rows
+from flexspline.report.tables import (
+    between_rows,
+    between_sentences,
+    delay_sentence,
+    score_rows,
+    smoothed_rows,
+)
 
 if TYPE_CHECKING:
     from flexspline.least_squares.result import Fit, Parameter
@@ -27,6 +33,7 @@ __all__ = [
     "WIDEST",
     "ParameterLine",
     "Verdict",
+    "between_text",
     "faults_sentence",
     "fit_text",
     "known_groups",
@@ -63,6 +70,7 @@ def fit_text(fit: Fit) -> str:
         [*wrapped(judged.good), *wrapped(judged.wrong)],
         _parameters(parameter_lines(fit)),
         known_text(fit),
+        between_text(fit),
         _trust(fit),
         _channels(fit),
         _motion(fit),
@@ -114,6 +122,15 @@ def known_text(fit: Fit) -> list[str]:
         for combination, value in group.known:
             text += wrapped(f"known: {combination} = {value}", "  ", "    ")
     return text
+
+
+def between_text(fit: Fit) -> list[str]:
+    """Return lines of the terms that each run has of its own; none where there are none."""
+    rows = between_rows(fit)
+    if not rows:
+        return []
+    said = [line for sentence in between_sentences(fit) for line in wrapped(sentence)]
+    return ["Of each run by itself:", rows_text(rows), *said]
 
 
 def _trust(fit: Fit) -> list[str]:
@@ -234,7 +251,8 @@ def _grave(fit: Fit, share: float) -> list[str]:
         found.append("it predicts no better than a constant")
     if fit.simulation is None and not fit.uncertainty.reliable:
         found.append("the runs are too short for the errors to hold")
-    hidden = [short_names(name) for group in fit.confounded for name in group.names]
+    every = (short_names(name) for group in fit.confounded for name in group.names)
+    hidden = [*dict.fromkeys(every)]
     if hidden:
         found.append(f"not determined alone: {listed(hidden, 6)}")
     stuck = [short_names(p.name) for p in fit.parameters if p.state.startswith("at ")]
@@ -442,6 +460,8 @@ def _undetermined(fit: Fit, parameter: Parameter) -> tuple[str, str, str]:
         said = f"the model uses {short(parameter.value)} {parameter.unit}"
         return "not determined", "", said
     partners = next((g.names for g in fit.confounded if parameter.name in g.names), ())
+    if not partners:
+        return "not determined", "", "its run does not determine it"
     if len(partners) == 1:
         return "not determined", "", "these runs do not excite it"
     return "not determined alone", "", "what is known stands below"
