@@ -305,7 +305,7 @@ def _checked(
     from flexspline.logs.checks import check
 
     elsewhere = known_load not in (None, "reference_torque")
-    asked = [e.name for e in effects if not (elsewhere and "load" in e.reads)]
+    asked = [e.name for e in effects if not (e.own or (elsewhere and "load" in e.reads))]
     sentences = []
     for log in runs:
         findings = check(log, effects=asked, target=target)

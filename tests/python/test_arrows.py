@@ -22,7 +22,7 @@ LAYERS = (
     ("files", "formatting", "schema"),
     # runs, and what they show by themselves; logs know no effects, their checks do
     ("effects", "logs"),
-    ("logs.checks",),
+    ("logs.checks", "own"),
     ("orders", "prediction", "prepared", "recordings", "signals"),
     ("requirements", "simulator"),
     # a model of a joint, and what it is made of

@@ -41,7 +41,7 @@ from flexspline.discovery.search import Study, study_of
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect
 from flexspline.effects.causes import LAG
-from flexspline.errors import InputError
+from flexspline.errors import InputError, shortened
 from flexspline.experiment.limits import Limits
 from flexspline.fitting import fit, fit_near, with_orders
 from flexspline.forward.servo import PositionServo
@@ -54,6 +54,7 @@ from flexspline.logs.log import Log
 from flexspline.logs.read import LogLike, as_logs
 from flexspline.model import Model
 from flexspline.output_error.settings import MotionOptions, settings_of, with_servo_torque
+from flexspline.own import OwnEffect
 from flexspline.prepared import Preparation, learned, prepared
 from flexspline.regression.candidate_model import Working
 from flexspline.requirements import require_apart
@@ -75,6 +76,7 @@ def discover(
     orders: Mapping[str, Sequence[int]] | None = None,
     fixed: Mapping[str, float] | None = None,
     exclude: Iterable[str] = (),
+    own: OwnEffect | Iterable[OwnEffect] = (),
     limits: Limits | None = None,
     progress: bool = False,
     threads: int = 1,
@@ -102,6 +104,8 @@ def discover(
     orders : {"output_ripple": [1, 2]} of the base; found where they are not given.
     fixed : parameters that are not fitted, as for `fit`.
     exclude : names of effects that are known not to be there; none of them is a candidate.
+    own : effects of your own (`flexspline.own_effect`) that may be missing; they are candidates
+        beside those of the catalogue, and need the same evidence.
     limits : what a run to record next may do; what is left open is what these runs did.
     progress : show what is being tried on standard error.
     threads : for the sums over the logs.
@@ -134,6 +138,11 @@ def discover(
     require_apart(runs)
     if by != "regression" or controller is not None or free_controller:
         _require_simulation(by, simulation, simulated_torque, lowpass, bandwidth)
+        if own:
+            raise InputError(
+                "by='simulation' drives effects in the compiled core, which has the catalogue's "
+                "alone; leave own out"
+            )
         if not isinstance(model_or_effects, Model):
             target = target or "motor_torque"
     base, runs, of_base = _base(
@@ -144,6 +153,7 @@ def discover(
         lowpass=lowpass,
         orders=orders or {},
         exclude=(exclude,) if isinstance(exclude, str) else tuple(exclude),
+        own=_own(own),
         threads=threads,
     )
     style = {"bar_format": "{desc}{elapsed}", "leave": False, "delay": 1.0}
@@ -176,6 +186,7 @@ class Task:
     lowpass: float | None = None
     orders: Mapping[str, Sequence[int]] = field(default_factory=dict)
     exclude: tuple[str, ...] = ()
+    own: tuple[OwnEffect, ...] = ()
     threads: int = 1
     preparations: tuple[Preparation, ...] = ()
     scatter: float = 0.0
@@ -220,6 +231,27 @@ def _by_regression(
     )
     judged = graded(found.data_faults, recorded.logs, found.fit, found.noise_floor)
     return replace(found, data_faults=judged)
+
+
+def _own(given: OwnEffect | Iterable[OwnEffect]) -> tuple[OwnEffect, ...]:
+    """The user's own candidates, each of another name.
+
+    Raises
+    ------
+    InputError
+        For what is no such effect, or two of one name.
+    """
+    found = (given,) if isinstance(given, OwnEffect) else tuple(given)
+    names = [getattr(one, "name", "") for one in found]
+    for one in found:
+        if not isinstance(one, OwnEffect):
+            raise InputError(
+                f"own holds {shortened(repr(one))}; give what flexspline.own_effect makes of a "
+                "function, and take effects of the catalogue out: they are candidates by themselves"
+            )
+        if names.count(one.name) > 1:
+            raise InputError(f"effect '{one.name}' is twice in own; give it once")
+    return found
 
 
 def _require_simulation(
@@ -369,7 +401,8 @@ class _Recorded:
                 ),
             ).part.effects  # fmt: skip
         effects = with_freedoms(effects, free)
-        study = study_of(effects, self.logs, exclude=(*task.exclude, *exclude), **self._posed)
+        absent = (*task.exclude, *exclude)
+        study = study_of(effects, self.logs, exclude=absent, own=task.own, **self._posed)
         study = replace(study, problem=self._blurred(study.problem), scatter=task.scatter)
         return study, effects, {**task.fixed, **held_of(effects, free, study.problem)}
 
