@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import inspect
 import math
+import os
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -35,6 +36,7 @@ from flexspline.effects import (
 )
 from flexspline.errors import InputError, did_you_mean, listed, one_line, shortened
 from flexspline.logs.channels import CHANNELS
+from flexspline.own.header import Header, compiled
 
 __all__ = ["OwnEffect", "declaration", "of_file", "own_effect"]
 
@@ -52,16 +54,18 @@ SHARED = frozenset(s.name for info in CATALOGUE.values() for s in info.shapes if
 """Shapes that effects of a model share: one of an effect alone has another name."""
 
 PROBED = 50  # rows that are computed by themselves too
+AGREEING = 1e-6  # of a column's size: what a header's rows may differ by, from its own tanh or exp
 SAME = 1e-9  # of a column's size: what rows by themselves may differ by, from rounding
 WHOLE = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
 
 
 @dataclass(frozen=True)
 class Definition:
-    """What an own effect says of itself, and the function of its rows."""
+    """What an own effect says of itself, the function of its rows, and its header compiled."""
 
     info: EffectInfo
     function: Function
+    header: Header | None = None
 
 
 @dataclass(frozen=True, repr=False)
@@ -88,9 +92,28 @@ class OwnEffect(Effect):
     def __reduce__(self) -> tuple[Any, ...]:
         return _again, (self.name, dict(self.shapes), self.harmonics, self.definition)
 
+    def __deepcopy__(self, memo: dict[int, Any]) -> OwnEffect:
+        return self  # nothing in it changes, and a compiled header has no copy
+
     @property
     def info(self) -> EffectInfo:
         return self.definition.info
+
+    @property
+    def header(self) -> Header:
+        """The effect's C++ header.
+
+        Raises
+        ------
+        InputError
+            Where it has none.
+        """
+        if self.definition.header is None:
+            raise InputError(
+                f"effect '{self.name}' is a Python function without a C++ header, which a device "
+                f"needs; give own_effect(header='{self.name}.hpp')"
+            )
+        return self.definition.header
 
     def for_core(self) -> dict[str, Any]:
         raise InputError(
@@ -107,6 +130,13 @@ class OwnEffect(Effect):
             Where the function raises, or returns something else than a finite number for each row
             and term; rows of which a channel is not finite may be anything.
         """
+        header = self.definition.header
+        if header is None:
+            return self._of_function(channels, size)
+        return self._finite(header.rows(channels, self.shapes, size), channels)
+
+    def _of_function(self, channels: Mapping[str, Array], size: int) -> Array:
+        """The columns that the Python function gives."""
         given = {name: _unwritable(channels[name]) for name in self.info.reads}
         try:
             made = self.definition.function(**given, **self.shapes)
@@ -125,31 +155,51 @@ class OwnEffect(Effect):
                 f"{size} rows and {_counted(self.terms)}; return ({size},) for one term, else one "
                 "array for each, as a tuple"
             )
-        whole = np.all([np.isfinite(data) for data in given.values()], axis=0)
+        return self._finite(values, given)
+
+    def _finite(self, values: Array, channels: Mapping[str, Array]) -> Array:
+        """The values; refused where one is not finite and the channels of its row are."""
+        whole = np.all([np.isfinite(channels[name]) for name in self.info.reads], axis=0)
         bad = np.flatnonzero(~np.isfinite(values).all(axis=1) & whole)
         if len(bad):
             raise InputError(
-                f"effect '{self.name}': its function is not finite in {len(bad)} of {size} rows, "
-                f"first in row {bad[0]}; let it return a number wherever its channels have one"
+                f"effect '{self.name}': it is not finite in {len(bad)} of {len(values)} rows, "
+                f"first in row {bad[0]}; let it be a number wherever its channels are"
             )
         return values
 
     def require_by_row(self, channels: Mapping[str, Array], size: int, log: str) -> None:
-        """Refuse a function whose rows depend on other rows, as seen on rows of a log.
+        """Refuse a function whose rows depend on other rows, or differ from those of its header.
 
         Raises
         ------
         InputError
-            As `columns`, and where a row computed by itself is another one.
+            As `columns`; where a row of the log computed by itself is another one, or one that is
+            compiled from the header.
         """
         rows = np.unique(np.linspace(0, size - 1, PROBED).astype(np.intp))
-        whole = self.columns(channels, size)
+        whole = self._of_function(channels, size)
+        largest = np.abs(whole).max(axis=0, initial=0.0)
+        if self.definition.header is not None:
+            self._require_agreement(whole, self.columns(channels, size), log)
         few = {name: np.ascontiguousarray(channels[name][rows]) for name in self.info.reads}
-        apart = np.abs(self.columns(few, len(rows)) - whole[rows])
-        if (apart > SAME * np.abs(whole).max(axis=0, initial=0.0)).any():
+        apart = np.abs(self._of_function(few, len(rows)) - whole[rows])
+        if (apart > SAME * largest).any():
             raise InputError(
                 f"effect '{self.name}': on log '{log}' a row of its function depends on other rows "
                 "(a mean, a derivative, a sum); let each row follow from its own channels alone"
+            )
+
+    def _require_agreement(self, here: Array, there: Array, log: str) -> None:
+        """Refuse rows of the header, `there`, that are not those of the function."""
+        apart = np.abs(there - here)
+        limit = AGREEING * np.maximum(np.abs(here), np.abs(there)).max(axis=0, initial=0.0)
+        if (apart > limit).any():
+            row, term = np.unravel_index(int(np.argmax(apart)), apart.shape)
+            raise InputError(
+                f"effect '{self.name}': in row {row} of log '{log}' {self.terms[term].name} of the "
+                f"Python function is {here[row, term]:.6g} and of its header "
+                f"{there[row, term]:.6g}; correct one of them"
             )
 
     def _require_known(self) -> None:
@@ -162,6 +212,7 @@ def own_effect(
     shapes: Mapping[str, tuple[str, float, float]] | None = None,
     targets: Sequence[str] = TORQUES,
     name: str | None = None,
+    header: str | os.PathLike[str] | None = None,
 ) -> Callable[[Function], OwnEffect]:
     """Make a Python function an effect that `fit`, `compare` and `discover` take as any other.
 
@@ -177,6 +228,10 @@ def own_effect(
         where its search starts; without one it starts in the middle, on a logarithmic scale.
     targets : what the effect may explain; all but the torsion.
     name : of the effect; None: that of the function.
+    header : a C++ header beside the function, ``hump.hpp`` with ``flexspline::Hump`` for an effect
+        ``hump``, as `flexspline/effects/effect.hpp` says. It is compiled at once, makes the rows
+        from then on, is held to the function on every run of a fit, and lets a model be exported
+        and certified. It includes the core's headers and the standard's alone.
 
     Returns
     -------
@@ -188,7 +243,8 @@ def own_effect(
     InputError
         For a name that is taken or has anything but lower-case letters, digits and underscores, a
         unit that is not made of Nm, rad, s, K, °C, A, V, kg, m, N and 1, a parameter that is
-        neither a channel nor a shape, or bounds that leave no room.
+        neither a channel nor a shape, bounds that leave no room, or a header that does not compile
+        or says something else than the function.
 
     Examples
     --------
@@ -224,7 +280,8 @@ def own_effect(
             reversal="",
             combines=(),
         )
-        return OwnEffect(called, definition=Definition(info, function))
+        made = None if header is None else compiled(header, info)
+        return OwnEffect(called, definition=Definition(info, function, made))
 
     return make
 
