@@ -30,6 +30,7 @@ from flexspline.logs.plausible import measurable
 from flexspline.logs.read import LogLike, as_log, as_logs, is_one
 from flexspline.logs.segments import output_speed
 from flexspline.own import Design, OwnEffect, design_of
+from flexspline.own.effect import own_effects
 from flexspline.part import PART_OF, SIDES, Part, part_from_json, part_to_json
 from flexspline.prediction import Prediction, Predictions, require_rows
 from flexspline.prepared import prepared
@@ -316,7 +317,7 @@ class Model:
         atomic_write(path, self.to_json())
 
     @classmethod
-    def load(cls, path: str | os.PathLike[str], own: Iterable[OwnEffect] = ()) -> Model:
+    def load(cls, path: str | os.PathLike[str], own: OwnEffect | Iterable[OwnEffect] = ()) -> Model:
         """Read a `model.json`.
 
         Parameters
@@ -342,7 +343,9 @@ class Model:
         return cls.from_json(text, str(path), own)
 
     @classmethod
-    def from_json(cls, text: str, label: str = "model", own: Iterable[OwnEffect] = ()) -> Model:
+    def from_json(
+        cls, text: str, label: str = "model", own: OwnEffect | Iterable[OwnEffect] = ()
+    ) -> Model:
         """Return the model that `to_json` wrote; `label` begins its errors, `own` as for `load`."""
         content = json_content(text, label)
         if not isinstance(content, dict) or content.get("format") != FORMAT:
@@ -360,7 +363,7 @@ class Model:
                 f"{label}: has version {content['version']} of the format, which is of models that "
                 f"{'correct no' if corrects else 'correct a'} simulation; fit the model again"
             )
-        given = tuple(own)
+        given = own_effects(own)
         parts = {
             name: part_from_json(name, content[name], f"{label}: {name}", given)
             for name in SIDES

@@ -53,14 +53,16 @@ void set(flexspline::Sample<double>& at, flexspline::Channel channel, double val
 
 }  // namespace
 
-extern "C" const char* flexspline_own_description() {
+extern "C" [[gnu::visibility("default")]] const char* flexspline_own_description() {
   static const std::string all = describe();
   return all.c_str();
 }
 
 /// Rows to out, term after term of a sample; channels and shapes in the header's order.
-extern "C" void flexspline_own_rows(std::size_t size, const double* const* channels,
-                                    const double* shapes, double* out) {
+extern "C" [[gnu::visibility("default")]] void flexspline_own_rows(std::size_t size,
+                                                                   const double* const* channels,
+                                                                   const double* shapes,
+                                                                   double* out) {
   Effect effect;
   for_each_shape([&](const auto& shape) { effect.*shape.field = *shapes++; });
   for (std::size_t i = 0; i < size; ++i) {

@@ -41,7 +41,7 @@ from flexspline.discovery.search import Study, study_of
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect
 from flexspline.effects.causes import LAG
-from flexspline.errors import InputError, shortened
+from flexspline.errors import InputError
 from flexspline.experiment.limits import Limits
 from flexspline.fitting import fit, fit_near, with_orders
 from flexspline.forward.servo import PositionServo
@@ -54,7 +54,7 @@ from flexspline.logs.log import Log
 from flexspline.logs.read import LogLike, as_logs
 from flexspline.model import Model
 from flexspline.output_error.settings import MotionOptions, settings_of, with_servo_torque
-from flexspline.own import OwnEffect
+from flexspline.own.effect import OwnEffect, own_effects
 from flexspline.prepared import Preparation, learned, prepared
 from flexspline.regression.candidate_model import Working
 from flexspline.requirements import require_apart
@@ -153,7 +153,7 @@ def discover(
         lowpass=lowpass,
         orders=orders or {},
         exclude=(exclude,) if isinstance(exclude, str) else tuple(exclude),
-        own=_own(own),
+        own=own_effects(own),
         threads=threads,
     )
     style = {"bar_format": "{desc}{elapsed}", "leave": False, "delay": 1.0}
@@ -231,27 +231,6 @@ def _by_regression(
     )
     judged = graded(found.data_faults, recorded.logs, found.fit, found.noise_floor)
     return replace(found, data_faults=judged)
-
-
-def _own(given: OwnEffect | Iterable[OwnEffect]) -> tuple[OwnEffect, ...]:
-    """The user's own candidates, each of another name.
-
-    Raises
-    ------
-    InputError
-        For what is no such effect, or two of one name.
-    """
-    found = (given,) if isinstance(given, OwnEffect) else tuple(given)
-    names = [getattr(one, "name", "") for one in found]
-    for one in found:
-        if not isinstance(one, OwnEffect):
-            raise InputError(
-                f"own holds {shortened(repr(one))}; give what flexspline.own_effect makes of a "
-                "function, and take effects of the catalogue out: they are candidates by themselves"
-            )
-        if names.count(one.name) > 1:
-            raise InputError(f"effect '{one.name}' is twice in own; give it once")
-    return found
 
 
 def _require_simulation(

@@ -101,8 +101,9 @@ def _asked(rivals: Pair | Iterable[Pair], part: Part) -> list[tuple[str, Effect]
     given = list(rivals)
     single = len(given) == 2 and all(isinstance(one, (str, Effect)) for one in given)
     names, made = [e.name for e in part.effects], []
+    own = {e.name: e for e in part.effects if e.own}
     for pair in [given] if single else given:
-        effects = [e if isinstance(e, Effect) else effect(str(e)) for e in pair]  # type: ignore[union-attr]
+        effects = [e if isinstance(e, Effect) else own.get(e) or effect(str(e)) for e in pair]  # type: ignore[union-attr]
         inside = [e for e in effects if e.name in names]
         outside = [e for e in effects if e.name not in names]
         if len(inside) != 1 or len(outside) != 1:

@@ -38,7 +38,7 @@ from flexspline.errors import InputError, did_you_mean, listed, one_line, shorte
 from flexspline.logs.channels import CHANNELS
 from flexspline.own.header import Header, compiled
 
-__all__ = ["OwnEffect", "declaration", "of_file", "own_effect"]
+__all__ = ["OwnEffect", "declaration", "of_file", "own_effect", "own_effects"]
 
 Array = NDArray[np.float64]
 Function = Callable[..., Any]
@@ -140,22 +140,20 @@ class OwnEffect(Effect):
         given = {name: _unwritable(channels[name]) for name in self.info.reads}
         try:
             made = self.definition.function(**given, **self.shapes)
-            found = np.column_stack(made) if isinstance(made, tuple) else np.asarray(made)
-            values = found.astype(np.float64, casting="same_kind")
         except Exception as error:  # whatever a function of the user's raises
             said = shortened(one_line(str(error))) or "it says nothing"
             raise InputError(
                 f"effect '{self.name}': its function ends with {type(error).__name__}: {said}; "
                 "correct it"
             ) from error
-        values = values[:, None] if values.ndim == 1 else values
-        if values.shape != (size, len(self.terms)):
+        columns = _as_columns(made)
+        if columns is None or columns.shape != (size, len(self.terms)):
             raise InputError(
-                f"effect '{self.name}': its function returned an array of shape {found.shape} for "
-                f"{size} rows and {_counted(self.terms)}; return ({size},) for one term, else one "
-                "array for each, as a tuple"
+                f"effect '{self.name}': its function returned {_described(made)} for {size} rows "
+                f"and {_counted(self.terms)}; return real numbers, ({size},) for one term, else "
+                "such an array for each, as a tuple"
             )
-        return self._finite(values, given)
+        return self._finite(columns, given)
 
     def _finite(self, values: Array, channels: Mapping[str, Array]) -> Array:
         """The values; refused where one is not finite and the channels of its row are."""
@@ -295,6 +293,28 @@ def declaration(effect: OwnEffect) -> dict[str, Any]:
     }
 
 
+def own_effects(given: OwnEffect | Iterable[OwnEffect]) -> tuple[OwnEffect, ...]:
+    """Return the user's own effects that a call was given, one or several.
+
+    Raises
+    ------
+    InputError
+        For what is no such effect, or two of one name.
+    """
+    several = not isinstance(given, (str, Effect)) and isinstance(given, Iterable)
+    found = tuple(given) if several else (given,)
+    names = [getattr(one, "name", "") for one in found]
+    for one in found:
+        if not isinstance(one, OwnEffect):
+            raise InputError(
+                f"own holds {shortened(repr(one))}; give what flexspline.own_effect makes of a "
+                "function: the catalogue's effects are known"
+            )
+        if names.count(one.name) > 1:
+            raise InputError(f"effect '{one.name}' is twice in own; give it once")
+    return found
+
+
 def of_file(name: str, kept: Mapping[str, Any], given: Iterable[Effect]) -> OwnEffect:
     """Return the effect that a file calls its own, of those that the caller gives.
 
@@ -334,6 +354,23 @@ def _unwritable(values: Array) -> Array:
     view = values.view()
     view.flags.writeable = False
     return view
+
+
+def _as_columns(made: Any) -> Array | None:
+    """What a function returned as columns (N, T); None where it is not of real numbers."""
+    try:
+        found = np.column_stack(made) if isinstance(made, tuple) else np.asarray(made)
+        values = found.astype(np.float64, casting="same_kind")
+    except (TypeError, ValueError):
+        return None
+    return values[:, None] if values.ndim == 1 else values
+
+
+def _described(made: Any) -> str:
+    if isinstance(made, tuple):
+        return f"a tuple of {len(made)}"
+    kind = f"{made.dtype} of shape {made.shape}" if isinstance(made, np.ndarray) else ""
+    return f"an array of {kind}" if kind else f"a {type(made).__name__}"
 
 
 def _counted(terms: Sequence[TermInfo]) -> str:

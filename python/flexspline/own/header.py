@@ -90,10 +90,14 @@ def compiled(path: str | os.PathLike[str], info: EffectInfo) -> Header:
 
 
 def _library(file: Path, folder: Path, info: EffectInfo) -> Any:
-    """The header as a library, which stays loaded when its file is gone."""
+    """The header as a library, which stays loaded when its file is gone.
+
+    Its names are hidden: the constants of another header's `Hump` would be taken for its own.
+    """
     struct = "".join(word.capitalize() for word in info.name.split("_"))
     made = folder / f"{info.name}.so"
-    options = ["-O2", "-fPIC", "-shared", f"-DFLEXSPLINE_OWN={struct}", f"-I{include_folder()}"]
+    options = ["-O2", "-fPIC", "-shared", "-fvisibility=hidden"]
+    options += [f"-DFLEXSPLINE_OWN={struct}", f"-I{include_folder()}"]
     source = firmware_folder() / "own" / "rows.cpp"
     call(
         [host_compiler(), *STRICT.split(), *options, "-include", file, source, "-o", made],
