@@ -18,7 +18,7 @@ import math
 import os
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -111,7 +111,7 @@ class OwnEffect(Effect):
         if self.definition.header is None:
             raise InputError(
                 f"effect '{self.name}' is a Python function without a C++ header, which a device "
-                f"needs; give own_effect(header='{self.name}.hpp')"
+                f"needs; write {self.name}.hpp, and give it with header or with_header"
             )
         return self.definition.header
 
@@ -120,6 +120,21 @@ class OwnEffect(Effect):
             f"effect '{self.name}' is your own, and this runs in the compiled core, which has the "
             "catalogue's effects alone; leave it out, or use fit, predict, compare or discover"
         )
+
+    def with_header(self, path: str | os.PathLike[str]) -> OwnEffect:
+        """Return the effect with its rows from a C++ header, which is compiled here and now.
+
+        Parameters
+        ----------
+        path : as `own_effect` takes it.
+
+        Raises
+        ------
+        InputError
+            Where it does not compile, or says something else than the function.
+        """
+        made = compiled(path, self.info)
+        return replace(self, definition=replace(self.definition, header=made))
 
     def columns(self, channels: Mapping[str, Array], size: int) -> Array:
         """Return the effect's columns, (size, terms), from channels (size,) in SI units.
@@ -278,8 +293,8 @@ def own_effect(
             reversal="",
             combines=(),
         )
-        made = None if header is None else compiled(header, info)
-        return OwnEffect(called, definition=Definition(info, function, made))
+        made = OwnEffect(called, definition=Definition(info, function))
+        return made if header is None else made.with_header(header)
 
     return make
 
