@@ -55,7 +55,8 @@ def fit(
 
     Parameters
     ----------
-    effects : names of `CATALOGUE`, or `Effect` with shapes to start from and orders.
+    effects : names of `CATALOGUE`, or `Effect` with shapes to start from and orders, your own
+        (`own_effect`) among them.
     logs : one or several runs (as `read_log` takes them) of one joint.
     target : "sensor_torque" [Nm], "motor_torque" [Nm at the output], "motor_current" [A] or
         "torsion" [rad].

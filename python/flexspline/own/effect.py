@@ -316,8 +316,7 @@ def own_effects(given: OwnEffect | Iterable[OwnEffect]) -> tuple[OwnEffect, ...]
     InputError
         For what is no such effect, or two of one name.
     """
-    several = not isinstance(given, (str, Effect)) and isinstance(given, Iterable)
-    found = tuple(given) if several else (given,)
+    found: tuple[Any, ...] = (given,) if isinstance(given, (str, Effect)) else tuple(given)
     names = [getattr(one, "name", "") for one in found]
     for one in found:
         if not isinstance(one, OwnEffect):
