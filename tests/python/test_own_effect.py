@@ -248,11 +248,15 @@ WRONG: dict[str, tuple[Callable[[], object], str]] = {
         lambda: made_of(lambda output_velocty: 0),
         r"takes 'output_velocty' \(did you mean 'output_velocity'\?\)",
     ),
-    "parameters without a name": (lambda: made_of(lambda *a: 0), r"takes \*a, which is no single"),
+    "parameters without a name": (
+        lambda: made_of(lambda *a: 0),
+        r"takes \*a, which no name gives; write",
+    ),
     "a shape that is not taken": (
         lambda: made_of(lambda output_velocity: 0, shapes=WIDTHS),
         "does not take the shape 'width'",
     ),
+    "a function of the C library": (lambda: made_of(min), "does not say what it takes"),
     "no channel": (lambda: made_of(lambda width: 0, shapes=WIDTHS), "reads no channel"),
     "a shape of zero": (
         lambda: made_of(lambda output_velocity, a: 0, shapes={"a": ("s", 0.0, 1.0)}),
@@ -361,6 +365,12 @@ def test_what_runs_in_the_compiled_core_says_so() -> None:
         with pytest.raises(InputError, match="effect 'hump' is your own, and this runs in the"):
             call()
             pytest.fail(name)
+
+
+def test_units_of_the_catalogue_are_units_of_ones_own() -> None:
+    known = flexspline.CATALOGUE.values()
+    for unit in {thing.unit for info in known for thing in (*info.terms, *info.shapes)}:
+        assert made_of(lambda output_velocity: 0, terms={"a": unit}).info.terms[0].unit == unit
 
 
 def test_columns_that_say_the_same_are_named_as_such() -> None:

@@ -2,10 +2,11 @@
 
     y = … + Σ_k c_k f_k(channels at this row; shapes)
 
-The function gives the columns f_k, the fit finds the coefficients c_k and the shapes. It gets whole
-arrays, made as the rows of the catalogue's effects are (the same smoothing, the same rows left
-out), and sees pieces of runs as well as whole ones: each row of its result is to follow from that
-row of its channels alone. What needs the rows before, such as a loop or a lag, has no memory here.
+The function gives the columns f_k, the fit finds the coefficients c_k and the shapes. It gets the
+channels as effects of the catalogue do (what those read is smoothed alike, the same rows are left
+out; channels that they do not read are as recorded), and pieces of runs as well as whole ones: each
+row of its result is to follow from that row of its channels alone. What needs the rows before, such
+as a loop or a lag, has no memory here.
 
 A model's file keeps the effect's name, terms, channels and shapes, and never its function: nothing
 that a file holds is run. Who loads such a model gives the function.
@@ -152,6 +153,8 @@ class OwnEffect(Effect):
 
     def _of_function(self, channels: Mapping[str, Array], size: int) -> Array:
         """The columns that the Python function gives."""
+        if size == 0:
+            return np.empty((0, len(self.terms)))
         given = {name: _unwritable(channels[name]) for name in self.info.reads}
         try:
             made = self.definition.function(**given, **self.shapes)
@@ -447,11 +450,17 @@ def _parameters(
     if not callable(function):
         raise InputError(f"effect '{name}' is a {type(function).__name__}; give a function")
     reads, starts = [], {}
-    parameters = inspect.signature(function).parameters
+    try:
+        parameters = inspect.signature(function).parameters
+    except (TypeError, ValueError) as error:
+        raise InputError(
+            f"effect '{name}': its function does not say what it takes; write one with def, with a "
+            "parameter for each channel and shape"
+        ) from error
     for parameter in parameters.values():
         if parameter.kind not in WHOLE:
             raise InputError(
-                f"effect '{name}': its function takes {parameter}, which is no single name; give a "
+                f"effect '{name}': its function takes {parameter}, which no name gives; write a "
                 "parameter for each channel and shape"
             )
         if parameter.name in shapes:
