@@ -162,6 +162,17 @@ def test_an_own_effect_is_named_where_it_is_hidden_and_nowhere_else() -> None:
     assert names == [("hump",), ()]
 
 
+def test_a_search_from_a_model_with_an_own_effect_finds_what_it_lacks() -> None:
+    base = flexspline.fit(
+        [EASY[0], EASY[1], EASY[3], hump(width=SPEED)], runs(HEIGHT, 1200), "sensor_torque",
+        known_load=LOAD, fixed={"direction_width": 0.05, "hump.width": SPEED},
+    )  # fmt: skip
+    found = flexspline.discover(base.model, runs(HEIGHT, 1200), exclude=EXCLUDED)
+    assert found.names == ("viscous_friction",)
+    assert found.base_effects == ("offset", "coulomb_friction", "inertia", "hump")
+    assert "hump.height" in {p.name for p in found.fit.parameters}
+
+
 def test_a_model_keeps_the_declaration_and_no_code(tmp_path: Path) -> None:
     file = tmp_path / "joint.json"
     fitted().model.save(file)
