@@ -53,6 +53,7 @@ if TYPE_CHECKING:
     from flexspline.model import Model, Part, Prediction, Predictions
     from flexspline.output_error.fitting import fit_motion
     from flexspline.output_error.settings import MotionOptions
+    from flexspline.own import OwnEffect, own_effect
     from flexspline.recordings.guessing import guess_map
     from flexspline.recordings.result import Guess
 
@@ -83,6 +84,7 @@ __all__ = [
     "ModelComparison",
     "MotionOptions",
     "Observer",
+    "OwnEffect",
     "Part",
     "Plan",
     "PositionServo",
@@ -108,6 +110,7 @@ __all__ = [
     "get_include",
     "guess_map",
     "next_experiment",
+    "own_effect",
     "read_log",
     "simulate",
 ]
@@ -137,6 +140,7 @@ _HOME = {
     "ModelComparison": "comparison.models",
     "MotionOptions": "output_error.settings",
     "Observer": "estimators",
+    "OwnEffect": "own",
     "Part": "model",
     "Plan": "experiment.plan",
     "PositionServo": "forward.servo",
@@ -159,6 +163,7 @@ _HOME = {
     "fit_motion": "output_error.fitting",
     "guess_map": "recordings.guessing",
     "next_experiment": "discovery.experimenting",
+    "own_effect": "own",
     "read_log": "logs.read",
     "simulate": "forward.simulating",
 }

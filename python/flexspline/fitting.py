@@ -55,7 +55,8 @@ def fit(
 
     Parameters
     ----------
-    effects : names of `CATALOGUE`, or `Effect` with shapes to start from and orders.
+    effects : names of `CATALOGUE`, or `Effect` with shapes to start from and orders, your own
+        (`own_effect`) among them.
     logs : one or several runs (as `read_log` takes them) of one joint.
     target : "sensor_torque" [Nm], "motor_torque" [Nm at the output], "motor_current" [A] or
         "torsion" [rad].
@@ -309,7 +310,7 @@ def _checked(
     from flexspline.logs.checks import check
 
     elsewhere = known_load not in (None, "reference_torque")
-    asked = [e.name for e in effects if not (elsewhere and "load" in e.reads)]
+    asked = [e.name for e in effects if not (e.own or (elsewhere and "load" in e.reads))]
     sentences = []
     for log in runs:
         findings = check(log, effects=asked, target=target)

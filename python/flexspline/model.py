@@ -16,7 +16,6 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline import _core
 from flexspline.about import __version__
 from flexspline.effects import unit_in
 from flexspline.effects.causes import COULOMB_PER_DIRECTION, OFFSET
@@ -31,6 +30,8 @@ from flexspline.logs.log import Log
 from flexspline.logs.plausible import measurable
 from flexspline.logs.read import LogLike, as_log, as_logs, is_one
 from flexspline.logs.segments import output_speed
+from flexspline.own import Design, OwnEffect, design_of
+from flexspline.own.effect import own_effects
 from flexspline.part import PART_OF, SIDES, Part, part_from_json, part_to_json
 from flexspline.prediction import Prediction, Predictions, require_rows
 from flexspline.prepared import prepared
@@ -318,13 +319,19 @@ class Model:
         atomic_write(path, self.to_json())
 
     @classmethod
-    def load(cls, path: str | os.PathLike[str]) -> Model:
+    def load(cls, path: str | os.PathLike[str], own: OwnEffect | Iterable[OwnEffect] = ()) -> Model:
         """Read a `model.json`.
+
+        Parameters
+        ----------
+        own : effects of your own (`flexspline.own_effect`), those of the model among them: a file
+            keeps their names, terms and shapes, and no function.
 
         Raises
         ------
         InputError
-            Where the file is missing, is no model, is damaged, or is of a newer version.
+            Where the file is missing, is no model, is damaged, is of a newer version, or has an
+            effect of its maker's own that is not given.
         """
         refuse_special(path, "a model.json")
         try:
@@ -335,11 +342,13 @@ class Model:
             ) from error
         except UnicodeDecodeError as error:
             raise InputError(f"{path}: is no text; give a model.json") from error
-        return cls.from_json(text, str(path))
+        return cls.from_json(text, str(path), own)
 
     @classmethod
-    def from_json(cls, text: str, label: str = "model") -> Model:
-        """Return the model that `to_json` wrote; `label` is what errors call it."""
+    def from_json(
+        cls, text: str, label: str = "model", own: OwnEffect | Iterable[OwnEffect] = ()
+    ) -> Model:
+        """Return the model that `to_json` wrote; `label` begins its errors, `own` as for `load`."""
         content = json_content(text, label)
         if not isinstance(content, dict) or content.get("format") != FORMAT:
             raise InputError(f"{label}: is no flexspline model; give a model.json")
@@ -356,8 +365,9 @@ class Model:
                 f"{label}: has version {content['version']} of the format, which is of models that "
                 f"{'correct no' if corrects else 'correct a'} simulation; fit the model again"
             )
+        given = own_effects(own)
         parts = {
-            name: part_from_json(name, content[name], f"{label}: {name}")
+            name: part_from_json(name, content[name], f"{label}: {name}", given)
             for name in SIDES
             if name in content
         }
@@ -376,9 +386,8 @@ class Model:
                     f"the model has {key} = {mine}, {whose} {other}; they must be of one joint"
                 )
 
-    def _design(self, part: Part, log: Log) -> _core.Design:
-        gear = gear_of(self.facts, _by_motor_encoder(part, log))
-        return _core.Design([effect.for_core() for effect in part.effects], **gear)
+    def _design(self, part: Part, log: Log) -> Design:
+        return design_of(part.effects, gear_of(self.facts, _by_motor_encoder(part, log)))
 
     def _evaluate(self, part: Part, log: Log, coefficients: Array) -> Array:
         """Prediction (N,); NaN where a channel that it reads is not finite."""

@@ -16,14 +16,14 @@ from click.testing import CliRunner
 from every_effect import all_of, exported, rich
 
 import flexspline
-from flexspline import Certificate, InputError
-from flexspline.certification import certifying, devices
+from flexspline import Certificate, InputError, programs
+from flexspline.certification import certifying
 from flexspline.certification.devices import DEVICES
-from flexspline.certification.program import firmware_folder
 from flexspline.cli import commands
 from flexspline.exporting import export
 from flexspline.logs.log import Log
 from flexspline.logs.read import write_log
+from flexspline.programs import firmware_folder
 
 CORTEX = ("cortex-m4f", "cortex-m7")
 NEEDED = ("arm-none-eabi-g++", "qemu-system-arm")
@@ -112,12 +112,14 @@ def test_a_missing_tool_is_one_sentence_that_names_the_package(
     monkeypatch: pytest.MonkeyPatch, tool: str
 ) -> None:
     there = shutil.which
-    monkeypatch.setattr(devices.shutil, "which", lambda name: None if name == tool else there(name))
+    monkeypatch.setattr(
+        programs.shutil, "which", lambda name: None if name == tool else there(name)
+    )
     with pytest.raises(InputError) as caught:
         flexspline.certify(*small(), "cortex-m7")
     sentence = str(caught.value)
     assert sentence.startswith(f"{tool} is not on this machine; install Debian's ")
-    assert devices.PACKAGES[tool] in sentence and "\n" not in sentence
+    assert programs.PACKAGES[tool] in sentence and "\n" not in sentence
 
 
 @pytest.mark.parametrize("target", ["host", *CORTEX])

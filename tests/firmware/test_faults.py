@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from test_chain_program import CHANNELS, rows_of, stream
 
-from flexspline.certification.program import firmware_folder
 from flexspline.model import Model
+from flexspline.programs import firmware_folder
 
 Array = NDArray[np.float64]
 

@@ -43,6 +43,18 @@ loaded = subprocess.run(f"./loader {blocks}", shell=True, capture_output=True, t
 status = [line.split("status ")[1].split(",")[0] for line in loaded.splitlines()]
 assert "0" not in status[:3] and status[3] == "0"
 """,
+    "own_effect": """
+assert found.names == ("lip_seal",)
+for name, truth in (("lip_seal.most", 0.2), ("lip_seal.lift", 0.6)):
+    own = found.fit[name]
+    assert abs(own.value - truth) < 3.0 * own.standard_error
+(first,) = found.found
+rival = first.rivals[0]
+assert rival.name == "stribeck_friction" and 0.4 < rival.gain / rival.own < 0.6
+assert certificate.bit_identical and certificate.outputs[0].quantisation < 1e-6
+import pathlib
+assert {path.name for path in pathlib.Path("controller").iterdir()} == {"joint.hpp", "lip_seal.hpp"}
+""",
     "turlapati": """
 assert fit.confounded and len(fit.confounded[0].known) == 2
 passed = made.story.tables["lowpass"]["first-order filter passes"]

@@ -20,8 +20,6 @@ from flexspline.certification.devices import (
     DEVICES,
     Device,
     device_of,
-    found,
-    host_compiler,
     version_of,
 )
 from flexspline.certification.program import (
@@ -59,6 +57,7 @@ from flexspline.logs.read import LogLike, as_log, with_motor_torque
 from flexspline.logs.segments import runs
 from flexspline.model import Model
 from flexspline.prepared import prepared
+from flexspline.programs import found, host_compiler
 from flexspline.signals import channels_for
 
 __all__ = [

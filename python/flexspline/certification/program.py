@@ -32,11 +32,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline import _core
-from flexspline.about import PACKAGE, get_include
-from flexspline.certification.devices import Device, call, found, host_compiler
+from flexspline.certification.devices import Device
 from flexspline.errors import InputError
 from flexspline.logs.log import Log
 from flexspline.logs.segments import median_step, runs
+from flexspline.programs import (
+    STRICT,
+    call,
+    firmware_folder,
+    found,
+    host_compiler,
+    include_folder,
+)
 
 __all__ = [
     "CHANNELS",
@@ -50,18 +57,12 @@ __all__ = [
     "calls_of",
     "counted_on_host",
     "cycles_per_instruction",
-    "firmware_folder",
     "instruction_cost",
     "rows_of",
     "run",
     "sizes_of",
 ]
 
-STRICT = (
-    "-std=c++20 -ffp-contract=off -fno-exceptions -fno-rtti -fno-threadsafe-statics "
-    "-fno-asynchronous-unwind-tables -ffunction-sections -fdata-sections "
-    "-Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wdouble-promotion -Werror"
-)
 BARE = ("-nostdlib", "-lc", "-lgcc")  # no start-up code, no C++ library
 
 Rows = NDArray[np.void]
@@ -105,18 +106,6 @@ class Sizes:
     ram: int
 
 
-def firmware_folder() -> Path:
-    """The firmware's sources: those of the installed package, else those of the checkout."""
-    package = PACKAGE.resolve()
-    installed = package / "firmware"
-    return installed if installed.is_dir() else package.parents[1] / "cpp" / "firmware"
-
-
-def _include() -> Path:
-    installed = Path(get_include())
-    return installed if installed.is_dir() else firmware_folder().parent / "include"
-
-
 def build(
     device: Device, folder: Path, unit: str, scalar: str, options: Sequence[str] = ("-O2",)
 ) -> Built:
@@ -138,7 +127,7 @@ def build(
     if device.machine is not None:
         files.append("cortex_m/startup.cpp")
     command: list[str | Path] = [_compiler(device), *device.options, *STRICT.split(), *options]
-    command += [f"-DFLEXSPLINE_SCALAR={scalar}", f"-I{_include()}", f"-I{folder}"]
+    command += [f"-DFLEXSPLINE_SCALAR={scalar}", f"-I{include_folder()}", f"-I{folder}"]
     stem = "-".join((device.name, scalar, *options)).replace("/", "_")
     objects: list[Path] = []
     for file in files:

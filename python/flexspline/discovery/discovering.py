@@ -55,6 +55,7 @@ from flexspline.logs.log import Log
 from flexspline.logs.read import LogLike, as_logs
 from flexspline.model import Model, own_of_runs
 from flexspline.output_error.settings import MotionOptions, settings_of, with_servo_torque
+from flexspline.own.effect import OwnEffect, own_effects
 from flexspline.prepared import Preparation, learned, prepared
 from flexspline.regression.candidate_model import Working
 from flexspline.requirements import require_apart
@@ -76,6 +77,7 @@ def discover(
     orders: Mapping[str, Sequence[int]] | None = None,
     fixed: Mapping[str, float] | None = None,
     exclude: Iterable[str] = (),
+    own: OwnEffect | Iterable[OwnEffect] = (),
     limits: Limits | None = None,
     progress: bool = False,
     threads: int = 1,
@@ -103,6 +105,8 @@ def discover(
     orders : {"output_ripple": [1, 2]} of the base; found where they are not given.
     fixed : parameters that are not fitted, as for `fit`.
     exclude : names of effects that are known not to be there; none of them is a candidate.
+    own : effects of your own (`flexspline.own_effect`) that may be missing; they are candidates
+        beside those of the catalogue, and need the same evidence.
     limits : what a run to record next may do; what is left open is what these runs did.
     progress : show what is being tried on standard error.
     threads : for the sums over the logs.
@@ -135,6 +139,11 @@ def discover(
     require_apart(runs)
     if by != "regression" or controller is not None or free_controller:
         _require_simulation(by, simulation, simulated_torque, lowpass, bandwidth)
+        if own:
+            raise InputError(
+                "by='simulation' drives effects in the compiled core, which has the catalogue's "
+                "alone; leave own out"
+            )
         if not isinstance(model_or_effects, Model):
             target = target or "motor_torque"
     base, runs, of_base = _base(
@@ -145,6 +154,7 @@ def discover(
         lowpass=lowpass,
         orders=orders or {},
         exclude=(exclude,) if isinstance(exclude, str) else tuple(exclude),
+        own=own_effects(own),
         threads=threads,
     )
     style = {"bar_format": "{desc}{elapsed}", "leave": False, "delay": 1.0}
@@ -177,6 +187,7 @@ class Task:
     lowpass: float | None = None
     orders: Mapping[str, Sequence[int]] = field(default_factory=dict)
     exclude: tuple[str, ...] = ()
+    own: tuple[OwnEffect, ...] = ()
     threads: int = 1
     preparations: tuple[Preparation, ...] = ()
     scatter: float = 0.0
@@ -370,7 +381,8 @@ class _Recorded:
                 ),
             ).part.effects  # fmt: skip
         effects = with_freedoms(effects, free)
-        study = study_of(effects, self.logs, exclude=(*task.exclude, *exclude), **self._posed)
+        absent = (*task.exclude, *exclude)
+        study = study_of(effects, self.logs, exclude=absent, own=task.own, **self._posed)
         study = replace(study, problem=self._blurred(study.problem), scatter=task.scatter)
         return study, effects, {**task.fixed, **held_of(effects, free, study.problem)}
 

@@ -32,10 +32,12 @@ from flexspline.formatting import plus_minus
 from flexspline.logs.channels import CHANNELS
 from flexspline.logs.derive import lateness
 from flexspline.model import MARGIN, Model, Part, widened
+from flexspline.own import OwnEffect
+from flexspline.own.header import Header
 from flexspline.signals import gear_of
 from flexspline.simulator import Simulated
 
-__all__ = ["by_motor_encoder", "header_text"]
+__all__ = ["by_motor_encoder", "header_text", "own_headers"]
 
 MEANING = {
     "sensor_torque": "what the sensor reads beside the load: true torque = sensor_torque - this",
@@ -106,7 +108,7 @@ def header_text(model: Model, namespace: str, target: str | None = None) -> str:
     part = None if several else model.part(target)
     includes, constants = {"flexspline/model.hpp"}, []  # constants: refused before any hashing
     if part is not None:
-        includes |= {f"flexspline/effects/{e.name}.hpp" for e in part.effects if e.terms}
+        includes |= {header_of(e) for e in part.effects if e.terms}
         constants += [*_validity(part), *model_lines(model, part), ""]
     if plan is not None:
         includes |= {"flexspline/joint.hpp", *chain_includes(plan)}
@@ -300,7 +302,33 @@ def _comment(paragraphs: Iterator[str]) -> Iterator[str]:
 def chain_includes(plan: Plan) -> set[str]:
     """Headers of the core that the chain's constants need."""
     effects = (effect for part in plan.models.values() if part for effect in part.effects)
-    return {f"flexspline/effects/{effect.name}.hpp" for effect in effects if effect.terms}
+    return {header_of(effect) for effect in effects if effect.terms}
+
+
+def header_of(effect: Effect) -> str:
+    """The header of an effect; that of one's own stands beside the exported one.
+
+    Raises
+    ------
+    InputError
+        Where an own effect has none.
+    """
+    if isinstance(effect, OwnEffect):
+        return effect.header.name
+    return f"flexspline/effects/{effect.name}.hpp"
+
+
+def own_headers(model: Model, target: str | None) -> list[Header]:
+    """Return the headers of the user's own that the header of a model, or of a part, includes.
+
+    Raises
+    ------
+    InputError
+        Where there is no such part, or an effect has no header.
+    """
+    parts = model.parts.values() if target is None else [model.part(target)]
+    effects = (effect for part in parts for effect in part.effects)
+    return [effect.header for effect in effects if isinstance(effect, OwnEffect)]
 
 
 def chain_head(plan: Plan, namespace: str) -> Iterator[str]:

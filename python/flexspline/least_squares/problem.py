@@ -40,6 +40,7 @@ from flexspline.logs.derive import LowPass, lowpass
 from flexspline.logs.local_fit import LocalFit, require_bandwidth
 from flexspline.logs.log import Log
 from flexspline.logs.segments import runs, true_ranges
+from flexspline.own import Design, OwnEffect, design_of
 from flexspline.prepared import MOTION, Preparation, prepared
 from flexspline.requirements import (
     gear_for,
@@ -244,8 +245,8 @@ class Problem:
         made: T = kept[key]
         return made
 
-    def design(self, effects: Sequence[Effect]) -> _core.Design:
-        return _core.Design([effect.for_core() for effect in effects], **self.gear)
+    def design(self, effects: Sequence[Effect]) -> Design:
+        return design_of(effects, self.gear)
 
     def sums(
         self,
@@ -485,6 +486,9 @@ def _run(
     log = channels_for(made, effects, known_load)
     channels = core_channels(log, effects, known_load)
     require_finite(log, {**channels, target: y})
+    for effect in effects:
+        if isinstance(effect, OwnEffect):
+            effect.require_by_row(channels, len(log), log.name)
     stretches = [(int(first), int(last)) for first, last in runs(log["time"])]
     if cutoff is not None:
         require_bandwidth(cutoff, log.rate, f"log '{log.name}', low pass")

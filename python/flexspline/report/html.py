@@ -200,8 +200,8 @@ def model_facts(fit: Fit) -> list[tuple[str, str]]:
 
 def python_call(fit: Fit) -> str:
     """Return the call that makes the fit again from the same logs."""
-    effects = [effect.name for effect in fit.part.effects]
-    lines = [repr(effects), "logs", repr(fit.target)]
+    effects = [e.name if e.own else repr(e.name) for e in fit.part.effects]
+    lines = [f"[{', '.join(effects)}]", "logs", repr(fit.target)]
     if fit.part.known_load is not None:
         lines.append(f"known_load={fit.part.known_load!r}")
     if fit.lowpass is not None:
