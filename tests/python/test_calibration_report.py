@@ -10,6 +10,7 @@ import calibration_logs as bench
 import matplotlib.pyplot as plt
 import pytest
 from calibration_logs import QUIET
+from figure_layout import figure_faults, page_faults
 from html_pages import tags_of
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -50,6 +51,13 @@ def test_the_text_leads_with_the_verdict_and_fits_a_screen_in_width() -> None:
         assert max(map(len, lines)) <= 120
     assert str(whole()).startswith("Calibrated, 62.")
     assert str(drift_alone()).startswith("No calibration, but the drift in volts")
+
+
+def test_figures_and_report_are_readable_wide_narrow_and_dark(tmp_path: Path) -> None:
+    for made in everything():
+        assert figure_faults(made.plot()) == []
+    whole().report(tmp_path / "report.html")
+    assert page_faults(tmp_path / "report.html") == []
 
 
 def test_every_parameter_and_figure_stands_in_the_text() -> None:

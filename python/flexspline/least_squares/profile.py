@@ -102,9 +102,10 @@ class Profile:
         return pandas.DataFrame({"value": self.values, "statistic": self.statistic})
 
     def __str__(self) -> str:
+        said = " or ".join(_between(part, self.unit) for part in self.parts)
         first = (
             f"{short_names(self.name)} = {short(self.value, 4)} {self.unit}, by its profile "
-            f"{_between(self.interval, self.unit)} ({100 * self.level:g} %); the Wald interval is "
+            f"{said} ({100 * self.level:g} %); the Wald interval is "
             f"{_between(self.wald, self.unit)}."
         )
         return " ".join([first, *self.notes])
@@ -449,9 +450,9 @@ def _open(parameter: Parameter, interval: Interval) -> Iterator[str]:
 
 def _in_parts(parts: Sequence[Interval], unit: str) -> Iterator[str]:
     if len(parts) > 1:
-        each = [_between(part, unit) for part in parts]
-        said = f"{', '.join(each[:-1])} and {each[-1]}"
-        yield f"It has {len(parts)} parts, {said}: these runs do not tell which one is right."
+        gaps = [(one[1], other[0]) for one, other in pairwise(parts)]
+        said = " and ".join(_between(gap, unit) for gap in gaps)
+        yield f"These runs exclude {said}, and do not tell which of {len(parts)} parts is right."
 
 
 def _between(interval: Interval, unit: str) -> str:

@@ -69,7 +69,7 @@ def _two_signals(ax: Axes, phase: float, size: float, unit: str, title: str) -> 
     ax.set(xlabel="electrical angle [°]", ylabel=f"ripple [{unit}]", ylim=(-1.9 * size, 1.9 * size))
     ax.xaxis.set_major_locator(MultipleLocator(90))
     titled(ax, title)
-    legend(ax, 3)
+    legend(ax)
 
 
 def _sum_over_phase(ax: Axes, size: float, unit: str, order: int) -> None:
@@ -105,7 +105,7 @@ def bridge_orders(bridges: dict[str, Bridge], ax: Axes | None = None, *, highest
         ylim=(0.0, 119.0),
     )
     titled(ax, "What a placement lets through")
-    legend(ax, 3)
+    legend(ax)
     return ax
 
 

@@ -361,7 +361,8 @@ def _legs(result: CalibrationResult) -> list[str]:
 
 def _remark(figure: Figure) -> str:
     if figure.at is None or not figure.resolved:
-        return f"{figure.definition}; no more than noise shows, {_fixed(figure.noise or 0.0)} %FS"
+        shown = _fixed(figure.noise or 0.0)
+        return f"{figure.definition}; not significant: noise alone shows up to {shown} %FS"
     return f"{figure.definition}; at {short(round(figure.at, 1) + 0.0, 3)} {figure.at_unit}"
 
 

@@ -258,9 +258,9 @@ def _doubts(fit: Fit) -> list[str]:
 
 
 def _zeros(fit: Fit) -> list[str]:
-    """A sentence of the terms that may be zero, which is no fault of a fit."""
+    """A sentence of the terms that are not significant, which is no fault of a fit."""
     idle = _idle(fit)
-    return [f"May be zero (95 %): {listed(idle, 6)}."] if idle else []
+    return [f"Not significant (95 %): {listed(idle, 6)}."] if idle else []
 
 
 def _idle(fit: Fit) -> list[str]:
