@@ -17,7 +17,7 @@ from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.textpath import TextPath
-from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
+from matplotlib.ticker import FixedFormatter, FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 from numpy.typing import NDArray
 
 from flexspline.logs.channels import CHANNELS
@@ -62,6 +62,7 @@ WITHIN_A_DECADE = 8.0  # ratio below which 1, 2 and 5 of a decade would be fewer
 TITLE, LABELS, TICKS, LEAST = 10.5, 9.5, 8.5, 8.0
 TICK_EMS = 4.5  # widths of the letter m that a number on the horizontal axis and its gap may take
 HANDLE = 1.6  # of these, a line in a legend
+MARGIN = 0.15  # of the width of axes before they are laid out: room for numbers beside them
 
 STRETCH = 10.0  # s of a run that can be looked at in one go
 
@@ -156,9 +157,10 @@ def axes_or_new(ax: Axes | None, width: float = 6.0, height: float = 3.8) -> Axe
 def titled(ax: Axes, title: str, above: float = 0.0) -> None:
     """Set a title that does not shout, in as many lines as it needs, points above the axes.
 
-    A legend lifts it.
+    A legend lifts it. Dollars are dollars, however `plain` had to write them for a legend.
     """
-    shown = "\n".join(_broken(title.split(), _room(ax)))
+    words = title.replace(r"\$", "$").replace("\n", " ").split(" ")
+    shown = "\n".join(_broken(words, _room(ax)))
     ax.set_title(
         shown, loc="left", fontsize=TITLE, color=INK, parse_math=False, pad=5.0 + above
     )  # fmt: skip
@@ -185,10 +187,13 @@ def legend(ax: Axes) -> None:
 
 
 def _room(ax: Axes) -> float:
-    """Points that the axes are wide, before what stands beside them takes its share."""
+    """Points that the axes are wide, less what names of rows beside them take of that."""
     figure = ax.get_figure(root=True)
     assert figure is not None
-    return float(ax.get_window_extent().width * 72.0 / figure.dpi)
+    whole = float(ax.get_window_extent().width * 72.0 / figure.dpi)
+    named = ax.yaxis.get_major_formatter()
+    rows = named.seq if isinstance(named, FixedFormatter) else ()
+    return whole - max(0.0, max((_width(row, LEAST) for row in rows), default=0.0) - MARGIN * whole)
 
 
 def _width(text: str, size: float) -> float:
@@ -243,12 +248,13 @@ def middle(time: Array) -> slice:
 
 
 def part_of(time: Array, some: slice) -> str:
-    """Return ": a to b of c s" for the title of a figure of some rows; "" of all of them."""
+    """Return ": a to b of c s", in one piece, for the title of some rows; "" of all of them."""
     own = time[some]
     if len(own) >= len(time) - 1:
         return ""
     first, last, whole = (f"{t - time[0]:.3g}" for t in (own[0], own[-1], time[-1]))
-    return f": {first} to {last} of {whole} s"
+    told = f"{first} to {last} of {whole} s".replace(" ", "\N{NO-BREAK SPACE}")
+    return f": {told}"
 
 
 def plain(name: str) -> str:

@@ -60,6 +60,7 @@ def plot_channels(log: Log, findings: Findings | None = None) -> PlainFigure:
     of_all = [_said(f) for f in findings or () if f.channel in EVERYWHERE]
     axes[-1].set_xlabel(": ".join([_clock(log)[1], *([" · ".join(of_all)] if of_all else [])]))
     said = "channels" if findings is None else str(findings).partition("\n")[0].split(": ")[-1]
+    figure.align_ylabels(axes)
     figure.suptitle(
         f"{log.name}: {said}", x=0.01, ha="left", fontsize=TITLE, color=INK, parse_math=False
     )
@@ -115,7 +116,7 @@ def _clock(log: Log) -> tuple[NDArray[np.float64], str]:
 
 
 def _said(finding: Finding) -> str:
-    size = f" {finding.size:.3g} {finding.unit}".rstrip() if finding.unit else ""
+    size = f" {finding.amount}" if finding.unit else ""
     return finding.name.replace("_", " ") + size
 
 

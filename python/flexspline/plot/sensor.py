@@ -102,7 +102,7 @@ def bridge_orders(bridges: dict[str, Bridge], ax: Axes | None = None, *, highest
         xlabel="order [periods per turn of the wave generator on the flexspline]",
         ylabel="share of the wave in the reading [%]",
         xticks=orders,
-        ylim=(0.0, 119.0),
+        ylim=(0.0, 105.0),
     )
     titled(ax, "What a placement lets through")
     legend(ax)

@@ -61,7 +61,7 @@ _WORDS = {
 
 DPI = 130  # of the heavy layers, which are drawn as pixels
 WIDTH = 4.5  # inches of a panel: whole on a screen of 400 px, two side by side on a wide one
-SMALLEST, LARGEST = 9.0, 15.0  # px of the least text, wherever the page is shown
+SMALLEST, LARGEST = 9.0, 12.0  # px of the least text, wherever the page is shown
 
 
 def fit_html(fit: Fit) -> str:
@@ -133,8 +133,13 @@ def templates() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    made.filters["minus"] = lambda text: re.sub(r"(?<![\w.])-(?=\d)", "−", text)
+    made.filters["minus"] = minus
     return made
+
+
+def minus(text: str) -> str:
+    """Return a text or HTML with a minus sign where a hyphen stands before a number."""
+    return re.sub(r"(?<![\w.])-(?=\d)", "−", text)
 
 
 @dataclass(frozen=True)

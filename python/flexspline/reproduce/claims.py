@@ -190,7 +190,7 @@ def claims_text(made: Reproduction) -> str:
     counts = [
         f"{sum(v.holds is answer for v in made.verdicts)} {word}" for answer, word in WORDS.items()
     ]
-    lines = [f"{made.paper}: {', '.join(counts)}; {made.draws} draws, seed {made.seed}", ""]
+    lines = [f"{made.paper}: {', '.join(counts)}; {_drawn(made)}", ""]
     for verdict in made.verdicts:
         claim = verdict.claim
         lines.append(f"{WORDS[verdict.holds]:<13}  {claim.claim} [{claim.source}]")
@@ -209,8 +209,8 @@ def claims_html(made: Reproduction) -> str:
     import pandas
 
     with pandas.option_context("display.max_colwidth", None):
-        table = claims_table(made).to_html(index=False, border=0)
-    return f"<p>{made.draws} draws, seed {made.seed}</p>\n{_scrolling(table)}"
+        table = claims_table(made).to_html(index=False, border=0, classes="claims")
+    return f"<p>{_drawn(made)}</p>\n{_scrolling(table)}"
 
 
 def report_page(made: Mapping[str, Reproduction]) -> str:
@@ -234,12 +234,18 @@ def _chapter(made: Reproduction) -> Iterator[str]:
     for name, table in made.story.tables.items():
         yield f"<h2>{html.escape(name)}</h2>"
         yield f"<p>{html.escape(made.story.captions.get(name, ''))}</p>"
-        yield _scrolling(table.to_html(border=0, float_format=lambda value: f"{value:.4g}"))
+        yield _scrolling(table.to_html(border=0, na_rep="–", float_format="{:.4g}".format))
 
 
 def _scrolling(table: str) -> str:
     """A table of HTML in a box in which it scrolls where the screen is narrower."""
-    return f'<div class="wide">{table}</div>'
+    from flexspline.report.html import minus
+
+    return f'<div class="wide">{minus(table)}</div>'
+
+
+def _drawn(made: Reproduction) -> str:
+    return f"{made.draws} draw{'' if made.draws == 1 else 's'}, seed {made.seed}"
 
 
 def _published(verdict: Verdict) -> str:
