@@ -16,7 +16,8 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.textpath import TextPath
+from matplotlib.font_manager import FontProperties
+from matplotlib.textpath import text_to_path
 from matplotlib.ticker import FixedFormatter, FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 from numpy.typing import NDArray
 
@@ -198,7 +199,8 @@ def _room(ax: Axes) -> float:
 
 def _width(text: str, size: float) -> float:
     """Points that a text is wide."""
-    return float(TextPath((0.0, 0.0), text, size=size).get_extents().width) if text.strip() else 0.0
+    font = FontProperties(size=size)
+    return float(text_to_path.get_text_width_height_descent(text, font, ismath=False)[0])
 
 
 def _broken(words: Sequence[str], room: float) -> list[str]:
@@ -206,7 +208,7 @@ def _broken(words: Sequence[str], room: float) -> list[str]:
     lines = [""]
     for word in words:
         longer = f"{lines[-1]} {word}".strip()
-        if lines[-1] and _width(longer.replace("$", ""), TITLE) > room:
+        if lines[-1] and _width(longer, TITLE) > room:
             lines.append(word)
         else:
             lines[-1] = longer
