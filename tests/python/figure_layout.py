@@ -148,12 +148,15 @@ addEventListener("load", () => {
     for (const e of doc.querySelectorAll("p, td, th, li, summary, figcaption, code, a"))
       if (parseFloat(style(e).fontSize) < 9) bad.push(`'${e.textContent}' is small`);
     for (const svg of doc.querySelectorAll("svg")) {
-      const scale = svg.getBoundingClientRect().width / svg.viewBox.baseVal.width;
+      const whole = svg.getBoundingClientRect(), scale = whole.width / svg.viewBox.baseVal.width;
       const texts = [...svg.querySelectorAll("text")].filter(t => t.textContent.trim());
       const boxes = texts.map(t => t.getBoundingClientRect());
       told.texts += texts.length;
       texts.forEach((t, i) => {
         const size = parseFloat(style(t).fontSize) * scale;
+        const box = boxes[i];
+        if (box.left < whole.left - 1 || box.right > whole.right + 1)
+          bad.push(`'${t.textContent}' leaves its figure`);
         if (size < 8.95) bad.push(`'${t.textContent}' is ${size.toFixed(1)} px high`);
         if (contrast(style(t).fill, paper) < 3) bad.push(`'${t.textContent}' is hardly seen`);
         for (let k = 0; k < i; k++) {

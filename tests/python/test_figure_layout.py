@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from flexspline.logs import Log
 from flexspline.orders import find_orders
-from flexspline.plot.canvas import PlainFigure, axes_or_new, legend, log_axis, titled
+from flexspline.plot.canvas import LEAST, PlainFigure, axes_or_new, legend, log_axis, titled
 from flexspline.plot.estimate import observer_gain
 
 
@@ -38,6 +38,17 @@ def test_many_labels_and_a_long_title_have_room_whatever_comes_first() -> None:
     assert figure_faults(figure) == []
     titled(ax, "Another title, after the legend")
     assert figure_faults(figure) == []
+
+
+def test_a_title_has_room_beside_long_names_of_rows() -> None:
+    ax = axes_or_new(PlainFigure(4.5, 3.4).add_subplot())
+    ax.plot([0.0, 1.0], [0.0, 1.0], label="before")
+    ax.set_yticks(
+        [0.0, 1.0], ["all rows", "within ±0.1 s of a reversal (185 rows)"], fontsize=LEAST
+    )
+    titled(ax, "By how much the gap shrank, and where")
+    legend(ax)
+    assert figure_faults(ax.figure) == []
 
 
 def test_an_axis_within_a_decade_has_numbers_of_one_size_that_lie_apart() -> None:
@@ -72,7 +83,8 @@ def test_a_page_that_is_cut_small_or_dark_on_dark_is_found(tmp_path: Path) -> No
         "svg{width:100%}</style>"
         f"<table><tr><td>{'x' * 999}</td></tr></table>"
         '<svg viewBox="0 0 800 100"><text x="9" y="50" font-size="12">one</text>'
-        '<text x="12" y="50" font-size="12">two</text></svg>'
+        '<text x="12" y="50" font-size="12">two</text>'
+        '<text x="795" y="50" font-size="12">three</text></svg>'
     )
     found = page_faults(page)
     for fault in (
@@ -81,5 +93,6 @@ def test_a_page_that_is_cut_small_or_dark_on_dark_is_found(tmp_path: Path) -> No
         "narrow: 'one' is 5.8 px high",
         "narrow: 'one' is hardly seen",
         "wide: 'two' lies on 'one'",
+        "wide: 'three' leaves its figure",
     ):
         assert fault in found

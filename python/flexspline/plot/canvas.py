@@ -18,7 +18,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 from matplotlib.textpath import text_to_path
-from matplotlib.ticker import FixedFormatter, FuncFormatter, LogLocator, MaxNLocator, NullFormatter
+from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 from numpy.typing import NDArray
 
 from flexspline.logs.channels import CHANNELS
@@ -192,9 +192,9 @@ def _room(ax: Axes) -> float:
     figure = ax.get_figure(root=True)
     assert figure is not None
     whole = float(ax.get_window_extent().width * 72.0 / figure.dpi)
-    named = ax.yaxis.get_major_formatter()
-    rows = named.seq if isinstance(named, FixedFormatter) else ()
-    return whole - max(0.0, max((_width(row, LEAST) for row in rows), default=0.0) - MARGIN * whole)
+    named = isinstance(ax.yaxis.get_major_locator(), FixedLocator)
+    rows = [_width(row.get_text(), LEAST) for row in ax.get_yticklabels()] if named else []
+    return whole - max(0.0, max(rows, default=0.0) - MARGIN * whole)
 
 
 def _width(text: str, size: float) -> float:
