@@ -116,7 +116,7 @@ def _clock(log: Log) -> tuple[NDArray[np.float64], str]:
 
 
 def _said(finding: Finding) -> str:
-    size = f" {finding.amount}" if finding.unit else ""
+    size = f" {finding.amount}".replace("-", "−") if finding.unit else ""
     return finding.name.replace("_", " ") + size
 
 

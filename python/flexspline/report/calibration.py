@@ -378,7 +378,7 @@ def _line(
     elif shown.state == "fixed":
         remarks.append("given, not fitted")
     elif not shown.significant:
-        remarks, concern = ["not significant"], True
+        remarks.append("not significant")
     if name == "zero" and result.zeros:
         remarks.append("mean of the zeros of the runs")
     if name in MEANS:

@@ -379,8 +379,7 @@ def _ripple_line(order: RippleOrder, heading: str) -> ParameterLine:
         plus_minus(order.amplitude, order.amplitude_error),
         order.unit,
         "; ".join(part for part in (phase, counted) if part),
-        not order.significant,
-        heading,
+        heading=heading,
         naive=_error(order.naive_error),
         effect=order.effect,
     )
@@ -410,7 +409,6 @@ def parameter_line(fit: Fit, parameter: Parameter) -> ParameterLine:
     if parameter.kind == "coefficient" and np.isfinite(parameter.standard_error):
         if not parameter.significant:
             remarks.append(IDLE)
-            concern = True
         remarks += _partners(fit, parameter)
     return ParameterLine(
         name,

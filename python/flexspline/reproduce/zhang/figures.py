@@ -280,7 +280,10 @@ def collisions(arm: Arm) -> PlainFigure:
     figure, (a, b, c) = panels(3, 4.0)
     time = arm.swings["time"]
     a.plot(time, 1e3 * arm.free_residual, color=BLUE, linewidth=0.6)
-    for bound, style, name in ((THRESHOLD, "-", "threshold 0.03"), (0.0255, ":", "printed bound")):
+    for bound, style, name in (
+        (THRESHOLD, "-", "threshold 0.03"),
+        (0.0255, ":", "printed bound 0.0255"),
+    ):
         a.axhline(1e3 * bound, color=RED, linestyle=style, linewidth=1.0, label=f"{name} Nm")
         a.axhline(-1e3 * bound, color=RED, linestyle=style, linewidth=1.0)
     low, high = a.get_ylim()
