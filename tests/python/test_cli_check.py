@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from checks_logs import sound_log
 from cli_calls import call
+from figure_layout import page_faults
 
 import flexspline as fx
 from flexspline.logs.read import write_log
@@ -105,6 +106,7 @@ def test_folder_holds_numbers_and_a_page_with_a_figure_of_each_run(tmp_path: Pat
     )  # fmt: skip
     page = (out / "report.html").read_text()
     assert page.count("<svg") == 2 and content["verdict"] in page
+    assert page_faults(out / "report.html") == []
 
 
 def test_a_name_of_a_run_reaches_no_terminal_and_no_page_as_it_is(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 import report_fits
+from figure_layout import figure_faults
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -24,11 +25,12 @@ def labelled(ax: Axes) -> bool:
     return all(UNIT.search(label) for label in (ax.get_xlabel(), ax.get_ylabel()))
 
 
-def test_every_axis_of_the_figure_has_a_unit_and_a_title() -> None:
+def test_every_axis_of_the_figure_has_a_unit_and_a_title_and_all_can_be_read() -> None:
     figure = report_fits.plain_fit().plot()
     axes = _axes(figure)
     assert len(axes) == 9
     assert all(labelled(ax) and ax.get_title(loc="left") for ax in axes)
+    assert figure_faults(figure) == []
 
 
 def test_a_figure_is_not_left_open() -> None:

@@ -193,7 +193,7 @@ def profile_of(fit: Fit, name: str, level: float, points: int) -> Profile:
         limit,
         values,
         statistic,
-        (*_open(parameter, interval), *_in_parts(parts), *search.lower()),
+        (*_open(parameter, interval), *_in_parts(parts, parameter.unit), *search.lower()),
     )
 
 
@@ -448,12 +448,11 @@ def _open(parameter: Parameter, interval: Interval) -> Iterator[str]:
             )
 
 
-def _in_parts(parts: Sequence[Interval]) -> Iterator[str]:
+def _in_parts(parts: Sequence[Interval], unit: str) -> Iterator[str]:
     if len(parts) > 1:
-        yield (
-            f"Between these {len(parts)} parts the runs exclude all values, and they do not tell "
-            "which part is right."
-        )
+        gaps = [(one[1], other[0]) for one, other in pairwise(parts)]
+        said = " and ".join(_between(gap, unit) for gap in gaps)
+        yield f"These runs exclude {said}, and do not tell which of {len(parts)} parts is right."
 
 
 def _either(parts: Sequence[Interval], unit: str) -> str:

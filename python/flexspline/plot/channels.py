@@ -16,12 +16,13 @@ from flexspline.logs.plausible import emptied
 from flexspline.plot.canvas import (
     GREY,
     INK,
+    LEAST,
     PALETTE,
+    TITLE,
     PlainFigure,
     axes_or_new,
     channel_label,
     outline,
-    titled,
 )
 
 if TYPE_CHECKING:
@@ -59,13 +60,16 @@ def plot_channels(log: Log, findings: Findings | None = None) -> PlainFigure:
     of_all = [_said(f) for f in findings or () if f.channel in EVERYWHERE]
     axes[-1].set_xlabel(": ".join([_clock(log)[1], *([" · ".join(of_all)] if of_all else [])]))
     said = "channels" if findings is None else str(findings).partition("\n")[0].split(": ")[-1]
-    titled(axes[0], f"{log.name}: {said}")
+    figure.align_ylabels(axes)
+    figure.suptitle(
+        f"{log.name}: {said}", x=0.01, ha="left", fontsize=TITLE, color=INK, parse_math=False
+    )
     there = [s for s in COLOURS if findings and any(f.severity == s for f in findings)]
     if there:
         marks = [Patch(color=COLOURS[s], alpha=0.45, label=s) for s in there]
         figure.legend(
             handles=marks, loc="outside lower right", ncols=3, frameon=False, labelcolor=INK,
-            fontsize=8,
+            fontsize=LEAST,
         )  # fmt: skip
     return figure
 
@@ -86,7 +90,7 @@ def channel_over_time(
         more = len(named) - MOST_NAMED
         said = " · ".join(_said(f) for f in named[:MOST_NAMED]) + (f" +{more}" if more > 0 else "")
         colour = COLOURS[named[0].severity] if named[0].severity != "note" else INK
-        ax.set_title(said, loc="right", fontsize=8, color=colour, parse_math=False)
+        ax.set_title(said, loc="right", fontsize=LEAST, color=colour, parse_math=False)
     ax.set_ylabel(_short_label(channel), rotation=0, ha="right", va="center", labelpad=10)
     ax.set_xlabel(label)
     return ax
@@ -112,7 +116,7 @@ def _clock(log: Log) -> tuple[NDArray[np.float64], str]:
 
 
 def _said(finding: Finding) -> str:
-    size = f" {finding.size:.3g} {finding.unit}".rstrip() if finding.unit else ""
+    size = f" {finding.amount}".replace("-", "−") if finding.unit else ""
     return finding.name.replace("_", " ") + size
 
 

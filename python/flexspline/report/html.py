@@ -25,7 +25,7 @@ from flexspline.files import atomic_write
 from flexspline.formatting import short
 from flexspline.least_squares.result import shares
 from flexspline.logs.channels import CHANNELS
-from flexspline.plot.canvas import INK, Panel, PlainFigure, axes_or_new, own_style
+from flexspline.plot.canvas import INK, LEAST, Panel, PlainFigure, axes_or_new, own_style
 from flexspline.plot.fit import panels
 from flexspline.report.tables import (
     between_rows,
@@ -67,6 +67,8 @@ _WORDS = {
 }
 
 DPI = 130  # of the heavy layers, which are drawn as pixels
+WIDTH = 4.5  # inches of a panel: whole on a screen of 400 px, two side by side on a wide one
+SMALLEST, LARGEST = 9.0, 12.0  # px of the least text, wherever the page is shown
 
 
 def fit_html(fit: Fit) -> str:
@@ -141,8 +143,13 @@ def templates() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    made.filters["minus"] = lambda text: re.sub(r"(?<![\w.])-(?=\d)", "−", text)
+    made.filters["minus"] = minus
     return made
+
+
+def minus(text: str) -> str:
+    """Return a text or HTML with a minus sign where a hyphen stands before a number."""
+    return re.sub(r"(?<![\w.])-(?=\d)", "−", text)
 
 
 @dataclass(frozen=True)
@@ -265,17 +272,20 @@ def report_figures(fit: Fit) -> list[ReportFigure]:
 
 def drawn(panel: Panel) -> ReportFigure:
     """Return a panel as a figure of a report."""
-    ax = axes_or_new(None, 7.2, 3.7)
+    ax = axes_or_new(None, WIDTH, panel.height)
     panel.draw(ax)
     figure = ax.figure
     assert isinstance(figure, PlainFigure)
-    return ReportFigure(inline_svg(figure, ax.get_title(loc="left")), panel.look_for)
+    return ReportFigure(
+        inline_svg(figure, ax.get_title(loc="left").replace("\n", " ")), panel.look_for
+    )
 
 
 def inline_svg(figure: Figure, name: str) -> str:
     """Return an SVG element whose dark lines and text have the colour of the text around it.
 
-    `name` is read out to who cannot see it, and keeps ids apart within a page.
+    `name` is read out to who cannot see it, and keeps ids apart within a page. It shrinks and grows
+    with the page as far as its text can be read, and scrolls in its box where that is too wide.
     """
     made = io.StringIO()
     nothing = dict.fromkeys(("Date", "Creator", "Format", "Type"))
@@ -285,10 +295,16 @@ def inline_svg(figure: Figure, name: str) -> str:
     text = text[text.index("<svg") :].replace(INK, "currentColor")
     text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
     label = html.escape(name, quote=True)
-    return re.sub(
+    ends = (72.0 * figure.get_figwidth() * px / LEAST for px in (SMALLEST, LARGEST))
+    size = "min-width:{:.0f}px;max-width:{:.0f}px".format(*ends)
+    text = re.sub(
         r'<svg ([^>]*?)width="[^"]*" ([^>]*?)height="[^"]*"|<svg ([^>]*?)height="[^"]*" ([^>]*?)'
         r'width="[^"]*"',
-        lambda m: f'<svg role="img" aria-label="{label}" ' + " ".join(g for g in m.groups() if g),
+        lambda m: (
+            f'<svg role="img" aria-label="{label}" style="{size}" '
+            + " ".join(g for g in m.groups() if g)
+        ),
         text,
         count=1,
     )
+    return f'<div class="wide">{text}</div>'

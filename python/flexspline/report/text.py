@@ -276,9 +276,9 @@ def _doubts(fit: Fit) -> list[str]:
 
 
 def _zeros(fit: Fit) -> list[str]:
-    """A sentence of the terms that may be zero, which is no fault of a fit."""
+    """A sentence of the terms that are not significant, which is no fault of a fit."""
     idle = _idle(fit)
-    return [f"May be zero (95 %): {listed(idle, 6)}."] if idle else []
+    return [f"Not significant (95 %): {listed(idle, 6)}."] if idle else []
 
 
 def _idle(fit: Fit) -> list[str]:
@@ -397,8 +397,7 @@ def _ripple_line(order: RippleOrder, heading: str) -> ParameterLine:
         plus_minus(order.amplitude, order.amplitude_error),
         order.unit,
         "; ".join(part for part in (phase, counted) if part),
-        not order.significant,
-        heading,
+        heading=heading,
         naive=_error(order.naive_error),
         effect=order.effect,
     )
@@ -428,7 +427,6 @@ def parameter_line(fit: Fit, parameter: Parameter) -> ParameterLine:
     if parameter.kind == "coefficient" and np.isfinite(parameter.standard_error):
         if not parameter.significant:
             remarks.append(IDLE)
-            concern = True
         remarks += _partners(fit, parameter)
     return ParameterLine(
         name,

@@ -44,6 +44,12 @@ class Finding:
     sentence: str
     remedy: str = ""
 
+    @property
+    def amount(self) -> str:
+        """`size` with its unit, such as "0.031 s"; rows are counted to the last one."""
+        shown = f"{self.size:.0f}" if self.unit == "rows" else f"{self.size:.4g}"
+        return f"{shown} {self.unit}".strip()
+
 
 @dataclass(frozen=True)
 class Findings(Sequence[Finding]):
@@ -145,5 +151,4 @@ def sorted_findings(log_name: str, found: Sequence[Finding]) -> Findings:
 def _cells(finding: Finding) -> tuple[str, str, str, str, str]:
     start, stop = finding.rows
     rows = f"{start}" if stop == start + 1 else f"{start}:{stop}"
-    size = f"{finding.size:.4g} {finding.unit}".strip()
-    return finding.severity, finding.name, finding.channel, rows, size
+    return finding.severity, finding.name, finding.channel, rows, finding.amount
