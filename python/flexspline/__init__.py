@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     from flexspline.least_squares.sums import accumulate
     from flexspline.logs.checks import Findings, check
     from flexspline.logs.log import Log
-    from flexspline.logs.read import convert, read_log
+    from flexspline.logs.read import convert, joints_of, read_log, read_runs
     from flexspline.model import Model, Part, Prediction, Predictions
     from flexspline.output_error.fitting import fit_motion
     from flexspline.output_error.settings import MotionOptions
@@ -109,9 +109,11 @@ __all__ = [
     "fit_motion",
     "get_include",
     "guess_map",
+    "joints_of",
     "next_experiment",
     "own_effect",
     "read_log",
+    "read_runs",
     "simulate",
 ]
 
@@ -162,9 +164,11 @@ _HOME = {
     "fit": "deprecated",
     "fit_motion": "output_error.fitting",
     "guess_map": "recordings.guessing",
+    "joints_of": "logs.read",
     "next_experiment": "discovery.experimenting",
     "own_effect": "own",
     "read_log": "logs.read",
+    "read_runs": "logs.read",
     "simulate": "forward.simulating",
 }
 

@@ -2,15 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from checks_logs import sound_log
 
+from flexspline import fit
 from flexspline.effects import CATALOGUE
 from flexspline.errors import InputError
 from flexspline.logs import Log
 from flexspline.logs.checks import check
-from flexspline.logs.checks.excitation import both_directions, changing, speeds
+from flexspline.logs.checks.excitation import (
+    both_directions,
+    changing,
+    excitation,
+    excited,
+    excited_together,
+    motion_of,
+    speeds,
+)
 
 TIME = np.arange(10_000) / 1000
 
@@ -195,3 +206,51 @@ def test_pole_pairs_that_nobody_states_are_asked_for_and_not_assumed() -> None:
     for pairs, enough in ((7, True), (8, False)):
         said = check(bare.with_facts({"pole_pairs": pairs}), effects=["cogging"])
         assert bool(said.named("no_excitation")) is not enough
+
+
+@pytest.mark.parametrize("make", [lambda: sound_log(1), lambda: sound_log(3), one_speed])
+def test_what_is_said_of_every_effect_is_what_is_found_of_it_alone(make: Callable[[], Log]) -> None:
+    """By the findings with which `fit` asks for its effects."""
+    log = make()
+    every = excited(log, tuple(CATALOGUE), None)
+    assert [one.effect for one in every] == list(CATALOGUE)
+    for one in every:
+        found = [finding.name for finding in excitation(log, [one.effect], None)]
+        assert ("no_excitation" in found) == (one.excited is False or "stated" in one.lack)
+        no_channel = one.lack.startswith("no ") and "stated" not in one.lack
+        assert ("missing_channel" in found) == no_channel
+    motion_of.cache_clear()
+
+
+def test_an_effect_of_the_load_is_excited_beside_what_makes_a_load_alone() -> None:
+    log = sound_log(1)
+    said = {one.effect: one for one in check(log, target="sensor_torque").excited}
+    assert (
+        said["sensor_lag"].excited
+        and "with inertia or gravity beside it" in said["sensor_lag"].remedy
+    )
+    runs = [log.rows(slice(0, 2000))]
+    with pytest.raises(InputError, match="inertia"):
+        fit(["offset", "sensor_lag"], runs, "sensor_torque")
+    assert not said["inertia"].remedy
+
+
+def test_without_a_torque_constant_a_current_is_no_torque_that_an_effect_reads() -> None:
+    log = sound_log(1)
+    bare = Log({k: v for k, v in log.columns.items() if k != "motor_torque"}, log.facts)
+    (one,) = check(bare, effects=["motor_crosstalk"]).excited
+    assert one.excited is None and one.remedy == "State torque_constant."
+    with pytest.raises(InputError, match="motor_torque"):
+        fit(["offset", "motor_crosstalk"], bare, "sensor_torque")
+
+
+def test_several_runs_excite_together_what_none_does_alone_but_no_longer_run() -> None:
+    slow, fast = one_speed(), one_speed()
+    back = fast.with_columns({"output_position": -3.0 * fast["output_position"]}, note="back")
+    names = ("coulomb_friction", "viscous_friction", "temperature_drift", "time_drift")
+    assert not any(one.excited for log in (slow, back) for one in excited(log, names, None))
+    together = {one.effect: one.excited for one in excited_together([slow, back] * 4, names)}
+    assert together == {
+        "coulomb_friction": True, "viscous_friction": True,
+        "temperature_drift": False, "time_drift": False,
+    }  # fmt: skip

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import measured
 import numpy as np
 import pytest
 
+import flexspline
 from flexspline.logs import Log
 from flexspline.logs.checks import check, measured_gear
 from flexspline.logs.repairs import repaired
@@ -103,3 +105,27 @@ def test_the_xl330_is_quantised_and_its_velocity_late(run: str) -> None:
     (late,) = findings.named("velocity_delay")
     assert 0.010 <= late.size <= 0.025
     assert {f.name for f in findings.faults} == {"velocity_delay"}
+
+
+@pytest.mark.parametrize(
+    ("make", "target", "effects", "excites"),
+    [
+        (
+            lambda: measured.ur10e(4),
+            "motor_current",
+            ("coulomb_friction", "viscous_friction"),
+            True,
+        ),
+        (lambda: measured.kinova(0.5), "sensor_torque", ("coulomb_friction",), False),
+        (lambda: measured.iiwa(2, "p3"), "sensor_torque", ("direction_dependent_friction",), False),
+    ],
+)
+def test_a_fit_determines_what_a_measured_run_excites_and_not_what_it_hardly_does(
+    make: Callable[[], Log], target: str, effects: tuple[str, ...], excites: bool
+) -> None:
+    log = repaired(make(), "drop_start=1")
+    said = {one.effect: one.excited for one in check(log, target=target).excited}
+    assert [said[effect] for effect in effects] == [excites] * len(effects)
+    fit = flexspline.fit(["offset", *effects], [log], target)
+    own = [one for one in fit.parameters if one.kind == "coefficient" and "offset" not in one.name]
+    assert own and all(one.determined == excites for one in own)

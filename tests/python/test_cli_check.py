@@ -10,9 +10,12 @@ import pytest
 from checks_logs import sound_log
 from cli_calls import call
 from figure_layout import page_faults
+from matplotlib.axes import Axes
+from undrawn import undrawn
 
 import flexspline as fx
 from flexspline.logs.read import write_log
+from flexspline.plot.canvas import PlainFigure
 from flexspline.plot.channels import plot_channels
 
 SEED = 3
@@ -109,6 +112,34 @@ def test_folder_holds_numbers_and_a_page_with_a_figure_of_each_run(tmp_path: Pat
     assert page_faults(out / "report.html") == []
 
 
+def test_runs_that_excite_an_effect_together_alone_are_said_to(tmp_path: Path) -> None:
+    log = sound_log(SEED, duration=8.0)
+    warmer = log.with_columns({"temperature": log["temperature"] * 0.1 + 30.0}, note="warm")
+    cold = log.with_columns({"temperature": log["temperature"] * 0.1}, note="cold")
+    runs = [written(tmp_path, warmer, "warm"), written(tmp_path, cold, "cold")]
+    made = call("check", *runs, "--effects", "temperature_drift,time_drift", "--json")
+    content = json.loads(made.stdout)
+    assert [one["excited"] for one in content["excited"]] == [True, False]
+    assert [[one["excited"] for one in run["excited"]] for run in content["runs"]] == [
+        [False, False], [False, False],
+    ]  # fmt: skip
+    said = call("check", *runs, "--effects", "temperature_drift,time_drift").stdout
+    assert "what the 2 runs excite, taken together:" in said
+    assert "time_drift: the run lasts 8 s. Record 60 s or more." in " ".join(said.split())
+
+
+def test_of_runs_with_errors_nothing_is_said_to_be_excited(tmp_path: Path) -> None:
+    bad = written(tmp_path, holed(sound_log(SEED)), "bad")
+    good = written(tmp_path, sound_log(SEED), "good")
+    assert "excited" not in call("check", bad).stdout
+    out = tmp_path / "audit"
+    with undrawn():
+        made = call("check", bad, good, "--out", out)
+    content = json.loads((out / "check.json").read_text())
+    assert content["runs"][0]["excited"] == [] and content["excited"]
+    assert "what the run without errors excites, taken together" in made.stdout
+
+
 def test_a_name_of_a_run_reaches_no_terminal_and_no_page_as_it_is(tmp_path: Path) -> None:
     log = sound_log(SEED).with_facts({"name": "a\x1b[31m<b>"})
     write_log(log, tmp_path / "run.csv")
@@ -144,13 +175,40 @@ def test_a_run_that_is_there_twice_can_not_be_fitted_and_says_which(tmp_path: Pa
     assert f"'run1' ({first})" in runs[2]["findings"][0]["sentence"]
 
 
-def test_a_finding_of_the_clock_is_in_every_panel() -> None:
+def channel_axes(figure: PlainFigure, log: fx.Log) -> list[Axes]:
+    """Return the axes of the channels; those of the effects come behind them."""
+    return figure.axes[: max(len(log.channels) - 1, 1)]
+
+
+def test_a_gap_is_shaded_where_no_sample_is_in_every_panel_and_the_line_is_broken() -> None:
     keep = np.ones(len(sound_log(SEED)), dtype=bool)
     keep[1500:1560] = False
     log = sound_log(SEED).rows(keep)
     figure = plot_channels(log, fx.check(log))
-    assert all(len(ax.patches) == 1 for ax in figure.axes)
-    assert "dropped samples 60 rows" in figure.axes[-1].get_xlabel()
+    before, behind = log["time"][1499], log["time"][1500]
+    for ax in channel_axes(figure, log):
+        (mark,) = ax.patches
+        assert (mark.get_x(), mark.get_x() + mark.get_width()) == pytest.approx((before, behind))
+        assert np.count_nonzero(np.isnan(ax.lines[0].get_xdata())) == 1
+    assert "dropped samples 60 rows" in channel_axes(figure, log)[-1].get_xlabel()
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["no samples"]
+
+
+def test_thousands_of_gaps_are_drawn_as_few_marks() -> None:
+    log = sound_log(SEED)
+    lost = log.rows(np.arange(len(log)) % 40 != 7)
+    figure = plot_channels(lost, fx.check(lost))
+    assert 0 < len(figure.axes[0].patches) <= 340  # as many as have room, each 0.3 % wide
+
+
+def test_the_figure_marks_which_effects_the_run_excites() -> None:
+    log = sound_log(SEED)
+    found = fx.check(log)
+    panel = plot_channels(log, found).axes[-1]
+    told = [one for one in found.excited if one.excited is not None]
+    assert [t.get_text() for t in panel.texts] == [one.effect.replace("_", " ") for one in told]
+    full = [len(mark.get_facecolor()) == 1 for mark in panel.collections]
+    assert full == [one.excited for one in told] and {True, False} == set(full)
 
 
 @pytest.mark.parametrize("kind", ["backwards", "one row", "nothing finite", "time alone"])
@@ -166,6 +224,7 @@ def test_every_log_can_be_drawn(kind: str) -> None:
         log = fx.Log({"time": log["time"]})
     figure = log.plot()
     figure.canvas.draw()
-    assert len(figure.axes) == max(len(log.channels) - 1, 1)
+    axes = channel_axes(figure, log)
+    assert len(figure.axes) == len(axes) + (kind == "one row")  # others have errors
     expected = "row" if kind in ("backwards", "one row") else "time [s]"
-    assert figure.axes[-1].get_xlabel().startswith(expected)
+    assert axes[-1].get_xlabel().startswith(expected)

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -148,6 +149,21 @@ def compare(
     say(f"{said}\n\nwrote {Path(out) / 'comparison.json'} and {Path(out) / 'report.html'}")
 
 
+def _of_joint(content: Mapping[str, Any]) -> dict[str, Any]:
+    """What a discovery says of one joint: the names found, and by how much the error fell."""
+    sizes = {
+        "rmse_base": content["rmse"]["base"],
+        "rmse_final": content["rmse"]["final"],
+        "noise_floor": content["rmse"]["noise_floor"],
+    }
+    names = [one["effect"] for one in content["found"]]
+    return {
+        **sizes,
+        **{f"{name}_unit": content["unit"] for name in sizes},
+        "found": ", ".join(names) or ("unexplained" if content["unexplained"] else "nothing"),
+    }
+
+
 def _numbers(text: str) -> tuple[float, ...]:
     return tuple(float(number) for number in text.split(","))
 
@@ -201,7 +217,7 @@ def _numbers(text: str) -> tuple[float, ...]:
     "LOWEST,HIGHEST of position [rad], load [Nm], temperature [°C]. Can be repeated.",
 )
 @threads
-@reading()
+@reading(each_joint=_of_joint)
 def discover(
     runs: tuple[str, ...],
     target: str | None,

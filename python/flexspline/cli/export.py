@@ -139,7 +139,7 @@ def certify(
     """
     refuse_overwriting(out, [run, model_path])
     joint = loaded(model_path)
-    (log,) = reading.logs([run], joint.facts)
+    log = reading.one(run, joint.facts)
 
     from flexspline.certification import certify as run_on_device
 

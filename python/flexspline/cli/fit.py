@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -136,6 +136,20 @@ def _refuse_of_motion(options: dict[str, Any], foreign: bool) -> None:
         )
 
 
+def _of_joint(content: Mapping[str, Any]) -> dict[str, Any]:
+    """What a fit says of one joint: its errors, each parameter with its own, what is wrong."""
+    unit = content["unit"]
+    row = {"rmse": content["rmse"], "rmse_unit": unit}
+    row |= {"held_out_rmse": content["held_out_rmse"], "held_out_rmse_unit": unit}
+    for one in content["parameters"]:
+        row |= {
+            one["name"]: one["value"],
+            f"{one['name']}_error": one["standard_error"],
+            f"{one['name']}_unit": one["unit"],
+        }
+    return {**row, "remark": content["problems"]}
+
+
 @click.command(cls=Taught, sections=(effects_by_target, repairs))
 @click.argument("runs", nargs=-1, required=True, metavar="RUN.csv...", type=FILE)
 @target(required=True)
@@ -223,7 +237,7 @@ def _refuse_of_motion(options: dict[str, Any], foreign: bool) -> None:
 )
 @click.option("--summary", is_flag=True, help="Print a page of statistics, with AIC and BIC.")
 @threads
-@reading()
+@reading(each_joint=_of_joint)
 def fit(
     runs: tuple[str, ...],
     target: str,
@@ -258,6 +272,8 @@ def fit(
       flexspline fit run*.csv --target motor_torque --by simulation --gear-ratio 1 \\
           --controller servo.json --free-controller back_emf \\
           --effects inertia,gravity,coulomb_friction,load_dependent_friction --out servo
+      flexspline fit robot.csv --columns map.toml --joint all --target sensor_torque \\
+          --effects offset,coulomb_friction,viscous_friction --out robot
     """
     from flexspline.least_squares.options import FitOptions
 
@@ -319,18 +335,24 @@ def fit(
         from flexspline.report.text import wrapped
 
         beside: list[Profile | Contour] = [*profiles, *(made.contour(*pair) for pair in pairs)]
-        verdict = made.summary() if options["summary"] else str(made)
-        verdict = "\n\n".join([verdict, *("\n".join(wrapped(str(one))) for one in beside)])
+        said = made.summary() if options["summary"] else str(made)
+        said = "\n\n".join([said, *("\n".join(wrapped(str(one))) for one in beside)])
+
+    from flexspline.report.text import SOUND, verdict
+
+    judged = verdict(made)
     found(
         {
             "target": made.target,
             "unit": made.unit,
             "rmse": made.rmse,
             "held_out_rmse": made.cv_rmse,
+            "verdict": judged.good,
+            "problems": None if judged.wrong == SOUND else judged.wrong,
             "parameters": [parameter.to_json() for parameter in made.parameters],
             "per_run": [term.to_json() for term in made.between_runs],
             **(_criteria(made) if options["summary"] else {}),
             **_regions(beside),
         }
     )
-    say(f"{verdict}\n\nwrote {Path(out) / 'model.json'} and {Path(out) / 'report.html'}")
+    say(f"{said}\n\nwrote {Path(out) / 'model.json'} and {Path(out) / 'report.html'}")

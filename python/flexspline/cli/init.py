@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -10,6 +11,9 @@ from flexspline.cli.options import FILE, MAX_MEMORY, Taught, channels, positive,
 from flexspline.cli.speech import found, say
 from flexspline.errors import InputError, printable
 from flexspline.files import atomic_writer
+
+if TYPE_CHECKING:
+    from flexspline.recordings import Guess
 
 __all__ = ["init"]
 
@@ -24,7 +28,11 @@ __all__ = ["init"]
     type=FILE,
     help="Column map to write, whole or not at all; a figure of its name, .png, stands beside it.",
 )
-@click.option("--joint", metavar="NAME", help="Which joint, as the columns of several call it.")
+@click.option(
+    "--joint",
+    metavar="NAME|all",
+    help="Which joint, as the columns of several call it; all: a map of all, guessed from one.",
+)
 @click.option("--rate", type=positive, metavar="HZ", help="Of a recording without time stamps.")
 @click.option(MAX_MEMORY[0], **MAX_MEMORY[1])
 def init(
@@ -42,9 +50,11 @@ def init(
     at the figure before the first fit; signs of torques that only the rig knows are yours to see.
 
     \b
-    Example:
+    Examples:
       flexspline init recording.txt --joint 3 --out map.toml
       flexspline check recording.txt --columns map.toml
+      flexspline init robot.csv --joint all --out robot.toml
+      flexspline check robot.csv --columns robot.toml --joint all
     """
     refuse_overwriting(out, [recording])
     figure = Path(out).with_suffix(".png")
@@ -67,10 +77,11 @@ def init(
             shown = f" and {figure}"
     except InputError as error:
         say(f"\nnot drawn, for the map does not read the recording yet: {error}")
-    say(f"\nwrote {out}{shown}; next: {_next(recording, out)}")
+    say(f"\nwrote {out}{shown}; next: {_next(recording, out, guess)}")
 
 
-def _next(recording: str, out: str) -> str:
+def _next(recording: str, out: str, guess: Guess) -> str:
     import shlex
 
-    return printable(shlex.join(["flexspline", "check", recording, "--columns", out]))
+    words = ["flexspline", "check", recording, "--columns", out]
+    return printable(shlex.join([*words, *(["--joint", "all"] if guess.places else [])]))

@@ -7,7 +7,9 @@ of a foreign file and a column map.
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -40,6 +42,18 @@ __all__ = [
 FORBIDDEN = 3  # exit code: findings that forbid a fit
 
 
+def _of_joint(content: Mapping[str, Any]) -> dict[str, Any]:
+    """What a check says of one joint: its findings, counted over its runs."""
+    findings = [finding for run in content["runs"] for finding in run["findings"]]
+    counted = {
+        f"{severity}s": sum(finding["severity"] == severity for finding in findings)
+        for severity in ("error", "fault", "note")
+    }
+    named = dict.fromkeys(f["name"] for f in findings if f["severity"] != "note")
+    fit = "no" if content["fit_forbidden"] else "yes"
+    return {"can_be_fitted": fit, **counted, "errors_and_faults": ", ".join(named) or "–"}
+
+
 @click.command(cls=Taught, sections=(channels, effects_by_target, repairs))
 @click.argument("runs", nargs=-1, required=True, metavar="RUN.csv...", type=FILE)
 @click.option(
@@ -54,7 +68,7 @@ FORBIDDEN = 3  # exit code: findings that forbid a fit
 @click.option(
     "--out", metavar="DIR", type=FILE, help="Folder for check.json and report.html with figures."
 )
-@reading()
+@reading(each_joint=_of_joint)
 @click.pass_context
 def check(
     ctx: click.Context,
@@ -69,7 +83,9 @@ def check(
     Prints, for each run, what makes every fit meaningless (error), what a fit would take for
     physics (fault) and what is worth knowing (note): dropped, repeated and missing rows, delays,
     wrapped angles, wrong units and signs, stuck ends, homing moves, clipping, quanta. Each says
-    where, how much, and which repair to ask for. DIR receives check.json and report.html.
+    where, how much, and which repair to ask for. Then, of the effects that are given, or of all
+    whose channels are there, whether the runs together excite them, and if not, what to record.
+    DIR receives check.json and report.html.
 
     Exit code 0: can be fitted; 3: an error forbids every fit; 2: the call is wrong or a file
     cannot be read.
@@ -85,16 +101,23 @@ def check(
     logs = reading.logs(runs)
 
     from flexspline.logs.checks import check_runs
-    from flexspline.report.check import check_json, check_verdict, write_check_report
+    from flexspline.report.check import (
+        audit_text,
+        check_json,
+        check_verdict,
+        together,
+        write_check_report,
+    )
 
     audits = list(zip(logs, check_runs(logs, effects=effects, target=target), strict=True))
-    lines = [line for _, one in audits for line in (*str(one).split("\n"), "")]
-    found(json.loads(check_json(audits, target)))
-    say("\n".join(map(printable, (*lines, check_verdict(audits, target)))))
+    shown = together(audits, effects, target)
+    found(json.loads(check_json(audits, target, shown)))
+    lines = [*audit_text(audits, shown), check_verdict(audits, target)]
+    say("\n".join(map(printable, lines)))
     if out is not None:
         with whole_folder(out, last="check.json") as draft:
-            write_check_report(audits, draft / "report.html", target)
-            atomic_write(draft / "check.json", check_json(audits, target))
+            write_check_report(audits, draft / "report.html", target, shown)
+            atomic_write(draft / "check.json", check_json(audits, target, shown))
         say(f"\nwrote {Path(out) / 'check.json'} and {Path(out) / 'report.html'}")
     if any(one.forbidding(target) for _, one in audits):
         ctx.exit(FORBIDDEN)

@@ -19,7 +19,7 @@ import click
 from click.shell_completion import CompletionItem
 from tqdm import tqdm
 
-from flexspline.cli.speech import is_quiet, tell
+from flexspline.cli.speech import found, is_quiet, tell, whose
 from flexspline.effects import TARGETS, effect
 from flexspline.errors import InputError, printable
 from flexspline.files import (
@@ -31,6 +31,7 @@ from flexspline.files import (
 )
 
 if TYPE_CHECKING:
+    from flexspline.cli.joints import Summary
     from flexspline.logs.log import Log
     from flexspline.model import Model
 
@@ -50,6 +51,7 @@ __all__ = [
     "controller",
     "effects_by_target",
     "files_in",
+    "files_of",
     "fixed",
     "is_table",
     "known_load",
@@ -315,10 +317,13 @@ def out_files(command: Command) -> Command:
     )(command)
 
 
-def files_in(out: str, runs: Sequence[str], inputs: Sequence[str]) -> list[str]:
+def files_in(
+    out: str, runs: Sequence[str], inputs: Sequence[str], *, cut: bool = False
+) -> list[str]:
     """Return the names of the files of these runs in the folder --out; none where that is a file.
 
     It is a folder where there are several runs, where one is there, and where its name ends so.
+    `cut`: a file may hold several runs; what they are called is known when they are read.
 
     Raises
     ------
@@ -326,12 +331,13 @@ def files_in(out: str, runs: Sequence[str], inputs: Sequence[str]) -> list[str]:
         Where runs would have files of one name, --out is a file and there are several runs, or a
         file that is read would be overwritten.
     """
-    if len(runs) == 1 and not Path(out).is_dir() and not out.endswith(("/", os.sep)):
+    alone = len(runs) == 1 and not cut
+    if alone and not Path(out).is_dir() and not out.endswith(("/", os.sep)):
         refuse_overwriting(out, [*runs, *inputs])
         return []
     if Path(out).is_file() or (Path(out).suffix and not Path(out).exists()):
         raise InputError(
-            f"--out {out}: is the name of a file, and there are {len(runs)} runs; give a folder, "
+            f"--out {out}: is the name of a file, and there {_count(runs, cut)}; give a folder, "
             "which gets a file for each"
         )
     from flexspline.logs.read import run_name
@@ -353,6 +359,31 @@ def is_table(out: str) -> bool:
     return Path(out).suffix.lower() == ".csv" and not Path(out).is_dir()
 
 
+def _count(runs: Sequence[str], cut: bool) -> str:
+    return "may be several runs in a file" if cut else f"are {len(runs)} runs"
+
+
+def files_of(out: str, logs: Sequence[Log], inputs: Sequence[str]) -> list[str]:
+    """Return the names of the files of runs cut from files, in the folder --out.
+
+    They go by the names of the files that were read, for a run may be called anything.
+
+    Raises
+    ------
+    InputError
+        Where a file that is read would be overwritten.
+    """
+    from flexspline.logs.read import run_name
+
+    paths = [log.source.path if log.source else log.name for log in logs]
+    names = [
+        f"{run_name(Path(path))}_{paths[: k + 1].count(path)}.csv" for k, path in enumerate(paths)
+    ]
+    for name in names:
+        refuse_overwriting(str(Path(out) / name), inputs)
+    return names
+
+
 def out_file(metavar: str) -> Callable[[Command], Command]:
     """--out FILE"""
     says = "File to write, whole or not at all."
@@ -370,8 +401,28 @@ MAX_MEMORY: tuple[str, dict[str, Any]] = (
 )
 
 
-def reading(columns_needed: bool = False) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Add the options of how runs are read; the command gets them as one `Reading`."""
+def _gaps(ctx: click.Context, param: click.Parameter, text: str | None) -> float | bool | None:
+    """Read the seconds of --split-gaps; True without a number."""
+    if text is None or text == "auto":
+        return None if text is None else True
+    try:
+        return positive(text)
+    except click.BadParameter:
+        raise click.BadParameter(
+            f"'{text}' is no number of seconds above zero; write --split-gaps behind the runs, or "
+            "--split-gaps=0.5",
+            ctx,
+            param,
+        ) from None
+
+
+def reading(
+    columns_needed: bool = False, each_joint: Summary | None = None
+) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Add the options of how runs are read; the command gets them as one `Reading`.
+
+    `each_joint`: what a command says of one joint in the summary of several; None: it takes one.
+    """
     spline = click.Choice(["circular", "flex"])
     options: list[tuple[str, dict[str, Any]]] = [
         ("--gear-ratio", {"type": positive, "metavar": "N", "help": "Gear ratio N, as sold."}),
@@ -411,7 +462,38 @@ def reading(columns_needed: bool = False) -> Callable[[Callable[..., Any]], Call
                 "help": "Column map of a foreign file: channel, column, unit, sign.",
             },
         ),
+        (
+            "--joint",
+            {
+                "metavar": "NAME|A,B|all",
+                "help": "Of a robot's files, whose map has sources such as q_{joint}: the joint. "
+                "Several, or all: "
+                + (
+                    "each by itself, into a folder of its own in --out, with one summary."
+                    if each_joint
+                    else "only check, discover, fit and predict take them."
+                ),
+            },
+        ),
         ("--rate", {"type": positive, "metavar": "HZ", "help": "Of runs without time stamps."}),
+        (
+            "--split-column",
+            {
+                "metavar": "COLUMN",
+                "help": "A file holds several runs: one begins wherever this column changes.",
+            },
+        ),
+        (
+            "--split-gaps",
+            {
+                "is_flag": False,
+                "flag_value": "auto",
+                "metavar": "[SECONDS]",
+                "callback": _gaps,
+                "help": "A file holds several runs: one begins wherever time goes on by more than "
+                "this, or back; without a number by more than 25 median steps.",
+            },
+        ),
         ("--encoding", {"metavar": "NAME", "help": "Of text files, such as latin-1."}),
         (
             "--skip-lines",
@@ -429,9 +511,14 @@ def reading(columns_needed: bool = False) -> Callable[[Callable[..., Any]], Call
         def packed(**given: Any) -> Any:
             own = {name: given.pop(name) for name in names}
             facts = {name: own[name] for name in names[:5] if own[name] is not None}
-            rest = {name: own[name] for name in names[-4:] if own[name] is not None}
+            rest = {name: own[name] for name in names[-6:] if own[name] is not None}
             how = Reading(facts, own["repair"], own["columns"], own["rate"], rest)
-            return command(reading=how, **given)
+            asked = own["joint"]
+            if asked is None:
+                return command(reading=how, **given)
+            from flexspline.cli.joints import for_joints
+
+            return for_joints(command, each_joint, asked, how, given)
 
         packed.__name__, packed.__doc__ = command.__name__, command.__doc__
         packed.__dict__.update(command.__dict__)  # the options that are there already
@@ -452,7 +539,9 @@ class Reading:
     repair : repairs by name, in order.
     columns : path of a column map, or None.
     rate : Hz, of files without time stamps.
-    rest : how files are written where that is not found by looking, and what memory they may take.
+    rest : how files are written where that is not found by looking, what cuts them into runs, and
+        what memory they may take.
+    joint : of a robot, whose files have columns of several.
     """
 
     facts: Mapping[str, Any] = field(default_factory=dict)
@@ -460,11 +549,19 @@ class Reading:
     columns: str | None = None
     rate: float | None = None
     rest: Mapping[str, Any] = field(default_factory=dict)
+    joint: str | None = None
+
+    @property
+    def splits(self) -> bool:
+        """Whether a file is cut into runs."""
+        from flexspline.logs.read import splits
+
+        return bool(splits(self.with_map()))
 
     @property
     def arguments(self) -> dict[str, Any]:
-        """What was given, as arguments of `read_log`."""
-        given = {**self.facts, "repair": self.repair, "rate": self.rate}
+        """What was given, as arguments of `read_runs`."""
+        given = {**self.facts, "repair": self.repair, "rate": self.rate, "joint": self.joint}
         return {**{key: value for key, value in given.items() if value}, **self.rest}
 
     def logs(
@@ -488,21 +585,64 @@ class Reading:
             if Path(path).resolve() in seen:
                 raise InputError(f"{path}: is given twice; give each run once")
             seen.add(Path(path).resolve())
-        arguments = with_simulated(self._with_map(), simulated_torque)
-        quiet = not on_terminal()
-        return [
-            _completed(path, arguments, known or {})
-            for path in tqdm(paths, "reading", unit="run", disable=quiet, leave=False, delay=1.0)
-        ]
+        from flexspline.logs.read import splits
 
-    def _with_map(self) -> dict[str, Any]:
+        arguments = with_simulated(self.with_map(), simulated_torque)
+        quiet = not on_terminal()
+        logs = [
+            _completed(log, known or {})
+            for path in tqdm(paths, "reading", unit="run", disable=quiet, leave=False, delay=1.0)
+            for log in self._read(path, arguments)
+        ]
+        if splits(arguments):
+            found({"cut": [{"run": log.name, "rows": len(log)} for log in logs]})
+        return logs
+
+    def with_map(self) -> dict[str, Any]:
+        """What was given, and what the map says, as arguments of `read_runs`.
+
+        Raises
+        ------
+        InputError
+            Where the map cannot be read.
+        """
         if self.columns is None:
             return self.arguments
-        from flexspline.logs.read import read_map
+        from flexspline.logs.read import map_arguments
 
-        sections = read_map(self.columns)
-        mapped = {"columns": sections["columns"], "facts": sections["facts"]}
-        return {**sections["read"], **mapped, **self.arguments}
+        return {**map_arguments(self.columns, self.joint), **self.arguments}
+
+    def one(self, path: str, known: Mapping[str, Any]) -> Log:
+        """Read the run of a command that takes one; `known` as for `logs`.
+
+        Raises
+        ------
+        InputError
+            Where it cannot be read, or is to be cut.
+        """
+        self.refuse_cut(f"{path}: one run is taken, whole")
+        return self.logs([path], known)[0]
+
+    def refuse_cut(self, why: str) -> None:
+        """Refuse to cut a file into runs."""
+        from flexspline.logs.read import refuse_split
+
+        refuse_split(self.with_map(), why)
+
+    def _read(self, path: str, arguments: Mapping[str, Any]) -> list[Log]:
+        """Read the runs of a file, and say how many rows are in none."""
+        from flexspline.logs.read import cut_runs, read_log, splits
+
+        if not splits(arguments):
+            return [read_log(path, **arguments)]
+        cut = cut_runs(path, **arguments)
+        (warn if cut.rows_left_out or len(cut.runs) == 1 else _aside)([cut.sentence])
+        return list(cut.runs)
+
+
+def _aside(sentences: Sequence[str]) -> None:
+    for sentence in sentences:
+        tell(sentence)
 
 
 def simulations(
@@ -556,13 +696,12 @@ def refuse_overwriting(out: str, inputs: Sequence[str], names: Sequence[str] = (
 def warn(sentences: Sequence[str]) -> None:
     """Print each sentence on a line of standard error."""
     for sentence in sentences:
-        click.echo(f"flexspline: warning: {printable(sentence)}", err=True)
+        click.echo(f"flexspline: warning: {whose()}{printable(sentence)}", err=True)
 
 
-def _completed(path: str, arguments: Mapping[str, Any], known: Mapping[str, Any]) -> Log:
-    from flexspline.logs.read import read_log, with_motor_torque
+def _completed(log: Log, known: Mapping[str, Any]) -> Log:
+    from flexspline.logs.read import with_motor_torque
 
-    log = read_log(path, **arguments)
     tell("\n".join(log.history))
     missing = {key: value for key, value in known.items() if key not in log.facts}
     return with_motor_torque(log.with_facts(missing)) if missing else log

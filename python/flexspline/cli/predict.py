@@ -6,9 +6,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -18,6 +18,7 @@ from flexspline.cli.options import (
     Taught,
     controller,
     files_in,
+    files_of,
     loaded,
     lowpass,
     model,
@@ -49,6 +50,11 @@ __all__ = [
 ]
 
 
+def _of_joint(content: Mapping[str, Any]) -> dict[str, Any]:
+    """What a prediction says of one joint."""
+    return {"rmse": content["rmse"], "rmse_unit": content["unit"], "rows": content["rows"]}
+
+
 @click.command(cls=Taught, sections=(repairs,))
 @click.argument("runs", nargs=-1, required=True, metavar="RUN.csv...", type=FILE)
 @model
@@ -58,7 +64,7 @@ __all__ = [
 @speed_above
 @simulation
 @strict
-@reading()
+@reading(each_joint=_of_joint)
 def predict(
     runs: tuple[str, ...],
     model_path: str,
@@ -87,12 +93,18 @@ def predict(
     Examples:
       flexspline predict --model joint/model.json run3.csv --out residual.csv
       flexspline predict --model joint/model.json run3.csv run4.csv --speed-above 0.02 --out new
+      flexspline predict --model 'robot/joint_{joint}/model.json' robot.csv --columns map.toml \\
+          --joint all --out new
     """
-    names = files_in(out, runs, [model_path, *simulation])
+    names = files_in(out, runs, [model_path, *simulation], cut=reading.splits)
     joint = loaded(model_path)
     part = joint.part(target)
+    if simulation:
+        reading.refuse_cut("--simulation is given a file for each run")
     _require_simulations(model_path, part, runs, simulation, simulated_torque)
     logs = reading.logs(runs, joint.facts, None if simulation else simulated_torque)
+    if reading.splits:
+        names = files_of(out, logs, [*runs, model_path])
     files = simulations(simulation, simulated_torque)
 
     from flexspline.model import refuse_warnings
@@ -200,9 +212,11 @@ def estimate(
       flexspline estimate --model joint/model.json run3.csv --out external.csv
       flexspline estimate --model joint/model.json run3.csv run4.csv --out external
     """
-    names = files_in(out, runs, [model_path])
+    names = files_in(out, runs, [model_path], cut=reading.splits)
     joint = loaded(model_path)
     logs = reading.logs(runs, joint.facts)
+    if reading.splits:
+        names = files_of(out, logs, [*runs, model_path])
 
     from flexspline.estimation import estimate as run_chain
 
@@ -262,7 +276,7 @@ def simulate(
     refuse_overwriting(out, [run, model_path, *([controller] if controller else [])])
     joint = loaded(model_path)
     joint.part(target)
-    (log,) = reading.logs([run], joint.facts)
+    log = reading.one(run, joint.facts)
 
     from flexspline.forward import simulate as simulate_run
 

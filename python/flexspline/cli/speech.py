@@ -19,7 +19,7 @@ import click
 from flexspline.errors import listed, printable
 from flexspline.files import Writing, writing
 
-__all__ = ["found", "is_quiet", "say", "speaking", "spoken", "tell"]
+__all__ = ["apart", "found", "is_quiet", "say", "speaking", "spoken", "tell", "whose"]
 
 
 @dataclass
@@ -29,6 +29,7 @@ class _Speech:
     json: bool = False
     quiet: bool = False
     verbose: bool = False
+    whose: str = ""
     object: dict[str, Any] = field(default_factory=dict)
 
 
@@ -79,12 +80,27 @@ def tell(text: object) -> None:
     """Print on standard error what `-v` asks for."""
     if _speech().verbose:
         for line in str(text).splitlines():
-            click.echo(f"flexspline: {printable(line)}", err=True)
+            click.echo(f"flexspline: {whose()}{printable(line)}", err=True)
 
 
 def found(content: Mapping[str, Any]) -> None:
     """Add to the object that `--json` prints."""
     _speech().object.update(content)
+
+
+@contextmanager
+def apart(whose: str) -> Iterator[dict[str, Any]]:
+    """Let a call within a call print no text; gives what it finds. `whose` begins its warnings."""
+    before = _SPEECH.set(_Speech(quiet=True, verbose=_speech().verbose, whose=whose))
+    try:
+        yield _speech().object
+    finally:
+        _SPEECH.reset(before)
+
+
+def whose() -> str:
+    """What begins a warning: of which call within a call it is."""
+    return _speech().whose
 
 
 def is_quiet() -> bool:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     )
     from flexspline.logs.log import Log, Source
     from flexspline.logs.merging import Clock, Merged, find_clock, merge
-    from flexspline.logs.read import convert, read_log, write_log
+    from flexspline.logs.read import convert, joints_of, read_log, read_runs, write_log
     from flexspline.logs.repairs import REPAIRS, repaired
     from flexspline.logs.segments import Segment
 
@@ -42,10 +42,12 @@ __all__ = [
     "differentiate",
     "differentiate_causal",
     "find_clock",
+    "joints_of",
     "lowpass",
     "lowpass_log",
     "merge",
     "read_log",
+    "read_runs",
     "repaired",
     "resample",
     "write_log",
@@ -69,10 +71,12 @@ _HOME = {
     "differentiate": "derive",
     "differentiate_causal": "derive",
     "find_clock": "merging",
+    "joints_of": "read",
     "lowpass": "derive",
     "lowpass_log": "derive",
     "merge": "merging",
     "read_log": "read",
+    "read_runs": "read",
     "repaired": "repairs",
     "resample": "derive",
     "write_log": "read",

@@ -5,11 +5,13 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 import os
 import re
 import sys
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal, TypeAlias, cast
 
@@ -20,9 +22,11 @@ from flexspline.errors import InputError, did_you_mean, listed
 from flexspline.files import atomic_writer, refuse_special
 from flexspline.logs.columns import ColumnSpec, Picked, picked
 from flexspline.logs.formats import Dialect, is_frame, no_source, read_table
-from flexspline.logs.log import Fact, Log, checked_facts
+from flexspline.logs.joints import columns_of_joint, has_places, joints_among
+from flexspline.logs.log import Fact, Log, Source, checked_facts
 from flexspline.logs.packed import PACKED
 from flexspline.logs.repairs import Repairs, move_earlier, repaired
+from flexspline.logs.splitting import Cut, Gaps, parts_of
 from flexspline.logs.table import Table
 
 if TYPE_CHECKING:
@@ -33,14 +37,23 @@ __all__ = [
     "as_log",
     "as_logs",
     "convert",
+    "cut_runs",
     "is_one",
+    "joints_of",
+    "map_arguments",
     "read_log",
     "read_map",
+    "read_runs",
+    "refuse_split",
+    "splits",
     "with_motor_torque",
     "write_log",
 ]
 
-SECTIONS: Final = ("facts", "columns", "read")
+SPLIT: Final = ("split_column", "split_gaps")
+"""Arguments of `read_runs` that `read_log` does not take."""
+UNCUT: Final = [("split_gaps", False)]
+SECTIONS: Final = ("facts", "columns", "read", "joints")
 READ_KEYS: Final = (
     "rate",
     "repair",
@@ -54,6 +67,7 @@ READ_KEYS: Final = (
     "skip_footer",
     "units_row",
     "max_memory",
+    *SPLIT,
 )
 
 
@@ -80,6 +94,7 @@ def read_log(
     units_row: bool = False,
     max_memory: float | None = None,
     facts: Mapping[str, Fact] | None = None,
+    joint: str | int | None = None,
 ) -> Log:
     """Read one run of one joint into a `Log`, in SI units.
 
@@ -119,33 +134,195 @@ def read_log(
         what is free.
     facts : mapping, optional
         More facts. Arguments overrule facts, and facts overrule the file's own.
+    joint : str or int, optional
+        Which joint of a robot's file: its name takes the place of ``{joint}`` in the sources of
+        `columns`, such as ``q_{joint}`` or ``q[:, {joint-1}]``, and is the fact `joint`.
 
     Raises
     ------
     InputError
         One sentence: file, row or column, what is wrong, what to do.
     """
-    dialect = Dialect(header, separator, decimal, encoding, skip_lines, skip_footer, units_row)
-    table, origin = read_table(source, variable, dialect, drop_rows, max_memory)
-    found = picked(table, columns)
-    channels, timing = _timed(table, found, rate)
-    arguments = {
-        "gear_ratio": gear_ratio,
-        "output_spline": output_spline,
-        "pole_pairs": pole_pairs,
-        "slots": slots,
-        "torque_constant": torque_constant,
-        "name": name,
-    }
-    given = {k: v for k, v in [*(facts or {}).items(), *arguments.items()] if v is not None}
+    read = _read(source, columns, {
+        "gear_ratio": gear_ratio, "output_spline": output_spline, "pole_pairs": pole_pairs,
+        "slots": slots, "torque_constant": torque_constant, "rate": rate, "name": name,
+        "header": header, "separator": separator, "decimal": decimal, "encoding": encoding,
+        "variable": variable, "drop_rows": drop_rows, "skip_lines": skip_lines,
+        "skip_footer": skip_footer, "units_row": units_row, "max_memory": max_memory,
+        "facts": facts, "joint": joint,
+    })  # fmt: skip
+    return read.repaired(read.log, repair)
+
+
+def read_runs(
+    source: str | os.PathLike[str] | NDArray[Any] | Mapping[str, Any] | Any,
+    columns: Mapping[str, ColumnSpec] | None = None,
+    *,
+    split_column: str | int | None = None,
+    split_gaps: Gaps = None,
+    repair: Repairs = (),
+    **how: Any,
+) -> list[Log]:
+    """Read one file that holds several runs of one joint, one behind the other.
+
+    Parameters
+    ----------
+    source, columns, repair
+        As for `read_log`; repairs are made in each run by itself.
+    split_column : str or int, optional
+        A column of the file, by name or number from 0, of text or numbers: a run begins wherever
+        its value changes, and rows without one are in no run.
+    split_gaps : bool or float, optional
+        A run begins where time goes on by more than so many seconds, or back; True: by more than
+        25 median steps.
+    **how
+        Every other argument of `read_log`.
+
+    Returns
+    -------
+    list of Log
+        Runs of at least 20 rows, in the order of the file, called ``name_1``, ``name_2`` and so
+        on. The history of each says how many rows of the file are in no run, and why.
+
+    Raises
+    ------
+    InputError
+        As `read_log`; and where neither is given, the column is not there or empty, or more than
+        half of the rows would be in runs that are too short.
+    """
+    return list(
+        cut_runs(
+            source, columns, split_column=split_column, split_gaps=split_gaps, repair=repair, **how
+        ).runs
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class CutRuns:
+    """Runs of one file, how many of its rows are in none, and a sentence that says so."""
+
+    runs: tuple[Log, ...]
+    rows_left_out: int
+    sentence: str
+
+
+def cut_runs(
+    source: Any,
+    columns: Mapping[str, ColumnSpec] | None = None,
+    *,
+    split_column: str | int | None = None,
+    split_gaps: Gaps = None,
+    repair: Repairs = (),
+    **how: Any,
+) -> CutRuns:
+    """Return what `read_runs` reads, and what is left out."""
+    cut = Cut(split_column, split_gaps)
+    asked = inspect.signature(read_log).bind(source, columns, **how)
+    asked.apply_defaults()
+    given = {name: asked.arguments[name] for name in asked.arguments if name not in _NOT_HOW}
+    read = _read(source, columns, given)
+    parts = parts_of(read.table, read.log["time"], cut)
+    said, runs = parts.sentence(read.table.label, cut), []
+    for number, (first, last) in enumerate(parts.ranges, 1):
+        note = f"rows {first} to {last - 1} of {read.log.name} are its run {number}"
+        run = read.log.rows(slice(first, last), note=note)
+        named = run.with_facts({"name": f"{read.log.name}_{number}"}, note=said)
+        runs.append(read.repaired(named, repair))
+    return CutRuns(tuple(runs), parts.left_out, said)
+
+
+_NOT_HOW: Final = ("source", "columns", "repair")
+
+
+def joints_of(
+    source: str | os.PathLike[str] | NDArray[Any] | Mapping[str, Any] | Any,
+    columns: Mapping[str, ColumnSpec],
+    **how: Any,
+) -> tuple[str, ...]:
+    """Return the joints of a robot's file: those of which it has every column of the map.
+
+    Parameters
+    ----------
+    source : as for `read_log`.
+    columns : with places, such as ``{"output_position": "q_{joint}"}``.
+    **how
+        Of the arguments of `read_log`, those that say how the file is written.
+
+    Raises
+    ------
+    InputError
+        Where the map has no places or goes by the numbers of columns, no joint has all of them, or
+        the file cannot be read.
+
+    Examples
+    --------
+    >>> for joint in flexspline.joints_of("robot.csv", columns):       # doctest: +SKIP
+    ...     log = flexspline.read_log("robot.csv", columns, joint=joint)
+    ...     print(joint, flexspline.fit("coulomb_friction", log, "sensor_torque"))
+    """
+    asked = inspect.signature(read_log).bind(source, columns, **how)
+    asked.apply_defaults()
+    table, _ = _table_of(source, asked.arguments)
+    return joints_among(table.names or (), columns, table.label)
+
+
+@dataclass(frozen=True, eq=False)
+class _Read:
+    """A log as read, before any repair; its table; and how late each channel's clock is, s."""
+
+    log: Log
+    table: Table
+    late: Mapping[str, float]
+
+    def repaired(self, log: Log, repair: Repairs) -> Log:
+        """Return rows of the log repaired, with columns of a clock of their own moved."""
+        made = repaired(with_motor_torque(log), repair)
+        for channel, seconds in self.late.items():
+            made = move_earlier(made, channel, seconds)
+        return made
+
+
+def _table_of(source: Any, how: Mapping[str, Any]) -> tuple[Table, Source | None]:
+    dialect = Dialect(*(how[key] for key in DIALECT))
+    return read_table(source, how["variable"], dialect, how["drop_rows"], how["max_memory"])
+
+
+DIALECT: Final = (
+    "header", "separator", "decimal", "encoding", "skip_lines", "skip_footer", "units_row",
+)  # fmt: skip
+"""Arguments of `read_log` that are fields of a `Dialect`, in their order."""
+ARGUMENTS: Final = (
+    "gear_ratio", "output_spline", "pole_pairs", "slots", "torque_constant", "name", "joint",
+)  # fmt: skip
+"""Arguments of `read_log` that are facts."""
+
+
+def _read(source: Any, columns: Mapping[str, ColumnSpec] | None, how: Mapping[str, Any]) -> _Read:
+    """Read a log; `how`: all other arguments of `read_log` but its repairs."""
+    table, origin = _table_of(source, how)
+    found = picked(table, _of_joint(columns, how["joint"], table.label))
+    channels, timing = _timed(table, found, how["rate"])
+    arguments = {key: how[key] for key in ARGUMENTS}
+    given = {k: v for k, v in [*(how["facts"] or {}).items(), *arguments.items()] if v is not None}
     known, overruled = _facts(table, origin.path if origin else None, given)
     read = f"read {origin.path if origin else table.label}: {table.rows} rows"
-    read += f" behind the first {drop_rows}" if drop_rows else ""
+    read += f" behind the first {how['drop_rows']}" if how["drop_rows"] else ""
     notes = (": ".join([read, "; ".join(table.notes)]), *found.notes, *timing, *overruled)
-    log = repaired(with_motor_torque(Log(channels, known, notes, origin)), repair)
-    for channel, seconds in found.late.items():
-        log = move_earlier(log, channel, seconds)
-    return log
+    return _Read(Log(channels, known, notes, origin), table, found.late)
+
+
+def _of_joint(
+    columns: Mapping[str, ColumnSpec] | None, joint: str | int | None, label: str
+) -> Mapping[str, ColumnSpec] | None:
+    """Return the map of the joint that is asked for, or the map of a file of one joint."""
+    if joint is not None:
+        return columns_of_joint(columns, str(joint), label)
+    if has_places(columns):
+        raise InputError(
+            f"{label}: the column map has a place {{joint}}, and no joint is given; give --joint "
+            "NAME, or joint= of read_log"
+        )
+    return columns
 
 
 def _timed(
@@ -239,10 +416,10 @@ def convert(
 ) -> Log:
     """Read `foreign` by the map in the TOML file `columns`, write the run to `out`, return it.
 
-    A map has three sections, each of which may be left out::
+    A map has four sections, each of which may be left out::
 
-        [read]                     # how the file is written, and repairs: arguments of read_log
-        rate = 1000
+        [read]                     # how the file is written, and repairs: arguments of read_log,
+        rate = 1000                # and of read_runs for a file of several runs
         separator = "whitespace"
         repair = ["unwrap"]
 
@@ -254,6 +431,9 @@ def convert(
         output_position = 1
         motor_current = {source = 5, unit = "A", sign = -1}
 
+        [joints.7]                 # facts of one joint of a robot, whose columns have a {joint}
+        gear_ratio = 50
+
     Parameters
     ----------
     foreign, columns, out : path
@@ -264,24 +444,52 @@ def convert(
     Raises
     ------
     InputError
-        Where map or file are wrong; `out` is then untouched.
+        Where map or file are wrong, or the file is to be cut into runs; `out` is then untouched.
     """
-    sections = read_map(columns)
-    log = read_log(
-        foreign,
-        **{
-            **sections["read"],
-            "columns": sections["columns"],
-            "facts": sections["facts"],
-            **overruling,
-        },
-    )
+    arguments = {**map_arguments(columns, overruling.get("joint")), **overruling}
+    refuse_split(arguments, f"{foreign}: convert writes one run")
+    log = read_log(foreign, **arguments)
     write_log(log, out)
     return log
 
 
+def splits(arguments: Mapping[str, Any]) -> list[str]:
+    """Return which of these arguments of `read_runs` cut a file into runs."""
+    return [key for key in SPLIT if key in arguments]
+
+
+def refuse_split(arguments: Mapping[str, Any], why: str) -> None:
+    """Refuse arguments of `read_runs` that cut a file into runs.
+
+    Raises
+    ------
+    InputError
+        Where they do.
+    """
+    if given := splits(arguments):
+        raise InputError(f"{why}; leave {listed(given)} out, of the column map too")
+
+
+def map_arguments(path: str | os.PathLike[str], joint: str | int | None = None) -> dict[str, Any]:
+    """Return the arguments of `read_runs` that a map file stands for; of a joint, if one is given.
+
+    Raises
+    ------
+    InputError
+        As `read_map`, and where the section of the joint is no section.
+    """
+    sections = read_map(path)
+    own = sections["joints"].get(str(joint), {})
+    if not isinstance(own, dict):
+        raise InputError(
+            f"{path}: joint {joint} is no section; write [joints.{joint}] on a line of its own"
+        )
+    read = {key: value for key, value in sections["read"].items() if (key, value) not in UNCUT}
+    return {**read, "columns": sections["columns"], "facts": {**sections["facts"], **own}}
+
+
 def read_map(path: str | os.PathLike[str]) -> dict[str, dict[str, Any]]:
-    """Return the sections `read`, `facts` and `columns` of a map file, empty where left out.
+    """Return the sections of a map file, `read`, `facts`, `columns`, `joints`; empty if left out.
 
     Raises
     ------

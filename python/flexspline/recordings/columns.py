@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
@@ -84,15 +84,24 @@ class Column:
         return self.values is not None and len(self.values) > 1 and bool(np.ptp(self.whole) > 0)
 
 
+ALL: Final = "all"
+"""What is asked for in the place of a joint, where the map is to be one of all."""
+
+
 @dataclass(frozen=True)
 class Joints:
-    """Columns of one joint and of none, and how the joint was chosen among others."""
+    """Columns of one joint and of none, and how the joint was chosen among others.
+
+    `places`: names of the joint's columns, by number, with ``{joint}`` in the place of its own,
+    where the map is to be one of all joints.
+    """
 
     columns: tuple[Column, ...]
     others: frozenset[int] = field(default_factory=frozenset)
     joint: str | None = None
     reason: str = ""
     unsure: bool = False
+    places: Mapping[int, str] = field(default_factory=dict)
 
 
 def columns_of(table: Table) -> list[Column]:
@@ -145,9 +154,10 @@ def one_joint(columns: Sequence[Column], joint: str | None, file: str, label: st
     InputError
         Where the joint that is asked for is not there.
     """
-    groups = _groups(columns)
+    groups, every = _groups(columns), joint == ALL
+    joint = None if every else joint
     if not groups:
-        if joint is not None:
+        if joint is not None or every:
             raise InputError(f"{label}: has columns of one joint alone; leave --joint out")
         return Joints(tuple(columns))
     names = list(dict.fromkeys(name for group in groups.values() for name in group))
@@ -163,8 +173,20 @@ def one_joint(columns: Sequence[Column], joint: str | None, file: str, label: st
         if name != chosen
     }
     kept = tuple(column for column in columns if column.number not in others)
+    if every:
+        places = {g[chosen].number: _placed(stem, chosen, g[chosen].says.name)
+                  for stem, g in groups.items() if chosen in g}  # fmt: skip
+        said = f"joints {listed(names)}: units, signs and channels are those of joint {chosen}"
+        return Joints(kept, frozenset(others), chosen, said, True, places)
     said = f"joint {chosen} of {listed(names)}: {reason}"
     return Joints(kept, frozenset(others), chosen, said, unsure)
+
+
+def _placed(stem: str, joint: str, name: str) -> str:
+    """Return the name of a joint's column with a place for the joint."""
+    ends = (at.start() for at in re.finditer("#", stem))
+    at = next(k for k in ends if f"{stem[:k]}{joint}{stem[k + 1 :]}" == name)
+    return f"{stem[:at]}{{joint}}{stem[at + 1 :]}"
 
 
 Group = dict[str, Column]

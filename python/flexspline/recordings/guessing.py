@@ -65,7 +65,8 @@ def guess_map(
         Delimited text in any encoding, with or without a preamble, names and a row of units;
         .npy, .npz, .mat, HDF5 or .json; packed or not.
     joint : str, optional
-        Which of several joints, as the columns call it; by default the one that moves.
+        Which of several joints, as the columns call it; by default the one that moves. "all": a map
+        of all, with ``{joint}`` in its sources, which is guessed from that one.
     rate : float, optional
         Rows per second [Hz], where the recording has no time stamps.
     max_memory : float, optional
@@ -404,7 +405,7 @@ class _Found:
         for column in self.columns:
             if column.number not in self.taken and column.number not in self.ignored:
                 self.ignored[column.number] = _why_not(column)
-        for number in self.joints.others:
+        for number in () if self.joints.places else self.joints.others:
             self.ignored[number] = "another joint"
 
     def guess(self, path: Path, layout: TextLayout, table: Table) -> Guess:
@@ -436,7 +437,23 @@ class _Found:
             self.fact_reasons,
             tuple(unsure),
             layout.numbered,
+            joint=self.joints.joint if self.joints.places else None,
+            places=self._places(layout, path),
         )
+
+    def _places(self, layout: TextLayout, path: Path) -> dict[str, str]:
+        """Return the sources of channels that each joint has, by channel."""
+        places = self.joints.places
+        if places and layout.numbered:
+            raise InputError(
+                f"{path}: its columns go by number in a map, and numbers tell no joints; give one "
+                "joint, and write {joint+COUNT} by hand"
+            )
+        return {
+            channel: places[each.number]
+            for channel, each in self.channels.items()
+            if each.number in places
+        }
 
 
 def _stated(column: Column) -> Told:

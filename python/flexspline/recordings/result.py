@@ -60,6 +60,8 @@ class Guess:
     unsure : sentences on what is not of one channel alone.
     numbered : whether columns go by number: a reader does not see their names.
     max_memory : what the recording may unfold to when it is read again [GB].
+    joint : that the map of all joints is guessed from, None for a map of one.
+    places : sources with ``{joint}`` in a map of all joints, by channel.
     """
 
     recording: str
@@ -72,6 +74,8 @@ class Guess:
     unsure: tuple[str, ...] = ()
     numbered: bool = False
     max_memory: float | None = None
+    joint: str | None = None
+    places: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def columns(self) -> dict[str, ColumnSource]:
@@ -80,7 +84,9 @@ class Guess:
                  *(name for name, _ in self.ignored.values())]  # fmt: skip
         return {
             channel: ColumnSource(
-                each.name if names.count(each.name) == 1 and not self.numbered else each.number,
+                self.places[channel] if channel in self.places
+                else each.name if names.count(each.name) == 1 and not self.numbered
+                else each.number,
                 each.unit, each.sign, each.scale,
             )
             for channel, each in self.channels.items()
@@ -92,7 +98,7 @@ class Guess:
         return {name: each.unsure for name, each in self.channels.items() if each.unsure}
 
     def log(self) -> Log:
-        """Read the recording with this map.
+        """Read the recording with this map; of a map of all joints, the one it is guessed from.
 
         Raises
         ------
@@ -106,6 +112,7 @@ class Guess:
             self.columns,
             facts=self.facts,
             max_memory=self.max_memory,
+            joint=self.joint,
             **self.read,
         )
 
@@ -162,7 +169,7 @@ class Guess:
         rows = [
             (
                 channel + (" ?" if each.unsure else ""),
-                printable(each.name) or f"column {each.number}",
+                printable(self.places.get(channel, each.name)) or f"column {each.number}",
                 _unit(each),
                 "" if each.sign == 1 else "−1",
                 each.reason,

@@ -5,23 +5,43 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
 from flexspline.about import __version__
 from flexspline.files import atomic_write
 from flexspline.formatting import short
+from flexspline.logs.checks.findings import EXCITED, excitation_lines
 from flexspline.plot.canvas import own_style
 from flexspline.report.html import templates
 from flexspline.schema import checked_json
 
 if TYPE_CHECKING:
-    from flexspline.logs.checks import Findings
+    from flexspline.logs.checks import Excited, Findings
     from flexspline.logs.log import Log
 
-__all__ = ["check_json", "check_verdict", "write_check_report"]
+__all__ = ["audit_text", "check_json", "check_verdict", "together", "write_check_report"]
 
+MOST_BESIDE = 12
+"""Runs that have a column each in the table of effects: as many as a wide page holds."""
 Audits = Sequence[tuple["Log", "Findings"]]
+
+
+def _sound(audits: Audits) -> list[Log]:
+    """Return the runs without any error: of the others nothing can be said of what they excite."""
+    return [log for log, found in audits if not found.errors]
+
+
+def together(
+    audits: Audits, effects: Sequence[str] = (), target: str | None = None
+) -> tuple[Excited, ...]:
+    """Return what the runs excite together; nothing where all have errors."""
+    from flexspline.logs.checks.excitation import excited_together
+
+    if len(audits) == 1:
+        return audits[0][1].excited
+    logs = _sound(audits)
+    return excited_together(logs, effects, target) if logs else ()
 
 
 def check_verdict(audits: Audits, target: str | None = None) -> str:
@@ -36,14 +56,32 @@ def check_verdict(audits: Audits, target: str | None = None) -> str:
     return f"The {count} can be fitted: no error and no fault was found."
 
 
-def check_json(audits: Audits, target: str | None = None) -> str:
-    """Return the text of `check.json`, which fits its schema; a size not known is null."""
+def audit_text(audits: Audits, excited: Sequence[Excited]) -> list[str]:
+    """Return lines: what was found of each run, and what all excite together."""
+    lines = [
+        line for _, found in audits for line in (*str(replace(found, excited=())).split("\n"), "")
+    ]
+    if not excited:
+        return lines
+    count = len(_sound(audits))
+    runs = f"the {count} runs" if count > 1 else "the run"
+    runs += " without errors" if count < len(audits) else ""
+    head = [f"what {runs} excite{'' if count > 1 else 's'}, taken together:"]
+    return [*lines, *(head if len(audits) > 1 else []), *excitation_lines(excited), ""]
+
+
+def check_json(audits: Audits, target: str | None = None, excited: Sequence[Excited] = ()) -> str:
+    """Return the text of `check.json`, which fits its schema; a size not known is null.
+
+    `excited`: what the runs excite together.
+    """
     content: dict[str, Any] = {
         "format": "flexspline-check",
         "version": 1,
         "made_by": f"flexspline {__version__}",
         "verdict": check_verdict(audits, target),
         "fit_forbidden": any(found.forbidding(target) for _, found in audits),
+        "excited": [asdict(one) for one in excited],
         "runs": [
             {
                 "name": log.name,
@@ -51,6 +89,7 @@ def check_json(audits: Audits, target: str | None = None) -> str:
                 "sha256": log.source.sha256 if log.source else None,
                 "rows": len(log),
                 "findings": [{**asdict(f), "size": _known(f.size)} for f in found],
+                "excited": [asdict(one) for one in found.excited],
             }
             for log, found in audits
         ],
@@ -60,9 +99,14 @@ def check_json(audits: Audits, target: str | None = None) -> str:
 
 @own_style()
 def write_check_report(
-    audits: Audits, path: str | os.PathLike[str], target: str | None = None
+    audits: Audits,
+    path: str | os.PathLike[str],
+    target: str | None = None,
+    excited: Sequence[Excited] = (),
 ) -> None:
     """Write a self-contained report, whole or not at all.
+
+    `excited`: what the runs excite together.
 
     Raises
     ------
@@ -90,10 +134,26 @@ def write_check_report(
             verdict=check_verdict(audits, target),
             grave=any(found.forbidding(target) or found.faults for _, found in audits),
             runs=runs,
+            effects=_effects(audits, excited),
             version=__version__,
         )
     )
     atomic_write(path, page)
+
+
+def _effects(audits: Audits, excited: Sequence[Excited]) -> list[dict[str, Any]]:
+    """Of each effect: what the runs do together, what each does, what is lacking and to do."""
+    beside = 1 < len(audits) <= MOST_BESIDE
+    by_run = [{one.effect: EXCITED[one.excited] for one in found.excited} for _, found in audits]
+    return [
+        {
+            "name": one.effect,
+            "together": EXCITED[one.excited],
+            "runs": [run.get(one.effect, "–") for run in by_run] if beside else [],
+            "said": one.said,
+        }
+        for one in excited
+    ]
 
 
 def _named(names: Sequence[str]) -> str:

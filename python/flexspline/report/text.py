@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "IDLE",
+    "SOUND",
     "TARGET_WORDS",
     "WIDEST",
     "ParameterLine",
@@ -51,6 +52,7 @@ __all__ = [
 WIDTH = 100
 WIDEST = 120  # of the table of parameters
 IDLE = "not significant"
+SOUND = "No problem was found with the fit itself."
 
 TARGET_WORDS = {
     "sensor_torque": "sensor torque",
@@ -190,7 +192,7 @@ def verdict(fit: Fit) -> Verdict:
     if fit.simulation is not None:
         good = f"{fit.simulation.verdict} {good}"
     grave, doubts = _grave(fit, share), _doubts(fit)
-    said = "No problem was found with the fit itself."
+    said = SOUND
     if grave or doubts:
         said = faults_sentence([*grave, *doubts], bool(grave))
     return Verdict(good, " ".join([said, *_zeros(fit)]), bool(grave))

@@ -13,8 +13,8 @@ from flexspline.logs.checks.consistency import (
 )
 from flexspline.logs.checks.copies import copies, copy_finding
 from flexspline.logs.checks.ends import drive_disabled, homing_move, start_transient, stuck_tail
-from flexspline.logs.checks.excitation import excitation
-from flexspline.logs.checks.findings import Finding, Findings, Severity, sorted_findings
+from flexspline.logs.checks.excitation import excitation, excited
+from flexspline.logs.checks.findings import Excited, Finding, Findings, Severity, sorted_findings
 from flexspline.logs.checks.motion import motion_of
 from flexspline.logs.checks.samples import (
     clipped,
@@ -33,7 +33,16 @@ from flexspline.logs.plausible import emptied
 from flexspline.logs.read import LogLike, as_log
 from flexspline.parallel import in_order
 
-__all__ = ["Finding", "Findings", "Gear", "Severity", "check", "check_runs", "measured_gear"]
+__all__ = [
+    "Excited",
+    "Finding",
+    "Findings",
+    "Gear",
+    "Severity",
+    "check",
+    "check_runs",
+    "measured_gear",
+]
 
 ALWAYS = (no_channels, not_finite, impossible, time_order)
 """Checks that any numbers pass through; the others see what no instrument reads as empty."""
@@ -69,7 +78,9 @@ def check(
 
     Returns
     -------
-    Findings, the worst first. Rows count from 0, as in ``log[channel][row]``.
+    Findings, the worst first. Rows count from 0, as in ``log[channel][row]``. Its `excited` says,
+    of the effects or of all that explain a target whose channels are there, whether the run
+    excites them.
 
     Raises
     ------
@@ -84,10 +95,12 @@ def check(
         motion_of(log)  # once, before several ask for it
         made = in_order(threads, lambda one: list(one(log)), CHECKS)
         found.extend(finding for some in made for finding in some)
+        broken = any(finding.severity == "error" for finding in found)
         found.extend(excitation(log, effects, target))
+        shown = () if broken else excited(log, effects, target)
     finally:
         motion_of.cache_clear()  # it would keep the log
-    return sorted_findings(log.name, found)
+    return sorted_findings(log.name, found, shown)
 
 
 def check_runs(
@@ -97,5 +110,5 @@ def check_runs(
     made = [check(log, effects=effects, target=target) for log in logs]
     for number, other in copies(logs):
         found = [*made[number], copy_finding(logs[number], logs[other])]
-        made[number] = sorted_findings(logs[number].name, found)
+        made[number] = sorted_findings(logs[number].name, found, made[number].excited)
     return made

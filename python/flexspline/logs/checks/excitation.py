@@ -1,9 +1,14 @@
-"""Whether a run contains what given effects need: channels, motion, load, temperature, rate.
+"""Whether a run contains what effects need: channels, motion, load, temperature, rate.
 
-A missing channel is an error, for the effect cannot be computed. A run that does not excite the
-effect is a note: it may be one of several runs that do together. What an effect reads and demands
-it declares itself (`effects/effect.hpp`); here is what each demand means of a log: a need looks at
-a log and its motion and returns None, or the amount found and what to record.
+Of effects that are asked for, a missing channel is an error, for the effect cannot be computed. A
+run that does not excite the effect is a note: it may be one of several runs that do together.
+`excited` says the same of every effect that explains a target, before any is chosen. It is no
+promise: what is excited a fit may still not tell from another effect, and of what is hardly excited
+a fit may find something that is another effect's.
+
+What an effect reads and demands it declares itself (`effects/effect.hpp`); here is what each demand
+means of a log: a need looks at a log and its motion and returns None, or the amount found and what
+to record.
 """
 
 from __future__ import annotations
@@ -11,15 +16,21 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexspline.effects import CATALOGUE, EffectInfo
 from flexspline.errors import InputError, did_you_mean, listed
-from flexspline.logs.checks.findings import Finding
+from flexspline.logs.checks.findings import Excited, Finding
 from flexspline.logs.checks.motion import Motion, motion_of
 from flexspline.logs.log import Log
 from flexspline.logs.quantisation import white_noise
+from flexspline.logs.splitting import ROWS_PER_UNKNOWN
 
 TARGETS = ("sensor_torque", "motor_torque", "motor_current", "torsion")
+LETTERS = {"sensor_torque": "S", "motor_torque": "M", "motor_current": "M", "torsion": "D"}
+SHORTEST_RUN = 1.0  # s, below which a run is called short
+DURATION = "duration"  # the demand that several runs do not meet together
+PAUSE = 1.0  # s between runs one behind the other: more than any gap within one
 
 POSITION, MOTOR, KNOWN = "output_position", "motor_position", "reference_torque"
 MOTION = "output_position or output_velocity"
@@ -36,7 +47,12 @@ ALWAYS = ("period", "time")
 
 Lack = tuple[float, str, str, str]
 """Size, its unit, what the run lacks, what to record."""
+OWN_LOAD = f"only with inertia or gravity beside it, for {KNOWN} is not there"
+"""What an effect of the load takes where the load is not known."""
+STATE = ("State gear_ratio.", "State pole_pairs.")
+"""What to do where a fact is not known, and so neither what a run lacks."""
 
+Array = NDArray[np.float64]
 Need = Callable[[Log, Motion | None], Lack | None]
 
 
@@ -48,12 +64,17 @@ def channels_asked(info: EffectInfo) -> tuple[str, ...]:
     """
     of_torsion = info.targets == "D"
     asked = [POSITION, MOTOR] if of_torsion else []
-    paths = {channel for channel, _ in info.paths}
-    for channel in info.reads:
-        if channel not in paths and channel not in ALWAYS:
+    for channel in channels_of_rows(info):
+        if channel not in ALWAYS:
             known = channel == "load" and (info.traits.known_load or of_torsion)
             asked.append(KNOWN if known else FROM_LOG.get(channel, channel))
     return tuple(dict.fromkeys(asked))
+
+
+def channels_of_rows(info: EffectInfo) -> list[str]:
+    """Channels that an effect reads whichever path drives it."""
+    paths = {channel for channel, _ in info.paths}
+    return [channel for channel in info.reads if channel not in paths]
 
 
 def excitation(log: Log, effects: Sequence[str], target: str | None) -> Iterator[Finding]:
@@ -63,7 +84,7 @@ def excitation(log: Log, effects: Sequence[str], target: str | None) -> Iterator
     if not effects:
         return
     motion = motion_of(_with_position(log))
-    if len(log) < 20 * (len(effects) + 1) or log.duration < 1.0:
+    if _short(log, len(effects) + 1):
         yield Finding(
             "too_short",
             "note",
@@ -77,6 +98,100 @@ def excitation(log: Log, effects: Sequence[str], target: str | None) -> Iterator
         )
     for effect in effects:
         yield from _effect(log, effect, motion)
+
+
+Lacks = dict[tuple[str, float], Lack | None]
+"""What a run lacks, by demand and amount."""
+
+
+def excited(
+    log: Log, effects: Sequence[str], target: str | None, known: Lacks | None = None
+) -> tuple[Excited, ...]:
+    """Return of each effect whether the run excites it.
+
+    Parameters
+    ----------
+    log : without any error.
+    effects : names, or none: all that explain the target.
+    target : or None: all targets whose channels are there.
+    known : what the run lacks, as far as that is known.
+    """
+    letters = {LETTERS[name] for name in ([target] if target else _targets_in(log))}
+    names = effects or [name for name, info in CATALOGUE.items() if letters & set(info.targets)]
+    motion = motion_of(_with_position(log))
+    lacks = dict(known or {})
+    return tuple(_excited(log, CATALOGUE[name], motion, lacks) for name in names)
+
+
+def excited_together(
+    logs: Sequence[Log], effects: Sequence[str] = (), target: str | None = None
+) -> tuple[Excited, ...]:
+    """Return of each effect whether several runs excite it together, with what all have.
+
+    Speeds, directions, angles, loads and temperatures are those of all runs; time is that of the
+    longest.
+
+    Parameters
+    ----------
+    logs : one or more, without any error.
+    effects, target : as for `excited`.
+    """
+    longest = max(logs, key=lambda log: log.duration)
+    amounts = {a for info in CATALOGUE.values() for d, a in info.demands if d == DURATION}
+    known = {(DURATION, amount): lasting(amount)(longest, None) for amount in amounts}
+    try:
+        return excited(_one_behind_the_other(logs), effects, target, known)
+    finally:
+        motion_of.cache_clear()  # it would keep the log
+
+
+def _one_behind_the_other(logs: Sequence[Log]) -> Log:
+    """The rows of all logs, with the channels that all have and a second between them."""
+    shared = [name for name in logs[0].channels if all(name in log for log in logs)]
+    columns = {name: np.concatenate([log[name] for log in logs]) for name in shared}
+    times, start = list[Array](), 0.0
+    for log in logs:
+        times.append(log["time"] - log["time"][0] + start)
+        start = float(times[-1][-1]) + PAUSE
+    return Log({**columns, "time": np.concatenate(times)}, logs[0].facts)
+
+
+def _targets_in(log: Log) -> list[str]:
+    """Targets whose channels are there."""
+    return [name for name in TARGETS if all(channel in log for channel in _channels_of(name))]
+
+
+def _channels_of(target: str) -> tuple[str, ...]:
+    return (POSITION, MOTOR) if target == "torsion" else (target,)
+
+
+def _excited(log: Log, info: EffectInfo, motion: Motion | None, lacks: Lacks) -> Excited:
+    """Say whether a run excites one effect; `lacks` keeps what other effects asked for too."""
+    asked = channels_asked(info)
+    missing = [channel for channel in asked if not _given(log, channel)]
+    if missing:
+        return Excited(info.name, None, f"no {listed(missing)}", "Map it when reading.")
+    if DRIVE in asked and not ("motor_torque" in log or "torque_constant" in log.facts):
+        return Excited(info.name, None, "no torque constant is stated", "State torque_constant.")
+    if _short(log, 2):
+        said = f"the run has {len(log)} rows in {log.duration:.3g} s"
+        return Excited(info.name, False, said, "Record a longer run.")
+    for demand, amount in info.demands:
+        if (demand, amount) not in lacks:
+            lacks[demand, amount] = NEEDS[demand][0](amount)(log, motion)
+        if (lack := lacks[demand, amount]) is not None:
+            return Excited(info.name, None if lack[3] in STATE else False, lack[2], lack[3])
+    own = "load" in channels_of_rows(info) and KNOWN not in log
+    return Excited(info.name, True, remedy=OWN_LOAD if own else "")
+
+
+def _given(log: Log, channel: str) -> bool:
+    """Whether a log has a channel, or one of several ("a or b")."""
+    return any(name in log for name in channel.split(" or "))
+
+
+def _short(log: Log, unknowns: int) -> bool:
+    return len(log) < ROWS_PER_UNKNOWN * unknowns or log.duration < SHORTEST_RUN
 
 
 def _with_position(log: Log) -> Log:
@@ -95,8 +210,7 @@ def _target(log: Log, target: str) -> Iterator[Finding]:
             f"'{target}' is no target{did_you_mean(target, TARGETS)}; the targets are "
             f"{listed(TARGETS)}"
         )
-    needed = ("output_position", "motor_position") if target == "torsion" else (target,)
-    for channel in needed:
+    for channel in _channels_of(target):
         if channel not in log:
             yield _missing(log, channel, f"the target {target}")
 
@@ -110,7 +224,7 @@ def _effect(log: Log, effect: str, motion: Motion | None) -> Iterator[Finding]:
     info = CATALOGUE[effect]
     channels = channels_asked(info)
     for channel in channels:
-        if not any(name in log for name in channel.split(" or ")):
+        if not _given(log, channel):
             yield _missing(log, channel, effect)
             return
     for demand, amount in info.demands:
@@ -269,10 +383,10 @@ def sampled(order_of: Callable[[Log, float], float | None]) -> Need:
             return 0.0, "rad/s", "the joint does not move", "Record a run that moves."
         ratio = log.effective_ratio
         if ratio is None:
-            return 0.0, "", "no gear ratio is stated", "State gear_ratio."
+            return 0.0, "", "no gear ratio is stated", STATE[0]
         order = order_of(log, ratio)
         if order is None:
-            return 0.0, "", "the number of pole pairs is not stated", "State pole_pairs."
+            return 0.0, "", "the number of pole pairs is not stated", STATE[1]
         fast = np.abs(motion.velocity) * order / (2 * np.pi) > 0.5 * log.rate
         share = float(np.mean(fast))
         if share < 0.1:
@@ -364,7 +478,7 @@ NEEDS: dict[str, tuple[Callable[[float], Need], str]] = {
     "resolved_order": (lambda amount: sampled(lambda _, ratio: amount * ratio), ""),
     "resolved_poles": (lambda _: sampled(teeth), ""),
     "temperature": (lambda amount: changing("temperature", amount, "°C"), "temperature"),
-    "duration": (lasting, "time"),
+    DURATION: (lasting, "time"),
     "known_load": (lambda _: LOADED, KNOWN),
     "any_load": (lambda _: own_or_known_load, ""),
     "both_torques": (lambda _: both_torques, KNOWN),

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import html
+import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Final, Literal
 
 from flexspline.errors import InputError
+from flexspline.formatting import rows_html
 
-__all__ = ["NO_TORSION", "Finding", "Findings", "Severity"]
+__all__ = ["EXCITED", "NO_TORSION", "Excited", "Finding", "Findings", "Severity"]
 
 Severity = Literal["error", "fault", "note"]
 
@@ -52,11 +54,38 @@ class Finding:
 
 
 @dataclass(frozen=True)
+class Excited:
+    """Whether a run excites an effect: whether it holds what that takes to be seen.
+
+    Attributes
+    ----------
+    effect : its name in the catalogue
+    excited : False where the run lacks something, None where it has no channel for the effect
+    lack : what the run lacks, in words; "" where it is excited
+    remedy : what to record; where it is excited, what it takes beside that, or ""
+    """
+
+    effect: str
+    excited: bool | None
+    lack: str = ""
+    remedy: str = ""
+
+    @property
+    def said(self) -> str:
+        """What is lacking and what to do, in a sentence or two."""
+        return f"{self.lack}. {self.remedy}" if self.lack else self.remedy
+
+
+@dataclass(frozen=True)
 class Findings(Sequence[Finding]):
-    """All findings about one log, the worst first. `print` makes a table of them."""
+    """All findings about one log, the worst first. `print` makes a table of them.
+
+    `excited`: of each effect, whether the run excites it; none of a run with errors.
+    """
 
     log_name: str
     items: tuple[Finding, ...] = ()
+    excited: tuple[Excited, ...] = ()
 
     def __len__(self) -> int:
         return len(self.items)
@@ -109,6 +138,9 @@ class Findings(Sequence[Finding]):
             raise InputError(f"{self.log_name}: {first.sentence} {first.remedy}".strip() + more)
 
     def __str__(self) -> str:
+        return "\n".join([self._found(), *excitation_lines(self.excited)])
+
+    def _found(self) -> str:
         if not self.items:
             return f"{self.log_name}: nothing found"
         head = ("severity", "name", "channel", "rows", "size")
@@ -122,8 +154,11 @@ class Findings(Sequence[Finding]):
         return "\n".join(lines)
 
     def _repr_html_(self) -> str:
+        return self._found_html() + excitation_html(self.excited)
+
+    def _found_html(self) -> str:
         if not self.items:
-            return f"<p>{html.escape(str(self))}</p>"
+            return f"<p>{html.escape(self._found())}</p>"
         head = ("severity", "name", "channel", "rows", "size", "what", "remedy")
         body = (
             "<tr>" + "".join(f"<td>{html.escape(c)}</td>" for c in cells) + "</tr>"
@@ -143,9 +178,54 @@ class Findings(Sequence[Finding]):
         return ", ".join(f"{n} {s}{'' if n == 1 else 's'}" for n, s in counts if n)
 
 
-def sorted_findings(log_name: str, found: Sequence[Finding]) -> Findings:
+def sorted_findings(
+    log_name: str, found: Sequence[Finding], excited: Sequence[Excited] = ()
+) -> Findings:
     """Findings with the worst first, otherwise in the order of the checks."""
-    return Findings(log_name, tuple(sorted(found, key=lambda f: ORDER.index(f.severity))))
+    worst_first = tuple(sorted(found, key=lambda f: ORDER.index(f.severity)))
+    return Findings(log_name, worst_first, tuple(excited))
+
+
+EXCITED: Final = {True: "yes", False: "hardly", None: "not known"}
+HEADS: Final = {
+    True: "excited (a fit may still not tell them apart):",
+    False: "hardly excited (what a fit finds there may be another effect's):",
+    None: "not known whether excited:",
+}
+
+
+def excitation_lines(excited: Sequence[Excited]) -> list[str]:
+    """Lines on what runs excite, and on what they hardly do and why."""
+    lines = []
+    for state, head in HEADS.items():
+        why: dict[str, list[str]] = {}
+        for one in excited:
+            if one.excited is state:
+                why.setdefault(one.said, []).append(one.effect)
+        lines += [head] if why else []
+        for said, names in why.items():
+            lines += _wrapped(": ".join([", ".join(names), *([said] if said else [])]), "  ")
+    return lines
+
+
+def excitation_html(excited: Sequence[Excited]) -> str:
+    """A table of what runs excite, "" for none."""
+    if not excited:
+        return ""
+    rows = [(one.effect, EXCITED[one.excited], one.lack, one.remedy) for one in excited]
+    head = ("effect", "excited", "what is lacking", "what to do")
+    return f"<table>{rows_html([head, *rows])}</table>"
+
+
+def _wrapped(sentence: str, indent: str = "") -> list[str]:
+    """A sentence in lines of at most 100 characters, all but the first further indented."""
+    return textwrap.wrap(
+        sentence,
+        100,
+        initial_indent=indent,
+        subsequent_indent=f"{indent}  ",
+        break_on_hyphens=False,
+    )
 
 
 def _cells(finding: Finding) -> tuple[str, str, str, str, str]:

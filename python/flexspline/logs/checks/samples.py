@@ -13,6 +13,7 @@ from flexspline.logs.log import Log
 from flexspline.logs.plausible import SHORTEST, beyond
 from flexspline.logs.quantisation import quantum, white_noise
 from flexspline.logs.segments import at_rest, median_step, repeats, true_ranges
+from flexspline.logs.splitting import GAP
 
 DROP_STEPS = 1.75
 """A step of more median steps than this has lost at least one sample."""
@@ -112,6 +113,8 @@ def time_order(log: Log) -> Iterator[Finding]:
     back, same = np.flatnonzero(steps < 0) + 1, np.flatnonzero(steps == 0) + 1
     if back.size:
         worst = float(-np.min(steps[back - 1]))
+        restart = worst > GAP * median_step(log["time"])
+        other = ", or, where several runs lie in the file, cut it by split_gaps (--split-gaps)"
         yield Finding(
             "time_not_increasing",
             "error",
@@ -121,7 +124,7 @@ def time_order(log: Log) -> Iterator[Finding]:
             "s",
             f"time runs backwards in {_rows(back.size)}, first in row {back[0]}, by up to "
             f"{worst:.4g} s.",
-            "Ask for the repair sort_time.",
+            f"Ask for the repair sort_time{other if restart else ''}.",
         )
     if same.size:
         yield Finding(
