@@ -1,0 +1,103 @@
+"""Builds the documentation: python .github/site/build.py [--out DIR]
+
+Sphinx reads a folder that is made here from what is written elsewhere already, each thing once:
+README.md by its sections, the notebooks with their outputs, the catalogue of effects with the
+comments of their headers, the help of each command, docstrings, the changelog. Only pages that have
+no other home are in `pages`. Warnings are errors. Needs `pip install '.[docs]'`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from api_pages import write_api
+from command_pages import write_commands
+from effect_pages import write_effects
+
+SITE = Path(__file__).parent
+ROOT = SITE.parents[1]
+REPOSITORY_PAGES = {
+    ".github/CHANGELOG.md": "changelog",
+    ".github/CONTRIBUTING.md": "contributing",
+    "cpp/firmware/README.md": "firmware",
+}
+SECTIONS = {
+    "Start": "start",
+    "What a run holds": "joint",
+    "Which command for which task": "tasks",
+    "Beyond the fit": "beyond",
+}
+LINK = re.compile(r"\]\(([^)#:]+)\)")
+
+
+def assemble(source: Path) -> None:
+    """Write all that Sphinx reads into a folder that is there."""
+    shutil.copytree(SITE / "pages", source, dirs_exist_ok=True)
+    shutil.copytree(SITE / "static", source / "_static")
+    for name in ("conf.py", "../REFERENCES.bib", "../CITATION.cff", "../figure.svg"):
+        shutil.copy(SITE / name, source / Path(name).name)
+    (source / "notebooks").mkdir()
+    for path in (ROOT / "notebooks").glob("*.ipynb"):
+        text = path.read_text(encoding="utf-8")
+        (source / "notebooks" / path.name).write_text(_relinked(text, ".."), encoding="utf-8")
+    for file, page in REPOSITORY_PAGES.items():
+        text = (ROOT / file).read_text(encoding="utf-8")
+        (source / f"{page}.md").write_text(_relinked(text, "."), encoding="utf-8")
+    _write_sections(source)
+    write_effects(source / "effects")
+    write_commands(source / "commands")
+    write_api(source / "api")
+
+
+def _write_sections(source: Path) -> None:
+    """README's sections, a page each; what stands before them goes on the first page."""
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    first, *parts = re.split(r"^## ", readme, flags=re.MULTILINE)
+    opening = first.split("\n", 2)[2].replace(".github/figure.svg", "figure.svg")
+    index = source / "index.md"
+    index.write_text(index.read_text(encoding="utf-8").replace("OPENING", opening.strip()))
+    by_title = dict(part.split("\n", 1) for part in parts)
+    for title, page in SECTIONS.items():
+        text = re.sub(r"^<!--.*-->\n", "", by_title[title], flags=re.MULTILINE)
+        (source / f"{page}.md").write_text(f"# {title}\n{_relinked(text, '.')}", encoding="utf-8")
+
+
+def _relinked(text: str, up: str) -> str:
+    """Turn links between files of the repository into links between pages."""
+
+    def page(found: re.Match[str]) -> str:
+        for file, name in REPOSITORY_PAGES.items():
+            if found[1].endswith(file.removeprefix("cpp/")):
+                return f"]({up}/{name}.md)"
+        if found[1].endswith("REFERENCES.bib"):
+            return f"]({up}/references.md)"
+        if found[1].endswith(".ipynb"):
+            return f"]({up}/notebooks/{Path(found[1]).name})"
+        return found[0]
+
+    return LINK.sub(page, text)
+
+
+def main() -> int:
+    """Build the pages and return Sphinx's exit code."""
+    asked = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    asked.add_argument("--out", type=Path, default=ROOT / "build" / "site")
+    out = asked.parse_args().out.resolve()
+    with tempfile.TemporaryDirectory() as folder:
+        source = Path(folder)
+        assemble(source)
+        shutil.rmtree(out, ignore_errors=True)
+        call = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-b", "html"]
+        return subprocess.run([*call, folder, str(out), "-d", f"{folder}/_trees"]).returncode
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,171 @@
+"""A page for each effect of the catalogue: formula, picture, signature, source, cost on a device.
+
+Formula and edges are the comment on top of the effect's header in C++; the picture is drawn by the
+core. Nothing of an effect is written here.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+from effect_pictures import picture_of
+
+from flexspline.effects import CATALOGUE, EffectInfo
+
+ROOT = Path(__file__).parents[2]
+HEADERS = ROOT / "cpp/include/flexspline/effects"
+COSTS = Path(__file__).parent / "device_cost.json"
+TARGETS = {"S": "sensor torque", "M": "drive torque", "D": "torsion"}
+KEY = re.compile(r"\[([A-Z][A-Za-z-]*\d{4})\]")
+SLUG = re.compile(r"\b(zhang_disturbance_elimination|turlapati_intrinsic_dynamics"
+                  r"|full_range_torque_estimation)\b")  # fmt: skip
+DEMANDS = {
+    "both_directions": "motion in both directions",
+    "speed_ratio": "speeds that differ by a factor of {:g}",
+    "low_speeds": "rows at less than a fifth of the top speed",
+    "acceleration": "an acceleration well above its noise",
+    "turn": "{:g} of a turn of the output",
+    "resolved_order": "a rate that resolves {:g} periods per turn of the motor",
+    "resolved_poles": "a rate that resolves a period per pole pair of the motor",
+    "temperature": "a temperature that changes by {:g} K",
+    "duration": "a run of {:g} s",
+    "known_load": "a known load that changes",
+    "any_load": "a load that changes: a known one, or the joint's own mass that moves",
+    "both_torques": "a load of both signs",
+    "there_and_back": "a load that rises and falls",
+    "motor_torque": "a drive torque that changes",
+}
+
+
+def comment_of(name: str) -> list[str]:
+    """Return the lines of the comment on top of an effect's struct, without the slashes."""
+    struct = "".join(word.capitalize() for word in name.split("_"))
+    lines = (HEADERS / f"{name}.hpp").read_text(encoding="utf-8").splitlines()
+    at = next(k for k, line in enumerate(lines) if re.match(rf"struct {struct}\b", line)) - 1
+    block: list[str] = []
+    for line in reversed(lines[:at]):
+        if not line.startswith("///"):
+            break
+        block.insert(0, line.removeprefix("///").removeprefix(" "))
+    return block
+
+
+def formula_and_words(block: list[str]) -> tuple[list[str], str, str]:
+    """Return the indented lines, the sentences around them, and the source."""
+    formula = [line.strip() for line in block if line.startswith("  ")]
+    words = "\n".join("" if line.startswith("  ") else line for line in block)
+    text, _, source = words.partition("Source:")
+    return formula, cited(re.sub(r"\n{3,}", "\n\n", text).strip()), cited(" ".join(source.split()))
+
+
+def cited(text: str) -> str:
+    """Turn keys of the bibliography into citations, and escape what Markdown would take."""
+    text = re.sub(r"([*_|<])", r"\\\1", text)
+    text = KEY.sub(r"{cite:t}`\1`", text)
+    unescaped = SLUG.pattern.replace("_", r"\\_")
+    return re.sub(unescaped, lambda m: f"{{cite:t}}`{m[1]}`".replace("\\", ""), text)
+
+
+def _terms(info: EffectInfo) -> str:
+    rows = ["| parameter | unit | what it is |", "|---|---|---|"]
+    rows += [f"| `{term.name}` | {term.unit} | coefficient, fitted |" for term in info.terms]
+    for shape in info.shapes:
+        fitted = "searched by the fit" if shape.fitted else "given"
+        rows.append(
+            f"| `{shape.name}` | {shape.unit} | shape, {fitted}: {shape.lower:g} to "
+            f"{shape.upper:g}, {shape.default:g} where nothing is said |"
+        )
+    return "\n".join(rows)
+
+
+def _signature(info: EffectInfo) -> str:
+    depends = ", ".join(f"`{channel}`" for channel in info.reads) or "nothing: it is constant"
+    lines = [f"- {info.signature[0].upper()}{info.signature[1:]}.", f"- It depends on {depends}."]
+    if info.pairs:
+        pairs = ", ".join(pair.replace("_", " ") for pair in info.pairs)
+        lines.append(f"- It turns with {pairs}: a peak at an order of that angle.")
+    if info.remembers:
+        lines.append("- It remembers: its torque depends on the rows before.")
+    if info.reversal:
+        lines.append(f"- At a reversal: {info.reversal}.")
+    wanted = [DEMANDS[demand].format(amount) for demand, amount in info.demands]
+    if wanted:
+        lines.append(f"- A run shows it with {', and with '.join(wanted)}.")
+    if info.combines:
+        names = " and ".join(f"[{name}]({name}.md)" for name in info.combines)
+        lines.append(f"- It has the columns of {names} together, and is not sought beside them.")
+    return "\n".join(lines)
+
+
+def _cost(name: str, costs: dict[str, object]) -> str:
+    measured = costs["instructions_per_step"]
+    assert isinstance(measured, dict)
+    if name not in measured:
+        return f"Not measured yet: `{costs['command']}`."
+    return (
+        f"A model of this effect alone takes **{measured[name]:.0f} instructions** a step on "
+        f"{costs['device']} in single precision, all that a step does included "
+        f"(`{costs['command']}`; ripple with three orders of each pair)."
+    )
+
+
+def _page(info: EffectInfo, costs: dict[str, object]) -> str:
+    formula, words, source = formula_and_words(comment_of(info.name))
+    first, _, rest = words.partition("\n\n")
+    targets = ", ".join(TARGETS[letter] for letter in info.targets)
+    shown = "\n".join(formula)
+    return f"""# {info.name}
+
+{first}
+
+*Acts on:* {targets}.
+
+```{{code-block}} text
+:class: formula
+
+{shown}
+```
+
+{rest}
+
+{_terms(info)}
+
+```{{image}} {info.name}.svg
+:alt: {info.name} over {picture_of.axis(info)}
+:class: effect
+```
+
+## In the residual
+
+{_signature(info)}
+
+## Source
+
+{source}
+
+## On the device
+
+{_cost(info.name, costs)}
+"""
+
+
+def write_effects(folder: Path) -> None:
+    """Write the pages, their pictures, and the list of all effects."""
+    folder.mkdir()
+    costs = json.loads(COSTS.read_text(encoding="utf-8"))
+    rows = []
+    for name, info in CATALOGUE.items():
+        picture_of(info, folder / f"{name}.svg")
+        (folder / f"{name}.md").write_text(_page(info, costs), encoding="utf-8")
+        rows.append(f"| [{name}]({name}.md) | {' '.join(info.targets)} | {info.signature} |")
+    names = "\n".join(CATALOGUE)
+    table = "\n".join(rows)
+    (folder / "index.md").write_text(
+        "# Effects\n\nOne name, one physical cause. S: it acts on the sensor torque; M: on the "
+        "drive's torque; D: on the torsion of the gear.\n\n"
+        f"| effect | acts on | how it shows |\n|---|---|---|\n{table}\n\n"
+        f"```{{toctree}}\n:hidden:\n\n{names}\n```\n",
+        encoding="utf-8",
+    )
