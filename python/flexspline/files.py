@@ -31,6 +31,7 @@ __all__ = [
     "file_to_write",
     "folder_to_write",
     "refuse_special",
+    "remove_file",
     "require_there",
     "save_table",
     "whole_folder",
@@ -80,6 +81,11 @@ class Writing:
             raise InputError(
                 f"{target}: is there already; give another name, or leave --no-overwrite out"
             )
+
+    def removes(self, target: Path) -> None:
+        """Note that a file is about to go, and keep it by another name."""
+        if self.keep:
+            self.kept.append(_kept(target))
 
     def replaces(self, draft: Path, target: Path) -> None:
         """Note that a file is about to be written, and keep what is there by another name."""
@@ -148,6 +154,14 @@ def atomic_writer(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
             raise _no_room(target, error) from error
         raise
     _sync_folder(target.parent)
+
+
+def remove_file(path: str | os.PathLike[str]) -> None:
+    """Remove a file that an earlier call wrote and this one does not, if it is there."""
+    target = Path(path)
+    if target.is_file():
+        Writing.current().removes(target)
+        target.unlink()
 
 
 def file_to_write(path: str | os.PathLike[str]) -> Path:

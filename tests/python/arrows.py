@@ -12,6 +12,7 @@ from __future__ import annotations
 import ast
 import re
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -37,13 +38,19 @@ def modules_of(package: Path) -> dict[str, Path]:
     return found
 
 
+@cache
+def nodes_of(code: str) -> tuple[ast.AST, ...]:
+    """All nodes of a module's code, which several tests look at."""
+    return tuple(ast.walk(ast.parse(code)))
+
+
 def arrows_of(modules: dict[str, Path]) -> list[Arrow]:
     """Every arrow between modules, each once."""
     found = {}
     for module, file in modules.items():
-        tree = ast.parse(file.read_text(encoding="utf-8"))
+        nodes = nodes_of(file.read_text(encoding="utf-8"))
         inside = module if file.stem == "__init__" else module.rpartition(".")[0]
-        for line, name in _named(tree, module, inside, modules):
+        for line, name in _named(nodes, module, inside, modules):
             while name and name != UNKNOWN and name not in modules:
                 name = name.rpartition(".")[0]  # of a name in a module, the module
             if name and name != module:
@@ -52,12 +59,12 @@ def arrows_of(modules: dict[str, Path]) -> list[Arrow]:
 
 
 def _named(
-    tree: ast.Module, module: str, inside: str, modules: dict[str, Path]
+    nodes: tuple[ast.AST, ...], module: str, inside: str, modules: dict[str, Path]
 ) -> Iterator[tuple[int, str]]:
     """Line and dotted name of all that a module of the package `inside` asks for."""
     known = {"__name__": module, "__package__": inside}
-    prose = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
-    for node in ast.walk(tree):
+    prose = {id(node.value) for node in nodes if isinstance(node, ast.Expr)}
+    for node in nodes:
         if isinstance(node, ast.Import):
             yield from ((node.lineno, alias.name) for alias in node.names)
             yield from ((node.lineno, a.name.split(".")[0]) for a in node.names if not a.asname)

@@ -6,6 +6,7 @@ from functools import cache
 from pathlib import Path
 
 from click.testing import CliRunner, Result
+from undrawn import undrawn
 
 from flexspline.cli import commands
 from flexspline.logs.read import write_log
@@ -33,10 +34,11 @@ def write_runs(folder: Path) -> list[Path]:
 
 
 def fitted(folder: Path, runs: list[Path], *more: object) -> Path:
-    """Fit the runs by the command line and return the folder that it wrote."""
+    """Fit the runs by the command line and return the folder that it wrote, figures undrawn."""
     out = folder / "joint"
-    result = call(
-        "fit", *runs, "--target", "sensor_torque", "--effects", EFFECTS, "--out", out, *more
-    )
+    with undrawn():
+        result = call(
+            "fit", *runs, "--target", "sensor_torque", "--effects", EFFECTS, "--out", out, *more
+        )
     assert result.exit_code == 0, result.stderr
     return out

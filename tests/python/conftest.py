@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 # a process of tests for each processor: threads of BLAS besides would wait for each other
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+import demo_run
 import measured
 import pytest
+from demo_run import Demo
+from undrawn import undrawn
 
 
 @pytest.fixture(scope="session")
@@ -22,6 +26,18 @@ def data_folder() -> Path:
             pytest.fail(sentence)
         pytest.skip(sentence)
     return folder
+
+
+@pytest.fixture(name="undrawn")
+def _undrawn() -> Iterator[None]:
+    """No figure of a report is drawn, see `undrawn.py`."""
+    with undrawn():
+        yield
+
+
+@pytest.fixture(scope="session")
+def demo(tmp_path_factory: pytest.TempPathFactory) -> Demo:
+    return demo_run.once(tmp_path_factory)
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:

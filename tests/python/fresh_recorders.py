@@ -8,8 +8,6 @@ no form is copied from a program's documentation. Not part of the package.
 from __future__ import annotations
 
 import io
-from collections.abc import Callable
-from functools import cache
 
 import h5py
 import numpy as np
@@ -20,7 +18,7 @@ from recorders import (
     RPM,
     Column,
     File,
-    Recorder,
+    Recorders,
     _channel,
     _commas,
     _file,
@@ -38,15 +36,7 @@ from scipy.io import savemat
 
 NO_UNIT = "its unit is stated nowhere"
 
-_made: list[Recorder] = []
-
-
-def _recorder(hard: str) -> Callable[[Callable[[], File]], Callable[[], File]]:
-    def keep(make: Callable[[], File]) -> Callable[[], File]:
-        _made.append(Recorder(make.__name__, "", hard, cache(make)))
-        return make
-
-    return keep
+_recorder = Recorders()
 
 
 # tools of drives
@@ -413,5 +403,5 @@ def chinese_test_stand() -> File:
     )
 
 
-FRESH_RECORDERS = tuple(_made)
+FRESH_RECORDERS = tuple(_recorder)
 """Twelve recorders, one file each."""

@@ -7,8 +7,7 @@ written. Not part of the package.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
-from functools import cache
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pandas as pd
@@ -19,7 +18,7 @@ from recorders import (
     Array,
     Column,
     File,
-    Recorder,
+    Recorders,
     _channel,
     _commas,
     _file,
@@ -35,15 +34,7 @@ from recorders import (
 
 WHERE = "a temperature: of the motor, the joint or the room is not said"
 
-_made: list[Recorder] = []
-
-
-def _recorder(source: str, hard: str) -> Callable[[Callable[[], File]], Callable[[], File]]:
-    def keep(make: Callable[[], File]) -> Callable[[], File]:
-        _made.append(Recorder(make.__name__, source, hard, cache(make)))
-        return make
-
-    return keep
+_recorder = Recorders()
 
 
 def _rows(run: Mapping[str, Array], keep: Array | slice) -> dict[str, Array]:
@@ -731,5 +722,5 @@ def polish_drive() -> File:
     )
 
 
-MORE_RECORDERS = tuple(_made)
+MORE_RECORDERS = tuple(_recorder)
 """Fifteen recorders, one file each."""

@@ -235,15 +235,21 @@ class Recorder:
         return float(np.nanmax(np.abs(apart)))
 
 
-_made: list[Recorder] = []
+class Recorders(list[Recorder]):
+    """Recorders in the order in which they are defined: called, it decorates the next one."""
+
+    def __call__(self, *said: str) -> Callable[[Callable[[], File]], Callable[[], File]]:
+        """Take in what makes a file: where its format is stated, if that is; what is hard in it."""
+        *source, hard = said
+
+        def keep(make: Callable[[], File]) -> Callable[[], File]:
+            self.append(Recorder(make.__name__, source[0] if source else "", hard, cache(make)))
+            return make
+
+        return keep
 
 
-def _recorder(source: str, hard: str) -> Callable[[Callable[[], File]], Callable[[], File]]:
-    def keep(make: Callable[[], File]) -> Callable[[], File]:
-        _made.append(Recorder(make.__name__, source, hard, cache(make)))
-        return make
-
-    return keep
+_recorder = Recorders()
 
 
 # columns of text
@@ -1578,5 +1584,5 @@ def numpy_structured() -> File:
     )
 
 
-RECORDERS = tuple(_made)
+RECORDERS = tuple(_recorder)
 """Thirty recorders, one file each."""

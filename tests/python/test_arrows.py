@@ -10,7 +10,7 @@ import importlib
 from pathlib import Path
 
 import pytest
-from arrows import cycles_of, faults_of
+from arrows import cycles_of, faults_of, nodes_of
 
 import flexspline
 from flexspline.effects import CATALOGUE
@@ -95,7 +95,7 @@ def named_effects(package: Path) -> list[str]:
     for file in sorted(package.rglob("*.py")):
         room = file.relative_to(package).parts[0].removesuffix(".py")
         if room not in KNOW_EFFECTS:
-            for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            for node in nodes_of(file.read_text(encoding="utf-8")):
                 value = node.value if isinstance(node, ast.Constant) else None
                 if value in CATALOGUE and value not in OTHER_THINGS.get(room, ()):
                     found.append(f"{file.relative_to(package)}:{node.lineno} names {value}")
@@ -211,7 +211,7 @@ def test_a_room_that_has_no_layer_and_one_that_is_no_more_are_told(planted: Path
 def test_results_ask_for_all_that_the_table_has_and_for_nothing_else() -> None:
     asked = set()
     for file in PACKAGE.rglob("*.py"):
-        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        for node in nodes_of(file.read_text(encoding="utf-8")):
             if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "render":
                 asked.add(tuple(ast.literal_eval(word) for word in node.args[:2]))
     assert asked == set(RENDERERS)

@@ -7,6 +7,7 @@ and never asks for more memory than the file is worth.
 from __future__ import annotations
 
 import bz2
+import errno
 import gzip
 import io
 import json
@@ -172,8 +173,8 @@ def test_a_target_that_no_instrument_resolves_is_refused(
         (("--torque-constant", "1e308"), "torque_constant is 1e+308"),
         (("--pole-pairs", "1" + "0" * 400), "pole_pairs is 1000"),
         (("--slots", "9" * 5000), "--slots"),
-        (("--repair", "resample=1e12"), "GB of memory"),
-        (("--repair", "resample=1e308"), "GB of memory"),
+        (("--repair", "resample=1e12"), "GB may be taken; give a lower rate"),
+        (("--repair", "resample=1e308"), "GB may be taken; give a lower rate"),
         (("--repair", "resample=1e-300"), "does not suit"),
         (("--max-memory", "0"), "above zero"),
     ],
@@ -382,8 +383,9 @@ def test_nothing_unfolds_beyond_the_memory_that_it_may_take(tmp_path: Path) -> N
     for path in files:
         assert path.stat().st_size < 100_000
         assert "--max-memory" in refused(path, max_memory=0.01), path
-    result = call("check", files[0], "--max-memory", "0.01")
-    assert result.exit_code == 2 and "GB of memory" in result.stderr
+    for command in ("check", "init"):
+        result = call(command, files[0], "--max-memory", "0.01")
+        assert result.exit_code == 2 and "GB of memory" in result.stderr
 
 
 def array_head(shape: tuple[Any, ...], kind: str = "<f8") -> bytes:
@@ -444,11 +446,35 @@ def test_a_file_of_hdf5_reads_no_other_file_of_the_machine(tmp_path: Path) -> No
         assert "time'" in refused(path)
 
 
-def test_a_group_of_hdf5_that_holds_itself_is_refused(tmp_path: Path) -> None:
+def test_a_group_of_hdf5_that_holds_itself_is_read_once(tmp_path: Path) -> None:
     with h5py.File(tmp_path / "run.h5", "w") as file:
-        group = file.create_group("loop")
+        group = file.create_group("run")
         group["again"] = group
-    refused(tmp_path / "run.h5")
+        group["time"], group["output_position"] = np.arange(10.0), np.ones(10)
+    assert read_log(tmp_path / "run.h5").channels == ("time", "output_position")
+
+
+def test_the_memory_that_hdf5_may_take_is_that_of_all_its_datasets(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "run.h5", "w") as file:
+        for name in ("time", "output_position", "output_velocity"):
+            file.create_dataset(name, data=np.arange(100_000.0), compression="gzip")
+    assert "--max-memory" in refused(tmp_path / "run.h5", max_memory=0.002)  # one takes 0.0008
+    assert len(read_log(tmp_path / "run.h5", max_memory=0.003)) == 100_000
+
+
+def test_a_read_that_fails_midway_names_its_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "run.csv").write_bytes(BYTES)
+
+    def fail(path: Path) -> bytes:
+        raise OSError(errno.EIO, "Input/output error")
+
+    monkeypatch.setattr(Path, "read_bytes", fail)
+    for command in ("check", "init"):
+        result = call(command, tmp_path / "run.csv")
+        assert result.exit_code == 2
+        assert f"{tmp_path / 'run.csv'}: cannot be read (Input/output error)" in result.stderr
 
 
 @pytest.mark.parametrize(

@@ -36,6 +36,7 @@ def test_calibrate_leaves_model_and_report_and_nothing_else(
     assert Model.load(out / "model.json").estimators == made.model.estimators
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_estimate_runs_with_what_calibrate_leaves(tmp_path: Path, runs: list[Path]) -> None:
     out = tmp_path / "sensor"
     assert call("calibrate", *runs, "--out", out).exit_code == 0
@@ -45,6 +46,7 @@ def test_estimate_runs_with_what_calibrate_leaves(tmp_path: Path, runs: list[Pat
     assert np.sqrt(np.mean((read - log["reference_torque"]) ** 2)) < 0.3
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_options_reach_the_calibration(tmp_path: Path, runs: list[Path]) -> None:
     out = tmp_path / "sensor"
     result = call(

@@ -54,6 +54,14 @@ def test_an_error_ends_with_three_and_names_run_row_and_repair(tmp_path: Path) -
                 "--out", tmp_path / "joint").exit_code == 2  # fmt: skip
 
 
+def test_a_run_of_time_alone_is_not_said_to_be_fit_for_a_fit(tmp_path: Path) -> None:
+    path = written(tmp_path, fx.Log.from_arrays(time=np.arange(100.0) / 100.0), "clock.csv")
+    made = call("check", path)
+    assert made.exit_code == 3
+    assert "no channel but time is there" in made.stdout
+    assert "can be fitted" not in made.stdout
+
+
 def test_a_fault_ends_with_zero_but_is_no_clean_bill(tmp_path: Path) -> None:
     result = call("check", written(tmp_path, late(sound_log(SEED)), "run1"))
     assert result.exit_code == 0

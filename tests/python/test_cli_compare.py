@@ -55,6 +55,7 @@ def test_compare_leaves_numbers_and_report_and_nothing_else(
     assert all(len(run["sha256"]) == 64 for run in content["runs"])
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_overall_error_is_that_of_predict(tmp_path: Path, places: dict[str, Path]) -> None:
     assert call("compare", places["run1"], "--model", places["model"], "--out",
                 tmp_path / "where").exit_code == 0  # fmt: skip
@@ -63,6 +64,7 @@ def test_the_overall_error_is_that_of_predict(tmp_path: Path, places: dict[str, 
     assert f"RMSE {content['overall']['rmse']:.4g} Nm" in said.stdout
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_low_pass_reaches_the_comparison(tmp_path: Path, places: dict[str, Path]) -> None:
     result = call("compare", places["run1"], "--model", places["model"], "--lowpass", 5,
                   "--out", tmp_path / "where")  # fmt: skip

@@ -30,13 +30,16 @@ def fit_arguments(runs: list[Path], out: Path) -> list[object]:
 
 
 def test_fit_leaves_model_and_report_and_nothing_else(tmp_path: Path, runs: list[Path]) -> None:
-    out = fitted(tmp_path, runs)
+    out = tmp_path / "joint"
+    result = call(*fit_arguments(runs, out))
+    assert result.exit_code == 0, result.stderr
     assert sorted(path.name for path in out.iterdir()) == ["model.json", "report.html"]
     assert list(tmp_path.iterdir()) == [out]
     report = (out / "report.html").read_text(encoding="utf-8")
     assert report.lstrip().lower().startswith("<!doctype")
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_fit_prints_the_verdict_on_stdout_alone(tmp_path: Path, runs: list[Path]) -> None:
     result = call(*fit_arguments(runs, tmp_path / "joint"))
     expected = flexspline.fit(
@@ -63,6 +66,7 @@ def test_what_fit_leaves_out_predict_reproduces_to_the_last_bit(
         np.testing.assert_allclose(table["residual"], run.residual, rtol=0, atol=1e-12)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_no_effect_at_all_is_a_fit(tmp_path: Path, runs: list[Path]) -> None:
     result = call(
         "fit", *runs, "--target", "sensor_torque", "--effects", "none", "--out", tmp_path / "n"
@@ -71,6 +75,7 @@ def test_no_effect_at_all_is_a_fit(tmp_path: Path, runs: list[Path]) -> None:
     assert Model.load(tmp_path / "n" / "model.json").part().effects == ()
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_orders_fixed_values_bounds_and_priors_reach_the_model(
     tmp_path: Path, runs: list[Path]
 ) -> None:
@@ -95,6 +100,7 @@ def test_options_overrule_the_facts_of_the_file(tmp_path: Path, runs: list[Path]
     assert (facts["output_spline"], facts["pole_pairs"]) == ("flex", 10)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_into_keeps_the_other_part_and_adds_this_one(tmp_path: Path, runs: list[Path]) -> None:
     sensor = fitted(tmp_path, runs) / "model.json"
     driven = []

@@ -177,6 +177,7 @@ def test_convert_turns_a_foreign_table_into_a_run(tmp_path: Path) -> None:
     assert log.facts["gear_ratio"] == 50
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_fit_reads_a_foreign_file_by_a_map(tmp_path: Path) -> None:
     log = small_rig().logs[0]
     table = pandas.DataFrame({"q": np.rad2deg(log["output_position"]), "tau": log["sensor_torque"]})

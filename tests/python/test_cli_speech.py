@@ -10,7 +10,9 @@ from cli_calls import EFFECTS, call, fitted, write_runs
 from click.testing import Result
 
 from flexspline.cli import commands
-from flexspline.files import Writing, atomic_write, whole_folder, writing
+from flexspline.files import Writing, atomic_write, remove_file, whole_folder, writing
+
+pytestmark = pytest.mark.usefixtures("undrawn")
 
 
 @pytest.fixture(scope="module")
@@ -189,6 +191,17 @@ def test_what_is_written_counts_where_it_ends_and_not_in_a_draft(tmp_path: Path)
         atomic_write(draft / "a", "2")
     assert record.kept == [tmp_path / "new" / "a.previous"]
     assert Writing.current().written == []
+
+
+def test_a_file_of_an_earlier_call_that_goes_is_kept_like_one_that_is_replaced(
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "plan.csv").write_text("mine")
+    with writing() as record:
+        remove_file(tmp_path / "plan.csv")
+        remove_file(tmp_path / "none.csv")
+    assert record.kept == [tmp_path / "plan.csv.previous"]
+    assert [path.read_text() for path in tmp_path.iterdir()] == ["mine"]
 
 
 @pytest.mark.parametrize("name", list(commands.commands))

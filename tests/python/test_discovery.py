@@ -143,6 +143,7 @@ def test_what_is_left_is_never_called_a_noise_floor(hidden: str) -> None:
     assert content["noise_floor_method"].startswith("what is left")
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_what_is_unexplained_and_too_small_to_matter_changes_no_headline(
     tmp_path: Path,
 ) -> None:

@@ -98,6 +98,7 @@ def test_a_wrong_call_is_one_sentence_and_leaves_nothing(
     assert not out.exists()
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_parameter_that_is_fixed_on_the_command_line_is_fixed_in_the_model(
     tmp_path: Path,
 ) -> None:
@@ -109,6 +110,7 @@ def test_a_parameter_that_is_fixed_on_the_command_line_is_fixed_in_the_model(
     assert fixed == {"inertia.inertia": 0.0195, "direction_width": 0.05}
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_an_excluded_effect_is_not_named(tmp_path: Path) -> None:
     out = tmp_path / "found"
     excluded = ["--exclude", "motor_crosstalk, gravity"]

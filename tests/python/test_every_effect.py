@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,7 @@ from flexspline.logs.log import Log
 BASE = ["offset", "viscous_friction"]
 
 
+@cache
 def rich_log(without: tuple[str, ...] = ()) -> Log:
     """A run with every channel but those."""
     c = rich_run(5)
@@ -108,6 +110,7 @@ def test_a_current_without_a_torque_constant_is_no_torque_and_the_sentence_says_
     assert "motor_torque" in made.part.record["validity"]
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("target", ["sensor_torque", "motor_torque", "motor_current", "torsion"])
 @pytest.mark.parametrize("half", [0, 1])
 def test_a_report_holds_the_effects_of_a_target(target: str, half: int, tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from arrows import nodes_of
 
 import flexspline
 from flexspline.errors import InputError
@@ -173,7 +174,7 @@ def test_nothing_of_ours_writes_a_file_in_place() -> None:
     drafts = {"certification/program.py", "demo.py"}
     found = set()
     for file in sorted(package.rglob("*.py")):
-        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        for node in nodes_of(file.read_text(encoding="utf-8")):
             called = node.func if isinstance(node, ast.Call) else None
             method = called.attr if isinstance(called, ast.Attribute) else ""
             opens = isinstance(called, ast.Name) and called.id == "open"

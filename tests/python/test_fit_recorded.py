@@ -188,6 +188,7 @@ def test_a_velocity_that_is_late_does_not_make_the_motion(late: float, source: s
     assert {way.source for way in ways if way.channel == "output_acceleration"} == {source}
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_command_line_takes_a_bandwidth_or_none(tmp_path: Path) -> None:
     write_log(late_runs()[0], tmp_path / "run.csv")
     start = ("fit", tmp_path / "run.csv", "--target", TARGET, "--known-load", LOAD)

@@ -16,6 +16,8 @@ from flexspline import InputError, Log, Model
 from flexspline.exporting import export
 from flexspline.simulator import late, take
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 ROWS = 3000
 LEAK = 0.05
 SAMPLE = 1.0 / 200.0

@@ -297,6 +297,19 @@ def test_the_command_line_reads_these_too(tmp_path: Path) -> None:
     assert read_log(tmp_path / "run.csv")["sensor_torque"].tolist() == [0.002, 0.004, 0.006]
 
 
+def test_an_option_overrules_the_map_also_where_it_says_no_or_none(tmp_path: Path) -> None:
+    (tmp_path / "run.txt").write_text("t;w\n0;1\n1;2\n2;3\n")
+    (tmp_path / "map.toml").write_text(
+        '[read]\nskip_lines = 1\nunits_row = true\n[columns]\ntime = "t"\noutput_velocity = "w"\n'
+    )
+    made = call(
+        "convert", str(tmp_path / "run.txt"), "--columns", str(tmp_path / "map.toml"),
+        "--out", str(tmp_path / "run.csv"), "--skip-lines", "0", "--no-units-row",
+    )  # fmt: skip
+    assert made.exit_code == 0, made.stderr
+    assert read_log(tmp_path / "run.csv")["output_velocity"].tolist() == [1.0, 2.0, 3.0]
+
+
 @pytest.mark.parametrize("lines", [9, 10])
 def test_more_lines_to_skip_than_there_are_is_one_sentence(tmp_path: Path, lines: int) -> None:
     (tmp_path / "run.txt").write_text(TEXT)

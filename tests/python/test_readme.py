@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -11,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from demo_run import Demo
 
 from flexspline.cli import commands
 from flexspline.logs.channels import CHANNELS
@@ -24,10 +26,10 @@ LINKS = re.findall(r"\]\(([^)#:]+)\)", README)
 
 
 @pytest.fixture(scope="module")
-def after_the_demo(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def after_the_demo(demo: Demo, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """An empty folder after README's first command."""
     folder = tmp_path_factory.mktemp("readme")
-    run(["demo", "--out", str(folder / "flexspline-demo")])
+    shutil.copytree(demo.out, folder / "flexspline-demo")
     return folder
 
 

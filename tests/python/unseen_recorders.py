@@ -9,8 +9,6 @@ of the package.
 from __future__ import annotations
 
 import io
-from collections.abc import Callable
-from functools import cache
 
 import h5py
 import numpy as np
@@ -21,7 +19,7 @@ from recorders import (
     RPM,
     Column,
     File,
-    Recorder,
+    Recorders,
     _channel,
     _commas,
     _file,
@@ -40,15 +38,7 @@ from scipy.io import savemat
 NO_UNIT = "its unit is stated nowhere"
 OWN_OR_BESIDE = "a torque at the output, of the joint's sensor or of another"
 
-_made: list[Recorder] = []
-
-
-def _recorder(hard: str) -> Callable[[Callable[[], File]], Callable[[], File]]:
-    def keep(make: Callable[[], File]) -> Callable[[], File]:
-        _made.append(Recorder(make.__name__, "", hard, cache(make)))
-        return make
-
-    return keep
+_recorder = Recorders()
 
 
 # English
@@ -464,5 +454,5 @@ def sensor_bench() -> File:
     )
 
 
-UNSEEN_RECORDERS = tuple(_made)
+UNSEEN_RECORDERS = tuple(_recorder)
 """Twelve recorders, one file each."""

@@ -39,7 +39,7 @@ from flexspline.cli.options import (
 from flexspline.cli.speech import found, say
 from flexspline.errors import InputError
 from flexspline.experiment.limits import parsed_limits
-from flexspline.files import atomic_write, whole_folder
+from flexspline.files import atomic_write, remove_file, whole_folder
 
 __all__ = [
     "compare",
@@ -278,7 +278,7 @@ def discover(
         atomic_write(draft / "discovery.json", made.to_json())
         verdict = str(made)
     if made.plan is None:  # of an earlier discovery
-        (Path(out) / NEXT).unlink(missing_ok=True)
+        remove_file(Path(out) / NEXT)
     found(json.loads(made.to_json()))
     files = f"model.json, discovery.json{f', {NEXT}' if made.plan else ''} and report.html"
     say(f"{verdict}\n\nwrote {files} to {Path(out)}")

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from flexspline.cli.options import FILE, Taught, channels, positive, refuse_overwriting
+from flexspline.cli.options import FILE, MAX_MEMORY, Taught, channels, positive, refuse_overwriting
 from flexspline.cli.speech import found, say
 from flexspline.errors import InputError, printable
 from flexspline.files import atomic_writer
@@ -26,7 +26,10 @@ __all__ = ["init"]
 )
 @click.option("--joint", metavar="NAME", help="Which joint, as the columns of several call it.")
 @click.option("--rate", type=positive, metavar="HZ", help="Of a recording without time stamps.")
-def init(recording: str, out: str, joint: str | None, rate: float | None) -> None:
+@click.option(MAX_MEMORY[0], **MAX_MEMORY[1])
+def init(
+    recording: str, out: str, joint: str | None, rate: float | None, max_memory: float | None
+) -> None:
     """Guess which column of a recording is which channel, and write a column map.
 
     RECORDING is delimited text as any recorder writes it, .npy, .npz, .mat, HDF5 or .json, packed
@@ -51,7 +54,7 @@ def init(recording: str, out: str, joint: str | None, rate: float | None) -> Non
 
     from flexspline.recordings import guess_map
 
-    guess = guess_map(recording, joint=joint, rate=rate)
+    guess = guess_map(recording, joint=joint, rate=rate, max_memory=max_memory)
     found(guess.to_json())
     say(str(guess))
     guess.save(out)

@@ -26,7 +26,7 @@ from flexspline.cli.options import (
     repairs,
     target,
 )
-from flexspline.cli.speech import found, say
+from flexspline.cli.speech import found, say, tell
 from flexspline.errors import printable
 from flexspline.files import atomic_write, whole_folder
 
@@ -185,5 +185,6 @@ def convert(foreign: str, out: str, reading: Reading) -> None:
     assert reading.columns is not None
     refuse_overwriting(out, [foreign, reading.columns])
     log = convert_log(foreign, reading.columns, out, **reading.arguments)
+    tell("\n".join(log.history))
     found({"run": log.name, "rows": len(log), "rate": log.rate, "channels": log.channels})
     say(f"{log}\n\nwrote {out}")

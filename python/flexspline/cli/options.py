@@ -353,6 +353,17 @@ def out_file(metavar: str) -> Callable[[Command], Command]:
     return click.option("--out", required=True, metavar=metavar, type=FILE, help=says)
 
 
+MAX_MEMORY: tuple[str, dict[str, Any]] = (
+    "--max-memory",
+    {
+        "type": positive,
+        "metavar": "GB",
+        "help": "What a packed, NumPy or MATLAB file may unfold to; by default half of what is "
+        "free.",
+    },
+)
+
+
 def reading(columns_needed: bool = False) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Add the options of how runs are read; the command gets them as one `Reading`."""
     spline = click.Choice(["circular", "flex"])
@@ -401,26 +412,18 @@ def reading(columns_needed: bool = False) -> Callable[[Callable[..., Any]], Call
             {"type": click.IntRange(0), "metavar": "N", "help": "Above the table of a text file."},
         ),
         (
-            "--units-row",
-            {"is_flag": True, "help": "The row below the names holds units."},
+            "--units-row/--no-units-row",
+            {"default": None, "help": "Whether the row below the names holds units."},
         ),
-        (
-            "--max-memory",
-            {
-                "type": positive,
-                "metavar": "GB",
-                "help": "What a packed, NumPy or MATLAB file may unfold to; by default half of "
-                "what is free.",
-            },
-        ),
+        MAX_MEMORY,
     ]
-    names = [name[2:].replace("-", "_") for name, _ in options]
+    names = [name.partition("/")[0][2:].replace("-", "_") for name, _ in options]
 
     def add(command: Callable[..., Any]) -> Callable[..., Any]:
         def packed(**given: Any) -> Any:
             own = {name: given.pop(name) for name in names}
             facts = {name: own[name] for name in names[:5] if own[name] is not None}
-            rest = {name: own[name] for name in names[-4:] if own[name] not in (None, False)}
+            rest = {name: own[name] for name in names[-4:] if own[name] is not None}
             how = Reading(facts, own["repair"], own["columns"], own["rate"], rest)
             return command(reading=how, **given)
 

@@ -224,7 +224,10 @@ def resample(log: Log, rate: float) -> Log:
     ranges = runs(time)
     rows = sum(float(time[b - 1] - time[a]) * rate for a, b in ranges)
     require_memory(
-        8.0 * rows * (1 + len(log.channels)), memory_limit(None), f"{log.name} at {rate:.4g} Hz"
+        8.0 * rows * (1 + len(log.channels)),
+        memory_limit(None),
+        f"{log.name} at {rate:.4g} Hz",
+        "give a lower rate",
     )
     grid = [
         np.arange(np.ceil(time[a] * rate - 1e-6), time[b - 1] * rate + 1e-6) / rate

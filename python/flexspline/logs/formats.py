@@ -13,7 +13,8 @@ import os
 import re
 import sys
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal
@@ -113,12 +114,23 @@ def _from_file(
     require_there(path)
     if path.stat().st_size == 0:
         raise InputError(f"{path}: the file is empty; record or copy it again")
-    try:
+    with _named(path):
         digest = _sha256(path)
         table = _opened(path, variable, dialect, drop_rows, most)
+    return table, Source(str(path), digest, table.rows + drop_rows)
+
+
+@contextmanager
+def _named(path: Path) -> Iterator[None]:
+    """Say of which file a read failed: one that fails midway does not."""
+    try:
+        yield
     except PermissionError as error:
         raise InputError(f"{path}: may not be read; change its permissions") from error
-    return table, Source(str(path), digest, table.rows + drop_rows)
+    except OSError as error:
+        raise InputError(
+            f"{path}: cannot be read ({error.strerror or error}); copy it from a sound disk"
+        ) from error
 
 
 def _sha256(path: Path) -> str:
@@ -142,8 +154,10 @@ def _opened(path: Path, variable: str | None, dialect: Dialect, drop_rows: int, 
     return table.checked().without_first(drop_rows)
 
 
-def unpacked_text(path: Path) -> bytes | None:
+def unpacked_text(path: Path, max_memory: float | None = None) -> bytes | None:
     """Return the bytes of a text file as it was before it was packed; None of other formats.
+
+    `max_memory`: what it may unfold to [GB]; by default half of what is free.
 
     Raises
     ------
@@ -154,7 +168,8 @@ def unpacked_text(path: Path) -> bytes | None:
     kind, packed = _kind(path)
     if kind in STRUCTURED:
         return None
-    content = unpacked(path.read_bytes(), packed, str(path), memory_limit(None))
+    with _named(path):
+        content = unpacked(path.read_bytes(), packed, str(path), memory_limit(max_memory))
     if not content:
         raise InputError(f"{path}: the file is empty; record or copy it again")
     return content

@@ -35,13 +35,21 @@ def memory_limit(gigabytes: float | None) -> int:
     return int(gigabytes * GIGABYTE)
 
 
-def require_memory(wanted: float, most: float, label: str) -> None:
-    """Refuse what takes more than `most` bytes; `label` is what the sentence calls it."""
+MORE: Final = (
+    "give max_memory (--max-memory GB) if that is right, or look whether the file is what it "
+    "should be"
+)
+
+
+def require_memory(wanted: float, most: float, label: str, advice: str = MORE) -> None:
+    """Refuse what takes more than `most` bytes.
+
+    `label` is what the sentence calls it, `advice` what it says to do.
+    """
     if wanted > most:
         raise InputError(
             f"{label}: takes {wanted / GIGABYTE:.3g} GB of memory or more, of which "
-            f"{most / GIGABYTE:.3g} GB may be taken; give max_memory (--max-memory GB) if that is "
-            "right, or look whether the file is what it should be"
+            f"{most / GIGABYTE:.3g} GB may be taken; {advice}"
         )
 
 

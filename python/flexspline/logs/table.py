@@ -356,7 +356,7 @@ def read_matlab(content: bytes, label: str, variable: str | None, most: int) -> 
         file, units = io.BytesIO(content), dict[str, str]()
         if any(content.startswith(HDF5, start) for start in (0, 512)):
             with h5py.File(file) as root:
-                value = _group(root, label, most)
+                value = _Hdf5(label, most).group(root)
                 root.visititems(lambda name, inner: units.update(_stated(name, inner)))
         else:
             _require_unfolded(content, label, most)
@@ -427,34 +427,54 @@ def _require_unfolded(content: bytes, label: str, most: int) -> None:
         start += 8 + size
 
 
-def _group(group: Any, label: str, most: int) -> dict[str, Any]:
-    """Return the numbers in a group of HDF5 as nested dictionaries.
+@dataclass
+class _Hdf5:
+    """What is read of one file of HDF5: each group once, all datasets together within `most` bytes.
 
-    MATLAB stores columns first, so each matrix comes transposed. Nothing is read that lies in
-    another file: a log could hold what its sender never saw.
+    A group that holds itself, by a hard link, would never end. Of two names of one group the first
+    counts.
     """
-    import h5py
 
-    found: dict[str, Any] = {}
-    for name in group:
-        inner = _linked(group, name, label)
-        if inner is None:
-            continue
-        if isinstance(inner, h5py.Group):
-            if not name.startswith("#"):
-                found[name] = _group(inner, label, most)
-            continue
-        require_memory((inner.size or 0) * inner.dtype.itemsize, most, label)
+    label: str
+    most: int
+    taken: int = 0
+    groups: set[Any] = field(default_factory=set)
+
+    def group(self, group: Any) -> dict[str, Any]:
+        """Return the numbers in a group as nested dictionaries.
+
+        MATLAB stores columns first, so each matrix comes transposed. Nothing is read that lies in
+        another file: a log could hold what its sender never saw.
+        """
+        import h5py
+
+        self.groups.add(group)
+        found: dict[str, Any] = {}
+        for name in group:
+            inner = _linked(group, name, self.label)
+            if isinstance(inner, h5py.Group):
+                if not name.startswith("#") and inner not in self.groups:
+                    found[name] = self.group(inner)
+            elif inner is not None:
+                value = self._dataset(inner)
+                if value is not None:
+                    found[name] = value
+        return found
+
+    def _dataset(self, inner: Any) -> Any:
+        """Return what a dataset holds; None of a kind that no log has."""
+        self.taken += (inner.size or 0) * inner.dtype.itemsize
+        require_memory(self.taken, self.most, self.label)
         if inner.attrs.get("MATLAB_class") == b"char":
-            found[name] = "".join(map(chr, np.asarray(inner).T.reshape(-1)))
-        elif inner.dtype.kind in "SO" and inner.ndim == 1:
-            found[name] = [
+            return "".join(map(chr, np.asarray(inner).T.reshape(-1)))
+        if inner.dtype.kind in "SO" and inner.ndim == 1:
+            return [
                 each.decode("utf-8", "replace") if isinstance(each, bytes) else str(each)
                 for each in inner[()]
             ]
-        elif inner.dtype.kind in "fiub":
-            found[name] = np.asarray(inner).T
-    return found
+        if inner.dtype.kind in "fiub":
+            return np.asarray(inner).T
+        return None
 
 
 def _linked(group: Any, name: str, label: str) -> Any:

@@ -115,7 +115,7 @@ STEP: Final = re.compile(
     re.IGNORECASE,
 )
 RATE: Final = re.compile(
-    r"(?:sampl\w*|abtast\w*|scan|mess|record\w*|data)?[\s_-]*(?:rate|frequen[cz]y?|freq)\b"
+    r"(?:(?:sampl\w*|abtast\w*|scan|mess|record\w*|data)[\s_-]*)?(?:rate|frequen[cz]y?|freq)\b"
     rf"[\s\[(:;=,\t_]*(k?hz|s/s)?[\s\])\"':;=,\t]*{NUMBER}\s*(k?hz|s/s|1/s)?",
     re.IGNORECASE,
 )

@@ -51,7 +51,11 @@ USUAL_UNIT: Final = {
 
 
 def guess_map(
-    recording: str | os.PathLike[str], *, joint: str | None = None, rate: float | None = None
+    recording: str | os.PathLike[str],
+    *,
+    joint: str | None = None,
+    rate: float | None = None,
+    max_memory: float | None = None,
 ) -> Guess:
     """Guess the column map of a recording, with a reason for each entry.
 
@@ -64,6 +68,8 @@ def guess_map(
         Which of several joints, as the columns call it; by default the one that moves.
     rate : float, optional
         Rows per second [Hz], where the recording has no time stamps.
+    max_memory : float, optional
+        What a packed, NumPy or MATLAB file may unfold to [GB]; by default half of what is free.
 
     Returns
     -------
@@ -82,10 +88,12 @@ def guess_map(
     >>> log = guess.log()                                    # doctest: +SKIP
     """
     path = Path(recording)
-    text = unpacked_text(path)
+    text = unpacked_text(path, max_memory)
     layout = TextLayout() if text is None else text_layout(text, str(path))
     dialect = {key: value for key, value in layout.read.items() if key != "drop_rows"}
-    table, _ = read_table(path, None, Dialect(**dialect), layout.read.get("drop_rows", 0))
+    table, _ = read_table(
+        path, None, Dialect(**dialect), layout.read.get("drop_rows", 0), max_memory
+    )
     table = replace(table, names=table.names or layout.names, units=table.units or layout.units)
     said = said_in([*layout.preamble, *(f"{name}: {v}" for name, v in table.facts.items())])
     joints = one_joint(columns_of(table), joint, path.stem, str(path))
@@ -99,7 +107,7 @@ def guess_map(
             f"{path}: no column can be told by its name or its numbers; "
             "write the column map by hand"
         )
-    return found.guess(path, layout, table)
+    return replace(found.guess(path, layout, table), max_memory=max_memory)
 
 
 def _given(clock: Clock, rate: float) -> Clock:
@@ -489,5 +497,7 @@ def _why_not(column: Column) -> str:
     if says.role == "other":
         return "an error, a state, or what the recorder made of other columns"
     return (
-        f"no channel for this {says.quantity}" if says.quantity else "its name says nothing known"
+        f"no channel for this {says.quantity}"
+        if says.quantity
+        else ("its name says nothing known" if says.name else "it has no name")
     )

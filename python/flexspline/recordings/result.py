@@ -59,6 +59,7 @@ class Guess:
     fact_reasons : a sentence for each fact.
     unsure : sentences on what is not of one channel alone.
     numbered : whether columns go by number: a reader does not see their names.
+    max_memory : what the recording may unfold to when it is read again [GB].
     """
 
     recording: str
@@ -70,6 +71,7 @@ class Guess:
     fact_reasons: Mapping[str, str] = field(default_factory=dict)
     unsure: tuple[str, ...] = ()
     numbered: bool = False
+    max_memory: float | None = None
 
     @property
     def columns(self) -> dict[str, ColumnSource]:
@@ -99,7 +101,13 @@ class Guess:
         """
         from flexspline.logs.read import read_log
 
-        return read_log(self.recording, self.columns, facts=self.facts, **self.read)
+        return read_log(
+            self.recording,
+            self.columns,
+            facts=self.facts,
+            max_memory=self.max_memory,
+            **self.read,
+        )
 
     def to_json(self) -> dict[str, Any]:
         """Return the map with its reasons and doubts, as `flexspline init --json` prints it."""

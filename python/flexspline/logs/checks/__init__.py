@@ -20,6 +20,7 @@ from flexspline.logs.checks.samples import (
     constant,
     dropped_samples,
     impossible,
+    no_channels,
     not_finite,
     quantised,
     repeated_rows,
@@ -32,7 +33,7 @@ from flexspline.parallel import in_order
 
 __all__ = ["Finding", "Findings", "Gear", "Severity", "check", "measured_gear"]
 
-ALWAYS = (not_finite, impossible, time_order)
+ALWAYS = (no_channels, not_finite, impossible, time_order)
 """Checks that any numbers pass through; the others see what no instrument reads as empty."""
 CHECKS = (
     dropped_samples,

@@ -47,6 +47,21 @@ COARSE_LEVELS = 30_000
 """A channel with more levels than this over its range is not called quantised."""
 
 
+def no_channels(log: Log) -> Iterator[Finding]:
+    """A log of time alone: nothing in it can be looked at or fitted."""
+    if log.channels == ("time",):
+        yield Finding(
+            "no_channels",
+            "error",
+            "time",
+            (0, len(log)),
+            0.0,
+            "",
+            "no channel but time is there.",
+            "Name its columns in a column map.",
+        )
+
+
 def not_finite(log: Log) -> Iterator[Finding]:
     """NaN and infinities: channel, first row and count."""
     for channel in log.channels:
