@@ -21,6 +21,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from api_pages import write_api
 from command_pages import write_commands
 from effect_pages import write_effects
+from gallery import write_gallery
 
 SITE = Path(__file__).parent
 ROOT = SITE.parents[1]
@@ -44,14 +45,11 @@ def assemble(source: Path) -> None:
     shutil.copytree(SITE / "static", source / "_static")
     for name in ("conf.py", "../REFERENCES.bib", "../CITATION.cff", "../figure.svg"):
         shutil.copy(SITE / name, source / Path(name).name)
-    (source / "notebooks").mkdir()
-    for path in (ROOT / "notebooks").glob("*.ipynb"):
-        text = path.read_text(encoding="utf-8")
-        (source / "notebooks" / path.name).write_text(_relinked(text, ".."), encoding="utf-8")
     for file, page in REPOSITORY_PAGES.items():
         text = (ROOT / file).read_text(encoding="utf-8")
         (source / f"{page}.md").write_text(_relinked(text, "."), encoding="utf-8")
     _write_sections(source)
+    write_gallery(source / "notebooks")
     write_effects(source / "effects")
     write_commands(source / "commands")
     write_api(source / "api")

@@ -9,14 +9,15 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
+from typing import Any
 
-from effect_pictures import picture_of
+from effect_pictures import axis_of, draw
 
 from flexspline.effects import CATALOGUE, EffectInfo
 
 ROOT = Path(__file__).parents[2]
 HEADERS = ROOT / "cpp/include/flexspline/effects"
-COSTS = Path(__file__).parent / "device_cost.json"
+COSTS = Path(__file__).parent / "device_costs.json"
 TARGETS = {"S": "sensor torque", "M": "drive torque", "D": "torsion"}
 KEY = re.compile(r"\[([A-Z][A-Za-z-]*\d{4})\]")
 SLUG = re.compile(r"\b(zhang_disturbance_elimination|turlapati_intrinsic_dynamics"
@@ -99,19 +100,19 @@ def _signature(info: EffectInfo) -> str:
     return "\n".join(lines)
 
 
-def _cost(name: str, costs: dict[str, object]) -> str:
-    measured = costs["instructions_per_step"]
-    assert isinstance(measured, dict)
-    if name not in measured:
-        return f"Not measured yet: `{costs['command']}`."
+def _cost(name: str, costs: dict[str, Any]) -> str:
+    counted = costs["instructions_per_step"]
+    if name not in counted:
+        return "Not counted yet: `python .github/site/device_costs.py`."
+    orders = " (with three orders of each of its pairs)" if CATALOGUE[name].pairs else ""
     return (
-        f"A model of this effect alone takes **{measured[name]:.0f} instructions** a step on "
-        f"{costs['device']} in single precision, all that a step does included "
-        f"(`{costs['command']}`; ripple with three orders of each pair)."
+        f"A model of this effect alone{orders} takes **{counted[name]} instructions** a step in "
+        f"single precision on a {costs['device']}, counted by "
+        "[`flexspline certify`](../commands/certify.md). The bits are those of this package."
     )
 
 
-def _page(info: EffectInfo, costs: dict[str, object]) -> str:
+def _page(info: EffectInfo, costs: dict[str, Any]) -> str:
     formula, words, source = formula_and_words(comment_of(info.name))
     first, _, rest = words.partition("\n\n")
     targets = ", ".join(TARGETS[letter] for letter in info.targets)
@@ -133,8 +134,8 @@ def _page(info: EffectInfo, costs: dict[str, object]) -> str:
 {_terms(info)}
 
 ```{{image}} {info.name}.svg
-:alt: {info.name} over {picture_of.axis(info)}
-:class: effect
+:alt: {info.name} over {axis_of(info).replace("_", " ")}
+:class: dark-light
 ```
 
 ## In the residual
@@ -157,7 +158,7 @@ def write_effects(folder: Path) -> None:
     costs = json.loads(COSTS.read_text(encoding="utf-8"))
     rows = []
     for name, info in CATALOGUE.items():
-        picture_of(info, folder / f"{name}.svg")
+        draw(info, folder / f"{name}.svg")
         (folder / f"{name}.md").write_text(_page(info, costs), encoding="utf-8")
         rows.append(f"| [{name}]({name}.md) | {' '.join(info.targets)} | {info.signature} |")
     names = "\n".join(CATALOGUE)
