@@ -53,6 +53,7 @@ def _first_line(module: object) -> str:
 
 
 def _directive(path: str, thing: object) -> str:
+    module = f".. currentmodule:: {path.rpartition('.')[0]}\n\n"
     if inspect.isclass(thing):
-        return f".. autoclass:: {path}\n   :members:\n\n"
-    return f".. autofunction:: {path}\n\n"
+        return f"{module}.. autoclass:: {path}\n   :members:\n\n"
+    return f"{module}.. autofunction:: {path}\n\n"

@@ -25,10 +25,10 @@ from gallery import write_gallery
 
 SITE = Path(__file__).parent
 ROOT = SITE.parents[1]
-REPOSITORY_PAGES = {
-    ".github/CHANGELOG.md": "changelog",
-    ".github/CONTRIBUTING.md": "contributing",
-    "cpp/firmware/README.md": "firmware",
+FILES = {
+    ".github/CHANGELOG.md": "changelog.md",
+    ".github/CONTRIBUTING.md": "contributing.md",
+    "cpp/firmware/README.md": "firmware.md",
 }
 SECTIONS = {
     "Start": "start",
@@ -36,7 +36,7 @@ SECTIONS = {
     "Which command for which task": "tasks",
     "Beyond the fit": "beyond",
 }
-LINK = re.compile(r"\]\(([^)#:]+)\)")
+LINK = re.compile(r"(?<!!)\[([^\]]+)\]\(([^)#:]+)\)")
 
 
 def assemble(source: Path) -> None:
@@ -45,9 +45,9 @@ def assemble(source: Path) -> None:
     shutil.copytree(SITE / "static", source / "_static")
     for name in ("conf.py", "../REFERENCES.bib", "../CITATION.cff", "../figure.svg"):
         shutil.copy(SITE / name, source / Path(name).name)
-    for file, page in REPOSITORY_PAGES.items():
+    for file, page in FILES.items():
         text = (ROOT / file).read_text(encoding="utf-8")
-        (source / f"{page}.md").write_text(_relinked(text, "."), encoding="utf-8")
+        (source / page).write_text(_relinked(text), encoding="utf-8")
     _write_sections(source)
     write_gallery(source / "notebooks")
     write_effects(source / "effects")
@@ -65,23 +65,20 @@ def _write_sections(source: Path) -> None:
     by_title = dict(part.split("\n", 1) for part in parts)
     for title, page in SECTIONS.items():
         text = re.sub(r"^<!--.*-->\n", "", by_title[title], flags=re.MULTILINE)
-        (source / f"{page}.md").write_text(f"# {title}\n{_relinked(text, '.')}", encoding="utf-8")
+        (source / f"{page}.md").write_text(f"# {title}\n{_relinked(text)}", encoding="utf-8")
 
 
-def _relinked(text: str, up: str) -> str:
-    """Turn links between files of the repository into links between pages."""
+def _relinked(text: str) -> str:
+    """Turn links between files of the repository into links between pages, others into words."""
 
-    def page(found: re.Match[str]) -> str:
-        for file, name in REPOSITORY_PAGES.items():
-            if found[1].endswith(file.removeprefix("cpp/")):
-                return f"]({up}/{name}.md)"
-        if found[1].endswith("REFERENCES.bib"):
-            return f"]({up}/references.md)"
-        if found[1].endswith(".ipynb"):
-            return f"]({up}/notebooks/{Path(found[1]).name})"
-        return found[0]
+    def linked(found: re.Match[str]) -> str:
+        words, file = found.groups()
+        if file.endswith(".ipynb"):
+            return f"[{words}](notebooks/{Path(file).name})"
+        page = {**FILES, ".github/REFERENCES.bib": "references.md"}.get(file)
+        return f"[{words}]({page})" if page else words
 
-    return LINK.sub(page, text)
+    return LINK.sub(linked, text)
 
 
 def main() -> int:

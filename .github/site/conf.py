@@ -22,10 +22,13 @@ nb_merge_streams = True
 myst_enable_extensions = ["colon_fence"]
 myst_heading_anchors = 3
 bibtex_bibfiles = ["REFERENCES.bib"]
+suppress_warnings = ["bibtex.missing_field"]  # which fields are asked is tested elsewhere
 bibtex_reference_style = "author_year"
 autodoc_typehints = "none"  # a docstring says types with their shapes and units
 autodoc_member_order = "bysource"
+default_role = "py:obj"  # `name` in a docstring: a link where it is a name of the package
 napoleon_google_docstring = False
+napoleon_use_param = False  # types are sentences here, and no names to link to
 napoleon_use_rtype = False
 
 html_theme = "pydata_sphinx_theme"
@@ -43,14 +46,62 @@ html_theme_options = {
     "secondary_sidebar_items": ["page-toc"],
 }
 
-KEY = re.compile(r"\[([A-Z][A-Za-z-]*\d{4})\]")
+KEY = re.compile(
+    r"\[([A-Z][A-Za-z-]*\d{4})\]"
+    r"|\b(zhang_disturbance_elimination|turlapati_intrinsic_dynamics|full_range_torque_estimation)\b"
+)
+CODE = re.compile(r"(`+[^`]+`+)")
 
 
-def cite_keys(app, what, name, thing, options, lines):
-    """Turn `[Higham2002]` of a docstring into a citation."""
-    lines[:] = [KEY.sub(r":cite:t:`\1`", line) for line in lines]
+def marked_up(app, what, name, thing, options, lines):
+    """Turn a docstring into reStructuredText, section by section."""
+    starts = [k for k, line in enumerate(lines) if line and set(line) == {"-"}]
+    first = starts[0] - 1 if starts else len(lines)
+    lines[:] = [*_with_formulas(lines[:first]), *_described([_cited(x) for x in lines[first:]])]
+
+
+def _with_formulas(lines):
+    """Keep indented lines as they are: they are formulas."""
+    made, inside = [], False
+    for k, line in enumerate(lines):
+        indented = line.startswith("    ")
+        if indented and not inside and k and not lines[k - 1]:
+            made += ["::", ""]
+            inside = True
+        inside &= indented or not line
+        made.append(line if inside else _cited(line))
+    return made
+
+
+def _described(lines):
+    """Take what is behind `name :` for the description, and no type, where it is a sentence."""
+    made, inside = [], False
+    for k, line in enumerate(lines):
+        below = lines[k + 1] if k + 1 < len(lines) else ""
+        if below and set(below) == {"-"}:
+            inside = line in ("Parameters", "Attributes")
+        found = re.fullmatch(r"([*\w, ]+?) : (.+)", line)
+        typed = below.startswith("    ") and below.strip()[0].isupper() and line[-1] not in ".;,:"
+        made += [found[1], f"    {found[2]}"] if inside and found and not typed else [line]
+    return made
+
+
+def _cited(line):
+    """Cite `[Higham2002]` and the three papers, and escape bars, outside of code."""
+    parts = CODE.split(line)
+    parts[::2] = [
+        KEY.sub(lambda key: f":cite:t:`{key[1] or key[2]}`", part.replace("|", r"\|"))
+        for part in parts[::2]
+    ]
+    return "".join(parts)
+
+
+def skipped(app, what, name, thing, skip, options):
+    """Leave out what scikit-learn adds to a regressor: its documentation is elsewhere."""
+    return True if name.endswith("_request") else None
 
 
 def setup(app):
-    """Tell Sphinx of what is done to docstrings."""
-    app.connect("autodoc-process-docstring", cite_keys)
+    """Tell Sphinx of what is done to docstrings, before Napoleon reads them."""
+    app.connect("autodoc-process-docstring", marked_up, priority=400)
+    app.connect("autodoc-skip-member", skipped)

@@ -55,7 +55,8 @@ def comment_of(name: str) -> list[str]:
 
 def formula_and_words(block: list[str]) -> tuple[list[str], str, str]:
     """Return the indented lines, the sentences around them, and the source."""
-    formula = [line.strip() for line in block if line.startswith("  ")]
+    indented = [line.strip() for line in block if line.startswith("  ")]
+    formula = [part for line in indented for part in re.split(r" {4,}", line)]
     words = "\n".join("" if line.startswith("  ") else line for line in block)
     text, _, source = words.partition("Source:")
     return formula, cited(re.sub(r"\n{3,}", "\n\n", text).strip()), cited(" ".join(source.split()))

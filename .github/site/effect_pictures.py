@@ -26,6 +26,7 @@ Curve = tuple[Array, Array, str]
 LOAD = "reference_torque"
 FACTS = {"gear_ratio": 100.0, "output_spline": "circular"}
 ROWS, RATE = 2401, 100.0
+ORDER = 2  # periods per turn, where an effect has orders
 TURN = 2.0 * np.pi
 SPANS = {
     "output_position": (0.0, TURN),
@@ -91,7 +92,7 @@ def _label(channel: str) -> str:
 
 def _curves(info: EffectInfo) -> Iterator[Curve]:
     """Yield what is on the axis, what the effect is there, and what to call it."""
-    chosen = effect(info.name, orders=[(2, pair) for pair in info.pairs[:1]])
+    chosen = effect(info.name, orders=[(ORDER, pair) for pair in info.pairs[:1]])
     axis = axis_of(info)
     if axis == "time" and info.remembers:
         yield from _up_and_down(chosen)
@@ -117,9 +118,10 @@ def _channel(name: str) -> Channel:
 
 
 def _values(chosen: Effect, name: str) -> tuple[float, ...]:
-    """Return values of a channel that is read beside that of the axis: about a resonance."""
+    """Return values of a channel that is read beside that of the axis: below, at, above a resonance."""
     if chosen.info.modulated and name == "output_velocity":
-        return tuple(share * chosen.shapes["resonance_velocity"] for share in (0.5, 1.0, 2.0))
+        met = chosen.shapes["resonance_velocity"] / ORDER
+        return (0.5 * met, met, 2.0 * met)
     return BESIDE[name]
 
 
