@@ -9,6 +9,7 @@ no other home are in `pages`. Warnings are errors. Needs `pip install '.[docs]'`
 from __future__ import annotations
 
 import argparse
+import os
 import re
 import shutil
 import subprocess
@@ -40,11 +41,10 @@ LINK = re.compile(r"(?<!!)\[([^\]]+)\]\(([^)#:]+)\)")
 
 
 def assemble(source: Path) -> None:
-    """Write all that Sphinx reads into a folder that is there."""
-    shutil.copytree(SITE / "pages", source, dirs_exist_ok=True)
-    shutil.copytree(SITE / "static", source / "_static")
-    for name in ("conf.py", "../REFERENCES.bib", "../CITATION.cff", "../figure.svg"):
-        shutil.copy(SITE / name, source / Path(name).name)
+    """Write all that Sphinx reads into a folder."""
+    shutil.copytree(SITE / "pages", source)
+    for name in ("CITATION.cff", "figure.svg"):
+        shutil.copy(SITE.parent / name, source)
     for file, page in FILES.items():
         text = (ROOT / file).read_text(encoding="utf-8")
         (source / page).write_text(_relinked(text), encoding="utf-8")
@@ -87,11 +87,12 @@ def main() -> int:
     asked.add_argument("--out", type=Path, default=ROOT / "build" / "site")
     out = asked.parse_args().out.resolve()
     with tempfile.TemporaryDirectory() as folder:
-        source = Path(folder)
+        source = Path(folder) / "source"
         assemble(source)
         shutil.rmtree(out, ignore_errors=True)
-        call = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-b", "html"]
-        return subprocess.run([*call, folder, str(out), "-d", f"{folder}/_trees"]).returncode
+        call = [sys.executable, "-m", "sphinx", "-b", "html", "-W", "--keep-going", "-q", "-E"]
+        places = ["-c", SITE, "-d", source.with_name("trees"), source, out]
+        return subprocess.run([*call, *map(os.fspath, places)]).returncode
 
 
 if __name__ == "__main__":

@@ -1,6 +1,12 @@
-"""Sphinx's settings; `build.py` copies this beside the pages that it makes."""
+"""Sphinx's settings for the folder that `build.py` makes."""
 
 import re
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from citations import BIBLIOGRAPHY, IN_RST, cited
 
 from flexspline import __version__
 
@@ -16,12 +22,11 @@ extensions = [
     "sphinx.ext.viewcode",
     "sphinxcontrib.bibtex",
 ]
-exclude_patterns = ["_trees"]
 nb_execution_mode = "off"  # notebooks are shown as they are committed
 nb_merge_streams = True
 myst_enable_extensions = ["colon_fence"]
 myst_heading_anchors = 3
-bibtex_bibfiles = ["REFERENCES.bib"]
+bibtex_bibfiles = [str(BIBLIOGRAPHY)]
 suppress_warnings = ["bibtex.missing_field"]  # which fields are asked is tested elsewhere
 bibtex_reference_style = "author_year"
 autodoc_typehints = "none"  # a docstring says types with their shapes and units
@@ -33,7 +38,7 @@ napoleon_use_rtype = False
 
 html_theme = "pydata_sphinx_theme"
 html_title = "flexspline"
-html_static_path = ["_static"]
+html_static_path = ["static"]
 html_css_files = ["site.css"]
 html_show_sourcelink = False
 html_copy_source = False
@@ -45,13 +50,6 @@ html_theme_options = {
     "footer_end": [],
     "secondary_sidebar_items": ["page-toc"],
 }
-
-KEY = re.compile(
-    r"\[([A-Z][A-Za-z-]*\d{4})\]"
-    r"|\b(zhang_disturbance_elimination|turlapati_intrinsic_dynamics|full_range_torque_estimation)\b"
-)
-CODE = re.compile(r"(`+[^`]+`+)")
-
 
 def marked_up(app, what, name, thing, options, lines):
     """Turn a docstring into reStructuredText, section by section."""
@@ -87,13 +85,8 @@ def _described(lines):
 
 
 def _cited(line):
-    """Cite `[Higham2002]` and the three papers, and escape bars, outside of code."""
-    parts = CODE.split(line)
-    parts[::2] = [
-        KEY.sub(lambda key: f":cite:t:`{key[1] or key[2]}`", part.replace("|", r"\|"))
-        for part in parts[::2]
-    ]
-    return "".join(parts)
+    """Make citations, and escape bars."""
+    return cited(line, IN_RST, lambda words: words.replace("|", r"\|"))
 
 
 def skipped(app, what, name, thing, skip, options):

@@ -13,16 +13,15 @@ import json
 import sys
 from pathlib import Path
 
-SITE = Path(__file__).parent
-ROOT = SITE.parents[1]
-DEVICE = "cortex-m4f"
-ROWS = 2000
-
-sys.path.insert(0, str(ROOT / "tests" / "bench"))
+sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "bench"))
 
 from certify_everything import alone
 
 import flexspline
+
+COSTS = Path(__file__).parent / "device_costs.json"
+DEVICE = "cortex-m4f"
+ROWS = 2000
 
 
 def main() -> None:
@@ -36,7 +35,7 @@ def main() -> None:
         print(f"{name}: {counted[name]}", flush=True)
     costs = {"device": DEVICE, "instructions_per_step": counted}
     text = json.dumps(costs, indent=2) + "\n"
-    (SITE / "device_costs.json").write_text(text, encoding="utf-8")
+    COSTS.write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -11,6 +11,7 @@ import re
 from pathlib import Path
 from typing import Any
 
+from citations import IN_MARKDOWN, cited
 from effect_pictures import axis_of, draw
 
 from flexspline.effects import CATALOGUE, EffectInfo
@@ -19,9 +20,6 @@ ROOT = Path(__file__).parents[2]
 HEADERS = ROOT / "cpp/include/flexspline/effects"
 COSTS = Path(__file__).parent / "device_costs.json"
 TARGETS = {"S": "sensor torque", "M": "drive torque", "D": "torsion"}
-KEY = re.compile(r"\[([A-Z][A-Za-z-]*\d{4})\]")
-SLUG = re.compile(r"\b(zhang_disturbance_elimination|turlapati_intrinsic_dynamics"
-                  r"|full_range_torque_estimation)\b")  # fmt: skip
 DEMANDS = {
     "both_directions": "motion in both directions",
     "speed_ratio": "speeds that differ by a factor of {:g}",
@@ -59,15 +57,13 @@ def formula_and_words(block: list[str]) -> tuple[list[str], str, str]:
     formula = [part for line in indented for part in re.split(r" {4,}", line)]
     words = "\n".join("" if line.startswith("  ") else line for line in block)
     text, _, source = words.partition("Source:")
-    return formula, cited(re.sub(r"\n{3,}", "\n\n", text).strip()), cited(" ".join(source.split()))
+    text = re.sub(r"\n{3,}", "\n\n", text).strip()
+    return formula, _marked(text), _marked(" ".join(source.split()))
 
 
-def cited(text: str) -> str:
-    """Turn keys of the bibliography into citations, and escape what Markdown would take."""
-    text = re.sub(r"([*_|<])", r"\\\1", text)
-    text = KEY.sub(r"{cite:t}`\1`", text)
-    unescaped = SLUG.pattern.replace("_", r"\\_")
-    return re.sub(unescaped, lambda m: f"{{cite:t}}`{m[1]}`".replace("\\", ""), text)
+def _marked(text: str) -> str:
+    """Make citations, and escape what Markdown would take for marks."""
+    return cited(text, IN_MARKDOWN, lambda words: re.sub(r"([*_|<])", r"\\\1", words))
 
 
 def _terms(info: EffectInfo) -> str:

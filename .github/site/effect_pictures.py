@@ -118,7 +118,7 @@ def _channel(name: str) -> Channel:
 
 
 def _values(chosen: Effect, name: str) -> tuple[float, ...]:
-    """Return values of a channel that is read beside that of the axis: below, at, above a resonance."""
+    """Return values of a channel beside that of the axis: below, at and above a resonance."""
     if chosen.info.modulated and name == "output_velocity":
         met = chosen.shapes["resonance_velocity"] / ORDER
         return (0.5 * met, met, 2.0 * met)

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import base64
 import json
-import shutil
 from pathlib import Path
 from typing import Any
+
+from citations import IN_MARKDOWN, cited
 
 ROOT = Path(__file__).parents[2]
 
@@ -19,12 +20,16 @@ def write_gallery(folder: Path) -> None:
     paths.sort(key=lambda path: readme.find(f"notebooks/{path.name}") % len(readme))
     cards = ""
     for path in paths:
-        shutil.copy(path, folder)
-        cards += _card(path.stem, json.loads(path.read_text(encoding="utf-8")), folder)
+        notebook = json.loads(path.read_text(encoding="utf-8"))
+        for cell in notebook["cells"]:
+            if cell["cell_type"] == "markdown":
+                cell["source"] = cited("".join(cell["source"]), IN_MARKDOWN)
+        (folder / path.name).write_text(json.dumps(notebook), encoding="utf-8")
+        cards += _card(path.stem, notebook, folder)
     names = "\n".join(path.stem for path in paths)
     (folder / "index.md").write_text(
-        "# Notebooks\n\nEach is shown as it was run; the tests run each anew and hold its sentences "
-        "to its results.\n\n"
+        "# Notebooks\n\nEach is shown as it was run; the tests run each anew and hold its "
+        "sentences to its results.\n\n"
         f"::::{{container}} gallery\n{cards}::::\n\n```{{toctree}}\n:hidden:\n\n{names}\n```\n",
         encoding="utf-8",
     )
