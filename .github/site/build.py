@@ -27,9 +27,9 @@ from gallery import write_gallery
 SITE = Path(__file__).parent
 ROOT = SITE.parents[1]
 FILES = {
-    ".github/CHANGELOG.md": "changelog.md",
-    ".github/CONTRIBUTING.md": "contributing.md",
-    "cpp/firmware/README.md": "firmware.md",
+    ".github/CHANGELOG.md": "changelog",
+    ".github/CONTRIBUTING.md": "contributing",
+    "cpp/firmware/README.md": "firmware",
 }
 SECTIONS = {
     "Start": "start",
@@ -37,17 +37,22 @@ SECTIONS = {
     "Which command for which task": "tasks",
     "Beyond the fit": "beyond",
 }
+FIGURES = sorted(SITE.parent.glob("figure*.svg"))  # that of README, and one for dark pages
+FIGURE = re.compile(
+    r"!\[(?P<alt>[^\]]+)\]\(\.github/figure\.svg\)|<picture>.*?alt=\"(?P<said>.*?)\".*?</picture>",
+    re.DOTALL,
+)
 LINK = re.compile(r"(?<!!)\[([^\]]+)\]\(([^)#:]+)\)")
 
 
 def assemble(source: Path) -> None:
     """Write all that Sphinx reads into a folder."""
     shutil.copytree(SITE / "pages", source)
-    for name in ("CITATION.cff", "figure.svg"):
-        shutil.copy(SITE.parent / name, source)
+    for path in (SITE.parent / "CITATION.cff", *FIGURES):
+        shutil.copy(path, source)
     for file, page in FILES.items():
         text = (ROOT / file).read_text(encoding="utf-8")
-        (source / page).write_text(_relinked(text), encoding="utf-8")
+        (source / f"{page}.md").write_text(_relinked(text), encoding="utf-8")
     _write_sections(source)
     write_gallery(source / "notebooks")
     write_effects(source / "effects")
@@ -59,13 +64,23 @@ def _write_sections(source: Path) -> None:
     """README's sections, a page each; what stands before them goes on the first page."""
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     first, *parts = re.split(r"^## ", readme, flags=re.MULTILINE)
-    opening = first.split("\n", 2)[2].replace(".github/figure.svg", "figure.svg")
+    opening = FIGURE.sub(_figure, first.split("\n", 2)[2])
     index = source / "index.md"
-    index.write_text(index.read_text(encoding="utf-8").replace("OPENING", opening.strip()))
+    text = index.read_text(encoding="utf-8").replace("OPENING", opening.strip())
+    index.write_text(text, encoding="utf-8")
     by_title = dict(part.split("\n", 1) for part in parts)
     for title, page in SECTIONS.items():
         text = re.sub(r"^<!--.*-->\n", "", by_title[title], flags=re.MULTILINE)
         (source / f"{page}.md").write_text(f"# {title}\n{_relinked(text)}", encoding="utf-8")
+
+
+def _figure(found: re.Match[str]) -> str:
+    said = " ".join((found["alt"] or found["said"]).split())
+    schemes = ("only-light", "only-dark") if len(FIGURES) > 1 else ("bg-white",)
+    return "\n\n".join(
+        f"```{{image}} {path.name}\n:alt: {said}\n:class: {scheme}\n```"
+        for path, scheme in zip(FIGURES, schemes, strict=True)
+    )
 
 
 def _relinked(text: str) -> str:
@@ -75,8 +90,8 @@ def _relinked(text: str) -> str:
         words, file = found.groups()
         if file.endswith(".ipynb"):
             return f"[{words}](notebooks/{Path(file).name})"
-        page = {**FILES, ".github/REFERENCES.bib": "references.md"}.get(file)
-        return f"[{words}]({page})" if page else words
+        page = {**FILES, ".github/REFERENCES.bib": "references"}.get(file)
+        return f"[{words}]({page}.md)" if page else words
 
     return LINK.sub(linked, text)
 

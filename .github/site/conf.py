@@ -51,6 +51,7 @@ html_theme_options = {
     "secondary_sidebar_items": ["page-toc"],
 }
 
+
 def marked_up(app, what, name, thing, options, lines):
     """Turn a docstring into reStructuredText, section by section."""
     starts = [k for k, line in enumerate(lines) if line and set(line) == {"-"}]

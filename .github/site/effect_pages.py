@@ -79,13 +79,14 @@ def _terms(info: EffectInfo) -> str:
 
 
 def _signature(info: EffectInfo) -> str:
-    depends = ", ".join(f"`{channel}`" for channel in info.reads) or "nothing: it is constant"
+    channels = [f"`{channel}`" for channel in info.reads if channel != "period"]
+    depends = ", ".join(channels) or "nothing: it is constant"
     lines = [f"- {info.signature[0].upper()}{info.signature[1:]}.", f"- It depends on {depends}."]
     if info.pairs:
         pairs = ", ".join(pair.replace("_", " ") for pair in info.pairs)
         lines.append(f"- It turns with {pairs}: a peak at an order of that angle.")
     if info.remembers:
-        lines.append("- It remembers: its torque depends on the rows before.")
+        lines.append("- It remembers: what it is depends on the rows before.")
     if info.reversal:
         lines.append(f"- At a reversal: {info.reversal}.")
     wanted = [DEMANDS[demand].format(amount) for demand, amount in info.demands]
@@ -105,7 +106,7 @@ def _cost(name: str, costs: dict[str, Any]) -> str:
     return (
         f"A model of this effect alone{orders} takes **{counted[name]} instructions** a step in "
         f"single precision on a {costs['device']}, counted by "
-        "[`flexspline certify`](../commands/certify.md). The bits are those of this package."
+        "{doc}`flexspline certify <../commands/certify>`. The bits are those of this package."
     )
 
 

@@ -2,15 +2,17 @@
 
     python .github/site/execute_notebooks.py [NAME ...]
 
-Without a name, every notebook of `notebooks/`. What is kept: text, tables, and pictures of at most
-60 kB; what is not: paths and addresses of this machine, times, progress, warnings. Measured logs
-are read from FLEXSPLINE_DATA. Needs `pip install '.[test]'`.
+Without a name, every notebook of `notebooks/`: some ten minutes. What is kept: text, tables, and
+pictures of at most 36 kB; what is not: paths and addresses of this machine, progress, warnings, and
+the text of what is a table or a picture too. The notebook notes from which code its outputs are.
+Measured logs are read from FLEXSPLINE_DATA. Needs `pip install '.[test]'`.
 """
 
 from __future__ import annotations
 
 import argparse
 import base64
+import hashlib
 import io
 import os
 import re
@@ -24,14 +26,14 @@ from PIL import Image
 
 NOTEBOOKS = Path(__file__).parents[2] / "notebooks"
 DATA = Path(os.environ.get("FLEXSPLINE_DATA", NOTEBOOKS.parent / "../shared/data")).resolve()
-MOST_PICTURE = 60_000  # bytes of a PNG: two or three in a screen of text, on a slow line
+MOST_PICTURE = 36_000  # bytes of a PNG: a notebook with ten of them stays below 500 kB
 SMALLEST_SCALE = 0.4  # of a picture: below this its letters cannot be read
-COLOURS = 64  # lines and letters of few colours with their soft edges need no more
+COLOURS = 24  # lines and letters of few colours with their soft edges need no more
 SECONDS_PER_CELL = 900
 RANDOM = re.compile(r"flexspline-[a-z0-9_]{8}\b")  # a folder of `tempfile`
 STYLE_ID = re.compile(r"T_[0-9a-f]{5}")  # of a table of pandas
 ADDRESS = re.compile(r" at 0x[0-9a-f]+")
-KINDS = ("text/plain", "text/html", "image/png", "image/svg+xml")
+KINDS = ("text/plain", "text/html", "image/png")
 
 
 def executed(path: Path, folder: Path) -> Any:
@@ -59,12 +61,19 @@ def keep_small(notebook: Any, folder: Path) -> None:
     """Leave of a notebook's outputs what a reader needs, and nothing of this machine."""
     language = {"name": "python"}
     kernel = {"display_name": "Python 3", "language": "python", "name": "python3"}
-    notebook.metadata = nbformat.from_dict({"kernelspec": kernel, "language_info": language})
+    made = {"kernelspec": kernel, "language_info": language, "outputs_of": code_digest(notebook)}
+    notebook.metadata = nbformat.from_dict(made)
     for cell in notebook.cells:
         if cell.cell_type == "code":
             cell.outputs = [
                 _small(output, folder) for output in cell.outputs if output.get("name") != "stderr"
             ]
+
+
+def code_digest(notebook: Any) -> str:
+    """Return what tells whether outputs are those of the code beside them."""
+    code = "\n".join(cell.source for cell in notebook.cells if cell.cell_type == "code")
+    return hashlib.sha256(code.encode()).hexdigest()[:16]
 
 
 def _small(output: Any, folder: Path) -> Any:
@@ -78,8 +87,8 @@ def _small(output: Any, folder: Path) -> Any:
             output.data[kind] = small_picture(value)
         else:
             output.data[kind] = without_machine(value, folder)
-    if "image/png" in output.data:  # `<PlainFigure size 1100x800 with 4 Axes>`
-        output.data["text/plain"] = "a figure"
+    if len(output.data) > 1:  # `<PlainFigure size 1100x800 with 4 Axes>`
+        output.data.pop("text/plain")
     return output
 
 
