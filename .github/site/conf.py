@@ -7,6 +7,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parent))
 
 from citations import BIBLIOGRAPHY, IN_RST, cited
+from sphinx.ext.napoleon import NumpyDocstring
 
 from flexspline import __version__
 
@@ -32,7 +33,7 @@ bibtex_reference_style = "author_year"
 autodoc_typehints = "none"  # a docstring says types with their shapes and units
 autodoc_member_order = "bysource"
 default_role = "py:obj"  # `name` in a docstring: a link where it is a name of the package
-napoleon_google_docstring = False
+napoleon_google_docstring = napoleon_numpy_docstring = False  # `marked_up` calls Napoleon
 napoleon_use_param = False  # types are sentences here, and no names to link to
 napoleon_use_rtype = False
 
@@ -56,7 +57,10 @@ def marked_up(app, what, name, thing, options, lines):
     """Turn a docstring into reStructuredText, section by section."""
     starts = [k for k, line in enumerate(lines) if line and set(line) == {"-"}]
     first = starts[0] - 1 if starts else len(lines)
-    lines[:] = [*_with_formulas(lines[:first]), *_described([_cited(x) for x in lines[first:]])]
+    made = [*_with_formulas(lines[:first]), *_described([_cited(x) for x in lines[first:]])]
+    if what not in ("attribute", "property"):  # of which Napoleon takes a first clause for a type
+        made = NumpyDocstring(made, app.config, app, what, name, thing, options).lines()
+    lines[:] = made
 
 
 def _with_formulas(lines):
@@ -96,6 +100,6 @@ def skipped(app, what, name, thing, skip, options):
 
 
 def setup(app):
-    """Tell Sphinx of what is done to docstrings, before Napoleon reads them."""
-    app.connect("autodoc-process-docstring", marked_up, priority=400)
+    """Tell Sphinx of what is done to docstrings."""
+    app.connect("autodoc-process-docstring", marked_up)
     app.connect("autodoc-skip-member", skipped)

@@ -3,7 +3,7 @@
     python .github/site/execute_notebooks.py [NAME ...]
 
 Without a name, every notebook of `notebooks/`: some ten minutes. What is kept: text, tables, and
-pictures of at most 36 kB; what is not: paths and addresses of this machine, progress, warnings, and
+pictures of at most 60 kB; what is not: paths and addresses of this machine, progress, warnings, and
 the text of what is a table or a picture too. The notebook notes from which code its outputs are.
 Measured logs are read from FLEXSPLINE_DATA. Needs `pip install '.[test]'`.
 """
@@ -26,7 +26,8 @@ from PIL import Image
 
 NOTEBOOKS = Path(__file__).parents[2] / "notebooks"
 DATA = Path(os.environ.get("FLEXSPLINE_DATA", NOTEBOOKS.parent / "../shared/data")).resolve()
-MOST_PICTURE = 36_000  # bytes of a PNG: a notebook with ten of them stays below 500 kB
+MOST_PICTURE = 60_000  # bytes of a PNG: two or three in a screen of text, on a slow line
+MOST_PICTURES = 340_000  # bytes of all of a notebook, which then stays below 500 kB
 SMALLEST_SCALE = 0.4  # of a picture: below this its letters cannot be read
 COLOURS = 24  # lines and letters of few colours with their soft edges need no more
 SECONDS_PER_CELL = 900
@@ -63,11 +64,13 @@ def keep_small(notebook: Any, folder: Path) -> None:
     kernel = {"display_name": "Python 3", "language": "python", "name": "python3"}
     made = {"kernelspec": kernel, "language_info": language, "outputs_of": code_digest(notebook)}
     notebook.metadata = nbformat.from_dict(made)
-    for cell in notebook.cells:
-        if cell.cell_type == "code":
-            cell.outputs = [
-                _small(output, folder) for output in cell.outputs if output.get("name") != "stderr"
-            ]
+    cells = [cell for cell in notebook.cells if cell.cell_type == "code"]
+    outputs = [output for cell in cells for output in cell.outputs]
+    pictures = sum("image/png" in output.get("data", {}) for output in outputs)
+    most = min(MOST_PICTURE, MOST_PICTURES // max(1, pictures))
+    for cell in cells:
+        told = [output for output in cell.outputs if output.get("name") != "stderr"]
+        cell.outputs = [_small(output, folder, most) for output in told]
 
 
 def code_digest(notebook: Any) -> str:
@@ -76,7 +79,7 @@ def code_digest(notebook: Any) -> str:
     return hashlib.sha256(code.encode()).hexdigest()[:16]
 
 
-def _small(output: Any, folder: Path) -> Any:
+def _small(output: Any, folder: Path, most: int) -> Any:
     if output.output_type == "stream":
         output.text = without_machine(output.text, folder)
         return output
@@ -84,7 +87,7 @@ def _small(output: Any, folder: Path) -> Any:
     output.data = {kind: output.data[kind] for kind in KINDS if kind in output.data}
     for kind, value in output.data.items():
         if kind == "image/png":
-            output.data[kind] = small_picture(value)
+            output.data[kind] = small_picture(value, most)
         else:
             output.data[kind] = without_machine(value, folder)
     if len(output.data) > 1:  # `<PlainFigure size 1100x800 with 4 Axes>`
@@ -101,8 +104,8 @@ def without_machine(text: str, folder: Path) -> str:
     return STYLE_ID.sub("T_table", text)
 
 
-def small_picture(encoded: str) -> str:
-    """Return a PNG of few colours, made smaller until it is small enough."""
+def small_picture(encoded: str, most: int) -> str:
+    """Return a PNG of few colours, made smaller until it has `most` bytes at most."""
     picture = Image.open(io.BytesIO(base64.b64decode(encoded))).convert("RGB")
     scale = 1.0
     while True:
@@ -111,11 +114,13 @@ def small_picture(encoded: str) -> str:
         resized = picture.resize(size, Image.Resampling.LANCZOS) if scale < 1.0 else picture
         few = resized.quantize(COLOURS, dither=Image.Dither.NONE)
         few.save(made, format="png", optimize=True)
-        if made.tell() <= MOST_PICTURE:
+        if made.tell() <= most:
             return base64.b64encode(made.getvalue()).decode()
         scale *= 0.9
         if scale < SMALLEST_SCALE:
-            raise SystemExit(f"a picture of {size[0]} by {size[1]} does not fit {MOST_PICTURE} B")
+            raise SystemExit(
+                f"a picture of {size[0]} by {size[1]} does not fit {most} B; draw less"
+            )
 
 
 def main() -> None:
@@ -127,13 +132,14 @@ def main() -> None:
         path = NOTEBOOKS / f"{name.removesuffix('.ipynb')}.ipynb"
         if not path.is_file():
             raise SystemExit(f"{path}: no such notebook; give a name of those in notebooks/")
+        print(f"{name}: ", end="", flush=True)
         with tempfile.TemporaryDirectory() as made:
             folder = Path(made).resolve()
             notebook = executed(path, folder)
             keep_small(notebook, folder)
         nbformat.validate(notebook)
         nbformat.write(notebook, path)
-        print(f"{name}: {path.stat().st_size / 1000:.0f} kB", flush=True)
+        print(f"{path.stat().st_size / 1000:.0f} kB", flush=True)
 
 
 if __name__ == "__main__":

@@ -37,6 +37,9 @@ async function crawl() {
     const page = frame.contentDocument;
     pages[path] = new Set([...page.querySelectorAll("[id], a[name]")].map(e => e.id || e.name));
     if (page.documentElement.scrollWidth > 400) faults.push(`${path} is wider than 400 px`);
+    for (const e of page.querySelectorAll("h1, h2, h3, p, li, figcaption"))
+      if (e.scrollWidth > e.clientWidth + 1 && getComputedStyle(e).display !== "inline")
+        faults.push(`${path}: '${e.textContent.slice(0, 40)}' is cut at 400 px`);
     for (const image of page.images) {
       image.loading = "eager";
       await image.decode().catch(() => faults.push(`${path}: ${image.src} is no image`));
