@@ -29,7 +29,7 @@ DATA = Path(os.environ.get("FLEXSPLINE_DATA", NOTEBOOKS.parent / "../shared/data
 MOST_PICTURE = 60_000  # bytes of a PNG: two or three in a screen of text, on a slow line
 MOST_PICTURES = 340_000  # bytes of all of a notebook, which then stays below 500 kB
 SMALLEST_SCALE = 0.4  # of a picture: below this its letters cannot be read
-COLOURS = 24  # lines and letters of few colours with their soft edges need no more
+COLOURS = 32  # lines and letters of few colours with their soft edges need no more
 SECONDS_PER_CELL = 900
 RANDOM = re.compile(r"flexspline-[a-z0-9_]{8}\b")  # a folder of `tempfile`
 STYLE_ID = re.compile(r"T_[0-9a-f]{5}")  # of a table of pandas
@@ -112,7 +112,7 @@ def small_picture(encoded: str, most: int) -> str:
         size = (round(picture.width * scale), round(picture.height * scale))
         made = io.BytesIO()
         resized = picture.resize(size, Image.Resampling.LANCZOS) if scale < 1.0 else picture
-        few = resized.quantize(COLOURS, dither=Image.Dither.NONE)
+        few = resized.quantize(COLOURS, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
         few.save(made, format="png", optimize=True)
         if made.tell() <= most:
             return base64.b64encode(made.getvalue()).decode()
