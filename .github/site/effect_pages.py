@@ -142,7 +142,7 @@ def _page(info: EffectInfo, costs: dict[str, Any]) -> str:
 
 ## Source
 
-{source}
+{source[:1].upper()}{source[1:]}
 
 ## On the device
 

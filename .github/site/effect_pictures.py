@@ -63,7 +63,7 @@ def draw(info: EffectInfo, path: Path) -> None:
     settings = {"svg.hashsalt": "flexspline", "font.size": 11, "svg.fonttype": "none"}
     with matplotlib.rc_context(settings):
         figure = Figure(figsize=(6.4, 3.2))
-        ax = figure.add_axes((0.1, 0.16, 0.88, 0.74))  # a layout engine takes as long as all else
+        ax = figure.add_axes((0.1, 0.16, 0.85, 0.74))  # a layout engine takes as long as all else
         curves = list(_curves(info))
         largest = max(float(np.abs(y).max()) for _, y, _ in curves)
         for (x, y, label), colour in zip(curves, COLOURS, strict=False):

@@ -42,7 +42,7 @@ def _card(name: str, notebook: dict[str, Any], folder: Path) -> str:
     if picture:
         (folder / f"{name}.png").write_bytes(picture)
         shown = f"![first figure of {name}]({name}.png)\n\n"
-    return f":::{{container}} card\n{shown}[{title}]({name}.ipynb)\n\n{words}\n:::\n"
+    return f":::{{container}} notebook\n{shown}[{title}]({name}.ipynb)\n\n{words}\n:::\n"
 
 
 def _opening(notebook: dict[str, Any]) -> tuple[str, str]:
