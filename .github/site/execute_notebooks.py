@@ -27,7 +27,7 @@ from PIL import Image
 NOTEBOOKS = Path(__file__).parents[2] / "notebooks"
 DATA = Path(os.environ.get("FLEXSPLINE_DATA", NOTEBOOKS.parent / "../shared/data")).resolve()
 MOST_PICTURE = 60_000  # bytes of a PNG: two or three in a screen of text, on a slow line
-MOST_PICTURES = 340_000  # bytes of all of a notebook, which then stays below 500 kB
+MOST_PICTURES = 320_000  # bytes of all of a notebook, which then stays below 500 kB
 SMALLEST_SCALE = 0.4  # of a picture: below this its letters cannot be read
 COLOURS = 32  # lines and letters of few colours with their soft edges need no more
 SECONDS_PER_CELL = 900
