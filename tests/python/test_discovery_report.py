@@ -61,7 +61,7 @@ def test_text_and_page_tell_the_same_of_a_parameter_and_of_the_floor() -> None:
     (one,) = found().found
     held = replace(found().fit.parameters[0], name=f"{one.effect}.share", determined=False)
     hidden = replace(found(), fit=replace(found().fit, parameters=(held,)))
-    for made, told in ((found(), "±"), (hidden, "not determined alone")):
+    for made, told in ((found(), "±"), (hidden, "not determined")):
         (line,) = effect_lines(made, one)
         assert told in line.value and f"{line.value} {line.unit}".rstrip() in str(made)
     assert found().floor.by == BY_NAMES and "at most" in where_sentences(found())[0]

@@ -44,6 +44,8 @@ def faults(notebook: Any) -> list[str]:
 
 def speaks(source: str) -> bool:
     """Whether the last line of a cell prints, or is a value that a notebook shows."""
+    if source.startswith("%%"):  # a file that is written, in another language
+        return False
     last = ast.parse(re.sub(r"^[!%].*$", "pass", source, flags=re.MULTILINE)).body[-1]
     if not isinstance(last, ast.Expr):
         return False
