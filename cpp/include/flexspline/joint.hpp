@@ -1,5 +1,6 @@
 /// One joint, from raw readings to the external torque: the models of its parts and the chain.
 ///
+///   limiting     readings beyond their limits → missing
 ///   preparing    reading checks, differentiator → readings
 ///   sensing      thermistor, compensation, calibration → temperature, sensor torque
 ///   models       what each part says of this sample
@@ -12,7 +13,8 @@
 /// torque of the sample before, or of the last that had one, not held at the pole; 0 until there is
 /// one, and where the chain has no compliance.
 ///
-/// A reading that is missing stays NaN (an angle: empty); the stages that need it are in `missed`.
+/// A reading that is missing stays NaN (an angle: empty); the stages that need it are in `missed`. One
+/// beyond its limit counts as missing, is flagged `out_of_range`, and its kind is in `faults`.
 /// The models go on with the last good temperature. State{} has seen nothing: assign it after a
 /// gap. Temperatures outside of [low, high], where the parts were fitted: `extrapolated`.
 #pragma once
@@ -20,6 +22,7 @@
 #include "flexspline/estimators/chain.hpp"
 #include "flexspline/estimators/preprocessing.hpp"
 #include "flexspline/model.hpp"
+#include "flexspline/reading_limits.hpp"
 #include "flexspline/torsion.hpp"
 
 namespace flexspline {
@@ -51,6 +54,7 @@ struct Joint {
   S link_inertia = 0;                      ///< kg m² at the output, of the compliant observer
   S low = -std::numeric_limits<S>::max();  ///< °C, range of the parts' fits
   S high = std::numeric_limits<S>::max();
+  ReadingLimits<S> limits;
 
   struct State {
     [[no_unique_address]] std::conditional_t<prepares, typename Preparing::State, Nothing> prepared;
@@ -79,18 +83,15 @@ struct Joint {
   /// The same with its trace; after a bad period that is the one before.
   constexpr Status step(State& state, const Reading<S>& in, typename Chain::Output& out,
                         Trace& trace) const noexcept {
-    if (!Chain::is_period(in.period)) return Status::bad_period;
-    out.flags = Flag::none;
+    if (!is_period(in.period)) return Status::bad_period;
+    Reading<S> taken = in;
+    bool beyond = false;
+    out.faults = limits.take_out(taken, beyond);
+    out.flags = beyond ? Flag::out_of_range : Flag::none;
     out.missed = Stage::none;
-    if constexpr (prepares) out.faults = Fault::none;
-    if (runs(sensing.checks) || runs(sensing.differentiator)) {
-      Reading<S> prepared = in;
-      if constexpr (prepares) Preparing::step(sensing, state.prepared, prepared, out);
-      run(state, prepared, out, trace);
-      Preparing::compare(sensing, out);
-    } else {
-      run(state, in, out, trace);
-    }
+    if constexpr (prepares) Preparing::step(sensing, state.prepared, taken, out);
+    run(state, taken, out, trace);
+    if constexpr (prepares) Preparing::compare(sensing, out);
     return Status::ok;
   }
 
