@@ -5,6 +5,9 @@
 
 #include "../fuzz/step_invariants.hpp"
 #include "../fuzz/whole_joint.hpp"
+#include "flexspline/estimators/order_tracker.hpp"
+#include "flexspline/estimators/ripple_oscillator.hpp"
+#include "flexspline/estimators/structural_damping.hpp"
 #include "random_samples.hpp"
 
 using namespace flexspline;
@@ -170,6 +173,29 @@ void check_numbers(const Joint<S>& joint) {
   }
 }
 
+/// The last torque of an estimator that has no limits of its own, by readings that went through
+/// them.
+template <typename S, typename State, typename Step>
+S run_alone(const Step& step, S value) {
+  State state;
+  S torque = 0;
+  for (int k = 0; k < rows; ++k) {
+    Reading<S> in = reading<S>(k);
+    if (k == absurd_row) in.sensor_torque = value;
+    bool beyond = false;
+    (void)ReadingLimits<S>{}.take_out(in, beyond);
+    const Status status = step(state, swing<S>(k), in.sensor_torque, torque);
+    CHECK(status == (k == absurd_row ? Status::not_finite : Status::ok));
+  }
+  return torque;
+}
+
+template <typename S, typename State, typename Step>
+void check_alone(const Step& step) {
+  const S without = run_alone<S, State>(step, Reading<S>::missing);
+  for (const S value : absurd<S>) CHECK(same_bits(run_alone<S, State>(step, value), without));
+}
+
 }  // namespace
 
 TEST_CASE_TEMPLATE("an absurd sample leaves every effect as if it had been missing", S, float,
@@ -208,6 +234,24 @@ TEST_CASE_TEMPLATE("an absurd reading leaves every stage as if it had been missi
       }
     }
   }
+}
+
+TEST_CASE_TEMPLATE("an estimator that stands alone does without what the limits take out", S, float,
+                   double) {
+  using Tracker = OrderTracker<S, 8>;
+  const auto orders = Tracker::config_of(std::array<std::uint32_t, 1>{2}, 1, 8);
+  check_alone<S, typename Tracker::State>([&](auto& state, const auto& at, S reading, S& torque) {
+    return Tracker::step(orders, state, at.motor_position.phase, reading, torque);
+  });
+  using Oscillator = RippleOscillator<S, 1>;
+  check_alone<S, typename Oscillator::State>([](auto& state, const auto& at, S reading, S& torque) {
+    const typename Oscillator::Config config{.orders = {2}};
+    return Oscillator::step(config, state, at.motor_position.phase, reading, at.period, torque);
+  });
+  using Damping = StructuralDamping<S>;
+  check_alone<S, typename Damping::State>([](auto& state, const auto& at, S reading, S& torque) {
+    return Damping::step({S(20)}, state, reading, at.period, torque);
+  });
 }
 
 TEST_CASE_TEMPLATE("a hysteresis that takes an absurd load never finds back", S, float, double) {

@@ -54,7 +54,7 @@ struct Joint {
   S link_inertia = 0;                      ///< kg m² at the output, of the compliant observer
   S low = -std::numeric_limits<S>::max();  ///< °C, range of the parts' fits
   S high = std::numeric_limits<S>::max();
-  ReadingLimits<S> limits;
+  ReadingLimits<S> limits{};
 
   struct State {
     [[no_unique_address]] std::conditional_t<prepares, typename Preparing::State, Nothing> prepared;

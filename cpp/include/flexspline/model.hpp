@@ -170,8 +170,9 @@ struct ModelLimits {
 
  private:
   static constexpr std::array<S, channels.size()> widest() noexcept {
+    constexpr ReadingLimits<S> known;
     std::array<S, channels.size()> made{};
-    for (std::size_t k = 0; k < made.size(); ++k) made[k] = ReadingLimits<S>{}.of(channels[k]);
+    for (std::size_t k = 0; k < made.size(); ++k) made[k] = known.of(channels[k]);
     return made;
   }
 };
@@ -196,7 +197,7 @@ struct Model {
 
   Gear<S> gear;
   std::tuple<Part<S, Effects>...> parts;
-  [[no_unique_address]] ModelLimits<S, Effects...> limits;
+  [[no_unique_address]] ModelLimits<S, Effects...> limits{};
 
   static constexpr bool uses([[maybe_unused]] Channel channel) noexcept {
     return (flexspline::reads<Effects>(channel) || ...);

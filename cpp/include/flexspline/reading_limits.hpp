@@ -28,14 +28,14 @@ template <typename S>
 struct ReadingLimits {
   static constexpr S none = std::numeric_limits<S>::max();
 
-  S output_velocity = S(1e4);      ///< rad/s, of no shaft behind a gear
-  S output_acceleration = S(1e7);  ///< rad/s², from standstill to that velocity within 1 ms
-  S motor_torque = S(1e6);         ///< Nm at the motor's shaft, as below
-  S sensor_voltage = S(1e3);       ///< V, at no converter's input
-  S sensor_torque = S(1e6);       ///< Nm, 50 times the peak torque of the largest strain wave gears
-  S thermistor_voltage = S(1e3);  ///< V
-  S temperature = S(1e3);         ///< °C, above all that a sensor in a joint survives
-  S time = S(1e9);                ///< s, thirty years
+  S output_velocity = S(10'000);          ///< rad/s, of no shaft behind a gear
+  S output_acceleration = S(10'000'000);  ///< rad/s², from standstill to that velocity within 1 ms
+  S motor_torque = S(1'000'000);          ///< Nm at the motor's shaft, as below
+  S sensor_voltage = S(1'000);            ///< V, at no converter's input
+  S sensor_torque = S(1'000'000);   ///< Nm, 50 times the peak of the largest strain wave gears
+  S thermistor_voltage = S(1'000);  ///< V
+  S temperature = S(1'000);         ///< °C, above all that a sensor in a joint survives
+  S time = S(1'000'000'000);        ///< s, thirty years
 
   static constexpr auto fields() noexcept {
     return std::tuple{
