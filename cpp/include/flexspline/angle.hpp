@@ -34,19 +34,19 @@ struct Phase {
 /// An angle: `turns` + `phase`, the phase in [0, 1) turns.
 template <typename S>
 struct Angle {
-  /// Where turns saturate: a motor at 100 turns per second is there after 124 days.
+  /// What turns count to: a motor at 100 turns per second is there after 124 days.
   static constexpr std::int32_t most_turns = 1 << 30;
 
   std::int32_t turns = 0;
   Phase<S> phase;
 
   /// Whether the turns are counted, not saturated.
-  constexpr bool in_range() const noexcept { return turns > -most_turns && turns < most_turns; }
+  constexpr bool in_range() const noexcept { return turns >= -most_turns && turns < most_turns; }
 
   /// Exact to 2^−32 (float) or 2^−52 (double) turns on both sides of zero. Beyond ±2^30 turns
-  /// the turns saturate; NaN gives −2^30 turns (see read_radians).
+  /// the turns saturate just outside of the range; NaN does below it (see read_radians).
   static constexpr Angle from_turns(S value) noexcept {
-    constexpr S limit = S(most_turns);
+    constexpr S limit = S(most_turns) + S(128);  // the next float
     const S above = value > -limit ? value : -limit;
     const S held = above < limit ? above : limit;
     const auto truncated = static_cast<std::int32_t>(held);

@@ -107,7 +107,7 @@ struct Joint {
       if (Chain::is_temperature(temperature)) state.temperature = temperature;
     }
     constexpr S beside_load(S torque, const typename Chain::Input&) noexcept {
-      at = sample(in, state.temperature, NumberPlaces{});
+      at = joint.sample(in, state.temperature, NumberPlaces{});
       return joint.sensing.sensor ? joint.beside_load(in, at, state, torque) : S(0);
     }
     constexpr void predict(S external, typename Chain::Input& input) noexcept {
@@ -129,7 +129,12 @@ struct Joint {
     out.flags = out.flags | extrapolated(models.at.temperature, low, high);
   }
 
-  /// What the stages read; infinite is missing.
+  /// A reading that may be infinite where it has no limit: infinite is missing.
+  static constexpr S known(S value, S most) noexcept {
+    return most < ReadingLimits<S>::none ? value : math::finite_or_nan(value);
+  }
+
+  /// What the stages read.
   constexpr typename Chain::Input channels(const Reading<S>& in) const noexcept {
     typename Chain::Input input;
     input.period = in.period;
@@ -137,21 +142,21 @@ struct Joint {
     input.thermistor_voltage = in.thermistor_voltage;
     input.temperature = in.temperature;
     input.sensor_torque = in.sensor_torque;
-    input.velocity = math::finite_or_nan(in.output_velocity);
+    input.velocity = known(in.output_velocity, limits.output_velocity);
     input.motor_torque = effective_ratio * in.motor_torque;
     input.momentum = inertia == S(0) ? S(0) : inertia * input.velocity;
     input.link_momentum = link_inertia == S(0) ? S(0) : link_inertia * input.velocity;
     return input;
   }
 
-  /// What the models read; infinite is missing.
+  /// What the models read.
   template <std::size_t... k>
-  static constexpr Sample<S> sample(const Reading<S>& in, S temperature,
-                                    std::index_sequence<k...>) noexcept {
+  constexpr Sample<S> sample(const Reading<S>& in, S temperature,
+                             std::index_sequence<k...>) const noexcept {
     Sample<S> at;
     at.output_position = in.output_position.value_or(Angle<S>{});
     at.motor_position = in.motor_position.value_or(Angle<S>{});
-    ((at.*numbers<S>[k].at = math::finite_or_nan(in.*numbers<S>[k].read)), ...);
+    ((at.*numbers<S>[k].at = known(in.*numbers<S>[k].read, limits.of(numbers<S>[k].channel))), ...);
     at.temperature = temperature;
     at.period = in.period;
     return at;

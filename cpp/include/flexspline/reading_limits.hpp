@@ -9,11 +9,13 @@
 ///
 ///   velocity, acceleration, torques, bridge   exported with the model: a multiple of the largest
 ///                                             in the logs of the fit, not above the values below
+///                                             (python/flexspline/estimation/limits.py: which
+///                                             multiple, and why)
 ///   temperature, thermistor, time             the values below, for what was seen of them in a log
 ///                                             says little of what a device will see
-///   angles                                    2^30 turns, where they saturate, and no less: a
-///                                             joint may turn on for ever, and turns and a fraction
-///                                             are as exact there as in the first turn
+///   angles                                    2^30 turns, beyond which they saturate, and no less:
+///                                             a joint may turn on for ever, and turns and a
+///                                             fraction are as exact there as in the first turn
 ///
 /// NaN is beyond no limit: it is missing already. A limit at the largest number is none, and costs
 /// nothing where it is a constant: an exported header has that for what its joint does not read.

@@ -68,7 +68,7 @@ Rows = NDArray[np.void]
 
 CHANNELS = (*_core.numbers, *_core.instruments, "known_load")
 ANGLES = ("output_position", "motor_position")
-MOST_TURNS = 2**30
+MOST_TURNS = 2**30 + 128  # where the core's turns saturate, out of range
 
 FOOTER = 4  # bytes behind the results: the stack
 SHIFT = 10  # an instruction takes 2^10 ns of the emulated time
