@@ -87,7 +87,6 @@ def test_a_reading_beyond_its_limit_is_counted_and_is_no_difference() -> None:
     made = flexspline.certify(model, log.with_columns({"sensor_voltage": volts}, note="wild"))
     said = valid(made)
     assert made.bit_identical and (said["out_of_range"], said["refused"]) == (3, 0)
-    assert {output["samples"] for output in said["outputs"]} == {len(log) - 3}
     assert "3 of 500 samples have a reading beyond its limit" in str(made)
 
 

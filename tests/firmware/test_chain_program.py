@@ -55,7 +55,7 @@ RESULTS = {
 }
 COLLISION_BY_OBSERVER = Collision("observer", (), (2.0,), (2.0,))
 ANGLE_LIMITS = ReadingChecks(most_speed=8.0, most_motor_torque=0.5)
-ABSURD = 1200  # row of the first reading beyond its limit
+ABSURD = {"sensor_voltage": 900.0, "thermistor_voltage": 5e3, "temperature": 5e3}
 EPSILON = 2.0**-24  # half a unit in the last place of a float
 
 
@@ -121,8 +121,8 @@ def broken(log: Log) -> Log:
     columns["sensor_voltage"][900:920] *= -1.0
     columns["motor_torque"][950:953] = 9.0
     columns["motor_position"][2000:2010] += 0.4
-    for row, name in enumerate(CHANNELS, start=ABSURD):
-        columns[name][row] = 900.0 if name.endswith("voltage") else 1e11
+    for row, name in enumerate(CHANNELS, start=1200):
+        columns[name][row] = ABSURD.get(name, 1e11)
     holed = log.with_columns(columns, note="broken")
     return holed.rows(np.r_[0:1500, 1600 : len(log)], note="a gap")
 

@@ -246,7 +246,8 @@ def differences(
 
 def beyond_limits(results: Results) -> NDArray[np.bool_]:
     """Samples with a reading beyond its limit, (N,): a chain flags it, a model refuses them."""
-    return (results["status"] == REFUSED) | ((results["flags"] & OUT_OF_RANGE) != 0)
+    flagged = (results["flags"] & OUT_OF_RANGE) != 0
+    return np.asarray((results["status"] == REFUSED) | flagged)
 
 
 def same_bits(device: Results, single: Results) -> bool:
