@@ -40,6 +40,7 @@ from flexspline.certification.result import (
     Cost,
     Output,
     OutputDifference,
+    beyond_limits,
     differences,
     same_bits,
 )
@@ -149,6 +150,7 @@ def certify(
         refused=int(np.count_nonzero(made.results["status"])),
         cost=cost,
         notes=subject.notes,
+        out_of_range=int(np.count_nonzero(beyond_limits(made.results))),
     )
 
 

@@ -69,7 +69,7 @@ Rows = NDArray[np.void]
 
 CHANNELS = (*_core.numbers, *_core.instruments, "known_load")
 ANGLES = ("output_position", "motor_position")
-MOST_TURNS = 2**30
+MOST_TURNS = 2**30 + 128  # where the core's turns saturate, out of range
 
 FOOTER = 4  # bytes behind the results: the stack
 SHIFT = 10  # an instruction takes 2^10 ns of the emulated time
@@ -235,8 +235,9 @@ def _real(
 def _set_angle(rows: Rows, place: int, radians: NDArray[np.float64], bits: int) -> None:
     """Write an angle as turns and a fraction of `bits` bits, and its mark where it is finite."""
     with np.errstate(invalid="ignore"):
-        good = np.isfinite(radians) & (np.abs(radians) < MOST_TURNS * 2.0 * np.pi)
-    turns = np.where(good, radians, 0.0) / (2.0 * np.pi)
+        good = np.isfinite(radians)
+    turns = np.where(good, radians, -np.inf) / (2.0 * np.pi)
+    turns = np.clip(turns, -MOST_TURNS, MOST_TURNS)  # which no model takes
     whole = np.floor(turns)
     counts = np.minimum(np.floor((turns - whole) * 2.0**bits), 2.0**bits - 1.0)
     spare = 0 if bits == 32 else 64 - bits

@@ -16,7 +16,9 @@ from flexspline import _core
 from flexspline.about import __version__
 from flexspline.effects import Effect, TermInfo, unit_in
 from flexspline.errors import InputError, listed, shortened
-from flexspline.estimation.plan import Plan, made_by, plan_of, reads_of
+from flexspline.estimation.limits import UNITS as LIMIT_UNITS
+from flexspline.estimation.limits import joint_limits, part_limits
+from flexspline.estimation.plan import Plan, made_by, plan_of, readings_of, reads_of
 from flexspline.estimators import ESTIMATORS
 from flexspline.exporting.cpp_text import (
     comment,
@@ -354,7 +356,7 @@ def chain_head(plan: Plan, namespace: str) -> Iterator[str]:
             yield f"    in.{name} = flexspline::Angle<float>::from_radians({letter});  // finite"
             yield "    // better, from an encoder's counts: {turns, {fraction of a turn}}"
     for name, unit in READINGS.items():
-        if name in _readings(plan):
+        if name in readings_of(plan):
             yield f"    in.{name} = {name};  // {unit}"
     yield f"    flexspline::Status status = {namespace}::joint<float>.step(state, in, out);"
     for stage, name in RESULTS.items():
@@ -362,8 +364,8 @@ def chain_head(plan: Plan, namespace: str) -> Iterator[str]:
             yield f"    // out.{name}: unless"
             yield f"    //     has(out.missed, flexspline::Stage::{stage})"
     yield "    // has(out.flags, flexspline::Flag::extrapolated), saturated: to be known beside it"
-    if "reading_checks" in plan.preprocessing:
-        yield "    // has(out.faults, flexspline::Fault::speed), ...: what cannot be true"
+    yield "    // has(out.flags, flexspline::Flag::out_of_range): a reading is beyond its limit"
+    yield "    // has(out.faults, flexspline::Fault::speed), ...: what cannot be true"
 
 
 def chain_lines(model: Model, plan: Plan) -> Iterator[str]:
@@ -406,7 +408,17 @@ def chain_lines(model: Model, plan: Plan) -> Iterator[str]:
     if plan.temperature_range is not None:
         for side, value in zip(("low", "high"), plan.temperature_range, strict=True):
             yield f"    .{side} = {literal(value, 'range of temperature')},  // deg C"
+    yield "    .limits = {  // either way; what is beyond counts as missing"
+    for name, most in joint_limits(plan).items():
+        yield f"        .{name} = {_limit(name, most)}"
+    yield "    },"
     yield "};"
+
+
+def _limit(name: str, most: float | None) -> str:
+    if most is None:
+        return "flexspline::ReadingLimits<S>::none,  // not read"
+    return f"{literal(most, f'limit of {name}')},  // {_limit_unit(name)}"
 
 
 def _made(plan: Plan) -> set[str]:
@@ -423,21 +435,10 @@ def _angles(plan: Plan) -> set[str]:
     return set(ANGLES) if twists or "compliance" in plan.estimating else found
 
 
-def _readings(plan: Plan) -> set[str]:
-    found = reads_of(plan) & READINGS.keys()
-    if "thermistor" in plan.sensing:
-        found = (found - {"temperature"}) | {"thermistor_voltage"}
-    elif "temperature_compensation" in plan.sensing:
-        found.add("temperature")
-    if plan.has_sensor:
-        found.add("sensor_voltage" if "calibration" in plan.sensing else "sensor_torque")
-    if plan.estimating.get("observer", {}).get("input") == "motor_torque":
-        found.add("motor_torque")
-    return found - _made(plan)
-
-
 def model_lines(model: Model, part: Part, name: str = "model") -> Iterator[str]:
     """The constant of a part and its type: sensor_model is of the type SensorModel.
+
+    `model`, which stands alone, has the limits of what it reads; a joint has its own.
 
     Raises
     ------
@@ -456,7 +457,20 @@ def model_lines(model: Model, part: Part, name: str = "model") -> Iterator[str]:
     yield f"    {_gear(model, part)},"
     yield "    {"
     yield from _parts(part, effects)
-    yield "    }};"
+    limits = part_limits(part) if name == "model" else {}
+    if not limits:
+        yield "    }};"
+        return
+    yield "    },"
+    yield "    {{  // either way; what is beyond is flexspline::Status::out_of_range"
+    for channel, most in limits.items():
+        number = literal(most, f"limit of {channel}")
+        yield f"        {number},  // {channel}, {_limit_unit(channel)}"
+    yield "    }}};"
+
+
+def _limit_unit(channel: str) -> str:
+    return comment(LIMIT_UNITS[channel])
 
 
 def _gear(model: Model, part: Part) -> str:
