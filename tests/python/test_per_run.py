@@ -21,7 +21,7 @@ from flexspline.least_squares.result import Fit
 from flexspline.logs.log import Log
 from flexspline.logs.read import write_log
 
-own_terms = importlib.import_module("flexspline.least_squares.own_terms")
+own_terms = importlib.import_module("flexspline.least_squares.per_run_terms")
 offsets = importlib.import_module("flexspline.least_squares.offsets")
 EFFECTS = ["offset", "viscous_friction", "inertia", "gravity"]
 OWN = ("offset", "gravity.sine")

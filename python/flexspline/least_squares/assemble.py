@@ -18,7 +18,7 @@ from flexspline.least_squares.identifiability import Confounded, confounded_grou
 from flexspline.least_squares.late_load import LateLoad
 from flexspline.least_squares.offsets import ZERO, offset_parameters
 from flexspline.least_squares.options import bounds_of
-from flexspline.least_squares.own_terms import compared_runs, own_parameters, with_own
+from flexspline.least_squares.per_run_terms import compared_runs, own_parameters, with_own
 from flexspline.least_squares.problem import Problem, columns_of, memory_warnings
 from flexspline.least_squares.result import Delay, Fit, FittedRun, Parameter
 from flexspline.least_squares.uncertainty import Uncertainty

@@ -35,7 +35,7 @@ from flexspline.least_squares.options import (
     pair_of,
     shapes_of,
 )
-from flexspline.least_squares.own_noise import noise_beside_own
+from flexspline.least_squares.per_run_noise import noise_beside_own
 from flexspline.least_squares.problem import Problem, Run
 from flexspline.least_squares.shapes import Bent, ShapeFit, Tangent, bent, filtered, fit_shapes
 from flexspline.logs.plausible import given_number

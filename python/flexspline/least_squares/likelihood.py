@@ -40,7 +40,7 @@ from scipy.signal import lfilter
 from flexspline.errors import InputError
 from flexspline.least_squares.late_load import Beside, basis_beside
 from flexspline.least_squares.noise_model import Chunks, NoiseModel, pieces
-from flexspline.least_squares.own_noise import beside_own
+from flexspline.least_squares.per_run_noise import beside_own
 
 if TYPE_CHECKING:
     from flexspline.least_squares.estimate import Estimate
