@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 from click.shell_completion import CompletionItem
-from tqdm import tqdm
 
 from flexspline.cli.speech import is_quiet, tell
 from flexspline.effects import TARGETS, effect
@@ -29,6 +28,7 @@ from flexspline.files import (
     folder_to_write,
     require_there,
 )
+from flexspline.progress import Progress
 
 if TYPE_CHECKING:
     from flexspline.logs.log import Log
@@ -483,11 +483,12 @@ class Reading:
                 raise InputError(f"{path}: is given twice; give each run once")
             seen.add(Path(path).resolve())
         arguments = with_simulated(self._with_map(), simulated_torque)
-        quiet = not on_terminal()
-        return [
-            _completed(path, arguments, known or {})
-            for path in tqdm(paths, "reading", unit="run", disable=quiet, leave=False, delay=1.0)
-        ]
+        logs = []
+        with Progress("reading", on_terminal(), total=len(paths), unit="run") as bar:
+            for path in paths:
+                logs.append(_completed(path, arguments, known or {}))
+                bar.step()
+        return logs
 
     def _with_map(self) -> dict[str, Any]:
         if self.columns is None:

@@ -7,6 +7,7 @@ one object in the place of the text, for scripts.
 from __future__ import annotations
 
 import json
+import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -18,6 +19,7 @@ import click
 
 from flexspline.errors import listed, printable
 from flexspline.files import Writing, writing
+from flexspline.progress import above_progress
 
 __all__ = ["found", "is_quiet", "say", "speaking", "spoken", "tell"]
 
@@ -78,8 +80,9 @@ def say(text: object = "") -> None:
 def tell(text: object) -> None:
     """Print on standard error what `-v` asks for."""
     if _speech().verbose:
-        for line in str(text).splitlines():
-            click.echo(f"flexspline: {printable(line)}", err=True)
+        with above_progress(sys.stderr):
+            for line in str(text).splitlines():
+                click.echo(f"flexspline: {printable(line)}", err=True)
 
 
 def found(content: Mapping[str, Any]) -> None:
