@@ -53,6 +53,7 @@ def test_the_version_is_that_of_the_package() -> None:
     assert call("--version").stdout == f"flexspline {flexspline.__version__}\n"
 
 
+RUN = "no_run.csv --target sensor_torque --out new"
 ASKED = """
 import sys
 from flexspline.cli import main
@@ -73,6 +74,13 @@ finally:
         "fit none.csv --target sensor_torque --effects offset --out new",
         "fit none.csv --target sensor_torque --effects ofset --out new",
         "fit none.csv --target torsion --effects inertia --out new",
+        f"fit {RUN} --effects viscous_friction --fix viscosty=1",
+        f"fit {RUN} --effects viscous_friction --bound stribeck_velocity=0:1",
+        f"fit {RUN} --effects stribeck_friction --prior stribeck_velocity=1:1",
+        f"fit {RUN} --effects offset --by simulation --prior offset=1:1",
+        f"fit {RUN} --effects offset --free-controller torque",
+        f"discover {RUN} --effects offset --limit speed=1",
+        f"discover {RUN} --effects offset --exclude gravitiy",
         "check none.csv",
         "predict --model none.json run.csv --out new",
         "compare --model none.json run.csv --out new",
@@ -85,6 +93,7 @@ def test_help_and_wrong_calls_are_answered_without_what_is_heavy(line: str, tmp_
     )
     assert done.returncode == (0 if "--help" in line else 2)
     assert not set(HEAVY) & set(done.stderr.split("\n")[-2].split())
+    assert "no_run.csv" not in done.stderr  # what is wrong in the call is said before the run is
     assert list(tmp_path.iterdir()) == []
 
 

@@ -37,6 +37,7 @@ from flexspline.cli.options import (
     threads,
 )
 from flexspline.cli.speech import found, say
+from flexspline.effects import effect
 from flexspline.errors import InputError
 from flexspline.experiment.limits import parsed_limits
 from flexspline.files import atomic_write, remove_file, whole_folder
@@ -244,6 +245,9 @@ def discover(
         raise InputError(f"--target is needed beside {beside}; say what is explained")
     model = None if model_path is None else loaded(model_path)
     effects = None if names is None else named_effects(names)
+    limits = parsed_limits(options["limits"])
+    given = (name.strip() for name in (options["exclude"] or "").split(","))
+    exclude = [effect(name).name for name in given if name]
     written = ("model.json", "discovery.json", "report.html", NEXT)
     refuse_overwriting(out, [*runs, *simulation], written)
     with whole_folder(out, last="discovery.json") as draft:
@@ -263,8 +267,8 @@ def discover(
             bandwidth=options["bandwidth"],
             orders=options["orders"],
             fixed=options["fix"],
-            exclude=[n.strip() for n in (options["exclude"] or "").split(",") if n.strip()],
-            limits=parsed_limits(options["limits"]),
+            exclude=exclude,
+            limits=limits,
             threads=options["threads"],
             by=options["by"],
             controller=options["controller"],

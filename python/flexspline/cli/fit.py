@@ -67,6 +67,23 @@ def _refuse_of_motion(options: dict[str, Any], foreign: bool) -> None:
         )
 
 
+def _require_call(names: list[str], target: str, options: dict[str, Any], foreign: bool) -> None:
+    """Refuse what is wrong whatever the runs hold, before they are read."""
+    from flexspline.least_squares.options import Given, require_given
+
+    effects = with_orders(names, options["orders"])
+    require_effects(effects, target)
+    if options["by"] == "simulation":
+        _refuse_of_motion(options, foreign)
+        return
+    if options["controller"] or options["free_controller"]:
+        raise InputError("--controller drives a simulation; give --by simulation or leave it out")
+    if not options["offset_per_run"]:  # whose names are those of the runs
+        if options["known_load"] is None:
+            effects = [each.without_load() for each in effects]
+        require_given(effects, Given(options["fix"], options["bound"], options["prior"], False))
+
+
 @click.command(cls=Taught, sections=(effects_by_target, repairs))
 @click.argument("runs", nargs=-1, required=True, metavar="RUN.csv...", type=FILE)
 @target(required=True)
@@ -170,7 +187,8 @@ def fit(
     from flexspline.least_squares.options import FitOptions
 
     effects = named_effects(names)
-    require_effects(with_orders(effects, options["orders"]), target)
+    foreign = bool(simulation) or simulated_torque is not None
+    _require_call(effects, target, options, foreign)
     model = None if into is None else loaded(into)
     refuse_overwriting(out, [*runs, *simulation], ("model.json", "report.html", "servo.json"))
     with whole_folder(out, last="model.json") as draft:
@@ -189,9 +207,8 @@ def fit(
             "threads": options["threads"],
             "progress": on_terminal(),
         }
-        foreign = simulations(simulation, simulated_torque)
+        made_elsewhere = simulations(simulation, simulated_torque)
         if options["by"] == "simulation":
-            _refuse_of_motion(options, foreign is not None or simulated_torque is not None)
             from flexspline.output_error.fitting import fit_motion
             from flexspline.output_error.settings import MotionOptions
 
@@ -201,14 +218,10 @@ def fit(
                 effects, logs, target, controller=options["controller"], options=asked, **shared
             )
         else:
-            if options["controller"] or options["free_controller"]:
-                raise InputError(
-                    "--controller drives a simulation; give --by simulation or leave it out"
-                )
             rest = FitOptions(
                 bandwidth=options["bandwidth"],
                 offset_per_run=options["offset_per_run"],
-                simulation=foreign,
+                simulation=made_elsewhere,
                 simulated_torque=simulated_torque,
                 **how,
             )
