@@ -39,7 +39,6 @@ from flexspline.cli.options import (
 from flexspline.cli.speech import found, say
 from flexspline.effects import effect
 from flexspline.errors import InputError
-from flexspline.experiment.limits import parsed_limits
 from flexspline.files import atomic_write, remove_file, whole_folder
 
 __all__ = [
@@ -234,6 +233,8 @@ def discover(
       flexspline discover run5.csv --model joint/model.json --target motor_torque --out found
       flexspline discover run*.csv --target sensor_torque --simulated-torque mujoco --out found
     """
+    from flexspline.experiment.limits import parsed_limits
+
     foreign = bool(simulation) or simulated_torque is not None
     if (names is not None) + (model_path is not None or foreign) != 1:
         raise InputError(

@@ -35,8 +35,6 @@ from flexspline.cli.speech import found, say
 from flexspline.effects import require_effects
 from flexspline.errors import InputError
 from flexspline.files import whole_folder
-from flexspline.fitting import fit as fit_effects
-from flexspline.fitting import with_orders
 
 __all__ = ["fit"]
 
@@ -69,6 +67,7 @@ def _refuse_of_motion(options: dict[str, Any], foreign: bool) -> None:
 
 def _require_call(names: list[str], target: str, options: dict[str, Any], foreign: bool) -> None:
     """Refuse what is wrong whatever the runs hold, before they are read."""
+    from flexspline.fitting import with_orders
     from flexspline.least_squares.options import Given, require_given
 
     effects = with_orders(names, options["orders"])
@@ -184,6 +183,7 @@ def fit(
           --controller servo.json --free-controller back_emf \\
           --effects inertia,gravity,coulomb_friction,load_dependent_friction --out servo
     """
+    from flexspline.fitting import fit as fit_effects
     from flexspline.least_squares.options import FitOptions
 
     effects = named_effects(names)

@@ -26,7 +26,7 @@ from flexspline.cli.options import (
     repairs,
     target,
 )
-from flexspline.cli.speech import found, say, tell
+from flexspline.cli.speech import found, is_json, say, tell
 from flexspline.errors import printable
 from flexspline.files import atomic_write, whole_folder
 
@@ -84,16 +84,19 @@ def check(
     logs = reading.logs(runs)
 
     from flexspline.logs.checks import check as look_at
-    from flexspline.report.check import check_json, check_verdict, write_check_report
+    from flexspline.logs.checks.audit import check_json, check_verdict
 
     audits = [(log, look_at(log, effects=effects, target=target)) for log in logs]
     lines = [line for _, one in audits for line in (*str(one).split("\n"), "")]
-    found(json.loads(check_json(audits, target)))
+    content = check_json(audits, target) if out is not None or is_json() else "{}"
+    found(json.loads(content))
     say("\n".join(map(printable, (*lines, check_verdict(audits, target)))))
     if out is not None:
+        from flexspline.report.check import write_check_report
+
         with whole_folder(out, last="check.json") as draft:
             write_check_report(audits, draft / "report.html", target)
-            atomic_write(draft / "check.json", check_json(audits, target))
+            atomic_write(draft / "check.json", content)
         say(f"\nwrote {Path(out) / 'check.json'} and {Path(out) / 'report.html'}")
     if any(one.forbidding(target) for _, one in audits):
         ctx.exit(FORBIDDEN)

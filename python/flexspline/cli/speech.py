@@ -21,7 +21,7 @@ from flexspline.errors import listed, printable
 from flexspline.files import Writing, writing
 from flexspline.progress import above_progress
 
-__all__ = ["found", "is_quiet", "say", "speaking", "spoken", "tell"]
+__all__ = ["found", "is_json", "is_quiet", "say", "speaking", "spoken", "tell"]
 
 
 @dataclass
@@ -88,6 +88,11 @@ def tell(text: object) -> None:
 def found(content: Mapping[str, Any]) -> None:
     """Add to the object that `--json` prints."""
     _speech().object.update(content)
+
+
+def is_json() -> bool:
+    """Whether one object is printed for scripts."""
+    return _speech().json
 
 
 def is_quiet() -> bool:

@@ -1,61 +1,21 @@
-"""What is wrong with logs, as a report of one page and as numbers for scripts."""
+"""What is wrong with logs, as a report of one page."""
 
 from __future__ import annotations
 
-import math
 import os
-from collections.abc import Sequence
-from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from flexspline.about import __version__
 from flexspline.files import atomic_write
 from flexspline.formatting import short
+from flexspline.logs.checks.audit import check_verdict
 from flexspline.plot.canvas import own_style
 from flexspline.report.html import templates
-from flexspline.schema import checked_json
 
 if TYPE_CHECKING:
-    from flexspline.logs.checks import Findings
-    from flexspline.logs.log import Log
+    from flexspline.logs.checks.audit import Audits
 
-__all__ = ["check_json", "check_verdict", "write_check_report"]
-
-Audits = Sequence[tuple["Log", "Findings"]]
-
-
-def check_verdict(audits: Audits, target: str | None = None) -> str:
-    """Return one sentence: whether the runs can be fitted, and what would be taken for physics."""
-    forbidden = [log.name for log, found in audits if found.forbidding(target)]
-    faulty = [log.name for log, found in audits if found.faults]
-    count = f"{len(audits)} runs" if len(audits) > 1 else "run"
-    if forbidden:
-        return f"No fit of {_named(forbidden)} can mean anything until the errors are repaired."
-    if faulty:
-        return f"Faults in {_named(faulty)} would be taken for physics; repair them before a fit."
-    return f"The {count} can be fitted: no error and no fault was found."
-
-
-def check_json(audits: Audits, target: str | None = None) -> str:
-    """Return the text of `check.json`, which fits its schema; a size not known is null."""
-    content: dict[str, Any] = {
-        "format": "flexspline-check",
-        "version": 1,
-        "made_by": f"flexspline {__version__}",
-        "verdict": check_verdict(audits, target),
-        "fit_forbidden": any(found.forbidding(target) for _, found in audits),
-        "runs": [
-            {
-                "name": log.name,
-                "path": log.source.path if log.source else None,
-                "sha256": log.source.sha256 if log.source else None,
-                "rows": len(log),
-                "findings": [{**asdict(f), "size": _known(f.size)} for f in found],
-            }
-            for log, found in audits
-        ],
-    }
-    return checked_json(content, "check")
+__all__ = ["write_check_report"]
 
 
 @own_style()
@@ -94,12 +54,3 @@ def write_check_report(
         )
     )
     atomic_write(path, page)
-
-
-def _named(names: Sequence[str]) -> str:
-    shown = ", ".join(names[:4])
-    return shown if len(names) <= 4 else f"{shown} and {len(names) - 4} more"
-
-
-def _known(size: float) -> float | None:
-    return size if math.isfinite(size) else None
