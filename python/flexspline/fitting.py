@@ -7,11 +7,10 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from tqdm import tqdm
-
 from flexspline.effects import Effect, effect
 from flexspline.effects.causes import OFFSET
 from flexspline.errors import InputError
+from flexspline.progress import Progress
 
 if TYPE_CHECKING:  # what is heavy is imported where it is used: `flexspline --help` is quick
     import numpy as np
@@ -143,18 +142,17 @@ def fit(
         return posed_on(fine, these, counted)
 
     def again(problem: Problem, made: Estimate) -> Estimate:
-        return estimate(problem, made.linear.effects, given, bar.update, near=True)
+        return estimate(problem, made.linear.effects, given, bar.step, near=True)
 
-    quiet = not how.progress
-    with tqdm(desc="solving", unit=" solves", disable=quiet, leave=False, delay=1.0) as bar:
+    with Progress("solving", how.progress, unit=" solves") as bar:
         chosen, found, said = with_found_orders(chosen, problem)
         posed = problem(chosen)
         _require_rows(posed, chosen)
-        posed, made = solved(posed, chosen, given, bar.update)
+        posed, made = solved(posed, chosen, given, bar.step)
         late = None
         if can_be_late(posed, [e.name for e in chosen]):
             made, late = beside_delay(posed, made, again)
-        bar.set_description("errors and validation")
+        bar.say("errors and validation")
         said = [*remarks, *warnings, *said]
         inputs = tuple(noise.values())
         raw = how.bandwidth == math.inf and bool(preparations_for(noise, target, known_load))

@@ -37,8 +37,6 @@ from flexspline.cli.speech import found, say
 from flexspline.effects import require_effects
 from flexspline.errors import InputError
 from flexspline.files import whole_folder
-from flexspline.fitting import fit as fit_effects
-from flexspline.fitting import with_orders
 
 if TYPE_CHECKING:
     from flexspline.effects import Effect
@@ -148,6 +146,27 @@ def _of_joint(content: Mapping[str, Any]) -> dict[str, Any]:
             f"{one['name']}_unit": one["unit"],
         }
     return {**row, "remark": content["problems"]}
+
+
+def _require_call(names: list[str], target: str, options: dict[str, Any], foreign: bool) -> None:
+    """Refuse what is wrong whatever the runs hold, before they are read."""
+    from flexspline.fitting import with_orders
+    from flexspline.least_squares.options import Given, require_given
+
+    effects = with_orders(names, options["orders"])
+    require_effects(effects, target)
+    if options["by"] == "simulation":
+        _refuse_of_motion(options, foreign)
+        return
+    if options["controller"] or options["free_controller"]:
+        raise InputError("--controller drives a simulation; give --by simulation or leave it out")
+    pairs = _pairs(options["contours"])
+    _require_known(options["profiles"], effects, "--profile")
+    _require_known([name for pair in pairs for name in pair], effects, "--contour")
+    if not (options["offset_per_run"] or options["per_run"]):  # with names of the runs
+        if options["known_load"] is None:
+            effects = [each.without_load() for each in effects]
+        require_given(effects, Given(options["fix"], options["bound"], options["prior"], False))
 
 
 @click.command(cls=Taught, sections=(effects_by_target, repairs))
@@ -275,13 +294,12 @@ def fit(
       flexspline fit robot.csv --columns map.toml --joint all --target sensor_torque \\
           --effects offset,coulomb_friction,viscous_friction --out robot
     """
+    from flexspline.fitting import fit as fit_effects
     from flexspline.least_squares.options import FitOptions
 
     effects, pairs = named_effects(names), _pairs(options["contours"])
-    chosen = with_orders(effects, options["orders"])
-    require_effects(chosen, target)
-    _require_known(options["profiles"], chosen, "--profile")
-    _require_known([name for pair in pairs for name in pair], chosen, "--contour")
+    foreign = bool(simulation) or simulated_torque is not None
+    _require_call(effects, target, options, foreign)
     model = None if into is None else loaded(into)
     refuse_overwriting(out, [*runs, *simulation], ("model.json", "report.html", "servo.json"))
     with whole_folder(out, last="model.json") as draft:
@@ -300,9 +318,8 @@ def fit(
             "threads": options["threads"],
             "progress": on_terminal(),
         }
-        foreign = simulations(simulation, simulated_torque)
+        made_elsewhere = simulations(simulation, simulated_torque)
         if options["by"] == "simulation":
-            _refuse_of_motion(options, foreign is not None or simulated_torque is not None)
             from flexspline.output_error.fitting import fit_motion
             from flexspline.output_error.settings import MotionOptions
 
@@ -312,15 +329,11 @@ def fit(
                 effects, logs, target, controller=options["controller"], options=asked, **shared
             )
         else:
-            if options["controller"] or options["free_controller"]:
-                raise InputError(
-                    "--controller drives a simulation; give --by simulation or leave it out"
-                )
             rest = FitOptions(
                 bandwidth=options["bandwidth"],
                 offset_per_run=options["offset_per_run"],
                 per_run=_names(options["per_run"], "--per-run"),
-                simulation=foreign,
+                simulation=made_elsewhere,
                 simulated_torque=simulated_torque,
                 **how,
             )

@@ -29,7 +29,7 @@ from flexspline.cli.options import (
     repairs,
     target,
 )
-from flexspline.cli.speech import found, say, tell
+from flexspline.cli.speech import found, is_json, say, tell
 from flexspline.errors import printable
 from flexspline.files import atomic_write, whole_folder
 
@@ -101,23 +101,20 @@ def check(
     logs = reading.logs(runs)
 
     from flexspline.logs.checks import check_runs
-    from flexspline.report.check import (
-        audit_text,
-        check_json,
-        check_verdict,
-        together,
-        write_check_report,
-    )
+    from flexspline.logs.checks.audit import audit_text, check_json, check_verdict, together
 
     audits = list(zip(logs, check_runs(logs, effects=effects, target=target), strict=True))
     shown = together(audits, effects, target)
-    found(json.loads(check_json(audits, target, shown)))
+    content = check_json(audits, target, shown) if out is not None or is_json() else "{}"
+    found(json.loads(content))
     lines = [*audit_text(audits, shown), check_verdict(audits, target)]
     say("\n".join(map(printable, lines)))
     if out is not None:
+        from flexspline.report.check import write_check_report
+
         with whole_folder(out, last="check.json") as draft:
             write_check_report(audits, draft / "report.html", target, shown)
-            atomic_write(draft / "check.json", check_json(audits, target, shown))
+            atomic_write(draft / "check.json", content)
         say(f"\nwrote {Path(out) / 'check.json'} and {Path(out) / 'report.html'}")
     if any(one.forbidding(target) for _, one in audits):
         ctx.exit(FORBIDDEN)

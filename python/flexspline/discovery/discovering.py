@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
-from tqdm import tqdm
 
 from flexspline.comparison.comparing import based
 from flexspline.comparison.runs import LEAST_ROWS
@@ -57,6 +56,7 @@ from flexspline.model import Model, own_of_runs
 from flexspline.output_error.settings import MotionOptions, settings_of, with_servo_torque
 from flexspline.own.effect import OwnEffect, own_effects
 from flexspline.prepared import Preparation, learned, prepared
+from flexspline.progress import Progress
 from flexspline.regression.candidate_model import Working
 from flexspline.requirements import require_apart
 from flexspline.simulator import SIMULATED, Simulated
@@ -157,17 +157,12 @@ def discover(
         own=own_effects(own),
         threads=threads,
     )
-    style = {"bar_format": "{desc}{elapsed}", "leave": False, "delay": 1.0}
-    with tqdm(desc="discovering", disable=not progress, **style) as bar:
-
-        def say(what: str) -> None:
-            bar.update()
-            bar.set_description(what)
-
+    with Progress("discovering", progress) as bar:
+        task = replace(task, say=bar.say)
         if by == "simulation":
-            return _by_simulation(replace(task, say=say), runs, controller, free_controller)
+            return _by_simulation(task, runs, controller, free_controller)
         with threadpool_limits(1, user_api="blas"):  # tables are thin: its threads would only wait
-            return _by_regression(replace(task, say=say), runs, of_base, bandwidth, limits)
+            return _by_regression(task, runs, of_base, bandwidth, limits)
 
 
 @dataclass(frozen=True)

@@ -27,11 +27,14 @@ __all__ = [
     "Bounds",
     "Constraints",
     "FitOptions",
+    "Given",
     "ShapeParameter",
     "bounds_of",
     "coefficient_names",
     "constraints_of",
+    "given_of",
     "pair_of",
+    "require_given",
     "require_robust",
     "resolve",
     "shapes_of",
@@ -135,6 +138,16 @@ class Constraints:
     def informed(self) -> bool:
         """Whether there is a prior."""
         return bool(np.isfinite(self.prior).any())
+
+
+@dataclass(frozen=True)
+class Given:
+    """What is known or wanted of the parameters beforehand, by name, in their units."""
+
+    fixed: Mapping[str, float]
+    bounds: Mapping[str, Bounds]
+    priors: Mapping[str, tuple[float, float]]
+    robust: bool
 
 
 def coefficient_names(
@@ -244,3 +257,61 @@ def pair_of(pair: Any, what: str, form: str) -> tuple[Any, Any]:
     if not isinstance(pair, Sequence) or isinstance(pair, str) or len(pair) != 2:
         raise InputError(f"{what} is {pair!r}; give {form}")
     return pair[0], pair[1]
+
+
+def given_of(
+    names: Sequence[str], shapes: Sequence[ShapeParameter], given: Given
+) -> tuple[Constraints, dict[str, float], dict[str, tuple[float, float]]]:
+    """Return what is known of the coefficients, values of held shapes, and limits of others.
+
+    Raises
+    ------
+    InputError
+        For a name that is no parameter, a value that is none, or bounds that leave nothing.
+    """
+    fixed, held = _split(given.fixed, shapes)
+    bounds, limits = _split(given.bounds, shapes)
+    held = {name: given_number(value, f"fixed: {name}") for name, value in held.items()}
+    priors, shape_priors = _split(given.priors, shapes)
+    for name in shape_priors:
+        raise InputError(f"priors: {name} is a shape, which takes no prior; fix or bound it")
+    known = constraints_of(names, fixed, bounds, priors, [shape.name for shape in shapes])
+    return known, held, {s.name: _limits(s, limits[s.name]) for s in shapes if s.name in limits}
+
+
+def require_given(effects: Sequence[Effect], given: Given) -> None:
+    """Refuse what a fit of these effects would refuse of `given`, before any run is read.
+
+    Of a ripple whose orders the runs are to tell, nobody knows the parameters yet: then nothing is
+    refused here.
+    """
+    if not any(e.ripple and not e.harmonics for e in effects):
+        given_of(coefficient_names(effects), shapes_of(effects), given)
+
+
+def _split(
+    options: Mapping[str, Any], shapes: Sequence[ShapeParameter]
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Split options by name into those of coefficients and those of shapes (by full name)."""
+    known = [shape.name for shape in shapes]
+    coefficients: dict[str, Any] = {}
+    found: dict[str, Any] = {}
+    for name, value in options.items():
+        matches = [full for full in known if full == name or full.split(".")[-1] == name]
+        if len(matches) == 1:
+            found[matches[0]] = value
+        else:
+            coefficients[name] = value
+    return coefficients, found
+
+
+def _limits(shape: ShapeParameter, limits: Bounds) -> tuple[float, float]:
+    bounds = pair_of(limits, f"bounds: {shape.name}", "(low, high)")
+    low = max(shape.info.lower, shape.info.lower if bounds[0] is None else bounds[0])
+    high = min(shape.info.upper, shape.info.upper if bounds[1] is None else bounds[1])
+    if not low < high:
+        raise InputError(
+            f"bounds: {shape.name} from {bounds[0]} to {bounds[1]} leaves nothing of "
+            f"{shape.info.lower} to {shape.info.upper} {shape.info.unit}; give a wider range"
+        )
+    return low, high
