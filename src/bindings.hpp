@@ -5,7 +5,12 @@
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
 
-#include "host/accumulate.hpp"
+#include <cstddef>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "host/samples.hpp"
 
 namespace flexspline::bindings {
 

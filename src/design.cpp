@@ -2,6 +2,7 @@
 #include <string>
 
 #include "bindings.hpp"
+#include "host/accumulate.hpp"
 #include "host/by_name.hpp"
 
 namespace flexspline::bindings {

@@ -1,3 +1,4 @@
+#include <map>
 #include <stdexcept>
 
 #include "bindings.hpp"

@@ -20,8 +20,24 @@ batch::AnyModel model_of(const Models& models, const char* name) {
   return {design, coefficients};
 }
 
+/// By name, of readings that have one of their own.
+using Limits = std::map<std::string, double>;
+
+ReadingLimits<double> limits_from(Limits given) {
+  ReadingLimits<double> made;
+  for_each_field<ReadingLimits<double>>([&](const auto& field) {
+    const auto found = given.find(std::string(field.name));
+    if (found == given.end()) return;
+    made.*field.member = found->second;
+    given.erase(found);
+  });
+  if (!given.empty()) refuse("no reading '" + given.begin()->first + "' has a limit");
+  return made;
+}
+
 LogJoint joint_from(const py::dict& stages, const Models& models, double effective_ratio,
-                    double inertia, double link_inertia, double low, double high) {
+                    double inertia, double link_inertia, double low, double high,
+                    const Limits& limits) {
   for (const auto& [name, model] : models) {
     static constexpr std::array known{"sensor", "observed", "torsion", "carried"};
     if (std::find(known.begin(), known.end(), name) == known.end()) {
@@ -39,7 +55,8 @@ LogJoint joint_from(const py::dict& stages, const Models& models, double effecti
           .inertia = inertia,
           .link_inertia = link_inertia,
           .low = low,
-          .high = high};
+          .high = high,
+          .limits = limits_from(limits)};
 }
 
 /// Columns by name, held together with the arrays that they point into.
@@ -120,20 +137,21 @@ void bind_joint(py::module_& module) {
       .def(py::init(&joint_from), py::arg("stages"), py::arg("models") = Models{}, py::kw_only(),
            py::arg("effective_ratio") = 1.0, py::arg("inertia") = 0.0,
            py::arg("link_inertia") = 0.0, py::arg("low") = std::numeric_limits<double>::lowest(),
-           py::arg("high") = std::numeric_limits<double>::max(),
+           py::arg("high") = std::numeric_limits<double>::max(), py::arg("limits") = Limits{},
            R"(`stages` as model.json has them; `models` by 'sensor', 'observed', 'torsion' and
 'carried': a design and its coefficients; inertias [kg m² at the output]; parts were fitted
-between temperatures `low` and `high` [°C].)")
+between temperatures `low` and `high` [°C]; `limits` of readings that have other ones than
+those of `reading_limits`.)")
       .def("run", &run, py::arg("columns"), py::arg("starts"), py::arg("inputs") = false,
            R"(Results of each row by name, for the stages that the joint has; NaN in rows that a
 stage missed. It starts anew at the rows `starts`, which rise from 0.
 
 'missed': 1 thermistor, 2 temperature_compensation, 4 sensor, 8 observer, 16 compliance,
 32 merge, 64 collision, 128 compliant_observer, 256 differentiator. 'flags': 1 extrapolated,
-2 saturated. 'faults', of reading_checks: 1 sensor, 2 motor, 4 speed, 8 motion, 16 encoders,
-32 where sensor and observer disagree, 64 temperature. `inputs`: also what the stages read,
-'velocity', 'momentum', 'motor_torque' at the output, 'observer_intrinsic', 'torsion',
-'gear_known', 'link_momentum'.)");
+2 saturated, 4 a reading beyond its limit. 'faults', of limits and reading_checks: 1 sensor,
+2 motor, 4 speed, 8 motion, 16 encoders, 32 where sensor and observer disagree,
+64 temperature. `inputs`: also what the stages read, 'velocity', 'momentum', 'motor_torque'
+at the output, 'observer_intrinsic', 'torsion', 'gear_known', 'link_momentum'.)");
 }
 
 }  // namespace flexspline::bindings

@@ -6,6 +6,8 @@
 #include <stdexcept>
 #include <string>
 
+#include "flexspline/reading_limits.hpp"
+
 namespace flexspline::bindings {
 
 void refuse(const std::string& sentence) { throw std::invalid_argument("chain: " + sentence); }
@@ -284,6 +286,10 @@ enumerators, 'prefix' of the words in a block.
 'fields', its numbers in the core's order: 'name' of the member, 'unit', 'key' in model.json
 (two of one key are the two numbers of its list), 'needed' there, 'low' and 'high' that it may
 be, 'default', which an array has not.)");
+  module.def(
+      "reading_limits", [] { return described<ReadingLimits<double>>(); },
+      R"(How large the readings of a joint of which nothing is known may be: 'name', 'unit', 'default'
+and what else the fields of `stages` have.)");
 }
 
 }  // namespace flexspline::bindings

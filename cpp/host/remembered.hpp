@@ -49,7 +49,7 @@ inline Remembered::Key key_of(const Sheet& sheet, std::size_t run, const AnyEffe
   for (const AnyEffect& other : sheet.design.effects()) {
     for (std::size_t k = 0; k < terms_of(other); ++k, ++column) {
       if (!loaded || sheet.load.empty() || sheet.load[column] == 0.0) continue;
-      std::get<1>(key) += " " + std::string(name_of(other));
+      std::get<1>(key).append(" ").append(name_of(other));
       std::get<2>(key).push_back(sheet.load[column]);
     }
   }

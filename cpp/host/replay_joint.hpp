@@ -108,9 +108,8 @@ struct JointResults {
 };
 
 inline std::optional<Angle<double>> angle_of(const double* radians, std::size_t row) noexcept {
-  Angle<double> angle;
-  if (radians == nullptr || read_radians(radians[row], angle) != Status::ok) return std::nullopt;
-  return angle;
+  if (radians == nullptr || !math::is_finite(radians[row])) return std::nullopt;
+  return Angle<double>::from_radians(radians[row]);
 }
 
 /// A joint that has seen nothing.
@@ -197,8 +196,10 @@ class Ahead {
       const bool time = numbers<double>[k].channel == Channel::time;
       const double* from = time ? log_.time : log_.numbers[k];
       const double start = time ? log_.time[0] : 0.0;
+      const double most = joint_.limits.of(numbers<double>[k].channel);
       for (std::size_t i = 0; i < count; ++i) {
-        numbers_[k][i] = from == nullptr ? unknown : math::finite_or_nan(from[row + i] - start);
+        const double value = from == nullptr ? unknown : from[row + i] - start;
+        numbers_[k][i] = math::absolute(value) <= most ? value : unknown;
       }
       channels_.number[k] = numbers_[k].data();
     }

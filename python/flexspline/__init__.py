@@ -53,6 +53,7 @@ if TYPE_CHECKING:
     from flexspline.model import Model, Part, Prediction, Predictions
     from flexspline.output_error.fitting import fit_motion
     from flexspline.output_error.settings import MotionOptions
+    from flexspline.own import OwnEffect, own_effect
     from flexspline.recordings.guessing import guess_map
     from flexspline.recordings.result import Guess
 
@@ -83,6 +84,7 @@ __all__ = [
     "ModelComparison",
     "MotionOptions",
     "Observer",
+    "OwnEffect",
     "Part",
     "Plan",
     "PositionServo",
@@ -109,6 +111,7 @@ __all__ = [
     "guess_map",
     "joints_of",
     "next_experiment",
+    "own_effect",
     "read_log",
     "read_runs",
     "simulate",
@@ -139,6 +142,7 @@ _HOME = {
     "ModelComparison": "comparison.models",
     "MotionOptions": "output_error.settings",
     "Observer": "estimators",
+    "OwnEffect": "own",
     "Part": "model",
     "Plan": "experiment.plan",
     "PositionServo": "forward.servo",
@@ -162,6 +166,7 @@ _HOME = {
     "guess_map": "recordings.guessing",
     "joints_of": "logs.read",
     "next_experiment": "discovery.experimenting",
+    "own_effect": "own",
     "read_log": "logs.read",
     "read_runs": "logs.read",
     "simulate": "forward.simulating",

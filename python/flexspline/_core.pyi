@@ -1,6 +1,6 @@
 """The C++ core of flexspline: effects, sums, solves and estimators."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -83,10 +83,12 @@ class Joint:
         link_inertia: float = ...,
         low: float = ...,
         high: float = ...,
+        limits: Mapping[str, float] = ...,
     ) -> None:
         """`stages` as model.json has them; `models` by 'sensor', 'observed', 'torsion' and
         'carried': a design and its coefficients; inertias [kg m² at the output]; parts were fitted
-        between temperatures `low` and `high` [°C].
+        between temperatures `low` and `high` [°C]; `limits` of readings that have other ones than
+        those of `reading_limits`.
         """
 
     def run(
@@ -97,10 +99,10 @@ class Joint:
 
         'missed': 1 thermistor, 2 temperature_compensation, 4 sensor, 8 observer, 16 compliance,
         32 merge, 64 collision, 128 compliant_observer, 256 differentiator. 'flags': 1 extrapolated,
-        2 saturated. 'faults', of reading_checks: 1 sensor, 2 motor, 4 speed, 8 motion, 16 encoders,
-        32 where sensor and observer disagree, 64 temperature. `inputs`: also what the stages read,
-        'velocity', 'momentum', 'motor_torque' at the output, 'observer_intrinsic', 'torsion',
-        'gear_known', 'link_momentum'.
+        2 saturated, 4 a reading beyond its limit. 'faults', of limits and reading_checks: 1 sensor,
+        2 motor, 4 speed, 8 motion, 16 encoders, 32 where sensor and observer disagree,
+        64 temperature. `inputs`: also what the stages read, 'velocity', 'momentum', 'motor_torque'
+        at the output, 'observer_intrinsic', 'torsion', 'gear_known', 'link_momentum'.
         """
 
 class Plant:
@@ -347,6 +349,11 @@ def observe_momentum(
     time: ArrayLike, momentum: ArrayLike, known_torque: ArrayLike, *, gain: float, exact: bool
 ) -> NDArray[np.float64]:
     """External torque [Nm, outward] from the momentum [Nm s] and what else drives it [Nm]."""
+
+def reading_limits() -> list[dict[str, Any]]:
+    """How large the readings of a joint of which nothing is known may be: 'name', 'unit', 'default'
+    and what else the fields of `stages` have.
+    """
 
 def replay_differentiator(
     time: ArrayLike, position: ArrayLike, bandwidth: float

@@ -7,11 +7,10 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from tqdm import tqdm
-
 from flexspline.effects import Effect, effect
 from flexspline.effects.causes import OFFSET
 from flexspline.errors import InputError
+from flexspline.progress import Progress
 
 if TYPE_CHECKING:  # what is heavy is imported where it is used: `flexspline --help` is quick
     import numpy as np
@@ -55,7 +54,8 @@ def fit(
 
     Parameters
     ----------
-    effects : names of `CATALOGUE`, or `Effect` with shapes to start from and orders.
+    effects : names of `CATALOGUE`, or `Effect` with shapes to start from and orders, your own
+        (`own_effect`) among them.
     logs : one or several runs (as `read_log` takes them) of one joint.
     target : "sensor_torque" [Nm], "motor_torque" [Nm at the output], "motor_current" [A] or
         "torsion" [rad].
@@ -90,8 +90,9 @@ def fit(
     from flexspline.least_squares.assemble import assembled
     from flexspline.least_squares.estimate import Given, estimate
     from flexspline.least_squares.late_load import beside_delay, can_be_late
-    from flexspline.least_squares.offsets import taken_out
+    from flexspline.least_squares.offsets import ZERO, taken_out
     from flexspline.least_squares.options import FitOptions
+    from flexspline.least_squares.per_run_terms import holding_own, own_terms, projected_effects
     from flexspline.least_squares.problem import problem_of
     from flexspline.least_squares.ripple import with_found_orders
     from flexspline.prepared import learned, preparations_for, prepared
@@ -106,7 +107,10 @@ def fit(
     runs, simulated, remarks = _with_simulation(runs, target, known_load, how)
     warnings = _checked(runs, chosen, target, known_load) if checks else []
     given = Given(fixed or {}, bounds or {}, priors or {}, how.robust == "huber")
-    centred = how.offset_per_run and taken_out(chosen, runs, given)
+    own = own_terms(chosen, how, [*given.fixed], len(runs))
+    centred = own == (ZERO,) and taken_out(chosen, runs, given)
+    projected = projected_effects(chosen, own, len(runs), given)
+    given = holding_own(given, own) if projected else given
     at = [e.name for e in chosen].index(OFFSET) if centred else 0
     offset = (at, chosen.pop(at)) if centred else None
 
@@ -124,13 +128,13 @@ def fit(
             known_load=known_load,
             lowpass_hz=lowpass,
             threads=how.threads,
-            offset_per_run=how.offset_per_run and not centred,
+            own=() if centred else own,
             preparations=ways,
             inputs=inputs,
             counted=rows,
             simulated=simulated,
         )
-        return replace(made, centred=centred)
+        return replace(made, centred=centred, projected=projected)
 
     counted = _resolved(runs, fine, chosen, ways, target, posed_on)
 
@@ -138,18 +142,17 @@ def fit(
         return posed_on(fine, these, counted)
 
     def again(problem: Problem, made: Estimate) -> Estimate:
-        return estimate(problem, made.linear.effects, given, bar.update, near=True)
+        return estimate(problem, made.linear.effects, given, bar.step, near=True)
 
-    quiet = not how.progress
-    with tqdm(desc="solving", unit=" solves", disable=quiet, leave=False, delay=1.0) as bar:
+    with Progress("solving", how.progress, unit=" solves") as bar:
         chosen, found, said = with_found_orders(chosen, problem)
         posed = problem(chosen)
         _require_rows(posed, chosen)
-        posed, made = solved(posed, chosen, given, bar.update)
+        posed, made = solved(posed, chosen, given, bar.step)
         late = None
         if can_be_late(posed, [e.name for e in chosen]):
             made, late = beside_delay(posed, made, again)
-        bar.set_description("errors and validation")
+        bar.say("errors and validation")
         said = [*remarks, *warnings, *said]
         inputs = tuple(noise.values())
         raw = how.bandwidth == math.inf and bool(preparations_for(noise, target, known_load))
@@ -305,7 +308,7 @@ def _checked(
     from flexspline.logs.checks import check
 
     elsewhere = known_load not in (None, "reference_torque")
-    asked = [e.name for e in effects if not (elsewhere and "load" in e.reads)]
+    asked = [e.name for e in effects if not (e.own or (elsewhere and "load" in e.reads))]
     sentences = []
     for log in runs:
         findings = check(log, effects=asked, target=target)
@@ -341,7 +344,8 @@ def solved(
 
 def _require_rows(problem: Problem, effects: Sequence[Effect]) -> None:
     rows = sum(run.counted for run in problem.runs)
-    parameters = problem.parameters(effects) + problem.centred * len(problem.runs)
+    own = len(problem.own) if problem.projected else int(problem.centred)
+    parameters = problem.parameters(effects) + own * len(problem.runs)
     needed = ROWS_A_PARAMETER * parameters + SPARE_ROWS
     if rows < needed:
         raise InputError(

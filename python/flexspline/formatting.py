@@ -11,8 +11,6 @@ import re
 import textwrap
 from collections.abc import Collection, Iterable, Sequence
 
-from uncertainties import ufloat
-
 from flexspline.errors import printable
 
 __all__ = [
@@ -42,6 +40,8 @@ def plus_minus(value: float, error: float) -> str:
         return short(value, 4)
     if error <= FINEST * abs(value):
         return f"{value:.6g} ± {error:.0e}" if error > 0.0 else f"{value:.6g} ± 0"
+    from uncertainties import ufloat  # takes long to import, and few calls write errors
+
     text = f"{ufloat(value, error):P}".replace("±", " ± ").replace("×", "·")
     return re.sub(r"^-(0(\.0+)?) ± ", r"\1 ± ", text)
 

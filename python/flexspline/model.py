@@ -16,20 +16,22 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline import _core
 from flexspline.about import __version__
 from flexspline.effects import unit_in
-from flexspline.effects.causes import COULOMB_PER_DIRECTION
+from flexspline.effects.causes import COULOMB_PER_DIRECTION, OFFSET
 from flexspline.errors import InputError, did_you_mean, listed, shortened
 from flexspline.estimators import ESTIMATORS, Estimator
 from flexspline.estimators.needs import require_complete
 from flexspline.files import atomic_write, refuse_special
+from flexspline.formatting import short, short_names
 from flexspline.logs.channels import CHANNELS
 from flexspline.logs.derive import lowpass
 from flexspline.logs.log import Log
 from flexspline.logs.plausible import measurable
 from flexspline.logs.read import LogLike, as_log, as_logs, is_one
 from flexspline.logs.segments import output_speed
+from flexspline.own import Design, OwnEffect, design_of
+from flexspline.own.effect import own_effects
 from flexspline.part import PART_OF, SIDES, Part, part_from_json, part_to_json
 from flexspline.prediction import Prediction, Predictions, require_rows
 from flexspline.prepared import prepared
@@ -44,6 +46,7 @@ __all__ = [
     "Part",
     "Prediction",
     "Predictions",
+    "own_of_runs",
     "part_warnings",
     "range_warnings",
     "refuse_warnings",
@@ -316,13 +319,19 @@ class Model:
         atomic_write(path, self.to_json())
 
     @classmethod
-    def load(cls, path: str | os.PathLike[str]) -> Model:
+    def load(cls, path: str | os.PathLike[str], own: OwnEffect | Iterable[OwnEffect] = ()) -> Model:
         """Read a `model.json`.
+
+        Parameters
+        ----------
+        own : effects of your own (`flexspline.own_effect`), those of the model among them: a file
+            keeps their names, terms and shapes, and no function.
 
         Raises
         ------
         InputError
-            Where the file is missing, is no model, is damaged, or is of a newer version.
+            Where the file is missing, is no model, is damaged, is of a newer version, or has an
+            effect of its maker's own that is not given.
         """
         refuse_special(path, "a model.json")
         try:
@@ -333,11 +342,13 @@ class Model:
             ) from error
         except UnicodeDecodeError as error:
             raise InputError(f"{path}: is no text; give a model.json") from error
-        return cls.from_json(text, str(path))
+        return cls.from_json(text, str(path), own)
 
     @classmethod
-    def from_json(cls, text: str, label: str = "model") -> Model:
-        """Return the model that `to_json` wrote; `label` is what errors call it."""
+    def from_json(
+        cls, text: str, label: str = "model", own: OwnEffect | Iterable[OwnEffect] = ()
+    ) -> Model:
+        """Return the model that `to_json` wrote; `label` begins its errors, `own` as for `load`."""
         content = json_content(text, label)
         if not isinstance(content, dict) or content.get("format") != FORMAT:
             raise InputError(f"{label}: is no flexspline model; give a model.json")
@@ -354,8 +365,9 @@ class Model:
                 f"{label}: has version {content['version']} of the format, which is of models that "
                 f"{'correct no' if corrects else 'correct a'} simulation; fit the model again"
             )
+        given = own_effects(own)
         parts = {
-            name: part_from_json(name, content[name], f"{label}: {name}")
+            name: part_from_json(name, content[name], f"{label}: {name}", given)
             for name in SIDES
             if name in content
         }
@@ -374,9 +386,8 @@ class Model:
                     f"the model has {key} = {mine}, {whose} {other}; they must be of one joint"
                 )
 
-    def _design(self, part: Part, log: Log) -> _core.Design:
-        gear = gear_of(self.facts, _by_motor_encoder(part, log))
-        return _core.Design([effect.for_core() for effect in part.effects], **gear)
+    def _design(self, part: Part, log: Log) -> Design:
+        return design_of(part.effects, gear_of(self.facts, _by_motor_encoder(part, log)))
 
     def _evaluate(self, part: Part, log: Log, coefficients: Array) -> Array:
         """Prediction (N,); NaN where a channel that it reads is not finite."""
@@ -437,6 +448,12 @@ def part_warnings(part: Part) -> list[str]:
         said.append(
             f"the model of {part.target} has terms that are not significant (95 %): "
             f"{listed(weak)}; leave them out, or record runs that show them"
+        )
+    varied = [*_varied_terms(part)]
+    if varied:
+        said.append(
+            f"the model of {part.target} was fitted to runs that differ in {listed(varied)}; it "
+            "holds their mean, and a new run differs from that by as much"
         )
     stuck = [
         f"{entry['name']} ({entry['state'].removeprefix('at ')})"
@@ -520,15 +537,31 @@ def _sign_warnings(part: Part) -> Iterator[str]:
             )
 
 
+def own_of_runs(part: Part) -> list[Mapping[str, Any]]:
+    """What is recorded of terms that each run of the fit had of its own, beside offsets alone."""
+    own = [*part.record.get("validated", {}).get("per_run", ())]
+    return [] if [term["term"] for term in own] == [f"{OFFSET}.{OFFSET}"] else own
+
+
+def _varied_terms(part: Part) -> Iterator[str]:
+    """Those of these terms that differ between the runs, with their spread."""
+    for term in own_of_runs(part):
+        if term["differs"] and term["spread"] is not None:
+            name = short_names(term["term"])
+            yield f"{name} (by {short(term['spread'])} {term['unit']}, standard deviation)"
+
+
 def _weak_terms(part: Part) -> list[str]:
     """Coefficients of effects without orders that may as well be zero."""
     ripple = {effect.name for effect in part.effects if effect.ripple}
+    own = tuple(f"{short_names(term['term'])}." for term in own_of_runs(part))
     return [
         entry["name"]
         for entry in part.record.get("parameters", ())
         if entry["kind"] == "coefficient"
         and entry["state"] in ("fitted", "not determined")
         and entry["name"].split(".")[0] not in ripple
+        and not entry["name"].startswith(own)
         and not _significant(entry)
     ]
 

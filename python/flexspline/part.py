@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from flexspline.effects import UNITS, Effect, require_effects
 from flexspline.errors import InputError
+from flexspline.own.effect import OwnEffect, declaration, of_file
 from flexspline.prepared import Preparation, preparations_of
 from flexspline.simulator import Simulated
 
@@ -91,6 +92,7 @@ def part_to_json(part: Part) -> dict[str, Any]:
                 "shapes": dict(effect.shapes),
                 "harmonics": [list(harmonic) for harmonic in effect.harmonics],
                 "coefficients": part.coefficients[first:last].tolist(),
+                **({"own": declaration(effect)} if isinstance(effect, OwnEffect) else {}),
             }
         )
         first = last
@@ -104,20 +106,24 @@ def part_to_json(part: Part) -> dict[str, Any]:
     }
 
 
-def part_from_json(name: str, content: dict[str, Any], label: str) -> Part:
-    """Return the part `name` of a `model.json` that fits the schema; `label` begins its errors."""
+def part_from_json(
+    name: str, content: dict[str, Any], label: str, own: Iterable[Effect] = ()
+) -> Part:
+    """Return the part `name` of a `model.json` that fits the schema.
+
+    `label` begins its errors; `own`: the effects that a file may call its maker's own.
+    """
     if PART_OF[content["target"]] != name:
         raise InputError(
             f"{label}: the target {content['target']} belongs to the part "
             f"'{PART_OF[content['target']]}'; correct it or fit the model again"
         )
-    own = ("target", "unit", "known_load", "effects", "simulated")
+    kept = ("target", "unit", "known_load", "effects", "simulated")
     corrects = content.get("simulated")
     try:
         effects, values = [], []
         for entry in content["effects"]:
-            harmonics = tuple((order, pair) for order, pair in entry["harmonics"])
-            effects.append(Effect(entry["name"], entry["shapes"], harmonics))
+            effects.append(_effect(entry, own))
             if len(entry["coefficients"]) != len(effects[-1].terms):
                 raise InputError(
                     f"effect '{entry['name']}' has {len(effects[-1].terms)} coefficients, but "
@@ -129,7 +135,7 @@ def part_from_json(name: str, content: dict[str, Any], label: str) -> Part:
                 f"the unit is {content['unit']}, but the target {content['target']} is in "
                 f"{UNITS[content['target']]}; correct it or fit the model again"
             )
-        record = {key: value for key, value in content.items() if key not in own}
+        record = {key: value for key, value in content.items() if key not in kept}
         return Part(
             content["target"],
             tuple(effects),
@@ -140,3 +146,10 @@ def part_from_json(name: str, content: dict[str, Any], label: str) -> Part:
         )
     except InputError as error:
         raise InputError(f"{label}: {error}") from error
+
+
+def _effect(entry: Mapping[str, Any], own: Iterable[Effect]) -> Effect:
+    if "own" in entry:
+        return of_file(entry["name"], entry["own"], own).with_shapes(**entry["shapes"])
+    harmonics = tuple((order, pair) for order, pair in entry["harmonics"])
+    return Effect(entry["name"], entry["shapes"], harmonics)

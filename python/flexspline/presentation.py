@@ -41,6 +41,7 @@ RENDERERS = {
     ("full range", "speed"): "flexspline.plot.estimate:error_over_speed",
     ("full range", "validation"): "flexspline.plot.estimate:validation",
     ("full range", "torque"): "flexspline.plot.estimate:torque_by_method",
+    ("order analysis", "axes"): "flexspline.plot.orders:draw_found",
     ("order spectrum", "axes"): "flexspline.plot.orders:draw_orders",
     ("time spectrum", "axes"): "flexspline.plot.orders:draw_frequencies",
 }

@@ -104,6 +104,7 @@ def channels_for(
         )
     log = with_motor_torque(log) if "motor_torque" in reads else log
     needed = reads - {"load", "motor_position", "period"}
+    needed |= {name for effect in effects if effect.own for name in effect.reads}
     turning = [e.name for e in effects if "motor_position" in e.reads]
     if turning and "motor_position" in log:
         pair = TURNS_WITH_OUTPUT.get(str(log.facts.get("output_spline")))

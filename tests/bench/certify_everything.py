@@ -89,7 +89,7 @@ def _arguments() -> argparse.Namespace:
 def cases() -> Iterator[Case]:
     """Yield a name, and what makes a model and its log of so many rows."""
     for name in CATALOGUE:
-        yield name, lambda rows, name=name: _alone(name, rows)
+        yield name, lambda rows, name=name: alone(name, rows)
     for target in TARGETS:
         yield f"all effects: {target}", lambda rows, target=target: _all(target, rows)
     for name, stages in CHAINS.items():
@@ -101,7 +101,7 @@ def cases() -> Iterator[Case]:
         yield f"measured: iiwa joint {joint}", lambda rows, joint=joint: _iiwa(joint)
 
 
-def _alone(name: str, rows: int) -> tuple[Model, Log]:
+def alone(name: str, rows: int) -> tuple[Model, Log]:
     """An effect with three orders of each of its pairs, on the first target that it has."""
     info = CATALOGUE[name]
     target = next(t for t, letter in TARGETS.items() if letter in info.targets)

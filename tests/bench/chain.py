@@ -21,11 +21,11 @@ import chain_rig
 import device_chains
 
 import flexspline
-from flexspline.certification.devices import host_compiler
-from flexspline.certification.program import STRICT, firmware_folder, rows_of
+from flexspline.certification.program import rows_of
 from flexspline.exporting import export
 from flexspline.logs.log import Log
 from flexspline.model import Model
+from flexspline.programs import STRICT, firmware_folder, host_compiler
 
 WRAPPED = "-Wl,--wrap=malloc"
 

@@ -48,10 +48,11 @@ auto second_row(const Effect& effect, const Sample<S>& first, const Sample<S>& a
   return row_of<S>(effect, at, state);
 }
 
-/// Random bits of an angle.
+/// Random bits of an angle whose turns are counted.
 template <typename S>
 Angle<S> any_angle(std::mt19937_64& random) {
-  return {static_cast<std::int32_t>(random()), {static_cast<math::Bits<S>>(random())}};
+  const std::int32_t turns = static_cast<std::int32_t>(random()) >> 2;
+  return {turns, {static_cast<math::Bits<S>>(random())}};
 }
 
 /// A sample as a joint has it.

@@ -6,7 +6,9 @@
 #include <vector>
 
 #include "flexspline/effects/output_ripple.hpp"
+#include "flexspline/effects/presliding_friction.hpp"
 #include "flexspline/effects/stribeck_friction.hpp"
+#include "flexspline/effects/viscous_friction.hpp"
 #include "flexspline/swap.hpp"
 
 using namespace flexspline;
@@ -53,6 +55,7 @@ Whole<S> whole(S level) {
   made.estimating.collision->negative[0] = level;
   made.sensor = friction<S>(level);
   made.inertia = level;
+  made.limits.output_velocity = made.limits.time = S(100) * level;
   return made;
 }
 
@@ -94,6 +97,7 @@ TEST_CASE_TEMPLATE("what is saved is loaded, number by number", S, float, double
   CHECK(saved(joint) == bytes);
   CHECK(joint.estimating.kalman->motion.alpha == S(0.7L));
   CHECK(std::get<1>(joint.sensor.parts).effect.harmonics()[1].order == 4200);
+  CHECK(joint.limits.output_velocity == S(100) * S(0.7L));
 }
 
 TEST_CASE("a block that any single bit differs from is refused, and changes nothing") {
@@ -131,7 +135,8 @@ TEST_CASE("each reason to refuse a block has its status") {
   CHECK(refused([](std::vector<std::uint8_t>& bytes) { bytes[0] = 'X'; }) ==
         BlockStatus::not_a_block);
   CHECK(refused([](std::vector<std::uint8_t>& bytes) { bytes[4] = 0; }) == BlockStatus::older);
-  CHECK(refused([](std::vector<std::uint8_t>& bytes) { bytes[4] = 2; }) == BlockStatus::newer);
+  CHECK(refused([](std::vector<std::uint8_t>& bytes) { bytes[4] = block::version + 1; }) ==
+        BlockStatus::newer);
   CHECK(refused([](std::vector<std::uint8_t>& bytes) { bytes[8] ^= 1; }) ==
         BlockStatus::other_structure);
   CHECK(refused([](std::vector<std::uint8_t>& bytes) { put(bytes, 16, 0x7FC00000U); }) ==
@@ -147,6 +152,64 @@ TEST_CASE("each reason to refuse a block has its status") {
   std::array<std::uint8_t, 20> little{};
   CHECK(save(joint, little, size) == BlockStatus::no_room);
   CHECK(saved(joint) == saved(whole(0.2F)));
+}
+
+namespace {
+
+/// The block as version 1 wrote it, without the limits of readings.
+template <typename T>
+std::vector<std::uint8_t> without_limits(const T& joint) {
+  auto bytes = saved(joint);
+  block::Outline<typename parameters::ScalarOf<T>::type> outline;
+  parameters::visit_unlimited(outline, joint);
+  bytes.resize(block::head + outline.size + block::tail);
+  bytes[4] = 1;
+  put(bytes, 8, outline.crc.value());
+  put(bytes, 12, static_cast<std::uint32_t>(outline.size));
+  sign(bytes);
+  return bytes;
+}
+
+}  // namespace
+
+TEST_CASE_TEMPLATE("a block of version 1 is read, and its limits are those of any joint", S, float,
+                   double) {
+  Whole<S> joint = whole(S(0.2L));
+  REQUIRE(load(without_limits(whole(S(0.7L))), joint) == BlockStatus::ok);
+  Whole<S> expected = whole(S(0.7L));
+  expected.limits = {};
+  CHECK(saved(joint) == saved(expected));
+}
+
+TEST_CASE("a block that version 1 wrote is read") {
+  constexpr std::array<std::uint8_t, 64> written{
+      0x46, 0x4c, 0x58, 0x4a, 0x01, 0x04, 0x00, 0x00, 0x39, 0x06, 0x9d, 0x98, 0x2c,
+      0x00, 0x00, 0x00, 0x65, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00,
+      0x00, 0x00, 0x01, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00,
+      0x3f, 0x0a, 0xd7, 0x23, 0x3c, 0x00, 0x00, 0x80, 0x3e, 0x00, 0x00, 0x00, 0x3e,
+      0x00, 0x00, 0x80, 0x3d, 0x00, 0x00, 0x80, 0x3f, 0xc1, 0x54, 0xe6, 0x3e};
+  flexspline::Model<float, ViscousFriction<float>, PreslidingFriction<float>> model{};
+  model.limits.most = {3.0F};
+  REQUIRE(load(written, model) == BlockStatus::ok);
+  const auto& [viscous, presliding] = model.parts;
+  CHECK(model.gear.whole_ratio == 101);
+  CHECK(viscous.coefficients[0] == 0.5F);
+  CHECK(presliding.effect.presliding_width == 0.01F);
+  CHECK(presliding.coefficients == std::array{0.25F, 0.125F, 0.0625F, 1.0F});
+  CHECK(model.limits.most[0] == ReadingLimits<float>{}.output_velocity);
+  CHECK(saved(model) != std::vector<std::uint8_t>(written.begin(), written.end()));
+}
+
+TEST_CASE("limits that are no limits are refused") {
+  Whole<float> joint = whole(0.2F);
+  const auto before = saved(joint);
+  for (const float wrong : {0.0F, -1.0F, std::numeric_limits<float>::quiet_NaN(),
+                            std::numeric_limits<float>::infinity()}) {
+    Whole<float> other = whole(0.7F);
+    other.limits.motor_torque = wrong;
+    CHECK(load(saved(other), joint) == BlockStatus::out_of_range);
+  }
+  CHECK(saved(joint) == before);
 }
 
 TEST_CASE("new parameters wait until the loop has taken the last ones") {

@@ -17,8 +17,8 @@ namespace {
 
 template <typename S>
 std::optional<flexspline::Angle<S>> read_angle(double radians) noexcept {
-  flexspline::Angle<double> fine;
-  if (flexspline::read_radians(radians, fine) != flexspline::Status::ok) return std::nullopt;
+  if (!flexspline::math::is_finite(radians)) return std::nullopt;
+  const auto fine = flexspline::Angle<double>::from_radians(radians);
   constexpr int spare = 64 - 8 * int(sizeof(S));
   const auto fraction = static_cast<flexspline::math::Bits<S>>(fine.phase.fraction >> spare);
   return flexspline::Angle<S>{fine.turns, {fraction}};

@@ -11,19 +11,22 @@ from pathlib import Path
 import chain_rig
 import device
 import jsonschema
+import numpy as np
 import pytest
 from click.testing import CliRunner
 from every_effect import all_of, exported, rich
 
 import flexspline
-from flexspline import Certificate, InputError
-from flexspline.certification import certifying, devices
+from flexspline import Certificate, InputError, programs
+from flexspline.certification import certifying
 from flexspline.certification.devices import DEVICES
-from flexspline.certification.program import firmware_folder
 from flexspline.cli import commands
+from flexspline.effects import effect
 from flexspline.exporting import export
 from flexspline.logs.log import Log
 from flexspline.logs.read import write_log
+from flexspline.model import Model, Part
+from flexspline.programs import firmware_folder
 
 CORTEX = ("cortex-m4f", "cortex-m7")
 NEEDED = ("arm-none-eabi-g++", "qemu-system-arm")
@@ -77,6 +80,29 @@ def small() -> tuple[flexspline.Model, Log]:
     return chain_rig.joint(chain_rig.CALIBRATION), chain_rig.raw_channels(500)
 
 
+def test_a_reading_beyond_its_limit_is_counted_and_is_no_difference() -> None:
+    model, log = small()
+    volts = log["sensor_voltage"].copy()
+    volts[100:103] = 500.0  # calibrated within 1 V
+    made = flexspline.certify(model, log.with_columns({"sensor_voltage": volts}, note="wild"))
+    said = valid(made)
+    assert made.bit_identical and (said["out_of_range"], said["refused"]) == (3, 0)
+    assert f"3 of {len(log)} samples have a reading beyond its limit" in str(made)
+
+
+def test_a_part_refuses_a_load_far_beyond_its_fit_and_the_certificate_says_so() -> None:
+    record = {"validity": {"known_load": [-20.0, 20.0]}}
+    effects = (effect("torque_hysteresis"),)
+    part = Part("sensor_torque", effects, np.full(4, 0.1), "reference_torque", record)
+    time = np.arange(300) * 1e-3
+    load = 20.0 * np.sin(9.0 * time)
+    load[[150, 160]] = 2500.0, -1e10
+    log = Log.from_arrays(time=time, reference_torque=load)
+    made = flexspline.certify(Model({"sensor": part}, {}), log)
+    assert made.bit_identical and (made.out_of_range, made.refused) == (2, 2)
+    assert made.outputs[0].samples == 298
+
+
 def test_instructions_are_counted_alike_in_each_run() -> None:
     made = [flexspline.certify(*small(), "cortex-m4f").cost for _ in range(2)]
     assert made[0] == made[1]
@@ -103,6 +129,7 @@ def test_the_command_writes_what_the_call_says(tmp_path: Path) -> None:
     assert result.exit_code == 0, result.stderr
     said = json.loads(out.read_text(encoding="utf-8"))
     assert (said["device"], said["bit_identical"], said["samples"]) == ("host", True, len(log))
+    assert said["out_of_range"] == 0
     assert said["stack_bytes"] is None and said["flash_bytes"] > 0
     assert result.stdout.startswith("host computes the estimators with the host's bits in all")
 
@@ -112,12 +139,14 @@ def test_a_missing_tool_is_one_sentence_that_names_the_package(
     monkeypatch: pytest.MonkeyPatch, tool: str
 ) -> None:
     there = shutil.which
-    monkeypatch.setattr(devices.shutil, "which", lambda name: None if name == tool else there(name))
+    monkeypatch.setattr(
+        programs.shutil, "which", lambda name: None if name == tool else there(name)
+    )
     with pytest.raises(InputError) as caught:
         flexspline.certify(*small(), "cortex-m7")
     sentence = str(caught.value)
     assert sentence.startswith(f"{tool} is not on this machine; install Debian's ")
-    assert devices.PACKAGES[tool] in sentence and "\n" not in sentence
+    assert programs.PACKAGES[tool] in sentence and "\n" not in sentence
 
 
 @pytest.mark.parametrize("target", ["host", *CORTEX])

@@ -55,6 +55,7 @@ RESULTS = {
 }
 COLLISION_BY_OBSERVER = Collision("observer", (), (2.0,), (2.0,))
 ANGLE_LIMITS = ReadingChecks(most_speed=8.0, most_motor_torque=0.5)
+ABSURD = {"sensor_voltage": 900.0, "thermistor_voltage": 5e3, "temperature": 5e3}
 EPSILON = 2.0**-24  # half a unit in the last place of a float
 
 
@@ -106,19 +107,22 @@ def assert_same_bits(model: Model, log: Log, program: Path) -> None:
         assert np.array_equal((missed & stage) != 0, made.flagged(bit)), bit
     for flag in (Status.EXTRAPOLATED, Status.SATURATED):
         assert np.array_equal((found[:, 7].astype(int) & int(flag)) != 0, made.flagged(flag)), flag
-    assert np.array_equal(found[:, 11], made.status // int(Status.SENSOR_FAULT))
+    assert np.array_equal((found[:, 7].astype(int) & 4) != 0, made.flagged(Status.OUT_OF_RANGE))
+    assert np.array_equal(found[:, 11], made.status // int(Status.SENSOR_FAULT) % 128)
 
 
 def broken(log: Log) -> Log:
-    """The log with 300 readings missing, a shorted thermistor, an encoder step, and a gap."""
+    """The log with 300 readings missing, a short, absurd readings, an encoder step, and a gap."""
     rng = np.random.default_rng(11)
-    columns = {name: log[name].copy() for name in CHANNELS if name != "output_position"}
-    for name in columns:
+    columns = {name: log[name].copy() for name in CHANNELS}
+    for name in columns.keys() - {"output_position"}:
         columns[name][rng.choice(len(log), 40, replace=False)] = np.nan
     columns["thermistor_voltage"][700:720] = 0.0
     columns["sensor_voltage"][900:920] *= -1.0
     columns["motor_torque"][950:953] = 9.0
     columns["motor_position"][2000:2010] += 0.4
+    for row, name in enumerate(CHANNELS, start=1200):
+        columns[name][row] = ABSURD.get(name, 1e11)
     holed = log.with_columns(columns, note="broken")
     return holed.rows(np.r_[0:1500, 1600 : len(log)], note="a gap")
 
@@ -156,6 +160,9 @@ def test_the_device_computes_the_bits_of_estimate(tmp_path: Path, case: str) -> 
     program = device.compiled(model, tmp_path, device.compilers()[0], name="chain")
     assert_same_bits(model, log, program)
     assert_same_bits(model, broken(log), program)
+    absurd = flexspline.estimate(model, broken(log)).flagged(Status.OUT_OF_RANGE)
+    assert 1 <= np.count_nonzero(absurd) <= len(CHANNELS)
+    assert not flexspline.estimate(model, log).flagged(Status.OUT_OF_RANGE).any()
 
 
 def test_a_fit_with_filters_is_saved_loaded_estimated_and_exported_alike(tmp_path: Path) -> None:

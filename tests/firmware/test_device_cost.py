@@ -23,14 +23,14 @@ if any(shutil.which(tool) is None for tool in NEEDED):
     device.lacking("arm-none-eabi-g++ or qemu-system-arm is missing; see .ci/run for the packages")
 
 
-def test_ten_harmonics_cost_at_most_450_instructions_and_2500_bytes() -> None:
+def test_ten_harmonics_cost_at_most_450_instructions_and_2750_bytes() -> None:
     made = flexspline.certify(
         device_chains.ten_harmonics(), chain_rig.raw_channels(2000), "cortex-m4f"
     )
     assert made.bit_identical
     assert 300 < made.cost.instructions_per_step <= 450
-    assert made.cost.most_instructions <= 500  # a new period and a mesh at its pole in one sample
-    assert 1500 < made.cost.code_bytes <= 2500
+    assert made.cost.most_instructions <= 530  # a new period and a mesh at its pole in one sample
+    assert 1500 < made.cost.code_bytes <= 2750  # 250 of them the limits of seven readings
 
 
 def test_with_thermistor_and_detector_no_step_costs_more_than_700() -> None:
@@ -46,7 +46,7 @@ def test_with_thermistor_detector_and_reading_checks_a_step_costs_at_most_700() 
     )
     assert made.bit_identical
     assert 500 < made.cost.instructions_per_step <= 700
-    assert made.cost.most_instructions <= 760  # a new period and a mesh at its pole in one sample
+    assert made.cost.most_instructions <= 790  # a new period and a mesh at its pole in one sample
 
 
 def test_a_velocity_from_the_angle_costs_at_most_70_instructions_more() -> None:

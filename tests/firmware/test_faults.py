@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from test_chain_program import CHANNELS, rows_of, stream
 
-from flexspline.certification.program import firmware_folder
 from flexspline.model import Model
+from flexspline.programs import firmware_folder
 
 Array = NDArray[np.float64]
 
@@ -23,7 +23,7 @@ FIRST, LAST = 2000, 2100  # rows of the fault, 200 ms; the joint turns at 2.8 ra
 PLACE = {"period": 1, **{name: k for k, name in enumerate(CHANNELS, start=2)}}
 STAGES = {1: "thermistor", 2: "compensation", 4: "sensor", 8: "observer", 16: "compliance"}
 STAGES |= {32: "merge", 64: "collision", 128: "compliant_observer", 256: "differentiator"}
-FLAGS = {1: "extrapolated", 2: "saturated"}
+FLAGS = {1: "extrapolated", 2: "saturated", 4: "out_of_range"}
 FAULTS = {1: "sensor", 2: "motor", 4: "speed", 8: "motion", 16: "encoders", 32: "torques"}
 FAULTS |= {64: "temperature"}
 TORQUES = {"sensor": (2, 4), "observer": (3, 8), "compliance": (4, 16), "merged": (5, 32)}

@@ -50,6 +50,22 @@ void add_readings(Seed& seed, S value) {
   add(seed, std::uint32_t(0));
 }
 
+/// The block as the first version wrote it, without the limits of readings.
+template <typename S>
+void add_old_block(Seed& seed, const WholeJoint<S>& joint, Seed bytes) {
+  block::Outline<S> outline;
+  parameters::visit_unlimited(outline, joint);
+  const std::size_t last = block::head + outline.size;
+  bytes.resize(last + block::tail);
+  bytes[4] = 1;
+  block::write(std::span(bytes), 8, outline.crc.value());
+  block::write(std::span(bytes), 12, static_cast<std::uint32_t>(outline.size));
+  Crc32 crc;
+  crc.add(Bytes(bytes).first(last));
+  block::write(std::span(bytes), last, crc.value());
+  seed.insert(seed.end(), bytes.begin(), bytes.end());
+}
+
 template <typename S>
 void write_seeds(const std::string& steps, const std::string& blocks, std::uint16_t choice) {
   using Limits = std::numeric_limits<S>;
@@ -69,6 +85,9 @@ void write_seeds(const std::string& steps, const std::string& blocks, std::uint1
   write(blocks, whole);
   whole.resize(whole.size() / 2);
   write(blocks, whole);
+  Seed old = begun(choice, static_cast<std::uint8_t>(precision | 2));
+  add_old_block(old, joint, block);
+  write(blocks, old);
   Seed other = begun(choice, precision);
   add(other, std::uint16_t(2));
   add(other, std::uint16_t(0x0101));

@@ -18,11 +18,11 @@ from flexspline.presentation import RENDERERS
 
 LAYERS = (
     # what knows nothing of joints
-    ("_core", "about", "errors", "lazy", "parallel", "rendering"),
-    ("files", "formatting", "schema"),
+    ("_core", "about", "errors", "lazy", "parallel", "progress", "rendering"),
+    ("files", "formatting", "programs", "schema"),
     # runs, and what they show by themselves; logs know no effects, their checks do
     ("effects", "logs"),
-    ("logs.checks",),
+    ("logs.checks", "own"),
     ("orders", "prediction", "prepared", "recordings", "signals"),
     ("requirements", "simulator"),
     # a model of a joint, and what it is made of

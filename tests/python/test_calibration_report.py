@@ -10,6 +10,7 @@ import calibration_logs as bench
 import matplotlib.pyplot as plt
 import pytest
 from calibration_logs import QUIET
+from figure_layout import page_faults
 from html_pages import tags_of
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -67,22 +68,23 @@ def test_a_figure_that_is_not_shown_says_why_instead_of_a_number() -> None:
                          re.MULTILINE)  # fmt: skip
 
 
-def test_html_is_closed_and_loads_nothing(tmp_path: Path) -> None:
-    for number, made in enumerate(everything()):
-        path = tmp_path / f"{number}.html"
+def test_html_is_closed_loads_nothing_and_shows_each_figure_that_the_runs_allow(
+    tmp_path: Path,
+) -> None:
+    for made, count in zip(everything(), (4, 2, 2), strict=True):
+        path = tmp_path / f"{count}.html"
         made.report(path)
         page = path.read_text(encoding="utf-8")
+        assert page.count("<svg") == count == len(axes(made.plot()))
         for text in (page, made._repr_html_()):
             assert "script" not in tags_of(text)
             assert "<script" not in text
         assert not re.search(r"""(src|href)\s*=\s*["'](https?:)?//""", page)
 
 
-def test_the_report_shows_each_figure_that_the_runs_allow(tmp_path: Path) -> None:
-    for made, count in zip(everything(), (4, 2, 2), strict=True):
-        made.report(tmp_path / "report.html")
-        page = (tmp_path / "report.html").read_text(encoding="utf-8")
-        assert page.count("<svg") == count == len(axes(made.plot()))
+def test_the_report_can_be_read_wide_narrow_and_dark(tmp_path: Path) -> None:
+    whole().report(tmp_path / "report.html")
+    assert page_faults(tmp_path / "report.html") == []
 
 
 def test_every_axis_has_a_unit_and_a_title_and_nothing_is_left_open() -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from checks_logs import sound_log
 from cli_calls import call
+from figure_layout import page_faults
 from matplotlib.axes import Axes
 from undrawn import undrawn
 
@@ -108,6 +109,7 @@ def test_folder_holds_numbers_and_a_page_with_a_figure_of_each_run(tmp_path: Pat
     )  # fmt: skip
     page = (out / "report.html").read_text()
     assert page.count("<svg") == 2 and content["verdict"] in page
+    assert page_faults(out / "report.html") == []
 
 
 def test_runs_that_excite_an_effect_together_alone_are_said_to(tmp_path: Path) -> None:

@@ -7,15 +7,17 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from cli_calls import call, write_runs
 from click.shell_completion import ShellComplete
 
 import flexspline
 from flexspline.cli import commands
-from flexspline.effects import CATALOGUE, TARGETS
+from flexspline.effects import CATALOGUE, TARGETS, effect
 from flexspline.logs.repairs import REPAIRS
 from flexspline.model import Model
+from flexspline.part import Part
 
 SHELL = [sys.executable, "-m", "flexspline"]
 SOURCE = {"_FLEXSPLINE_COMPLETE": "zsh_source"}
@@ -53,6 +55,7 @@ def test_the_version_is_that_of_the_package() -> None:
     assert call("--version").stdout == f"flexspline {flexspline.__version__}\n"
 
 
+RUN = "no_run.csv --target sensor_torque --out new"
 ASKED = """
 import sys
 from flexspline.cli import main
@@ -73,6 +76,13 @@ finally:
         "fit none.csv --target sensor_torque --effects offset --out new",
         "fit none.csv --target sensor_torque --effects ofset --out new",
         "fit none.csv --target torsion --effects inertia --out new",
+        f"fit {RUN} --effects viscous_friction --fix viscosty=1",
+        f"fit {RUN} --effects viscous_friction --bound stribeck_velocity=0:1",
+        f"fit {RUN} --effects stribeck_friction --prior stribeck_velocity=1:1",
+        f"fit {RUN} --effects offset --by simulation --prior offset=1:1",
+        f"fit {RUN} --effects offset --free-controller torque",
+        f"discover {RUN} --effects offset --limit speed=1",
+        f"discover {RUN} --effects offset --exclude gravitiy",
         "check none.csv",
         "predict --model none.json run.csv --out new",
         "compare --model none.json run.csv --out new",
@@ -84,8 +94,52 @@ def test_help_and_wrong_calls_are_answered_without_what_is_heavy(line: str, tmp_
         [sys.executable, "-c", ASKED, *line.split()], capture_output=True, text=True, cwd=tmp_path
     )
     assert done.returncode == (0 if "--help" in line else 2)
+    assert line != "--help" or "numpy" not in done.stderr.split()
     assert not set(HEAVY) & set(done.stderr.split("\n")[-2].split())
+    assert "no_run.csv" not in done.stderr  # what is wrong in the call is said before the run is
     assert list(tmp_path.iterdir()) == []
+
+
+ONE_BY_ONE = """
+import sys
+from flexspline.cli import commands
+for line in sys.argv[1:]:
+    try:
+        commands([*line.split(), "-q"])
+    except SystemExit as end:
+        print(end.code, *sys.modules)
+"""
+LOADED = {*HEAVY, "scipy.signal"} - {"scipy"}  # whose top pint imports, which is next to nothing
+NEEDS = {  # in this order, of one process: what is heavy, once a command has run, and why
+    "export --model model.json --format header --out joint.hpp": {"jsonschema"},  # of a model file
+    "convert foreign.csv --columns map.toml --out run.csv": {"pandas", "pint"},  # tables, units
+    "predict --model model.json run.csv --out residual.csv": {"scipy.signal"},  # derivatives
+    "check run.csv": set(),
+    "orders run.csv --target sensor_torque": set(),
+}
+
+
+def test_no_command_imports_what_it_does_not_use(tmp_path: Path) -> None:
+    """No figure is drawn and no page is made by any of these."""
+    time = np.arange(2000) / 200.0
+    velocity = np.sin(time)
+    columns = np.c_[time, np.degrees(1.0 - np.cos(time)), velocity, 0.1 + 2.0 * velocity]
+    head = "t,q,w,s"
+    np.savetxt(tmp_path / "foreign.csv", columns, delimiter=",", header=head, comments="")
+    (tmp_path / "map.toml").write_text(
+        "[columns]\ntime = 't'\noutput_position = {source = 'q', unit = 'deg'}\n"
+        "output_velocity = 'w'\nsensor_torque = 's'\n"
+    )
+    part = Part("sensor_torque", (effect("viscous_friction"),), np.array([2.0]))
+    Model({"sensor": part}, {}).save(tmp_path / "model.json")
+    said = subprocess.run(
+        [sys.executable, "-c", ONE_BY_ONE, *NEEDS], capture_output=True, text=True, cwd=tmp_path
+    )
+    needed: set[str] = set()
+    for (line, more), answer in zip(NEEDS.items(), said.stdout.splitlines(), strict=True):
+        code, *loaded = answer.split()
+        needed |= more
+        assert (code, LOADED & set(loaded) - needed) == ("0", set()), (line, said.stderr)
 
 
 def test_the_module_is_the_command() -> None:

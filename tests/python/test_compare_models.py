@@ -6,6 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from figure_layout import figure_faults
 from fit_logs import FRICTION, WIDTH, autoregressive, chosen, friction, log_with, motion, simulated
 from matplotlib.figure import Figure
 
@@ -173,6 +174,7 @@ def test_a_wrong_call_is_refused_in_one_sentence():
 
 
 def test_a_figure_has_all_models_over_time_load_and_velocity():
+    assert figure_faults(compared().plot()) == []
     axes = compared().plot().axes
     assert [ax.get_title(loc="left").split(":")[0] for ax in axes] == [
         "Measured and modelled, run 0",

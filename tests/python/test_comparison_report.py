@@ -10,6 +10,7 @@ from pathlib import Path
 import comparison_logs as rig
 import matplotlib.pyplot as plt
 import pytest
+from figure_layout import page_faults
 from html_pages import tags_of
 
 from flexspline.plot.comparison import panels
@@ -79,6 +80,11 @@ def test_html_is_closed_and_loads_nothing(hidden: str, tmp_path: Path) -> None:
         assert "<script" not in text
     assert not re.search(r"""(src|href)\s*=\s*["'](https?:)?//""", page)
     assert page.count("<svg") == 2
+
+
+def test_a_report_is_readable_wide_narrow_and_dark(tmp_path: Path) -> None:
+    rig.comparison("ripple").report(tmp_path / "report.html")
+    assert page_faults(tmp_path / "report.html") == []
 
 
 def test_the_table_holds_the_same_numbers() -> None:

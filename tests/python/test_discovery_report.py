@@ -11,19 +11,20 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
+from figure_layout import page_faults
 from hidden_logs import LOAD, friction_of, log_of, noise, rich_run
 
 import flexspline
 from flexspline.discovery.analysis import Rival
 from flexspline.discovery.assemble import where
 from flexspline.discovery.candidates import EXCLUDED
-from flexspline.discovery.result import LESSER, Discovery, Motion
+from flexspline.discovery.result import BY_NAMES, LESSER, Discovery, Motion
 from flexspline.discovery.slices import HeldRun, frequency_bands, order_bands, slices, telling
 from flexspline.experiment.plan import Outlook, plan_sentence
 from flexspline.logs.log import Log
 from flexspline.plot.comparison import bands_over, plot_comparison
 from flexspline.plot.discovery import held_out_run
-from flexspline.report.discovery import remarks
+from flexspline.report.discovery import effect_lines, remarks, where_sentences
 
 BASE = ["offset", "coulomb_friction", "viscous_friction", "inertia"]
 ROWS = 2000
@@ -54,6 +55,16 @@ def test_an_effect_is_said_to_act_where_what_it_adds_lies(
     words = where(cast(Any, problem), flexspline.effect("viscous_friction"), [added])
     fast, *ways = words.split(", ")
     assert fast.startswith("above 0.91") and ways == [said]  # of v¹⁷, 0.8 lie above 0.2^(1/17)
+
+
+def test_text_and_page_tell_the_same_of_a_parameter_and_of_the_floor() -> None:
+    (one,) = found().found
+    held = replace(found().fit.parameters[0], name=f"{one.effect}.share", determined=False)
+    hidden = replace(found(), fit=replace(found().fit, parameters=(held,)))
+    for made, told in ((found(), "±"), (hidden, "not determined")):
+        (line,) = effect_lines(made, one)
+        assert told in line.value and f"{line.value} {line.unit}".rstrip() in str(made)
+    assert found().floor.by == BY_NAMES and "at most" in where_sentences(found())[0]
 
 
 def test_what_is_not_there_is_not_spoken_of() -> None:
@@ -194,7 +205,7 @@ def test_the_json_holds_bands_and_all_parameters_with_errors() -> None:
     assert abs(leak["value"] - 0.05) < 4.0 * leak["standard_error"]
 
 
-def test_the_report_stands_alone_and_shows_map_evidence_errors_and_provenance(
+def test_the_report_stands_alone_can_be_read_and_shows_map_evidence_errors_and_provenance(
     tmp_path: Path,
 ) -> None:
     made = found()
@@ -207,6 +218,7 @@ def test_the_report_stands_alone_and_shows_map_evidence_errors_and_provenance(
                  "0.0500 ± 0.00", "flexspline.discover(", made.found[0].evidence[:40]):  # fmt: skip
         assert said in page, said
     assert leak.unit in page
+    assert page_faults(tmp_path / "report.html") == []
 
 
 def test_a_notebook_shows_the_same_numbers_as_the_report() -> None:

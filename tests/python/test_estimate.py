@@ -23,6 +23,7 @@ from chain_rig import (
     whole_joint,
     without,
 )
+from figure_layout import figure_faults
 
 import flexspline
 from flexspline import Collision, Compliance, InputError, Observer, effect
@@ -390,6 +391,7 @@ def test_the_result_speaks() -> None:
 
 def test_the_plot_shows_every_estimate_and_what_is_flagged() -> None:
     made = flexspline.estimate(whole_joint(), raw_log())
+    assert figure_faults(made.plot()) == []
     above, below = made.plot().axes
     labels = [line.get_label() for line in above.lines]
     assert labels == ["sensor", "observer", "compliance", "compliant_observer", "merged"]

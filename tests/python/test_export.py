@@ -12,6 +12,7 @@ import pytest
 import flexspline
 from flexspline.effects import effect
 from flexspline.errors import InputError
+from flexspline.estimation.limits import part_limits
 from flexspline.exporting import export, namespace_of
 from flexspline.logs.log import Log
 from flexspline.model import Model, Part
@@ -66,7 +67,11 @@ def header(model: Model, folder: Path, target: str | None = None) -> str:
 
 def test_numbers_in_a_header_read_back_as_the_same_doubles(tmp_path: Path) -> None:
     numbers = [float(n) for n in re.findall(r"^ +S\((.+)\),  //", header(ONE, tmp_path), re.M)]
-    assert numbers == SENSOR.coefficients.tolist()
+    limits = part_limits(SENSOR)
+    assert numbers == [*SENSOR.coefficients.tolist(), *limits.values()]
+    assert limits and f"S({limits['output_velocity']}),  // output_velocity, rad/s" in header(
+        ONE, tmp_path
+    )
 
 
 def test_a_header_says_where_it_comes_from(tmp_path: Path) -> None:

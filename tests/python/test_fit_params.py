@@ -13,7 +13,7 @@ from fit_logs import FRICTION, WIDTH, autoregressive, friction, log_with, motion
 from output_error_logs import EFFECTS, law, runs
 from scipy.linalg import toeplitz
 from scipy.signal import lfilter
-from scipy.stats import binom
+from scipy.stats import binom, multivariate_normal
 
 import flexspline
 from flexspline import FitOptions, InputError, MotionOptions
@@ -197,6 +197,22 @@ def test_the_likelihood_is_that_of_the_whole_covariance_over_runs_and_gaps():
     assert fit.bic == pytest.approx(-2.0 * found.log_likelihood + penalty)
 
 
+def test_aic_is_minus_twice_the_log_density_of_scipy_and_two_for_each_parameter():
+    log = log_of(1, 500)
+    fit = fitted(log)
+    noise, rows, y = fit.uncertainty.noise, rows_of(friction(), log), log["sensor_torque"]
+    pulse = lfilter([1.0], noise.denominator, np.eye(1, 20_000)[0])
+    shape = toeplitz([pulse[: len(pulse) - k] @ pulse[k:] for k in range(len(y))])
+    inverse = np.linalg.inv(shape)
+    best = np.linalg.solve(rows.T @ inverse @ rows, rows.T @ inverse @ y)
+    left = y - rows @ best
+    variance = float(left @ inverse @ left) / len(y)
+    density = multivariate_normal(rows @ best, variance * shape).logpdf(y)
+    parameters = 4 + noise.order + 1  # coefficients, those of the noise, and its variance
+    assert fit.aic == pytest.approx(-2.0 * density + 2.0 * parameters, rel=1e-6)
+    assert fit.bic == pytest.approx(-2.0 * density + parameters * np.log(500), rel=1e-6)
+
+
 def test_the_likelihood_counts_a_prior_as_part_of_a_parameter():
     log, error = log_of(5), 0.002
     fit = fitted(log, priors={"coulomb_friction": (0.301, error)})
@@ -234,7 +250,7 @@ def test_a_direction_that_no_row_tells_is_no_parameter():
 
 def test_an_effect_that_is_not_there_wins_by_aic_as_seldom_as_chance_allows():
     """Twice the gain in ln L is χ² with one degree of freedom, above 2 in 15.7 % of all cases."""
-    won, draws = 0, 120
+    won, apart, draws = 0, [], 120
     for seed in range(draws):
         log = log_of(seed, 600, phi=0.95)
         channels = {name: log[name] for name in log.channels}
@@ -244,8 +260,12 @@ def test_an_effect_that_is_not_there_wins_by_aic_as_seldom_as_chance_allows():
         small, large = fitted(odd), fitted(odd, [*friction(), "temperature_drift"], fixed=held)
         same = small.uncertainty.noise.order == large.uncertainty.noise.order
         won += large.aic < small.aic if same else 0
+        apart += [large.aic - small.aic] if same else []
+    assert len(apart) > draws / 2
     low, high = binom.interval(0.999, draws, 0.157)
     assert low <= won <= high + 0.03 * draws  # φ is estimated too
+    # 2 − χ² has the mean 1 and the variance 2; φ is that of each fit's own residual, 0.2 of it
+    assert abs(np.mean(apart) - 1.0) <= 3.3 * np.sqrt(2.0 / len(apart)) + 0.2
 
 
 def test_an_effect_that_is_there_wins_by_aic_and_bic():

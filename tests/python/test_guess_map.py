@@ -83,18 +83,26 @@ def test_what_is_wrong_in_a_guess_is_said_to_be_unsure(
     assert silent == []
 
 
+REFUSED = {
+    "grafana_formatted": "no table of numbers is seen in its first 400 lines",
+    "octave_text": "data row 3001 (line 3013) has 3 fields where the first line of the table has 6",
+    "graphtec_gl240": "data row 4 (line 7) has 3 fields where the first line of the table has 2",
+}
+"""What no map can be guessed of, and the reason that the sentence begins with."""
+
+
 @pytest.mark.parametrize(
     "recorder", (*MORE_RECORDERS, *UNSEEN_RECORDERS, *FRESH_RECORDERS), ids=lambda each: each.name
 )
 def test_of_files_that_are_no_tables_or_of_odd_ones_nothing_wrong_is_said_either(
     recorder: Recorder,
 ) -> None:
-    try:
-        guess = guessed(recorder)
-        silent, _ = wrong(recorder, guess)
-    except InputError as refused:
-        assert str(guessed_path(recorder)) in str(refused)
+    if recorder.name in REFUSED:
+        with pytest.raises(InputError) as refused:
+            guessed(recorder)
+        assert str(refused.value).startswith(f"{guessed_path(recorder)}: {REFUSED[recorder.name]}")
         return
+    silent, _ = wrong(recorder, guessed(recorder))
     assert silent == []
 
 
@@ -137,7 +145,7 @@ def test_init_writes_a_map_with_reasons_and_a_figure_and_check_takes_it(tmp_path
     for channel in guess_map(recording).doubts:
         assert f"{channel} ?" in made.stdout
     checked = call("check", str(recording), "--columns", str(out))
-    assert checked.exit_code in (0, 3), checked.stderr
+    assert checked.exit_code == 0, checked.stderr  # and nothing is found in it
 
 
 def test_init_of_one_joint_of_several_takes_the_one_that_is_asked_for(tmp_path: Path) -> None:

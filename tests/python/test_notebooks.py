@@ -6,6 +6,7 @@ holds its names to what an expert says.
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import notebook_runs
@@ -22,6 +23,13 @@ def test_a_notebook_runs_from_a_clean_kernel(
     if notebook_runs.reads_measured_logs(name):
         request.getfixturevalue("data_folder")
     notebook_runs.run(name, tmp_path, CLAIMS.get(name))
+
+
+def test_an_own_effect_takes_less_than_thirty_lines_of_python() -> None:
+    notebook = json.loads((notebook_runs.FOLDER / "own_effect.ipynb").read_text(encoding="utf-8"))
+    cells = [cell["source"] for cell in notebook["cells"] if cell["cell_type"] == "code"]
+    lines = [line for cell in cells if not cell[0].startswith("%%writefile") for line in cell]
+    assert 15 < sum(bool(line.strip()) for line in lines) < 30
 
 
 def test_claims_are_those_of_notebooks() -> None:

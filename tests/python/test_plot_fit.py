@@ -8,6 +8,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 import report_fits
+from figure_layout import figure_faults
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -24,11 +25,12 @@ def labelled(ax: Axes) -> bool:
     return all(UNIT.search(label) for label in (ax.get_xlabel(), ax.get_ylabel()))
 
 
-def test_every_axis_of_the_figure_has_a_unit_and_a_title() -> None:
+def test_every_axis_of_the_figure_has_a_unit_and_a_title_and_all_can_be_read() -> None:
     figure = report_fits.plain_fit().plot()
     axes = _axes(figure)
     assert len(axes) == 9
     assert all(labelled(ax) and ax.get_title(loc="left") for ax in axes)
+    assert figure_faults(figure) == []
 
 
 def test_a_figure_is_not_left_open() -> None:
@@ -120,6 +122,23 @@ def test_a_log_without_velocity_or_with_broken_temperature_still_plots() -> None
     assert "Residual over temperature" in titles
     assert "Residual over output velocity" not in titles
     assert "Order spectrum before and after" not in titles
+
+
+@pytest.mark.parametrize("load", ["reference_torque", "motor_torque"])
+def test_what_is_left_rises_over_the_known_load_where_the_gain_is_wrong(load: str) -> None:
+    log = report_fits.run(3, 600)
+    torque = 10.0 * np.sin(np.arange(600) / 40.0)
+    channels = {name: log[name] for name in ("time", "output_position", "output_velocity")}
+    channels |= {load: torque, "sensor_torque": 1.02 * torque + log["output_velocity"]}
+    loaded = Log.from_arrays(**channels)
+    names = ["offset", "viscous_friction"]
+    fit = flexspline.fit(names, loaded, "sensor_torque", known_load=load, checks=False)
+    words = load.replace("_", " ")
+    ax = next(a for a in _axes(fit.plot()) if a.get_title(loc="left") == f"Residual over {words}")
+    assert ax.get_xlabel() == f"{words} [Nm]"
+    median = next(line for line in ax.lines if line.get_label() == "median")
+    at, left = (values[np.isfinite(median.get_ydata())] for values in median.get_data())
+    assert np.polyfit(at, left, 1)[0] == pytest.approx(0.02, rel=0.1)
 
 
 def test_many_runs_are_not_told_apart() -> None:

@@ -7,7 +7,7 @@ import io
 import pytest
 from matplotlib.figure import Figure
 
-from flexspline.plot.canvas import orders_axis
+from flexspline.plot.canvas import log_axis
 
 
 @pytest.mark.parametrize(("orders", "scale"), [([], "linear"), ([0.0], "linear"), ([2.0], "log")])
@@ -16,6 +16,6 @@ def test_orders_that_are_not_there_end_no_figure(orders: list[float], scale: str
     figure = Figure()
     ax = figure.subplots()
     ax.plot(orders, [1.0] * len(orders), "v")
-    orders_axis(ax)
+    log_axis(ax, "x")
     assert ax.get_xscale() == scale
     figure.savefig(io.BytesIO())

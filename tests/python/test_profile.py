@@ -7,15 +7,17 @@ from functools import cache
 
 import numpy as np
 import pytest
+from figure_layout import figure_faults
 from fit_logs import FRICTION, WIDTH, autoregressive, chosen, friction, motion, rows_of, simulated
 from matplotlib.figure import Figure
-from scipy.stats import binom
+from scipy.stats import binom, chi2
 from scipy.stats import f as fisher
 from scipy.stats import t as student
 
 import flexspline
 from flexspline import FitOptions, InputError, effect
 from flexspline.fitting import fit_near
+from flexspline.formatting import short
 from flexspline.least_squares.problem import problem_of
 from flexspline.logs.log import Log
 
@@ -160,16 +162,19 @@ def test_what_the_runs_leave_open_has_no_end_and_says_so(noise, open_sides):
     region = fit.contour(VELOCITY, "stribeck_friction.level", points=8)
     assert not region.closed and np.isnan(region.points).any()
     assert "It does not close" in str(region)
-    assert made.plot().axes and region.plot().axes
+    assert figure_faults(made.plot()) == figure_faults(region.plot()) == []
 
 
 def test_another_valley_that_explains_as_much_is_part_of_the_interval():
     log = weak(1)
     fit = fitted(log)
     made = fit.profile(VELOCITY)
-    assert len(made.parts) == 2 and "do not tell which one is right" in str(made)
+    assert len(made.parts) == 2 and str(made).count(" or ") == 1
+    assert "and do not tell which of 2 parts is right." in str(made)
     (low, between), (again, high) = made.parts
     assert made.interval == (low, high)
+    both = " or ".join(f"{short(a, 4)} to {short(b, 4)} rad/s" for a, b in made.parts)
+    assert f"by its profile {both} (95 %)" in str(made) and both in repr(made)
     inside = np.sqrt(again * high)
     assert statistic(fit, log, inside) < made.limit < statistic(fit, log, np.sqrt(between * again))
 
@@ -233,8 +238,15 @@ def test_figures_have_units_and_the_limit():
 def test_the_95_percent_profile_covers_the_truth_as_often_as_that():
     """More draws, beside Wald's interval: tests/bench/profile_coverage.py."""
     draws = 40
-    inside = 0
+    inside, at_truth = 0, []
     for seed in range(draws):
-        made = fitted(log_of(100 + seed)).profile(VELOCITY, points=0)
+        log = log_of(100 + seed)
+        fit = fitted(log)
+        made = fit.profile(VELOCITY, points=0)
         inside += any((a or 0.0) <= 0.1 <= (b or np.inf) for a, b in made.parts)
-    assert inside >= binom.ppf(0.001, draws, 0.95)
+        at_truth.append(statistic(fit, log, 0.1))
+    assert binom.ppf(0.001, draws, 0.95) <= inside
+    # D, which the profile is (see above), is χ² with one degree of freedom at the truth: errors
+    # two thirds as long, or half as long again, fail
+    low, high = chi2.interval(0.99, draws)
+    assert low <= sum(at_truth) <= high

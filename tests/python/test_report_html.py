@@ -10,6 +10,7 @@ import matplotlib
 import numpy as np
 import pytest
 import report_fits
+from figure_layout import page_faults
 from html_pages import tags_of
 
 import flexspline
@@ -24,6 +25,15 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> str:
     path = tmp_path_factory.mktemp("report") / "report.html"
     write_report(report_fits.plain_fit(), path)
     return path.read_text(encoding="utf-8")
+
+
+def test_the_report_of_a_fit_is_readable_wide_narrow_and_dark(page: str, tmp_path: Path) -> None:
+    path = tmp_path / "report.html"
+    for mark in ("<h1>", "<li>", "<summary>"):
+        assert mark in page
+        page = page.replace(mark, f"{mark}{'/long/path' * 9}")
+    path.write_text(page, encoding="utf-8")
+    assert page_faults(path) == []
 
 
 def test_every_tag_is_closed(page: str) -> None:

@@ -12,6 +12,7 @@ import numpy as np
 import pandas
 import pytest
 from cli_calls import call
+from figure_layout import page_faults
 
 from flexspline.errors import InputError
 from flexspline.plot.canvas import axes_or_new
@@ -57,7 +58,8 @@ def test_a_reproduction_leaves_figures_tables_claims_and_a_page(tmp_path: Path) 
     for name in ("fig1.png", "fig1.svg", "table1.csv"):
         assert (tmp_path / "out" / PAPER / name).stat().st_size > 0
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
-    assert "<svg" in page and "does not hold" in page
+    assert "<svg" in page and "does not hold" in page and "NaN" not in page
+    assert page_faults(tmp_path / "out" / "report.html") == []
     kept = json.loads((tmp_path / "out" / "claims.json").read_text(encoding="utf-8"))
     first = kept["papers"][PAPER]["claims"][0]
     assert first["published"] == 1.0 and first["holds"] is True and first["ours"]["draws"] == 5

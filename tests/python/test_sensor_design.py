@@ -8,6 +8,7 @@ import re
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from figure_layout import figure_faults
 
 from flexspline.errors import InputError
 from flexspline.plot import sensor as plot
@@ -162,4 +163,6 @@ def test_every_axis_of_the_sensor_figures_has_a_unit_and_no_figure_stays_open(
     for ax in shown:
         assert UNIT.search(ax.get_xlabel()) and UNIT.search(ax.get_ylabel())
         assert ax.get_title(loc="left")
+    for figure in {ax.get_figure(root=True) for ax in shown}:
+        assert figure_faults(figure) == []
     assert plt.get_fignums() == before

@@ -122,3 +122,24 @@ def test_a_map_says_how_a_file_is_cut_and_convert_refuses_it(tmp_path: Path) -> 
     made = call("convert", path, "--columns", columns, "--out", tmp_path / "run.csv")
     assert made.exit_code == 2 and "convert writes one run; leave split_column out" in made.stderr
     assert not (tmp_path / "run.csv").exists()
+
+
+def test_python_takes_the_file_of_a_map_with_all_that_it_says(tmp_path: Path) -> None:
+    recording, columns = tmp_path / "day.txt", tmp_path / "map.toml"
+    text = frame(40, 60).to_csv(index=False, sep=";", decimal=",")
+    recording.write_text("rig 3, Prüfer: Weiß\n" + text, encoding="latin-1")
+    columns.write_text(
+        '[read]\nencoding = "latin-1"\nskip_lines = 1\nrepair = "drop_start=0.05"\n'
+        '[facts]\ngear_ratio = 100\npole_pairs = 7\n'
+        '[columns]\ntime = "time"\noutput_position = {source = "q", sign = -1}\n'
+    )  # fmt: skip
+    log = read_log(recording, columns, gear_ratio=50)
+    assert dict(log.facts) == {"name": "day", "gear_ratio": 50.0, "pole_pairs": 7}
+    assert log["output_position"][0] == pytest.approx(-np.sin(5.0)) and len(log) == 95
+    assert len(read_log(recording, str(columns), repair="drop_start=0.1")) == 90
+    runs = read_runs(recording, columns, split_column="trial")
+    assert [len(run) for run in runs] == [35, 55] and runs[1].facts["pole_pairs"] == 7
+    columns.write_text(columns.read_text().replace("[facts]", 'split_column = "trial"\n[facts]'))
+    assert [len(run) for run in read_runs(recording, columns)] == [35, 55]
+    with pytest.raises(InputError, match=r"map.toml: read_log reads one run.*split_column"):
+        read_log(recording, columns)

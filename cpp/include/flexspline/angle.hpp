@@ -34,13 +34,19 @@ struct Phase {
 /// An angle: `turns` + `phase`, the phase in [0, 1) turns.
 template <typename S>
 struct Angle {
+  /// What turns count to: a motor at 100 turns per second is there after 124 days.
+  static constexpr std::int32_t most_turns = 1 << 30;
+
   std::int32_t turns = 0;
   Phase<S> phase;
 
+  /// Whether the turns are counted, not saturated.
+  constexpr bool in_range() const noexcept { return turns >= -most_turns && turns < most_turns; }
+
   /// Exact to 2^−32 (float) or 2^−52 (double) turns on both sides of zero. Beyond ±2^30 turns
-  /// the turns saturate; NaN gives −2^30 turns (see read_radians).
+  /// the turns saturate just outside of the range; NaN does below it (see read_radians).
   static constexpr Angle from_turns(S value) noexcept {
-    constexpr S limit = S(1073741824);
+    constexpr S limit = S(most_turns) + S(128);  // the next float
     const S above = value > -limit ? value : -limit;
     const S held = above < limit ? above : limit;
     const auto truncated = static_cast<std::int32_t>(held);
@@ -67,10 +73,14 @@ struct Angle {
   }
 };
 
-/// An encoder's angle in radians, refused where it is not finite: `angle` keeps its last value.
+/// An encoder's angle in radians, refused where it is not finite, or where S has digits for no more
+/// than quarters of a turn: 2^21 turns in float; in double 2^30, where turns saturate. `angle` keeps
+/// its last value.
 template <typename S>
 constexpr Status read_radians(S radians, Angle<S>& angle) noexcept {
+  constexpr S most = sizeof(S) == 4 ? S(1 << 21) : S(Angle<S>::most_turns);
   if (!math::is_finite(radians)) return Status::not_finite;
+  if (!(math::absolute(radians) < most * S(2) * math::pi<S>)) return Status::out_of_range;
   angle = Angle<S>::from_radians(radians);
   return Status::ok;
 }

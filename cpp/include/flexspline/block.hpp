@@ -2,7 +2,7 @@
 ///
 ///   offset  bytes
 ///   0       4      "FLXJ"
-///   4       1      version of this layout
+///   4       1      version of this layout: 2; 1, which has no limits of readings, is read too
 ///   5       1      bytes of a number: 4 (float) or 8 (double)
 ///   6       2      0
 ///   8       4      structure: CRC-32 of what a program has to be compiled with (parameters.hpp)
@@ -13,7 +13,8 @@
 /// Little-endian whatever the machine. An integer has 4 bytes; a gear is whole ratio, fraction
 /// (low word, high word), spline, motor encoder; a harmonic is order, pair. The CRC is that of zlib
 /// (ISO 3309, reflected 0xEDB88320). What lies behind the block is not looked at. `load` changes
-/// either everything or nothing.
+/// either everything or nothing; with a block of version 1, the limits become those of a joint that
+/// nothing is known of (reading_limits.hpp), for the program's own belong to other parameters.
 #pragma once
 
 #include <array>
@@ -72,7 +73,8 @@ namespace block {
 
 inline constexpr std::array<std::uint8_t, 4> mark{'F', 'L', 'X', 'J'};
 inline constexpr std::uint8_t oldest = 1;
-inline constexpr std::uint8_t version = 1;
+inline constexpr std::uint8_t version = 2;
+inline constexpr std::uint8_t first_with_limits = 2;
 inline constexpr std::size_t head = 16;
 inline constexpr std::size_t tail = 4;
 
@@ -189,6 +191,13 @@ struct Writer {
   }
 };
 
+/// The parameters that a block of a version has.
+template <typename V, typename T>
+constexpr void visit(V& visitor, T& joint, std::uint8_t layout) noexcept {
+  parameters::visit_unlimited(visitor, joint);
+  if (layout >= first_with_limits) parameters::visit_limits(visitor, joint);
+}
+
 /// Everything that does not depend on the joint.
 constexpr BlockStatus whole(Bytes bytes) noexcept {
   if (bytes.size() < head + tail) return BlockStatus::truncated;
@@ -222,17 +231,19 @@ constexpr BlockStatus load(Bytes bytes, T& joint) noexcept {
   const BlockStatus status = block::whole(bytes);
   if (status != BlockStatus::ok) return status;
   if (bytes[5] != sizeof(S)) return BlockStatus::other_scalar;
+  const std::uint8_t layout = bytes[4];
   block::Outline<S> outline;
-  parameters::visit(outline, joint);
+  block::visit(outline, joint, layout);
   if (block::read<std::uint32_t>(bytes, 8) != outline.crc.value() ||
       block::read<std::uint32_t>(bytes, 12) != outline.size) {
     return BlockStatus::other_structure;
   }
   block::Reader<S, false> check{bytes};
-  parameters::visit(check, static_cast<const T&>(joint));
+  block::visit(check, static_cast<const T&>(joint), layout);
   if (!check.good) return BlockStatus::out_of_range;
   block::Reader<S, true> take{bytes};
-  parameters::visit(take, joint);
+  block::visit(take, joint, layout);
+  if (layout < block::first_with_limits) joint.limits = {};
   return BlockStatus::ok;
 }
 

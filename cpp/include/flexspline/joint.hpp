@@ -1,5 +1,6 @@
 /// One joint, from raw readings to the external torque: the models of its parts and the chain.
 ///
+///   limiting     readings beyond their limits → missing
 ///   preparing    reading checks, differentiator → readings
 ///   sensing      thermistor, compensation, calibration → temperature, sensor torque
 ///   models       what each part says of this sample
@@ -12,7 +13,8 @@
 /// torque of the sample before, or of the last that had one, not held at the pole; 0 until there is
 /// one, and where the chain has no compliance.
 ///
-/// A reading that is missing stays NaN (an angle: empty); the stages that need it are in `missed`.
+/// A reading that is missing stays NaN (an angle: empty); the stages that need it are in `missed`. One
+/// beyond its limit counts as missing, is flagged `out_of_range`, and its kind is in `faults`.
 /// The models go on with the last good temperature. State{} has seen nothing: assign it after a
 /// gap. Temperatures outside of [low, high], where the parts were fitted: `extrapolated`.
 #pragma once
@@ -20,6 +22,7 @@
 #include "flexspline/estimators/chain.hpp"
 #include "flexspline/estimators/preprocessing.hpp"
 #include "flexspline/model.hpp"
+#include "flexspline/reading_limits.hpp"
 #include "flexspline/torsion.hpp"
 
 namespace flexspline {
@@ -51,6 +54,7 @@ struct Joint {
   S link_inertia = 0;                      ///< kg m² at the output, of the compliant observer
   S low = -std::numeric_limits<S>::max();  ///< °C, range of the parts' fits
   S high = std::numeric_limits<S>::max();
+  ReadingLimits<S> limits{};
 
   struct State {
     [[no_unique_address]] std::conditional_t<prepares, typename Preparing::State, Nothing> prepared;
@@ -79,18 +83,15 @@ struct Joint {
   /// The same with its trace; after a bad period that is the one before.
   constexpr Status step(State& state, const Reading<S>& in, typename Chain::Output& out,
                         Trace& trace) const noexcept {
-    if (!Chain::is_period(in.period)) return Status::bad_period;
-    out.flags = Flag::none;
+    if (!is_period(in.period)) return Status::bad_period;
+    Reading<S> taken = in;
+    bool beyond = false;
+    out.faults = limits.take_out(taken, beyond);
+    out.flags = beyond ? Flag::out_of_range : Flag::none;
     out.missed = Stage::none;
-    if constexpr (prepares) out.faults = Fault::none;
-    if (runs(sensing.checks) || runs(sensing.differentiator)) {
-      Reading<S> prepared = in;
-      if constexpr (prepares) Preparing::step(sensing, state.prepared, prepared, out);
-      run(state, prepared, out, trace);
-      Preparing::compare(sensing, out);
-    } else {
-      run(state, in, out, trace);
-    }
+    if constexpr (prepares) Preparing::step(sensing, state.prepared, taken, out);
+    run(state, taken, out, trace);
+    if constexpr (prepares) Preparing::compare(sensing, out);
     return Status::ok;
   }
 
@@ -106,7 +107,7 @@ struct Joint {
       if (Chain::is_temperature(temperature)) state.temperature = temperature;
     }
     constexpr S beside_load(S torque, const typename Chain::Input&) noexcept {
-      at = sample(in, state.temperature, NumberPlaces{});
+      at = joint.sample(in, state.temperature, NumberPlaces{});
       return joint.sensing.sensor ? joint.beside_load(in, at, state, torque) : S(0);
     }
     constexpr void predict(S external, typename Chain::Input& input) noexcept {
@@ -128,7 +129,12 @@ struct Joint {
     out.flags = out.flags | extrapolated(models.at.temperature, low, high);
   }
 
-  /// What the stages read; infinite is missing.
+  /// A reading that may be infinite where it has no limit: infinite is missing.
+  static constexpr S known(S value, S most) noexcept {
+    return most < ReadingLimits<S>::none ? value : math::finite_or_nan(value);
+  }
+
+  /// What the stages read.
   constexpr typename Chain::Input channels(const Reading<S>& in) const noexcept {
     typename Chain::Input input;
     input.period = in.period;
@@ -136,21 +142,21 @@ struct Joint {
     input.thermistor_voltage = in.thermistor_voltage;
     input.temperature = in.temperature;
     input.sensor_torque = in.sensor_torque;
-    input.velocity = math::finite_or_nan(in.output_velocity);
+    input.velocity = known(in.output_velocity, limits.output_velocity);
     input.motor_torque = effective_ratio * in.motor_torque;
     input.momentum = inertia == S(0) ? S(0) : inertia * input.velocity;
     input.link_momentum = link_inertia == S(0) ? S(0) : link_inertia * input.velocity;
     return input;
   }
 
-  /// What the models read; infinite is missing.
+  /// What the models read.
   template <std::size_t... k>
-  static constexpr Sample<S> sample(const Reading<S>& in, S temperature,
-                                    std::index_sequence<k...>) noexcept {
+  constexpr Sample<S> sample(const Reading<S>& in, S temperature,
+                             std::index_sequence<k...>) const noexcept {
     Sample<S> at;
     at.output_position = in.output_position.value_or(Angle<S>{});
     at.motor_position = in.motor_position.value_or(Angle<S>{});
-    ((at.*numbers<S>[k].at = math::finite_or_nan(in.*numbers<S>[k].read)), ...);
+    ((at.*numbers<S>[k].at = known(in.*numbers<S>[k].read, limits.of(numbers<S>[k].channel))), ...);
     at.temperature = temperature;
     at.period = in.period;
     return at;

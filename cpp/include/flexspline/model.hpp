@@ -1,12 +1,14 @@
 /// Effects side by side, with their coefficients: what runs on the joint.
 #pragma once
 
+#include <algorithm>
 #include <limits>
 #include <tuple>
 #include <utility>
 
 #include "flexspline/effects/harmonics.hpp"
 #include "flexspline/gear.hpp"
+#include "flexspline/reading_limits.hpp"
 #include "flexspline/status.hpp"
 
 namespace flexspline {
@@ -93,12 +95,13 @@ constexpr bool readable(const Model& model, const Sample<S>& at,
 
 /// The modelled torque at one instant, in the target's unit; `state` moves with each good sample.
 /// NaN or infinity in a channel that the model reads: `not_finite`; with effects that read it, a
-/// period that is not above zero: `bad_period`. `torque` and `state` keep their last good value.
+/// period that is not above zero or above the longest: `bad_period`. `torque` and `state` keep their
+/// last good value.
 template <typename S, typename Model>
 constexpr Status predict(const Model& model, Sample<S> at, typename Model::State& state,
                          S& torque) noexcept {
   if (!readable(model, at, NumberPlaces{})) return Status::not_finite;
-  if (model.template reads<Channel::period>() && !math::is_positive(at.period)) {
+  if (model.template reads<Channel::period>() && !is_period(at.period)) {
     return Status::bad_period;
   }
   prepare(model, at);
@@ -125,6 +128,55 @@ constexpr S torque(const Model& model, Sample<S> at, typename Model::State& stat
 
 }  // namespace evaluation
 
+/// Whether effects read a channel that has a limit.
+template <typename... Effects>
+constexpr bool has_limit(Channel channel) noexcept {
+  constexpr ReadingLimits<float> known;
+  return known.of(channel) < known.none && (reads<Effects>(channel) || ...);
+}
+
+/// The channels, in their order, that effects read and that have a limit.
+template <typename... Effects>
+constexpr auto limited_channels() noexcept {
+  constexpr auto count = [] {
+    std::size_t found = 0;
+    for (std::size_t k = 0; k < channel_names.size(); ++k) {
+      found += has_limit<Effects...>(static_cast<Channel>(k)) ? 1 : 0;
+    }
+    return found;
+  }();
+  std::array<Channel, count> made{};
+  for (std::size_t k = 0, next = 0; k < channel_names.size(); ++k) {
+    if (has_limit<Effects...>(static_cast<Channel>(k))) made[next++] = static_cast<Channel>(k);
+  }
+  return made;
+}
+
+/// The largest, either way, that a model takes of each number that its effects read.
+template <typename S, typename... Effects>
+struct ModelLimits {
+  static constexpr auto channels = limited_channels<Effects...>();
+
+  std::array<S, channels.size()> most = widest();  ///< of each of these
+
+  /// Whether a value of a channel is not beyond its limit; NaN is beyond none.
+  template <Channel channel>
+  constexpr bool has(S value) const noexcept {
+    constexpr std::size_t place =
+        std::size_t(std::find(channels.begin(), channels.end(), channel) - channels.begin());
+    if constexpr (place < channels.size()) return !(math::absolute(value) > most[place]);
+    return true;
+  }
+
+ private:
+  static constexpr std::array<S, channels.size()> widest() noexcept {
+    constexpr ReadingLimits<S> known;
+    std::array<S, channels.size()> made{};
+    for (std::size_t k = 0; k < made.size(); ++k) made[k] = known.of(channels[k]);
+    return made;
+  }
+};
+
 /// The sum of effects, evaluated in the order of the list.
 ///
 ///   τ = Σ row_i(sample) · coefficients_i
@@ -134,6 +186,9 @@ constexpr S torque(const Model& model, Sample<S> at, typename Model::State& stat
 ///
 /// Where an effect remembers, the caller keeps a `State` and hands it to each step; it begins anew
 /// with `State{}`, as it must after a gap.
+///
+/// A sample with a channel beyond its limit (reading_limits.hpp) is `out_of_range`. The models of a
+/// `Joint` are not asked: it looks at its readings before they are.
 template <typename S, typename... Effects>
 struct Model {
   using State = States<Effects...>;
@@ -142,6 +197,7 @@ struct Model {
 
   Gear<S> gear;
   std::tuple<Part<S, Effects>...> parts;
+  [[no_unique_address]] ModelLimits<S, Effects...> limits{};
 
   static constexpr bool uses([[maybe_unused]] Channel channel) noexcept {
     return (flexspline::reads<Effects>(channel) || ...);
@@ -163,6 +219,10 @@ struct Model {
     return predict(at, none, torque);
   }
   constexpr Status predict(const Sample<S>& at, State& state, S& torque) const noexcept {
+    if (!in_range(at, NumberPlaces{})) [[unlikely]] {
+      const bool finite = evaluation::readable(*this, at, NumberPlaces{});
+      return finite ? Status::out_of_range : Status::not_finite;
+    }
     return evaluation::predict(*this, at, state, torque);
   }
 
@@ -187,6 +247,19 @@ struct Model {
   }
 
  private:
+  template <std::size_t... k>
+  constexpr bool in_range(const Sample<S>& at, std::index_sequence<k...>) const noexcept {
+    bool good = limits.template has<Channel::load>(at.known_load);
+    ((good &= limits.template has<numbers<S>[k].channel>(at.*numbers<S>[k].at)), ...);
+    if constexpr (uses(Channel::output_position) || uses(Channel::motor_position)) {
+      good &= at.output_position.in_range();
+    }
+    if constexpr (uses(Channel::motor_position)) {
+      good &= !gear.motor_encoder || at.motor_position.in_range();
+    }
+    return good;
+  }
+
   template <std::size_t I>
   constexpr S torque_of(const Sample<S>& at, [[maybe_unused]] State& state) const noexcept {
     const auto& part = std::get<I>(parts);

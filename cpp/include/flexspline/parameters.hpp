@@ -132,34 +132,51 @@ constexpr void visit_joint(V& visitor, T& joint) noexcept {
   one(visitor, "high", joint.high, finite<S>);
 }
 
-template <typename V, typename S, typename... Effects>
-constexpr void visit(V& visitor, Model<S, Effects...>& model) noexcept {
-  visit_model<S>(visitor, "model", model);
-}
-template <typename V, typename S, typename... Effects>
-constexpr void visit(V& visitor, const Model<S, Effects...>& model) noexcept {
-  visit_model<S>(visitor, "model", model);
-}
-template <typename V, typename S, typename... Models>
-constexpr void visit(V& visitor, Joint<S, Models...>& joint) noexcept {
-  visit_joint<S>(visitor, joint);
-}
-template <typename V, typename S, typename... Models>
-constexpr void visit(V& visitor, const Joint<S, Models...>& joint) noexcept {
-  visit_joint<S>(visitor, joint);
-}
-
 /// The number type of a model or a joint.
 template <typename T>
 struct ScalarOf;
 template <typename S, typename... Effects>
 struct ScalarOf<Model<S, Effects...>> {
   using type = S;
+  static constexpr bool is_model = true;
 };
 template <typename S, typename... Models>
 struct ScalarOf<Joint<S, Models...>> {
   using type = S;
+  static constexpr bool is_model = false;
 };
+
+/// All but the limits of readings.
+template <typename V, typename T>
+constexpr void visit_unlimited(V& visitor, T& made) noexcept {
+  using Its = ScalarOf<std::remove_const_t<T>>;
+  if constexpr (Its::is_model) {
+    visit_model<typename Its::type>(visitor, "model", made);
+  } else {
+    visit_joint<typename Its::type>(visitor, made);
+  }
+}
+
+/// The limits of readings: of a joint all, of a model those of the channels that it reads.
+template <typename V, typename T>
+constexpr void visit_limits(V& visitor, T& made) noexcept {
+  using Its = ScalarOf<std::remove_const_t<T>>;
+  if constexpr (Its::is_model) {
+    visitor.structure("limits");
+    for (std::size_t k = 0; k < made.limits.channels.size(); ++k) {
+      const auto name = channel_names[static_cast<std::size_t>(made.limits.channels[k])];
+      one(visitor, name, made.limits.most[k], positive<typename Its::type>);
+    }
+  } else {
+    visit_stage(visitor, "limits", made.limits);
+  }
+}
+
+template <typename V, typename T>
+constexpr void visit(V& visitor, T&& made) noexcept {
+  visit_unlimited(visitor, made);
+  visit_limits(visitor, made);
+}
 
 }  // namespace parameters
 }  // namespace flexspline

@@ -70,6 +70,16 @@ struct Reading {
   S time = missing;                         ///< s since the run began
 };
 
+template <typename S>
+inline constexpr S longest_period = S(3600);  ///< s
+
+/// Above zero and not above the longest; by their bits, as positive numbers compare.
+template <typename S>
+constexpr bool is_period(S value) noexcept {
+  using Bits = math::Bits<S>;
+  return std::bit_cast<Bits>(value) - 1 < std::bit_cast<Bits>(longest_period<S>);
+}
+
 /// A channel of models that is a plain number, in a reading and in a sample.
 template <typename S>
 struct Number {

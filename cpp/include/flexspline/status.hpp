@@ -19,6 +19,7 @@ enum class Flag : std::uint8_t {
   none = 0,
   extrapolated = 1,  ///< an input outside the range that the parameters were fitted in
   saturated = 2,     ///< held at the edge of the model, where its formula has a pole
+  out_of_range = 4,  ///< a reading beyond its limit counts as missing (reading_limits.hpp)
 };
 
 constexpr Flag operator|(Flag a, Flag b) noexcept {
@@ -41,12 +42,12 @@ constexpr Flag extrapolated(S value, S low, S high) noexcept {
   return Flag::none;
 }
 
-/// What cannot be true of a reading (reading_checks.hpp), as bits.
+/// What cannot be true of a reading (reading_limits.hpp, reading_checks.hpp), as bits.
 enum class Fault : std::uint8_t {
   none = 0,
   sensor = 1,       ///< voltage or torque of the sensor out of range
   motor = 2,        ///< motor torque out of range
-  speed = 4,        ///< velocity out of range, or an angle that goes faster
+  speed = 4,        ///< velocity or acceleration out of range, or an angle that goes faster
   motion = 8,       ///< angle and velocity disagree
   encoders = 16,    ///< both angles disagree
   torques = 32,     ///< torques of sensor and observer disagree

@@ -20,8 +20,6 @@ from flexspline.certification.devices import (
     DEVICES,
     Device,
     device_of,
-    found,
-    host_compiler,
     version_of,
 )
 from flexspline.certification.program import (
@@ -42,6 +40,7 @@ from flexspline.certification.result import (
     Cost,
     Output,
     OutputDifference,
+    beyond_limits,
     differences,
     same_bits,
 )
@@ -59,6 +58,7 @@ from flexspline.logs.read import LogLike, as_log, with_motor_torque
 from flexspline.logs.segments import runs
 from flexspline.model import Model
 from flexspline.prepared import prepared
+from flexspline.programs import found, host_compiler
 from flexspline.signals import channels_for
 
 __all__ = [
@@ -150,6 +150,7 @@ def certify(
         refused=int(np.count_nonzero(made.results["status"])),
         cost=cost,
         notes=subject.notes,
+        out_of_range=int(np.count_nonzero(beyond_limits(made.results))),
     )
 
 

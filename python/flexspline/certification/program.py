@@ -32,11 +32,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline import _core
-from flexspline.about import PACKAGE, get_include
-from flexspline.certification.devices import Device, call, found, host_compiler
+from flexspline.certification.devices import Device
 from flexspline.errors import InputError
 from flexspline.logs.log import Log
 from flexspline.logs.segments import median_step, runs
+from flexspline.programs import (
+    STRICT,
+    call,
+    firmware_folder,
+    found,
+    host_compiler,
+    include_folder,
+)
 
 __all__ = [
     "CHANNELS",
@@ -50,25 +57,19 @@ __all__ = [
     "calls_of",
     "counted_on_host",
     "cycles_per_instruction",
-    "firmware_folder",
     "instruction_cost",
     "rows_of",
     "run",
     "sizes_of",
 ]
 
-STRICT = (
-    "-std=c++20 -ffp-contract=off -fno-exceptions -fno-rtti -fno-threadsafe-statics "
-    "-fno-asynchronous-unwind-tables -ffunction-sections -fdata-sections "
-    "-Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wdouble-promotion -Werror"
-)
 BARE = ("-nostdlib", "-lc", "-lgcc")  # no start-up code, no C++ library
 
 Rows = NDArray[np.void]
 
 CHANNELS = (*_core.numbers, *_core.instruments, "known_load")
 ANGLES = ("output_position", "motor_position")
-MOST_TURNS = 2**30
+MOST_TURNS = 2**30 + 128  # where the core's turns saturate, out of range
 
 FOOTER = 4  # bytes behind the results: the stack
 SHIFT = 10  # an instruction takes 2^10 ns of the emulated time
@@ -105,18 +106,6 @@ class Sizes:
     ram: int
 
 
-def firmware_folder() -> Path:
-    """The firmware's sources: those of the installed package, else those of the checkout."""
-    package = PACKAGE.resolve()
-    installed = package / "firmware"
-    return installed if installed.is_dir() else package.parents[1] / "cpp" / "firmware"
-
-
-def _include() -> Path:
-    installed = Path(get_include())
-    return installed if installed.is_dir() else firmware_folder().parent / "include"
-
-
 def build(
     device: Device, folder: Path, unit: str, scalar: str, options: Sequence[str] = ("-O2",)
 ) -> Built:
@@ -138,7 +127,7 @@ def build(
     if device.machine is not None:
         files.append("cortex_m/startup.cpp")
     command: list[str | Path] = [_compiler(device), *device.options, *STRICT.split(), *options]
-    command += [f"-DFLEXSPLINE_SCALAR={scalar}", f"-I{_include()}", f"-I{folder}"]
+    command += [f"-DFLEXSPLINE_SCALAR={scalar}", f"-I{include_folder()}", f"-I{folder}"]
     stem = "-".join((device.name, scalar, *options)).replace("/", "_")
     objects: list[Path] = []
     for file in files:
@@ -246,8 +235,9 @@ def _real(
 def _set_angle(rows: Rows, place: int, radians: NDArray[np.float64], bits: int) -> None:
     """Write an angle as turns and a fraction of `bits` bits, and its mark where it is finite."""
     with np.errstate(invalid="ignore"):
-        good = np.isfinite(radians) & (np.abs(radians) < MOST_TURNS * 2.0 * np.pi)
-    turns = np.where(good, radians, 0.0) / (2.0 * np.pi)
+        good = np.isfinite(radians)
+    turns = np.where(good, radians, -np.inf) / (2.0 * np.pi)
+    turns = np.clip(turns, -MOST_TURNS, MOST_TURNS)  # which no model takes
     whole = np.floor(turns)
     counts = np.minimum(np.floor((turns - whole) * 2.0**bits), 2.0**bits - 1.0)
     spare = 0 if bits == 32 else 64 - bits

@@ -24,11 +24,13 @@ __all__ = [
     "Cost",
     "Output",
     "OutputDifference",
+    "beyond_limits",
     "differences",
     "same_bits",
 ]
 
 VERSION = 1
+REFUSED, OUT_OF_RANGE = 3, 4  # of the core: Status::out_of_range, the bit Flag::out_of_range
 
 Results = NDArray[np.void]
 
@@ -85,6 +87,8 @@ class Certificate:
     refused : samples that a step refused.
     cost : of a step.
     notes : sentences on what was derived.
+    out_of_range : samples with a reading beyond its limit, which the chain took for missing, or for
+        which the part's model, that also refuses a missing angle so, gave no value.
     """
 
     device: str
@@ -101,6 +105,7 @@ class Certificate:
     refused: int
     cost: Cost
     notes: tuple[str, ...] = field(default=())
+    out_of_range: int = 0
 
     @property
     def largest_difference(self) -> OutputDifference:
@@ -145,6 +150,7 @@ class Certificate:
             },
             "outputs": [asdict(output) for output in self.outputs],
             "refused": self.refused,
+            "out_of_range": self.out_of_range,
             **asdict(self.cost),
             "calls": list(self.cost.calls),
             "notes": list(self.notes),
@@ -236,6 +242,12 @@ def differences(
             both = good & (double["status"] == 0) & ((double["missed"] & output.stage) == 0)
             found.append(_difference(name, output, good, both, *values))
     return tuple(found)
+
+
+def beyond_limits(results: Results) -> NDArray[np.bool_]:
+    """Samples with a reading beyond its limit, (N,): a chain flags it, a model refuses them."""
+    flagged = (results["flags"] & OUT_OF_RANGE) != 0
+    return np.asarray((results["status"] == REFUSED) | flagged)
 
 
 def same_bits(device: Results, single: Results) -> bool:
@@ -343,6 +355,12 @@ def _sentences(made: Certificate) -> list[str]:
         said.append(f"calls of the compiler's libraries: {', '.join(cost.calls)}")
     if made.refused:
         said.append(f"{made.refused} of {made.samples} samples were refused by the step")
+    if made.out_of_range:
+        also = "" if made.certified == "estimators" else ", or lack an angle"
+        said.append(
+            f"{made.out_of_range} of {made.samples} samples have a reading beyond its limit in the "
+            f"exported model{also}: the device says out_of_range and does without"
+        )
     options = " ".join(made.options)
     said.append(f"{made.processor}; {made.compiler} {options}")
     return [*said, *made.notes]

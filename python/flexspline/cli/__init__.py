@@ -15,6 +15,7 @@ from flexspline.cli.export import certify, export
 from flexspline.cli.fit import fit
 from flexspline.cli.init import init
 from flexspline.cli.logs import check, convert, orders
+from flexspline.cli.models import models
 from flexspline.cli.predict import estimate, predict, simulate
 from flexspline.cli.speech import spoken
 
@@ -46,6 +47,7 @@ def commands() -> None:
       predict  on runs it never saw           flexspline predict
       simulate the motion from its inputs     flexspline simulate
       compare  where model and runs disagree  flexspline compare
+      models   of one target, side by side    flexspline compare-models
       discover which effect is missing        flexspline discover
       estimate the torque from outside        flexspline estimate
       export   constants for the robot        flexspline export
@@ -75,8 +77,8 @@ def commands() -> None:
 
 
 COMMANDS = (
-    init, check, orders, fit, calibrate, predict, simulate, compare, discover, estimate, export,
-    certify, convert, demo, reproduce,
+    init, check, orders, fit, calibrate, predict, simulate, compare, models, discover, estimate,
+    export, certify, convert, demo, reproduce,
 )  # fmt: skip
 
 for command in COMMANDS:

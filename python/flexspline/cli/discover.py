@@ -38,8 +38,8 @@ from flexspline.cli.options import (
     threads,
 )
 from flexspline.cli.speech import found, say
+from flexspline.effects import effect
 from flexspline.errors import InputError
-from flexspline.experiment.limits import parsed_limits
 from flexspline.files import atomic_write, remove_file, whole_folder
 
 __all__ = [
@@ -249,6 +249,8 @@ def discover(
       flexspline discover run5.csv --model joint/model.json --target motor_torque --out found
       flexspline discover run*.csv --target sensor_torque --simulated-torque mujoco --out found
     """
+    from flexspline.experiment.limits import parsed_limits
+
     foreign = bool(simulation) or simulated_torque is not None
     if (names is not None) + (model_path is not None or foreign) != 1:
         raise InputError(
@@ -260,6 +262,9 @@ def discover(
         raise InputError(f"--target is needed beside {beside}; say what is explained")
     model = None if model_path is None else loaded(model_path)
     effects = None if names is None else named_effects(names)
+    limits = parsed_limits(options["limits"])
+    given = (name.strip() for name in (options["exclude"] or "").split(","))
+    exclude = [effect(name).name for name in given if name]
     written = ("model.json", "discovery.json", "report.html", NEXT)
     refuse_overwriting(out, [*runs, *simulation], written)
     with whole_folder(out, last="discovery.json") as draft:
@@ -279,8 +284,8 @@ def discover(
             bandwidth=options["bandwidth"],
             orders=options["orders"],
             fixed=options["fix"],
-            exclude=[n.strip() for n in (options["exclude"] or "").split(",") if n.strip()],
-            limits=parsed_limits(options["limits"]),
+            exclude=exclude,
+            limits=limits,
             threads=options["threads"],
             by=options["by"],
             controller=options["controller"],

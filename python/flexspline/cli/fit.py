@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -36,8 +37,11 @@ from flexspline.cli.speech import found, say
 from flexspline.effects import require_effects
 from flexspline.errors import InputError
 from flexspline.files import whole_folder
-from flexspline.fitting import fit as fit_effects
-from flexspline.fitting import with_orders
+
+if TYPE_CHECKING:
+    from flexspline.effects import Effect
+    from flexspline.least_squares.profile import Contour, Profile
+    from flexspline.least_squares.result import Fit
 
 __all__ = ["fit"]
 
@@ -52,6 +56,64 @@ def _prior(text: str) -> tuple[float, float]:
     return value, error
 
 
+def _names(text: str, option: str) -> tuple[str, ...]:
+    """Read A,B; nothing of "".
+
+    Raises
+    ------
+    InputError
+        Where a name is missing.
+    """
+    names = tuple(name.strip() for name in text.split(",")) if text else ()
+    if "" in names:
+        raise InputError(f"{option} '{text}': a name is missing; write NAME or NAME,NAME")
+    return names
+
+
+def _pairs(texts: tuple[str, ...]) -> list[tuple[str, str]]:
+    """Read what is written NAME,NAME."""
+    found = []
+    for text in texts:
+        names = _names(text, "--contour")
+        if len(names) != 2:
+            raise InputError(f"--contour '{text}' names {len(names)}; write two, NAME,NAME")
+        found.append((names[0], names[1]))
+    return found
+
+
+def _require_known(names: Sequence[str], effects: Sequence[Effect], option: str) -> None:
+    """Refuse the name of no parameter before the fit; which run it is of is known behind it."""
+    from flexspline.least_squares.options import coefficient_names, resolve, shapes_of
+
+    known = [*coefficient_names(effects), *(shape.name for shape in shapes_of(effects))]
+    words = {word for name in known for word in name.split(".")}
+    for name in names:
+        if name.split(".")[0] not in words:
+            resolve(name, known, option)
+
+
+def _criteria(made: Fit) -> dict[str, float | None]:
+    """AIC and BIC for a script; null of a fit that has none."""
+    from flexspline.least_squares.likelihood import why_none
+
+    if why_none(made):
+        return {"aic": None, "bic": None}
+    return {"aic": made.aic, "bic": made.bic}
+
+
+def _regions(made: Sequence[Profile | Contour]) -> dict[str, list[dict[str, Any]]]:
+    """Profiles and contours for a script, with their points."""
+    import numpy as np
+
+    found: dict[str, list[dict[str, Any]]] = {}
+    for one in made:
+        content = {field.name: getattr(one, field.name) for field in fields(one)}
+        content = {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in content.items()}
+        kind = "contours" if "names" in content else "profiles"
+        found.setdefault(kind, []).append(content)
+    return found
+
+
 def _refuse_of_motion(options: dict[str, Any], foreign: bool) -> None:
     """Refuse what a fit of the motion cannot take."""
     if foreign:
@@ -62,9 +124,13 @@ def _refuse_of_motion(options: dict[str, Any], foreign: bool) -> None:
         raise InputError("--by simulation takes no --prior; fix or bound the parameter instead")
     if options["bandwidth"] is not None and options["bandwidth"] != math.inf:
         raise InputError("--by simulation compares the motion as it is; leave --bandwidth out")
-    if options["offset_per_run"]:
+    if options["offset_per_run"] or options["per_run"]:
+        given = "--offset-per-run" if options["offset_per_run"] else "--per-run"
+        what = "one offset" if options["offset_per_run"] else "one value of each term"
+        raise InputError(f"--by simulation takes {what} for all runs; leave {given} out")
+    if options["profiles"] or options["contours"]:
         raise InputError(
-            "--by simulation takes one offset for all runs; leave --offset-per-run out"
+            "--profile and --contour are of a regression; leave them out, or --by simulation"
         )
 
 
@@ -80,6 +146,27 @@ def _of_joint(content: Mapping[str, Any]) -> dict[str, Any]:
             f"{one['name']}_unit": one["unit"],
         }
     return {**row, "remark": content["problems"]}
+
+
+def _require_call(names: list[str], target: str, options: dict[str, Any], foreign: bool) -> None:
+    """Refuse what is wrong whatever the runs hold, before they are read."""
+    from flexspline.fitting import with_orders
+    from flexspline.least_squares.options import Given, require_given
+
+    effects = with_orders(names, options["orders"])
+    require_effects(effects, target)
+    if options["by"] == "simulation":
+        _refuse_of_motion(options, foreign)
+        return
+    if options["controller"] or options["free_controller"]:
+        raise InputError("--controller drives a simulation; give --by simulation or leave it out")
+    pairs = _pairs(options["contours"])
+    _require_known(options["profiles"], effects, "--profile")
+    _require_known([name for pair in pairs for name in pair], effects, "--contour")
+    if not (options["offset_per_run"] or options["per_run"]):  # with names of the runs
+        if options["known_load"] is None:
+            effects = [each.without_load() for each in effects]
+        require_given(effects, Given(options["fix"], options["bound"], options["prior"], False))
 
 
 @click.command(cls=Taught, sections=(effects_by_target, repairs))
@@ -147,6 +234,27 @@ def _of_joint(content: Mapping[str, Any]) -> dict[str, Any]:
 )
 @simulation
 @click.option("--offset-per-run", is_flag=True, help="One offset for each run.")
+@click.option(
+    "--per-run",
+    metavar="NAME,NAME",
+    default="",
+    help="Terms that differ from run to run: offset (zeros), gravity,inertia (payloads).",
+)
+@click.option(
+    "--profile",
+    "profiles",
+    multiple=True,
+    metavar="NAME",
+    help="Profile interval of a parameter, beside the Wald interval. Can be repeated.",
+)
+@click.option(
+    "--contour",
+    "contours",
+    multiple=True,
+    metavar="NAME,NAME",
+    help="Joint confidence region of two parameters. Can be repeated.",
+)
+@click.option("--summary", is_flag=True, help="Print a page of statistics, with AIC and BIC.")
 @threads
 @reading(each_joint=_of_joint)
 def fit(
@@ -178,16 +286,20 @@ def fit(
           --effects offset,coulomb_friction,viscous_friction --out joint
       flexspline fit run1.csv --target motor_current --lowpass 5 \\
           --effects offset,coulomb_friction,gravity --repair drop_start=1 --out drive
+      flexspline fit run*.csv --target sensor_torque --gear-ratio 100 --out joint \\
+          --effects offset,viscous_friction,gravity --per-run offset,gravity
       flexspline fit run*.csv --target motor_torque --by simulation --gear-ratio 1 \\
           --controller servo.json --free-controller back_emf \\
           --effects inertia,gravity,coulomb_friction,load_dependent_friction --out servo
       flexspline fit robot.csv --columns map.toml --joint all --target sensor_torque \\
           --effects offset,coulomb_friction,viscous_friction --out robot
     """
+    from flexspline.fitting import fit as fit_effects
     from flexspline.least_squares.options import FitOptions
 
-    effects = named_effects(names)
-    require_effects(with_orders(effects, options["orders"]), target)
+    effects, pairs = named_effects(names), _pairs(options["contours"])
+    foreign = bool(simulation) or simulated_torque is not None
+    _require_call(effects, target, options, foreign)
     model = None if into is None else loaded(into)
     refuse_overwriting(out, [*runs, *simulation], ("model.json", "report.html", "servo.json"))
     with whole_folder(out, last="model.json") as draft:
@@ -206,9 +318,8 @@ def fit(
             "threads": options["threads"],
             "progress": on_terminal(),
         }
-        foreign = simulations(simulation, simulated_torque)
+        made_elsewhere = simulations(simulation, simulated_torque)
         if options["by"] == "simulation":
-            _refuse_of_motion(options, foreign is not None or simulated_torque is not None)
             from flexspline.output_error.fitting import fit_motion
             from flexspline.output_error.settings import MotionOptions
 
@@ -218,14 +329,11 @@ def fit(
                 effects, logs, target, controller=options["controller"], options=asked, **shared
             )
         else:
-            if options["controller"] or options["free_controller"]:
-                raise InputError(
-                    "--controller drives a simulation; give --by simulation or leave it out"
-                )
             rest = FitOptions(
                 bandwidth=options["bandwidth"],
                 offset_per_run=options["offset_per_run"],
-                simulation=foreign,
+                per_run=_names(options["per_run"], "--per-run"),
+                simulation=made_elsewhere,
                 simulated_torque=simulated_torque,
                 **how,
             )
@@ -236,7 +344,12 @@ def fit(
             made.simulation.controller.save(draft / "servo.json")
         made.report(draft / "report.html")
         made.model.save(draft / "model.json")
-        said = str(made)
+        profiles = [made.profile(name) for name in options["profiles"]]
+        from flexspline.report.text import wrapped
+
+        beside: list[Profile | Contour] = [*profiles, *(made.contour(*pair) for pair in pairs)]
+        said = made.summary() if options["summary"] else str(made)
+        said = "\n\n".join([said, *("\n".join(wrapped(str(one))) for one in beside)])
 
     from flexspline.report.text import SOUND, verdict
 
@@ -250,6 +363,9 @@ def fit(
             "verdict": judged.good,
             "problems": None if judged.wrong == SOUND else judged.wrong,
             "parameters": [parameter.to_json() for parameter in made.parameters],
+            "per_run": [term.to_json() for term in made.between_runs],
+            **(_criteria(made) if options["summary"] else {}),
+            **_regions(beside),
         }
     )
     say(f"{said}\n\nwrote {Path(out) / 'model.json'} and {Path(out) / 'report.html'}")

@@ -20,6 +20,7 @@ from flexspline.cli.options import (
     Taught,
     channels,
     effects_by_target,
+    is_table,
     known_load,
     named_effects,
     out_file,
@@ -28,7 +29,7 @@ from flexspline.cli.options import (
     repairs,
     target,
 )
-from flexspline.cli.speech import found, say, tell
+from flexspline.cli.speech import found, is_json, say, tell
 from flexspline.errors import printable
 from flexspline.files import atomic_write, whole_folder
 
@@ -100,23 +101,20 @@ def check(
     logs = reading.logs(runs)
 
     from flexspline.logs.checks import check_runs
-    from flexspline.report.check import (
-        audit_text,
-        check_json,
-        check_verdict,
-        together,
-        write_check_report,
-    )
+    from flexspline.logs.checks.audit import audit_text, check_json, check_verdict, together
 
     audits = list(zip(logs, check_runs(logs, effects=effects, target=target), strict=True))
     shown = together(audits, effects, target)
-    found(json.loads(check_json(audits, target, shown)))
+    content = check_json(audits, target, shown) if out is not None or is_json() else "{}"
+    found(json.loads(content))
     lines = [*audit_text(audits, shown), check_verdict(audits, target)]
     say("\n".join(map(printable, lines)))
     if out is not None:
+        from flexspline.report.check import write_check_report
+
         with whole_folder(out, last="check.json") as draft:
             write_check_report(audits, draft / "report.html", target, shown)
-            atomic_write(draft / "check.json", check_json(audits, target, shown))
+            atomic_write(draft / "check.json", content)
         say(f"\nwrote {Path(out) / 'check.json'} and {Path(out) / 'report.html'}")
     if any(one.forbidding(target) for _, one in audits):
         ctx.exit(FORBIDDEN)
@@ -150,7 +148,7 @@ def orders(
       flexspline orders run*.csv --target motor_current --repair drop_start=1 --out orders.csv
     """
     if out is not None:
-        refuse_overwriting(out, runs, () if _is_table(out) else ("orders.csv", "orders.png"))
+        refuse_overwriting(out, runs, () if is_table(out) else ("orders.csv", "orders.png"))
     logs = reading.logs(runs)
 
     from flexspline.effects import UNITS
@@ -163,7 +161,7 @@ def orders(
     say(str(made))
     if out is None:
         return
-    if _is_table(out):
+    if is_table(out):
         made.save(out)
         say(f"\nwrote {out}")
         return
@@ -175,10 +173,6 @@ def orders(
         figure.savefig(draft / "orders.png", dpi=110)
         made.save(draft / "orders.csv")
     say(f"\nwrote {Path(out) / 'orders.csv'} and {Path(out) / 'orders.png'}")
-
-
-def _is_table(out: str) -> bool:
-    return Path(out).suffix.lower() == ".csv" and not Path(out).is_dir()
 
 
 @click.command(cls=Taught, sections=(channels, repairs))

@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 from click.shell_completion import CompletionItem
-from tqdm import tqdm
 
 from flexspline.cli.speech import found, is_quiet, tell, whose
 from flexspline.effects import TARGETS, effect
@@ -29,6 +28,7 @@ from flexspline.files import (
     folder_to_write,
     require_there,
 )
+from flexspline.progress import Progress
 
 if TYPE_CHECKING:
     from flexspline.cli.joints import Summary
@@ -53,6 +53,7 @@ __all__ = [
     "files_in",
     "files_of",
     "fixed",
+    "is_table",
     "known_load",
     "loaded",
     "lowpass",
@@ -353,6 +354,11 @@ def files_in(
     return [f"{run_name(Path(run))}.csv" for run in runs]
 
 
+def is_table(out: str) -> bool:
+    """Whether --out FILE.csv|DIR is the file."""
+    return Path(out).suffix.lower() == ".csv" and not Path(out).is_dir()
+
+
 def _count(runs: Sequence[str], cut: bool) -> str:
     return "may be several runs in a file" if cut else f"are {len(runs)} runs"
 
@@ -582,12 +588,11 @@ class Reading:
         from flexspline.logs.read import splits
 
         arguments = with_simulated(self.with_map(), simulated_torque)
-        quiet = not on_terminal()
-        logs = [
-            _completed(log, known or {})
-            for path in tqdm(paths, "reading", unit="run", disable=quiet, leave=False, delay=1.0)
-            for log in self._read(path, arguments)
-        ]
+        logs = []
+        with Progress("reading", on_terminal(), total=len(paths), unit="run") as bar:
+            for path in paths:
+                logs += [_completed(log, known or {}) for log in self._read(path, arguments)]
+                bar.step()
         if splits(arguments):
             found({"cut": [{"run": log.name, "rows": len(log)} for log in logs]})
         return logs

@@ -7,6 +7,7 @@ one object in the place of the text, for scripts.
 from __future__ import annotations
 
 import json
+import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -18,8 +19,9 @@ import click
 
 from flexspline.errors import listed, printable
 from flexspline.files import Writing, writing
+from flexspline.progress import above_progress
 
-__all__ = ["apart", "found", "is_quiet", "say", "speaking", "spoken", "tell", "whose"]
+__all__ = ["apart", "found", "is_json", "is_quiet", "say", "speaking", "spoken", "tell", "whose"]
 
 
 @dataclass
@@ -79,8 +81,9 @@ def say(text: object = "") -> None:
 def tell(text: object) -> None:
     """Print on standard error what `-v` asks for."""
     if _speech().verbose:
-        for line in str(text).splitlines():
-            click.echo(f"flexspline: {whose()}{printable(line)}", err=True)
+        with above_progress(sys.stderr):
+            for line in str(text).splitlines():
+                click.echo(f"flexspline: {whose()}{printable(line)}", err=True)
 
 
 def found(content: Mapping[str, Any]) -> None:
@@ -101,6 +104,11 @@ def apart(whose: str) -> Iterator[dict[str, Any]]:
 def whose() -> str:
     """What begins a warning: of which call within a call it is."""
     return _speech().whose
+
+
+def is_json() -> bool:
+    """Whether one object is printed for scripts."""
+    return _speech().json
 
 
 def is_quiet() -> bool:

@@ -10,13 +10,13 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from tqdm import tqdm
 
 from flexspline.errors import InputError
 from flexspline.logs.derive import increasing_time
 from flexspline.logs.log import Log
 from flexspline.logs.plausible import measurable
 from flexspline.model import PART_OF, Model, Part
+from flexspline.progress import Progress
 from flexspline.requirements import require_apart
 from flexspline.simulator import Remark, take
 
@@ -112,12 +112,7 @@ def compare(
         raise InputError("a low pass is for predictions; leave lowpass out where simulated")
     if (simulated or simulated_motion) and bandwidth is not None:
         raise InputError("a bandwidth is for predictions; leave bandwidth out where simulated")
-    with tqdm(desc="predicting", total=4, disable=not progress, leave=False, delay=1.0) as bar:
-
-        def say(what: str) -> None:
-            bar.update()
-            bar.set_description(what)
-
+    with Progress("comparing", progress) as bar:
         notes = emptied
         if foreign and not simulated_motion:
             base = based(model, runs, target, known_load, simulation, simulated_torque)
@@ -136,8 +131,8 @@ def compare(
         compared = replace(compared, notes=(*compared.notes, *notes))
         if speed_above is not None:
             compared = only_fast(compared, speed_above)
-        made = analysed(compared, say)
-        say("bands")
+        made = analysed(compared, bar.say)
+        bar.say("bands")
         return assembled(compared, made, model.facts if model else dict(runs[0].facts))
 
 

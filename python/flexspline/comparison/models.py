@@ -250,7 +250,15 @@ def _criteria(models: Mapping[str, Model | Fit]) -> tuple[Array, Array, list[str
     notes = [f"'{name}' has no AIC or BIC: {reason}." for name, reason in without.items()]
     having = {name: fit for name, fit in fits.items() if name not in without}
     if len({_rows_of(fit) for fit in having.values()}) > 1:
-        said = "AIC and BIC are left out: the fits are of different rows, and cannot be compared."
+        counts = {name: sum(int(run.counts.sum()) for run in f.runs) for name, f in having.items()}
+        told = listed([f"'{name}' of {count}" for name, count in counts.items()])
+        said = (
+            f"AIC and BIC are left out: the fits are of different rows ({told}), and cannot be "
+            "compared."
+            if len(set(counts.values())) > 1
+            else "AIC and BIC are left out: the fits are of different rows, or of rows smoothed or "
+            "thinned differently, and cannot be compared."
+        )
         return aic, bic, [*notes, said]
     if len(having) > 1:
         for at, name in enumerate(models):
@@ -269,7 +277,11 @@ def _left_out(runs: Sequence[ModelRun]) -> list[str]:
     whole, kept = sum(len(run.log) for run in runs), sum(int(run.counts.sum()) for run in runs)
     if whole == kept:
         return []
-    return [f"{whole - kept} of {whole} rows do not count: some model does not tell them."]
+    return [
+        f"{whole - kept} of {whole} rows do not count: there some model tells nothing, because "
+        "a channel that it reads is missing or does not resolve the motion, or what came before is "
+        "not known. Every model is judged by the rows that all of them tell."
+    ]
 
 
 def _fitted(names: Sequence[str], runs: Sequence[ModelRun]) -> list[str]:

@@ -356,7 +356,8 @@ def sized(value: float, beside: float) -> str:
     decimals = 1 - int(np.floor(np.log10(beside)))
     if not -3 <= decimals <= 6:
         return f"{value:.2g}"
-    return f"{value:.{max(decimals, 0)}f}"
+    shown = max(decimals, 0)
+    return f"{round(value, shown) + 0.0:.{shown}f}"  # no −0.00
 
 
 def _where(made: Comparison) -> str:

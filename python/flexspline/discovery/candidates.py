@@ -366,10 +366,12 @@ def possible(
     target: str,
     known_load: str | None,
     exclude: Iterable[str] = (),
+    own: Sequence[Effect] = (),
 ) -> tuple[list[Effect], dict[str, str]]:
     """Return the effects that these logs could show beside `base`, and why the others cannot.
 
-    `exclude`: names that the caller knows not to be there.
+    `exclude`: names that the caller knows not to be there. `own`: the user's own effects, which are
+    candidates beside those of the catalogue.
 
     Raises
     ------
@@ -377,24 +379,23 @@ def possible(
         For a name in `exclude` that is no effect, or one of the base.
     """
     names = {e.name for e in base}
-    absent = _absent(exclude, names)
+    absent = _absent(exclude, names, {e.name for e in own})
     never = {FRICTION_BY_DIRECTION} if target == "sensor_torque" else {FRICTION_BY_DIRECTION, LAG}
     taken = names | never | set(PAIRED) | {n for own in names for n in PAIRED.get(own, ())}
     found, reasons = [], {}
-    for info in CATALOGUE.values():
-        if info.name in taken or TARGETS[target] not in info.targets:
+    for effect in [*map(Effect, CATALOGUE), *own]:
+        if effect.name in taken or TARGETS[target] not in effect.info.targets:
             continue
-        if info.name in absent:
-            reasons[info.name] = EXCLUDED
+        if effect.name in absent:
+            reasons[effect.name] = EXCLUDED
             continue
-        effect = Effect(info.name)
         effect = effect.without_load() if known_load is None else effect
         try:
             for log in logs:
                 channels_for(log, [effect], known_load)
             gear_for(logs, target, [effect])
         except InputError as error:
-            reasons[info.name] = str(error)
+            reasons[effect.name] = str(error)
             continue
         found.append(effect)
     carriers = [*base, *(e for e in found if e.info.carries_load)]
@@ -408,10 +409,11 @@ def possible(
     return found, reasons
 
 
-def _absent(exclude: Iterable[str], base: set[str]) -> set[str]:
+def _absent(exclude: Iterable[str], base: set[str], own: set[str]) -> set[str]:
     absent = {exclude} if isinstance(exclude, str) else set(exclude)
     for name in sorted(absent):
-        Effect(name)  # refuses what is no effect
+        if name not in own:
+            Effect(name)  # refuses what is no effect
         if name in base:
             raise InputError(f"'{name}' is excluded and in the model; leave it out of one of them")
     return absent

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
-from tqdm import tqdm
 
 from flexspline.comparison.comparing import based
 from flexspline.comparison.runs import LEAST_ROWS
@@ -41,9 +40,10 @@ from flexspline.discovery.search import Study, study_of
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect
 from flexspline.effects.causes import LAG
-from flexspline.errors import InputError
+from flexspline.errors import InputError, listed
 from flexspline.experiment.limits import Limits
 from flexspline.fitting import fit, fit_near, with_orders
+from flexspline.formatting import short_names
 from flexspline.forward.servo import PositionServo
 from flexspline.least_squares.options import FitOptions
 from flexspline.least_squares.problem import Problem, problem_of
@@ -52,9 +52,11 @@ from flexspline.logs.checks.ends import Kept, at_work, only_experiments
 from flexspline.logs.derive import has_value, sampled
 from flexspline.logs.log import Log
 from flexspline.logs.read import LogLike, as_logs
-from flexspline.model import Model
+from flexspline.model import Model, own_of_runs
 from flexspline.output_error.settings import MotionOptions, settings_of, with_servo_torque
+from flexspline.own.effect import OwnEffect, own_effects
 from flexspline.prepared import Preparation, learned, prepared
+from flexspline.progress import Progress
 from flexspline.regression.candidate_model import Working
 from flexspline.requirements import require_apart
 from flexspline.simulator import SIMULATED, Simulated
@@ -75,6 +77,7 @@ def discover(
     orders: Mapping[str, Sequence[int]] | None = None,
     fixed: Mapping[str, float] | None = None,
     exclude: Iterable[str] = (),
+    own: OwnEffect | Iterable[OwnEffect] = (),
     limits: Limits | None = None,
     progress: bool = False,
     threads: int = 1,
@@ -102,6 +105,8 @@ def discover(
     orders : {"output_ripple": [1, 2]} of the base; found where they are not given.
     fixed : parameters that are not fitted, as for `fit`.
     exclude : names of effects that are known not to be there; none of them is a candidate.
+    own : effects of your own (`flexspline.own_effect`) that may be missing; they are candidates
+        beside those of the catalogue, and need the same evidence.
     limits : what a run to record next may do; what is left open is what these runs did.
     progress : show what is being tried on standard error.
     threads : for the sums over the logs.
@@ -134,6 +139,11 @@ def discover(
     require_apart(runs)
     if by != "regression" or controller is not None or free_controller:
         _require_simulation(by, simulation, simulated_torque, lowpass, bandwidth)
+        if own:
+            raise InputError(
+                "by='simulation' drives effects in the compiled core, which has the catalogue's "
+                "alone; leave own out"
+            )
         if not isinstance(model_or_effects, Model):
             target = target or "motor_torque"
     base, runs, of_base = _base(
@@ -144,19 +154,15 @@ def discover(
         lowpass=lowpass,
         orders=orders or {},
         exclude=(exclude,) if isinstance(exclude, str) else tuple(exclude),
+        own=own_effects(own),
         threads=threads,
     )
-    style = {"bar_format": "{desc}{elapsed}", "leave": False, "delay": 1.0}
-    with tqdm(desc="discovering", disable=not progress, **style) as bar:
-
-        def say(what: str) -> None:
-            bar.update()
-            bar.set_description(what)
-
+    with Progress("discovering", progress) as bar:
+        task = replace(task, say=bar.say)
         if by == "simulation":
-            return _by_simulation(replace(task, say=say), runs, controller, free_controller)
+            return _by_simulation(task, runs, controller, free_controller)
         with threadpool_limits(1, user_api="blas"):  # tables are thin: its threads would only wait
-            return _by_regression(replace(task, say=say), runs, of_base, bandwidth, limits)
+            return _by_regression(task, runs, of_base, bandwidth, limits)
 
 
 @dataclass(frozen=True)
@@ -176,6 +182,7 @@ class Task:
     lowpass: float | None = None
     orders: Mapping[str, Sequence[int]] = field(default_factory=dict)
     exclude: tuple[str, ...] = ()
+    own: tuple[OwnEffect, ...] = ()
     threads: int = 1
     preparations: tuple[Preparation, ...] = ()
     scatter: float = 0.0
@@ -369,7 +376,8 @@ class _Recorded:
                 ),
             ).part.effects  # fmt: skip
         effects = with_freedoms(effects, free)
-        study = study_of(effects, self.logs, exclude=(*task.exclude, *exclude), **self._posed)
+        absent = (*task.exclude, *exclude)
+        study = study_of(effects, self.logs, exclude=absent, own=task.own, **self._posed)
         study = replace(study, problem=self._blurred(study.problem), scatter=task.scatter)
         return study, effects, {**task.fixed, **held_of(effects, free, study.problem)}
 
@@ -487,6 +495,13 @@ def _task(
     """What to start from."""
     if isinstance(given, Model):
         part = given.part(target)
+        own = [short_names(term["term"]) for term in own_of_runs(part)]
+        if own:
+            raise InputError(
+                "discover fits one value of each term to all runs, but the model has "
+                f"{listed(own)} of each run by itself; start from a model without per_run, or from "
+                "effects"
+            )
         held = {**_fixed_in(part.record), **fixed}
         load = known_load or part.known_load
         return Task(part.effects, part.target, load, held, given, part.simulated)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -101,8 +101,9 @@ def _asked(rivals: Pair | Iterable[Pair], part: Part) -> list[tuple[str, Effect]
     given = list(rivals)
     single = len(given) == 2 and all(isinstance(one, (str, Effect)) for one in given)
     names, made = [e.name for e in part.effects], []
+    own = {e.name: e for e in part.effects if e.own}
     for pair in [given] if single else given:
-        effects = [e if isinstance(e, Effect) else effect(str(e)) for e in pair]  # type: ignore[union-attr]
+        effects = [_effect(e, own) for e in pair]  # type: ignore[union-attr]
         inside = [e for e in effects if e.name in names]
         outside = [e for e in effects if e.name not in names]
         if len(inside) != 1 or len(outside) != 1:
@@ -118,6 +119,13 @@ def _asked(rivals: Pair | Iterable[Pair], part: Part) -> list[tuple[str, Effect]
             )
         made.append((inside[0].name, rival.without_load() if part.known_load is None else rival))
     return made
+
+
+def _effect(given: object, own: Mapping[str, Effect]) -> Effect:
+    """An effect as it was given, or by its name: one of the model's own, or of the catalogue."""
+    if isinstance(given, Effect):
+        return given
+    return own.get(str(given)) or effect(str(given))
 
 
 def _prepared(

@@ -165,7 +165,7 @@ def data_faults(
         they show the right one, see `with_measured_ratio`.
     """
     elsewhere = known_load not in (None, "reference_torque")
-    asked = [e.name for e in base if not (elsewhere and "load" in e.reads)]
+    asked = [e.name for e in base if not (e.own or (elsewhere and "load" in e.reads))]
     found = []
     for log in logs:
         findings = check(log, effects=asked, target=target, threads=threads)

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.discovery.settings import SETTINGS
-from flexspline.effects import CATALOGUE
+from flexspline.effects import CATALOGUE, traits_of
 from flexspline.effects.causes import (
     COULOMB,
     LAG,
@@ -68,7 +68,7 @@ def one_signed(name: str, target: str) -> int:
     """
     if name in LOOPS:
         return 2 if _either(name, target) else 1
-    return int(target in DRIVES and CATALOGUE[name].traits.one_signed)
+    return int(target in DRIVES and traits_of(name).one_signed)
 
 
 def impossible(work: Working, name: str, problem: Problem, scatter: float = 0.0) -> str:
@@ -110,9 +110,9 @@ def _wrong_sign(work: Working, name: str, problem: Problem) -> str:
         return "with it friction would fall as the speed rises from rest, which is Stribeck's"
     if problem.target not in DRIVES:
         return ""
-    if not (CATALOGUE[name].traits.one_signed and values.sum() < 0.0):
+    if not (traits_of(name).one_signed and values.sum() < 0.0):
         return ""
-    if CATALOGUE[name].traits.inertial:
+    if traits_of(name).inertial:
         return "its mass would be negative"
     return f"its {'springs' if name in LOOPS else 'friction'} would drive the joint"
 

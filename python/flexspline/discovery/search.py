@@ -177,12 +177,13 @@ def study_of(
     *,
     known_load: str | None,
     exclude: Iterable[str] = (),
+    own: Sequence[Effect] = (),
     inputs: Sequence[Log] | None = None,
     **rest: Any,
 ) -> Study:
     """Make logs ready for the base and every effect that they could show beside it.
 
-    `rest`: as for `problem_of`.
+    `own`: effects of the user's that are candidates too. `rest`: as for `problem_of`.
 
     Raises
     ------
@@ -191,7 +192,7 @@ def study_of(
     """
     require_one_unit(base, target, known_load)
     inputs = [_with_motion(log) for log in (logs if inputs is None else inputs)]
-    effects, reasons = possible(base, inputs, target, known_load, exclude)
+    effects, reasons = possible(base, inputs, target, known_load, exclude, own)
     kept = [e for e in effects if _finite(e, inputs, reasons)]
     problem = problem_of(
         logs, [*base, *kept], target, known_load=known_load, inputs=inputs, **rest

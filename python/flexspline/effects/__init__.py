@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from types import MappingProxyType
-from typing import Any
+from typing import Any, ClassVar
 
 from flexspline import _core
 from flexspline.errors import InputError, did_you_mean, listed, shortened
@@ -20,10 +20,18 @@ __all__ = [
     "Traits",
     "effect",
     "require_effects",
+    "traits_of",
     "unit_in",
 ]
 
 TARGETS = {"sensor_torque": "S", "motor_torque": "M", "motor_current": "M", "torsion": "D"}
+MADE_OF = {
+    "motor_torque": {"motor_torque", "motor_current"},
+    "motor_current": {"motor_torque", "motor_current"},
+    "torsion": set[str](),
+}
+"""Channels that are a target by another name: an effect that read them would explain it by itself.
+A torsion is made of both angles, and is no function of one of them."""
 UNITS = {"sensor_torque": "Nm", "motor_torque": "Nm", "motor_current": "A", "torsion": "rad"}
 
 OF_MODEL = "model"  # the owner of a shape that all effects of a model share
@@ -59,6 +67,9 @@ class Traits:
     dissipative: bool
     loop: bool
     known_load: bool
+
+
+NO_TRAITS = Traits(False, False, False, False, False, False, False, False)
 
 
 @dataclass(frozen=True)
@@ -148,6 +159,9 @@ class Effect:
         For an unknown effect, shape or pair, or a shape outside its bounds.
     """
 
+    own: ClassVar[bool] = False
+    """Whether its rows come from a function of the user (`flexspline.own_effect`)."""
+
     name: str
     shapes: Mapping[str, float] = field(default_factory=dict)
     harmonics: tuple[Harmonic, ...] = ()
@@ -160,10 +174,7 @@ class Effect:
         return f"effect({', '.join([repr(self.name), *given, *orders])})"
 
     def __post_init__(self) -> None:
-        if self.name not in CATALOGUE:
-            near = did_you_mean(self.name, CATALOGUE)
-            others = "`flexspline fit --help` shows all" if near else f"known are {_named()}"
-            raise InputError(f"there is no effect '{shortened(self.name)}'{near}; {others}")
+        self._require_known()
         known = {shape.name: shape for shape in self.info.shapes}
         values = {shape.name: shape.default for shape in self.info.shapes}
         for name, value in self.shapes.items():
@@ -248,6 +259,12 @@ class Effect:
             "harmonics": list(self.harmonics),
         }
 
+    def _require_known(self) -> None:
+        if self.name not in CATALOGUE:
+            near = did_you_mean(self.name, CATALOGUE)
+            others = "`flexspline fit --help` shows all" if near else f"known are {_named()}"
+            raise InputError(f"there is no effect '{shortened(self.name)}'{near}; {others}")
+
     def _checked_harmonics(self) -> tuple[Harmonic, ...]:
         if self.harmonics and not self.ripple:
             raise InputError(f"effect '{self.name}' has no orders; leave them out")
@@ -296,8 +313,18 @@ def require_effects(effects: Sequence[Effect], target: str) -> None:
             raise InputError(
                 f"effect '{effect.name}' does not act on the target {target}; leave it out"
             )
+        if effect.own and {*effect.reads} & MADE_OF.get(target, {target}):
+            raise InputError(
+                f"effect '{effect.name}' reads {listed(effect.reads)}, of which the target "
+                f"{target} is made; let it read other channels"
+            )
         if names.count(effect.name) > 1:
             raise InputError(f"effect '{effect.name}' is named twice; name it once")
+
+
+def traits_of(name: str) -> Traits:
+    """Return the traits of an effect of the catalogue; one of the user's own claims none."""
+    return CATALOGUE[name].traits if name in CATALOGUE else NO_TRAITS
 
 
 def unit_in(unit: str, target: str, known_load: str | None) -> str:

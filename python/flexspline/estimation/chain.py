@@ -10,6 +10,7 @@ instruments write 9.9e37 for it and 9.91e37 for "not a number" (SCPI-99, 7.2.1.4
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable, Mapping
 from typing import Any, overload
 
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 
 from flexspline import _core
 from flexspline.errors import InputError, listed
+from flexspline.estimation.limits import joint_limits
 from flexspline.estimation.plan import READINGS, Plan, made_by, plan_of, with_derivatives
 from flexspline.estimation.result import Estimate, Status
 from flexspline.estimation.several import Estimates
@@ -52,6 +54,7 @@ STAGES = {  # bit of the core's stage: bit of the status, result, column
 }
 CONTACT, DIFFERENTIATOR = 64, 256
 MOST_MISSED = 511  # all stages of the core
+OUT_OF_RANGE = np.uint8(4)  # bit of the core's flags
 FAULTS = 11  # places from the bits of the core's faults to those of the status
 
 Said = dict[str, None]  # sentences, each once, in order
@@ -106,8 +109,9 @@ def estimate(
     contact, status. Bits of the status (`flexspline.estimation.Status`): 1 extrapolated, 2
     saturated, 4 no temperature, 8 no sensor, 16 no observer, 32 no compliance, 64 no merged torque,
     128 contact not decided, 256 started again, 512 no observer of the link, 1024 no velocity from
-    the angle; what the reading checks took out: 2048 sensor, 4096 motor, 8192 speed, 16384 motion,
-    32768 encoders, 131072 temperature; 65536 sensor and observer disagree.
+    the angle; what limits and reading checks took out: 2048 sensor, 4096 motor, 8192 speed, 16384
+    motion, 32768 encoders, 131072 temperature; 65536 sensor and observer disagree; 262144 a reading
+    is beyond its limit, which a device takes for missing, and so does this.
     Of several logs, a list of one included, their `Estimates`: one for each, and the errors of the
     external torques beside the `reference_torque` of the runs that have one.
 
@@ -179,7 +183,8 @@ def _columns(plan: Plan, log: Log, found: Mapping[str, Any]) -> dict[str, Array]
     if "contact" in columns:
         columns["contact"] = np.where(missed & CONTACT, np.nan, columns["contact"])
     status = bits[missed]
-    status |= found["flags"]
+    status |= found["flags"] & ~OUT_OF_RANGE
+    status[(found["flags"] & OUT_OF_RANGE) != 0] |= Status.OUT_OF_RANGE
     status |= found["faults"].astype(np.int64) << FAULTS
     if plan.sensing.keys() & {"thermistor", "temperature_compensation"}:
         status[np.isnan(found["temperature"])] |= Status.NO_TEMPERATURE
@@ -225,7 +230,8 @@ def run_joint(
         effective_ratio=plan.effective_ratio,
         inertia=plan.inertia,
         link_inertia=plan.link_inertia,
-        **_limits(plan),
+        limits=_limits(plan),
+        **_temperatures(plan),
     )
     _say_of_models(model, plan, log, said)
     columns = {name: log[name] for name in ("time", *READINGS) if name in log}
@@ -239,6 +245,11 @@ def _model(model: Model, part: Part) -> tuple[_core.Design, Array]:
 
 
 def _limits(plan: Plan) -> dict[str, float]:
+    limits = joint_limits(plan)
+    return {name: sys.float_info.max if most is None else most for name, most in limits.items()}
+
+
+def _temperatures(plan: Plan) -> dict[str, float]:
     if plan.temperature_range is None:
         return {}
     return dict(zip(("low", "high"), plan.temperature_range, strict=True))

@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from flexspline import _core
 from flexspline.effects.causes import GRAVITY, INERTIA, MESH, TORSION_LOOP
 from flexspline.errors import InputError, listed
 from flexspline.estimators import (
@@ -37,7 +38,16 @@ from flexspline.model import Model
 from flexspline.part import Part
 from flexspline.signals import gear_of
 
-__all__ = ["BANDWIDTH", "READINGS", "Plan", "made_by", "plan_of", "reads_of", "with_derivatives"]
+__all__ = [
+    "BANDWIDTH",
+    "READINGS",
+    "Plan",
+    "made_by",
+    "plan_of",
+    "readings_of",
+    "reads_of",
+    "with_derivatives",
+]
 
 Entries = dict[str, dict[str, Any]]
 
@@ -282,6 +292,22 @@ def reads_of(plan: Plan) -> set[str]:
     if plan.inertia or plan.link_inertia or plan.estimating.keys() & {"merge", "collision"}:
         reads.add("output_velocity")
     return reads
+
+
+def readings_of(plan: Plan) -> set[str]:
+    """Return the numbers among the readings that the chain reads; the period, as always, beside."""
+    numbers = {*_core.numbers} - {"period"}
+    found = reads_of(plan) & numbers
+    if "thermistor" in plan.sensing:
+        found = (found - {"temperature"}) | {"thermistor_voltage"}
+    elif "temperature_compensation" in plan.sensing:
+        found.add("temperature")
+    if plan.has_sensor:
+        found.add("sensor_voltage" if "calibration" in plan.sensing else "sensor_torque")
+    if plan.estimating.get("observer", {}).get("input") == "motor_torque":
+        found.add("motor_torque")
+    made = plan.preprocessing.get("differentiator")
+    return found - set(() if made is None else made_by(made))
 
 
 def stages_before(model: Model, plan: Plan) -> Entries:

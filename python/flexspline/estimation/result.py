@@ -141,8 +141,9 @@ class Status(IntFlag):
 
     A bit that begins with NO stands for a stage whose estimate is empty in this row: a channel
     that it reads is missing, not finite or out of range. Only stages that the model holds
-    set one. A bit that ends with FAULT is of a reading that the model's checks took out, or that
-    they found beside another one.
+    set one. A bit that ends with FAULT is of a reading that limits or the model's checks took out,
+    or that these found beside another one. OUT_OF_RANGE is of a reading beyond its limit, far from
+    all that the model was fitted to.
     """
 
     EXTRAPOLATED = 1
@@ -163,6 +164,7 @@ class Status(IntFlag):
     ENCODERS_FAULT = 32768
     TORQUES_FAULT = 65536
     TEMPERATURE_FAULT = 131072
+    OUT_OF_RANGE = 262144
 
 
 MEANING = {
@@ -183,6 +185,7 @@ MEANING = {
     Status.ENCODERS_FAULT: "both encoders disagree: angles and velocity were taken out",
     Status.TORQUES_FAULT: "sensor and observer disagree on the external torque",
     Status.TEMPERATURE_FAULT: "temperature or thermistor is out of its range and was taken out",
+    Status.OUT_OF_RANGE: "a reading is far beyond all that the model knows: it counts as missing",
     Status.RESTARTED: "observer, lags and detector start here: the first row, or one behind a gap",
 }
 

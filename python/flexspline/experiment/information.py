@@ -137,7 +137,7 @@ class Layout:
     @property
     def remembers(self) -> bool:
         """Whether a question is about an effect whose row depends on the rows before."""
-        return any(CATALOGUE[name].remembers for name in self.asked)
+        return any(name in CATALOGUE and CATALOGUE[name].remembers for name in self.asked)
 
     def columns(self, problem: Problem, number: int) -> Array:
         """Columns (N, C) of a run."""

@@ -159,7 +159,8 @@ def _settled(one: Outlook) -> str:
 def _near(one: Outlook, own_load: bool) -> str:
     named, rival = one.names
     said = f"Even then {rival} would explain {100.0 * one.taken:.0f} % of what {named} explains"
-    if own_load and any("load" in CATALOGUE[name].reads for name in one.names):
+    readers = {name for name, info in CATALOGUE.items() if "load" in info.reads}
+    if own_load and readers & {*one.names}:
         return f"{said}: a payload of known torque (reference_torque) would tell more."
     return f"{said}: wider limits would tell more."
 

@@ -11,18 +11,48 @@ from pathlib import Path
 from flexspline.errors import FlexsplineWarning, InputError, did_you_mean
 from flexspline.exporting.block import block_bytes
 from flexspline.exporting.cpp_text import namespace_name
-from flexspline.exporting.header import header_text
+from flexspline.exporting.header import header_text, own_headers
 from flexspline.files import atomic_write
 from flexspline.model import PART_OF, Model, part_warnings, refuse_warnings
+from flexspline.own.header import Header
 
 __all__ = ["FORMATS", "export", "export_warnings", "namespace_of"]
 
 
 def _header(model: Model, path: Path, target: str | None, scalar: str) -> None:
-    atomic_write(path, header_text(model, namespace_of(path), target))
+    text, beside = header_text(model, namespace_of(path), target), own_headers(model, target)
+    missing = [own for own in beside if not _is_there(own, path)]
+    for own in missing:
+        atomic_write(path.with_name(own.name), own.text)
+    atomic_write(path, text)
+
+
+def _is_there(own: Header, path: Path) -> bool:
+    """Whether the header of an own effect stands beside an exported one already.
+
+    Raises
+    ------
+    InputError
+        Where another file stands in its place, or the exported header would.
+    """
+    there = path.with_name(own.name)
+    if there == path:
+        raise InputError(
+            f"{path}: is the name of the header of one of the model's own effects; export to "
+            "another file"
+        )
+    if not there.exists():
+        return False
+    if not there.is_file() or there.read_bytes() != own.text:
+        raise InputError(
+            f"{there}: is not what {own.path} was when it was compiled, and the exported header "
+            "includes it from here; export into another folder, or take this file away"
+        )
+    return True
 
 
 def _binary(model: Model, path: Path, target: str | None, scalar: str) -> None:
+    own_headers(model, target)  # refuses effects that no program can have
     atomic_write(path, block_bytes(model, scalar, target))
 
 

@@ -14,6 +14,7 @@ from typing import Any
 
 from flexspline.effects import Effect
 from flexspline.errors import InputError
+from flexspline.estimation.limits import joint_limits, part_limits
 from flexspline.estimation.plan import Plan, plan_of
 from flexspline.estimators.fields import STAGES, Field, Stage, given, stages_in
 from flexspline.exporting.header import by_motor_encoder
@@ -23,7 +24,7 @@ from flexspline.signals import gear_of
 __all__ = ["SCALARS", "block_bytes"]
 
 SCALARS = ("float", "double")
-VERSION = 1
+VERSION = 2  # with the limits of readings
 LARGEST = {
     "float": float.fromhex("0x1.fffffep+127"),
     "double": float.fromhex("0x1.fffffffffffffp+1023"),
@@ -60,7 +61,9 @@ def block_bytes(model: Model, scalar: str = "float", target: str | None = None) 
     if model.estimators and target is None:
         block.joint(model, plan_of(model))
     else:
-        block.model("model", model, model.part(target))
+        part = model.part(target)
+        block.model("model", model, part)
+        block.limits(part_limits(part))
     return block.bytes()
 
 
@@ -141,6 +144,13 @@ class _Block:
         low, high = plan.temperature_range or (-largest, largest)
         self.numbers("low", (low,))
         self.numbers("high", (high,))
+        self.limits(joint_limits(plan))
+
+    def limits(self, limits: Mapping[str, float | None]) -> None:
+        """How large readings may be; none where they are not read."""
+        self.structure("limits")
+        for name, most in limits.items():
+            self.numbers(name, (LARGEST[self.scalar] if most is None else most,))
 
     def _stages(self, entries: Mapping[str, Entry], has_sensor: bool) -> None:
         """The stages in the core's order; the sensor's own part stands among them."""

@@ -16,7 +16,9 @@ from flexspline import _core
 from flexspline.about import __version__
 from flexspline.effects import Effect, TermInfo, unit_in
 from flexspline.errors import InputError, listed, shortened
-from flexspline.estimation.plan import Plan, made_by, plan_of, reads_of
+from flexspline.estimation.limits import UNITS as LIMIT_UNITS
+from flexspline.estimation.limits import joint_limits, part_limits
+from flexspline.estimation.plan import Plan, made_by, plan_of, readings_of, reads_of
 from flexspline.estimators import ESTIMATORS
 from flexspline.exporting.cpp_text import (
     comment,
@@ -32,10 +34,12 @@ from flexspline.formatting import plus_minus
 from flexspline.logs.channels import CHANNELS
 from flexspline.logs.derive import lateness
 from flexspline.model import MARGIN, Model, Part, widened
+from flexspline.own import OwnEffect
+from flexspline.own.header import Header
 from flexspline.signals import gear_of
 from flexspline.simulator import Simulated
 
-__all__ = ["by_motor_encoder", "header_text"]
+__all__ = ["by_motor_encoder", "header_text", "own_headers"]
 
 MEANING = {
     "sensor_torque": "what the sensor reads beside the load: true torque = sensor_torque - this",
@@ -106,7 +110,7 @@ def header_text(model: Model, namespace: str, target: str | None = None) -> str:
     part = None if several else model.part(target)
     includes, constants = {"flexspline/model.hpp"}, []  # constants: refused before any hashing
     if part is not None:
-        includes |= {f"flexspline/effects/{e.name}.hpp" for e in part.effects if e.terms}
+        includes |= {header_of(e) for e in part.effects if e.terms}
         constants += [*_validity(part), *model_lines(model, part), ""]
     if plan is not None:
         includes |= {"flexspline/joint.hpp", *chain_includes(plan)}
@@ -300,7 +304,33 @@ def _comment(paragraphs: Iterator[str]) -> Iterator[str]:
 def chain_includes(plan: Plan) -> set[str]:
     """Headers of the core that the chain's constants need."""
     effects = (effect for part in plan.models.values() if part for effect in part.effects)
-    return {f"flexspline/effects/{effect.name}.hpp" for effect in effects if effect.terms}
+    return {header_of(effect) for effect in effects if effect.terms}
+
+
+def header_of(effect: Effect) -> str:
+    """The header of an effect; that of one's own stands beside the exported one.
+
+    Raises
+    ------
+    InputError
+        Where an own effect has none.
+    """
+    if isinstance(effect, OwnEffect):
+        return effect.header.name
+    return f"flexspline/effects/{effect.name}.hpp"
+
+
+def own_headers(model: Model, target: str | None) -> list[Header]:
+    """Return the headers of the user's own that the header of a model, or of a part, includes.
+
+    Raises
+    ------
+    InputError
+        Where there is no such part, or an effect has no header.
+    """
+    parts = model.parts.values() if target is None else [model.part(target)]
+    effects = (effect for part in parts for effect in part.effects)
+    return [effect.header for effect in effects if isinstance(effect, OwnEffect)]
 
 
 def chain_head(plan: Plan, namespace: str) -> Iterator[str]:
@@ -326,7 +356,7 @@ def chain_head(plan: Plan, namespace: str) -> Iterator[str]:
             yield f"    in.{name} = flexspline::Angle<float>::from_radians({letter});  // finite"
             yield "    // better, from an encoder's counts: {turns, {fraction of a turn}}"
     for name, unit in READINGS.items():
-        if name in _readings(plan):
+        if name in readings_of(plan):
             yield f"    in.{name} = {name};  // {unit}"
     yield f"    flexspline::Status status = {namespace}::joint<float>.step(state, in, out);"
     for stage, name in RESULTS.items():
@@ -334,8 +364,8 @@ def chain_head(plan: Plan, namespace: str) -> Iterator[str]:
             yield f"    // out.{name}: unless"
             yield f"    //     has(out.missed, flexspline::Stage::{stage})"
     yield "    // has(out.flags, flexspline::Flag::extrapolated), saturated: to be known beside it"
-    if "reading_checks" in plan.preprocessing:
-        yield "    // has(out.faults, flexspline::Fault::speed), ...: what cannot be true"
+    yield "    // has(out.flags, flexspline::Flag::out_of_range): a reading is beyond its limit"
+    yield "    // has(out.faults, flexspline::Fault::speed), ...: what cannot be true"
 
 
 def chain_lines(model: Model, plan: Plan) -> Iterator[str]:
@@ -378,7 +408,17 @@ def chain_lines(model: Model, plan: Plan) -> Iterator[str]:
     if plan.temperature_range is not None:
         for side, value in zip(("low", "high"), plan.temperature_range, strict=True):
             yield f"    .{side} = {literal(value, 'range of temperature')},  // deg C"
+    yield "    .limits = {  // either way; what is beyond counts as missing"
+    for name, most in joint_limits(plan).items():
+        yield f"        .{name} = {_limit(name, most)}"
+    yield "    },"
     yield "};"
+
+
+def _limit(name: str, most: float | None) -> str:
+    if most is None:
+        return "flexspline::ReadingLimits<S>::none,  // not read"
+    return f"{literal(most, f'limit of {name}')},  // {_limit_unit(name)}"
 
 
 def _made(plan: Plan) -> set[str]:
@@ -395,21 +435,10 @@ def _angles(plan: Plan) -> set[str]:
     return set(ANGLES) if twists or "compliance" in plan.estimating else found
 
 
-def _readings(plan: Plan) -> set[str]:
-    found = reads_of(plan) & READINGS.keys()
-    if "thermistor" in plan.sensing:
-        found = (found - {"temperature"}) | {"thermistor_voltage"}
-    elif "temperature_compensation" in plan.sensing:
-        found.add("temperature")
-    if plan.has_sensor:
-        found.add("sensor_voltage" if "calibration" in plan.sensing else "sensor_torque")
-    if plan.estimating.get("observer", {}).get("input") == "motor_torque":
-        found.add("motor_torque")
-    return found - _made(plan)
-
-
 def model_lines(model: Model, part: Part, name: str = "model") -> Iterator[str]:
     """The constant of a part and its type: sensor_model is of the type SensorModel.
+
+    `model`, which stands alone, has the limits of what it reads; a joint has its own.
 
     Raises
     ------
@@ -428,7 +457,20 @@ def model_lines(model: Model, part: Part, name: str = "model") -> Iterator[str]:
     yield f"    {_gear(model, part)},"
     yield "    {"
     yield from _parts(part, effects)
-    yield "    }};"
+    limits = part_limits(part) if name == "model" else {}
+    if not limits:
+        yield "    }};"
+        return
+    yield "    },"
+    yield "    {{  // either way; what is beyond is flexspline::Status::out_of_range"
+    for channel, most in limits.items():
+        number = literal(most, f"limit of {channel}")
+        yield f"        {number},  // {channel}, {_limit_unit(channel)}"
+    yield "    }}};"
+
+
+def _limit_unit(channel: str) -> str:
+    return comment(LIMIT_UNITS[channel])
 
 
 def _gear(model: Model, part: Part) -> str:

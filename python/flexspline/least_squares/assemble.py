@@ -10,14 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.effects import Effect, unit_in
+from flexspline.least_squares.between_runs import BetweenRuns, own_warnings
 from flexspline.least_squares.derived import loop_warnings, sign_warnings
 from flexspline.least_squares.estimate import Estimate, counts_of, residuals_of
 from flexspline.least_squares.generalised import uncertainty_of
 from flexspline.least_squares.identifiability import Confounded, confounded_groups
 from flexspline.least_squares.late_load import LateLoad
-from flexspline.least_squares.offsets import offset_parameters
+from flexspline.least_squares.offsets import ZERO, offset_parameters
 from flexspline.least_squares.options import bounds_of
-from flexspline.least_squares.problem import Problem, memory_warnings
+from flexspline.least_squares.per_run_terms import compared_runs, own_parameters, with_own
+from flexspline.least_squares.problem import Problem, columns_of, memory_warnings
 from flexspline.least_squares.result import Delay, Fit, FittedRun, Parameter
 from flexspline.least_squares.uncertainty import Uncertainty
 from flexspline.least_squares.validation import cross_validate, scores_of
@@ -72,19 +74,32 @@ def assembled(
     effects, values = made.linear.effects, _shared(problem, made)
     if offset is not None:
         own = offset_parameters(problem, made, uncertainty, offset[1])
+        posed = replace(problem, own=(ZERO,))
+        confounded, own = _told(confounded, own, posed, made, [offset[1]])
         parameters = (*parameters[: len(made.names)], *own, *parameters[len(made.names) :])
         before = effects[: offset[0]]
         mean = float(np.mean([p.value for p in own]))
         values = np.insert(values, sum(len(e.terms) for e in before), mean)
         effects = (*before, offset[1], *effects[offset[0] :])
     residuals = residuals_of(problem, made.linear)
+    if problem.projected:
+        units = _own_units(problem)
+        own = own_parameters(problem, made, uncertainty, units)
+        confounded, own = _told(confounded, own, problem, made, problem.projected)
+        kept = [p for p in parameters if p.name not in problem.own]
+        shared = len(made.names) - len(problem.own)
+        parameters = (*kept[:shared], *own, *kept[shared:])
+    between = compared_runs(problem, made, uncertainty, parameters, effects, residuals)
+    values, between = _with_means(values, effects, between)
     scores = scores_of(problem, residuals, held_out_residuals)
     runs = tuple(
         FittedRun(run.log, run.target, run.target - residual, held_out, counts_of(run))
         for run, residual, held_out in zip(problem.runs, residuals, held_out_residuals, strict=True)
     )
     covariance = uncertainty.covariance
-    validated = {"by": validation.by, "folds": validation.folds}
+    validated: dict[str, Any] = {"by": validation.by, "folds": validation.folds}
+    if between:
+        validated["per_run"] = [term.to_json() for term in between]
     record = _record(problem, made, parameters, confounded, uncertainty)
     record["scores"] = [asdict(s) for s in scores]
     record["validated"] = validated
@@ -114,7 +129,7 @@ def assembled(
         uncertainty=uncertainty,
         covariance=covariance,
         lowpass=problem.lowpass,
-        warnings=(*warnings, *_warnings(made, uncertainty)),
+        warnings=(*warnings, *_warnings(made, uncertainty), *own_warnings(between)),
         exact=made.linear.exact,
         condition=made.linear.solution.condition,
         orders=orders,
@@ -122,6 +137,7 @@ def assembled(
         delay=delay,
         solved=made.bare(),
         late=late,
+        between_runs=between,
     )
     return replace(found, warnings=(*found.warnings, *sign_warnings(found), *loop_warnings(found)))
 
@@ -156,6 +172,44 @@ def _confounded(problem: Problem, made: Estimate, uncertainty: Uncertainty) -> l
         errors_of,
         made.linear.prior_rows,
     )
+
+
+def _told(
+    confounded: list[Confounded],
+    own: list[Parameter],
+    problem: Problem,
+    made: Estimate,
+    effects: Sequence[Effect],
+) -> tuple[list[Confounded], list[Parameter]]:
+    """Groups and parameters of single runs that were taken out, each with what the others say."""
+    groups = with_own(confounded, problem, made, effects, [p.name for p in own])
+    hidden = {name for group in groups for name in group.names}
+    told = [
+        replace(p, state="not determined", determined=False) if p.name in hidden else p for p in own
+    ]
+    return groups, told
+
+
+def _own_units(problem: Problem) -> list[str]:
+    """Unit of each term in `own` that is taken out."""
+    terms = [term for effect in problem.projected for term in effect.terms]
+    units = [unit_in(term.unit, problem.target, problem.known_load) for term in terms]
+    return [units[column] for column in columns_of(problem.projected, problem.own)]
+
+
+def _with_means(
+    values: Array, effects: Sequence[Effect], between: tuple[BetweenRuns, ...]
+) -> tuple[Array, tuple[BetweenRuns, ...]]:
+    """Coefficients (P,) with the mean over runs of terms that each run has of its own.
+
+    That of offsets alone is the mean of all runs, and is there.
+    """
+    at = [columns_of(effects, [each.term])[0] for each in between]
+    if [term.term for term in between] == [ZERO]:
+        return values, (replace(between[0], mean=float(values[at[0]])),)
+    values = values.copy()
+    values[at] = [each.mean for each in between]
+    return values, between
 
 
 def _units(problem: Problem, made: Estimate) -> list[str]:

@@ -59,11 +59,15 @@ def derived_of(fit: Fit) -> tuple[Derived, ...]:
     """Return the derived quantities of a fit's effects.
 
     Left out are those that are not finite, that the data do not see, and whose error is more than
-    half of their value, where the first order of the delta method no longer holds.
+    half of their value, where the first order of the delta method no longer holds, and those of
+    effects of which each run has its own.
     """
     found = []
     ratio = effective_ratio(fit.model.facts)
+    own = {term.term.split(".")[0] for term in fit.between_runs}
     for effect in fit.part.effects:
+        if effect.name in own:
+            continue
         prefix = f"{effect.name}."
         values = {
             p.name.removeprefix(prefix): p.value

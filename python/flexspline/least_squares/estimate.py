@@ -16,28 +16,26 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from flexspline.effects import Effect
-from flexspline.errors import InputError
 from flexspline.least_squares.linear import LinearFit, fit_linear
 from flexspline.least_squares.noise_model import NoiseModel, noise_model
 from flexspline.least_squares.options import (
-    Bounds,
     Constraints,
+    Given,
     ShapeParameter,
     coefficient_names,
-    constraints_of,
-    pair_of,
+    given_of,
     shapes_of,
 )
+from flexspline.least_squares.per_run_noise import noise_beside_own
 from flexspline.least_squares.problem import Problem, Run
 from flexspline.least_squares.shapes import Bent, ShapeFit, Tangent, bent, filtered, fit_shapes
-from flexspline.logs.plausible import given_number
 
 if TYPE_CHECKING:
     from flexspline.least_squares.uncertainty import Uncertainty
@@ -65,16 +63,6 @@ STANDS = 1e-3  # of the noise's variance, by which the squares may still fall
 
 THRESHOLD = 1.345
 NORMAL = 1.4826
-
-
-@dataclass(frozen=True)
-class Given:
-    """What is known or wanted of the parameters beforehand, by name, in their units."""
-
-    fixed: Mapping[str, float]
-    bounds: Mapping[str, Bounds]
-    priors: Mapping[str, tuple[float, float]]
-    robust: bool
 
 
 @dataclass(frozen=True)
@@ -141,25 +129,19 @@ def estimate(
     InputError
         For a name that is no parameter, or bounds that leave nothing.
     """
-    runs = [run.log.name for run in problem.runs] if problem.offset_per_run else []
-    names = coefficient_names(effects, runs)
+    runs, own = [run.log.name for run in problem.runs], () if problem.projected else problem.own
+    names = coefficient_names(effects, runs, own)
     shapes = shapes_of(effects)
-    fixed, fixed_shapes = _split(given.fixed, shapes)
-    bounds, shape_bounds = _split(given.bounds, shapes)
+    constraints, held, limits = given_of(names, shapes, given)
     for shape in shapes:
-        if shape.name in fixed_shapes:
-            value = given_number(fixed_shapes[shape.name], f"fixed: {shape.name}")
-            effects = shape.set(effects, value)
-    priors, shape_priors = _split(given.priors, shapes)
-    for name in shape_priors:
-        raise InputError(f"priors: {name} is a shape, which takes no prior; fix or bound it")
-    constraints = constraints_of(names, fixed, bounds, priors, [shape.name for shape in shapes])
+        if shape.name in held:
+            effects = shape.set(effects, held[shape.name])
     search = _Search(
         problem,
         tuple(effects),
         constraints,
-        [shape for shape in shapes if shape.name not in fixed_shapes],
-        {s.name: _limits(s, shape_bounds[s.name]) for s in shapes if s.name in shape_bounds},
+        [shape for shape in shapes if shape.name not in held],
+        limits,
         given.robust,
         tick,
         near,
@@ -202,9 +184,11 @@ def estimate_holding(
 def noise_of(made: Estimate) -> NoiseModel:
     """Return the model of the noise around an estimate."""
     decimation = made.tangent.problem.decimation
-    offsets = made.tangent.problem.centred
+    problem = made.tangent.problem
+    if problem.projected:
+        return noise_beside_own(made.tangent, problem, made.basis)
     chunks = made.tangent.some(read_of(made))
-    return noise_model(chunks, made.basis, decimation=decimation, offsets=offsets)
+    return noise_model(chunks, made.basis, decimation=decimation, offsets=problem.centred)
 
 
 def read_of(made: Estimate) -> int:
@@ -325,34 +309,6 @@ def _basis(linear: LinearFit, tangent: Tangent) -> Array:
 def _beside_shapes(rows: Array, shapes: int) -> Array:
     """Rows over coefficients (m, F), with zeros for the shapes."""
     return np.hstack([rows, np.zeros((len(rows), shapes))])
-
-
-def _split(
-    options: Mapping[str, Any], shapes: Sequence[ShapeParameter]
-) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Split options by name into those of coefficients and those of shapes (by full name)."""
-    known = [shape.name for shape in shapes]
-    coefficients: dict[str, Any] = {}
-    found: dict[str, Any] = {}
-    for name, value in options.items():
-        matches = [full for full in known if full == name or full.split(".")[-1] == name]
-        if len(matches) == 1:
-            found[matches[0]] = value
-        else:
-            coefficients[name] = value
-    return coefficients, found
-
-
-def _limits(shape: ShapeParameter, limits: Bounds) -> tuple[float, float]:
-    bounds = pair_of(limits, f"bounds: {shape.name}", "(low, high)")
-    low = max(shape.info.lower, shape.info.lower if bounds[0] is None else bounds[0])
-    high = min(shape.info.upper, shape.info.upper if bounds[1] is None else bounds[1])
-    if not low < high:
-        raise InputError(
-            f"bounds: {shape.name} from {bounds[0]} to {bounds[1]} leaves nothing of "
-            f"{shape.info.lower} to {shape.info.upper} {shape.info.unit}; give a wider range"
-        )
-    return low, high
 
 
 def newton(made: Estimate) -> Estimate | None:

@@ -30,6 +30,7 @@ from flexspline.errors import InputError
 from flexspline.least_squares.estimate import Estimate, newton, noise_of, read_of
 from flexspline.least_squares.late_load import Beside, basis_beside
 from flexspline.least_squares.noise_model import Chunk, Chunks, noise_model
+from flexspline.least_squares.per_run_noise import noise_beside_own
 from flexspline.least_squares.problem import Problem, Run
 from flexspline.least_squares.shapes import Tangent, filtered
 from flexspline.least_squares.uncertainty import Prior, Uncertainty, parameter_uncertainty
@@ -114,7 +115,10 @@ def uncertainty_of(made: Estimate, columns: Sequence[Array] | None = None) -> Un
         basis = basis_beside(made, columns)
         known = np.hstack([known, np.zeros((len(known), 1))])
     problem, chunks = made.tangent.problem, tangent.some(every)
-    noise = noise_model(chunks, basis, decimation=problem.decimation, offsets=problem.centred)
+    if problem.projected:
+        noise = noise_beside_own(tangent, problem, basis)
+    else:
+        noise = noise_model(chunks, basis, decimation=problem.decimation, offsets=problem.centred)
     prior = None
     if len(known):  # weighed against every row, while the noise model may skip some
         scale = np.sqrt(noise.decimation)

@@ -30,6 +30,7 @@ RESOLVED = 10.0
 SHARE = 0.5
 TOUCHED = 0.05
 NEGLIGIBLE = 1e-7
+MOST_NAMES = 24  # in a sentence
 
 
 @dataclass(frozen=True)
@@ -70,10 +71,13 @@ class Confounded:
         """What is confounded and why, in words."""
         if len(self.names) == 1:
             return f"{self.names[0]} is not excited by these runs: nothing is known of it"
-        names = ", ".join(self.names[:-1]) + " and " + self.names[-1]
+        names, more = self.names, len(self.names) - MOST_NAMES
+        if more > 1:
+            names = (*names[:MOST_NAMES], f"{more} more")
+        these = ", ".join(names[:-1]) + " and " + names[-1]
         if self.exact:
-            return f"{names} are indistinguishable: their columns are linearly dependent"
-        return f"{names} are indistinguishable in these runs (condition index {self.condition:.0f})"
+            return f"{these} are indistinguishable: their columns are linearly dependent"
+        return f"{these} are indistinguishable in these runs (condition index {self.condition:.0f})"
 
 
 def confounded_groups(

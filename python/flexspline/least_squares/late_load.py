@@ -156,9 +156,9 @@ def _columns(problem: Problem, made: Estimate) -> tuple[Array, ...]:
     """c of each run, low-passed and centred as its target is."""
     slopes = slopes_by(problem, made.linear.effects, made.linear.coefficients)
     smooth = [problem.smooth(run, one) for run, one in zip(problem.runs, slopes, strict=True)]
-    if not problem.centred:
+    if not problem.takes_out:
         return tuple(smooth)
-    return tuple(run.centred(one) for run, one in zip(problem.runs, smooth, strict=True))
+    return tuple(problem.apart(k, one) for k, one in enumerate(smooth))
 
 
 def slopes_by(

@@ -24,7 +24,7 @@ of [Aitken1936].
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from itertools import groupby
@@ -34,11 +34,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 from scipy.signal import lfilter
 
 from flexspline.errors import InputError
 from flexspline.least_squares.late_load import Beside, basis_beside
 from flexspline.least_squares.noise_model import Chunks, NoiseModel, pieces
+from flexspline.least_squares.per_run_noise import beside_own
 
 if TYPE_CHECKING:
     from flexspline.least_squares.estimate import Estimate
@@ -130,8 +132,15 @@ def _summed(fit: Fit, made: Estimate, noise: NoiseModel) -> _Sums:
     whitener = _Whitener(noise)
     width = basis.shape[1] + 1
     sums = _Sums(np.zeros((width, width)))
-    for _, group in groupby(tangent.pieces(), key=itemgetter(0)):
+    every = beside_own(tangent.pieces(), problem) if problem.projected else tangent.pieces()
+    for number, group in groupby(every, key=itemgetter(0)):
         chunks: Chunks = partial(map, itemgetter(2), group)
+        if problem.projected:
+            many = problem.own_basis(number).rows.shape[1]
+            beside = pieces(chunks, block_diag(basis, np.eye(many)), noise.decimation)
+            _add_beside_own(sums, beside, whitener)
+            sums.offsets += many
+            continue
         offset = np.zeros(width + 1)  # products of the run's own constant with all others
         for starts, rows, residual, _ in pieces(chunks, basis, noise.decimation):
             z = np.column_stack([rows, residual, np.ones(len(rows))])
@@ -145,6 +154,23 @@ def _summed(fit: Fit, made: Estimate, noise: NoiseModel) -> _Sums:
             sums.products -= np.outer(offset[:-1], offset[:-1]) / offset[-1]
             sums.offsets += 1
     return sums
+
+
+def _add_beside_own(
+    sums: _Sums, blocks: Iterable[tuple[bool, Array, Array, Array]], whitener: _Whitener
+) -> None:
+    """Add the rows of one run beside terms of its own, whose columns stand behind all others."""
+    width, found = len(sums.products), []
+    for starts, rows, residual, _ in blocks:
+        z = np.column_stack([rows[:, : width - 1], residual, rows[:, width - 1 :]])
+        white, logarithms = whitener(starts, z)
+        found.append(white.T @ white)
+        sums.logarithms += logarithms
+        sums.rows += len(z)
+    whole = np.sum(found, axis=0)
+    shared, own = slice(None, width), slice(width, None)
+    inverse = np.linalg.pinv(whole[own, own], hermitian=True)
+    sums.products += whole[shared, shared] - whole[shared, own] @ inverse @ whole[own, shared]
 
 
 class _Whitener:

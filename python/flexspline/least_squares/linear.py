@@ -157,7 +157,9 @@ def _carried(problem: Problem, effects: Sequence[Effect]) -> NDArray[np.intp]:
     """Which coefficients make a load."""
     owners = [effect for effect in effects for _ in effect.terms]
     columns = [k for k, owner in enumerate(owners) if owner.info.carries_load]
-    return np.asarray(problem.place(effects, 0)[columns], dtype=np.intp)
+    numbers = range(len(problem.runs)) if problem.own_columns(effects) else (0,)
+    places = [problem.place(effects, number)[columns] for number in numbers]
+    return np.asarray(np.unique(places), dtype=np.intp)
 
 
 def _stands(load: Array, made: Array) -> bool:

@@ -30,10 +30,20 @@ from flexspline.least_squares.result import Parameter
 from flexspline.least_squares.uncertainty import Uncertainty
 from flexspline.logs.log import Log
 
-__all__ = ["offset_parameters", "taken_out"]
+__all__ = [
+    "MANY_RUNS",
+    "TAIL",
+    "ZERO",
+    "offset_errors",
+    "offset_parameters",
+    "own_parameter",
+    "root_of",
+    "taken_out",
+]
 
 Array = NDArray[np.float64]
 
+ZERO = f"{OFFSET}.{OFFSET}"
 MANY_RUNS = 16  # from which offsets are taken out; few are columns, whose intervals were tested
 TAIL = 8  # times the noise's memory that a filter rings on
 
@@ -42,7 +52,7 @@ def taken_out(effects: Sequence[Effect], logs: Sequence[Log], given: Given) -> b
     """Whether the runs' offsets can be taken out: many, with nothing known of one alone."""
     if len(logs) < MANY_RUNS or given.robust or OFFSET not in [e.name for e in effects]:
         return False
-    names = coefficient_names(effects, [log.name for log in logs])
+    names = coefficient_names(effects, [log.name for log in logs], (ZERO,))
     offsets = [name for name in names if name.startswith(f"{OFFSET}.")]
     parts = {part for name in offsets for part in (name, *name.split(".", 1))}
     return not parts & {*given.fixed, *given.bounds, *given.priors}
@@ -53,14 +63,12 @@ def offset_parameters(
 ) -> list[Parameter]:
     """Return the offset of each run with its error, in the order of the runs."""
     runs = [run.log.name for run in problem.runs]
-    names = coefficient_names([offset], runs)
+    names = coefficient_names([offset], runs, (ZERO,))
     unit = unit_in(offset.terms[0].unit, problem.target, problem.known_load)
     width = len(made.fitted) + len(made.free_shapes)
     noise, covariance = uncertainty.noise, uncertainty.covariance
     spread = _residual_variance(problem, made, uncertainty)
     white = uncertainty.basis @ uncertainty.naive_core @ uncertainty.basis.T
-    freedom = float(max(noise.samples - noise.parameters, 1))
-    quantile = float(student.ppf(0.975, freedom))
     found = []
     for name, run, mean in zip(names, problem.runs, _means(made, width), strict=True):
         value = _value(problem, made, run)
@@ -68,15 +76,38 @@ def offset_parameters(
         error = float(np.sqrt(of_mean + mean @ covariance @ mean))
         independent = run.counted / noise.decimation
         naive = float(np.sqrt(spread / independent + mean @ white @ mean))
-        ends = (value - quantile * error, value + quantile * error)
-        worth = uncertainty.rows * (naive / error) ** 2 if error > 0.0 else float("nan")
-        found.append(
-            Parameter(
-                name, "coefficient", value, error, naive, ends, unit, "fitted", True, None, worth,
-                freedom,
-            )
-        )  # fmt: skip
+        found.append(own_parameter(name, value, error, naive, unit, uncertainty))
     return found
+
+
+def own_parameter(
+    name: str, value: float, error: float, naive: float, unit: str, uncertainty: Uncertainty,
+    told: bool = True,
+) -> Parameter:  # fmt: skip
+    """Return a coefficient of one run that was taken out; `told`: whether the run determines it."""
+    freedom = float(max(uncertainty.noise.samples - uncertainty.noise.parameters, 1))
+    quantile = float(student.ppf(0.975, freedom))
+    ends = (value - quantile * error, value + quantile * error)
+    worth = uncertainty.rows * (naive / error) ** 2 if error > 0.0 else float("nan")
+    state = "fitted" if told else "not determined"
+    return Parameter(
+        name, "coefficient", value, error, naive, ends, unit, state, told, None, worth, freedom
+    )
+
+
+def offset_errors(
+    problem: Problem, made: Estimate, uncertainty: Uncertainty
+) -> tuple[Array, Array]:
+    """Return σ² Σ h², (R,), and U (R, F) with U Uᵀ = X̄ cov β X̄ᵀ, of the runs' offsets."""
+    width = len(made.fitted) + len(made.free_shapes)
+    noise = [uncertainty.noise.innovation_variance * _squares(r, uncertainty) for r in problem.runs]
+    return np.array(noise), np.array([*_means(made, width)]) @ root_of(uncertainty)
+
+
+def root_of(uncertainty: Uncertainty) -> Array:
+    """Return B (P, K) with B Bᵀ = cov β."""
+    values, vectors = np.linalg.eigh(uncertainty.core)
+    return np.asarray(uncertainty.basis @ (vectors * np.sqrt(np.maximum(values, 0.0))))
 
 
 def _value(problem: Problem, made: Estimate, run: Run) -> float:

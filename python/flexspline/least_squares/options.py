@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from flexspline.effects import CATALOGUE, OF_MODEL, Effect, ShapeInfo
 from flexspline.errors import InputError, did_you_mean, listed
+from flexspline.formatting import short_names
 from flexspline.logs.plausible import MOST, given_number
 
 if TYPE_CHECKING:
@@ -26,11 +27,14 @@ __all__ = [
     "Bounds",
     "Constraints",
     "FitOptions",
+    "Given",
     "ShapeParameter",
     "bounds_of",
     "coefficient_names",
     "constraints_of",
+    "given_of",
     "pair_of",
+    "require_given",
     "require_robust",
     "resolve",
     "shapes_of",
@@ -54,7 +58,11 @@ class FitOptions:
         best (`Fit.inputs`); exact ones are read as recorded. ``float("inf")``: all channels are
         read as recorded, whatever their noise.
     robust : "huber" weighs down outliers and pushes [HuberRonchetti2009]; None does not.
-    offset_per_run : one offset for each run instead of one for all.
+    per_run : terms of which each run has its own coefficient while it shares all others, by
+        "effect.term", or by the effect for all its terms: ("offset",) for zeros that differ,
+        ("gravity", "inertia") for payloads. See `Fit.between_runs` and
+        `least_squares/own_terms.py`.
+    offset_per_run : the same as "offset" among `per_run`.
     simulation, simulated_torque : what any simulator predicts of the target, as for `compare`; the
         effects are fitted to what it lacks, and the model corrects it.
     threads : for the sums over the logs.
@@ -69,6 +77,7 @@ class FitOptions:
     bandwidth: float | None = None
     robust: str | None = None
     offset_per_run: bool = False
+    per_run: str | Sequence[str] = ()
     simulation: Log | Sequence[Log] | None = None
     simulated_torque: str | None = None
     threads: int = 1
@@ -131,17 +140,30 @@ class Constraints:
         return bool(np.isfinite(self.prior).any())
 
 
-def coefficient_names(effects: Sequence[Effect], runs: Sequence[str] = ()) -> list[str]:
+@dataclass(frozen=True)
+class Given:
+    """What is known or wanted of the parameters beforehand, by name, in their units."""
+
+    fixed: Mapping[str, float]
+    bounds: Mapping[str, Bounds]
+    priors: Mapping[str, tuple[float, float]]
+    robust: bool
+
+
+def coefficient_names(
+    effects: Sequence[Effect], runs: Sequence[str] = (), own: Sequence[str] = ()
+) -> list[str]:
     """Return "effect.term" of every coefficient, in the order of the columns.
 
-    `runs`: names of the runs that have an offset each; these come last.
+    `own`: terms of which each of the `runs` has its own; these come last, as "effect.term.run", or
+    "effect.run" where the only term is called as its effect.
     """
     names = [f"{effect.name}.{term.name}" for effect in effects for term in effect.terms]
-    if runs and "offset.offset" in names:
-        names.remove("offset.offset")
-        for k, run in enumerate(runs):
-            twice = runs.count(run) > 1
-            names.append(f"offset.{run}" + (f" ({k + 1})" if twice else ""))
+    mine = [name for name in own if name in names]
+    names = [name for name in names if name not in mine]
+    for k, run in enumerate(runs):
+        twice = f" ({k + 1})" if runs.count(run) > 1 else ""
+        names += [f"{short_names(name)}.{run}{twice}" for name in mine]
     return names
 
 
@@ -235,3 +257,61 @@ def pair_of(pair: Any, what: str, form: str) -> tuple[Any, Any]:
     if not isinstance(pair, Sequence) or isinstance(pair, str) or len(pair) != 2:
         raise InputError(f"{what} is {pair!r}; give {form}")
     return pair[0], pair[1]
+
+
+def given_of(
+    names: Sequence[str], shapes: Sequence[ShapeParameter], given: Given
+) -> tuple[Constraints, dict[str, float], dict[str, tuple[float, float]]]:
+    """Return what is known of the coefficients, values of held shapes, and limits of others.
+
+    Raises
+    ------
+    InputError
+        For a name that is no parameter, a value that is none, or bounds that leave nothing.
+    """
+    fixed, held = _split(given.fixed, shapes)
+    bounds, limits = _split(given.bounds, shapes)
+    held = {name: given_number(value, f"fixed: {name}") for name, value in held.items()}
+    priors, shape_priors = _split(given.priors, shapes)
+    for name in shape_priors:
+        raise InputError(f"priors: {name} is a shape, which takes no prior; fix or bound it")
+    known = constraints_of(names, fixed, bounds, priors, [shape.name for shape in shapes])
+    return known, held, {s.name: _limits(s, limits[s.name]) for s in shapes if s.name in limits}
+
+
+def require_given(effects: Sequence[Effect], given: Given) -> None:
+    """Refuse what a fit of these effects would refuse of `given`, before any run is read.
+
+    Of a ripple whose orders the runs are to tell, nobody knows the parameters yet: then nothing is
+    refused here.
+    """
+    if not any(e.ripple and not e.harmonics for e in effects):
+        given_of(coefficient_names(effects), shapes_of(effects), given)
+
+
+def _split(
+    options: Mapping[str, Any], shapes: Sequence[ShapeParameter]
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Split options by name into those of coefficients and those of shapes (by full name)."""
+    known = [shape.name for shape in shapes]
+    coefficients: dict[str, Any] = {}
+    found: dict[str, Any] = {}
+    for name, value in options.items():
+        matches = [full for full in known if full == name or full.split(".")[-1] == name]
+        if len(matches) == 1:
+            found[matches[0]] = value
+        else:
+            coefficients[name] = value
+    return coefficients, found
+
+
+def _limits(shape: ShapeParameter, limits: Bounds) -> tuple[float, float]:
+    bounds = pair_of(limits, f"bounds: {shape.name}", "(low, high)")
+    low = max(shape.info.lower, shape.info.lower if bounds[0] is None else bounds[0])
+    high = min(shape.info.upper, shape.info.upper if bounds[1] is None else bounds[1])
+    if not low < high:
+        raise InputError(
+            f"bounds: {shape.name} from {bounds[0]} to {bounds[1]} leaves nothing of "
+            f"{shape.info.lower} to {shape.info.upper} {shape.info.unit}; give a wider range"
+        )
+    return low, high

@@ -33,13 +33,14 @@ from numpy.typing import NDArray
 
 from flexspline import _core
 from flexspline.effects import Effect, require_effects
-from flexspline.effects.causes import BASIC_FRICTION, OFFSET
+from flexspline.effects.causes import BASIC_FRICTION
 from flexspline.errors import InputError, listed
 from flexspline.least_squares.sums import Sums, joined
 from flexspline.logs.derive import LowPass, lowpass
 from flexspline.logs.local_fit import LocalFit, require_bandwidth
 from flexspline.logs.log import Log
 from flexspline.logs.segments import runs, true_ranges
+from flexspline.own import Design, OwnEffect, design_of
 from flexspline.prepared import MOTION, Preparation, prepared
 from flexspline.requirements import (
     gear_for,
@@ -51,12 +52,15 @@ from flexspline.signals import channels_for, core_channels, target_of
 from flexspline.simulator import Simulated, simulation_of
 
 __all__ = [
+    "OwnBasis",
     "Problem",
     "Run",
     "away_from_ends",
     "coarser",
+    "columns_of",
     "kept_rows",
     "memory_warnings",
+    "own_basis_of",
     "problem_of",
     "resolved_rows",
     "settled",
@@ -70,6 +74,7 @@ SECONDS_A_BLOCK = 2.0
 MOST_BLOCKS = 400
 CHUNK = 1 << 15
 ROUNDING = 1e-12  # of a column's size: what is left of one that is constant in a run
+UNSEEN = 1e-9  # share of a run's own term that the run's others leave, at which they explain it
 KEPT = 24  # filtered effects of each run
 
 LEAST_SETTLED = 0.1  # of the rows; with fewer the guess of the start is the lesser evil
@@ -131,13 +136,27 @@ class Run:
 
 
 @dataclass(frozen=True)
+class OwnBasis:
+    """Directions that the K own terms of a run span, R of them orthonormal over rows that count.
+
+    `rows`: (N, R). `to_terms`: (K, R), rows = rows of the terms @ to_terms. `hidden`: (K,), terms
+    that the run does not determine.
+    """
+
+    rows: Array
+    to_terms: Array
+    hidden: NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
 class Problem:
     """Runs that one model explains.
 
     `gear`: effective ratio, output spline and whether the motor's angle is measured, as
     `_core.Design` takes them. `lowpass`: Hz, on target and rows alike, or None. `preparations`: of
     the channels that rows read. `centred`: whether an offset of each run is taken out of target and
-    rows (`offsets.py`).
+    rows (`offsets.py`). `own`: terms, "effect.term", of which each run has its own coefficient;
+    `projected`: the effects of these, where they are taken out of target and rows in the same way.
     `simulated`: the foreign simulation whose prediction is taken off every target, or None.
     """
 
@@ -148,9 +167,10 @@ class Problem:
     lowpass: float | None
     threads: int
     block_rows: int
-    offset_per_run: bool = False
+    own: tuple[str, ...] = ()
     preparations: tuple[Preparation, ...] = ()
     centred: bool = False
+    projected: tuple[Effect, ...] = ()
     simulated: Simulated | None = None
     kept: dict[Any, Array] = field(default_factory=dict, compare=False, repr=False)
     remembered: _core.Remembered = field(
@@ -171,13 +191,51 @@ class Problem:
     def place(self, effects: Sequence[Effect], number: int) -> NDArray[np.intp]:
         """Number of the parameter behind each column of the core for a run, (P,).
 
-        One offset for each run stands behind all other parameters.
+        What each run has of its own stands behind all other parameters, run after run.
         """
         columns = np.arange(sum(len(effect.terms) for effect in effects))
-        at = _offset_column(effects) if self.offset_per_run else None
-        if at is None:
+        at = self.own_columns(effects)
+        if not at:
             return columns
-        return np.where(columns == at, len(columns) - 1 + number, columns - (columns > at))
+        shared, place = np.delete(columns, at), np.empty_like(columns)
+        place[shared] = np.arange(len(shared))
+        place[at] = len(shared) + number * len(at) + np.arange(len(at))
+        return place
+
+    def own_columns(self, effects: Sequence[Effect]) -> list[int]:
+        """Return the columns of the core of which each run has a parameter of its own."""
+        if self.projected or not self.own:
+            return []
+        return columns_of(effects, self.own)
+
+    @property
+    def takes_out(self) -> bool:
+        """Whether something of each run is taken out of target and rows."""
+        return self.centred or bool(self.projected)
+
+    def apart(self, number: int, values: Array) -> Array:
+        """Values (N,) or (N, K) of a run without what its own terms can make of them."""
+        run = self.runs[number]
+        if self.centred:
+            return run.centred(values)
+        basis = self.own_basis(number).rows
+        parts = [slice(first, last) for first, last in run.stretches]
+        rest = values - basis @ sum(basis[part].T @ values[part] for part in parts)
+        size = np.max([np.abs(values[part]).max(axis=0) for part in parts], axis=0, initial=0.0)
+        left = np.max([np.abs(rest[part]).max(axis=0) for part in parts], axis=0, initial=0.0)
+        return np.where(left > ROUNDING * size, rest, 0.0)
+
+    def own_rows(self, effects: Sequence[Effect], number: int) -> Array:
+        """Columns of the terms in `own` of a whole run, low-passed as the target is: (N, K)."""
+        run = self.runs[number]
+        rows = self.design(effects).rows(run.channels, len(run), np.empty(0))
+        return self.smooth(run, np.asarray(rows)[:, columns_of(effects, self.own)])
+
+    def own_basis(self, number: int) -> OwnBasis:
+        """Return the directions that terms span which are taken out of a run."""
+        run = self.runs[number]
+        key = ("own", number, run.stretches)
+        return self.once(key, lambda: own_basis_of(run, self.own_rows(self.projected, number)))
 
     def once(self, key: Any, make: Callable[[], T]) -> T:
         """Return what `make` makes, which is kept: models come and go, the runs stay."""
@@ -187,8 +245,8 @@ class Problem:
         made: T = kept[key]
         return made
 
-    def design(self, effects: Sequence[Effect]) -> _core.Design:
-        return _core.Design([effect.for_core() for effect in effects], **self.gear)
+    def design(self, effects: Sequence[Effect]) -> Design:
+        return design_of(effects, self.gear)
 
     def sums(
         self,
@@ -217,7 +275,7 @@ class Problem:
             weight = None if weights is None else weights[number]
             off = nothing if held is None or not held.any() else held[place]
             carried = load[place] if load.size else nothing
-            if self.lowpass is None and not self.centred:
+            if self.lowpass is None and not self.takes_out:
                 high, low = design.accumulate(
                     run.channels,
                     run.target,
@@ -232,8 +290,8 @@ class Problem:
             else:
                 rows = self.rows(effects, number, carried)
                 target = run.target - rows @ off if off.size else run.target
-                if self.centred:
-                    rows, target = run.centred(rows), run.centred(target)
+                if self.takes_out:
+                    rows, target = self.apart(number, rows), self.apart(number, target)
                 if weight is not None and exact:
                     root = np.sqrt(weight)
                     rows, target, weight = rows * root[:, None], target * root, None
@@ -241,7 +299,7 @@ class Problem:
             lengths = np.array([last - first for first, last in blocks], dtype=np.int64)
             label = np.full(len(blocks), number, dtype=np.int64)
             pieces.append(Sums(high, low, lengths, label))
-            if self.offset_per_run:
+            if self.own_columns(effects):
                 pieces[-1] = pieces[-1].spread(place, self.parameters(effects))
         return joined(pieces)
 
@@ -292,17 +350,23 @@ class Problem:
         return [self.predict_run(effects, coefficients, k) for k in range(len(self.runs))]
 
     def predict_run(self, effects: Sequence[Effect], coefficients: Array, number: int) -> Array:
-        """Rows times coefficients of one run, (N,), and its own offset where that is taken out."""
+        """Rows times coefficients of one run, (N,), and its own terms where these are taken out."""
         values = self.combined(effects, coefficients, number)
+        return values + self.taken_out(number) if self.takes_out else values
+
+    def taken_out(self, number: int) -> Array:
+        """What the run's own terms make of its target: (N,), or () where it is their mean."""
         run = self.runs[number]
-        return values + run.mean(run.target) if self.centred else values
+        if self.centred:
+            return run.mean(run.target)
+        return run.target - self.apart(number, run.target)
 
     def combined(self, effects: Sequence[Effect], weights: Array, number: int) -> Array:
         """Rows of one run, as they are fitted, times weights: (N,)."""
         run, place = self.runs[number], self.place(effects, number)
         values = self.design(effects).predict(run.channels, len(run), weights[place])
         values = self.smooth(run, np.asarray(values))
-        return run.centred(values) if self.centred else values
+        return self.apart(number, values) if self.takes_out else values
 
     def pieces(self) -> Iterator[tuple[int, int, int]]:
         """Run number and row range of pieces small enough to hold a design matrix of."""
@@ -320,7 +384,7 @@ def problem_of(
     known_load: str | None,
     lowpass_hz: float | None,
     threads: int,
-    offset_per_run: bool = False,
+    own: Sequence[str] = (),
     preparations: Sequence[Preparation] = (),
     inputs: Sequence[Log] | None = None,
     counted: Sequence[NDArray[np.bool_]] | None = None,
@@ -330,7 +394,7 @@ def problem_of(
 
     `preparations`: how channels are made that the rows read; the target is that of the logs as
     they are. `inputs`: these logs with the channels so made, where rows were taken out since.
-    `counted`: rows (N,) of each log that count; None for all.
+    `counted`: rows (N,) of each log that count; None for all. `own`: see `Problem`.
 
     Raises
     ------
@@ -340,8 +404,6 @@ def problem_of(
     """
     require_effects(effects, target)
     require_load(effects, known_load)
-    if offset_per_run and OFFSET not in [effect.name for effect in effects]:
-        raise InputError(f"offset_per_run needs the effect '{OFFSET}'; add it to the effects")
     gear = gear_for(logs, target, effects, known_load)
     inputs = [*inputs] if inputs is not None else [prepared(log, preparations) for log in logs]
     made = [
@@ -355,7 +417,7 @@ def problem_of(
     rows = sum(run.counted for run in made)
     block = max(round(SECONDS_A_BLOCK * rate), rows // MOST_BLOCKS, 1)
     problem = Problem(
-        tuple(made), target, gear, known_load, lowpass_hz, threads, block, offset_per_run,
+        tuple(made), target, gear, known_load, lowpass_hz, threads, block, tuple(own),
         preparations=tuple(preparations), simulated=simulated,
     )  # fmt: skip
     return settled(problem, effects)
@@ -370,9 +432,28 @@ def _blocks(stretches: tuple[tuple[int, int], ...], length: int) -> list[tuple[i
     return cut
 
 
-def _offset_column(effects: Sequence[Effect]) -> int | None:
-    names = [effect.name for effect in effects for _ in effect.terms]
-    return names.index(OFFSET) if OFFSET in names else None
+def columns_of(effects: Sequence[Effect], terms: Sequence[str]) -> list[int]:
+    """Return the columns of terms, "effect.term", that the effects have, each once."""
+    names = [f"{effect.name}.{term.name}" for effect in effects for term in effect.terms]
+    return [names.index(term) for term in terms if term in names]
+
+
+def own_basis_of(run: Run, rows: Array) -> OwnBasis:
+    """Return the directions that rows (N, K) of a run's own terms span over those that count."""
+
+    def counted(values: Array) -> Array:
+        return np.concatenate([values[first:last] for first, last in run.stretches])
+
+    lengths = np.linalg.norm(counted(rows), axis=0)
+    scale = np.where(lengths > 0.0, lengths, 1.0)
+    _, sizes, right = np.linalg.svd(np.linalg.qr(counted(rows / scale), mode="r"))
+    seen = sizes > UNSEEN * max(float(sizes.max(initial=0.0)), 1.0)
+    right = right[: len(sizes)]
+    hidden = np.sum(right[seen] ** 2, axis=0) < 1.0 - UNSEEN
+    to_terms = right[seen].T / sizes[seen] / scale[:, None]
+    again = np.linalg.inv(np.linalg.qr(counted(rows @ to_terms), mode="r"))  # once lets terms that
+    to_terms = to_terms @ again  # are nearly one stand askew by rounding over what is left of them
+    return OwnBasis(rows @ to_terms, to_terms, hidden)
 
 
 def _cut(run: Run, counted: NDArray[np.bool_]) -> Run:
@@ -405,6 +486,9 @@ def _run(
     log = channels_for(made, effects, known_load)
     channels = core_channels(log, effects, known_load)
     require_finite(log, {**channels, target: y})
+    for effect in effects:
+        if isinstance(effect, OwnEffect):
+            effect.require_by_row(channels, len(log), log.name)
     stretches = [(int(first), int(last)) for first, last in runs(log["time"])]
     if cutoff is not None:
         require_bandwidth(cutoff, log.rate, f"log '{log.name}', low pass")

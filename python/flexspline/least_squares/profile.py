@@ -104,13 +104,13 @@ class Profile:
     def __str__(self) -> str:
         first = (
             f"{short_names(self.name)} = {short(self.value, 4)} {self.unit}, by its profile "
-            f"{_between(self.interval, self.unit)} ({100 * self.level:g} %); the Wald interval is "
+            f"{_either(self.parts, self.unit)} ({100 * self.level:g} %); the Wald interval is "
             f"{_between(self.wald, self.unit)}."
         )
         return " ".join([first, *self.notes])
 
     def __repr__(self) -> str:
-        return f"<Profile of {self.name}: {_between(self.interval, self.unit)}>"
+        return f"<Profile of {self.name}: {_either(self.parts, self.unit)}>"
 
     def plot(self) -> Figure:
         """Return a figure: the statistic over the value, its limit, and Wald's parabola."""
@@ -283,7 +283,8 @@ class _Search:
                 )
         if any(p.name not in fit.part.record["covariance"]["names"] for p in parameters):
             raise InputError(
-                "the offset of one of many runs has no profile of its own; its interval is exact"
+                "a term of one of many runs has no profile of its own; use its interval, which "
+                "is exact but for the noise model"
             )
         return cls(made, parameters, fit)
 
@@ -449,9 +450,14 @@ def _open(parameter: Parameter, interval: Interval) -> Iterator[str]:
 
 def _in_parts(parts: Sequence[Interval], unit: str) -> Iterator[str]:
     if len(parts) > 1:
-        each = [_between(part, unit) for part in parts]
-        said = f"{', '.join(each[:-1])} and {each[-1]}"
-        yield f"It has {len(parts)} parts, {said}: these runs do not tell which one is right."
+        gaps = [(one[1], other[0]) for one, other in pairwise(parts)]
+        said = " and ".join(_between(gap, unit) for gap in gaps)
+        yield f"These runs exclude {said}, and do not tell which of {len(parts)} parts is right."
+
+
+def _either(parts: Sequence[Interval], unit: str) -> str:
+    """The parts of an interval in words."""
+    return " or ".join(_between(part, unit) for part in parts)
 
 
 def _between(interval: Interval, unit: str) -> str:

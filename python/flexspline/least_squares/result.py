@@ -32,6 +32,7 @@ from flexspline.rendering import render
 if TYPE_CHECKING:
     import pandas
 
+    from flexspline.least_squares.between_runs import BetweenRuns
     from flexspline.least_squares.estimate import Estimate
     from flexspline.least_squares.late_load import LateLoad
     from flexspline.least_squares.likelihood import Likelihood
@@ -203,6 +204,8 @@ class Fit:
     solved : the estimate with the rows that it was made from, from which likelihood and profiles
         are computed when they are asked for; None of a fit of the motion.
     late : the delay of the load as the estimate was made beside it, or None.
+    between_runs : of each term that runs have of their own (`FitOptions.per_run`): its values, mean
+        and spread between the runs, and whether they differ. The model predicts with the mean.
     """
 
     model: Model
@@ -226,6 +229,7 @@ class Fit:
     bandwidth: float | None = None
     solved: Estimate | None = field(default=None, repr=False, compare=False)
     late: LateLoad | None = field(default=None, repr=False, compare=False)
+    between_runs: tuple[BetweenRuns, ...] = ()
 
     @property
     def part(self) -> Part:
@@ -408,8 +412,8 @@ class Fit:
         """Return the covariance of the parameters, rows and columns by name, in their units.
 
         NaN where there is none: in rows and columns of parameters that are fixed, at a bound or not
-        determined by the data; and, where many runs have an offset each, between such an offset and
-        all others.
+        determined by the data; and, where many runs have terms of their own, between such a term
+        and all others.
         """
         import pandas
 

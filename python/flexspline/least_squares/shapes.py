@@ -317,7 +317,7 @@ def bent(
     weights: Sequence[Array] | None,
 ) -> Bent:
     """Return how a fit bends with shapes."""
-    count, runs = problem.parameters(found.effects), _own_offsets(problem, found.effects)
+    count, runs = problem.parameters(found.effects), _own_count(problem, found.effects)
     sides = [_sides(found, problem, shape) for shape in shapes]
     moved = [effect for side in sides for effect in side[0]]
     every = (*found.effects, *moved)
@@ -358,10 +358,9 @@ def _sides(found: LinearFit, problem: Problem, shape: ShapeParameter) -> tuple[l
     return moved, np.concatenate(shares)
 
 
-def _own_offsets(problem: Problem, effects: Sequence[Effect]) -> int:
-    """How many offsets stand behind all other parameters, one for each run."""
-    alone = problem.offset_per_run and any(effect.info.traits.constant for effect in effects)
-    return len(problem.runs) if alone else 0
+def _own_count(problem: Problem, effects: Sequence[Effect]) -> int:
+    """How many parameters of single runs stand behind all others."""
+    return len(problem.own_columns(effects)) * len(problem.runs)
 
 
 def _at(places: NDArray[np.intp], width: int, values: Array) -> Array:
@@ -449,7 +448,7 @@ class Tangent:
     def _whole_runs(self) -> bool:
         """Whether rows need all rows before them: filters and memory do."""
         remembers = any(effect.info.remembers for effect in self.effects)
-        return remembers or self.problem.lowpass is not None or self.problem.centred
+        return remembers or self.problem.lowpass is not None or self.problem.takes_out
 
     def whole(self, number: int) -> Array:
         """Columns of `_rows` of a whole run, low-passed as the target is."""
@@ -457,11 +456,11 @@ class Tangent:
         return self.problem.smooth(run, self._rows(number, 0, len(run)))
 
     def _whole_run(self, number: int) -> Array:
-        run, rows = self.problem.runs[number], self.whole(number)
-        if not self.problem.centred:
+        rows = self.whole(number)
+        if not self.problem.takes_out:
             return rows
-        rows = run.centred(rows)
-        rows[:, -1] += run.mean(run.target)
+        rows = self.problem.apart(number, rows)
+        rows[:, -1] += self.problem.taken_out(number)
         return rows
 
 

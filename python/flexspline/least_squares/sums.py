@@ -21,6 +21,7 @@ from flexspline import _core
 from flexspline.effects import Effect, effect, require_effects
 from flexspline.errors import InputError
 from flexspline.logs.read import LogLike, as_log, is_one
+from flexspline.own import design_of
 from flexspline.requirements import gear_for, require_finite, require_load
 from flexspline.signals import channels_for, core_channels, target_of
 
@@ -208,7 +209,7 @@ def accumulate(
         log = channels_for(log, chosen, known_load)
         channels = core_channels(log, chosen, known_load)
         y = target_of(log, target, known_load)
-        design = _core.Design([e.for_core() for e in chosen], **gear_for([log], target, chosen))
+        design = design_of(chosen, gear_for([log], target, chosen))
         blocks = [(i, min(i + BLOCK, len(log))) for i in range(0, len(log), BLOCK)]
         nothing = np.empty(0)
         high, low = design.accumulate(

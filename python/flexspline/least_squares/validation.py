@@ -23,6 +23,13 @@ s, c the sums of z and r over the m rows of it that a fold holds out, the n othe
 −s/n and −c/n, and centred about these
 
     Σ_other Z Zᵀ − s sᵀ/n,     Σ_other Z r − s c/n,     offset's move (sᵀδ − c)/n
+
+Of other terms that runs have of their own (`Problem.projected`), with the orthonormal columns Q of
+`Problem.own_basis`, s = Qᵀz and c = Qᵀr over the m rows, and G = QᵀQ over the n others:
+
+    Σ_other Z Zᵀ − s G⁺ sᵀ,     Σ_other Z r − s G⁺ c,     the move along Q G⁺(sᵀδ − c)
+
+A held-out block is so predicted with what the rest of its run says of the run's own terms.
 """
 
 from __future__ import annotations
@@ -52,6 +59,7 @@ __all__ = [
     "groups",
     "score",
     "scores_of",
+    "steps_without_runs",
 ]
 
 Array = NDArray[np.float64]
@@ -62,6 +70,7 @@ RUNS_NEEDED = 4
 BLOCKS = 8
 MOST_FOLDS = 40  # runs or blocks beyond are left out several at a time
 WAYS = (0.0, 0.5, 1.0)
+LEFT = 1e-9  # share of a run's own direction in its other rows, from which these tell of it
 NEAR = 0.01  # of its value that a shape may move along the tangent alone
 FARTHEST = np.log(4.0)  # that a shape may go from the solution of all, as a factor
 
@@ -88,13 +97,15 @@ class Validation:
 
 @dataclass(frozen=True)
 class _Moves:
-    """What leaving folds out does: δ (F + S,) of each, and the move of a run's own offset.
+    """What leaving folds out does: δ (F + S,) of each, and the move of what a run has of its own.
 
-    `offsets`: by fold and run, where offsets are taken out.
+    `offsets`: by fold and run, where offsets are taken out; `along`: along the directions of
+    `Problem.own_basis`, where other terms are.
     """
 
     steps: list[Array]
     offsets: dict[tuple[int, int], float]
+    along: dict[tuple[int, int], Array]
 
 
 def cross_validate(made: Estimate) -> Validation:
@@ -107,7 +118,7 @@ def cross_validate(made: Estimate) -> Validation:
 
 def folds_of(problem: Problem) -> tuple[list[Fold], str]:
     """Return what is left out in turn, and what that is in words."""
-    own_offsets = problem.offset_per_run or problem.centred
+    own_offsets = bool(problem.own) or problem.centred
     by_runs = len(problem.runs) >= RUNS_NEEDED and not own_offsets
     parts = [
         (number, first, last)
@@ -132,6 +143,7 @@ def _moves(made: Estimate, folds: Sequence[Fold]) -> _Moves:
     products = np.zeros((len(folds), width, width))
     correlations = np.zeros((len(folds), width))
     sums: dict[tuple[int, int], Array] = defaultdict(lambda: np.zeros(width + 2))
+    owned: dict[tuple[int, int], Array] = {}
     parts = _by_run(folds)
     pieces = made.tangent.pieces()
     if made.denominator is not None:
@@ -145,6 +157,10 @@ def _moves(made: Estimate, folds: Sequence[Fold]) -> _Moves:
             if problem.centred:
                 total = [chunk.residual[part].sum(), part.stop - part.start]
                 sums[fold, number] += np.append(z[part].sum(axis=0), total)
+            if problem.projected:
+                own = problem.own_basis(number).rows[rows][part]
+                both = own.T @ np.column_stack([z[part], chunk.residual[part], own])
+                owned[fold, number] = owned.get((fold, number), np.zeros_like(both)) + both
     known = made.prior_rows @ made.basis
     whole = products.sum(axis=0) + known.T @ known
     left = {key: problem.runs[key[1]].counted - int(total[-1]) for key, total in sums.items()}
@@ -152,6 +168,11 @@ def _moves(made: Estimate, folds: Sequence[Fold]) -> _Moves:
         of_rows, of_residual = sums[key][:-2], sums[key][-2]
         products[key[0]] += np.outer(of_rows, of_rows) / max(count, 1)
         correlations[key[0]] += of_rows * of_residual / max(count, 1)
+    inverses = {key: _others(both[:, width + 1 :]) for key, both in owned.items()}
+    for key, both in owned.items():
+        spread = both[:, :width].T @ inverses[key]
+        products[key[0]] += spread @ both[:, :width]
+        correlations[key[0]] += spread @ both[:, width]
     steps = [
         np.linalg.lstsq(whole - without, -pull, rcond=1e-13)[0]
         for without, pull in zip(products, correlations, strict=True)
@@ -160,7 +181,27 @@ def _moves(made: Estimate, folds: Sequence[Fold]) -> _Moves:
         key: float(sums[key][:-2] @ steps[key[0]] - sums[key][-2]) / max(count, 1)
         for key, count in left.items()
     }
-    return _Moves([made.basis @ step for step in steps], offsets)
+    along = {
+        key: inverses[key] @ (both[:, :width] @ steps[key[0]] - both[:, width])
+        for key, both in owned.items()
+    }
+    return _Moves([made.basis @ step for step in steps], offsets, along)
+
+
+def _others(held_out: Array) -> Array:
+    """G⁺ of the rows that are not held out, of whose products (R, R) all rows have the identity."""
+    values, vectors = np.linalg.eigh(np.eye(len(held_out)) - held_out)
+    left = values > LEFT
+    return np.asarray(vectors[:, left] / values[left] @ vectors[:, left].T)
+
+
+def steps_without_runs(made: Estimate) -> list[Array]:
+    """Return δ (F + S,) of the fit without each run in turn.
+
+    It moves nothing that the run alone determines, as terms of its own.
+    """
+    runs = made.tangent.problem.runs
+    return _moves(made, [((number, 0, len(run)),) for number, run in enumerate(runs)]).steps
 
 
 def _moved(made: Estimate, folds: Sequence[Fold], moves: _Moves) -> tuple[Array, ...]:
@@ -171,6 +212,9 @@ def _moved(made: Estimate, folds: Sequence[Fold], moves: _Moves) -> tuple[Array,
         for fold, part in _inside(parts[number], rows):
             held_out = chunk.residual[part] - chunk.rows[part] @ moves.steps[fold]
             held_out -= moves.offsets.get((fold, number), 0.0)
+            if moves.along:
+                own = made.tangent.problem.own_basis(number).rows[rows][part]
+                held_out -= own @ moves.along[fold, number]
             residuals[number][rows.start + part.start : rows.start + part.stop] = held_out
     return tuple(residuals)
 

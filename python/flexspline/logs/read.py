@@ -73,7 +73,7 @@ READ_KEYS: Final = (
 
 def read_log(
     source: str | os.PathLike[str] | NDArray[Any] | Mapping[str, Any] | Any,
-    columns: Mapping[str, ColumnSpec] | None = None,
+    columns: Mapping[str, ColumnSpec] | str | os.PathLike[str] | None = None,
     *,
     gear_ratio: float | None = None,
     output_spline: Literal["circular", "flex"] | None = None,
@@ -104,10 +104,12 @@ def read_log(
         Delimited text, .npy (left on disk where no unit is changed), .npz, .mat (all
         versions), .json (records), each also packed as .gz, .bz2, .xz or .zip; a matrix
         (the longer side is time), a structured array, a dictionary, a table of pandas.
-    columns : mapping of channel to column, optional
+    columns : mapping of channel to column, or path of a column map, optional
         A column is a name or a number (from 0), ``(name, unit)``, or a `ColumnSource`
         with unit, sign, scale, bits and clock. Columns that already have a channel's name
-        need no entry; all others are ignored, and named in the history.
+        need no entry; all others are ignored, and named in the history. Of a map in a TOML file
+        (`guess_map(...).save`, `flexspline init`) all sections count, see `convert`; what is given
+        here beside it, other than the default, overrules it.
     gear_ratio, output_spline, pole_pairs, slots, torque_constant
         Facts of the joint; `torque_constant` in Nm/A at the motor. With it
         and a motor_current, motor_torque is derived where the file has none.
@@ -143,20 +145,27 @@ def read_log(
     InputError
         One sentence: file, row or column, what is wrong, what to do.
     """
-    read = _read(source, columns, {
+    how = {
         "gear_ratio": gear_ratio, "output_spline": output_spline, "pole_pairs": pole_pairs,
         "slots": slots, "torque_constant": torque_constant, "rate": rate, "name": name,
         "header": header, "separator": separator, "decimal": decimal, "encoding": encoding,
         "variable": variable, "drop_rows": drop_rows, "skip_lines": skip_lines,
         "skip_footer": skip_footer, "units_row": units_row, "max_memory": max_memory,
         "facts": facts, "joint": joint,
-    })  # fmt: skip
+    }  # fmt: skip
+    if isinstance(columns, (str, os.PathLike)):
+        said = map_arguments(columns, joint)
+        refuse_split(said, f"{columns}: read_log reads one run, read_runs several")
+        usual = inspect.signature(read_log).parameters
+        given = {key: value for key, value in how.items() if value != usual[key].default}
+        columns, repair, how = _beside_map(said, repair, how | {"facts": {}}, given)
+    read = _read(source, columns, how)
     return read.repaired(read.log, repair)
 
 
 def read_runs(
     source: str | os.PathLike[str] | NDArray[Any] | Mapping[str, Any] | Any,
-    columns: Mapping[str, ColumnSpec] | None = None,
+    columns: Mapping[str, ColumnSpec] | str | os.PathLike[str] | None = None,
     *,
     split_column: str | int | None = None,
     split_gaps: Gaps = None,
@@ -208,7 +217,7 @@ class CutRuns:
 
 def cut_runs(
     source: Any,
-    columns: Mapping[str, ColumnSpec] | None = None,
+    columns: Mapping[str, ColumnSpec] | str | os.PathLike[str] | None = None,
     *,
     split_column: str | int | None = None,
     split_gaps: Gaps = None,
@@ -216,6 +225,11 @@ def cut_runs(
     **how: Any,
 ) -> CutRuns:
     """Return what `read_runs` reads, and what is left out."""
+    if isinstance(columns, (str, os.PathLike)):
+        mapped = map_arguments(columns, how.get("joint"))
+        split_column = mapped.pop("split_column", None) if split_column is None else split_column
+        split_gaps = mapped.pop("split_gaps", None) if split_gaps is None else split_gaps
+        columns, repair, how = _beside_map(mapped, repair, {}, how)
     cut = Cut(split_column, split_gaps)
     asked = inspect.signature(read_log).bind(source, columns, **how)
     asked.apply_defaults()
@@ -229,6 +243,18 @@ def cut_runs(
         named = run.with_facts({"name": f"{read.log.name}_{number}"}, note=said)
         runs.append(read.repaired(named, repair))
     return CutRuns(tuple(runs), parts.left_out, said)
+
+
+def _beside_map(
+    said: Mapping[str, Any], repair: Repairs, usual: Mapping[str, Any], given: Mapping[str, Any]
+) -> tuple[Mapping[str, ColumnSpec], Repairs, dict[str, Any]]:
+    """Return columns, repairs and the other arguments where a map says some and a call others.
+
+    `said`: by the map; `usual`: where neither says; `given`: by the call.
+    """
+    how = {**usual, **{key: said[key] for key in said if key not in _NOT_HOW}, **given}
+    how["facts"] = {**said["facts"], **(given.get("facts") or {})}
+    return said["columns"], repair or said.get("repair", ()), how
 
 
 _NOT_HOW: Final = ("source", "columns", "repair")

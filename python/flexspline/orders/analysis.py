@@ -30,6 +30,7 @@ from flexspline.orders.vibrations import (
     compete,
     one_speed,
 )
+from flexspline.rendering import render
 
 if TYPE_CHECKING:
     import pandas
@@ -270,24 +271,8 @@ class OrderAnalysis:
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the amplitude over orders per output turn, the orders found marked."""
-        ax = self.spectrum.plot(ax)
-        for number, found in enumerate(self.found):
-            ax.plot(found.per_output_turn, found.amplitude, "v", color="C3", markersize=4)
-            if number < 15:
-                ax.annotate(
-                    f"{found.per_output_turn:.6g}",
-                    (found.per_output_turn, found.amplitude),
-                    (0, 5),
-                    textcoords="offset points",
-                    fontsize=8,
-                    rotation=60,
-                )
-        highest = max((found.amplitude for found in self.found), default=0.0)
-        ax.set_ylim(0, 1.2 * max(ax.get_ylim()[1], highest))
-        ax.set_title(
-            f"{len(self.found)} orders found in {self.runs} run{'' if self.runs == 1 else 's'}"
-        )
-        return ax
+        drawn: Axes = render("order analysis", "axes", self, ax)
+        return drawn
 
     def __repr__(self) -> str:
         return f"<OrderAnalysis of {self.channel}: {len(self.found)} orders>"

@@ -10,7 +10,6 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from tqdm import tqdm
 
 from flexspline.effects import Effect
 from flexspline.effects.causes import INERTIA
@@ -32,6 +31,7 @@ from flexspline.output_error.cost import (
 from flexspline.output_error.settings import MotionOptions, Settings, settings_of, with_servo_torque
 from flexspline.output_error.space import space_of
 from flexspline.part import PART_OF
+from flexspline.progress import Progress
 
 if TYPE_CHECKING:
     from flexspline.forward.servo import PositionServo
@@ -121,16 +121,17 @@ def _best_motion(
 
     law = settings.controller
     driven = [log if law is None else with_servo_torque(log, law, target) for log in logs]
-    with tqdm(desc="regression", unit=" simulations", disable=not settings.options.progress,
-              leave=False, delay=1.0) as bar:  # fmt: skip
+    shown = settings.options.progress
+    with Progress("fitting the motion", shown, unit=" simulations") as bar:
+        bar.say("regression")
         regression = regress(driven)
-        cost = cost_of(regression, driven, settings, bounds, lambda: bar.update())
+        cost = cost_of(regression, driven, settings, bounds, bar.step)
         found = []
         for number, start in enumerate(starts_of(cost, regression, settings)):
-            bar.set_description(f"start {number + 1} of {settings.options.starts}")
+            bar.say(f"start {number + 1} of {settings.options.starts}")
             found.append(descend(cost, start, EVALUATIONS))
         best = best_of(found)
-        bar.set_description("without each fold")
+        bar.say("without each fold")
         folds = folds_of(cost.counts, settings.options.folds)
         without = refitted(cost, best, folds, EVALUATIONS)
         errors = errors_of(cost, best.point, [fold.point for fold in without])

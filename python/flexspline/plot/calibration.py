@@ -61,7 +61,7 @@ LOOK_FOR = {
 
 def plot_calibration(result: CalibrationResult) -> Figure:
     """Return a figure with a panel for each view that the runs allow."""
-    return panelled(panels(result), 3.7)
+    return panelled(panels(result))
 
 
 def panels(result: CalibrationResult) -> list[Panel]:

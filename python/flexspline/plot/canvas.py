@@ -8,14 +8,17 @@ import math
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, NullFormatter, ScalarFormatter
+from matplotlib.font_manager import FontProperties
+from matplotlib.textpath import text_to_path
+from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 from numpy.typing import NDArray
 
 from flexspline.logs.channels import CHANNELS
@@ -23,9 +26,12 @@ from flexspline.logs.channels import CHANNELS
 __all__ = [
     "GREY",
     "INK",
+    "LEAST",
     "MOST_COLOURED_RUNS",
     "MOST_POINTS",
     "PALETTE",
+    "STRETCH",
+    "TITLE",
     "Bands",
     "Panel",
     "PlainFigure",
@@ -34,10 +40,12 @@ __all__ = [
     "channel_label",
     "colours_of_runs",
     "legend",
-    "orders_axis",
+    "log_axis",
+    "middle",
     "outline",
     "own_style",
     "panelled",
+    "part_of",
     "plain",
     "spread_evenly",
     "titled",
@@ -49,6 +57,15 @@ INK = "#26282b"
 GREY = "#8a8f98"
 MOST_COLOURED_RUNS = 10
 NARROW = 300.0  # ratio of an axis' ends up to which three numbers a decade have room
+WITHIN_A_DECADE = 8.0  # ratio below which 1, 2 and 5 of a decade would be fewer than three numbers
+
+# points; a report scales a figure so that the least text is 9 px high on a screen of 400 px
+TITLE, LABELS, TICKS, LEAST = 10.5, 9.5, 8.5, 8.0
+TICK_EMS = 4.5  # widths of the letter m that a number on the horizontal axis and its gap may take
+HANDLE = 1.6  # of these, a line in a legend
+MARGIN = 0.15  # of the width of axes before they are laid out: room for numbers beside them
+
+STRETCH = 10.0  # s of a run that can be looked at in one go
 
 _CHANNEL_WORDS = {
     "output_position": "output angle [rad]",
@@ -89,10 +106,11 @@ def own_style() -> Iterator[None]:
 
 @dataclass(frozen=True)
 class Panel:
-    """One view: what draws it on axes, and what to look for in it."""
+    """One view: what draws it on axes, what to look for in it, and its height in inches."""
 
     draw: Callable[[Axes], object]
     look_for: str
+    height: float = 3.4
 
 
 class PlainFigure(Figure):
@@ -109,11 +127,11 @@ class PlainFigure(Figure):
         return made.getvalue()
 
 
-def panelled(panels: Sequence[Panel], height: float) -> PlainFigure:
-    """Return a figure of the panels, two in a row, each row `height` inches."""
-    rows = -(-len(panels) // 2)
-    figure = PlainFigure(11.0, height * rows)
-    cells = figure.subfigures(rows, 2, squeeze=False).ravel()
+def panelled(panels: Sequence[Panel]) -> PlainFigure:
+    """Return a figure of the panels, two in a row, each row as high as its higher panel."""
+    heights = [max(p.height for p in panels[k : k + 2]) for k in range(0, len(panels), 2)]
+    figure = PlainFigure(11.0, sum(heights))
+    cells = figure.subfigures(len(heights), 2, squeeze=False, height_ratios=heights).ravel()
     for cell, panel in zip(cells, panels, strict=False):
         panel.draw(cell.add_subplot())
     return figure
@@ -127,45 +145,118 @@ def axes_or_new(ax: Axes | None, width: float = 6.0, height: float = 3.8) -> Axe
     ax.set_axisbelow(True)
     ax.spines[["top", "right"]].set_visible(False)
     ax.spines[["left", "bottom"]].set_color(INK)
-    ax.tick_params(colors=INK, labelcolor=INK, labelsize=8.5)
-    for part in (ax.xaxis.label, ax.yaxis.label):
-        part.set_color(INK)
-        part.set_fontsize(9.5)
+    ax.tick_params(which="both", colors=INK, labelcolor=INK, labelsize=TICKS)
+    for axis in (ax.xaxis, ax.yaxis):
+        axis.label.set(color=INK, fontsize=LABELS)
+        axis.get_offset_text().set(color=INK, fontsize=LEAST)
+    locator = ax.xaxis.get_major_locator()
+    if isinstance(locator, MaxNLocator):
+        locator.set_params(nbins=max(2, min(9, int(_room(ax) / (TICK_EMS * TICKS)))))
     return ax
 
 
-def titled(ax: Axes, title: str) -> None:
-    """Set a title that does not shout."""
-    ax.set_title(title, loc="left", fontsize=10.5, color=INK, parse_math=False)
+def titled(ax: Axes, title: str, above: float = 0.0) -> None:
+    """Set a title that does not shout, in as many lines as it needs, points above the axes.
 
-
-def legend(ax: Axes, columns: int = 1, *, beside: bool = False) -> None:
-    """Add a legend of what has a label, if anything has; `beside` the axes where they are full."""
-    if not ax.get_legend_handles_labels()[1]:
-        return
-    ax.legend(
-        fontsize=7.5,
-        loc="upper left" if beside else "best",
-        frameon=False,
-        labelcolor=INK,
-        ncols=columns,
-        bbox_to_anchor=(1.0, 1.0) if beside else None,
-    )
-
-
-def orders_axis(ax: Axes) -> None:
-    """Make the horizontal axis of what is drawn logarithmic, marked with plain numbers.
-
-    Where no order above zero is drawn, as of runs of which few rows count, it stays as it is.
+    A legend lifts it. Dollars are dollars, however `plain` had to write them for a legend.
     """
-    if not math.isfinite(ax.xaxis.get_minpos()):
+    words = title.replace(r"\$", "$").replace("\n", " ").split(" ")
+    shown = "\n".join(_broken(words, _room(ax)))
+    ax.set_title(
+        shown, loc="left", fontsize=TITLE, color=INK, parse_math=False, pad=5.0 + above
+    )  # fmt: skip
+    if ax.get_legend() is not None and not above:
+        legend(ax)
+
+
+def legend(ax: Axes) -> None:
+    """Add a legend of what has a label, if anything has, between title and axes: never over data.
+
+    It has as many columns as fit above the axes.
+    """
+    handles, labels = ax.get_legend_handles_labels()
+    if not labels:
         return
-    ax.set_xscale("log")
-    low, high = ax.get_xlim()
-    few = high < NARROW * low
-    ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if few else (1.0,)))
-    ax.xaxis.set_major_formatter(ScalarFormatter())
-    ax.xaxis.set_minor_formatter(NullFormatter())
+    columns = _columns([_width(label, LEAST) for label in labels], _room(ax))
+    ax.legend(
+        handles, labels, fontsize=LEAST, frameon=False, labelcolor=INK, ncols=columns,
+        loc="lower right", bbox_to_anchor=(1.0, 1.0), borderpad=0.0, borderaxespad=0.3,
+        labelspacing=0.3, handlelength=HANDLE, handletextpad=0.5, columnspacing=1.2,
+    )  # fmt: skip
+    rows = -(-len(labels) // columns)
+    titled(ax, ax.get_title(loc="left"), LEAST * (1.6 * rows + 0.3))
+
+
+def _room(ax: Axes) -> float:
+    """Points that the axes are wide, less what names of rows beside them take of that."""
+    figure = ax.get_figure(root=True)
+    assert figure is not None
+    whole = float(ax.get_window_extent().width * 72.0 / figure.dpi)
+    named = isinstance(ax.yaxis.get_major_locator(), FixedLocator)
+    rows = [_width(row.get_text(), LEAST) for row in ax.get_yticklabels()] if named else []
+    return whole - max(0.0, max(rows, default=0.0) - MARGIN * whole)
+
+
+def _width(text: str, size: float) -> float:
+    """Points that a text is wide."""
+    font = FontProperties(size=size)
+    return float(text_to_path.get_text_width_height_descent(text, font, ismath=False)[0])
+
+
+def _broken(words: Sequence[str], room: float) -> list[str]:
+    """Lines of a title that are no wider than the room where words allow it."""
+    lines = [""]
+    for word in words:
+        longer = f"{lines[-1]} {word}".strip()
+        if lines[-1] and _width(longer, TITLE) > room:
+            lines.append(word)
+        else:
+            lines[-1] = longer
+    return lines
+
+
+def _columns(widths: Sequence[float], room: float) -> int:
+    """How many columns of a legend fit side by side; Matplotlib fills one after the other."""
+    beside = (HANDLE + 0.5 + 1.2) * LEAST
+    for columns in range(len(widths), 1, -1):
+        parts = np.array_split(np.asarray(widths), columns)
+        if sum(part.max() + beside for part in parts) <= room:
+            return columns
+    return 1
+
+
+def log_axis(ax: Axes, which: Literal["x", "y"]) -> None:
+    """Make an axis of what is drawn logarithmic, marked with plain numbers of one size.
+
+    Where nothing above zero is drawn, as of runs of which few rows count, it stays as it is.
+    """
+    axis: Axis = getattr(ax, f"{which}axis")
+    if not math.isfinite(axis.get_minpos()):
+        return
+    ax.set(**{f"{which}scale": "log"})
+    low, high = sorted(axis.get_view_interval())
+    axis.set_major_locator(
+        MaxNLocator(5) if high < WITHIN_A_DECADE * low
+        else LogLocator(subs=(1.0, 2.0, 5.0) if high < NARROW * low else (1.0,))
+    )  # fmt: skip
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}".replace("-", "−")))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def middle(time: Array) -> slice:
+    """Return the rows (N,) of the ten seconds in the middle of a run, or all of a shorter one."""
+    centre = 0.5 * (time[0] + time[-1])
+    return slice(*np.searchsorted(time, [centre - STRETCH / 2, centre + STRETCH / 2]))
+
+
+def part_of(time: Array, some: slice) -> str:
+    """Return ": a to b of c s", in one piece, for the title of some rows; "" of all of them."""
+    own = time[some]
+    if len(own) >= len(time) - 1:
+        return ""
+    first, last, whole = (f"{t - time[0]:.3g}" for t in (own[0], own[-1], time[-1]))
+    told = f"{first} to {last} of {whole} s".replace(" ", "\N{NO-BREAK SPACE}")
+    return f": {told}"
 
 
 def plain(name: str) -> str:
@@ -182,11 +273,11 @@ def channel_label(channel: str) -> str:
 
 
 def colours_of_runs(count: int) -> list[Any]:
-    """Return a colour for each run: a sequence that reads in grey too, one for too many runs."""
+    """Return a colour for each run: one alone for very many; they read in grey, white, black."""
     if count == 1 or count > MOST_COLOURED_RUNS:
         return [PALETTE[0]] * count
     shades = matplotlib.colormaps["viridis"]
-    return [shades(0.22 + 0.6 * k / (count - 1)) for k in range(count)]
+    return [shades(0.34 + 0.44 * k / (count - 1)) for k in range(count)]
 
 
 @dataclass(frozen=True)

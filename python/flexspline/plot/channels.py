@@ -18,12 +18,13 @@ from flexspline.logs.segments import median_step, runs
 from flexspline.plot.canvas import (
     GREY,
     INK,
+    LEAST,
     PALETTE,
+    TITLE,
     PlainFigure,
     axes_or_new,
     channel_label,
     outline,
-    titled,
 )
 
 if TYPE_CHECKING:
@@ -72,7 +73,10 @@ def plot_channels(log: Log, findings: Findings | None = None) -> PlainFigure:
     of_all = [_said(f) for f in findings or () if f.channel in EVERYWHERE]
     axes[-1].set_xlabel(": ".join([_clock(log)[1], *([" · ".join(of_all)] if of_all else [])]))
     said = "channels" if findings is None else str(findings).partition("\n")[0].split(": ")[-1]
-    titled(axes[0], f"{log.name}: {said}")
+    figure.align_ylabels(axes)
+    figure.suptitle(
+        f"{log.name}: {said}", x=0.01, ha="left", fontsize=TITLE, color=INK, parse_math=False
+    )
     if excited:
         effects_excited(excited, figure.add_subplot(grid[-1]))
     gaps = _gaps(log, findings or ())
@@ -83,7 +87,7 @@ def plot_channels(log: Log, findings: Findings | None = None) -> PlainFigure:
         marks = [Patch(color=colour, alpha=0.45, label=said) for said, colour in there.items()]
         figure.legend(
             handles=marks, loc="outside lower right", ncols=4, frameon=False, labelcolor=INK,
-            fontsize=8,
+            fontsize=LEAST,
         )  # fmt: skip
     return figure
 
@@ -96,12 +100,12 @@ def effects_excited(excited: Sequence[Excited], ax: Axes) -> Axes:
         fill = PALETTE[2] if one.excited else "none"
         ax.scatter(x, y, s=30.0, facecolor=fill, edgecolor=PALETTE[2] if one.excited else GREY)
         words = one.effect.replace("_", " ")
-        ax.text(x + 0.012, y, words, fontsize=8, va="center", color=INK)
+        ax.text(x + 0.012, y, words, fontsize=LEAST, va="center", color=INK)
     ax.set_xlim(-0.01, 1.0)
     ax.set_ylim(0.6 - rows, 0.6)
     ax.set_axis_off()
     title = "effects: full mark, excited by this run; open mark, hardly excited (print the check)"
-    ax.set_title(title, loc="left", fontsize=8, color=INK)
+    ax.set_title(title, loc="left", fontsize=LEAST, color=INK)
     return ax
 
 
@@ -127,7 +131,7 @@ def channel_over_time(
         more = len(named) - MOST_NAMED
         said = " · ".join(_said(f) for f in named[:MOST_NAMED]) + (f" +{more}" if more > 0 else "")
         colour = COLOURS[named[0].severity] if named[0].severity != "note" else INK
-        ax.set_title(said, loc="right", fontsize=8, color=colour, parse_math=False)
+        ax.set_title(said, loc="right", fontsize=LEAST, color=colour, parse_math=False)
     ax.set_ylabel(_short_label(channel), rotation=0, ha="right", va="center", labelpad=10)
     ax.set_xlabel(label)
     return ax
@@ -185,7 +189,7 @@ def _clock(log: Log) -> tuple[Array, str]:
 
 
 def _said(finding: Finding) -> str:
-    size = f" {finding.size:.3g} {finding.unit}".rstrip() if finding.unit else ""
+    size = f" {finding.amount}".replace("-", "−") if finding.unit else ""
     return finding.name.replace("_", " ") + size
 
 

@@ -16,13 +16,15 @@ from flexspline.orders.parts import pairs
 from flexspline.plot.canvas import (
     GREY,
     INK,
+    LEAST,
     PALETTE,
     PlainFigure,
     axes_or_new,
     legend,
-    orders_axis,
+    log_axis,
     titled,
 )
+from flexspline.plot.orders import FIRST
 
 if TYPE_CHECKING:
     from flexspline.comparison.result import Comparison
@@ -39,7 +41,7 @@ FEW = 0.02  # of all rows: a band of fewer is hatched
 MOST_TICKS = 7
 MOST_NAMES = 6
 LONGEST_NAME = 12
-ORDERS_OF_A_PAIR = 13.0
+ORDERS_OF_A_PAIR = (0.5, 13.0)  # from below its first; what is lower stands in that of the output
 _BINS = 600
 
 
@@ -69,7 +71,7 @@ def plot_comparison(made: Comparison, after: After | None = None) -> PlainFigure
         ax.set_visible(False)
     if banded:
         lines, labels = grid[names.index(banded[0])].get_legend_handles_labels()
-        figure.legend(lines, labels, loc="outside upper right", ncols=len(labels), fontsize=8,
+        figure.legend(lines, labels, loc="outside upper right", ncols=len(labels), fontsize=LEAST,
                       frameon=False, labelcolor=INK)  # fmt: skip
     return figure
 
@@ -88,7 +90,7 @@ def _marked_beyond(ax: Axes, made: Comparison, name: str, after: After) -> None:
     for k, band in enumerate(_drawn(made.by[name])):
         later = after[name][band.label]
         if later > top:
-            ax.annotate(f"↑ {later:.2g}", (k + 0.5, top), ha="center", va="top", fontsize=6.5,
+            ax.annotate(f"↑ {later:.2g}", (k + 0.5, top), ha="center", va="top", fontsize=LEAST,
                         color=PALETTE[0])  # fmt: skip
 
 
@@ -143,7 +145,8 @@ def residual_orders(made: Comparison, pair: str = "output_housing", ax: Axes | N
     spectrum = made.spectrum.spectrum
     known = np.isfinite(spectrum.amplitude) & (spectrum.order > 0)
     order, amplitude = spectrum.order[known], spectrum.amplitude[known]
-    inside = slice(None) if pair == "output_housing" else order <= ORDERS_OF_A_PAIR * turns
+    first, last = ORDERS_OF_A_PAIR if pair != "output_housing" else (0.0, np.inf)
+    inside = (order >= first * turns) & (order <= last * turns)
     at, highest = _thinned(order[inside] / turns, amplitude[inside])
     ax.plot(at, highest, color=INK, linewidth=0.8, label="residual")
     label = "order found, ± 2 standard errors"
@@ -164,7 +167,8 @@ def residual_orders(made: Comparison, pair: str = "output_housing", ax: Axes | N
     words = table[pair].words
     ax.set(xlabel=f"order per turn of {words}", ylabel=f"amplitude [{made.unit}]", ylim=(0, None))
     if pair == "output_housing":
-        orders_axis(ax)
+        ax.set_xlim(FIRST if at[-1] > 1.0 else at[0], at[-1])
+        log_axis(ax, "x")
     title = "orders of what turns" if pair == "output_housing" else words
     titled(ax, _title(made, ORDERS, title) if pair == "output_housing" else title)
     return ax
@@ -214,7 +218,7 @@ def _marked(ax: Axes, made: Comparison, name: str, bands: list[Band]) -> None:
     every = max(1, -(-(len(bands) + 1) // MOST_TICKS))
     ends = [band.lower for band in bands] + [bands[-1].upper]
     marks = [k for k in range(0, len(ends), every) if ends[k] is not None]
-    ax.set_xticks(marks, [f"{ends[k]:.3g}" for k in marks])
+    ax.set_xticks(marks, [f"{ends[k]:.3g}".replace("-", "−") for k in marks])
     ax.set_xlabel(f"{made.words[name]} [{made.units[name]}]")
 
 

@@ -19,19 +19,21 @@ from flexspline.experiment.plan import ENOUGH
 from flexspline.plot.canvas import (
     GREY,
     INK,
+    LEAST,
     PALETTE,
+    STRETCH,
     Panel,
     PlainFigure,
     axes_or_new,
     channel_label,
     legend,
-    orders_axis,
     outline,
     panelled,
+    part_of,
     plain,
     titled,
 )
-from flexspline.plot.orders import spectrum_over
+from flexspline.plot.orders import over_orders, spectrum_over
 
 if TYPE_CHECKING:
     from flexspline.discovery.result import Discovery
@@ -42,7 +44,6 @@ __all__ = ["held_out_run", "left_over", "panels", "plot_discovery", "plot_plan",
 
 Array = NDArray[np.float64]
 
-STRETCH = 10.0  # s of a run that can be looked at in one go
 SWINGS = 60  # to and fro of what the names change, that can be looked at in one go
 FEW = 0.02  # of all rows: a part of fewer says so
 MOST_RUNS = 6
@@ -67,7 +68,7 @@ CHANNELS = ("output_position", "output_velocity", "reference_torque", "temperatu
 
 def plot_discovery(made: Discovery) -> PlainFigure:
     """Return a figure with a panel for each view that the runs allow."""
-    return panelled(panels(made), 3.7)
+    return panelled(panels(made))
 
 
 def panels(made: Discovery) -> list[Panel]:
@@ -75,7 +76,9 @@ def panels(made: Discovery) -> list[Panel]:
     found = [
         Panel(partial(held_out_run, made), LOOK_FOR["run"]),
         Panel(partial(left_over, made), LOOK_FOR["left"]),
-        Panel(partial(shrunk, made), LOOK_FOR["shrunk"]),
+        Panel(
+            partial(shrunk, made), LOOK_FOR["shrunk"], _height(len(_shown(telling(made.slices))))
+        ),
     ]
     if made.motion is not None:
         found.append(Panel(partial(driven_forward, made), LOOK_FOR["driven"]))
@@ -101,7 +104,8 @@ def held_out_run(made: Discovery, ax: Axes | None = None) -> Axes:
         xlabel="time since the start of the run [s]",
         ylabel=f"{made.what.replace('_', ' ')} [{made.unit}]",
     )
-    titled(ax, f"Predicted without having seen it: {plain(run.log.name)}")
+    part = part_of(run.log["time"], some)
+    titled(ax, f"Predicted without having seen it, {plain(run.log.name)}{part}")
     legend(ax)
     return ax
 
@@ -164,7 +168,7 @@ def driven_forward(made: Discovery, ax: Axes | None = None) -> Axes:
 def shrunk(made: Discovery, ax: Axes | None = None) -> Axes:
     """Draw the RMS before and after in each part of the runs and each band of the residual."""
     shown = _shown(telling(made.slices))
-    ax = axes_or_new(ax, 6.0, 0.8 + 0.2 * len(shown))
+    ax = axes_or_new(ax, 6.0, _height(len(shown)))
     at = -np.arange(len(shown), dtype=np.float64)
     base, final = (np.array([getattr(s, key) for s in shown]) for key in ("base", "final"))
     floor = "all that is left" if made.floor.by == BY_NAMES else "noise floor"
@@ -175,11 +179,11 @@ def shrunk(made: Discovery, ax: Axes | None = None) -> Axes:
         ax.plot(final, at, "o", color=AFTER, markersize=4.5, label="after")
     whole = max(s.rows for s in shown)
     ax.set_yticks(at, [_label(s, s.rows < FEW * whole) for s in shown])
-    ax.tick_params(axis="y", labelsize=7.5, length=0)
+    ax.tick_params(axis="y", labelsize=LEAST, length=0)
     ax.set(xlabel=f"RMS on folds that no fit saw [{made.unit}]", xlim=(0.0, None))
     ax.set_ylim(at[-1] - 0.7, 0.7)
     titled(ax, "By how much the gap shrank, and where" if made.found else "How large the gap is")
-    legend(ax, beside=True)
+    legend(ax)
     return ax
 
 
@@ -197,16 +201,11 @@ def orders_before_after(made: Discovery, ax: Axes | None = None) -> Axes:
         left["extended model"] = [run.measured - run.final for run in made.runs]
     spectra = {label: spectrum_over(logs, values) for label, values in left.items()}
     ax = axes_or_new(ax)
-    for (label, spectrum), colour in zip(spectra.items(), (BEFORE, AFTER), strict=False):
-        ax.plot(*spectrum, color=colour, linewidth=1.0, label=label)
-    order = spectra["base model"][0]
-    orders_axis(ax)
-    ax.set(
-        yscale="log",
-        xlabel="order [periods per output turn]",
-        ylabel=f"amplitude [{made.unit}]",
-        xlim=(order[0], order[-1]),
-    )
+    for (label, spectrum), look in zip(
+        spectra.items(), ((BEFORE, 2.0), (AFTER, 0.9)), strict=False
+    ):
+        ax.plot(*spectrum, color=look[0], linewidth=look[1], label=label)
+    over_orders(ax, spectra["base model"][0], made.unit)
     titled(ax, "Orders of the residual, before and after")
     legend(ax)
     return ax
@@ -253,10 +252,16 @@ def _shown(every: tuple[Slice, ...]) -> list[Slice]:
     return [s for s in every if s.group != "run" or len(many) <= MOST_RUNS or s in worst]
 
 
+def _height(parts: int) -> float:
+    """Inches that so many parts need below each other, with title and axis."""
+    return 1.3 + 0.15 * parts
+
+
 def _label(part: Slice, few: bool) -> str:
     if few:
         return f"{_label(part, few=False)} ({part.rows} rows)"
-    if part.group in ("all", "direction", "reversals", "order"):
+    named = part.group in ("all", "direction", "reversals", "order")
+    if named or part.label.lower().startswith(part.group):
         return plain(part.label)
     return f"{part.group} {plain(part.label)}"
 

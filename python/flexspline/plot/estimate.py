@@ -28,6 +28,7 @@ from flexspline.plot.canvas import (
     axes_or_new,
     channel_label,
     legend,
+    log_axis,
     outline,
     titled,
 )
@@ -134,7 +135,7 @@ def error_over_speed(
         )
     if transition is not None:
         _mark(ax, transition, float(shown[0]))
-    ax.set_xscale("log")
+    log_axis(ax, "x")
     ax.set_ylim(bottom=0.0)
     ax.set(
         xlabel="speed at the output, first point: at rest [rad/s]",
@@ -196,7 +197,7 @@ def torque_by_method(
     _limit(ax, {name: estimates[name] for name in chosen}, log, trained.reference)
     ax.set(xlabel="time [s]", ylabel="external torque, outward [Nm]")
     titled(ax, f"External torque of {log.name}")
-    legend(ax, columns=len(chosen) + 1)
+    legend(ax)
     return ax
 
 
@@ -333,18 +334,22 @@ def observer_gain(
         "inertia": inertia,
     }
     axes = axes_or_new(ax)
-    beside = axes.twinx()
+    beside = axes_or_new(axes.twinx())
+    beside.grid(False)
+    beside.spines["right"].set(visible=True, color=INK)
     for name, style in (("exact", "-"), ("euler", "--")):
         late = 1e3 * observer_delay(at, period, name)
         spread = observer_noise(at, period, name, **noise)
-        axes.loglog(at, late, style, color=PALETTE[0], label=f"delay, {name}")
+        axes.plot(at, late, style, color=PALETTE[0], label=f"delay, {name}")
         axes.plot([], [], style, color=PALETTE[3], label=f"noise, {name}")
-        beside.loglog(at, spread, style, color=PALETTE[3])
+        beside.plot(at, spread, style, color=PALETTE[3])
     axes.axvline(1.0 / period, color=GREY, linewidth=0.8, linestyle=":")
+    log_axis(axes, "x")
+    for one in (axes, beside):
+        log_axis(one, "y")
     axes.set_xlabel("gain K [1/s]")
     axes.set_ylabel("delay [ms]")
-    beside.set_ylabel("noise of the external torque [Nm RMS]", fontsize=9.5)
-    beside.spines["top"].set_visible(False)
+    beside.set_ylabel("noise of the external torque [Nm RMS]")
     titled(axes, "Momentum observer: delay against noise; dotted: gain · period = 1")
     legend(axes)
     return axes

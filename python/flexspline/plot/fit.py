@@ -33,8 +33,10 @@ from flexspline.plot.canvas import (
     channel_label,
     colours_of_runs,
     legend,
+    middle,
     outline,
     panelled,
+    part_of,
     plain,
     spread_evenly,
     titled,
@@ -67,12 +69,15 @@ LOOK_FOR = {
     "output_velocity": "The median should lie on zero at every speed. A step at zero is Coulomb "
     "friction, a slope viscous friction, a peak at low speed Stribeck friction.",
     "temperature": "The median should lie on zero at every temperature. A slope is drift.",
+    "load": "The median should lie on zero at every load. A slope is a wrong gain, a bend a sensor "
+    "that is not linear, and a band that widens with the load friction that grows with it.",
     "components": "What the prediction is made of. Effects that these runs cannot tell apart are "
     "drawn as their sum.",
     "components over": "The median contribution at each speed; a band holds 90 % where an effect "
     "depends on more than the speed.",
     "orders": "Lines of the target that the residual no longer has are explained. A line that is "
-    "left is a ripple the model lacks; its order says what turns.",
+    "left is a ripple the model lacks; its order says what turns. Where they begin above order 1, "
+    "the runs turn too little to resolve what lies below.",
     "drift": "The reading without the other effects should follow the curve; the band holds the "
     "true curve with 95 %.",
 }
@@ -81,7 +86,8 @@ Array = NDArray[np.float64]
 
 _WORDS = {"output_position": "output angle", "motor_position": "motor angle"}
 
-STRETCH = 10.0  # s of a run that can be looked at in one go
+REFERENCE = "reference_torque"
+
 LOOSE = 0.5  # a band wider than this part of the median's range hides the median
 STYLES = ("-", "--", ":")
 
@@ -90,7 +96,7 @@ NORMAL_95 = 1.959964
 
 def plot_fit(fit: Fit) -> Figure:
     """Return a figure with a panel for each view that the channels of the runs allow."""
-    return panelled(panels(fit), 3.5)
+    return panelled(panels(fit))
 
 
 def panels(fit: Fit) -> list[Panel]:
@@ -103,6 +109,9 @@ def panels(fit: Fit) -> list[Panel]:
     for channel in ("output_position", "output_velocity", "temperature"):
         if has_channel(fit, channel):
             found.append(Panel(partial(residual_over, fit, channel), LOOK_FOR[channel]))
+    load = fit.part.known_load or REFERENCE
+    if has_channel(fit, load):
+        found.append(Panel(partial(residual_over, fit, load), LOOK_FOR["load"]))
     if fit.part.effects:
         found.append(Panel(partial(components, fit, "time"), LOOK_FOR["components"]))
         if all("output_velocity" in run.log for run in fit.runs):
@@ -176,7 +185,7 @@ def residual_over(fit: Fit, channel: str = "time", ax: Axes | None = None) -> Ax
     titled(ax, f"Residual over {_WORDS.get(channel, channel.replace('_', ' '))}")
     if alone:
         _name_runs(fit, ax)
-    legend(ax, 2)
+    legend(ax)
     return ax
 
 
@@ -282,15 +291,14 @@ def components(
         _components_over_channel(fit, list(fit.runs) if run is None else [fit.runs[run]], over, ax)
     ax.axhline(0.0, color=INK, linewidth=0.6)
     ax.set_ylabel(f"{fit.target.replace('_', ' ')} [{fit.unit}]")
-    legend(ax, beside=True)
+    legend(ax)
     return ax
 
 
 def _components_over_time(fit: Fit, run: FittedRun, ax: Axes) -> None:
     time = run.log["time"]
-    middle = 0.5 * (time[0] + time[-1])
-    some = slice(*np.searchsorted(time, [middle - STRETCH / 2, middle + STRETCH / 2]))
-    time = time - time[0]
+    some = middle(time)
+    part, time = part_of(time, some), time - time[0]
     at = outline(run.measured[some]) + some.start
     ax.plot(time[at], run.measured[at], color=GREY, linewidth=1.0, label="measured")
     parts = contributions(fit, run)
@@ -308,7 +316,7 @@ def _components_over_time(fit: Fit, run: FittedRun, ax: Axes) -> None:
             zorder=2.1 + 0.01 * behind.index(name),
         )
     ax.set_xlabel("time since the start of the run [s]")
-    titled(ax, f"Contribution of each effect, {plain(run.log.name)}")
+    titled(ax, f"Contribution of each effect, {plain(run.log.name)}{part}")
 
 
 def _components_over_channel(fit: Fit, runs: list[FittedRun], channel: str, ax: Axes) -> None:

@@ -18,7 +18,9 @@ from flexspline.plot.canvas import (
     banded,
     channel_label,
     legend,
+    middle,
     outline,
+    part_of,
     plain,
     titled,
 )
@@ -30,7 +32,6 @@ __all__ = ["missed_over", "models_over_time", "plot_models"]
 
 Array = NDArray[np.float64]
 
-STRETCH = 10.0  # s of a run that can be looked at in one go
 STYLES = ("-", "--", ":")
 LOAD, VELOCITY, MODELLED = "reference_torque", "output_velocity", "modelled"
 
@@ -56,9 +57,8 @@ def models_over_time(made: ModelComparison, run: int = 0, ax: Axes | None = None
     ax = axes_or_new(ax)
     one = made.runs[run]
     time = one.log["time"]
-    middle = 0.5 * (time[0] + time[-1])
-    some = slice(*np.searchsorted(time, [middle - STRETCH / 2, middle + STRETCH / 2]))
-    time = time - time[0]
+    some = middle(time)
+    part, time = part_of(time, some), time - time[0]
     at = outline(one.measured[some]) + some.start
     ax.plot(time[at], one.measured[at], color=GREY, linewidth=1.4, label="measured")
     modelled = one.measured - one.residuals
@@ -72,8 +72,8 @@ def models_over_time(made: ModelComparison, run: int = 0, ax: Axes | None = None
         ax.plot(time[at], values, line, color=colour, linewidth=1.1, label=label, zorder=order)
     what = made.target.replace("_", " ")
     ax.set(xlabel="time since the start of the run [s]", ylabel=f"{what} [{made.unit}]")
-    titled(ax, f"Measured and modelled, {plain(one.log.name)}")
-    legend(ax, beside=True)
+    titled(ax, f"Measured and modelled, {plain(one.log.name)}{part}")
+    legend(ax)
     return ax
 
 

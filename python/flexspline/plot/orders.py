@@ -14,12 +14,21 @@ from flexspline.least_squares.ripple import ripple_orders
 from flexspline.logs.log import Log
 from flexspline.orders.spectrum import OrderSpectrum, TimeSpectrum, fourier_sums
 from flexspline.orders.stretches import stretches
-from flexspline.plot.canvas import GREY, INK, PALETTE, axes_or_new, legend, orders_axis, titled
+from flexspline.plot.canvas import GREY, INK, LEAST, PALETTE, axes_or_new, legend, log_axis, titled
 
 if TYPE_CHECKING:
     from flexspline.least_squares.result import Fit
+    from flexspline.orders.analysis import OrderAnalysis
 
-__all__ = ["draw_frequencies", "draw_orders", "order_spectra", "spectrum_over"]
+__all__ = [
+    "FIRST",
+    "draw_found",
+    "draw_frequencies",
+    "draw_orders",
+    "order_spectra",
+    "over_orders",
+    "spectrum_over",
+]
 
 Array = NDArray[np.float64]
 
@@ -27,6 +36,8 @@ LONGEST = 4.0  # turns in one piece: a picture needs no finer orders, and any lo
 STEPS = 8  # per whole order, half the resolution of such a piece
 HIGHEST = 20_000.0
 BINS = 700
+FIRST = 0.9  # of an axis, that a mark at order 1 is seen
+APART = 0.06  # of the axis: numbers above peaks that are nearer would lie on each other
 
 
 def order_spectra(fit: Fit, ax: Axes | None = None) -> Axes:
@@ -57,18 +68,24 @@ def order_spectra(fit: Fit, ax: Axes | None = None) -> Axes:
             label=None if number else "fitted order",
         )
     before, after = spectra
-    ax.plot(*before, color=GREY, linewidth=1.1, label="target")
-    ax.plot(*after, color=PALETTE[3], linewidth=1.1, label="residual")
-    orders_axis(ax)
-    ax.set(
-        yscale="log",
-        xlabel="order [periods per output turn]",
-        ylabel=f"amplitude [{fit.unit}]",
-    )
-    ax.set_xlim(before[0][0], before[0][-1])
+    ax.plot(*before, color=GREY, linewidth=2.0, label="target")
+    ax.plot(*after, color=PALETTE[3], linewidth=0.9, label="residual")
+    over_orders(ax, before[0], fit.unit)
     titled(ax, "Order spectrum before and after")
     legend(ax)
     return ax
+
+
+def over_orders(ax: Axes, order: Array, unit: str) -> None:
+    """Scale and name the axes of amplitudes [unit] over orders (m,) of the output, from order 1.
+
+    What lies below the first order is slower than a turn: drift and gravity, no ripple.
+    """
+    highest = float(order[-1])
+    ax.set_xlim(FIRST if highest > 1.0 else float(order[0]), highest)
+    log_axis(ax, "x")
+    log_axis(ax, "y")
+    ax.set(xlabel="order [periods per output turn]", ylabel=f"amplitude [{unit}]")
 
 
 def spectrum_over(logs: Sequence[Log], values: Sequence[Array]) -> tuple[Array, Array]:
@@ -112,32 +129,61 @@ def _peaks(order: Array, amplitude: Array) -> tuple[Array, Array]:
 def draw_orders(made: OrderSpectrum, ax: Axes | None = None) -> Axes:
     """Draw the amplitude over the order."""
     ax = axes_or_new(ax, 9, 4)
-    ax.plot(made.order, made.amplitude, linewidth=0.7)
+    ax.plot(made.order, made.amplitude, color=PALETTE[0], linewidth=0.7)
     side, other = made.pair.rsplit("_", 1) if "_" in made.pair else (made.pair, "")
     ax.set(
         xlabel=f"order [per turn of {side.replace('_', ' ')} against {other}]",
-        ylabel=f"amplitude of {made.channel} [{made.unit or '1'}]",
+        ylabel=f"amplitude of {made.channel.replace('_', ' ')} [{made.unit or '1'}]",
         ylim=(0, None),
     )
     return ax
 
 
+def draw_found(made: OrderAnalysis, ax: Axes | None = None) -> Axes:
+    """Draw the amplitude over the order, with the orders found where their lines are."""
+    ax = draw_orders(made.spectrum, ax)
+    label = "order found"
+    for found in made.found:
+        ax.plot(
+            found.per_output_turn, found.amplitude, "v", color=PALETTE[3], markersize=5, label=label
+        )
+        label = ""
+    named: list[float] = []
+    least = APART * float(made.spectrum.order[-1])
+    for found in sorted(made.found, key=lambda one: -one.amplitude):
+        if all(abs(found.per_output_turn - other) > least for other in named):
+            named.append(found.per_output_turn)
+            _named(ax, found.per_output_turn, found.amplitude)
+    highest = max((found.amplitude for found in made.found), default=0.0)
+    ax.set_ylim(0, 1.1 * max(ax.get_ylim()[1], highest))
+    count, s = len(made.found) or "no", "" if len(made.found) == 1 else "s"
+    titled(
+        ax, f"{count} order{s} found in {made.runs} run{'' if made.runs == 1 else 's'}".capitalize()
+    )
+    legend(ax)
+    return ax
+
+
+def _named(ax: Axes, at: float, height: float) -> None:
+    """Write a number above a peak."""
+    ax.annotate(
+        f"{at:.4g}", (at, height), (0, 4), textcoords="offset points", ha="center", color=INK,
+        fontsize=LEAST,
+    )  # fmt: skip
+
+
 def draw_frequencies(made: TimeSpectrum, ax: Axes | None = None) -> Axes:
     """Draw the amplitude over the frequency, its largest peaks marked."""
     ax = axes_or_new(ax, 9, 4)
-    ax.plot(made.frequency, made.amplitude, linewidth=0.7)
+    ax.plot(made.frequency, made.amplitude, color=PALETTE[0], linewidth=0.7)
+    named: list[float] = []
     for frequency, height in made.peaks[:10]:
-        ax.annotate(
-            f"{frequency:.4g}",
-            (frequency, height),
-            (0, 4),
-            textcoords="offset points",
-            fontsize=8,
-            ha="center",
-        )
+        if all(abs(frequency - other) > APART * made.frequency[-1] for other in named):
+            named.append(frequency)
+            _named(ax, frequency, height)
     ax.set(
         xlabel="frequency [Hz]",
         ylim=(0, None),
-        ylabel=f"amplitude of {made.channel} [{made.unit or '1'}]",
+        ylabel=f"amplitude of {made.channel.replace('_', ' ')} [{made.unit or '1'}]",
     )
     return ax

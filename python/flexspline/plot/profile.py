@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from flexspline.formatting import percent, short_names
-from flexspline.plot.canvas import GREY, INK, PALETTE, axes_or_new, legend, orders_axis, titled
+from flexspline.plot.canvas import GREY, INK, PALETTE, axes_or_new, legend, log_axis, titled
 
 if TYPE_CHECKING:
     from flexspline.least_squares.profile import Contour, Profile
@@ -51,7 +51,7 @@ def draw_profile(made: Profile, ax: Axes | None = None) -> Axes:
         ax.axvspan(*inside, color=PALETTE[0], alpha=0.12, linewidth=0, label=label)
     ax.set(ylim=(0.0, HIGHEST * made.limit), xlim=(low, high), ylabel="statistic D [1]")
     if low > 0.0 and high > 10.0 * low:
-        orders_axis(ax)
+        log_axis(ax, "x")
     ax.set_xlabel(f"{short_names(made.name)} [{made.unit}]")
     titled(ax, f"Profile of {short_names(made.name)}")
     legend(ax)

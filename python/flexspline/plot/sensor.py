@@ -69,7 +69,7 @@ def _two_signals(ax: Axes, phase: float, size: float, unit: str, title: str) -> 
     ax.set(xlabel="electrical angle [°]", ylabel=f"ripple [{unit}]", ylim=(-1.9 * size, 1.9 * size))
     ax.xaxis.set_major_locator(MultipleLocator(90))
     titled(ax, title)
-    legend(ax, 3)
+    legend(ax)
 
 
 def _sum_over_phase(ax: Axes, size: float, unit: str, order: int) -> None:
@@ -102,10 +102,10 @@ def bridge_orders(bridges: dict[str, Bridge], ax: Axes | None = None, *, highest
         xlabel="order [periods per turn of the wave generator on the flexspline]",
         ylabel="share of the wave in the reading [%]",
         xticks=orders,
-        ylim=(0.0, 119.0),
+        ylim=(0.0, 105.0),
     )
     titled(ax, "What a placement lets through")
-    legend(ax, 3)
+    legend(ax)
     return ax
 
 

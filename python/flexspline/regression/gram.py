@@ -39,6 +39,8 @@ from flexspline.least_squares.problem import Problem, Run
 from flexspline.least_squares.validation import RUNS_NEEDED, run_edges
 from flexspline.logs.local_fit import LocalFit
 from flexspline.logs.segments import runs as unbroken_runs
+from flexspline.own import OwnEffect
+from flexspline.own.design import core_design, is_own
 from flexspline.parallel import in_order
 
 __all__ = [
@@ -229,8 +231,7 @@ class Sheet:
         edges = [edges_of(problem, number) for number in range(len(problem.runs))]
         firsts = np.cumsum([0, *(len(e) - 1 for e in edges)])
         total = np.zeros((firsts[-1], self.width + 1, self.width + 1))
-        columns = [*self.columns, *([(p, 1.0)] for p in self._given_parts)]
-        held = _shares(self.held)
+        columns, held = self._mixtures, self._placed(_shares(self.held))
 
         def summed(part: Callable[[], tuple[list[int], list[Any]]]) -> tuple[list[int], Array]:
             numbers, posed = part()
@@ -240,7 +241,7 @@ class Sheet:
             return numbers, made
 
         parts = self._posed(problem, whitening)
-        for numbers, made in in_order(problem.threads if self.given else 1, summed, parts):
+        for numbers, made in in_order(problem.threads if self._brings else 1, summed, parts):
             at = np.concatenate([np.arange(firsts[k], firsts[k + 1]) for k in numbers])
             total[at] += made
         return total
@@ -253,7 +254,7 @@ class Sheet:
         edges = [edges_of(problem, number) for number in range(len(problem.runs))]
         firsts = np.cumsum([0, *(len(e) - 1 for e in edges)])
         left = [np.full(len(run), np.nan) for run in problem.runs]
-        if self.given or not self.even(problem):
+        if self._brings or not self.even(problem):
             for number, out in enumerate(left):
                 those = np.array(betas[firsts[number] : firsts[number + 1]])
                 self._leave(problem, number, those, out)
@@ -292,9 +293,8 @@ class Sheet:
             whole = np.column_stack(self.rows(problem, number))
             yield from (((first, last), whole[first:last]) for first, last in run.stretches)
             return
-        screen, held = self._screen(problem), _shares(self.held)
-        plain = Whitening(np.ones(1), 1.0, 1)
-        columns = [*self.columns, *([(p, 1.0)] for p in self._given_parts)]
+        screen, held = self._screen(problem), self._placed(_shares(self.held))
+        plain, columns = Whitening(np.ones(1), 1.0, 1), self._mixtures
 
         def made(piece: Stretch) -> tuple[tuple[int, int], Array]:
             posed = _run(problem, number, [piece], *self._made(problem, number, piece))
@@ -340,9 +340,37 @@ class Sheet:
                 parts[part] += weight * value
         return parts
 
+    @property
+    def _brings(self) -> bool:
+        """Whether some columns are not the core's: given ones, and those of the user's effects."""
+        return bool(self.given) or bool(self._own)
+
+    @cached_property
+    def _own(self) -> list[OwnEffect]:
+        return [effect for effect in self.effects if isinstance(effect, OwnEffect)]
+
+    @property
+    def _mixtures(self) -> list[Shares]:
+        """Parts of the screen and weights of each column, given ones behind the others."""
+        own = [*self.columns, *([(p, 1.0)] for p in self._given_parts)]
+        return [self._placed(shares) for shares in own]
+
+    def _placed(self, shares: Shares) -> Shares:
+        """Shares by the parts of the screen: own effects stand behind the core's, given last."""
+        if not self._own:
+            return shares
+        own = is_own(self.effects)
+        place = np.argsort(np.concatenate([np.flatnonzero(~own), np.flatnonzero(own)]))
+        count = len(place)
+        return [(int(place[p]) if p < count else p, weight) for p, weight in shares]
+
     def _screen(self, problem: Problem) -> _core.Screen:
-        design = problem.design(self.effects)
-        return _core.Screen(design, self.load, len(self._given_parts), problem.remembered)
+        design = core_design([e for e in self.effects if not e.own], problem.gear)
+        load, brought = self.load, len(self._given_parts)
+        if self._own:
+            own = is_own(self.effects)
+            load, brought = load[~own] if load.size else load, brought + int(own.sum())
+        return _core.Screen(design, load, brought, problem.remembered)
 
     def _posed(
         self, problem: Problem, whitening: Whitening
@@ -350,7 +378,7 @@ class Sheet:
         """Runs as the core takes them: all, or a piece at a time where columns are given."""
         numbers = range(len(problem.runs))
         stretches = [stretches_of(problem, number, whitening) for number in numbers]
-        if not self.given:
+        if not self._brings:
             yield lambda: (list(numbers), [_run(problem, k, stretches[k]) for k in numbers])
             return
 
@@ -364,12 +392,18 @@ class Sheet:
                     yield partial(alone, number, piece)
 
     def _made(self, problem: Problem, number: int, piece: Stretch) -> tuple[Array | None, int]:
-        """Given columns around rows [first, last), and the row where they begin."""
-        if not self.given:
+        """Columns that the core does not make around rows [first, last), and where they begin."""
+        if not self._brings:
             return None, 0
         first, last, kernel = piece
         low, high = first - len(kernel) // 2, last + len(kernel) // 2
-        return self.given.rows(problem, number, slice(low, high)), low
+        given = [self.given.rows(problem, number, slice(low, high))] if self.given else []
+        if not self._own:
+            return given[0], low
+        channels = problem.runs[number].channels.items()
+        near = {name: values[low:high] for name, values in channels}
+        own = [effect.columns(near, high - low) for effect in self._own]
+        return np.asfortranarray(np.column_stack([*own, *given])), low
 
 
 def _shares(weights: Array) -> Shares:

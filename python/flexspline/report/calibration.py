@@ -361,8 +361,8 @@ def _legs(result: CalibrationResult) -> list[str]:
 
 def _remark(figure: Figure) -> str:
     if figure.at is None or not figure.resolved:
-        alone = _fixed(figure.noise or 0.0)
-        return f"{figure.definition}; not resolved: noise alone shows up to {alone} %FS"
+        shown = _fixed(figure.noise or 0.0)
+        return f"{figure.definition}; not significant: noise alone shows up to {shown} %FS"
     return f"{figure.definition}; at {short(round(figure.at, 1) + 0.0, 3)} {figure.at_unit}"
 
 
@@ -378,7 +378,7 @@ def _line(
     elif shown.state == "fixed":
         remarks.append("given, not fitted")
     elif not shown.significant:
-        remarks, concern = ["not significant"], True
+        remarks.append("not significant")
     if name == "zero" and result.zeros:
         remarks.append("mean of the zeros of the runs")
     if name in MEANS:

@@ -215,7 +215,7 @@ def _numbers(band: Band, floor: float) -> Row:
         sized(band.rmse, 0.1 * floor),
         sized(band.noise_floor, 0.1 * floor) + error,
         sized(band.excess, 0.1 * floor) if band.significant else "–",
-        sized(band.bias + 0.0, 0.1 * floor),
+        sized(band.bias, 0.1 * floor),
     )
 
 

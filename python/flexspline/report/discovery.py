@@ -99,7 +99,7 @@ def write_discovery_report(made: Discovery, path: str | os.PathLike[str]) -> Non
         .render(
             _common(made),
             title=str(made.model.facts.get("joint", f"What the {TARGET_WORDS[made.target]} lacks")),
-            places=where.before.sentences,
+            places=where_sentences(made),
             map=ReportFigure(inline_svg(chart, "map of the disagreement"), MAP),
             figures=[drawn(panel) for panel in panels(made)],
             plan=None
@@ -147,9 +147,9 @@ def _common(made: Discovery) -> dict[str, Any]:
 
 def _one(made: Discovery, number: int, one: Found) -> str:
     lines = [f"{number}. {one.effect}   confidence {100.0 * one.confidence:.0f} %   {one.where}"]
-    for p in made.parameters(one.effect):
-        name = p.name.split(".", 1)[-1]
-        lines.append(f"   {name:<24} {plus_minus(p.value, p.standard_error)} {p.unit}".rstrip())
+    for line in effect_lines(made, one):
+        name, value = line.name.removeprefix(f"{one.effect}."), f"{line.value} {line.unit}".rstrip()
+        lines.append(f"   {name:<24} {value}{f'   {line.remark}' if line.remark else ''}")
     lines.append(_wrapped(one.evidence, "   "))
     if one.indistinguishable_from:
         also = listed(one.indistinguishable_from)
@@ -253,6 +253,14 @@ def floor_sentence(made: Discovery) -> str:
         else f"rows of other {folds} at the same {by} leave"
     )  # fmt: skip
     return f"Noise floor: at most {most} {made.unit}, which {told} on {folds} that no fit saw."
+
+
+def where_sentences(made: Discovery) -> tuple[str, str]:
+    """Return how large the gap is, and where; the floor there is as `floor_sentence` has it."""
+    first, second = made.disagreement.before.sentences
+    if made.floor.by != BY_ENCODER:
+        first = first.replace("a noise floor of", "a noise floor of at most")
+    return first, second
 
 
 def _of_how_many(made: Discovery) -> str:

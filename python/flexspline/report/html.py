@@ -25,9 +25,16 @@ from flexspline.files import atomic_write
 from flexspline.formatting import short
 from flexspline.least_squares.result import shares
 from flexspline.logs.channels import CHANNELS
-from flexspline.plot.canvas import INK, Panel, PlainFigure, axes_or_new, own_style
+from flexspline.plot.canvas import INK, LEAST, Panel, PlainFigure, axes_or_new, own_style
 from flexspline.plot.fit import panels
-from flexspline.report.tables import delay_sentence, grouped_scores, input_rows, score_rows
+from flexspline.report.tables import (
+    between_rows,
+    between_sentences,
+    delay_sentence,
+    grouped_scores,
+    input_rows,
+    score_rows,
+)
 from flexspline.report.text import (
     TARGET_WORDS,
     known_groups,
@@ -60,6 +67,8 @@ _WORDS = {
 }
 
 DPI = 130  # of the heavy layers, which are drawn as pixels
+WIDTH = 4.5  # inches of a panel: whole on a screen of 400 px, two side by side on a wide one
+SMALLEST, LARGEST = 9.0, 12.0  # px of the least text, wherever the page is shown
 
 
 def fit_html(fit: Fit) -> str:
@@ -109,6 +118,9 @@ def _common(fit: Fit) -> dict[str, Any]:
         "verdict": verdict(fit),
         "lines": parameter_lines(fit),
         "groups": known_groups(fit),
+        "determined": all(p.determined for p in fit.parameters),
+        "between": between_rows(fit),
+        "differ": between_sentences(fit),
         "trust": trust(fit)[:-1],
         "held": validation_sentence(fit),
         "motion": None if fit.simulation is None else fit.simulation.table(),
@@ -131,8 +143,13 @@ def templates() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    made.filters["minus"] = lambda text: re.sub(r"(?<![\w.])-(?=\d)", "−", text)
+    made.filters["minus"] = minus
     return made
+
+
+def minus(text: str) -> str:
+    """Return a text or HTML with a minus sign where a hyphen stands before a number."""
+    return re.sub(r"(?<![\w.])-(?=\d)", "−", text)
 
 
 @dataclass(frozen=True)
@@ -190,8 +207,8 @@ def model_facts(fit: Fit) -> list[tuple[str, str]]:
 
 def python_call(fit: Fit) -> str:
     """Return the call that makes the fit again from the same logs."""
-    effects = [effect.name for effect in fit.part.effects]
-    lines = [repr(effects), "logs", repr(fit.target)]
+    effects = [e.name if e.own else repr(e.name) for e in fit.part.effects]
+    lines = [f"[{', '.join(effects)}]", "logs", repr(fit.target)]
     if fit.part.known_load is not None:
         lines.append(f"known_load={fit.part.known_load!r}")
     if fit.lowpass is not None:
@@ -221,9 +238,11 @@ def _fit_options(fit: Fit) -> list[str]:
     if fit.bandwidth is not None:
         told = f"{fit.bandwidth!r}" if math.isfinite(fit.bandwidth) else "float('inf')"
         options.append(f"bandwidth={told}")
-    own_offset = f"offset.{fit.runs[0].log.name}"
-    if own_offset != "offset.offset" and own_offset in [p.name for p in fit.parameters]:
+    own = [term.term for term in fit.between_runs]
+    if own == ["offset.offset"]:
         options.append("offset_per_run=True")
+    elif own:
+        options.append(f"per_run={own!r}")
     return options
 
 
@@ -253,17 +272,20 @@ def report_figures(fit: Fit) -> list[ReportFigure]:
 
 def drawn(panel: Panel) -> ReportFigure:
     """Return a panel as a figure of a report."""
-    ax = axes_or_new(None, 7.2, 3.7)
+    ax = axes_or_new(None, WIDTH, panel.height)
     panel.draw(ax)
     figure = ax.figure
     assert isinstance(figure, PlainFigure)
-    return ReportFigure(inline_svg(figure, ax.get_title(loc="left")), panel.look_for)
+    return ReportFigure(
+        inline_svg(figure, ax.get_title(loc="left").replace("\n", " ")), panel.look_for
+    )
 
 
 def inline_svg(figure: Figure, name: str) -> str:
     """Return an SVG element whose dark lines and text have the colour of the text around it.
 
-    `name` is read out to who cannot see it, and keeps ids apart within a page.
+    `name` is read out to who cannot see it, and keeps ids apart within a page. It shrinks and grows
+    with the page as far as its text can be read, and scrolls in its box where that is too wide.
     """
     made = io.StringIO()
     nothing = dict.fromkeys(("Date", "Creator", "Format", "Type"))
@@ -273,10 +295,16 @@ def inline_svg(figure: Figure, name: str) -> str:
     text = text[text.index("<svg") :].replace(INK, "currentColor")
     text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
     label = html.escape(name, quote=True)
-    return re.sub(
+    ends = (72.0 * figure.get_figwidth() * px / LEAST for px in (SMALLEST, LARGEST))
+    size = "min-width:{:.0f}px;max-width:{:.0f}px".format(*ends)
+    text = re.sub(
         r'<svg ([^>]*?)width="[^"]*" ([^>]*?)height="[^"]*"|<svg ([^>]*?)height="[^"]*" ([^>]*?)'
         r'width="[^"]*"',
-        lambda m: f'<svg role="img" aria-label="{label}" ' + " ".join(g for g in m.groups() if g),
+        lambda m: (
+            f'<svg role="img" aria-label="{label}" style="{size}" '
+            + " ".join(g for g in m.groups() if g)
+        ),
         text,
         count=1,
     )
+    return f'<div class="wide">{text}</div>'

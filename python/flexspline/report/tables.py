@@ -12,19 +12,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.errors import InputError, listed
-from flexspline.formatting import decimals_for, plus_minus, rows_text, short, truncated
+from flexspline.formatting import decimals_for, plus_minus, rows_text, short, short_names, truncated
 from flexspline.least_squares.validation import Score
 from flexspline.logs.channels import CHANNELS
 
 if TYPE_CHECKING:
     import pandas
 
+    from flexspline.least_squares.between_runs import BetweenRuns
     from flexspline.least_squares.result import Delay, Fit
     from flexspline.logs.channel_noise import ChannelNoise
     from flexspline.prepared import Preparation
 
 __all__ = [
     "ScoreTable",
+    "between_rows",
+    "between_sentences",
     "compare_scores",
     "delay_sentence",
     "grouped_scores",
@@ -34,6 +37,7 @@ __all__ = [
 ]
 
 MOST_RUNS = 12
+UNDETERMINED = "not determined"
 WORST_RUNS = 5
 
 _GROUPS = {
@@ -286,3 +290,48 @@ def delay_sentence(delay: Delay | None, unit: str) -> str:
 
 def _channel_named(channel: str) -> str:
     return f"{channel} [{CHANNELS[channel].unit if channel in CHANNELS else 'Nm'}]"
+
+
+def between_rows(fit: Fit) -> list[tuple[str, ...]]:
+    """Return a head, and a line for each run, their mean and their spread, of terms of their own.
+
+    Empty where the runs share all terms. Of many runs the first ones are shown.
+    """
+    terms = fit.between_runs
+    if not terms:
+        return []
+    head = ("run", *(f"{short_names(term.term)} [{term.unit}]" for term in terms))
+    rows = [
+        (name, *(_own_value(term, k) for term in terms))
+        for k, name in enumerate(terms[0].runs[:MOST_RUNS])
+    ]
+    left = len(terms[0].runs) - len(rows)
+    if left:
+        rows.append((f"{left} more", *("" for _ in terms)))
+    means = (plus_minus(t.mean, t.new_run_error) for t in terms)
+    spreads = (short(t.spread) if np.isfinite(t.spread) else "–" for t in terms)
+    return [head, *rows, ("mean ± for a new run", *means), ("spread between runs", *spreads)]
+
+
+def _own_value(term: BetweenRuns, number: int) -> str:
+    value, error = term.values[number], term.standard_errors[number]
+    if error == 0.0:
+        return short(value)
+    return plus_minus(value, error) if term.determined[number] else UNDETERMINED
+
+
+def between_sentences(fit: Fit) -> list[str]:
+    """Return whether the runs differ, and how well a run that is none of them is predicted."""
+    terms = fit.between_runs
+    if not terms:
+        return []
+    said = [f"{short_names(term.term)}: {term.verdict}." for term in terms]
+    rmse, runs = terms[0].new_run_rmse, len(terms[0].runs)
+    said.append("The model predicts a new run with the mean.")
+    if np.isfinite(rmse):
+        said.append(
+            f"That leaves {short(rmse)} {fit.unit} RMSE: of fits that leave out each of the {runs} "
+            "runs in turn and predict it with the mean of the others. The held-out error is of "
+            "blocks of runs whose other rows are known, and their own values with them."
+        )
+    return said

@@ -16,7 +16,13 @@ import numpy as np
 from flexspline.errors import listed
 from flexspline.formatting import plus_minus, rows_text, short, short_names
 from flexspline.least_squares.ripple import PAIRS, RippleOrder, ripple_orders
-from flexspline.report.tables import delay_sentence, score_rows, smoothed_rows
+from flexspline.report.tables import (
+    between_rows,
+    between_sentences,
+    delay_sentence,
+    score_rows,
+    smoothed_rows,
+)
 
 if TYPE_CHECKING:
     from flexspline.least_squares.result import Fit, Parameter
@@ -28,6 +34,7 @@ __all__ = [
     "WIDEST",
     "ParameterLine",
     "Verdict",
+    "between_text",
     "faults_sentence",
     "fit_text",
     "known_groups",
@@ -65,6 +72,7 @@ def fit_text(fit: Fit) -> str:
         [*wrapped(judged.good), *wrapped(judged.wrong)],
         _parameters(parameter_lines(fit)),
         known_text(fit),
+        between_text(fit),
         _trust(fit),
         _channels(fit),
         _motion(fit),
@@ -116,6 +124,15 @@ def known_text(fit: Fit) -> list[str]:
         for combination, value in group.known:
             text += wrapped(f"known: {combination} = {value}", "  ", "    ")
     return text
+
+
+def between_text(fit: Fit) -> list[str]:
+    """Return lines of the terms that each run has of its own; none where there are none."""
+    rows = between_rows(fit)
+    if not rows:
+        return []
+    said = [line for sentence in between_sentences(fit) for line in wrapped(sentence)]
+    return ["Of each run by itself:", rows_text(rows), *said]
 
 
 def _trust(fit: Fit) -> list[str]:
@@ -236,7 +253,8 @@ def _grave(fit: Fit, share: float) -> list[str]:
         found.append("it predicts no better than a constant")
     if fit.simulation is None and not fit.uncertainty.reliable:
         found.append("the runs are too short for the errors to hold")
-    hidden = [short_names(name) for group in fit.confounded for name in group.names]
+    every = (short_names(name) for group in fit.confounded for name in group.names)
+    hidden = [*dict.fromkeys(every)]
     if hidden:
         found.append(f"not determined alone: {listed(hidden, 6)}")
     stuck = [short_names(p.name) for p in fit.parameters if p.state.startswith("at ")]
@@ -260,9 +278,9 @@ def _doubts(fit: Fit) -> list[str]:
 
 
 def _zeros(fit: Fit) -> list[str]:
-    """A sentence of the terms that may be zero, which is no fault of a fit."""
+    """A sentence of the terms that are not significant, which is no fault of a fit."""
     idle = _idle(fit)
-    return [f"May be zero (95 %): {listed(idle, 6)}."] if idle else []
+    return [f"Not significant (95 %): {listed(idle, 6)}."] if idle else []
 
 
 def _idle(fit: Fit) -> list[str]:
@@ -381,8 +399,7 @@ def _ripple_line(order: RippleOrder, heading: str) -> ParameterLine:
         plus_minus(order.amplitude, order.amplitude_error),
         order.unit,
         "; ".join(part for part in (phase, counted) if part),
-        not order.significant,
-        heading,
+        heading=heading,
         naive=_error(order.naive_error),
         effect=order.effect,
     )
@@ -412,7 +429,6 @@ def parameter_line(fit: Fit, parameter: Parameter) -> ParameterLine:
     if parameter.kind == "coefficient" and np.isfinite(parameter.standard_error):
         if not parameter.significant:
             remarks.append(IDLE)
-            concern = True
         remarks += _partners(fit, parameter)
     return ParameterLine(
         name,
@@ -444,6 +460,8 @@ def _undetermined(fit: Fit, parameter: Parameter) -> tuple[str, str, str]:
         said = f"the model uses {short(parameter.value)} {parameter.unit}"
         return "not determined", "", said
     partners = next((g.names for g in fit.confounded if parameter.name in g.names), ())
+    if not partners:
+        return "not determined", "", "its run does not determine it"
     if len(partners) == 1:
         return "not determined", "", "these runs do not excite it"
     return "not determined alone", "", "what is known stands below"

@@ -190,7 +190,7 @@ def claims_text(made: Reproduction) -> str:
     counts = [
         f"{sum(v.holds is answer for v in made.verdicts)} {word}" for answer, word in WORDS.items()
     ]
-    lines = [f"{made.paper}: {', '.join(counts)}; {made.draws} draws, seed {made.seed}", ""]
+    lines = [f"{made.paper}: {', '.join(counts)}; {_drawn(made)}", ""]
     for verdict in made.verdicts:
         claim = verdict.claim
         lines.append(f"{WORDS[verdict.holds]:<13}  {claim.claim} [{claim.source}]")
@@ -209,25 +209,17 @@ def claims_html(made: Reproduction) -> str:
     import pandas
 
     with pandas.option_context("display.max_colwidth", None):
-        table = claims_table(made).to_html(index=False, border=0)
-    return f"<p>{made.draws} draws, seed {made.seed}</p>\n{table}"
+        table = claims_table(made).to_html(index=False, border=0, classes="claims")
+    return f"<p>{_drawn(made)}</p>\n{_scrolling(table)}"
 
 
 def report_page(made: Mapping[str, Reproduction]) -> str:
     """Return a page with every figure, table and claim; figures lie inside it."""
+    from flexspline.report.html import templates
+
     body = "\n".join(part for reproduction in made.values() for part in _chapter(reproduction))
-    return (
-        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">\n'
-        "<title>Three papers, done again</title>\n<style>\n"
-        "body { font: 16px/1.5 system-ui, sans-serif; max-width: 62rem; margin: 2rem auto; "
-        "padding: 0 1rem; color: #26282b; background: #fff; }\n"
-        "table { border-collapse: collapse; font-size: 0.8rem; }\n"
-        "td, th { padding: 0.25rem 0.5rem; text-align: left; vertical-align: top; "
-        "border-bottom: 1px solid #ddd; }\n"
-        "figure { margin: 1.5rem 0; } figcaption { color: #555; font-size: 0.9rem; }\n"
-        "svg { max-width: 100%; height: auto; }\n</style></head><body>\n"
-        f"{body}\n<p>flexspline {__version__}</p>\n</body></html>\n"
-    )
+    page = templates().get_template("reproduction.html")
+    return page.render(body=body, version=__version__) + "\n"
 
 
 def _chapter(made: Reproduction) -> Iterator[str]:
@@ -242,7 +234,18 @@ def _chapter(made: Reproduction) -> Iterator[str]:
     for name, table in made.story.tables.items():
         yield f"<h2>{html.escape(name)}</h2>"
         yield f"<p>{html.escape(made.story.captions.get(name, ''))}</p>"
-        yield table.to_html(border=0, float_format=lambda value: f"{value:.4g}")
+        yield _scrolling(table.to_html(border=0, na_rep="–", float_format="{:.4g}".format))
+
+
+def _scrolling(table: str) -> str:
+    """A table of HTML in a box in which it scrolls where the screen is narrower."""
+    from flexspline.report.html import minus
+
+    return f'<div class="wide">{minus(table)}</div>'
+
+
+def _drawn(made: Reproduction) -> str:
+    return f"{made.draws} draw{'' if made.draws == 1 else 's'}, seed {made.seed}"
 
 
 def _published(verdict: Verdict) -> str:

@@ -24,7 +24,16 @@ from flexspline.least_squares.result import Fit
 from flexspline.logs.derive import differentiate
 from flexspline.logs.log import Log
 from flexspline.part import Part
-from flexspline.plot.canvas import GREY, INK, PALETTE, PlainFigure, axes_or_new, legend, titled
+from flexspline.plot.canvas import (
+    GREY,
+    INK,
+    LEAST,
+    PALETTE,
+    PlainFigure,
+    axes_or_new,
+    legend,
+    titled,
+)
 from flexspline.plot.estimate import error_over_speed
 from flexspline.reproduce.run import Story
 from flexspline.rigs.full_range import (
@@ -477,7 +486,11 @@ def _compared(tables: Sequence[ErrorTable]) -> PlainFigure:
         ax.set_xlim(left=0.0)
     panels[0].set_yticks(range(len(ours)), ours)
     panels[0].invert_yaxis()
-    legend(panels[1])
+    shown, labels = panels[0].get_legend_handles_labels()
+    figure.legend(
+        shown, labels, loc="outside upper right", ncols=3, frameon=False, labelcolor=INK,
+        fontsize=LEAST,
+    )  # fmt: skip
     return figure
 
 

@@ -12,13 +12,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from tqdm import tqdm
 
 from flexspline.about import __version__
 from flexspline.baselines.drift import require_scikit
 from flexspline.errors import InputError, did_you_mean, listed
 from flexspline.files import atomic_write, folder_to_write, whole_folder
 from flexspline.plot.canvas import own_style
+from flexspline.progress import Progress
 from flexspline.reproduce.claims import PAPERS, Verdict, judged
 
 if TYPE_CHECKING:
@@ -135,11 +135,11 @@ def _one(paper: str, draws: int, seed: int, threads: int, title: str) -> Reprodu
     """One paper done again; a title is shown with its progress, an empty one is not."""
     module = importlib.import_module(f"flexspline.reproduce.{paper}")
     seeds = [int(s.generate_state(1)[0]) for s in np.random.SeedSequence(seed).spawn(draws)]
-    with tqdm(total=draws, desc=title, unit=" draws", disable=not title, leave=False) as bar:
+    with Progress(title, bool(title), total=draws, unit=" draws") as bar:
         found = []
         for values in _drawn(paper, seeds, threads):
             found.append(values)
-            bar.update()
+            bar.step()
     with own_style():
         story = module.story(seed)
     return Reproduction(paper, story, judged(paper, found), draws, seed)

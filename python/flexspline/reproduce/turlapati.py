@@ -256,6 +256,13 @@ def _panels(rows: int, columns: int, titles: list[str]) -> tuple[PlainFigure, li
     return figure, panels
 
 
+def _dots(ax: Axes, x: np.ndarray, y: np.ndarray, colour: str, label: str = "") -> None:
+    """Draw points too small to be told apart in a legend, which has a large one."""
+    ax.plot(x, y, ".", ms=1.2, color=colour)
+    if label:
+        ax.plot([], [], "o", ms=4, color=colour, label=label)
+
+
 def _basis() -> PlainFigure:
     figure, (a, b, c, d) = _panels(
         2, 2, ["a  Coulomb, (9)", "b  viscous, (10)", "c  inertia, (11)", "d  ripple, (12)"]
@@ -302,10 +309,10 @@ def _no_load(study: Study) -> PlainFigure:
     log = study.no_load[-1]
     reading, time = filtered(log, log["sensor_torque"]), log["time"]
     forward = log["output_velocity"] > 0
-    a.plot(time, reading, ".", ms=1.2, color=BLUE)
+    _dots(a, time, reading, BLUE)
     for moving, colour, name in ((forward, GREEN, "forward"), (~forward, RED, "backward")):
         angle = np.mod(log["output_position"][moving], 2 * np.pi)
-        b.plot(angle, reading[moving], ".", ms=1.2, color=colour, label=name)
+        _dots(b, angle, reading[moving], colour, name)
     legend(b)
     parts = study.components(log)
     friction = parts["viscous_friction"] + parts["coulomb_friction_per_direction"]
@@ -314,11 +321,11 @@ def _no_load(study: Study) -> PlainFigure:
         (parts["output_ripple"], "ripple", ORANGE),
         (parts["inertia"], "inertia", GREEN),
     ):
-        c.plot(time, values, ".", ms=1.2, color=colour, label=name)
+        _dots(c, time, values, colour, name)
     legend(c)
     held = study.held_out
     residual = filtered(held, held["sensor_torque"]) - study.intrinsic(held)
-    d.plot(held["time"], residual, ".", ms=1.2, color=BLUE)
+    _dots(d, held["time"], residual, BLUE)
     d.axhline(0.0, color=GREY, lw=0.8)
     d.set_ylim(-0.3, 0.3)
     for ax in (a, c, d):
@@ -338,13 +345,13 @@ def _bearing(study: Study) -> PlainFigure:
         (cell + after, "compensated", BLUE),
         (cell, "load cell", GREEN),
     ):
-        a.plot(log["time"], values, ".", ms=1.5, color=colour, label=name)
+        _dots(a, log["time"], values, colour, name)
     legend(a)
     for trial, run in zip(TRIALS, study.trials, strict=True):
         before, after, _ = study.errors(run)
         first = trial == TRIALS[0]
-        b.plot(run["output_velocity"], before, ".", ms=1, color=ORANGE, label="before" * first)
-        b.plot(run["output_velocity"], after, ".", ms=1, color=BLUE, label="after" * first)
+        _dots(b, run["output_velocity"], before, ORANGE, "before" * first)
+        _dots(b, run["output_velocity"], after, BLUE, "after" * first)
     b.axhline(0.0, color=GREY, lw=0.8)
     legend(b)
     a.set_xlabel("time [s]")

@@ -181,7 +181,7 @@ const std::vector<Use> others = {
      [] {
        Count<S> count;
        parameters::visit(count, joint(S(2)));
-       return count.total == 6;
+       return count.total == 14;
      }},
     {"reading_checks.hpp",
      [] {
@@ -190,6 +190,13 @@ const std::vector<Use> others = {
        in.period = S(0.001);
        in.sensor_torque = S(9);
        return ReadingChecks<S>::step({.most_sensor_torque = S(8)}, state, in) == Fault::sensor;
+     }},
+    {"reading_limits.hpp",
+     [] {
+       Reading<S> in;
+       in.sensor_torque = S(1e10);
+       bool beyond = false;
+       return ReadingLimits<S>{}.take_out(in, beyond) == Fault::sensor && beyond;
      }},
     {"row.hpp", [] { return near(weighted<S, 2>({S(1), S(2)}, {S(3), S(4)}), 11); }},
     {"sample.hpp",

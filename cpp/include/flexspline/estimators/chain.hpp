@@ -44,13 +44,7 @@ struct Chain {
   using Config = AnyStages<S>;
 
   static constexpr S missing = std::numeric_limits<S>::quiet_NaN();
-  static constexpr S longest_period = S(3600);  ///< s
-
-  /// Above zero and not above the longest; by their bits, as positive numbers compare.
-  static constexpr bool is_period(S value) noexcept {
-    using Bits = math::Bits<S>;
-    return std::bit_cast<Bits>(value) - 1 < std::bit_cast<Bits>(longest_period);
-  }
+  static constexpr S longest_period = flexspline::longest_period<S>;
   /// Whether a temperature, °C, is one: what no instrument measures counts as not read, because a
   /// lag takes long to forget it. NaN is none.
   static constexpr bool is_temperature(S value) noexcept {
@@ -88,7 +82,7 @@ struct Chain {
     S merge_weight = 0;  ///< share of the observer in the logistic merge
     bool contact = false;
     Flag flags = Flag::none;     ///< of the stages that ran in this sample
-    Fault faults = Fault::none;  ///< what the checks found in this sample
+    Fault faults = Fault::none;  ///< what limits and checks found in this sample
     Stage missed = Stage::none;  ///< configured stages that did not run in this sample
   };
 

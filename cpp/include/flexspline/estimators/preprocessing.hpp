@@ -37,7 +37,7 @@ struct Preprocessing {
     bool lost = false;  ///< an angle was taken out since the last good one
   };
 
-  /// Readings whose period is good. `Output`: that of the chain; sets its faults.
+  /// Readings whose period is good. `Output`: that of the chain; adds to its faults.
   template <typename Stages, typename Output>
   static constexpr void step(const Stages& stages, State& state, Reading<S>& in,
                              Output& out) noexcept {
@@ -45,7 +45,7 @@ struct Preprocessing {
     if (filter) put(filter->makes, Reading<S>::missing, Reading<S>::missing, in);
     if (const auto* checks = given(stages.checks)) {
       const bool had = in.output_position.has_value();
-      out.faults = Checks::advance(*checks, state.checks, in);
+      out.faults = out.faults | Checks::advance(*checks, state.checks, in);
       if (had && !in.output_position) [[unlikely]]
         state.lost = true;
     }

@@ -110,5 +110,5 @@ def check_runs(
     made = [check(log, effects=effects, target=target) for log in logs]
     for number, other in copies(logs):
         found = [*made[number], copy_finding(logs[number], logs[other])]
-        made[number] = sorted_findings(logs[number].name, found)
+        made[number] = sorted_findings(logs[number].name, found, made[number].excited)
     return made

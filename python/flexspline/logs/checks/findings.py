@@ -46,6 +46,12 @@ class Finding:
     sentence: str
     remedy: str = ""
 
+    @property
+    def amount(self) -> str:
+        """`size` with its unit, such as "0.031 s"; rows are counted to the last one."""
+        shown = f"{self.size:.0f}" if self.unit == "rows" else f"{self.size:.4g}"
+        return f"{shown} {self.unit}".strip()
+
 
 @dataclass(frozen=True)
 class Excited:
@@ -225,5 +231,4 @@ def _wrapped(sentence: str, indent: str = "") -> list[str]:
 def _cells(finding: Finding) -> tuple[str, str, str, str, str]:
     start, stop = finding.rows
     rows = f"{start}" if stop == start + 1 else f"{start}:{stop}"
-    size = f"{finding.size:.4g} {finding.unit}".strip()
-    return finding.severity, finding.name, finding.channel, rows, size
+    return finding.severity, finding.name, finding.channel, rows, finding.amount

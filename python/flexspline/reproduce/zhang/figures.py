@@ -13,7 +13,16 @@ from matplotlib.axes import Axes
 from flexspline import _core
 from flexspline.observer import observer_delay, observer_noise
 from flexspline.plot.calibration import calibration_deviation, calibration_line, voltage_drift
-from flexspline.plot.canvas import GREY, INK, PALETTE, PlainFigure, axes_or_new, legend, titled
+from flexspline.plot.canvas import (
+    GREY,
+    INK,
+    PALETTE,
+    PlainFigure,
+    axes_or_new,
+    legend,
+    log_axis,
+    titled,
+)
 from flexspline.plot.sensor import (
     bridge_orders,
     cancelling_phase,
@@ -172,10 +181,11 @@ def ripple_spectrum(study: Study) -> PlainFigure:
         axes, study.placements, ("a  common", "b  cancelling"), (ORANGE, BLUE), strict=True
     ):
         hertz, size = spectrum(log)
-        ax.semilogy(hertz, np.maximum(1e3 * size, 1e-5), color=colour, linewidth=0.9)
+        ax.plot(hertz, np.maximum(1e3 * size, 1e-5), color=colour, linewidth=0.9)
         for at in (9.89, 19.76):
             ax.axvline(at, color=GREY, linestyle="--", linewidth=0.9)
         ax.set(xlabel="frequency [Hz]", ylabel="amplitude [mV]", ylim=(1e-3, 30.0))
+        log_axis(ax, "y")
         titled(ax, f"{name} placement; dashed: 9.89 and 19.76 Hz")
     return figure
 
@@ -231,7 +241,7 @@ def line(study: Study) -> PlainFigure:
 
 def placement() -> PlainFigure:
     """Ours: what each placement lets through, and what bonding tolerances leave."""
-    figure, axes = panels(2, 6.2, 4.0)
+    figure, axes = panels(2, height=4.0)
     bridges = {
         "common, 4 gauges": common_bridge(),
         "0° and 90°, 4 gauges": cancelling_bridge(4),
@@ -245,7 +255,7 @@ def placement() -> PlainFigure:
 
 def heating() -> PlainFigure:
     """Ours: drift with the bridge alone, with software alone and with both."""
-    figure, axes = panels(2, 5.8)
+    figure, axes = panels(2)
     drift = heating_drift(cancelling_bridge(8))
     heating_curves(drift, axes[0], uneven=False)
     heating_curves(drift, axes[1], uneven=True)
@@ -267,10 +277,13 @@ def _with_torque(ax: Axes) -> None:
 
 def collisions(arm: Arm) -> PlainFigure:
     """Figure 20: the residual without contact, at a collision, and the force of the contact."""
-    figure, (a, b, c) = panels(3, 5.0)
+    figure, (a, b, c) = panels(3, 4.0)
     time = arm.swings["time"]
     a.plot(time, 1e3 * arm.free_residual, color=BLUE, linewidth=0.6)
-    for bound, style, name in ((THRESHOLD, "-", "threshold 0.03"), (0.0255, ":", "printed bound")):
+    for bound, style, name in (
+        (THRESHOLD, "-", "threshold 0.03"),
+        (0.0255, ":", "printed bound 0.0255"),
+    ):
         a.axhline(1e3 * bound, color=RED, linestyle=style, linewidth=1.0, label=f"{name} Nm")
         a.axhline(-1e3 * bound, color=RED, linestyle=style, linewidth=1.0)
     low, high = a.get_ylim()
@@ -278,7 +291,7 @@ def collisions(arm: Arm) -> PlainFigure:
     titled(a, "a  two minutes without contact")
     legend(a)
     for hit, colour in zip(arm.hits, (BLUE, ORANGE, GREEN), strict=True):
-        _near(b, hit, hit.residual, hit.free.log["time"], colour, f"{hit.speed:+.0f} °/s")
+        _near(b, hit, hit.residual, hit.free.log["time"], colour, _speed(hit))
         b.axvline(1e3 * hit.delay, color=colour, linestyle="--", linewidth=0.9)
         _force(c, hit, colour)
     b.set_yscale("symlog", linthresh=0.1)
@@ -293,6 +306,10 @@ def collisions(arm: Arm) -> PlainFigure:
     return figure
 
 
+def _speed(hit: Hit) -> str:
+    return f"{hit.speed:+.0f} °/s".replace("-", "−")
+
+
 def _near(
     ax: Axes, hit: Hit, values: np.ndarray, time: np.ndarray, colour: str, label: str
 ) -> None:
@@ -303,7 +320,7 @@ def _near(
 
 def _force(ax: Axes, hit: Hit, colour: str) -> None:
     for run, style, label in (
-        (hit.stopped, "-", f"{hit.speed:+.0f} °/s, {hit.stopped.peak:.1f} Nm"),
+        (hit.stopped, "-", f"{_speed(hit)}, {hit.stopped.peak:.1f} Nm"),
         (hit.free, ":", f"no stop, {hit.free.peak:.0f} Nm"),
     ):
         since = run.trajectory.time - hit.free.touched
@@ -314,7 +331,7 @@ def _force(ax: Axes, hit: Hit, colour: str) -> None:
 
 def gains(arm: Arm) -> PlainFigure:
     """Ours: delay and noise over the gain, exact and Euler, and the step responses."""
-    figure, (a, b, c) = panels(3, 5.0)
+    figure, (a, b, c) = panels(3, 4.0)
     gain = np.geomspace(5.0, 199.0, 200)
     for kind, colour in (("exact", BLUE), ("euler", ORANGE)):
         a.plot(gain, 1e3 * observer_delay(gain, 1.0 / RATE, kind), color=colour, label=kind)
@@ -328,7 +345,7 @@ def gains(arm: Arm) -> PlainFigure:
         "s", color=GREEN, label="exact on the rig's swings, scaled at 100 1/s")  # fmt: skip
     for ax in (a, b):
         ax.axvline(GAIN, color=GREY, linestyle="--", linewidth=0.9)
-        ax.set_xscale("log")
+        log_axis(ax, "x")
         ax.set_xlabel("gain K [1/s]")
     a.set_ylabel("delay [ms]")
     b.set_ylabel("noise of the estimate [of the torque's]")
