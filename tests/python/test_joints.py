@@ -12,7 +12,7 @@ from checks_logs import sound_log
 from cli_calls import call
 from undrawn import undrawn
 
-from flexspline import InputError, Model, check, guess_map, joints_of, read_log
+from flexspline import InputError, Model, check, guess_map, joints_of, read_log, read_runs
 from flexspline.logs.joints import placed_joint
 
 NAMED = {"time": "t", "output_position": "q_{joint}", "sensor_torque": "tau_{joint}"}
@@ -195,3 +195,14 @@ def test_a_map_of_all_joints_is_refused_where_there_is_one(tmp_path: Path) -> No
     log.to_frame().to_csv(tmp_path / "one.csv", index=False)
     with pytest.raises(InputError, match="has columns of one joint alone"):
         guess_map(tmp_path / "one.csv", joint="all")
+
+
+def test_a_map_file_names_the_joints_and_the_runs_of_a_file(tmp_path: Path) -> None:
+    path, columns = written(tmp_path, "[read]\nsplit_gaps = 5.0\n[joints.2]\ngear_ratio = 50")
+    assert joints_of(path, columns) == ("1", "2", "3")
+    (run,) = read_runs(path, columns, joint=2)
+    assert run.facts["gear_ratio"] == 50
+    with pytest.raises(InputError, match="would be 1000 runs"):  # an argument overrules the map
+        read_runs(path, columns, joint=2, split_column="q_2")
+    with pytest.raises(InputError, match="read_runs several"):
+        read_log(path, columns, joint=2)

@@ -94,7 +94,7 @@ def found(content: Mapping[str, Any]) -> None:
 @contextmanager
 def apart(whose: str) -> Iterator[dict[str, Any]]:
     """Let a call within a call print no text; gives what it finds. `whose` begins its warnings."""
-    before = _SPEECH.set(_Speech(quiet=True, verbose=_speech().verbose, whose=whose))
+    before = _SPEECH.set(_Speech(json=True, quiet=True, verbose=_speech().verbose, whose=whose))
     try:
         yield _speech().object
     finally:
@@ -107,7 +107,7 @@ def whose() -> str:
 
 
 def is_json() -> bool:
-    """Whether one object is printed for scripts."""
+    """Whether what is found is asked for: for scripts, or for the summary of several joints."""
     return _speech().json
 
 

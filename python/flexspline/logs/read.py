@@ -227,8 +227,9 @@ def cut_runs(
     """Return what `read_runs` reads, and what is left out."""
     if isinstance(columns, (str, os.PathLike)):
         mapped = map_arguments(columns, how.get("joint"))
-        split_column = mapped.pop("split_column", None) if split_column is None else split_column
-        split_gaps = mapped.pop("split_gaps", None) if split_gaps is None else split_gaps
+        column, gaps = (mapped.pop(key, None) for key in SPLIT)
+        split_column = column if split_column is None else split_column
+        split_gaps = gaps if split_gaps is None else split_gaps
         columns, repair, how = _beside_map(mapped, repair, {}, how)
     cut = Cut(split_column, split_gaps)
     asked = inspect.signature(read_log).bind(source, columns, **how)
@@ -262,7 +263,7 @@ _NOT_HOW: Final = ("source", "columns", "repair")
 
 def joints_of(
     source: str | os.PathLike[str] | NDArray[Any] | Mapping[str, Any] | Any,
-    columns: Mapping[str, ColumnSpec],
+    columns: Mapping[str, ColumnSpec] | str | os.PathLike[str],
     **how: Any,
 ) -> tuple[str, ...]:
     """Return the joints of a robot's file: those of which it has every column of the map.
@@ -270,7 +271,7 @@ def joints_of(
     Parameters
     ----------
     source : as for `read_log`.
-    columns : with places, such as ``{"output_position": "q_{joint}"}``.
+    columns : with places, such as ``{"output_position": "q_{joint}"}``, or path of such a map.
     **how
         Of the arguments of `read_log`, those that say how the file is written.
 
@@ -286,6 +287,10 @@ def joints_of(
     ...     log = flexspline.read_log("robot.csv", columns, joint=joint)
     ...     print(joint, flexspline.fit("coulomb_friction", log, "sensor_torque"))
     """
+    if isinstance(columns, (str, os.PathLike)):
+        said = map_arguments(columns)
+        rest = {key: value for key, value in said.items() if key not in SPLIT}
+        columns, _, how = _beside_map(rest, (), {}, how)
     asked = inspect.signature(read_log).bind(source, columns, **how)
     asked.apply_defaults()
     table, _ = _table_of(source, asked.arguments)
