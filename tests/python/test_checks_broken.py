@@ -418,7 +418,7 @@ def test_findings_read_as_a_table_and_as_html() -> None:
     assert text.startswith("sound 6: 1 fault")
     assert "velocity_sign" in text and "flip_sign=output_velocity" in text
     assert "<td>velocity_sign</td>" in findings._repr_html_()
-    assert str(check(sound_log(SEED))) == "sound 6: nothing found"
+    assert str(check(sound_log(SEED))).splitlines()[0] == "sound 6: nothing found"
 
 
 def test_the_worst_comes_first() -> None:

@@ -152,7 +152,7 @@ def residual_orders(made: Comparison, pair: str = "output_housing", ax: Axes | N
     label = "order found, ± 2 standard errors"
     for peak in made.orders:
         place = peak.per_output_turn / turns
-        if at[0] <= place <= at[-1]:
+        if len(at) and at[0] <= place <= at[-1]:
             ax.errorbar(
                 place,
                 peak.amplitude,
@@ -166,7 +166,7 @@ def residual_orders(made: Comparison, pair: str = "output_housing", ax: Axes | N
             label = ""
     words = table[pair].words
     ax.set(xlabel=f"order per turn of {words}", ylabel=f"amplitude [{made.unit}]", ylim=(0, None))
-    if pair == "output_housing":
+    if pair == "output_housing" and len(at):  # a run of few rows has no spectrum
         ax.set_xlim(FIRST if at[-1] > 1.0 else at[0], at[-1])
         log_axis(ax, "x")
     title = "orders of what turns" if pair == "output_housing" else words
