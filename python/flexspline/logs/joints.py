@@ -1,4 +1,4 @@
-"""Column maps of a robot: a column of each joint by a placeholder.
+"""Column maps of a robot: a column of each joint, with a place for its name.
 
 A source such as ``q_{joint}`` or ``q[:, {joint}]`` stands for a column of every joint, with the
 name of the joint in the place. A joint that is called by a number may be counted otherwise by the

@@ -257,7 +257,7 @@ def _panels(rows: int, columns: int, titles: list[str]) -> tuple[PlainFigure, li
 
 
 def _dots(ax: Axes, x: np.ndarray, y: np.ndarray, colour: str, label: str = "") -> None:
-    """Draw points too small to be told apart in a legend, which has a large one."""
+    """Draw points that are too small for a legend, which has a large one."""
     ax.plot(x, y, ".", ms=1.2, color=colour)
     if label:
         ax.plot([], [], "o", ms=4, color=colour, label=label)
