@@ -200,8 +200,10 @@ def confirmed(
     monkeypatch.setattr(confirmation, "_all_shown", all_shown)
     monkeypatch.setattr(confirmation, "_in_order", lambda made: made)
     monkeypatch.setattr(confirmation, "_rivals", rivals)
-    of_names = {**dict.fromkeys(each, 1.0), **(sure or {})}
-    monkeypatch.setattr(confirmation, "_confidence", lambda made, fit, name, own: of_names[name])
+    of_names = {
+        n: confirmation.Sure(p, "") for n, p in {**dict.fromkeys(each, 1.0), **(sure or {})}.items()
+    }
+    monkeypatch.setattr(confirmation, "_sure", lambda made, fit, name, own: of_names[name])
     monkeypatch.setattr(Made, "steps", steps, raising=False)
     monkeypatch.setattr(confirmation, "significance", lambda fit, name: idle[name])
 

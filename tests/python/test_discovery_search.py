@@ -15,7 +15,7 @@ from hidden_logs import LOAD, friction_of, log_of, noise, rich_run
 import flexspline
 from flexspline.discovery.evidence import Dictionary, equivalent_t, held_out_gain
 from flexspline.discovery.faults import _last_column
-from flexspline.discovery.result import Discovery, confidence
+from flexspline.discovery.result import Discovery, confidence, doubt
 from flexspline.discovery.search import Searcher, missed, study_of
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import effect
@@ -175,6 +175,19 @@ def test_functions_that_hold_a_name_speak_against_it_only_where_enough_is_unexpl
     assert confidence(2e4, 60.0, 0.0, 0.99 * enough, 0) > 0.94
     assert confidence(2e4, 60.0, 0.0, 2.0 * enough, 0) < 0.5
     assert confidence(2e4, 60.0, 1.0, 2.0 * enough, 0) > 0.9
+
+
+@pytest.mark.parametrize("survives", [0.0, 0.5, 1.0])
+@pytest.mark.parametrize("left", [0.0, 990.0, 2000.0, 9000.0])
+def test_what_functions_take_from_a_confidence_is_said_beside_it(
+    survives: float, left: float
+) -> None:
+    lost = 1.0 - confidence(2e4, 60.0, survives, left, 0)
+    said = doubt(2e4, survives, left, ["output_velocity", "reference_torque"])
+    assert bool(said) == (lost > SETTINGS.bends)
+    if said:
+        assert f"gain {left / 2e4:.0%} of what".replace("%", " %") in said
+        assert f"keeps {survives:.0%} of that".replace("%", " %") in said
 
 
 class Gains:

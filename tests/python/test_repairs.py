@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from flexspline.errors import InputError
-from flexspline.logs import REPAIRS, Log, read_log, repaired
+from flexspline.logs import REPAIRS, Log, read_log, read_runs, repaired
 
 TIME = np.arange(200) / 100
 
@@ -34,6 +36,25 @@ def test_repairs_are_done_in_the_order_asked() -> None:
         "drop_duplicates: rows that repeat the time stamp before them, dropped: 1",
         "unwrap: jumps of 2π in output_position undone: 1",
     )
+
+
+def test_repairs_of_a_call_come_behind_those_of_the_map_and_none_is_done_twice(
+    tmp_path: Path,
+) -> None:
+    angle = np.linspace(6.0, 7.0, 40)
+    rows = [f"{t},{q % (2 * np.pi)}" for t, q in enumerate(angle)]
+    (tmp_path / "run.csv").write_text("t,q\n" + "\n".join(rows) + "\n")
+    columns = tmp_path / "map.toml"
+    columns.write_text(
+        '[read]\nrepair = ["unwrap=output_position", "drop_start=1"]\n'
+        '[columns]\ntime = "t"\noutput_position = {source = "q", unit = "rad"}\n'
+    )
+    asked = ["drop_end=1", "drop_start=1"]
+    log = read_log(tmp_path / "run.csv", columns, repair=asked)
+    (cut,) = read_runs(tmp_path / "run.csv", columns, repair=asked, split_gaps=10.0)
+    for one in (log, cut):
+        np.testing.assert_allclose(one["output_position"], angle[1:-1])
+    assert [line.split(":")[0] for line in log.history[-3:]] == ["unwrap", "drop_start", "drop_end"]
 
 
 def test_a_repair_is_a_name_a_name_with_a_value_or_a_mapping() -> None:

@@ -450,7 +450,8 @@ def reading(
                 "multiple": True,
                 "metavar": "NAME[=VALUE]",
                 "type": REPAIRS,
-                "help": "A repair of the data, listed below; can be repeated, done in this order.",
+                "help": "A repair of the data, listed below; can be repeated, done in this order, "
+                "behind those of the column map.",
             },
         ),
         (
@@ -608,8 +609,11 @@ class Reading:
         if self.columns is None:
             return self.arguments
         from flexspline.logs.read import map_arguments
+        from flexspline.logs.repairs import repairs_of_both
 
-        return {**map_arguments(self.columns, self.joint), **self.arguments}
+        said = map_arguments(self.columns, self.joint)
+        repair = repairs_of_both(said.get("repair", ()), self.repair)
+        return {**said, **self.arguments, **({"repair": repair} if repair else {})}
 
     def one(self, path: str, known: Mapping[str, Any]) -> Log:
         """Read the run of a command that takes one; `known` as for `logs`.

@@ -254,10 +254,11 @@ def _found(
         effect=effect.name,
         rmse_before=rmse[0],
         rmse_after=rmse[1],
-        confidence=held.confidences[effect.name],
+        confidence=held.sure[effect.name].confidence,
         indistinguishable_from=aliases,
         where=where(made.part.problem, effect, parts),
-        evidence=_evidence(made, effect, t, rivals, rmse, [e.name for e in group]),
+        evidence=_evidence(made, effect, t, rivals, rmse, [e.name for e in group])
+        + held.sure[effect.name].doubt,
         t=t,
         rivals=tuple(r for k, r in enumerate(rivals) if k < SETTINGS.tried or r.alias),
         coefficients_p=shown.p,

@@ -39,6 +39,7 @@ from flexspline.discovery.result import (
     NOT_SIGNIFICANT,
     UNLIKELY,
     confidence,
+    doubt,
 )
 from flexspline.discovery.search import cost_of
 from flexspline.discovery.settings import SETTINGS
@@ -102,11 +103,19 @@ class Shown:
 
 
 @dataclass(frozen=True)
+class Sure:
+    """Confidence in a name, and what functions that no name explains take from it; "" if little."""
+
+    confidence: float
+    doubt: str
+
+
+@dataclass(frozen=True)
 class Confirmed:
     """The analysis with the names that hold, what each shows, the fit of its model.
 
     `also_seen`: effects that are real but too small to matter. `rivals`: of each name, best first.
-    `confidences`: in each name.
+    `sure`: of each name.
     """
 
     made: Analysis
@@ -114,7 +123,7 @@ class Confirmed:
     shown: Mapping[str, Shown]
     also_seen: tuple[AlsoSeen, ...]
     rivals: Mapping[str, Sequence[Rival]]
-    confidences: Mapping[str, float]
+    sure: Mapping[str, Sure]
 
 
 def confirmed(made: Analysis, fitted: Callable[[Working], Fit], base: Sequence[str]) -> Confirmed:
@@ -137,7 +146,7 @@ def confirmed(made: Analysis, fitted: Callable[[Working], Fit], base: Sequence[s
         name, why = _weakest(made, fit, [*shown.values()], base)
         if not name:
             rivals = _rivals(made)
-            sure = {name: _confidence(made, fit, name, own) for name, own in rivals.items()}
+            sure = {name: _sure(made, fit, name, own) for name, own in rivals.items()}
             unlikely = _unlikely(rivals, sure)
             lesser = list(rivals) if made.unexplained > 0.5 else []
             if not unlikely and not lesser:
@@ -211,23 +220,27 @@ def _rivals(made: Analysis) -> dict[str, list[Rival]]:
     return found
 
 
-def _confidence(made: Analysis, fit: Fit, name: str, rivals: Sequence[Rival]) -> float:
-    """Confidence in a name: no more than both the search and the final fit bear out."""
+def _sure(made: Analysis, fit: Fit, name: str, rivals: Sequence[Rival]) -> Sure:
+    """How sure a name is: no more than both the search and the final fit bear out."""
     dictionary = made.searcher.study.dictionary(made.final, made.searcher.whitening)
     gain, left = dictionary.gain(name), made.leftover
     above = min(gain, wald(fit, name, held=True)[0]) - cost_of(dictionary, made.final, name)
     aliases = sum(rival.alias for rival in rivals)
-    return confidence(gain, above, left.survives.get(name, 1.0), left.gain, aliases)
+    survives = left.survives.get(name, 1.0)
+    return Sure(
+        confidence(gain, above, survives, left.gain, aliases),
+        doubt(gain, survives, left.gain, left.channels),
+    )
 
 
-def _unlikely(rivals: Mapping[str, Sequence[Rival]], sure: Mapping[str, float]) -> list[str]:
+def _unlikely(rivals: Mapping[str, Sequence[Rival]], sure: Mapping[str, Sure]) -> list[str]:
     """Names that something else is four times as likely as; what no name explains bars the first.
 
     Behind a first name that is likely, a small one that lowers the held-out error may stay.
     """
     among = {name: 1.0 / (1.0 + sum(r.alias for r in own)) for name, own in rivals.items()}
     return [name for number, name in enumerate(rivals)
-            if among[name] <= LEAST or (number == 0 and sure[name] < LEAST)]  # fmt: skip
+            if among[name] <= LEAST or (number == 0 and sure[name].confidence < LEAST)]  # fmt: skip
 
 
 def _with_tie(rival: Rival, effect: Effect, tied: Sequence[Dependence]) -> Rival:

@@ -33,6 +33,7 @@ from flexspline.discovery.faults import (
     load_delays,
     resolved,
     with_measured_ratio,
+    with_unwrapped_angles,
 )
 from flexspline.discovery.physics import spring_bounds
 from flexspline.discovery.result import Discovery
@@ -207,7 +208,7 @@ def _by_regression(
         )
     faults = data_faults(runs, task.effects, target, load, task.threads)
     faults = (*of_base, *_cut(recordings, faults))
-    runs, faults = with_measured_ratio(runs, faults, target)
+    runs, faults = with_measured_ratio(*with_unwrapped_angles(runs, faults), target)
     inputs, ways = learned(runs, target, load, bandwidth, task.threads)
     scatter = inputs[load].noise if load in inputs else 0.0
     task = replace(task, preparations=tuple(ways), scatter=scatter)

@@ -55,6 +55,7 @@ from flexspline.least_squares.result import Fit
 from flexspline.logs.checks import check
 from flexspline.logs.checks.consistency import TOLD, Gear, measured_gear
 from flexspline.logs.checks.findings import NO_TORSION, Finding
+from flexspline.logs.checks.samples import unwrapped
 from flexspline.logs.log import Log
 from flexspline.logs.repairs import move_earlier
 from flexspline.logs.segments import median_step
@@ -85,9 +86,11 @@ __all__ = [
     "load_delays",
     "resolved",
     "with_measured_ratio",
+    "with_unwrapped_angles",
 ]
 
 RATIO = "gear_ratio"
+WRAPPED = "wrapped_angle"
 ENCODER_DELAY = "encoder_delay"
 HALF_A_ROW = 0.5  # more than that a run may be late by alone: another clock
 SIGN = "torque_sign"  # this and a small delay are a recorder's where half of the runs show them
@@ -206,6 +209,24 @@ def _late_alike(gears: Sequence[Gear]) -> bool:
     mean = np.average(delay, weights=weight)
     scatter = np.average((delay - mean) ** 2, weights=weight) / (len(delay) - 1)
     return bool(abs(mean) > TOLD * np.sqrt(max(1.0 / weight.sum(), scatter)))
+
+
+def with_unwrapped_angles(
+    logs: Sequence[Log], faults: Sequence[DataFault]
+) -> tuple[list[Log], tuple[DataFault, ...]]:
+    """Return the runs with the angles that wrap unwrapped; the fault's sentence then says so.
+
+    Orders of a motor's angle that jumps at each turn would be those of no machine.
+    """
+    wraps = {(fault.run, fault.channel) for fault in faults if fault.name == WRAPPED}
+    whole = []
+    for log in logs:
+        angles = {name: unwrapped(log[name]) for run, name in sorted(wraps) if run == log.name}
+        note = f"unwrapped for the search: {', '.join(angles)}"
+        whole.append(log.with_columns(angles, note=note) if angles else log)
+    said = "Names are looked for with the unwrapped angle."
+    told = [replace(f, sentence=f"{f.sentence} {said}") if f.name == WRAPPED else f for f in faults]
+    return whole, tuple(told)
 
 
 def with_measured_ratio(

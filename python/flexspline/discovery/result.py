@@ -17,7 +17,7 @@ measured state and is driven by its inputs alone.
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -30,7 +30,8 @@ from flexspline.discovery.faults import DataFault
 from flexspline.discovery.settings import SETTINGS
 from flexspline.discovery.slices import HeldRun, Slice, slices
 from flexspline.effects.causes import INERTIA
-from flexspline.errors import InputError
+from flexspline.errors import InputError, listed
+from flexspline.formatting import percent
 from flexspline.least_squares.result import Fit, Parameter
 from flexspline.model import PART_OF, Model, Part
 from flexspline.prepared import bandwidth_used, inputs_json
@@ -59,6 +60,7 @@ __all__ = [
     "Unexplained",
     "confidence",
     "discovery_json",
+    "doubt",
     "driven_apart",
 ]
 
@@ -74,10 +76,30 @@ def confidence(gain: float, above: float, survives: float, left: float, aliases:
     aliases : how many names explain the runs as well.
     """
     chance = np.exp(-0.5 * max(above, 0.0))
+    flexible = _flexible(gain, survives, left)
+    return float(min(1.0 / (1.0 + aliases + flexible + chance), 1.0 - SETTINGS.negligible))
+
+
+def doubt(gain: float, survives: float, left: float, channels: Sequence[str]) -> str:
+    """Return why functions of a flexible basis lower the confidence in a name; "" where little.
+
+    The arguments are those of `confidence`; `channels`: which the functions are of.
+    """
+    if left <= SETTINGS.bends * gain:
+        return ""
+    of_these = "this channel" if len(channels) == 1 else "these channels"
+    return (
+        f" The confidence is lower for functions of {listed(channels)} that no name explains: "
+        f"after prewhitening they gain {percent(left / max(gain, TINY))} of what it does, "
+        f"and beside all functions of {of_these} it keeps {percent(survives)} of that."
+    )
+
+
+def _flexible(gain: float, survives: float, left: float) -> float:
+    """The odds against a name of what functions of a flexible basis explain in its place."""
     beside = left / max(gain, TINY)
     beyond = float(np.clip(beside / SETTINGS.bends - 1.0, 0.0, 1.0))
-    flexible = beside + beyond * (1.0 - float(np.clip(survives, 0.0, 1.0)))
-    return float(min(1.0 / (1.0 + aliases + flexible + chance), 1.0 - SETTINGS.negligible))
+    return beside + beyond * (1.0 - float(np.clip(survives, 0.0, 1.0)))
 
 
 DRIVES = ("motor_torque", "motor_current")

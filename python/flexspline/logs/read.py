@@ -25,7 +25,7 @@ from flexspline.logs.formats import Dialect, is_frame, no_source, read_table
 from flexspline.logs.joints import columns_of_joint, has_places, joints_among
 from flexspline.logs.log import Fact, Log, Source, checked_facts
 from flexspline.logs.packed import PACKED
-from flexspline.logs.repairs import Repairs, move_earlier, repaired
+from flexspline.logs.repairs import Repairs, move_earlier, repaired, repairs_of_both
 from flexspline.logs.splitting import Cut, Gaps, parts_of
 from flexspline.logs.table import Table
 
@@ -118,8 +118,8 @@ def read_log(
     name : str, optional
         Name of the run; by default the file's.
     repair : str, sequence or mapping
-        Repairs by name, done in this order; see `flexspline.logs.repairs`. Columns with a clock
-        of their own are moved after them.
+        Repairs by name, done in this order, behind those of a map file; see
+        `flexspline.logs.repairs`. Columns with a clock of their own are moved after them.
     header, separator, decimal, encoding
         How text is written; found by looking where not given. Separator "whitespace" is any
         run of blanks and tabs.
@@ -255,7 +255,7 @@ def _beside_map(
     """
     how = {**usual, **{key: said[key] for key in said if key not in _NOT_HOW}, **given}
     how["facts"] = {**said["facts"], **(given.get("facts") or {})}
-    return said["columns"], repair or said.get("repair", ()), how
+    return said["columns"], repairs_of_both(said.get("repair", ()), repair), how
 
 
 _NOT_HOW: Final = ("source", "columns", "repair")

@@ -21,7 +21,15 @@ from flexspline.logs.log import Log
 from flexspline.logs.plausible import beyond
 from flexspline.logs.segments import repeats, stuck_from
 
-__all__ = ["REPAIRS", "Repair", "Repairs", "move_earlier", "repaired", "spelled"]
+__all__ = [
+    "REPAIRS",
+    "Repair",
+    "Repairs",
+    "move_earlier",
+    "repaired",
+    "repairs_of_both",
+    "spelled",
+]
 
 Repairs = str | Sequence[str] | Mapping[str, Any]
 
@@ -63,6 +71,18 @@ def repaired(log: Log, repairs: Repairs) -> Log:
             )
         log = repair.do(log, value)
     return log
+
+
+def repairs_of_both(said: Repairs, given: Repairs) -> Repairs:
+    """Return the repairs that a column map says, and behind them what a call asks for besides.
+
+    What both ask for is done once: who repeats a line of the map does not mean it twice.
+    """
+    if not said or not given:
+        return given or said
+    written = [f"{name}={value}" if value else name for name, value in _asked(said)]
+    more = [f"{name}={value}" if value else name for name, value in _asked(given)]
+    return [*written, *(one for one in more if one not in written)]
 
 
 def move_earlier(log: Log, channel: str, seconds: float) -> Log:
