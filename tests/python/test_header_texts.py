@@ -246,6 +246,13 @@ def test_every_text_is_one_line_of_a_comment_and_one_string(text: str) -> None:
     assert comment(text).isprintable() and string_literal(text).isascii()
 
 
+def test_a_comment_spells_the_letters_and_signs_of_formulas() -> None:
+    said = comment("wave generator (θ), Δτ ≤ 3 Nm → 5 µm, 10 Ω, 0.1 rad/s², Müller, 日")
+    assert said == (
+        "wave generator (theta), Deltatau <= 3 Nm -> 5 um, 10 Ohm, 0.1 rad/s², Muller, ?"
+    )
+
+
 def test_a_string_keeps_what_it_says() -> None:
     text = 'a "b" \\ ?? ° \n1'
     made = string_literal(text)

@@ -36,7 +36,12 @@ LONGEST = 64  # characters of a name
 IDENTIFIER = re.compile(r"(?!.*__)[A-Za-z][A-Za-z0-9_]*")
 HEADER = re.compile(r"(?!.*\.\.)[A-Za-z0-9_][A-Za-z0-9_.-]*(/[A-Za-z0-9_][A-Za-z0-9_.-]*)*")
 SIGNS = "±°·×−–²³⁰¹⁴⁵⁶⁷⁸⁹⁻"  # of numbers and units, which headers hold beside ASCII
-SPELLED = {"\u00b5": "u", "\u03bc": "u", "\u03a9": "Ohm", "\u2126": "Ohm"}
+SPELLED = {
+    "\u00b5": "u", "\u03bc": "u", "\u03a9": "Ohm", "\u2126": "Ohm",
+    "\N{RIGHTWARDS ARROW}": "->", "\N{LESS-THAN OR EQUAL TO}": "<=",
+    "\N{GREATER-THAN OR EQUAL TO}": ">=", "\N{ALMOST EQUAL TO}": "~",
+}  # fmt: skip
+GREEK = re.compile(r"GREEK (SMALL|CAPITAL) LETTER (\w+)")  # of formulas: "theta"
 PLAIN = re.compile(r"[ !#->@-\[\]-~]")  # of ASCII, without quote, question mark and backslash
 
 # Keywords of C++20, and the namespaces that an exported header needs.
@@ -204,9 +209,9 @@ def comment(text: str) -> str:
     """Return the text in a form that stays inside a comment and its line.
 
     Control characters, line and paragraph separators, and marks that turn the direction of writing
-    become blanks, letters beyond ASCII lose their accents or become question marks, but for the
-    signs of numbers and units; a backslash, which would join the next line, becomes a slash; the
-    marks of a trigraph and of a block comment are parted.
+    become blanks, letters beyond ASCII lose their accents, are spelled (Greek ones) or become
+    question marks, but for the signs of numbers and units; a backslash, which would join the next
+    line, becomes a slash; the marks of a trigraph and of a block comment are parted.
     """
     text = "".join(map(_plain, text)).replace("\\", "/")
     return re.sub(r"\?(?=\?)|\*(?=/)|/(?=\*)", r"\g<0> ", text)
@@ -220,6 +225,8 @@ def _plain(letter: str) -> str:
     plain = SPELLED.get(letter) or unicodedata.normalize("NFKD", letter).replace(
         "\N{FRACTION SLASH}", "/"
     )
+    if greek := GREEK.fullmatch(unicodedata.name(plain[0], "")):
+        plain = greek[2].lower() if greek[1] == "SMALL" else greek[2].capitalize()
     return "".join(each for each in plain if each.isascii() and each.isprintable()) or "?"
 
 
