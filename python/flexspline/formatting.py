@@ -14,6 +14,7 @@ from collections.abc import Collection, Iterable, Sequence
 from flexspline.errors import printable
 
 __all__ = [
+    "Page",
     "apart",
     "decimals_for",
     "percent",
@@ -28,6 +29,13 @@ __all__ = [
 ]
 
 FINEST = 1e-6  # an error below this part of its value is shown as "below"
+
+
+class Page(str):
+    """A text of several lines that a prompt and a notebook's cell show as it reads."""
+
+    __slots__ = ()
+    __repr__ = str.__str__
 
 
 def plus_minus(value: float, error: float) -> str:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from itertools import pairwise, product
+from types import SimpleNamespace
 
 import comparison_logs as rig
 import numpy as np
@@ -10,6 +12,7 @@ import pytest
 
 import flexspline
 from flexspline import InputError
+from flexspline.comparison.bands import _bands as large_bands
 from flexspline.comparison.covariates import even_edges, growing_edges, in_bins, labels_of
 from flexspline.comparison.effective_sample_size import memory_of
 from flexspline.comparison.runs import predicted, rows_of
@@ -76,6 +79,19 @@ def test_the_effective_rows_are_those_of_the_noise() -> None:
     memory = (1.0 + rig.PHI) / (1.0 - rig.PHI)
     # phi is known to 2/sqrt(N) and better: 10 % of the memory; batches may make it longer
     assert 0.7 < made.overall.effective_rows * memory / made.overall.rows < 1.1
+
+
+@pytest.mark.parametrize("name", ["reversal_time", "speed", "position"])
+def test_bands_in_which_a_gap_is_large_hold_all_of_it_and_do_not_overlap(name: str) -> None:
+    edges = np.array([0.0, 0.007, 0.03, 0.07, 0.15, 0.5, 2.0])
+    along = SimpleNamespace(name=name, edges=edges)
+    for large in product([False, True], repeat=6):
+        found = large_bands(along, np.array(large))
+        ends = [(low or 0.0, high) for low, high in found]
+        assert all(before[1] < low for before, (low, _) in pairwise(ends)), found
+        middles = np.sqrt(np.maximum(edges[:-1], 1e-3) * edges[1:])
+        held = [any(low < at < high for low, high in ends) for at in middles]
+        assert all(each for each, wanted in zip(held, large, strict=True) if wanted), found
 
 
 def test_bands_of_each_covariate_hold_every_row_once() -> None:

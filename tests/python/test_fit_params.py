@@ -303,6 +303,7 @@ def test_a_fit_that_was_pickled_has_the_likelihood_that_it_had(lowpass):
 def test_table_and_summary_have_the_numbers_that_the_fit_prints(name):
     fit = FITS[name]()
     table, summary = str(fit.params), fit.summary()
+    assert repr(summary) == summary and "\n" in summary  # in a cell, as it reads
     for line in parameter_lines(fit):
         if line.name not in fit.params:
             continue

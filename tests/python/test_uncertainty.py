@@ -59,14 +59,15 @@ def test_of_1000_logs_93_to_97_percent_of_the_intervals_cover_every_parameter(ca
     assert result.too_short == 0.0
 
 
-def test_where_the_intervals_fail_the_result_says_so():
-    result = coverage.study(coverage.Case("short", coverage.AR1, samples=200), 60, seed=3)
-    assert result.ours.max() < 0.93
+@pytest.mark.parametrize("samples", [150, 200])
+def test_in_runs_too_short_for_their_noise_the_intervals_are_wide_and_the_result_says_so(samples):
+    result = coverage.study(coverage.Case("short", coverage.AR1, samples=samples), 60, seed=3)
+    assert result.ours.min() > 0.93
     assert result.too_short > 0.95
 
 
 def test_the_length_that_is_asked_for_is_beyond_what_failed_and_not_far_beyond_what_held():
-    """Intervals held with 15 pieces of news beyond one per parameter, and not with 6."""
+    """Intervals covered 93–97 % with 15 pieces of news beyond one per parameter, more with 6."""
     rows, residual = problem()
     made = solve(rows, residual)
     news = made.shortest_length / made.noise.memory - made.noise.parameters
@@ -351,3 +352,22 @@ def test_the_spread_of_the_noise_is_widened_by_what_the_terms_hide_of_it() -> No
     assert 0.05 < rate < 0.9
     known = made.innovation_variance / expected[1, 1]
     assert made.coefficient_covariance[0, 0] == pytest.approx(known / (1.0 - rate), rel=0.1)
+
+
+def test_smooth_noise_beside_smooth_terms_leaves_every_parameter_its_degrees_of_freedom() -> None:
+    """A rig's target and rows behind one low pass: coefficients of the noise are one in thousands.
+
+    Steps in one of them alone once made a covariance with negative eigenvalues, and a negative
+    number of degrees of freedom, of which no interval can be made.
+    """
+    rng = np.random.default_rng(11)
+    window = np.hanning(24) / np.hanning(24).sum()
+    made = np.apply_along_axis(np.convolve, 0, rng.normal(size=(6000, 5)), window, mode="valid")
+    rows, noise = made[:, :4], made[:, 4]
+    residual = noise - rows @ np.linalg.lstsq(rows, noise, rcond=None)[0]
+    found = solve(rows, residual)
+    spread = found.noise.coefficient_covariance
+    assert found.noise.order >= 8
+    assert np.linalg.eigvalsh(spread)[0] > 0.0
+    assert (found.degrees_of_freedom > 10.0).all() and (found.degrees_of_freedom < 6000.0).all()
+    assert np.isfinite(found.intervals(np.zeros(4))).all()

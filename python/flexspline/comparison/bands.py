@@ -220,13 +220,15 @@ def _bands(
 ) -> tuple[tuple[float | None, float | None], ...]:
     edges = covariate.edges
     assert edges is not None
-    found = []
+    found: list[tuple[float | None, float | None]] = []
     for wanted, group in groupby(range(len(large)), key=lambda k: bool(large[k])):
         if wanted:
             members = list(group)
             low, high = float(edges[members[0]]), float(edges[members[-1] + 1])
             if edges[0] == 0.0 and np.isfinite(high) and low < NEAR_ZERO * high:
                 low = 0.0 if covariate.name != "position" else low
+            if low == 0.0:
+                found.clear()  # a band from 0 holds those before it
             found.append((low if np.isfinite(low) else None, high if np.isfinite(high) else None))
     return tuple(found)
 

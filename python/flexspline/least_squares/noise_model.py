@@ -48,6 +48,8 @@ BLOCK = 4096  # rows handled at once: bounds the memory
 _FIRST_ORDER = 8
 _LARGEST_SUMS = 2_000_000  # numbers in C, 16 MB
 _LONGEST_ITERATION = 100
+_MOST_HIDDEN = 1.0 - 1.0 / _LONGEST_ITERATION  # no rate nearer to 1 is seen in so many steps of EM
+_STEP = 0.1  # of a standard error
 _RIDGE = 1e-13
 _LEAST_GAIN = 1e-6  # of A(1), by which offsets are divided: noise as slow as that is an offset
 _FREQUENCIES = 1 << 14
@@ -350,15 +352,24 @@ def _choose_order(expected: Array, samples: int) -> int:
 
 
 def _coefficient_covariance(phi: Array, products: _Products, degrees: int, known: Array) -> Array:
-    """σ² Q⁻¹, if the noise were known, widened by what EM says the terms hid: (I - DM)⁻¹."""
+    """σ² Q⁻¹, if the noise were known, widened by what EM says the terms hid: (I - DM)⁻¹.
+
+    The rate DM of EM is taken along the principal axes of σ² Q⁻¹ = C Cᵀ, in their standard errors:
+    coefficients of a smooth noise are correlated so strongly that a step in one of them alone is
+    thousands of standard errors long across. There C⁻¹ DM C is symmetric, with eigenvalues from 0
+    (nothing hidden) to below 1: what an EM that has not ended says beyond is rounding.
+    """
     centre = _solve(_expected_products(phi, products, degrees)[0])
-    rate = np.empty_like(known)
-    spreads = np.sqrt(np.maximum(np.diag(known), np.finfo(float).tiny))  # 0 without any noise
-    for k, step in enumerate(np.diag(0.1 * spreads)):
-        moved = _solve(_expected_products(phi + step, products, degrees)[0])
-        rate[:, k] = (moved - centre) / step[k]
-    spread = np.linalg.solve(np.eye(len(phi)) - rate, known)
-    return np.asarray(0.5 * (spread + spread.T))
+    powers, axes = np.linalg.eigh(known)
+    sizes = np.sqrt(np.maximum(powers, np.finfo(float).tiny))  # 0 without any noise
+    moved = [
+        _solve(_expected_products(phi + _STEP * size * axis, products, degrees)[0]) - centre
+        for size, axis in zip(sizes, axes.T, strict=True)
+    ]
+    rate = (axes.T @ np.transpose(moved)) / sizes[:, None] / _STEP
+    hidden, across = np.linalg.eigh(0.5 * (rate + rate.T))
+    wide = axes * sizes @ across / np.sqrt(1.0 - np.clip(hidden, 0.0, _MOST_HIDDEN))
+    return np.asarray(wide @ wide.T)
 
 
 def _stationary(phi: Array, samples: int) -> Array:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from flexspline.effects import UNITS
-from flexspline.formatting import plus_minus
+from flexspline.formatting import Page, plus_minus
 from flexspline.forward.servo import PositionServo
 from flexspline.least_squares.derived import Derived, derived_of
 from flexspline.least_squares.identifiability import Confounded
@@ -439,8 +439,7 @@ class Fit:
 
     def summary(self) -> str:
         """Return target, rows, noise, errors, criteria and parameters as a text of one page."""
-        text: str = render("fit", "summary", self)
-        return text
+        return Page(render("fit", "summary", self))
 
     def scores_frame(self) -> pandas.DataFrame:
         """Return the scores as a table."""
