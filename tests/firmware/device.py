@@ -80,9 +80,19 @@ def _compiled(folder: Path, compiler: str, name: str, defines: tuple[str, ...]) 
     source = Path(__file__).with_name(f"{name}.cpp")
     folders = (f"-I{include()}", f"-I{folder}")
     command = [compiler, *STRICT.split(), *defines, *folders, str(source)]
-    done = subprocess.run([*command, "-o", str(program)], capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr[:4000]
+    headers = tuple(path.read_bytes() for path in sorted(folder.glob("*.hpp")))
+    known = (compiler, name, defines, headers)
+    if known not in _PROGRAMS:
+        done = subprocess.run([*command, "-o", str(program)], capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr[:4000]
+        _PROGRAMS[known] = program.read_bytes()
+    program.write_bytes(_PROGRAMS[known])
+    program.chmod(0o755)
     return program
+
+
+_PROGRAMS: dict[tuple[object, ...], bytes] = {}
+"""What this process of tests has compiled: several tests ask different things of one program."""
 
 
 def stream(
