@@ -260,11 +260,23 @@ def _lateness(logs: Sequence[Log], bandwidth: float) -> float:
     """
     products, squares = 0.0, 0.0
     for log in logs:
+        product, square = _late_motion(log, bandwidth)
+        products += product
+        squares += square
+    return products / squares if squares > 0.0 else 0.0
+
+
+def _late_motion(log: Log, bandwidth: float) -> tuple[float, float]:
+    """Sums of (shortfall · acceleration) and of acceleration², once for each log and bandwidth."""
+    kept = _LATE.setdefault(log, {})
+    if bandwidth not in kept:
         made = differentiate(log, bandwidth=bandwidth)
         smooth = lowpass_log(log, bandwidth, (VELOCITY,))
         short = made[VELOCITY] - smooth[VELOCITY]
         seen = np.isfinite(short) & np.isfinite(made[ACCELERATION])
         slope = made[ACCELERATION][seen]
-        products += float(short[seen] @ slope)
-        squares += float(slope @ slope)
-    return products / squares if squares > 0.0 else 0.0
+        kept[bandwidth] = float(short[seen] @ slope), float(slope @ slope)
+    return kept[bandwidth]
+
+
+_LATE: WeakKeyDictionary[Log, dict[float, tuple[float, float]]] = WeakKeyDictionary()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -58,20 +59,51 @@ def compiled(
 ) -> Path:
     """Export a model and compile `stream.cpp`, or another program of this folder, with it."""
     export(model, folder / "joint.hpp", target=target)
+    return _compiled(folder, compiler, name, defines)
+
+
+def compiled_together(models: Mapping[str, Model], folder: Path, compiler: str) -> Path:
+    """Export models by their names and compile `stream.cpp` with all of them.
+
+    One program of many models is compiled several times as fast as a program for each.
+    """
+    for name, model in models.items():
+        export(model, folder / f"{name}.hpp")
+    includes = [f'#include "{name}.hpp"' for name in models]
+    listed = " ".join(f"X({name})" for name in models)
+    (folder / "models.hpp").write_text("\n".join([*includes, f"#define MODELS(X) {listed}", ""]))
+    return _compiled(folder, compiler, "stream", ())
+
+
+def _compiled(folder: Path, compiler: str, name: str, defines: tuple[str, ...]) -> Path:
     program = folder / name
     source = Path(__file__).with_name(f"{name}.cpp")
     folders = (f"-I{include()}", f"-I{folder}")
     command = [compiler, *STRICT.split(), *defines, *folders, str(source)]
-    done = subprocess.run([*command, "-o", str(program)], capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr[:4000]
+    headers = tuple(path.read_bytes() for path in sorted(folder.glob("*.hpp")))
+    known = (compiler, name, defines, headers)
+    if known not in _PROGRAMS:
+        done = subprocess.run([*command, "-o", str(program)], capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr[:4000]
+        _PROGRAMS[known] = program.read_bytes()
+    program.write_bytes(_PROGRAMS[known])
+    program.chmod(0o755)
     return program
 
 
-def stream(program: Path, scalar: str, angles: str, rows: Array) -> tuple[Array, Array]:
-    """Stream rows (N, 11) through the program; torques (N,) and statuses (N,)."""
-    done = subprocess.run(
-        [str(program), scalar, angles], input=rows.tobytes(), capture_output=True, check=True
-    )
+_PROGRAMS: dict[tuple[object, ...], bytes] = {}
+"""What this process of tests has compiled: several tests ask different things of one program."""
+
+
+def stream(
+    program: Path, scalar: str, angles: str, rows: Array, model: str | None = None
+) -> tuple[Array, Array]:
+    """Stream rows (N, 11) through the program; torques (N,) and statuses (N,).
+
+    `model`: which one, of a program of several.
+    """
+    words = [str(program), scalar, angles, *([] if model is None else [model])]
+    done = subprocess.run(words, input=rows.tobytes(), capture_output=True, check=True)
     results = np.frombuffer(done.stdout).reshape(-1, 2)
     assert len(results) == len(rows)
     return results[:, 0], results[:, 1]

@@ -1,6 +1,9 @@
 // A device in a pipe: samples in, torques out, one at a time, through an exported header.
 //
-//   stream float|double radians|fractions < rows > results
+//   stream float|double radians|fractions [model] < rows > results
+//
+// `MODELS(X)` is X of the name of each exported header (of its namespace), all of which `models.hpp`
+// includes; without it there is `joint.hpp` alone.
 //
 // A row is eleven doubles: output angle (two numbers), motor angle (two numbers), velocity,
 // acceleration, temperature, known load, motor torque, period (0 at a start), time. Angles are
@@ -10,7 +13,12 @@
 #include <cstdio>
 #include <cstring>
 
+#if __has_include("models.hpp")
+#include "models.hpp"
+#else
 #include "joint.hpp"
+#define MODELS(X) X(joint)
+#endif
 
 namespace {
 
@@ -26,24 +34,25 @@ Status read_fractions(const double* in, Angle<S>& angle) noexcept {
   return Status::ok;
 }
 
-template <typename S>
-Status predict(const Sample<S>& at, typename joint::Model<S>::State& state, S& torque) noexcept {
-  if constexpr (joint::Model<S>::remembers) {
-    return joint::model<S>.predict(at, state, torque);
+template <typename S, typename Model>
+Status predict(const Model& model, const Sample<S>& at, typename Model::State& state,
+               S& torque) noexcept {
+  if constexpr (Model::remembers) {
+    return model.predict(at, state, torque);
   } else {
-    return joint::model<S>.predict(at, torque);
+    return model.predict(at, torque);
   }
 }
 
-template <typename S>
-int stream(bool radians) noexcept {
+template <typename S, typename Model>
+int stream(const Model& model, bool radians) noexcept {
   const auto read_angle = [radians](const double* in, Angle<S>& angle) noexcept {
     return radians ? flexspline::read_radians(static_cast<S>(in[0]), angle)
                    : read_fractions(in, angle);
   };
   Sample<S> at;
   S torque = S(0);
-  typename joint::Model<S>::State state;
+  typename Model::State state;
   std::array<double, 11> row{};
   while (std::fread(row.data(), sizeof row, 1, stdin) == 1) {
     Status status = read_angle(&row[0], at.output_position);
@@ -59,7 +68,7 @@ int stream(bool radians) noexcept {
       state = {};
       at.period = S(0.5);  // a device has some period; where it starts anew any will do
     }
-    if (status == Status::ok) status = predict(at, state, torque);
+    if (status == Status::ok) status = predict(model, at, state, torque);
     const std::array<double, 2> result{static_cast<double>(torque), static_cast<double>(status)};
     if (std::fwrite(result.data(), sizeof result, 1, stdout) != 1) return 1;
   }
@@ -69,8 +78,14 @@ int stream(bool radians) noexcept {
 }  // namespace
 
 int main(int count, char** arguments) {
-  if (count != 3) return 2;
+  if (count != 3 && count != 4) return 2;
   const bool radians = std::strcmp(arguments[2], "radians") == 0;
-  if (std::strcmp(arguments[1], "float") == 0) return stream<float>(radians);
-  return stream<double>(radians);
+  const bool single = std::strcmp(arguments[1], "float") == 0;
+#define STREAM(name)                                              \
+  if (count == 3 || std::strcmp(arguments[3], #name) == 0) {      \
+    return single ? stream<float>(name::model<float>, radians)    \
+                  : stream<double>(name::model<double>, radians); \
+  }
+  MODELS(STREAM)
+  return 2;
 }

@@ -6,6 +6,7 @@ import importlib.resources
 import json
 import shutil
 import subprocess
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import chain_rig
@@ -19,7 +20,8 @@ from every_effect import all_of, exported, rich
 import flexspline
 from flexspline import Certificate, InputError, programs
 from flexspline.certification import certifying
-from flexspline.certification.devices import DEVICES
+from flexspline.certification.devices import DEVICES, Device
+from flexspline.certification.program import Built
 from flexspline.cli import commands
 from flexspline.effects import effect
 from flexspline.exporting import export
@@ -33,6 +35,30 @@ NEEDED = ("arm-none-eabi-g++", "qemu-system-arm")
 
 if any(shutil.which(tool) is None for tool in NEEDED):
     device.lacking("arm-none-eabi-g++ or qemu-system-arm is missing; see .ci/run for the packages")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _host_programs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """The host's program of a header is built once: many tests certify the same model."""
+    built: dict[tuple[object, ...], Built] = {}
+    build = certifying.build
+
+    def once(
+        device: Device, folder: Path, unit: str, scalar: str, options: Sequence[str] = ("-O2",)
+    ) -> Built:
+        if device.name != "host":
+            return build(device, folder, unit, scalar, options)
+        header = (folder / "joint.hpp").read_bytes()
+        known = (header, unit, scalar, *options)
+        if known not in built:
+            apart = tmp_path_factory.mktemp("host")
+            (apart / "joint.hpp").write_bytes(header)
+            built[known] = build(device, apart, unit, scalar, options)
+        return built[known]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(certifying, "build", once)
+        yield
 
 
 def valid(made: Certificate) -> dict:

@@ -164,14 +164,14 @@ def test_every_effect_of_the_catalogue_has_the_same_bits_on_the_device(
     tmp_path: Path, target: str
 ) -> None:
     log = rich(5)
-    for made in all_of(target):
-        model = exported((made,), target)
-        program = device.compiled(model, tmp_path, device.compilers()[0])
-        rows = device.radian_rows(log, LOAD)
-        torque, status = device.stream(program, "double", "radians", rows)
+    models = {f"{made.name}_alone": exported((made,), target) for made in all_of(target)}
+    program = device.compiled_together(models, tmp_path, device.compilers()[0])
+    rows = device.radian_rows(log, LOAD)
+    for made, (name, model) in zip(all_of(target), models.items(), strict=True):
+        torque, status = device.stream(program, "double", "radians", rows, name)
         assert not status.any(), made.name
         assert np.array_equal(torque, model.predict(log).predicted), made.name
-        text = (tmp_path / "joint.hpp").read_text()
+        text = (tmp_path / f"{name}.hpp").read_text()
         assert all(unit_in(term.unit, target, LOAD) in text for term in made.terms), made.name
 
 

@@ -95,7 +95,7 @@ class DriveInputs:
         steps_per_sample: int,
         channels: Sequence[str] = ("position",),
         *,
-        servo: PositionServo | None = None,
+        law: Mapping[str, float] | None = None,
         start: Array | None = None,
     ) -> dict[str, Array]:
         """Drive, and return `CHANNELS` by name, (N,); NaN from where the motion runs away.
@@ -105,11 +105,10 @@ class DriveInputs:
         part : the drive, with any effects and coefficients of the same target.
         steps_per_sample : ≥ 1.
         channels : position [rad], velocity, acceleration, motor [Nm at the shaft, or A], stuck.
-        servo : instead of the run's own law.
+        law : fields of the core's servo that replace those of the run's own law.
         start : instead of the run's own, (K, 2).
         """
-        law = servo or self.servo
-        fields = law.for_core() if law is not None else {}
+        fields = {**self.servo.for_core(), **(law or {})} if self.servo is not None else {}
         plant = self.plant(part)
         found = {name: np.full(len(self.time), np.nan) for name in channels}
         for (first, last), (position, velocity) in zip(

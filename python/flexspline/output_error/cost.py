@@ -141,8 +141,7 @@ class Cost:
 
     def _missed(self, part: Part, law: Mapping[str, float], number: int) -> Array:
         run = self.runs[number]
-        servo = None if run.servo is None else run.servo.with_fields(law)
-        rest = run.run(part, self.steps, servo=servo)["position"] - run.measured
+        rest = run.run(part, self.steps, law=law)["position"] - run.measured
         far = ~np.isfinite(rest) & np.isfinite(run.measured)
         return np.where(far, FAR, np.clip(rest, -FAR, FAR))
 
