@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexspline.errors import listed
-from flexspline.formatting import plus_minus, rows_text, short, short_names
+from flexspline.formatting import padded, plus_minus, rows_text, short, short_names
 from flexspline.least_squares.ripple import PAIRS, RippleOrder, ripple_orders
 from flexspline.report.tables import (
     between_rows,
@@ -186,8 +186,8 @@ def verdict(fit: Fit) -> Verdict:
     what = TARGET_WORDS[fit.target]
     good = (
         f"{_grade(share)} the {what} on held-out rows: "
-        f"{short(fit.cv_rmse)} {fit.unit} RMSE is left of a spread of "
-        f"{short(around)} {fit.unit} ({_percent(share)} of the variance explained)."
+        f"{padded(fit.cv_rmse)} {fit.unit} RMSE is left of a spread of "
+        f"{padded(around)} {fit.unit} ({_percent(share)} of the variance explained)."
     )
     if fit.simulation is not None:
         good = f"{fit.simulation.verdict} {good}"
