@@ -361,7 +361,7 @@ def test_a_forward_simulation_that_got_worse_is_said_to_be_so(final: float, wors
     zero = np.zeros(len(log))
     motion = Motion("output_position", "rad", (HeldRun(log, zero, zero + 1.0, zero + final),))
     said = " ".join(str(replace(found(), motion=motion)).split())
-    assert f"by 1.00 to {final:.2f} rad RMS" in said
+    assert f"by 1.00 to {final:#.3g} rad RMS" in said
     assert ("the names do not make this better" in said) is worse
 
 
