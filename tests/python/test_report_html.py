@@ -54,6 +54,28 @@ def test_zeros_at_the_end_of_a_size_are_said() -> None:
     ]  # fmt: skip
 
 
+@pytest.mark.parametrize("tied", [False, True])
+def test_what_is_strongly_correlated_is_not_said_to_be_determined_by_itself(
+    tied: bool, tmp_path: Path
+) -> None:
+    time = np.arange(2000) * 1e-2
+    position = 0.3 * np.sin(time)
+    noise = np.random.default_rng(0).normal(size=len(time))
+    log = flexspline.Log.from_arrays(
+        time=time,
+        output_position=position,
+        output_velocity=0.3 * np.cos(time),
+        sensor_torque=np.cos(position) + 0.01 * noise,
+    )
+    effects = ["offset", "gravity"] if tied else ["offset", "viscous_friction"]
+    fit = flexspline.fit(effects, log, "sensor_torque", checks=False)
+    write_report(fit, tmp_path / "tied.html")
+    told = (tmp_path / "tied.html").read_text(encoding="utf-8")
+    assert ("strongly correlated with" in told) is tied
+    assert ("only loosely" in told) is tied
+    assert ("determine every coefficient by itself" in told) is not tied
+
+
 def test_every_tag_is_closed(page: str) -> None:
     for text in (page, report_fits.plain_fit()._repr_html_()):
         assert tags_of(text)

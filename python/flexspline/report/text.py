@@ -305,7 +305,7 @@ class ParameterLine:
 
     `heading`: of the lines from here on, "" for none. `concern`: the remark is a reason to worry.
     `interval`: of 95 %. `naive`: the error as if every sample were news. `effect`: whose it is, ""
-    where several share it.
+    where several share it. `tied`: strongly correlated with another.
     """
 
     name: str
@@ -317,6 +317,7 @@ class ParameterLine:
     interval: str = ""
     naive: str = ""
     effect: str = ""
+    tied: bool = False
 
 
 @dataclass(frozen=True)
@@ -419,6 +420,7 @@ def parameter_line(fit: Fit, parameter: Parameter) -> ParameterLine:
     value = plus_minus(parameter.value, parameter.standard_error)
     remarks = []
     concern = False
+    tied: list[str] = []
     if parameter.state == "fixed":
         remarks.append("fixed")
     elif parameter.state != "fitted":
@@ -429,7 +431,8 @@ def parameter_line(fit: Fit, parameter: Parameter) -> ParameterLine:
     if parameter.kind == "coefficient" and np.isfinite(parameter.standard_error):
         if not parameter.significant:
             remarks.append(IDLE)
-        remarks += _partners(fit, parameter)
+        tied = _partners(fit, parameter)
+        remarks += tied
     return ParameterLine(
         name,
         value,
@@ -439,6 +442,7 @@ def parameter_line(fit: Fit, parameter: Parameter) -> ParameterLine:
         interval=_interval(parameter),
         naive=_error(parameter.naive_error),
         effect=owner,
+        tied=bool(tied),
     )
 
 
