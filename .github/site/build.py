@@ -77,10 +77,11 @@ def _write_sections(source: Path) -> None:
 def _figure(found: re.Match[str]) -> str:
     said = " ".join((found["alt"] or found["said"]).split())
     schemes = ("only-light", "only-dark") if len(FIGURES) > 1 else ("bg-white",)
-    return "\n\n".join(
+    images = "\n\n".join(
         f"```{{image}} {path.name}\n:alt: {said}\n:class: {scheme}\n```"
         for path, scheme in zip(FIGURES, schemes, strict=True)
     )
+    return f"````{{container}} scrolls\n{images}\n````"
 
 
 def _relinked(text: str) -> str:

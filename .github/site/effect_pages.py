@@ -72,8 +72,8 @@ def _terms(info: EffectInfo) -> str:
     for shape in info.shapes:
         fitted = "searched by the fit" if shape.fitted else "given"
         rows.append(
-            f"| `{shape.name}` | {shape.unit} | shape, {fitted}: {shape.lower:g} to "
-            f"{shape.upper:g}, {shape.default:g} where nothing is said |"
+            f"| `{shape.name}` | {shape.unit} | shape, {fitted} within {shape.lower:g} to "
+            f"{shape.upper:g}; by default {shape.default:g} |"
         )
     return "\n".join(rows)
 

@@ -68,7 +68,7 @@ def draw(info: EffectInfo, path: Path) -> None:
         largest = max(float(np.abs(y).max()) for _, y, _ in curves)
         for (x, y, label), colour in zip(curves, COLOURS, strict=False):
             ax.plot(x, y / largest, color=colour, label=label, linewidth=1.8)
-        ax.set(xlabel=_label(axis_of(info)), ylabel="of its largest value", ylim=(-1.1, 1.1))
+        ax.set(xlabel=_label(axis_of(info)), ylabel="share of largest value", ylim=(-1.1, 1.1))
         _greyed(ax)
         if len(curves) > 1:
             ax.legend(

@@ -17,6 +17,7 @@ __all__ = [
     "Page",
     "apart",
     "decimals_for",
+    "padded",
     "percent",
     "plus_minus",
     "rows_html",
@@ -66,6 +67,11 @@ def apart(text: str) -> tuple[str, str]:
 def short(value: float, digits: int = 3) -> str:
     """Return a value to so many digits, "–" where there is none."""
     return f"{value:.{digits}g}" if math.isfinite(value) else "–"
+
+
+def padded(value: float, digits: int = 3) -> str:
+    """Return a value to so many digits, zeros at its end too: 0.0160 as well as 0.0848."""
+    return f"{value:#.{digits}g}".removesuffix(".") if math.isfinite(value) else "–"
 
 
 def percent(share: float) -> str:

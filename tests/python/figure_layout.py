@@ -10,15 +10,13 @@ from __future__ import annotations
 import html
 import itertools
 import json
-import os
 import re
-import shutil
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import pytest
+from browser import OPTIONS, browser
 from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure, FigureBase
@@ -28,7 +26,6 @@ from matplotlib.transforms import Bbox
 from flexspline.plot.canvas import LEAST
 
 TOUCH = 1.0  # px by which boxes of text may overlap: they have a margin of their own
-BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 
 
 def figure_faults(figure: Figure) -> list[str]:
@@ -97,12 +94,6 @@ def _overlap(one: Bbox, other: Bbox) -> bool:
 
 def page_faults(path: Path) -> list[str]:
     """What is wrong with a report at 1280 and 400 px and in the dark; skips without Chromium."""
-    browser = next((found for name in BROWSERS if (found := shutil.which(name))), None)
-    if browser is None:
-        sentence = "no Chromium is installed, by which pages are measured"
-        if os.environ.get("CI") == "true":
-            pytest.fail(sentence)
-        pytest.skip(sentence)
     page = html.escape(path.read_text(encoding="utf-8"), quote=True)
     frames = "".join(
         f'<iframe name="{name}" style="border:0;width:{width}px;height:900px;color-scheme:{scheme}"'
@@ -115,9 +106,8 @@ def page_faults(path: Path) -> list[str]:
         f"<script>{MEASURE}</script>",
         encoding="utf-8",
     )
-    options = ("--headless", "--no-sandbox", "--disable-gpu", "--dump-dom")
     ran = subprocess.run(
-        [browser, *options, measured.resolve().as_uri()],
+        [browser(), *OPTIONS, "--dump-dom", measured.resolve().as_uri()],
         capture_output=True, text=True, timeout=120, check=True,
     )  # fmt: skip
     told = re.search(r'<pre id="faults">(.+?)</pre>', ran.stdout, re.DOTALL)

@@ -11,7 +11,6 @@ import functools
 import json
 import os
 import re
-import shutil
 import subprocess
 import threading
 from collections.abc import Iterator
@@ -21,9 +20,8 @@ from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
-import pytest
+from browser import OPTIONS, browser
 
-BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 SECONDS = 400.0
 UNCAUGHT = re.compile(r"CONSOLE.*?Uncaught[^\n]*")
 
@@ -40,6 +38,10 @@ async function crawl() {
     for (const e of page.querySelectorAll("h1, h2, h3, p, li, figcaption"))
       if (e.scrollWidth > e.clientWidth + 1 && getComputedStyle(e).display !== "inline")
         faults.push(`${path}: '${e.textContent.slice(0, 40)}' is cut at 400 px`);
+    const size = e => e ? parseFloat(getComputedStyle(e).fontSize) : 0;
+    const under = page.querySelector("h2");
+    if (under && size(under) >= size(page.querySelector("h1")))
+      faults.push(`${path}: '${under.textContent}' is as large as the title at 400 px`);
     for (const image of page.images) {
       image.loading = "eager";
       await image.decode().catch(() => faults.push(`${path}: ${image.src} is no image`));
@@ -111,27 +113,14 @@ class _Handler(SimpleHTTPRequestHandler):
         """Say nothing on standard error."""
 
 
-def browser() -> str:
-    """Return Chromium's path; without one a test is skipped, but never in CI."""
-    for name in BROWSERS:
-        if found := shutil.which(name):
-            return found
-    sentence = "no Chromium is installed, by which pages are opened"
-    if os.environ.get("CI") == "true":
-        pytest.fail(sentence)
-    pytest.skip(sentence)
-
-
 def crawl(folder: Path, scratch: Path) -> Crawled:
     """Open every page that can be reached from a folder's index.html."""
     log = scratch / "browser.log"
     with _served(folder) as server, log.open("wb") as errors:
         page = f"http://127.0.0.1:{server.server_port}/crawl"
-        options = ["--headless", "--no-sandbox", "--disable-gpu", "--enable-logging=stderr"]
+        more = ("--enable-logging=stderr", "--remote-debugging-port=0")
         profile = f"--user-data-dir={scratch / 'profile'}"
-        process = subprocess.Popen(
-            [browser(), *options, profile, "--remote-debugging-port=0", page], stderr=errors
-        )
+        process = subprocess.Popen([browser(), *OPTIONS, *more, profile, page], stderr=errors)
         try:
             if not server.done.wait(SECONDS):
                 return Crawled(faults=[f"not done within {SECONDS:g} s"])

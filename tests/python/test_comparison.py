@@ -163,6 +163,15 @@ def test_edges_are_round_and_every_bin_holds_enough_rows() -> None:
     assert in_bins(np.array([np.nan, 0.05]), np.array([0.0, 0.1, np.inf])).tolist() == [-1, 0]
 
 
+def test_a_band_is_called_below_its_end_only_where_nothing_lies_below_it() -> None:
+    signed = np.array([-np.inf, -2.0, 0.0, 2.0, np.inf])
+    assert labels_of(signed, "Nm") == ("below -2 Nm", "-2 to 0 Nm", "0 to 2 Nm", "above 2 Nm")
+    size = np.array([0.0, 0.1, np.inf])
+    assert labels_of(size, "rad/s") == ("below 0.1 rad/s", "above 0.1 rad/s")
+    assert labels_of(np.array([-np.inf, 0.0, np.inf]), "Nm") == ("below 0 Nm", "above 0 Nm")
+    assert labels_of(np.array([0.0, np.inf]), "rad/s") == ("all",)
+
+
 def test_the_memory_counts_a_slow_cell_as_few_and_a_flickering_one_as_many() -> None:
     rows = rows_of(predicted(rig.model(), rig.logs("nothing"), None, None))
     memory = memory_of(rows, rows.residual)

@@ -210,7 +210,7 @@ def test_the_report_stands_alone_can_be_read_and_shows_map_evidence_errors_and_p
 ) -> None:
     made = found()
     made.report(tmp_path / "report.html")
-    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    page = (tmp_path / "report.html").read_text(encoding="utf-8").replace("\u00a0", " ")
     (leak,) = made.parameters("motor_crosstalk")
     assert page.count("<svg") == 5  # the map and four views
     assert "http" not in page.replace("http://www.w3.org", "") and "<script" not in page
@@ -361,7 +361,7 @@ def test_a_forward_simulation_that_got_worse_is_said_to_be_so(final: float, wors
     zero = np.zeros(len(log))
     motion = Motion("output_position", "rad", (HeldRun(log, zero, zero + 1.0, zero + final),))
     said = " ".join(str(replace(found(), motion=motion)).split())
-    assert f"by 1 to {final} rad RMS" in said
+    assert f"by 1.00 to {final:#.3g} rad RMS" in said
     assert ("the names do not make this better" in said) is worse
 
 

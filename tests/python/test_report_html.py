@@ -15,8 +15,9 @@ from html_pages import tags_of
 
 import flexspline
 from flexspline.errors import InputError
+from flexspline.formatting import padded
 from flexspline.least_squares.result import shares
-from flexspline.report.html import write_report
+from flexspline.report.html import together, write_report
 from flexspline.report.tables import compare_scores
 
 
@@ -34,6 +35,45 @@ def test_the_report_of_a_fit_is_readable_wide_narrow_and_dark(page: str, tmp_pat
         page = page.replace(mark, f"{mark}{'/long/path' * 9}")
     path.write_text(page, encoding="utf-8")
     assert page_faults(path) == []
+
+
+def test_no_line_breaks_between_a_number_and_its_unit(page: str) -> None:
+    said = "<p id='a 2 s'>2 % of 5.0 ± 0.1 Nm·s/rad, t = 3</p>"
+    assert together(said) == said.replace("2 %", "2~%").replace(" ± ", "~±~").replace(
+        "1 Nm", "1~Nm"
+    ).replace(" = ", "~=~").replace("~", "\N{NO-BREAK SPACE}")
+    kept = '3 runs, 4 sets<pre>a = 5 s</pre><svg><text>5 %</text></svg><p class="path">run 2 s</p>'
+    assert together(kept) == kept
+    prose = re.sub(r"<(svg|pre|style)\b.*?</\1>", "", page, flags=re.DOTALL)
+    assert not re.search(r"\d (%|Nm|s|rad|°C|Hz)\b|\d ± ", prose)
+
+
+def test_zeros_at_the_end_of_a_size_are_said() -> None:
+    assert [padded(v) for v in (0.016, 0.3, 0.0848, 12.0, 700.0, np.nan)] == [
+        "0.0160", "0.300", "0.0848", "12.0", "700", "–",
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("tied", [False, True])
+def test_what_is_strongly_correlated_is_not_said_to_be_determined_by_itself(
+    tied: bool, tmp_path: Path
+) -> None:
+    time = np.arange(2000) * 1e-2
+    position = 0.3 * np.sin(time)
+    noise = np.random.default_rng(0).normal(size=len(time))
+    log = flexspline.Log.from_arrays(
+        time=time,
+        output_position=position,
+        output_velocity=0.3 * np.cos(time),
+        sensor_torque=np.cos(position) + 0.01 * noise,
+    )
+    effects = ["offset", "gravity"] if tied else ["offset", "viscous_friction"]
+    fit = flexspline.fit(effects, log, "sensor_torque", checks=False)
+    write_report(fit, tmp_path / "tied.html")
+    told = (tmp_path / "tied.html").read_text(encoding="utf-8")
+    assert ("strongly correlated with" in told) is tied
+    assert ("only loosely" in told) is tied
+    assert ("determine every coefficient by itself" in told) is not tied
 
 
 def test_every_tag_is_closed(page: str) -> None:

@@ -24,6 +24,7 @@ PLANTED = {
     "index.html": '<a href="other.html">a</a><a href="no.html">b</a><a href="other.html#no">c</a>'
     '<a href="other.html#here">d</a><img src="no.png">',
     "other.html": '<p id="here">here</p><div style="width:900px">wide</div>'
+    '<h1 style="font-size:20px">one</h1><h2 style="font-size:30px">two</h2>'
     "<script>undefined_name()</script>",
 }
 
@@ -102,6 +103,7 @@ def test_what_is_wrong_with_pages_is_found(tmp_path: Path) -> None:
         "no no in /other.html",
         "/no.png is no image",
         "/other.html is wider than 400 px",
+        "/other.html: 'two' is as large as the title",
         "undefined_name is not defined",
     ):
         assert any(fault in said for said in found.faults), fault

@@ -273,14 +273,15 @@ def in_bins(values: Array, edges: Array) -> NDArray[np.int32]:
 
 def labels_of(edges: Array, unit: str) -> tuple[str, ...]:
     """Return what each bin is called, such as "0.1 to 0.2 rad/s"."""
-    return tuple(_label(low, high, unit) for low, high in pairwise(edges.tolist()))
+    first, *inner, last = edges.tolist()
+    lowest = -np.inf if first == 0.0 else first  # of a size, which has nothing below 0
+    ends = pairwise([lowest, *inner, last])
+    return tuple(_label(low, high, unit) for low, high in ends)
 
 
 def _label(low: float, high: float, unit: str) -> str:
-    if low in (0.0, -np.inf) and high == np.inf:
-        return "all"
-    if low in (0.0, -np.inf):
-        return f"below {high:.3g} {unit}"
+    if low == -np.inf:
+        return "all" if high == np.inf else f"below {high:.3g} {unit}"
     return f"above {low:.3g} {unit}" if high == np.inf else f"{low:.3g} to {high:.3g} {unit}"
 
 

@@ -378,7 +378,7 @@ def _where(made: Comparison) -> str:
     if not idle:
         return f"{said}."
     verb = "make" if len(idle) > 1 else "makes"
-    return f"{said}; {_and(idle[:MOST_IDLE])} {verb} no difference."
+    return f"{said}; with that taken out, {_and(idle[:MOST_IDLE])} {verb} no difference."
 
 
 def _is_band(f: Follows) -> bool:

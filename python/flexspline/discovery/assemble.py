@@ -31,7 +31,7 @@ from flexspline.effects import UNITS, Effect
 from flexspline.errors import listed
 from flexspline.experiment.limits import Limits
 from flexspline.experiment.planning import planned
-from flexspline.formatting import percent
+from flexspline.formatting import padded, percent
 from flexspline.least_squares.problem import Problem
 from flexspline.least_squares.ripple import CORE_PAIRS
 from flexspline.logs.channel_noise import ChannelNoise
@@ -279,9 +279,9 @@ def _evidence(
     unit = UNITS[made.study.target]
     what = "runs" if by_runs(made.study.problem) else "blocks"
     said = (
-        f"On {what} that the fit never saw it takes the error from {rmse[0]:.3g} to {rmse[1]:.3g} "
-        f"{unit}{beside}; beside all other effects it stands {t:.1f} standard errors from "
-        "nothing, with the noise's memory counted"
+        f"On {what} that the fit never saw it takes the error from {padded(rmse[0])} to "
+        f"{padded(rmse[1])} {unit}{beside}; beside all other effects it stands {t:.1f} standard "
+        "errors from nothing, with the noise's memory counted"
     )
     others = [r for r in rivals if not r.alias]
     if others:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from flexspline.about import __version__
 from flexspline.files import atomic_write
-from flexspline.formatting import plus_minus, short
+from flexspline.formatting import padded, plus_minus, short
 from flexspline.plot.canvas import own_style
 from flexspline.report.html import log_facts, templates
 from flexspline.report.text import Verdict, faults_sentence
@@ -452,7 +452,7 @@ def sized(result: CalibrationResult, size: float) -> str:
 
 def digits(value: float) -> str:
     """Return a number to three digits, with a proper minus."""
-    return short(value, 3).replace("-", "−")
+    return padded(value).replace("-", "−")
 
 
 def _fixed(value: float) -> str:

@@ -11,7 +11,7 @@ from flexspline.about import __version__
 from flexspline.comparison.bands import Band, worst_band
 from flexspline.comparison.result import floor_sentence, ranked, sized
 from flexspline.files import atomic_write
-from flexspline.formatting import rows_text
+from flexspline.formatting import padded, rows_text
 from flexspline.plot.canvas import own_style
 from flexspline.report.html import log_facts, templates
 from flexspline.report.tables import input_rows, smoothed_rows
@@ -25,7 +25,7 @@ WIDTH = 100
 WORDS = (0, 1)  # columns of words; the others are numbers
 
 MAP = (
-    "RMS of measured less modelled (dark) in each band against the noise floor there (grey, with "
+    "RMS of measured − modelled (line) in each band against the noise floor there (grey, with "
     "two standard errors); what lies between is the excess, coloured, and a dot marks an excess "
     "that is more than chance. All panels have the same scale; what the gap follows comes first. "
     "Hatched: fewer than 2 % of the rows."
@@ -199,7 +199,7 @@ def band_tables(made: Comparison) -> list[tuple[str, list[Row]]]:
         (
             made.words[name],
             [
-                (band.label, *_numbers(band, floor), f"{band.variance:.3g}",
+                (band.label, *_numbers(band, floor), padded(band.variance),
                  f"{band.effective_rows:.0f}", _chance(band.chance) if band.significant else "–")
                 for band in made.by[name]
             ],

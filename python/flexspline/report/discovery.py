@@ -18,7 +18,7 @@ from flexspline.discovery.slices import telling
 from flexspline.effects.causes import FRICTION_BY_DIRECTION
 from flexspline.errors import listed
 from flexspline.files import atomic_write
-from flexspline.formatting import decimals_for, plus_minus, short
+from flexspline.formatting import decimals_for, padded, plus_minus, short
 from flexspline.plot.canvas import own_style
 from flexspline.report.html import model_facts, templates, used_logs
 from flexspline.report.tables import input_rows
@@ -33,7 +33,7 @@ __all__ = ["discovery_html", "discovery_text", "remarks", "verdict", "write_disc
 
 WIDTH = 100
 MAP = (
-    "RMS of measured less predicted on folds that no fit saw (dark; blue: the extended model) in "
+    "RMS of measured − predicted on folds that no fit saw (line; blue: the extended model) in "
     "each band against the noise floor there (grey, with two standard errors). What lies between "
     "is the excess, coloured, and a dot marks an excess that is more than chance. All panels have "
     "the same scale; what the gap follows comes first. Hatched: fewer than 2 % of the rows; an "
@@ -132,8 +132,8 @@ def _common(made: Discovery) -> dict[str, Any]:
             {
                 "one": one,
                 "confidence": f"{100.0 * one.confidence:.0f} %",
-                "before": short(one.rmse_before),
-                "after": short(one.rmse_after),
+                "before": padded(one.rmse_before),
+                "after": padded(one.rmse_after),
                 "lines": effect_lines(made, one),
                 "rivals": best_rivals(made, one),
             }
@@ -177,7 +177,7 @@ def verdict(made: Discovery) -> str:
         base += f" with {listed(made.base_effects)}" if made.base_effects else ""
     said = base[0].lower() + base[1:]
     where = f"on {made.validated_by} that no fit saw{_of_how_many(made)}"
-    rmse = f"{short(made.base_rmse)} to {short(made.final_rmse)} {made.unit}"
+    rmse = f"{padded(made.base_rmse)} to {padded(made.final_rmse)} {made.unit}"
     if made.found:
         names = listed(made.names, most=len(made.names))
         return f"{base} lacks {names}: RMSE {rmse} {where}, {_floor_words(made)}."
@@ -185,21 +185,21 @@ def verdict(made: Discovery) -> str:
     if made.unexplained and not little:
         return (
             f"No effect that is known explains what {said} lacks: RMSE "
-            f"{short(made.base_rmse)} {made.unit} {where}."
+            f"{padded(made.base_rmse)} {made.unit} {where}."
         )
     if made.doubted:
         return (
             f"These runs do not tell what {said} lacks, if anything: RMSE "
-            f"{short(made.base_rmse)} {made.unit} {where}."
+            f"{padded(made.base_rmse)} {made.unit} {where}."
         )
     if little:
         return (
-            f"Nothing that matters is missing in {said}: RMSE {short(made.base_rmse)} {made.unit} "
+            f"Nothing that matters is missing in {said}: RMSE {padded(made.base_rmse)} {made.unit} "
             f"{where}, of which less than {_small(made)} {made.unit} is unexplained."
         )
     return (
         f"Nothing is missing in {said} that these runs show: RMSE "
-        f"{short(made.base_rmse)} {made.unit} {where}, noise as far as their channels tell."
+        f"{padded(made.base_rmse)} {made.unit} {where}, noise as far as their channels tell."
     )
 
 
@@ -220,7 +220,7 @@ def _floor_words(made: Discovery) -> str:
         told = "how much of that is noise is not known"
         return f"and {told if made.unexplained else 'no channel is seen to tell more that matters'}"
     most = "" if made.floor.by == BY_ENCODER else "at most "
-    return f"noise floor {most}{short(made.noise_floor)} {made.unit}"
+    return f"noise floor {most}{padded(made.noise_floor)} {made.unit}"
 
 
 def floor_sentence(made: Discovery) -> str:
@@ -228,10 +228,10 @@ def floor_sentence(made: Discovery) -> str:
     folds = made.validated_by
     if made.floor.by == BY_ENCODER:
         return (
-            f"Noise floor: {short(made.noise_floor)} {made.unit} is what the encoder resolves; no "
+            f"Noise floor: {padded(made.noise_floor)} {made.unit} is what the encoder resolves; no "
             "simulation gets below it."
         )
-    most = short(made.floor.rmse)
+    most = padded(made.floor.rmse)
     if np.isfinite(made.floor.error):
         most = plus_minus(made.floor.rmse, made.floor.error)
     if made.floor.by == BY_NAMES and made.unexplained:
@@ -321,8 +321,8 @@ def directions_sentence(made: Discovery) -> str:
 def also_seen_sentences(made: Discovery) -> list[str]:
     """Return a sentence for each effect that is real but too small to matter."""
     return [
-        f"{one.effect}: {short(one.rmse_before)} to {short(one.rmse_after)} {made.unit} held out, "
-        f"{100.0 * one.share_of_gap:.2g} % of what closes (t = {one.t:.1f})"
+        f"{one.effect}: {padded(one.rmse_before)} to {padded(one.rmse_after)} {made.unit} held "
+        f"out, {100.0 * one.share_of_gap:.2g} % of what closes (t = {one.t:.1f})"
         for one in made.also_seen
     ]
 
@@ -471,14 +471,14 @@ def searched_sentence(made: Discovery) -> str:
 def headlines(made: Discovery) -> list[tuple[str, str]]:
     """Return the numbers that say how the gap shrank: what, and its value with the unit."""
     unit = made.unit
-    rows = [("base model, RMSE held out", f"{short(made.base_rmse)} {unit}")]
+    rows = [("base model, RMSE held out", f"{padded(made.base_rmse)} {unit}")]
     if made.found:
-        rows.append(("extended model, RMSE held out", f"{short(made.final_rmse)} {unit}"))
-    by, floor = made.floor.by, f"{short(made.noise_floor)} {unit}"
+        rows.append(("extended model, RMSE held out", f"{padded(made.final_rmse)} {unit}"))
+    by, floor = made.floor.by, f"{padded(made.noise_floor)} {unit}"
     if by == BY_ENCODER:
         rows.append(("noise floor: what the encoder resolves", floor))
     else:
-        rows.append(("noise floor, at most", "what is left" if by == BY_NAMES else floor))
+        rows.append(("noise floor, at most", f"what is left, {floor}" if by == BY_NAMES else floor))
     if made.found and by == BY_NAMES:
         closed = 1.0 - (made.final_rmse / made.base_rmse) ** 2
         rows.append(("mean square that the names take away", f"{100.0 * closed:.0f} %"))
@@ -552,7 +552,7 @@ def _channel(motion: Motion) -> str:
 def _motion(made: Discovery) -> str:
     """The error of a forward simulation, before and after where something was found."""
     assert made.motion is not None
-    base, final = short(made.motion.base_rmse), short(made.motion.final_rmse)
+    base, final = padded(made.motion.base_rmse), padded(made.motion.final_rmse)
     return f"{base} to {final} {made.motion.unit}" if made.found else f"{base} {made.motion.unit}"
 
 

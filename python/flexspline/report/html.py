@@ -17,12 +17,13 @@ from typing import TYPE_CHECKING, Any
 
 import matplotlib
 from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from flexspline.about import __version__
 from flexspline.effects import Effect
 from flexspline.files import atomic_write
-from flexspline.formatting import short
+from flexspline.formatting import padded, short
 from flexspline.least_squares.result import shares
 from flexspline.logs.channels import CHANNELS
 from flexspline.plot.canvas import INK, LEAST, Panel, PlainFigure, axes_or_new, own_style
@@ -101,7 +102,7 @@ def write_report(fit: Fit, path: str | os.PathLike[str]) -> None:
             title=str(fit.model.facts.get("joint", f"Fit of {TARGET_WORDS[fit.target]}")),
             scores=grouped_scores(fit.scores),
             figures=report_figures(fit),
-            shares=[(name, short(size), 100.0 * size / largest) for name, size in made.items()],
+            shares=[(name, padded(size), 100.0 * size / largest) for name, size in made.items()],
             orders="" if fit.orders is None else str(fit.orders),
             channels=input_rows(fit.inputs, fit.part.preparations),
             delay=delay_sentence(fit.delay, fit.unit),
@@ -135,7 +136,7 @@ def _common(fit: Fit) -> dict[str, Any]:
 
 @cache
 def templates() -> Environment:
-    """Return the package's HTML templates, which know how a minus sign is printed."""
+    """Return the package's HTML templates, which know how numbers are printed."""
     made = Environment(
         loader=PackageLoader("flexspline.report"),
         autoescape=True,
@@ -144,12 +145,34 @@ def templates() -> Environment:
         lstrip_blocks=True,
     )
     made.filters["minus"] = minus
+    made.filters["together"] = together
     return made
 
 
 def minus(text: str) -> str:
     """Return a text or HTML with a minus sign where a hyphen stands before a number."""
     return re.sub(r"(?<![\w.])-(?=\d)", "−", text)
+
+
+def together(page: str) -> Markup:
+    """Return HTML whose lines break neither between a number and its unit nor around ± and =.
+
+    What is drawn, code and paths stay as they are: they are copied.
+    """
+    return Markup(_AS_IT_IS.sub(lambda m: m[0] if m["kept"] else _joined(m[0]), page))
+
+
+_AS_IT_IS = re.compile(
+    r'(?P<kept><(svg|pre|code)\b.*?</\2>|<p class="path">.*?</p>|<[^>]*>)|[^<]+', re.DOTALL
+)
+_UNIT = re.compile(
+    r"(?<=\d) (?=(?:%|°C|[mkµ]?(?:Nm|V|A|Hz|Ω|s|rad|g|m)|K|1/s|min|h)(?![A-Za-z]))"
+    r"| (?=± )|(?<=±) |(?<=\b\w) (?== )|(?<=\b\w =) "
+)
+
+
+def _joined(text: str) -> str:
+    return _UNIT.sub("\N{NO-BREAK SPACE}", text)
 
 
 @dataclass(frozen=True)
@@ -187,7 +210,10 @@ def log_facts(logs: Iterable[Log], used: Sequence[int] = ()) -> list[LogFacts]:
 
 def model_facts(fit: Fit) -> list[tuple[str, str]]:
     """Return facts of the joint and of the fit, by name."""
-    found = [(_WORDS.get(k, k.replace("_", " ")), str(v)) for k, v in fit.model.facts.items()]
+    found = [
+        (_WORDS.get(k, k.replace("_", " ")), f"{v:g}" if isinstance(v, float) else str(v))
+        for k, v in fit.model.facts.items()
+    ]
     load = fit.part.known_load
     corrects = fit.part.simulated
     found += [

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexspline.errors import listed
-from flexspline.formatting import plus_minus, rows_text, short, short_names
+from flexspline.formatting import padded, plus_minus, rows_text, short, short_names
 from flexspline.least_squares.ripple import PAIRS, RippleOrder, ripple_orders
 from flexspline.report.tables import (
     between_rows,
@@ -186,8 +186,8 @@ def verdict(fit: Fit) -> Verdict:
     what = TARGET_WORDS[fit.target]
     good = (
         f"{_grade(share)} the {what} on held-out rows: "
-        f"{short(fit.cv_rmse)} {fit.unit} RMSE is left of a spread of "
-        f"{short(around)} {fit.unit} ({_percent(share)} of the variance explained)."
+        f"{padded(fit.cv_rmse)} {fit.unit} RMSE is left of a spread of "
+        f"{padded(around)} {fit.unit} ({_percent(share)} of the variance explained)."
     )
     if fit.simulation is not None:
         good = f"{fit.simulation.verdict} {good}"
@@ -305,7 +305,7 @@ class ParameterLine:
 
     `heading`: of the lines from here on, "" for none. `concern`: the remark is a reason to worry.
     `interval`: of 95 %. `naive`: the error as if every sample were news. `effect`: whose it is, ""
-    where several share it.
+    where several share it. `tied`: strongly correlated with another.
     """
 
     name: str
@@ -317,6 +317,7 @@ class ParameterLine:
     interval: str = ""
     naive: str = ""
     effect: str = ""
+    tied: bool = False
 
 
 @dataclass(frozen=True)
@@ -419,6 +420,7 @@ def parameter_line(fit: Fit, parameter: Parameter) -> ParameterLine:
     value = plus_minus(parameter.value, parameter.standard_error)
     remarks = []
     concern = False
+    tied: list[str] = []
     if parameter.state == "fixed":
         remarks.append("fixed")
     elif parameter.state != "fitted":
@@ -429,7 +431,8 @@ def parameter_line(fit: Fit, parameter: Parameter) -> ParameterLine:
     if parameter.kind == "coefficient" and np.isfinite(parameter.standard_error):
         if not parameter.significant:
             remarks.append(IDLE)
-        remarks += _partners(fit, parameter)
+        tied = _partners(fit, parameter)
+        remarks += tied
     return ParameterLine(
         name,
         value,
@@ -439,6 +442,7 @@ def parameter_line(fit: Fit, parameter: Parameter) -> ParameterLine:
         interval=_interval(parameter),
         naive=_error(parameter.naive_error),
         effect=owner,
+        tied=bool(tied),
     )
 
 
