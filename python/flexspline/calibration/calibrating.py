@@ -201,7 +201,7 @@ def _counted(number: int, what: str) -> str:
 
 
 def _degree(degree: object) -> int:
-    from flexspline.estimators.temperature_compensation import HIGHEST_DEGREE
+    from flexspline.estimators.sensing import HIGHEST_DEGREE
 
     whole = isinstance(degree, int) and not isinstance(degree, bool)
     if not whole or not 0 <= int(str(degree)) <= HIGHEST_DEGREE:

@@ -39,7 +39,7 @@ from flexspline.collision.residual import Residual, residuals_of, speed_bands
 from flexspline.collision.result import DetectorCalibration, Threshold
 from flexspline.errors import InputError
 from flexspline.estimators.checks import above_zero, choice
-from flexspline.estimators.collision import INPUTS
+from flexspline.estimators.external_torque import WATCHED
 from flexspline.logs.log import Log
 from flexspline.logs.segments import median_step
 from flexspline.model import Model
@@ -112,7 +112,7 @@ def calibrate_detector(
     """
     watched = residuals_of(logs, model, input)
     edges = speed_bands(speed_edges)
-    choice(input, "detector: input", INPUTS)
+    choice(input, "detector: input", WATCHED)
     _require_options(false_alarms_per_hour, confidence, margin, release, hold)
     gap = above_zero(_apart(watched) if apart is None else apart, "detector: apart", "s")
     seen = _Seen(watched, edges, gap)

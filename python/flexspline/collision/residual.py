@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexspline import _core
 from flexspline.errors import InputError
 from flexspline.estimation import estimate
-from flexspline.estimators.collision import MOST_BANDS
+from flexspline.estimators.external_torque import MOST_BANDS
 from flexspline.logs.log import Log
 from flexspline.logs.segments import runs, true_ranges
 from flexspline.model import Model

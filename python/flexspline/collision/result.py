@@ -24,7 +24,7 @@ from scipy import special
 from flexspline import _core
 from flexspline.collision.residual import Residual
 from flexspline.errors import InputError
-from flexspline.estimators.collision import Collision
+from flexspline.estimators.external_torque import Collision
 from flexspline.logs.segments import runs
 from flexspline.schema import plain_json
 

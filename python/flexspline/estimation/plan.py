@@ -30,8 +30,8 @@ from flexspline.estimators import (
     Observer,
     ReadingChecks,
 )
-from flexspline.estimators.differentiator import DERIVED
 from flexspline.estimators.needs import link_part, require_complete
+from flexspline.estimators.preprocessing import DERIVED
 from flexspline.logs.derive import differentiate_causal, lateness
 from flexspline.logs.log import Log
 from flexspline.model import Model

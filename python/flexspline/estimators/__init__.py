@@ -9,15 +9,9 @@ from __future__ import annotations
 from types import MappingProxyType
 from typing import TypeAlias
 
-from flexspline.estimators.calibration import Calibration
-from flexspline.estimators.collision import Collision
-from flexspline.estimators.compliance import Compliance
-from flexspline.estimators.differentiator import Differentiator
-from flexspline.estimators.merge import Merge
-from flexspline.estimators.observer import Observer
-from flexspline.estimators.reading_checks import ReadingChecks
-from flexspline.estimators.temperature_compensation import TemperatureCompensation
-from flexspline.estimators.thermistor import Thermistor
+from flexspline.estimators.external_torque import Collision, Compliance, Merge, Observer
+from flexspline.estimators.preprocessing import Differentiator, ReadingChecks
+from flexspline.estimators.sensing import Calibration, TemperatureCompensation, Thermistor
 
 __all__ = [
     "ESTIMATORS",

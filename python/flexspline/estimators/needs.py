@@ -7,11 +7,8 @@ from typing import Any
 
 from flexspline.effects.causes import INERTIA, MESH
 from flexspline.errors import InputError
-from flexspline.estimators.collision import Collision
-from flexspline.estimators.differentiator import DERIVED, Differentiator
-from flexspline.estimators.merge import Merge
-from flexspline.estimators.observer import Observer
-from flexspline.estimators.reading_checks import ReadingChecks
+from flexspline.estimators.external_torque import Collision, Merge, Observer
+from flexspline.estimators.preprocessing import DERIVED, Differentiator, ReadingChecks
 from flexspline.part import Part
 
 __all__ = ["link_part", "require_complete"]

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from flexspline.errors import InputError, listed
 from flexspline.estimators import Merge
 from flexspline.estimators.checks import choice
-from flexspline.estimators.merge import AT_REST
+from flexspline.estimators.external_torque import AT_REST
 from flexspline.full_range.methods import (
     Settings,
     Signals,

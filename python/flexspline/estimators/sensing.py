@@ -1,0 +1,206 @@
+"""The torque sensor: its temperature from a thermistor, its voltage as torque, its drift undone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+from flexspline.errors import InputError
+from flexspline.estimators.checks import (
+    ABSOLUTE_ZERO,
+    above_zero,
+    from_fields,
+    json_record,
+    number,
+    numbers,
+    span,
+    to_fields,
+)
+
+__all__ = ["HIGHEST_DEGREE", "Calibration", "TemperatureCompensation", "Thermistor"]
+
+
+@dataclass(frozen=True)
+class Thermistor:
+    """Temperature from the voltage of a thermistor's divider.
+
+        R = R_d V / (V_cc − V),    1 / T = 1 / T_N + ln(R / R_N) / B    (T in K)
+
+    A voltage at or beyond the supply's ends (an open or shorted thermistor) gives no
+    temperature and is flagged. Source: zhang_disturbance_elimination (6), (7).
+
+    Parameters
+    ----------
+    supply_voltage : V_cc, V.
+    divider_resistance : R_d, Ω; the fixed resistor of the divider.
+    nominal_resistance : R_N, Ω; the thermistor at the nominal temperature.
+    beta : B, K.
+    nominal_temperature : T_N, °C.
+
+    Raises
+    ------
+    InputError
+        Where a value is not finite, not above zero, or below absolute zero.
+    """
+
+    key: ClassVar[str] = "thermistor"
+
+    supply_voltage: float
+    divider_resistance: float
+    nominal_resistance: float
+    beta: float
+    nominal_temperature: float = 25.0
+
+    def __post_init__(self) -> None:
+        units = {"supply_voltage": "V", "divider_resistance": "Ω", "nominal_resistance": "Ω"}
+        for name, unit in {**units, "beta": "K"}.items():
+            value = above_zero(getattr(self, name), f"thermistor: {name}", unit)
+            object.__setattr__(self, name, value)
+        nominal = number(self.nominal_temperature, "thermistor: nominal_temperature", "°C")
+        if nominal <= ABSOLUTE_ZERO:
+            raise InputError(
+                f"thermistor: nominal_temperature = {nominal:g} °C is below absolute zero; "
+                "give it in °C"
+            )
+        object.__setattr__(self, "nominal_temperature", nominal)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the entry of `model.json`."""
+        return to_fields(self)
+
+    @classmethod
+    def from_json(cls, content: Mapping[str, Any]) -> Thermistor:
+        """Return the estimator of an entry of `model.json`."""
+        return from_fields(cls, content, cls.key)
+
+
+HIGHEST_DEGREE = 6
+
+
+@dataclass(frozen=True)
+class TemperatureCompensation:
+    """Torque to add to the calibrated reading so that temperature leaves no trace.
+
+        τ = Σ_k c_k (T_b − T_0)^k + g (T − T_b),    k = 1 … degree
+
+    T_b is the temperature of the elastic body: the measured T, late by a first-order lag. The
+    polynomial alone is the paper's; lag and gradient are the step beyond it.
+    Source: zhang_disturbance_elimination (8)–(11), (24).
+
+    Parameters
+    ----------
+    coefficients : c_k, Nm/°C^k, from k = 1; at most six.
+    reference_temperature : T_0, °C; there the compensation is zero.
+    gradient : g, Nm/K, for a body that is not evenly warm.
+    thermal_lag : s; zero for none.
+    temperature_range : (low, high) of the logs of the fit, °C; outside, estimates are flagged as
+        extrapolated. None where it is not known.
+    record : what the fit knew beside the values; kept as it is.
+
+    Raises
+    ------
+    InputError
+        Where a value is not finite, the lag is negative, or there are no coefficients or too many.
+    """
+
+    key: ClassVar[str] = "temperature_compensation"
+
+    coefficients: tuple[float, ...]
+    reference_temperature: float = 25.0
+    gradient: float = 0.0
+    thermal_lag: float = 0.0
+    temperature_range: tuple[float, float] | None = None
+    record: Mapping[str, Any] = field(default_factory=dict, hash=False)
+
+    def __post_init__(self) -> None:
+        say = "temperature_compensation: "
+        coefficients = numbers(self.coefficients, f"{say}coefficients", "Nm/°C^k")
+        if not 1 <= len(coefficients) <= HIGHEST_DEGREE:
+            raise InputError(
+                f"{say}{len(coefficients)} coefficients are given; "
+                f"give one for each degree from 1 to at most {HIGHEST_DEGREE}"
+            )
+        reference = number(self.reference_temperature, f"{say}reference_temperature", "°C")
+        lag = above_zero(self.thermal_lag, f"{say}thermal_lag", "s", or_zero=True)
+        made = {
+            "coefficients": coefficients,
+            "reference_temperature": reference,
+            "gradient": number(self.gradient, f"{say}gradient", "Nm/K"),
+            "thermal_lag": lag,
+            "temperature_range": span(self.temperature_range, f"{say}temperature_range", "°C"),
+            "record": json_record(self.record, self.key),
+        }
+        for name, value in made.items():
+            object.__setattr__(self, name, value)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the entry of `model.json`."""
+        return to_fields(self)
+
+    @classmethod
+    def from_json(cls, content: Mapping[str, Any]) -> TemperatureCompensation:
+        """Return the estimator of an entry of `model.json`."""
+        return from_fields(cls, content, cls.key)
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """Torque from the bridge's voltage; the temperature compensation is added to it.
+
+        τ_s = sensitivity · V + zero + compensation(T)
+
+    Source: zhang_disturbance_elimination (10), (25): 62.738 Nm/V and 2.1835 Nm.
+
+    Parameters
+    ----------
+    sensitivity : Nm/V, not zero.
+    zero : Nm, the torque that zero volts stand for.
+    voltage_range : (low, high) of the logs of the calibration, V; outside, estimates are flagged
+        as extrapolated. None where it is not known.
+    full_scale : Nm, what %FS are percent of; None where it is not known.
+    record : parameters with errors, non-linearity, hysteresis and repeatability, logs with their
+        SHA-256; kept as it is.
+
+    Raises
+    ------
+    InputError
+        Where a value is not finite, or the sensitivity is zero.
+    """
+
+    key: ClassVar[str] = "calibration"
+
+    sensitivity: float
+    zero: float
+    voltage_range: tuple[float, float] | None = None
+    full_scale: float | None = None
+    record: Mapping[str, Any] = field(default_factory=dict, hash=False)
+
+    def __post_init__(self) -> None:
+        sensitivity = number(self.sensitivity, "calibration: sensitivity", "Nm/V")
+        if sensitivity == 0.0:
+            raise InputError(
+                "calibration: sensitivity is zero, so the sensor reads nothing; "
+                "calibrate with loads that differ"
+            )
+        full = self.full_scale
+        if full is not None:
+            full = above_zero(full, "calibration: full_scale", "Nm")
+        made = {
+            "sensitivity": sensitivity,
+            "zero": number(self.zero, "calibration: zero", "Nm"),
+            "voltage_range": span(self.voltage_range, "calibration: voltage_range", "V"),
+            "full_scale": full,
+            "record": json_record(self.record, self.key),
+        }
+        for name, value in made.items():
+            object.__setattr__(self, name, value)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the entry of `model.json`."""
+        return to_fields(self)
+
+    @classmethod
+    def from_json(cls, content: Mapping[str, Any]) -> Calibration:
+        """Return the estimator of an entry of `model.json`."""
+        return from_fields(cls, content, cls.key)
