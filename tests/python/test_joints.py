@@ -97,6 +97,30 @@ def test_one_call_fits_every_joint_into_a_folder_of_its_own(tmp_path: Path) -> N
     assert "offset [Nm]" in made.stdout and "joint_1, joint_2, joint_3" in made.stdout
 
 
+def test_one_call_finds_what_the_models_of_all_joints_lack(tmp_path: Path) -> None:
+    path, columns = written(tmp_path)
+    out = tmp_path / "found"
+    with undrawn():
+        made = call("discover", path, "--columns", columns, "--joint", "1,3", "--target",
+                    "sensor_torque", "--effects", "offset", "--out", out)  # fmt: skip
+    assert made.exit_code == 0, made.stderr
+    table = pandas.read_csv(out / "joints.csv")
+    found = [json.loads((out / f"joint_{k}" / "discovery.json").read_text()) for k in (1, 3)]
+    assert list(table["joint"]) == [1, 3]
+    names = [", ".join(one["effect"] for one in each["found"]) for each in found]
+    assert list(table["found"]) == [each or "unexplained" for each in names]
+    for base, each in zip(table["rmse_base"], found, strict=True):
+        assert base == pytest.approx(each["rmse"]["base"], rel=1e-9)
+
+
+def test_a_folder_of_several_joints_is_named_without_their_place(tmp_path: Path) -> None:
+    path, columns = written(tmp_path)
+    made = call("check", path, "--columns", columns, "--joint", "1,3", "--out",
+                tmp_path / "audit_{joint}")  # fmt: skip
+    assert made.exit_code == 2 and "give a name without {joint}" in made.stderr
+    assert not list(tmp_path.glob("audit*"))
+
+
 def test_a_joint_that_fails_leaves_the_others_and_ends_with_two(tmp_path: Path) -> None:
     path, columns = written(tmp_path)
     out = tmp_path / "audit"

@@ -75,6 +75,11 @@ def for_joints(
     if out is not None:
         from flexspline.cli.options import refuse_overwriting
 
+        if "{joint}" in str(out):
+            raise InputError(
+                f"--out {out}: holds a folder for each of several joints; give a name without "
+                "{joint}"
+            )
         refuse_overwriting(out, _inputs(given), (TABLE,))
     made = [_done(command, summary, name, reading, given) for name in _shown(names)]
     _conclude(context, made, out)
