@@ -59,12 +59,12 @@ def test_what_is_strongly_correlated_is_not_said_to_be_determined_by_itself(
     tied: bool, tmp_path: Path
 ) -> None:
     time = np.arange(2000) * 1e-2
-    position = 0.3 * np.sin(time)
+    position = np.sin(time)
     noise = np.random.default_rng(0).normal(size=len(time))
     log = flexspline.Log.from_arrays(
         time=time,
         output_position=position,
-        output_velocity=0.3 * np.cos(time),
+        output_velocity=np.cos(time),
         sensor_torque=np.cos(position) + 0.01 * noise,
     )
     effects = ["offset", "gravity"] if tied else ["offset", "viscous_friction"]
