@@ -350,7 +350,7 @@ class OrderAnalysis:
                 f"{f.order:.6g}",
                 f.label,
                 _rounded(f.steady, f.steady_error, self.unit),
-                _size(f.spread, f.steady_error, self.unit),
+                _size(f.spread, f.steady_error, self.unit) if f.spread != 0.0 else "none seen",
                 f"{f.phase:+.2f} ± {f.steady_phase_error:.2f} rad",
                 f"{f.snr:.1f}",
                 _chance(f.chance),

@@ -104,7 +104,7 @@ def effects_excited(excited: Sequence[Excited], ax: Axes) -> Axes:
     ax.set_xlim(-0.01, 1.0)
     ax.set_ylim(0.6 - rows, 0.6)
     ax.set_axis_off()
-    title = "effects: full mark, excited by this run; open mark, hardly excited (print the check)"
+    title = "effects: full mark, excited by this run; open mark, hardly (the check says why)"
     ax.set_title(title, loc="left", fontsize=LEAST, color=INK)
     return ax
 
