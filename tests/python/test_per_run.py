@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import json
 import tracemalloc
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ from flexspline.least_squares.between_runs import LEVEL
 from flexspline.least_squares.result import Fit
 from flexspline.logs.log import Log
 from flexspline.logs.read import write_log
+from flexspline.report.tables import between_sentences
 
 own_terms = importlib.import_module("flexspline.least_squares.per_run_terms")
 offsets = importlib.import_module("flexspline.least_squares.offsets")
@@ -232,6 +234,9 @@ def test_the_likelihood_holds_the_terms_that_are_taken_out() -> None:
     twice = len(y) * (np.log(2.0 * np.pi * left / len(y)) + 1.0) + logarithms
     assert -2.0 * fit.likelihood.log_likelihood == pytest.approx(twice, rel=1e-9)
     assert fit.likelihood.parameters == pytest.approx(35 + fit.uncertainty.noise.order + 1)
+    made = flexspline.compare_models({"own": fit, "common": fitted(logs, per_run=())}, logs)
+    assert np.isnan([*made.aic, *made.bic]).all() and "noise in a part of the runs" in str(made)
+    assert "to be compared with fits of such per-run terms alone" in fit.summary()
 
 
 def test_memory_grows_with_the_runs_and_not_with_their_square() -> None:
@@ -304,7 +309,40 @@ def test_the_command_takes_per_run_profiles_contours_and_a_summary(tmp_path: Pat
     assert wrong.exit_code == 2 and "names 1; write two" in wrong.stderr
     wrong = call(*given[:-5], "--profile", "viscosty", "--out", str(tmp_path / "other"))
     assert wrong.exit_code == 2 and "--profile: there is no parameter 'viscosty'" in wrong.stderr
+    wrong = call(*given[:-5], "--profile", "offset", "--out", str(tmp_path / "other"))
+    assert wrong.exit_code == 2
+    assert "--profile: 'offset' may be offset.run 0, offset.run 1" in wrong.stderr
     assert not (tmp_path / "other").exists()
+
+
+def test_a_term_of_one_of_many_runs_is_refused_a_profile_before_the_fit(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def not_reached(*given: object, **more: object) -> None:
+        raise AssertionError("fitted")
+
+    monkeypatch.setattr("flexspline.fitting.fit", not_reached)
+    given = [
+        "fit", *saved(runs_of(16, rows=80), tmp_path), "--target", "sensor_torque", "--effects",
+        ",".join(EFFECTS), "--per-run", "offset", "--profile", "offset.run 3", "--out",
+        str(tmp_path / "out"),
+    ]  # fmt: skip
+    wrong = call(*given)
+    assert wrong.exit_code == 2 and "has no profile of its own" in wrong.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_verdict_says_what_a_new_run_leaves_and_why_it_may_be_less_than_held_out() -> None:
+    fit = fitted(runs_of(4))
+    (new,) = {term.new_run_rmse for term in fit.between_runs}
+    text = " ".join(str(fit).split())
+    assert f"predicted with the mean of the runs' own terms, leaves {new:.3g}" in text
+    assert ("It is the lower of the two" in text) == (new < fit.cv_rmse)
+    unknown = tuple(replace(term, new_run_rmse=np.nan) for term in fit.between_runs)
+    assert (
+        "How much that leaves is not known"
+        in between_sentences(replace(fit, between_runs=unknown))[-1]
+    )
 
 
 def test_models_are_compared_on_the_same_rows_by_a_command(tmp_path: Path) -> None:

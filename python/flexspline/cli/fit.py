@@ -40,6 +40,7 @@ from flexspline.files import whole_folder
 
 if TYPE_CHECKING:
     from flexspline.effects import Effect
+    from flexspline.least_squares.options import FitOptions
     from flexspline.least_squares.profile import Contour, Profile
     from flexspline.least_squares.result import Fit
 
@@ -90,6 +91,28 @@ def _require_known(names: Sequence[str], effects: Sequence[Effect], option: str)
     for name in names:
         if name.split(".")[0] not in words:
             resolve(name, known, option)
+
+
+def _require_profiled(
+    options: Mapping[str, Any], effects: Sequence[Effect], runs: Sequence[str], how: FitOptions
+) -> None:
+    """Refuse, before the fit, what has no profile once the runs are known that have own terms."""
+    from flexspline.least_squares.offsets import MANY_RUNS
+    from flexspline.least_squares.options import coefficient_names, resolve, shapes_of
+    from flexspline.least_squares.per_run_terms import own_terms
+
+    own = own_terms(effects, how, [*options["fix"]], len(runs))
+    shared = coefficient_names(effects, (), own)
+    known = [*coefficient_names(effects, runs, own), *(s.name for s in shapes_of(effects))]
+    asked = [(name, "--profile") for name in options["profiles"]]
+    asked += [(name, "--contour") for pair in _pairs(options["contours"]) for name in pair]
+    for name, option in asked:
+        at = resolve(name, known, option)
+        if len(runs) >= MANY_RUNS and len(shared) <= at < len(shared) + len(runs) * len(own):
+            raise InputError(
+                f"{option}: {known[at]} is a term of one of {len(runs)} runs, which has no profile "
+                "of its own; use its interval"
+            )
 
 
 def _criteria(made: Fit) -> dict[str, float | None]:
@@ -295,6 +318,7 @@ def fit(
           --effects offset,coulomb_friction,viscous_friction --out robot
     """
     from flexspline.fitting import fit as fit_effects
+    from flexspline.fitting import with_orders
     from flexspline.least_squares.options import FitOptions
 
     effects, pairs = named_effects(names), _pairs(options["contours"])
@@ -337,6 +361,8 @@ def fit(
                 simulated_torque=simulated_torque,
                 **how,
             )
+            chosen = with_orders(effects, options["orders"])
+            _require_profiled(options, chosen, [log.name for log in logs], rest)
             made = fit_effects(
                 effects, logs, target, priors=options["prior"], options=rest, **shared
             )

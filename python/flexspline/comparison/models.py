@@ -260,6 +260,12 @@ def _criteria(models: Mapping[str, Model | Fit]) -> tuple[Array, Array, list[str
             "thinned differently, and cannot be compared."
         )
         return aic, bic, [*notes, said]
+    if len({fit.likelihood.of_noise_in_all for fit in having.values()}) > 1:
+        said = (
+            "AIC and BIC are left out: some fits read their noise in a part of the runs, as terms "
+            "of each of many runs were taken out, and cannot be compared with the others."
+        )
+        return aic, bic, [*notes, said]
     if len(having) > 1:
         for at, name in enumerate(models):
             if name in having:

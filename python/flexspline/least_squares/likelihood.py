@@ -64,12 +64,16 @@ class Likelihood:
     parameters : effective number, with those of the noise.
     noise_order : p, of the autoregressive noise.
     rows : N, that the likelihood is of; every n-th of a fit with a low pass.
+    of_noise_in_all : whether the noise was read in all runs. Where terms of each of many runs are
+        taken out it is read in some of them (`per_run_noise.py`), and ln L is some tens below its
+        maximum (9 to 17 in 18 simulated runs): to be compared with that of such fits alone.
     """
 
     log_likelihood: float
     parameters: float
     noise_order: int
     rows: int
+    of_noise_in_all: bool = True
 
     @property
     def aic(self) -> float:
@@ -97,10 +101,11 @@ def likelihood_of(fit: Fit) -> Likelihood:
     sums = _summed(fit, made, noise)
     left, used = _minimum(sums.products, *_prior(made, noise, len(sums.products) - 1))
     used += sums.offsets + noise.order + 1
+    everywhere = not made.tangent.problem.projected
     if not left > 0.0:
-        return Likelihood(inf, used, noise.order, sums.rows)
+        return Likelihood(inf, used, noise.order, sums.rows, everywhere)
     twice = sums.rows * (log(2.0 * pi * left / sums.rows) + 1.0) + sums.logarithms
-    return Likelihood(-0.5 * twice, used, noise.order, sums.rows)
+    return Likelihood(-0.5 * twice, used, noise.order, sums.rows, everywhere)
 
 
 def why_none(fit: Fit) -> str:

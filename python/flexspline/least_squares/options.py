@@ -61,7 +61,7 @@ class FitOptions:
     per_run : terms of which each run has its own coefficient while it shares all others, by
         "effect.term", or by the effect for all its terms: ("offset",) for zeros that differ,
         ("gravity", "inertia") for payloads. See `Fit.between_runs` and
-        `least_squares/own_terms.py`.
+        `least_squares/per_run_terms.py`.
     offset_per_run : the same as "offset" among `per_run`.
     simulation, simulated_torque : what any simulator predicts of the target, as for `compare`; the
         effects are fitted to what it lacks, and the model corrects it.

@@ -34,6 +34,7 @@ from numpy.typing import NDArray
 from flexspline.effects import Effect
 from flexspline.effects.causes import OFFSET
 from flexspline.errors import InputError, listed
+from flexspline.formatting import short_names
 from flexspline.least_squares.between_runs import BetweenRuns, OwnValues, between_runs
 from flexspline.least_squares.estimate import Estimate, Given
 from flexspline.least_squares.identifiability import NEGLIGIBLE, Confounded
@@ -94,7 +95,7 @@ def own_terms(
     if runs < 2 and found - {ZERO}:
         raise InputError(
             f"per_run: nothing differs between the runs where there is one alone; give several, or "
-            f"leave {listed(sorted(found))} out"
+            f"leave {listed(map(short_names, sorted(found)))} out"
         )
     return tuple(name for name in names if name in found)
 

@@ -173,11 +173,12 @@ def _criteria(fit: Fit) -> list[tuple[str, str]]:
     if why_none(fit):
         return [("AIC, BIC", "none")]
     found = fit.likelihood
+    some = "" if found.of_noise_in_all else ", to be compared with fits of such per-run terms alone"
     return [
         ("log-likelihood", f"{found.log_likelihood:.1f}, of {found.rows} rows"),
         ("effective parameters", f"{found.parameters:.1f}, {found.noise_order + 1} of the noise"),
-        ("AIC", f"{found.aic:.1f}"),
-        ("BIC", f"{found.bic:.1f}"),
+        ("AIC", f"{found.aic:.1f}{some}"),
+        ("BIC", f"{found.bic:.1f}{some}"),
     ]
 
 

@@ -334,4 +334,14 @@ def between_sentences(fit: Fit) -> list[str]:
             "runs in turn and predict it with the mean of the others. The held-out error is of "
             "blocks of runs whose other rows are known, and their own values with them."
         )
+        if rmse < fit.cv_rmse:
+            said.append(
+                "It is the lower of the two: the other rows of a run tell its own values worse "
+                "than the mean of the other runs does."
+            )
+    else:
+        said.append(
+            "How much that leaves is not known: without one of the runs the others do not "
+            "determine all terms."
+        )
     return said

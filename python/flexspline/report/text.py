@@ -189,6 +189,11 @@ def verdict(fit: Fit) -> Verdict:
         f"{padded(fit.cv_rmse)} {fit.unit} RMSE is left of a spread of "
         f"{padded(around)} {fit.unit} ({_percent(share)} of the variance explained)."
     )
+    if fit.between_runs and np.isfinite(new := fit.between_runs[0].new_run_rmse):
+        good += (
+            f" A new run, predicted with the mean of the runs' own terms, leaves {padded(new)} "
+            f"{fit.unit}."
+        )
     if fit.simulation is not None:
         good = f"{fit.simulation.verdict} {good}"
     grave, doubts = _grave(fit, share), _doubts(fit)
