@@ -42,7 +42,10 @@ from flexspline.logs.plausible import MOST, SHORTEST
 from flexspline.logs.read import read_log
 from flexspline.model import Model
 
-EXAMPLES = int(os.environ.get("FLEXSPLINE_BAD_DAYS", "200"))
+EXAMPLES = int(os.environ.get("FLEXSPLINE_BAD_DAYS", "200"))  # 2000 before a release
+FAILED_ONCE = (375, 807, 1737)
+"""Seeds beyond these that a command once answered with a defect: no finite angle on the rows of a
+comparison, an angle that no axis holds, a run without rows in its middle."""
 OVERLOAD = 9.91e37  # SCPI
 GOOD = "time,output_position\n" + "".join(f"{k / 100},{0.1 * k}\n" for k in range(200))
 BYTES = GOOD.encode()
@@ -604,7 +607,7 @@ CLASHING = ("j0", "y1", "index", "time", "clock", "new", "double", "class", "NUL
 def test_every_file_name_gives_a_namespace_that_compiles_behind_the_c_library() -> None:
     compiler = shutil.which("g++")
     if compiler is None:
-        pytest.skip("no g++")
+        pytest.skip("no g++; install Debian's g++ to compile the names")
     lines = [f"#include <{name}>" for name in HEADERS]
     names = {namespace_name(stem) for stem in (*CLASHING, "joint", "UR5", "E1", "JOINT_7")}
     lines += [f"namespace {name} {{ constexpr int a = 1; }}" for name in sorted(names)]
@@ -724,7 +727,7 @@ def test_a_randomly_damaged_log_is_used_or_refused_in_one_line(
     lines = head[: len(facts) + 1 + ROWS]
     columns = tmp_path / "map.toml"
     columns.write_text('[columns]\noutput_position = {source = "output_position", unit = "rad"}\n')
-    for seed in range(part, EXAMPLES, 4):
+    for seed in sorted({*range(part, EXAMPLES, 4), *FAILED_ONCE[part::4]}):
         chance = random.Random(seed)
         run, out = tmp_path / "run.csv", tmp_path / "out"
         run.write_bytes(damaged(lines, chance))

@@ -140,7 +140,8 @@ def _conditions(compared: Compared, rows: Rows, least: int) -> Iterator[Covariat
 def _place(compared: Compared, rows: Rows, least: int) -> Iterator[Covariate]:
     if all("output_position" in run.log for run in compared.runs):
         angle = rows.column(compared, lambda run, k: run.log["output_position"])
-        whole = bool(np.ptp(angle[np.isfinite(angle)]) > 1.02 * _TURN)
+        there = angle[np.isfinite(angle)]
+        whole = len(there) > 0 and bool(np.ptp(there) > 1.02 * _TURN)
         edges = np.linspace(0.0, _TURN, ANGLE_BINS + 1) if whole else even_edges(
             angle, least, ANGLE_BINS
         )  # fmt: skip

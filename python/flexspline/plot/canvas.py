@@ -244,9 +244,13 @@ def log_axis(ax: Axes, which: Literal["x", "y"]) -> None:
 
 
 def middle(time: Array) -> slice:
-    """Return the rows (N,) of the ten seconds in the middle of a run, or all of a shorter one."""
+    """Return the rows (N,) of the ten seconds in the middle of a run.
+
+    All of a shorter one, and of one that recorded nothing then.
+    """
     centre = 0.5 * (time[0] + time[-1])
-    return slice(*np.searchsorted(time, [centre - STRETCH / 2, centre + STRETCH / 2]))
+    first, last = np.searchsorted(time, [centre - STRETCH / 2, centre + STRETCH / 2])
+    return slice(first, last) if last - first > 1 else slice(0, len(time))
 
 
 def part_of(time: Array, some: slice) -> str:

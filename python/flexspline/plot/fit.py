@@ -20,6 +20,7 @@ from flexspline.errors import InputError, listed
 from flexspline.forward import simulate
 from flexspline.least_squares.result import contributions
 from flexspline.logs.log import Log
+from flexspline.logs.plausible import IMAGINABLE
 from flexspline.logs.read import as_logs
 from flexspline.model import Model, Part
 from flexspline.plot.canvas import (
@@ -192,7 +193,7 @@ def residual_over(fit: Fit, channel: str = "time", ax: Axes | None = None) -> Ax
 def has_channel(fit: Fit, channel: str) -> bool:
     """Whether a run has finite values of a channel on rows that count."""
     return any(
-        channel in run.log and bool(np.isfinite(run.log[channel][run.counts]).any())
+        channel in run.log and bool(np.isfinite(_values(run, channel)[run.counts]).any())
         for run in fit.runs
     )
 
@@ -234,14 +235,20 @@ def _residual_over_channel(fit: Fit, channel: str, ax: Axes) -> None:
 def _column(run: FittedRun, channel: str, wrapped: bool) -> Array:
     if channel not in run.log:
         return np.full(len(run.log), np.nan)
-    values = run.log[channel]
+    values = _values(run, channel)
     return np.asarray(np.mod(values, 2.0 * np.pi) if wrapped else values)
+
+
+def _values(run: FittedRun, channel: str) -> Array:
+    """A channel with NaN for what no instrument reads: no fit used it, no axis holds it."""
+    values = run.log[channel]
+    return np.where(np.abs(values) <= IMAGINABLE, values, np.nan)
 
 
 def _range(fit: Fit, channel: str) -> float:
     """From the least to the largest value in all runs."""
-    columns = [run.log[channel] for run in fit.runs if channel in run.log]
-    return float(max(map(np.nanmax, columns)) - min(map(np.nanmin, columns)))
+    whole = np.concatenate([_values(run, channel) for run in fit.runs if channel in run.log])
+    return float(np.ptp(whole[np.isfinite(whole)]))
 
 
 def _points(fit: Fit, columns: list[Array], what: str) -> tuple[Array, Array, NDArray[np.float64]]:
