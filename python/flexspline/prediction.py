@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.errors import InputError
-from flexspline.files import save_table
+from flexspline.files import save_columns
 from flexspline.formatting import rows_text, sentences_text, short, table_html
 
 if TYPE_CHECKING:
@@ -89,8 +89,7 @@ class Prediction:
         """Return a table of all rows: time [s], measured, predicted and residual."""
         import pandas
 
-        names = ("time", "measured", "predicted", "residual")
-        return pandas.DataFrame({name: getattr(self, name) for name in names})
+        return pandas.DataFrame(self._columns())
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write a CSV, one row for each row of the log, whole or not at all.
@@ -100,7 +99,10 @@ class Prediction:
         InputError
             Where the file cannot be written.
         """
-        save_table(self.to_frame(), path)
+        save_columns(self._columns(), path)
+
+    def _columns(self) -> dict[str, Array]:
+        return {name: getattr(self, name) for name in ("time", "measured", "predicted", "residual")}
 
 
 @dataclass(frozen=True, eq=False, repr=False)

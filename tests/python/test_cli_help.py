@@ -112,10 +112,14 @@ for line in sys.argv[1:]:
 LOADED = {*HEAVY, "scipy.signal"} - {"scipy"}  # whose top pint imports, which is next to nothing
 NEEDS = {  # in this order, of one process: what is heavy, once a command has run, and why
     "export --model model.json --format header --out joint.hpp": {"jsonschema"},  # of a model file
-    "convert foreign.csv --columns map.toml --out run.csv": {"pandas", "pint"},  # tables, units
+    "convert foreign.csv --columns map.toml --out run.csv": set(),
     "predict --model model.json run.csv --out residual.csv": {"scipy.signal"},  # derivatives
+    "simulate --model model.json run.csv --out simulated.csv": set(),
+    "estimate --model model.json run.csv --out estimated.csv": set(),
     "check run.csv": set(),
     "orders run.csv --target sensor_torque": set(),
+    "convert gaps.csv --columns map.toml --out run2.csv": {"pandas"},  # of cells without a number
+    "convert foreign.csv --columns feet.toml --out run3.csv": {"pint"},  # of a unit that is rare
 }
 
 
@@ -129,6 +133,12 @@ def test_no_command_imports_what_it_does_not_use(tmp_path: Path) -> None:
     (tmp_path / "map.toml").write_text(
         "[columns]\ntime = 't'\noutput_position = {source = 'q', unit = 'deg'}\n"
         "output_velocity = 'w'\nsensor_torque = 's'\n"
+    )
+    text = (tmp_path / "foreign.csv").read_text().splitlines()
+    text[9] = text[9].rpartition(",")[0] + ","
+    (tmp_path / "gaps.csv").write_text("\n".join(text))
+    (tmp_path / "feet.toml").write_text(
+        "[columns]\ntime = 't'\nsensor_torque = {source = 's', unit = 'lbf*ft'}\n"
     )
     part = Part("sensor_torque", (effect("viscous_friction"),), np.array([2.0]))
     Model({"sensor": part}, {}).save(tmp_path / "model.json")

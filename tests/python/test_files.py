@@ -10,12 +10,14 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
+import pandas
 import pytest
 from arrows import nodes_of
 
 import flexspline
 from flexspline.errors import InputError
-from flexspline.files import atomic_write, atomic_writer, whole_folder
+from flexspline.files import atomic_write, atomic_writer, save_columns, save_table, whole_folder
 from flexspline.logs.read import read_map
 
 
@@ -181,3 +183,19 @@ def test_nothing_of_ours_writes_a_file_in_place() -> None:
             if opens or method in {"write_text", "write_bytes"}:
                 found.add(file.relative_to(package).as_posix())
     assert found == drafts
+
+
+def test_columns_are_written_as_pandas_writes_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("flexspline.files.ROWS_AT_ONCE", 7)
+    chance = np.random.default_rng(2)
+    columns = {
+        "time": np.arange(20) / 7.0,
+        "a, b": chance.normal(size=20) * 10.0 ** chance.integers(-320, 300, 20),
+        "stuck": np.arange(20) % 2,
+    }
+    columns["time"][[3, 7]] = np.nan, -0.0
+    save_columns(columns, tmp_path / "quick.csv")
+    save_table(pandas.DataFrame(columns), tmp_path / "slow.csv")
+    assert (tmp_path / "quick.csv").read_bytes() == (tmp_path / "slow.csv").read_bytes()

@@ -22,7 +22,8 @@ from unseen_recorders import UNSEEN_RECORDERS
 
 import flexspline
 from flexspline import Guess, InputError, guess_map, read_log
-from flexspline.logs.columns import to_si
+from flexspline.logs.channels import CHANNELS
+from flexspline.logs.columns import USUAL, _by_pint, to_si
 from flexspline.logs.read import read_map
 from flexspline.logs.stamps import seconds_of_stamps
 
@@ -462,6 +463,13 @@ def test_a_unit_is_what_pint_calls_it_before_it_is_what_may_be_meant(
     channel: str, unit: str, factor: float
 ) -> None:
     assert to_si(channel, unit)[0] == pytest.approx(factor)
+
+
+def test_the_usual_units_are_those_of_pint() -> None:
+    channels = {channel.unit: name for name, channel in CHANNELS.items()}
+    for wanted, known in USUAL.items():
+        for unit, factor in known.items():
+            assert _by_pint(channels[wanted], wanted, unit) == (factor, 0.0)
 
 
 def test_vectors_at_the_top_are_the_record_whatever_lies_beside_them(tmp_path: Path) -> None:

@@ -18,7 +18,8 @@ import pytest
 import scipy.io
 
 from flexspline.errors import InputError
-from flexspline.logs import ColumnSource, Log, read_log
+from flexspline.logs import ColumnSource, Log, formats, read_log
+from flexspline.logs.formats import Dialect
 
 TIME = np.arange(6) * 0.01
 ANGLE = np.array([0.0, 0.1, 0.30000000000000004, 1e-320, -5.0, 1 / 3])
@@ -283,3 +284,32 @@ def test_a_line_of_units_is_left_out_before_anything_is_taken_for_text(tmp_path:
     assert log.source is not None and log.source.rows == 3
     with pytest.raises(InputError, match=r"line 2\).*leave the row out with drop_rows=1"):
         read_log(path, {"time": "Zeit", "sensor_torque": "Moment"})
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t", " ", "|"])
+def test_numbers_are_read_the_same_with_and_without_pandas(
+    separator: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    chance = np.random.default_rng(4)
+    cells = chance.normal(size=(300, 4)) * 10.0 ** chance.integers(-300, 15, (300, 4))
+    cells[7] = np.nan, 0.1, -0.0, 2.0**52
+    cells[:, 3] = np.arange(300)
+    rows = [separator.join(map(repr, row)) for row in cells.tolist()]
+    content = "\n".join(["# note: x", separator.join("abcd"), *rows[:9], "", *rows[9:]])
+    with monkeypatch.context() as patch:
+        patch.delattr(formats, "_parsed")
+        quick = formats.read_delimited(content.encode(), "run.csv", Dialect(), drop_rows=3)
+    monkeypatch.setattr(formats, "_numbers", lambda *_: None)
+    slow = formats.read_delimited(content.encode(), "run.csv", Dialect(), drop_rows=3)
+    assert len(quick.data[0]) == 297
+    for one, other in zip(quick.data, slow.data, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+@pytest.mark.parametrize(
+    "cell", ["", "NA", "9007199254740993", '"1.5"', "1,5", "True", "12:00:01", "1e999"]
+)
+def test_what_is_no_plain_number_is_left_to_pandas(cell: str) -> None:
+    body = f"1.0;2.0\n3.0;{cell}\n"
+    assert formats._numbers("1.0;2.0\n3.0;4.0\n", ";", ".", 0, (2, 2)) is not None
+    assert formats._numbers(body, ";", ".", 0, (2, 2)) is None

@@ -157,7 +157,8 @@ def orders(
 
     values = [target_of(log, target, known_load) for log in logs]
     made = find_orders(logs, values, unit=UNITS[target], channel=target, vibrations=True)
-    found({"orders": made.to_frame().to_dict("records")})
+    if is_json():
+        found({"orders": made.to_frame().to_dict("records")})
     say(str(made))
     if out is None:
         return

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.errors import InputError, did_you_mean, listed
-from flexspline.files import save_table
+from flexspline.files import save_columns
 from flexspline.formatting import rows_text, sentences_text, short, table_html
 from flexspline.rendering import render
 
@@ -36,6 +36,8 @@ COLUMNS = {
     "contact": "0/1",
     "status": "bits",
 }
+
+WHOLE = ("contact", "status")
 
 MOST_CONTACTS = 5
 HEAD = ("column", "unit", "mean", "least", "most", "empty rows")
@@ -107,8 +109,7 @@ class Estimate:
         import pandas
 
         frame = pandas.DataFrame({name: np.array(data) for name, data in self.columns.items()})
-        whole = {name: "Int64" for name in ("contact", "status") if name in frame}
-        return frame.astype(whole)
+        return frame.astype({name: "Int64" for name in WHOLE if name in frame})
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write a CSV, one row for each row of the log, whole or not at all.
@@ -118,7 +119,8 @@ class Estimate:
         InputError
             Where the file cannot be written.
         """
-        save_table(self.to_frame(), path)
+        whole = {name: _whole(self.columns[name]) for name in WHOLE if name in self.columns}
+        save_columns({**self.columns, **whole}, path)
 
     def __repr__(self) -> str:
         return f"<Estimate of '{self.name}': {len(self)} rows, {listed(self.columns)}>"
@@ -239,3 +241,8 @@ def _contacts(made: Estimate) -> str:
     first = ", ".join(f"{start:.4g}–{end:.4g} s" for start, end in found[:MOST_CONTACTS])
     more = f" and {len(found) - MOST_CONTACTS} more" if len(found) > MOST_CONTACTS else ""
     return f"{len(found)} contact{'s' if len(found) > 1 else ''}: {first}{more}"
+
+
+def _whole(data: Array) -> NDArray[np.object_]:
+    """Whole numbers, None where there is none."""
+    return np.array([None if cell != cell else int(cell) for cell in data.tolist()], dtype=object)

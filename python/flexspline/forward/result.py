@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.files import save_table
+from flexspline.files import save_columns
 from flexspline.logs.channels import CHANNELS
 from flexspline.logs.log import Log
 
@@ -82,7 +82,8 @@ class ForwardRun:
         InputError
             Where the file cannot be written.
         """
-        save_table(self.to_frame(), path)
+        stuck = {} if self.stuck is None else {"stuck": self.stuck.astype(int)}
+        save_columns({**self.log.columns, **stuck}, path)
 
     def __str__(self) -> str:
 

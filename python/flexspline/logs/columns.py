@@ -1,6 +1,6 @@
 """The column map: which column of a foreign table is which channel, in what unit and sign.
 
-Units are resolved by pint.
+Units are resolved by pint, the usual ones without it.
 """
 
 from __future__ import annotations
@@ -39,6 +39,17 @@ _PRODUCT = rf"{_FACTOR}(?:\s*(?:\*|/|·|⋅|\s)\s*{_FACTOR})*"
 UNIT: Final = re.compile(rf"\s*(?:|[-–]|0/1|{_PRODUCT}|{_PRODUCT}\s*/\s*\(\s*{_PRODUCT}\s*\))\s*")
 """What a unit may be before pint sees it: names, joined by ``* /`` or a blank, with powers of one
 digit; one bracket below the line. Pint computes: ``10**10**10`` takes for ever."""
+USUAL: Final[dict[str, dict[str, float]]] = {
+    "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
+    "rad": {"rad": 1.0, "mrad": 1e-3, "deg": math.pi / 180, "rev": math.tau},
+    "rad/s": {"rad/s": 1.0, "deg/s": math.pi / 180, "rpm": math.tau / 60, "rev/s": math.tau},
+    "Nm": {"Nm": 1.0, "mNm": 1e-3, "Ncm": 1e-2},
+    "A": {"A": 1.0, "mA": 1e-3},
+    "V": {"V": 1.0, "mV": 1e-3},
+    "°C": {"°C": 1.0, "degC": 1.0},
+}
+"""SI unit of a channel, and pint's own factor of each spelling that most recorders write: pint and
+its registry take longer than a run takes to convert. None of these has an offset."""
 LONGEST_UNIT: Final = 40
 """Characters of a unit; "kilogram * metre ** 2 / second ** 2" has 34."""
 
@@ -210,7 +221,7 @@ def _numbers(table: Table, channel: str, number: int) -> NDArray[np.float64]:
         )
     import pandas
 
-    series = pandas.Series(column)
+    series = pandas.Series(column, dtype=object)  # as text it refuses halves of characters
     stamps = seconds_of_stamps(column) if channel == "time" and is_stamp(column[0]) else None
     if stamps is not None:
         return stamps
@@ -312,6 +323,11 @@ def to_si(channel: str, unit: str) -> tuple[float, float]:
         Where the unit is unknown, or measures something else than the channel.
     """
     wanted = CHANNELS[channel].unit
+    usual = USUAL.get(wanted, {}).get(unit) if isinstance(unit, str) else None
+    return (usual, 0.0) if usual is not None else _by_pint(channel, wanted, unit)
+
+
+def _by_pint(channel: str, wanted: str, unit: str) -> tuple[float, float]:
     registry = _registry()
     try:
         if not (isinstance(unit, str) and len(unit) <= LONGEST_UNIT):

@@ -57,6 +57,7 @@ MONITOR: Final = r"^\d{1,2}:\d{2}:\d{2}(?:\.\d+)? -> "
 FORTRAN: Final = r"(?<=\d)[Dd](?=[+-]\d{2}\b)"
 SPELLED: Final = {"\t": "tab", " ": "whitespace"}
 SAMPLE_LINES: Final = 20
+MOST_CELLS: Final = 1_000_000  # beyond these pandas, which reads faster, is sooner done
 EXACT_SINCE: Final = (3, 1)  # of pandas, which read some numbers wrong in the last digit before
 
 
@@ -321,12 +322,15 @@ def read_delimited(content: bytes, label: str, dialect: Dialect, drop_rows: int 
     lines = lines[int(dialect.units_row) :]
     require_droppable(label, drop_rows, len(lines))
     lines = lines[drop_rows:]
-    frame = _parsed(top.body, label, separator, decimal, int(lines[0]) - top.first_line)
+    skipped = int(lines[0]) - top.first_line
+    data = _numbers(top.body, separator, decimal, skipped, (len(first), len(lines)))
+    if data is None:
+        data = _parsed(top.body, label, separator, decimal, skipped)
     spelled = SPELLED.get(separator, f"'{separator}'")
     note = f"text with separator {spelled}" + (", decimal comma" if decimal == "," else "")
     return Table(
         label=label,
-        data=tuple(frame[number].to_numpy() for number in frame.columns),
+        data=data,
         names=names,
         facts=top.facts,
         notes=(note + ("" if names else ", no header"),),
@@ -541,12 +545,37 @@ def _count(marks: NDArray[np.bool_], ends: NDArray[np.intp]) -> NDArray[np.intp]
     return np.diff(np.searchsorted(np.flatnonzero(marks), ends), prepend=0)
 
 
-def _parsed(body: str, label: str, separator: str, decimal: str, skipped: int) -> Any:
+def _numbers(
+    body: str, separator: str, decimal: str, skipped: int, shape: tuple[int, int]
+) -> tuple[NDArray[np.float64], ...] | None:
+    """Return the columns of a table of numbers alone, or None where there is anything else.
+
+    None also for numbers that are whole to pandas and no longer to a double, and for a table of
+    another `shape` (columns, rows). Most runs need no more; pandas takes longer to import than a
+    run takes to read.
+    """
+    if decimal != "." or shape[0] * shape[1] > MOST_CELLS:
+        return None
+    delimiter = None if separator == " " else separator
+    try:
+        rows = np.loadtxt(
+            io.StringIO(body), delimiter=delimiter, comments=None, skiprows=skipped, ndmin=2
+        )
+    except ValueError:  # an empty cell, a quotation mark, text, a whole number without end
+        return None
+    if rows.shape != shape[::-1] or np.any(np.abs(rows) >= 2.0**53):
+        return None
+    return tuple(np.ascontiguousarray(rows.T))
+
+
+def _parsed(
+    body: str, label: str, separator: str, decimal: str, skipped: int
+) -> tuple[NDArray[Any], ...]:
     import pandas
 
     exact = tuple(map(int, pandas.__version__.split(".")[:2])) >= EXACT_SINCE
     try:
-        return pandas.read_csv(
+        frame = pandas.read_csv(
             io.StringIO(body),
             sep=r"\s+" if separator == " " else separator,
             decimal=decimal,
@@ -561,3 +590,4 @@ def _parsed(body: str, label: str, separator: str, decimal: str, skipped: int) -
         raise InputError(
             f"{label}: no table could be read ({error}); check separator and quotation marks"
         ) from error
+    return tuple(frame[number].to_numpy() for number in frame.columns)

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.errors import InputError, did_you_mean, listed
-from flexspline.files import atomic_writer, refuse_special
+from flexspline.files import atomic_writer, refuse_special, write_columns
 from flexspline.logs.columns import ColumnSpec, Picked, picked
 from flexspline.logs.formats import Dialect, is_frame, no_source, read_table
 from flexspline.logs.joints import columns_of_joint, has_places, joints_among
@@ -556,7 +556,7 @@ def write_log(log: Log, path: str | os.PathLike[str]) -> None:
         for key, value in log.facts.items():
             plain = re.sub(r"[:,;\s]+", " ", key)
             file.write(f"# {plain}: {' '.join(str(value).split())}\n".encode())
-        log.to_frame().to_csv(file, index=False, lineterminator="\n")
+        write_columns(log.columns, file)
 
 
 def _require_known(

@@ -131,8 +131,6 @@ def _ends_early(values: Array) -> bool:
 
 
 def _values(data: NDArray[Any]) -> tuple[Array | None, bool]:
-    import pandas
-
     if data.dtype.kind in "biuf":
         return data.astype(np.float64), False
     if data.dtype.kind in "mM" and len(data):
@@ -142,7 +140,11 @@ def _values(data: NDArray[Any]) -> tuple[Array | None, bool]:
     if is_stamp(data[0]):
         seconds = seconds_of_stamps(data)
         return seconds, seconds is not None
-    values = pandas.to_numeric(pandas.Series(data), errors="coerce").to_numpy(np.float64)
+    import pandas
+
+    values = pandas.to_numeric(pandas.Series(data, dtype=object), errors="coerce").to_numpy(
+        np.float64
+    )
     return (values, False) if np.mean(np.isfinite(values)) > 0.5 else (None, False)
 
 
