@@ -24,6 +24,7 @@ VALIDITY = {
     "temperature": [20.0, 35.0],
 }
 PLAIN = ("inertia", "viscous_friction", "nonlinear_viscous_friction", "coulomb_friction")
+MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 NUMBERS = [0.02, 0.30000000000000004, -0.02, 0.001, 0.4]
 
 
@@ -201,3 +202,66 @@ def test_the_command_exports_a_joint(tmp_path: Path) -> None:
     out = tmp_path / "joint.xml"
     done = call("export", "--model", tmp_path / "model.json", "--format", "mujoco", "--out", out)
     assert done.exit_code == 0 and joint_of(out.read_text())["frictionloss"] == "0.4"
+
+
+def urdf_parts(text: str) -> dict[str, dict[str, str]]:
+    """Attributes of the joint and of all in it."""
+    (joint,) = ET.fromstring(text).iter("joint")
+    return {"joint": joint.attrib, **{child.tag: child.attrib for child in joint}}
+
+
+def test_a_urdf_has_damping_friction_and_limits(tmp_path: Path) -> None:
+    names = ("inertia", "viscous_friction", "coulomb_friction")
+    text = text_of(model_of(names, [0.02, 0.3, 0.4], joint="elbow"), tmp_path, "urdf")
+    parts = urdf_parts(text)
+    assert parts["joint"] == {"name": "elbow", "type": "revolute"}
+    assert parts["dynamics"] == {"damping": "0.3", "friction": "0.4"}
+    limit = {name: float(value) for name, value in parts["limit"].items()}
+    assert limit.pop("effort") == pytest.approx(0.02 * 5.0 + 0.3 * 2.0 + 0.4, rel=0.05)
+    assert limit == {"lower": -1.5, "upper": 2.0, "velocity": 2.0}
+    assert losses_of(text) == {"inertia": "0.1"} and "give it to the link" in text
+
+
+def test_a_known_load_is_in_the_effort(tmp_path: Path) -> None:
+    record = {"validity": {**VALIDITY, "known_load": [-7.0, 3.0]}}
+    part = Part("motor_torque", (effect("offset"),), np.array([0.5]), "reference_torque", record)
+    parts = urdf_parts(text_of(Model({"drive": part}), tmp_path, "urdf"))
+    assert float(parts["limit"]["effort"]) == 7.5
+
+
+def test_nonlinear_damping_is_lost_to_a_urdf(tmp_path: Path) -> None:
+    text = text_of(model_of(), tmp_path, "urdf")
+    assert float(losses_of(text)["nonlinear_viscous_friction"]) == pytest.approx(
+        0.02 * 4 - 0.001 * 8
+    )
+    assert urdf_parts(text)["dynamics"]["damping"] == "0.30000000000000004"
+
+
+@pytest.mark.parametrize(
+    ("ranges", "limited"),
+    [
+        ({}, False),
+        ({"output_position": [-1.0, 1.0]}, False),
+        ({"output_velocity": [-1.0, 1.0]}, True),
+    ],
+)
+def test_a_urdf_without_ranges_turns_without_limits(
+    ranges: dict[str, Any], limited: bool, tmp_path: Path
+) -> None:
+    model = model_of(("viscous_friction",), [0.25], record={"validity": ranges})
+    text = text_of(model, tmp_path, "urdf")
+    parts = urdf_parts(text)
+    assert parts["joint"]["type"] == "continuous" and "The joint is continuous" in text
+    assert parts.get("limit") == ({"effort": "0.25", "velocity": "1.0"} if limited else None)
+    assert ("There are no limits" in text) != limited
+
+
+def test_mujoco_reads_the_urdf(tmp_path: Path) -> None:
+    text = text_of(model_of(joint='a"<-->'), tmp_path, "urdf")
+    moments = " ".join(f'{name}="{int(name[1] == name[2])}"' for name in MOMENTS)
+    inertial = f'<inertial><mass value="1"/><inertia {moments}/></inertial>'
+    _, loaded, _ = in_mujoco(
+        text.replace('"link"/>\n  <joint', f'"link">{inertial}</link>\n  <joint')
+    )
+    assert loaded.dof_damping[0] == 0.30000000000000004 and loaded.dof_frictionloss[0] == 0.4
+    assert loaded.jnt_range[0].tolist() == [-1.5, 2.0] and loaded.joint(0).name == 'a"<-->'

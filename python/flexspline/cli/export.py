@@ -52,8 +52,8 @@ def _devices() -> Iterable[str]:
     type=LateChoice(_formats),
     required=True,
     help="header: constants that a C++ program compiles with the core's headers; binary: "
-    "parameters that replace those of such a program while it runs; json: the model file; mujoco: "
-    "a joint of an MJCF file.",
+    "parameters that replace those of such a program while it runs; json: the model file; mujoco, "
+    "urdf: a joint of an MJCF file or a URDF.",
 )
 @click.option(
     "--scalar",
@@ -74,9 +74,9 @@ def export(
     exceptions); it predicts the same numbers as flexspline predict. The binary block is checked by
     its length, version, CRC-32 and structure before a program takes it, whole or not at all.
 
-    A MuJoCo joint has armature, damping and frictionloss of the model, in SI units at the output of
-    the gear. A comment above it lists the effects that it leaves out, each with its largest torque
-    over the ranges of the fit.
+    A MuJoCo joint has armature, damping and frictionloss of the model, that of a URDF damping,
+    friction and limits, in SI units at the output of the gear. A comment above it lists the effects
+    that it leaves out, each with its largest torque over the ranges of the fit.
 
     Standard error says what speaks against using the model: inertia or friction of a drive that is
     negative, terms that are not significant, parameters at a bound.

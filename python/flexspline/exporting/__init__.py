@@ -13,6 +13,7 @@ from flexspline.exporting.block import block_bytes
 from flexspline.exporting.cpp_text import namespace_name
 from flexspline.exporting.header import header_text, own_headers
 from flexspline.exporting.mjcf import mjcf_text
+from flexspline.exporting.urdf import urdf_text
 from flexspline.files import atomic_write
 from flexspline.model import PART_OF, Model, part_warnings, refuse_warnings
 from flexspline.own.header import Header
@@ -68,11 +69,16 @@ def _mujoco(model: Model, path: Path, target: str | None, scalar: str) -> None:
     atomic_write(path, mjcf_text(model, target))
 
 
+def _urdf(model: Model, path: Path, target: str | None, scalar: str) -> None:
+    atomic_write(path, urdf_text(model, target))
+
+
 FORMATS: Mapping[str, Callable[[Model, Path, str | None, str], None]] = {
     "header": _header,
     "binary": _binary,
     "json": _json,
     "mujoco": _mujoco,
+    "urdf": _urdf,
 }
 """What writes each format, whole or not at all."""
 
@@ -93,8 +99,8 @@ def export(
     path : file to write; its stem is the header's namespace.
     format : "header", constants for a C++20 program in float or double; "binary", the parameters
         alone, which replace those of a program compiled with such a header (flexspline/block.hpp);
-        "json", the same file as `Model.save` writes; or "mujoco", an MJCF file with a joint and a
-        table of what its attributes leave out.
+        "json", the same file as `Model.save` writes; or "mujoco" or "urdf", a file with a joint for
+        a simulator and a table of what that leaves out.
     target : which part, such as "sensor_torque"; None picks the only one, and keeps all in JSON.
     scalar : "float" or "double", the numbers of a binary block.
     strict : refuse what is otherwise warned of.
