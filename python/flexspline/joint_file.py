@@ -18,9 +18,10 @@ from flexspline.errors import InputError, did_you_mean, listed, shortened
 __all__ = ["JointNumbers", "is_joint_file", "read_joint"]
 
 SUFFIXES = (".xml", ".urdf", ".mjcf")
-LARGEST = 16 * 2**20  # bytes; models of whole robots have some 100 kB, meshes are files of their own
+LARGEST = 16 * 2**20  # bytes; whole robots have some 100 kB, their meshes are files of their own
 DEEPEST = 200  # elements in each other
 MAIN = "main"  # the class of all that name none
+OF_MJCF = {"armature": "armature", "damping": "damping", "friction": "frictionloss"}
 INSIDE = ("body", "frame", "replicate")
 ROTARY = ("hinge", "revolute", "continuous")
 WANTED = "give an MJCF file or a URDF"
@@ -178,7 +179,11 @@ def _of_body(
                     "which no default has; correct the file"
                 )
             said = {**classes[name], **child.attributes}
-            called = (("armature", "armature"), ("damping", "damping"), ("friction", "frictionloss"))
+            called = (
+                ("armature", "armature"),
+                ("damping", "damping"),
+                ("friction", "frictionloss"),
+            )
             numbers = {ours: said[theirs] for ours, theirs in called if theirs in said}
             yield _Joint(said.get("name", ""), said.get("type", "hinge"), numbers)
 
@@ -204,11 +209,14 @@ def _chosen(joints: list[_Joint], path: str | os.PathLike[str], name: str | None
         joints = [joint for joint in joints if joint.kind in ROTARY] or joints
         if len(joints) > 1:
             said = listed(joint.name or "one without a name" for joint in joints)
-            raise InputError(f"{path}: has several joints; say which by joint (--joint): {said}")
+            raise InputError(f"{path}: has several joints; say which (--model-joint): {said}")
     found = [joint for joint in joints if name in (None, joint.name)]
     if not found:
         near = did_you_mean(str(name), names)
-        raise InputError(f"{path}: has no joint '{name}'{near}; it has {listed(names)}")
+        raise InputError(
+            f"{path}: has no joint '{name}'{near}; give one that it has (--model-joint): "
+            f"{listed(names)}"
+        )
     (joint,) = found
     if joint.kind not in ROTARY:
         raise InputError(

@@ -1,7 +1,8 @@
 """A model of one joint: effects with their coefficients for each target, kept in one JSON file.
 
-It may begin as the joint of an MJCF file or a URDF. A model can be saved, exported and run whatever its fit said of it. Its warnings tell a user who did
-not make the fit what limits it, by itself and on a given log.
+It may begin as the joint of an MJCF file or a URDF. A model can be saved, exported and run whatever
+its fit said of it. Its warnings tell a user who did not make the fit what limits it, by itself and
+on a given log.
 """
 
 from __future__ import annotations

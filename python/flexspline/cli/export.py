@@ -16,6 +16,7 @@ from flexspline.cli.options import (
     Taught,
     loaded,
     model,
+    model_joint,
     out_file,
     reading,
     refuse_overwriting,
@@ -46,6 +47,7 @@ def _devices() -> Iterable[str]:
 
 @click.command()
 @model
+@model_joint
 @click.option(
     "--format",
     "form",
@@ -66,7 +68,13 @@ def _devices() -> Iterable[str]:
 @target(required=False)
 @strict
 def export(
-    model_path: str, form: str, scalar: str, out: str, target: str | None, strict: bool
+    model_path: str,
+    model_joint: str | None,
+    form: str,
+    scalar: str,
+    out: str,
+    target: str | None,
+    strict: bool,
 ) -> None:
     """Export a model for the controller or a simulator.
 
@@ -87,7 +95,7 @@ def export(
       flexspline export --model joint/model.json --format mujoco --out joint.xml
     """
     refuse_overwriting(out, [model_path])
-    joint = loaded(model_path)
+    joint = loaded(model_path, target, model_joint)
 
     from flexspline.exporting import export as export_model
     from flexspline.exporting import export_warnings

@@ -58,6 +58,7 @@ __all__ = [
     "loaded",
     "lowpass",
     "model",
+    "model_joint",
     "named",
     "named_effects",
     "on_terminal",
@@ -255,6 +256,15 @@ def model(command: Command) -> Command:
         metavar="MODEL.json",
         type=FILE,
         help="A model that fit wrote, or an MJCF file or a URDF with a joint.",
+    )(command)
+
+
+def model_joint(command: Command) -> Command:
+    """--model-joint NAME"""
+    return click.option(
+        "--model-joint",
+        metavar="NAME",
+        help="Of an MJCF file or a URDF as --model: the joint, where it has several.",
     )(command)
 
 
