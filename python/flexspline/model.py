@@ -1,7 +1,8 @@
 """A model of one joint: effects with their coefficients for each target, kept in one JSON file.
 
-A model can be saved, exported and run whatever its fit said of it. Its warnings tell a user who did
-not make the fit what limits it, by itself and on a given log.
+It may begin as the joint of an MJCF file or a URDF. A model can be saved, exported and run whatever
+its fit said of it. Its warnings tell a user who did not make the fit what limits it, by itself and
+on a given log.
 """
 
 from __future__ import annotations
@@ -17,13 +18,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.about import __version__
-from flexspline.effects import unit_in
-from flexspline.effects.causes import COULOMB_PER_DIRECTION, OFFSET
+from flexspline.effects import Effect, unit_in
+from flexspline.effects.causes import (
+    COULOMB,
+    COULOMB_PER_DIRECTION,
+    INERTIA,
+    OFFSET,
+    POLYNOMIAL_FRICTION,
+    VISCOUS,
+)
 from flexspline.errors import InputError, did_you_mean, listed, shortened
 from flexspline.estimators import ESTIMATORS, Estimator
 from flexspline.estimators.needs import require_complete
 from flexspline.files import atomic_write, refuse_special
 from flexspline.formatting import short, short_names
+from flexspline.joint_file import JointNumbers, is_joint_file, read_joint
 from flexspline.logs.channels import CHANNELS
 from flexspline.logs.derive import lowpass
 from flexspline.logs.log import Log
@@ -62,6 +71,9 @@ CORRECTING = 2
 """Version of a model with a part that corrects a foreign simulation: who does not know of that
 would take the correction for the whole."""
 GEAR = ("gear_ratio", "output_spline")
+
+OF_JOINT = ("motor_torque", "sensor_torque")
+"""Targets that the joint of a simulator explains: a torque at the output."""
 
 TWO_SIDED_95 = 1.959964  # standard normal quantile: an interval of 95 % leaves out zero
 CHI_SQUARED_95 = 5.991465  # of two degrees of freedom: cosine and sine of an order together
@@ -319,21 +331,39 @@ class Model:
         atomic_write(path, self.to_json())
 
     @classmethod
-    def load(cls, path: str | os.PathLike[str], own: OwnEffect | Iterable[OwnEffect] = ()) -> Model:
-        """Read a `model.json`.
+    def load(
+        cls,
+        path: str | os.PathLike[str],
+        own: OwnEffect | Iterable[OwnEffect] = (),
+        *,
+        joint: str | None = None,
+        target: str | None = None,
+    ) -> Model:
+        """Read a `model.json`, or a joint of an MJCF file or a URDF to start from.
+
+        Damping, frictionloss or friction, and armature of such a joint become viscous and Coulomb
+        friction and inertia of a torque at the output. Whatever else it has, such as a stiffness,
+        is left out. Nothing of it is held: `discover` fits the values again, unless it is told
+        which are fixed. An XML file that declares anything or includes others is refused.
 
         Parameters
         ----------
+        path : an XML file is told by its name (.xml, .urdf, .mjcf) or by its first letter, "<".
         own : effects of your own (`flexspline.own_effect`), those of the model among them: a file
             keeps their names, terms and shapes, and no function.
+        joint : its name in an MJCF file or a URDF; None where that has one that turns.
+        target : what a joint of these explains: "motor_torque", as by itself, or "sensor_torque".
 
         Raises
         ------
         InputError
             Where the file is missing, is no model, is damaged, is of a newer version, or has an
-            effect of its maker's own that is not given.
+            effect of its maker's own that is not given; of an MJCF file or a URDF where it has no
+            such joint, two of a name, or a number that is none or negative.
         """
         refuse_special(path, "a model.json")
+        if is_joint_file(path):
+            return _of_numbers(read_joint(path, joint), target or "motor_torque", str(path))
         try:
             text = Path(path).read_text(encoding="utf-8")
         except OSError as error:
@@ -406,6 +436,26 @@ class Model:
             return target_of(log.with_facts(facts), part.target, part.known_load)
         except InputError:
             return np.full(len(log), np.nan)
+
+
+def _of_numbers(joint: JointNumbers, target: str, label: str) -> Model:
+    """The model of a joint that a simulator has; numbers that are zero make no effect."""
+    if target not in OF_JOINT:
+        raise InputError(
+            f"{label}: the joint of a simulator has a torque at the output, and the target is "
+            f"{target}; give {' or '.join(OF_JOINT)}"
+        )
+    linear, *bent = (*joint.damping, 0.0, 0.0)[:3]
+    numbers = {
+        INERTIA: [joint.armature],
+        VISCOUS: [linear],
+        POLYNOMIAL_FRICTION: bent,
+        COULOMB: [joint.friction],
+    }
+    made = {name: values for name, values in numbers.items() if any(values)}
+    coefficients = np.array([value for values in made.values() for value in values])
+    part = Part(target, tuple(Effect(name) for name in made), coefficients)
+    return Model({PART_OF[target]: part}, {"joint": joint.name} if joint.name else {})
 
 
 def _estimators(content: Mapping[str, Any], label: str) -> dict[str, Estimator]:

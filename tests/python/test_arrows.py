@@ -19,7 +19,7 @@ from flexspline.presentation import RENDERERS
 LAYERS = (
     # what knows nothing of joints
     ("_core", "about", "errors", "lazy", "parallel", "progress", "rendering"),
-    ("files", "formatting", "programs", "schema"),
+    ("files", "formatting", "joint_file", "programs", "schema"),
     # runs, and what they show by themselves; logs know no effects, their checks do
     ("effects", "logs"),
     ("logs.checks", "own"),

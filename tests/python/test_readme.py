@@ -63,6 +63,7 @@ def test_the_commands_of_the_table_run_in_their_order(
         "discover",
         "export",
         "export",
+        "export",
         "certify",
     ]
     for command in TABLE:

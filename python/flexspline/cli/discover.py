@@ -24,6 +24,7 @@ from flexspline.cli.options import (
     known_load,
     loaded,
     lowpass,
+    model_joint,
     named,
     named_effects,
     on_terminal,
@@ -53,8 +54,13 @@ NEXT = "next_experiment.csv"
 @click.command(cls=Taught, sections=(repairs,))
 @click.argument("runs", nargs=-1, required=True, metavar="RUN.csv...", type=FILE)
 @click.option(
-    "--model", "model_path", metavar="MODEL.json", type=FILE, help="A model that fit wrote."
+    "--model",
+    "model_path",
+    metavar="MODEL.json",
+    type=FILE,
+    help="A model that fit wrote, or an MJCF file or a URDF with a joint.",
 )
+@model_joint
 @simulation
 @click.option(
     "--simulated-motion", is_flag=True, help="Compare the output_position of --simulation."
@@ -79,6 +85,7 @@ NEXT = "next_experiment.csv"
 def compare(
     runs: tuple[str, ...],
     model_path: str | None,
+    model_joint: str | None,
     simulation: tuple[str, ...],
     simulated_torque: str | None,
     simulated_motion: bool,
@@ -116,7 +123,7 @@ def compare(
         )
     if model_path is None and target is None and not simulated_motion:
         raise InputError("--target is needed beside a simulated torque; say what it predicts")
-    joint = None if model_path is None else loaded(model_path)
+    joint = None if model_path is None else loaded(model_path, target, model_joint or reading.joint)
     if joint is not None:
         joint.part(target)
     refuse_overwriting(out, [*runs, *simulation], ("comparison.json", "report.html"))
@@ -175,8 +182,13 @@ def _numbers(text: str) -> tuple[float, ...]:
     "--effects", "names", metavar="A,B,C", type=EFFECTS, help="Effects that are known; or none."
 )
 @click.option(
-    "--model", "model_path", metavar="MODEL.json", type=FILE, help="Or a model to start from."
+    "--model",
+    "model_path",
+    metavar="MODEL.json",
+    type=FILE,
+    help="Or a model to start from, or an MJCF file or a URDF with a joint.",
 )
+@model_joint
 @simulation
 @click.option(
     "--by",
@@ -223,6 +235,7 @@ def discover(
     target: str | None,
     names: str | None,
     model_path: str | None,
+    model_joint: str | None,
     simulation: tuple[str, ...],
     simulated_torque: str | None,
     out: str,
@@ -233,6 +246,8 @@ def discover(
 
     Starts from known effects (--effects), from a saved model (--model), or from what a simulator
     of yours says of the runs (--simulated-torque, --simulation); then what that lacks is found.
+    A model may be the joint of an MJCF file or a URDF, whose damping, friction and armature are
+    effects to begin with; their values are fitted again, but those of --fix.
     Faults of the data are looked for first. Every effect of the catalogue that acts on the target
     and has its channels is a candidate; one is named where it gains on runs that the fit never
     saw, by more than chance and by more than any other. What no effect
@@ -247,6 +262,8 @@ def discover(
       flexspline discover run1.csv run2.csv run3.csv run4.csv --target sensor_torque \\
           --effects offset,coulomb_friction,viscous_friction --out found
       flexspline discover run5.csv --model joint/model.json --target motor_torque --out found
+      flexspline discover run*.csv --model robot.urdf --model-joint elbow \\
+          --target motor_torque --out found
       flexspline discover run*.csv --target sensor_torque --simulated-torque mujoco --out found
     """
     from flexspline.experiment.limits import parsed_limits
@@ -260,7 +277,7 @@ def discover(
     if model_path is None and target is None and options["by"] == "regression":
         beside = "a simulation" if foreign else "--effects"
         raise InputError(f"--target is needed beside {beside}; say what is explained")
-    model = None if model_path is None else loaded(model_path)
+    model = None if model_path is None else loaded(model_path, target, model_joint or reading.joint)
     effects = None if names is None else named_effects(names)
     limits = parsed_limits(options["limits"])
     given = (name.strip() for name in (options["exclude"] or "").split(","))

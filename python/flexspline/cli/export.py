@@ -1,4 +1,4 @@
-"""`flexspline export` and `flexspline certify`: a model for a controller.
+"""`flexspline export` and `flexspline certify`: a model for a controller or a simulator.
 
 `certify` compares the device's results with the analysis, and measures their cost.
 """
@@ -16,6 +16,7 @@ from flexspline.cli.options import (
     Taught,
     loaded,
     model,
+    model_joint,
     out_file,
     reading,
     refuse_overwriting,
@@ -46,13 +47,15 @@ def _devices() -> Iterable[str]:
 
 @click.command()
 @model
+@model_joint
 @click.option(
     "--format",
     "form",
     type=LateChoice(_formats),
     required=True,
     help="header: constants that a C++ program compiles with the core's headers; binary: "
-    "parameters that replace those of such a program while it runs.",
+    "parameters that replace those of such a program while it runs; json: the model file; mujoco, "
+    "urdf: a joint of an MJCF file or a URDF.",
 )
 @click.option(
     "--scalar",
@@ -65,23 +68,34 @@ def _devices() -> Iterable[str]:
 @target(required=False)
 @strict
 def export(
-    model_path: str, form: str, scalar: str, out: str, target: str | None, strict: bool
+    model_path: str,
+    model_joint: str | None,
+    form: str,
+    scalar: str,
+    out: str,
+    target: str | None,
+    strict: bool,
 ) -> None:
-    """Export a model for the controller.
+    """Export a model for the controller or a simulator.
 
     The header holds plain constants and compiles with flexspline's headers (C++20, no heap, no
     exceptions); it predicts the same numbers as flexspline predict. The binary block is checked by
     its length, version, CRC-32 and structure before a program takes it, whole or not at all.
 
+    A MuJoCo joint has armature, damping and frictionloss of the model, that of a URDF damping,
+    friction and limits, in SI units at the output of the gear. A comment above it lists the effects
+    that it leaves out, each with its largest torque over the ranges of the fit.
+
     Standard error says what speaks against using the model: inertia or friction of a drive that is
     negative, terms that are not significant, parameters at a bound.
 
     \b
-    Example:
+    Examples:
       flexspline export --model joint/model.json --format header --out joint.hpp
+      flexspline export --model joint/model.json --format mujoco --out joint.xml
     """
     refuse_overwriting(out, [model_path])
-    joint = loaded(model_path)
+    joint = loaded(model_path, target, model_joint)
 
     from flexspline.exporting import export as export_model
     from flexspline.exporting import export_warnings

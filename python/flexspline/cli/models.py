@@ -68,7 +68,7 @@ def models(
             raise InputError(f"--model {path} is given twice; give each model once")
     if len(paths) < 2:
         raise InputError("one --model is nothing to compare; give two or more")
-    joints = {path: loaded(path) for path in paths}
+    joints = {path: loaded(path, target) for path in paths}
     if out is not None:
         written = () if is_table(out) else ("models.csv", "models.png")
         refuse_overwriting(out, [*runs, *paths], written)

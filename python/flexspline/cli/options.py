@@ -58,6 +58,7 @@ __all__ = [
     "loaded",
     "lowpass",
     "model",
+    "model_joint",
     "named",
     "named_effects",
     "on_terminal",
@@ -254,15 +255,27 @@ def model(command: Command) -> Command:
         required=True,
         metavar="MODEL.json",
         type=FILE,
-        help="A model that fit wrote.",
+        help="A model that fit wrote, or an MJCF file or a URDF with a joint.",
     )(command)
 
 
-def loaded(path: str) -> Model:
-    """Read the model of a command; what the command computes with is imported after its files."""
+def model_joint(command: Command) -> Command:
+    """--model-joint NAME"""
+    return click.option(
+        "--model-joint",
+        metavar="NAME",
+        help="Of an MJCF file or a URDF as --model: the joint, where it has several.",
+    )(command)
+
+
+def loaded(path: str, target: str | None = None, joint: str | None = None) -> Model:
+    """Read the model of a command; what the command computes with is imported after its files.
+
+    `target` and `joint` say what is meant of an MJCF file or a URDF.
+    """
     from flexspline.model import Model
 
-    return Model.load(path)
+    return Model.load(path, target=target, joint=joint)
 
 
 def simulation(command: Command) -> Command:

@@ -22,6 +22,7 @@ from flexspline.cli.options import (
     loaded,
     lowpass,
     model,
+    model_joint,
     out_file,
     out_files,
     positive,
@@ -58,6 +59,7 @@ def _of_joint(content: Mapping[str, Any]) -> dict[str, Any]:
 @click.command(cls=Taught, sections=(repairs,))
 @click.argument("runs", nargs=-1, required=True, metavar="RUN.csv...", type=FILE)
 @model
+@model_joint
 @out_files
 @target(required=False)
 @lowpass
@@ -68,6 +70,7 @@ def _of_joint(content: Mapping[str, Any]) -> dict[str, Any]:
 def predict(
     runs: tuple[str, ...],
     model_path: str,
+    model_joint: str | None,
     simulation: tuple[str, ...],
     simulated_torque: str | None,
     out: str,
@@ -97,7 +100,7 @@ def predict(
           --joint all --out new
     """
     names = files_in(out, runs, [model_path, *simulation], cut=reading.splits)
-    joint = loaded(model_path)
+    joint = loaded(model_path, target, model_joint or reading.joint)
     part = joint.part(target)
     if simulation:
         reading.refuse_cut("--simulation is given a file for each run")
@@ -229,6 +232,7 @@ def estimate(
 @click.command(cls=Taught, sections=(repairs,))
 @click.argument("run", metavar="RUN.csv", type=FILE)
 @model
+@model_joint
 @controller
 @out_file("FILE.csv")
 @target(required=False)
@@ -248,6 +252,7 @@ def estimate(
 def simulate(
     run: str,
     model_path: str,
+    model_joint: str | None,
     controller: str | None,
     out: str,
     target: str | None,
@@ -274,7 +279,7 @@ def simulate(
       flexspline simulate --model joint/model.json run3.csv --controller servo.json --out motion.csv
     """
     refuse_overwriting(out, [run, model_path, *([controller] if controller else [])])
-    joint = loaded(model_path)
+    joint = loaded(model_path, target, model_joint or reading.joint)
     joint.part(target)
     log = reading.one(run, joint.facts)
 

@@ -1,4 +1,4 @@
-"""Export of a model: as JSON, as a C++ header for the core, or as parameters for a program."""
+"""Export of a model: as JSON, for programs with the core, or as the joint of a simulator."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ from flexspline.errors import FlexsplineWarning, InputError, did_you_mean
 from flexspline.exporting.block import block_bytes
 from flexspline.exporting.cpp_text import namespace_name
 from flexspline.exporting.header import header_text, own_headers
+from flexspline.exporting.mjcf import mjcf_text
+from flexspline.exporting.urdf import urdf_text
 from flexspline.files import atomic_write
 from flexspline.model import PART_OF, Model, part_warnings, refuse_warnings
 from flexspline.own.header import Header
@@ -63,10 +65,20 @@ def _json(model: Model, path: Path, target: str | None, scalar: str) -> None:
     model.save(path)
 
 
+def _mujoco(model: Model, path: Path, target: str | None, scalar: str) -> None:
+    atomic_write(path, mjcf_text(model, target))
+
+
+def _urdf(model: Model, path: Path, target: str | None, scalar: str) -> None:
+    atomic_write(path, urdf_text(model, target))
+
+
 FORMATS: Mapping[str, Callable[[Model, Path, str | None, str], None]] = {
     "header": _header,
     "binary": _binary,
     "json": _json,
+    "mujoco": _mujoco,
+    "urdf": _urdf,
 }
 """What writes each format, whole or not at all."""
 
@@ -87,9 +99,9 @@ def export(
     path : file to write; its stem is the header's namespace.
     format : "header", constants for a C++20 program in float or double; "binary", the parameters
         alone, which replace those of a program compiled with such a header (flexspline/block.hpp);
-        or "json", the same file as `Model.save` writes.
-    target : which part, such as "sensor_torque"; None picks the only one for a header, and
-        keeps all in JSON.
+        "json", the same file as `Model.save` writes; or "mujoco" or "urdf", a file with a joint for
+        a simulator and a table of what that leaves out.
+    target : which part, such as "sensor_torque"; None picks the only one, and keeps all in JSON.
     scalar : "float" or "double", the numbers of a binary block.
     strict : refuse what is otherwise warned of.
 
@@ -100,8 +112,9 @@ def export(
     Raises
     ------
     InputError
-        For an unknown format, scalar or target, a number that the core cannot hold, or a path that
-        cannot be written; with `strict` for what is otherwise warned of.
+        For an unknown format, scalar or target, a number that the core cannot hold, a target that
+        is no torque where a simulator's joint needs one, or a path that cannot be written; with
+        `strict` for what is otherwise warned of.
 
     Warns
     -----

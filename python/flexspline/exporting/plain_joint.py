@@ -1,0 +1,282 @@
+"""A joint as simulators have it built in, and what that leaves out of a model.
+
+MJCF and URDF know a joint by a few numbers at its output. Of a model's effects some are such a
+number; the others are lost, and their largest torque over the ranges of the fit says what that
+costs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexspline.about import __version__
+from flexspline.effects import Effect
+from flexspline.effects.causes import (
+    COULOMB,
+    COULOMB_PER_DIRECTION,
+    GRAVITY,
+    INERTIA,
+    OFFSET,
+    POLYNOMIAL_FRICTION,
+    VISCOUS,
+)
+from flexspline.errors import InputError, listed
+from flexspline.model import Model, Part
+from flexspline.own import design_of
+from flexspline.signals import gear_of
+
+__all__ = ["ARMATURE", "DAMPING", "FRICTION", "Loss", "PlainJoint", "heading", "plain_joint"]
+
+Array = NDArray[np.float64]
+
+ARMATURE, DAMPING, FRICTION = "armature", "damping", "friction"
+
+NUMBERS: Mapping[str, tuple[tuple[str, int], ...]] = {
+    INERTIA: ((ARMATURE, 0),),
+    VISCOUS: ((DAMPING, 0),),
+    POLYNOMIAL_FRICTION: ((DAMPING, 1), (DAMPING, 2)),
+    COULOMB: ((FRICTION, 0),),
+    COULOMB_PER_DIRECTION: ((FRICTION, 0),),
+}
+"""Which number of a joint a coefficient is: its kind, and the power of |v| that scales it. Levels
+of two directions are one."""
+
+ROWS = 20_001
+SWEEPS = 5.0  # of the first channel; the next ones have this times the root of a prime
+PRIMES = (1, 2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47)
+BEYOND = 1e-2  # share of a sweep that is cut off at the ends, so that both are reached
+
+
+@dataclass(frozen=True)
+class Loss:
+    """What a joint's numbers leave out: of which effect, its largest torque [Nm], and why.
+
+    `torque` is None where the ranges do not tell it; `why` says what is missing.
+    """
+
+    effect: str
+    torque: float | None
+    why: str
+
+
+@dataclass(frozen=True)
+class PlainJoint:
+    """A joint's numbers in SI units at the output of the gear, and what they leave out.
+
+    `damping`: by the power of the speed beside it, τ = v (d₀ + d₁ |v| + d₂ v²), up to the last one
+    that the model has. `kept`: effect by effect, the number that it is. `position`: range of the
+    angle [rad]; `velocity` and `effort`: largest speed [rad/s] and torque [Nm] of the fit's ranges.
+    Each of these is None where the model has no such range.
+    """
+
+    name: str
+    target: str
+    corrects: bool
+    armature: float
+    damping: tuple[float, ...]
+    friction: float
+    kept: Mapping[str, str]
+    lost: tuple[Loss, ...]
+    position: tuple[float, float] | None
+    velocity: float | None
+    effort: float | None
+
+
+def plain_joint(model: Model, target: str | None, numbers: Sequence[tuple[str, int]]) -> PlainJoint:
+    """Return a part of a model as a joint's numbers.
+
+    Parameters
+    ----------
+    numbers : those that the format has, such as (DAMPING, 0).
+
+    Raises
+    ------
+    InputError
+        Where the part is of a torsion, or of a current without what makes it a torque.
+    """
+    part = model.part(target)
+    to_torque = _output_torque(model, part)
+    values = dict.fromkeys(numbers, 0.0)
+    sweep = _Sweep(model, part)
+    kept, lost, first = dict[str, str](), list[Loss](), 0
+    for effect in part.effects:
+        mine = slice(first, first + len(effect.terms))
+        first = mine.stop
+        places = NUMBERS.get(effect.name, ())
+        said, why = _said(effect.name, part.coefficients[mine], places, values)
+        for (kind, power), value in zip(places, said, strict=False):
+            if (kind, power) in values:
+                values[kind, power] = to_torque * float(value)
+        if said.any():
+            kept[effect.name] = places[0][0]
+        rest = part.coefficients[mine] - said
+        if rest.any() or not places:
+            torque, missing = sweep.largest(effect, rest)
+            size = None if torque is None else to_torque * torque
+            lost.append(Loss(effect.name, size, missing or why))
+    lost.sort(key=lambda loss: -np.inf if loss.torque is None else -loss.torque)
+    powers = [power for (kind, power), value in values.items() if kind == DAMPING and value]
+    ranges: Mapping[str, Sequence[float]] = part.record.get("validity", {})
+    position, speed = ranges.get("output_position"), ranges.get("output_velocity")
+    return PlainJoint(
+        name=str(model.facts.get("joint") or "joint"),
+        target=part.target,
+        corrects=part.simulated is not None,
+        armature=values.get((ARMATURE, 0), 0.0),
+        damping=tuple(values[DAMPING, power] for power in range(max(powers, default=0) + 1)),
+        friction=values.get((FRICTION, 0), 0.0),
+        kept=kept,
+        lost=tuple(lost),
+        position=None if position is None else (float(position[0]), float(position[1])),
+        velocity=None if speed is None else float(np.abs(speed).max()),
+        effort=sweep.effort(to_torque),
+    )
+
+
+def heading(joint: PlainJoint, what: str, attributes: Mapping[str, str]) -> Iterator[str]:
+    """Yield what a comment says above a joint: side, units, what is kept and what is lost.
+
+    Parameters
+    ----------
+    what : of which format the element is.
+    attributes : how the format calls ARMATURE, DAMPING and FRICTION.
+    """
+    yield f"Made by flexspline {__version__} of the model of {joint.target}: an {what} joint."
+    yield "Numbers are in SI units at the output of the gear: Nm, rad, rad/s, kg m^2."
+    if joint.corrects:
+        yield "The model corrects a simulation: add these numbers to those of its joint."
+    yield ""
+    yield "Kept:"
+    width = max(map(len, [*joint.kept, *(loss.effect for loss in joint.lost)]), default=0)
+    for effect, kind in joint.kept.items():
+        yield f"  {effect:<{width}}  {attributes[kind]}"
+    if not joint.kept:
+        yield "  nothing"
+    yield ""
+    yield "Lost, with the largest torque over the ranges of the fit [Nm]:"
+    for loss in joint.lost:
+        size = "?" if loss.torque is None else f"{loss.torque:.3g}"
+        yield f"  {loss.effect:<{width}}  {size:>8}  {loss.why}"
+    if not joint.lost:
+        yield "  nothing"
+
+
+def _output_torque(model: Model, part: Part) -> float:
+    """Nm at the output that one of the part's unit is worth."""
+    if part.unit == "Nm":  # a motor torque is fitted at the output already
+        return 1.0
+    if part.unit != "A":
+        raise InputError(
+            f"the model's part for {part.target} is in {part.unit}, and a simulator's joint has "
+            "torques; give a target that is a torque, or fit one"
+        )
+    missing = [name for name in ("gear_ratio", "torque_constant") if name not in model.facts]
+    if missing:
+        options = " and ".join(f"--{name.replace('_', '-')}" for name in missing)
+        raise InputError(
+            f"the model's part for {part.target} is in A, and the model lacks {listed(missing)}, "
+            f"which make it a torque at the output; fit it again with {options}"
+        )
+    ratio = float(gear_of(model.facts, motor_encoder=False)["effective_ratio"])
+    return ratio * float(model.facts["torque_constant"])
+
+
+def _said(
+    name: str,
+    coefficients: Array,
+    places: Sequence[tuple[str, int]],
+    values: Mapping[tuple[str, int], float],
+) -> tuple[Array, str]:
+    """What of an effect's coefficients the joint's numbers say, and why not all of it."""
+    nothing = np.zeros_like(coefficients)
+    if not places or not all(place in values for place in places):
+        return nothing, _REMEDIES.get(name, "no such number")
+    if name == COULOMB_PER_DIRECTION:
+        level = 0.5 * (coefficients[0] - coefficients[1])
+        if level < 0.0:
+            return nothing, "negative"
+        return np.array([level, -level]), "the mean of both directions"
+    if all(power == 0 for _, power in places) and (coefficients < 0.0).any():
+        return nothing, "negative, which no joint is"
+    return coefficients, ""
+
+
+_REMEDIES = {
+    INERTIA: "give it to the link",
+    GRAVITY: "give the link its mass and centre of mass",
+    OFFSET: "a constant torque; add it to the actuator's",
+}
+
+
+class _Sweep:
+    """Effects of a part over the ranges of its channels, which go to and fro, each at its pace."""
+
+    def __init__(self, model: Model, part: Part) -> None:
+        self._part = part
+        self._ranges: Mapping[str, Sequence[float]] = part.record.get("validity", {})
+        whole = all(not self._missing(e) for e in part.effects if e.info.carries_load)
+        self._effects = [
+            e for e in part.effects if not self._missing(e) and (whole or "load" not in e.reads)
+        ]
+        self._rows: dict[str, Array] = {}
+        coefficients, first = [], 0
+        for effect in part.effects:
+            last = first + len(effect.terms)
+            if effect in self._effects:
+                coefficients.append(part.coefficients[first:last])
+            first = last
+        self._coefficients = np.concatenate([np.zeros(0), *coefficients])
+        encoder = "motor_position" in self._ranges
+        design = design_of(self._effects, gear_of(model.facts, encoder))
+        self._all = np.asarray(design.rows(self._channels(), ROWS, self._coefficients))
+        first = 0
+        for effect in self._effects:
+            last = first + len(effect.terms)
+            self._rows[effect.name] = self._all[:, first:last]
+            first = last
+
+    def largest(self, effect: Effect, coefficients: Array) -> tuple[float | None, str]:
+        """The largest of what these coefficients of an effect make, or why that is not known."""
+        if effect.name not in self._rows:
+            missing = self._missing(effect) or ["load"]
+            if missing == ["period"]:
+                return None, "depends on how fast its channels change"
+            return None, f"the model has no range of {listed(missing)}"
+        made = np.abs(self._rows[effect.name] @ coefficients).max()
+        return (float(made), "") if np.isfinite(made) else (None, "not finite over the ranges")
+
+    def effort(self, to_torque: float) -> float | None:
+        """The largest torque of all effects together, and the known load's beside it [Nm]."""
+        if len(self._effects) < len(self._part.effects):
+            return None
+        load = 0.0
+        if self._part.known_load is not None:
+            if "known_load" not in self._ranges:
+                return None
+            load = float(np.abs(self._ranges["known_load"]).max())
+        made = to_torque * np.abs(self._all @ self._coefficients).max(initial=0.0) + load
+        return float(made) if np.isfinite(made) and made > 0.0 else None
+
+    def _missing(self, effect: Effect) -> list[str]:
+        """Channels that an effect reads and that have no range."""
+        known = {*self._ranges}
+        if "output_position" in known:
+            known.add("motor_position")  # turns with the output
+        if self._part.known_load is None or "known_load" in known:
+            known.add("load")
+        return [channel for channel in effect.reads if channel not in known]
+
+    def _channels(self) -> dict[str, Array]:
+        at, channels = np.linspace(0.0, 1.0, ROWS), dict[str, Array]()
+        for prime, (name, (low, high)) in zip(PRIMES, sorted(self._ranges.items()), strict=False):
+            turn = np.mod(SWEEPS * np.sqrt(prime) * at, 1.0)
+            share = np.clip((1.0 + BEYOND) * 2.0 * np.abs(turn - 0.5) - 0.5 * BEYOND, 0.0, 1.0)
+            channels[name] = low + (high - low) * share
+        if any(effect.info.remembers for effect in self._effects):
+            channels["period"] = np.ones(ROWS)
+            channels["period"][0] = 0.0  # where the memory starts
+        return channels
