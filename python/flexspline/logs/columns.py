@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from flexspline.errors import InputError, did_you_mean, listed, shortened
 from flexspline.logs.channels import CHANNELS
+from flexspline.logs.one_clock import on_one_clock
 from flexspline.logs.stamps import is_stamp, seconds_of_stamps
 from flexspline.logs.table import Table
 from flexspline.logs.units import canonical_unit
@@ -88,11 +89,15 @@ ColumnSpec = str | int | tuple[str | int, str] | ColumnSource | Mapping[str, Any
 
 @dataclass(frozen=True)
 class Picked:
-    """Channels of a table in SI units, how late each is [s], and what was done, in sentences."""
+    """Channels of a table in SI units, how late each is [s], and what was done, in sentences.
+
+    `table` is the one that they were picked from, with all of its columns on their clock.
+    """
 
     channels: dict[str, NDArray[np.float64]]
     late: dict[str, float]
     notes: tuple[str, ...]
+    table: Table
 
 
 def picked(table: Table, columns: Mapping[str, ColumnSpec] | None) -> Picked:
@@ -105,6 +110,7 @@ def picked(table: Table, columns: Mapping[str, ColumnSpec] | None) -> Picked:
         of one column, columns of unequal length.
     """
     chosen = {name: _with_unit(table, at) for name, at in _chosen(table, columns).items()}
+    table = on_one_clock(table, {name: table.index(at.source) for name, at in chosen.items()})
     channels, notes = {}, []
     for channel, at in chosen.items():
         number = table.index(at.source)
@@ -121,7 +127,7 @@ def picked(table: Table, columns: Mapping[str, ColumnSpec] | None) -> Picked:
         table.title(n).removeprefix("column ") for n in range(len(table.data)) if n not in used
     ]
     ignored = (f"ignored columns: {listed(unused)}",) if unused else ()
-    return Picked(channels, late, (*said, *ignored))
+    return Picked(channels, late, (*said, *ignored), table)
 
 
 def _chosen(table: Table, columns: Mapping[str, ColumnSpec] | None) -> dict[str, ColumnSource]:
@@ -138,7 +144,7 @@ def _chosen(table: Table, columns: Mapping[str, ColumnSpec] | None) -> dict[str,
     for number, name in enumerate(table.names or ()):
         if name in CHANNELS and name not in chosen and number not in owners:
             chosen[name] = ColumnSource(name)
-    if not chosen:
+    if not chosen.keys() - ({"time"} if table.series else set()):
         what = (
             f"names {listed(table.names)} that are no channels"
             if table.names
@@ -204,7 +210,7 @@ def _from_keys(where: str, spec: Mapping[str, Any]) -> ColumnSource:
 
 def _numbers(table: Table, channel: str, number: int) -> NDArray[np.float64]:
     """Return one column as float64, the very array where it already is."""
-    column = table.data[number]
+    column = table.column(number)
     if column.dtype.kind in "mM":
         if len(column) == 0:
             return np.zeros(0)

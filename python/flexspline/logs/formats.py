@@ -11,19 +11,20 @@ import io
 import json
 import os
 import re
-import sys
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Literal
+from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.errors import InputError, listed
+from flexspline.errors import InputError
 from flexspline.files import require_there
+from flexspline.logs.arrow_files import read_feather, read_parquet
+from flexspline.logs.frames import from_frame, is_frame
 from flexspline.logs.log import Fact, Source, parsed_fact
 from flexspline.logs.memory import memory_limit
 from flexspline.logs.numpy_files import read_numpy
@@ -37,10 +38,7 @@ from flexspline.logs.table import (
     require_droppable,
 )
 
-if TYPE_CHECKING:
-    import pandas
-
-__all__ = ["Dialect", "decoded", "is_frame", "no_source", "read_table", "unpacked_text"]
+__all__ = ["Dialect", "decoded", "no_source", "read_table", "unpacked_text"]
 
 STRUCTURED: Final = (
     ".npy",
@@ -52,6 +50,26 @@ STRUCTURED: Final = (
     ".jsonl",
     ".ndjson",
 )  # all others are text
+
+
+class Foreign(NamedTuple):
+    """A format that a library of its own reads, which is imported with its first file.
+
+    `read`: from path or bytes, label, variable and most bytes to a `Table`; `extra`: what pip
+    installs the library by; `magic`: how such a file begins, whatever it is called.
+    """
+
+    read: Callable[[Path | io.BytesIO, str, str | None, int], Table]
+    extra: str
+    suffixes: tuple[str, ...]
+    magic: tuple[bytes, ...]
+
+
+FOREIGN: Final = (
+    Foreign(read_parquet, "parquet", (".parquet", ".pq"), (b"PAR1",)),
+    Foreign(read_feather, "parquet", (".feather", ".arrow", ".ipc"), (b"ARROW1",)),
+)
+BEGINNING: Final = 16  # bytes of a file that tell its format
 SEPARATORS: Final = (",", ";", "\t", "|", " ")
 MONITOR: Final = r"^\d{1,2}:\d{2}:\d{2}(?:\.\d+)? -> "
 FORTRAN: Final = r"(?<=\d)[Dd](?=[+-]\d{2}\b)"
@@ -72,7 +90,7 @@ def read_table(
 
     Parameters
     ----------
-    source : path, ndarray, mapping of arrays or pandas.DataFrame
+    source : path, ndarray, mapping of arrays, table of pandas, polars or xarray
         The formats of `read_log`.
     variable : str, optional
         Name, or path with dots, of the part of a .mat, .npz or .json file that is the table.
@@ -91,7 +109,7 @@ def read_table(
     if isinstance(source, (str, os.PathLike)):
         return _from_file(Path(source), variable, dialect, drop_rows, memory_limit(max_memory))
     if is_frame(source):
-        table = _from_frame(source)
+        table = from_frame(source)
     elif isinstance(source, np.ndarray):
         table = from_array(source, "array")
     elif isinstance(source, Mapping):
@@ -105,7 +123,8 @@ def no_source(source: object) -> InputError:
     """Return the error for what is no source of a log."""
     return InputError(
         f"a log cannot be read from a {type(source).__name__}; "
-        "give a path, an array, a dictionary of arrays or a pandas DataFrame"
+        "give a path, an array, a dictionary of arrays, a DataFrame of pandas or polars, or a "
+        "Dataset of xarray"
     )
 
 
@@ -145,7 +164,11 @@ def _sha256(path: Path) -> str:
 def _opened(path: Path, variable: str | None, dialect: Dialect, drop_rows: int, most: int) -> Table:
     kind, packed = _kind(path)
     label = str(path)
-    if kind == ".npy" and not packed:
+    foreign = _foreign(path)
+    if foreign is not None:
+        file = io.BytesIO(unpacked(path.read_bytes(), packed, label, most)) if packed else path
+        table = _read_foreign(foreign, file, label, variable, most)
+    elif kind == ".npy" and not packed:
         table = from_value(read_numpy(path, label, most), label, variable)
     else:
         content = unpacked(path.read_bytes(), packed, label, most)
@@ -153,6 +176,29 @@ def _opened(path: Path, variable: str | None, dialect: Dialect, drop_rows: int, 
             return read_delimited(content, label, dialect, drop_rows).checked()
         table = _structured(content, kind, label, variable, most)
     return table.checked().without_first(drop_rows)
+
+
+def _foreign(path: Path) -> Foreign | None:
+    """Return the format of a library of its own that a file is in, by its name or its beginning."""
+    kind, packed = _kind(path)
+    if packed or kind in STRUCTURED:
+        return next((each for each in FOREIGN if kind in each.suffixes), None)
+    with path.open("rb") as file:
+        begins = file.read(BEGINNING)
+    by_name = (each for each in FOREIGN if kind in each.suffixes)
+    return next((each for each in FOREIGN if begins.startswith(each.magic)), next(by_name, None))
+
+
+def _read_foreign(
+    foreign: Foreign, file: Path | io.BytesIO, label: str, variable: str | None, most: int
+) -> Table:
+    try:
+        return foreign.read(file, label, variable, most)
+    except ModuleNotFoundError as error:
+        raise InputError(
+            f"{label}: {error.name} is needed to read it; pip install 'flexspline[{foreign.extra}]'"
+        ) from error
+    return table
 
 
 def unpacked_text(path: Path, max_memory: float | None = None) -> bytes | None:
@@ -167,9 +213,9 @@ def unpacked_text(path: Path, max_memory: float | None = None) -> bytes | None:
     """
     require_there(path)
     kind, packed = _kind(path)
-    if kind in STRUCTURED:
-        return None
     with _named(path):
+        if kind in STRUCTURED or _foreign(path) is not None:
+            return None
         content = unpacked(path.read_bytes(), packed, str(path), memory_limit(max_memory))
     if not content:
         raise InputError(f"{path}: the file is empty; record or copy it again")
@@ -225,21 +271,6 @@ def _from_json_lines(content: bytes, label: str) -> Table:
         else ""
     )
     return replace(made, notes=(f"a record in each line{left}",))
-
-
-def is_frame(source: Any) -> bool:
-    """Whether that is pandas' frame; who has one has imported pandas."""
-    pandas = sys.modules.get("pandas")
-    return pandas is not None and isinstance(source, pandas.DataFrame)
-
-
-def _from_frame(frame: pandas.DataFrame) -> Table:
-    if frame.index.name is not None and frame.index.name not in frame.columns:
-        frame = frame.reset_index()
-    data = tuple(frame.iloc[:, number].to_numpy(copy=True) for number in range(frame.shape[1]))
-    named = not all(isinstance(name, int) for name in frame.columns)
-    names = tuple(str(name) for name in frame.columns) if named else None
-    return Table("DataFrame", data, names, notes=("columns " + listed(frame.columns),))
 
 
 @dataclass(frozen=True)

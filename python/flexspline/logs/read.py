@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 from flexspline.errors import InputError, did_you_mean, listed
 from flexspline.files import atomic_writer, refuse_special, write_columns
 from flexspline.logs.columns import ColumnSpec, Picked, picked
-from flexspline.logs.formats import Dialect, is_frame, no_source, read_table
+from flexspline.logs.formats import Dialect, no_source, read_table
+from flexspline.logs.frames import is_frame
 from flexspline.logs.joints import columns_of_joint, has_places, joints_among
 from flexspline.logs.log import Fact, Log, Source, checked_facts
 from flexspline.logs.packed import PACKED
@@ -100,10 +101,15 @@ def read_log(
 
     Parameters
     ----------
-    source : path, ndarray, mapping of arrays or pandas.DataFrame
+    source : path, ndarray, mapping of arrays, DataFrame or Dataset
         Delimited text, .npy (left on disk where no unit is changed), .npz, .mat (all
-        versions), .json (records), each also packed as .gz, .bz2, .xz or .zip; a matrix
-        (the longer side is time), a structured array, a dictionary, a table of pandas.
+        versions), HDF5, .json (records), .jsonl; with their extras also Parquet and Feather
+        (``flexspline[parquet]``), of which only the columns that become channels are read. Each
+        also packed as .gz, .bz2, .xz or .zip. A matrix (the longer side is time), a structured
+        array, a dictionary, a table of pandas (units in ``attrs["units"]``), polars or xarray
+        (units in the attributes of each variable). Where a source samples columns at instants of
+        their own, these are laid on one clock, that of the column that is `time`, else of the
+        fastest that is chosen, and the history says how: see `flexspline.logs.one_clock`.
     columns : mapping of channel to column, or path of a column map, optional
         A column is a name or a number (from 0), ``(name, unit)``, or a `ColumnSource`
         with unit, sign, scale, bits and clock. Columns that already have a channel's name
@@ -332,6 +338,7 @@ def _read(source: Any, columns: Mapping[str, ColumnSpec] | None, how: Mapping[st
     """Read a log; `how`: all other arguments of `read_log` but its repairs."""
     table, origin = _table_of(source, how)
     found = picked(table, _of_joint(columns, how["joint"], table.label))
+    table = found.table
     channels, timing = _timed(table, found, how["rate"])
     arguments = {key: how[key] for key in ARGUMENTS}
     given = {k: v for k, v in [*(how["facts"] or {}).items(), *arguments.items()] if v is not None}

@@ -163,7 +163,7 @@ def _codes(table: Table, column: str | int, rows: int) -> NDArray[np.intp]:
             f"{table.label}: {table.title(number)} has {len(table.data[number])} rows where time "
             f"has {rows}, and cannot say where a run begins; give another column for the runs"
         )
-    codes, values = pandas.factorize(_cells(table.data[number]), use_na_sentinel=True)
+    codes, values = pandas.factorize(_cells(table.column(number)), use_na_sentinel=True)
     if len(values) == 0:
         raise InputError(
             f"{table.label}: {table.title(number)} has no value in any row, and cannot say where "

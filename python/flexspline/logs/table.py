@@ -11,7 +11,7 @@ import re
 import struct
 import zlib
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
@@ -24,6 +24,8 @@ from flexspline.logs.memory import require_memory
 from flexspline.logs.packed import PIECE
 
 __all__ = [
+    "Later",
+    "Series",
     "Table",
     "from_array",
     "from_value",
@@ -45,26 +47,76 @@ def require_droppable(label: str, count: int, rows: int) -> None:
         )
 
 
+@dataclass(frozen=True, eq=False)
+class Later:
+    """A column that stays in its file until it is asked for: most columns of most files never are.
+
+    Parameters
+    ----------
+    rows : how many the column has.
+    read : returns them all, (rows,).
+    first : rows at the start that are left out.
+    """
+
+    rows: int
+    read: Callable[[], NDArray[Any]]
+    first: int = 0
+
+    def __len__(self) -> int:
+        return self.rows - self.first
+
+    def __getitem__(self, rows: slice) -> Later:
+        return replace(self, first=self.first + (rows.start or 0))
+
+    def now(self) -> NDArray[Any]:
+        """Read the column."""
+        return self.read()[self.first :]
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """Columns that were sampled at the same instants, of a file in which others were at others.
+
+    Parameters
+    ----------
+    name : what a sentence calls it.
+    stamps : when each row was taken, by the clock of the file: seconds, or whole nanoseconds.
+    """
+
+    name: str
+    stamps: NDArray[Any] | Later
+
+
 @dataclass(frozen=True)
 class Table:
     """Columns, with names where the file has them.
 
     `lines` is the file line of each row (the first is 1), where the file has lines; `units` what
-    the file itself says of each column, or None.
+    the file itself says of each column, or None. Where the file samples columns at instants of
+    their own, `series` are these, `of_series` is the number of each column's, and `drop` how many
+    rows are left out once all are on one clock.
     """
 
     label: str
-    data: tuple[NDArray[Any], ...]
+    data: tuple[NDArray[Any] | Later, ...]
     names: tuple[str, ...] | None = None
     facts: Mapping[str, Fact] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     lines: NDArray[np.intp] | None = None
     units: tuple[str | None, ...] | None = None
+    series: tuple[Series, ...] = ()
+    of_series: tuple[int, ...] = ()
+    drop: int = 0
 
     @property
     def rows(self) -> int:
         """Number of rows of data, in the longest column."""
         return max((len(column) for column in self.data), default=0)
+
+    def column(self, number: int) -> NDArray[Any]:
+        """Return a column, read from its file if it still is there."""
+        data = self.data[number]
+        return data.now() if isinstance(data, Later) else data
 
     def checked(self) -> Table:
         """Return this table if it can be a log: one with two rows of data or more."""
@@ -77,6 +129,8 @@ class Table:
     def without_first(self, count: int) -> Table:
         """Return the table without its first `count` rows."""
         require_droppable(self.label, count, self.rows)
+        if self.series:
+            return replace(self, drop=self.drop + count)
         return replace(
             self,
             data=tuple(column[count:] for column in self.data),

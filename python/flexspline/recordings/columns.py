@@ -113,9 +113,9 @@ def columns_of(table: Table) -> list[Column]:
     units = table.units or tuple(None for _ in table.data)
     ours = sum(name in CHANNELS for name in names) > len(names) / 2
     made = []
-    for number, (name, unit, data) in enumerate(zip(names, units, table.data, strict=True)):
+    for number, (name, unit) in enumerate(zip(names, units, strict=True)):
         says = meaning(name, unit, ours=ours)
-        values, stamps = _values(np.asarray(data))
+        values, stamps = _values(table.column(number))
         short = values is not None and _ends_early(values)
         values = None if short else values
         turn = (
