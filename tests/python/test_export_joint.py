@@ -12,7 +12,7 @@ import pytest
 from cli_calls import call
 
 from flexspline.effects import CATALOGUE, effect
-from flexspline.errors import InputError
+from flexspline.errors import FlexsplineWarning, InputError
 from flexspline.exporting import export
 from flexspline.logs.log import Log
 from flexspline.model import Model, Part
@@ -149,7 +149,8 @@ def test_directions_of_friction_have_their_mean(tmp_path: Path) -> None:
 
 
 def test_negative_friction_is_lost_and_not_written(tmp_path: Path) -> None:
-    text = text_of(model_of(("coulomb_friction", "viscous_friction"), [-0.2, -0.5]), tmp_path)
+    with pytest.warns(FlexsplineWarning, match="negative friction"):
+        text = text_of(model_of(("coulomb_friction", "viscous_friction"), [-0.2, -0.5]), tmp_path)
     assert joint_of(text)["damping"] == joint_of(text)["frictionloss"] == "0.0"
     assert losses_of(text) == {"viscous_friction": "1", "coulomb_friction": "0.2"}
     in_mujoco(text)
