@@ -173,6 +173,15 @@ def test_friction_by_load_is_sized_by_the_load_of_the_model(tmp_path: Path) -> N
     }
 
 
+def test_a_product_of_channels_is_sized_in_the_corner_of_its_ranges(tmp_path: Path) -> None:
+    names, values = ("temperature_dependent_friction",), [0.1, 0.0]
+    text = text_of(model_of(names, values), tmp_path)
+    (size,) = losses_of(text).values()
+    ends = Log.from_arrays(time=[0.0, 1.0], output_velocity=[-2.0, -2.0], temperature=[20.0, 35.0])
+    corner = np.abs(model_of(names, values).predict(ends).predicted).max()
+    assert float(size) == pytest.approx(corner, rel=0.03)
+
+
 @pytest.mark.parametrize("name", [n for n, e in CATALOGUE.items() if "M" in e.targets])
 def test_every_effect_of_a_drive_is_kept_or_lost(name: str, tmp_path: Path) -> None:
     ripple = bool(CATALOGUE[name].pairs)
