@@ -126,11 +126,12 @@ def _tree(path: str | os.PathLike[str]) -> _Element:
 
 @dataclass(frozen=True)
 class _Joint:
-    """A joint as the file has it: what kind, and the texts of its numbers."""
+    """A joint as the file has it: what kind, its numbers' texts, and what the file calls them."""
 
     name: str
     kind: str
     numbers: Mapping[str, str]
+    called: Mapping[str, str] = field(default_factory=dict)
 
 
 def _of_urdf(root: _Element) -> Iterator[_Joint]:
@@ -185,7 +186,7 @@ def _of_body(
                 ("friction", "frictionloss"),
             )
             numbers = {ours: said[theirs] for ours, theirs in called if theirs in said}
-            yield _Joint(said.get("name", ""), said.get("type", "hinge"), numbers)
+            yield _Joint(said.get("name", ""), said.get("type", "hinge"), numbers, OF_MJCF)
 
 
 def _refuse_includes(element: _Element, path: str | os.PathLike[str]) -> None:
@@ -233,9 +234,8 @@ def _numbers(joint: _Joint, path: str | os.PathLike[str]) -> JointNumbers:
 
 def _parsed(joint: _Joint, name: str, path: str | os.PathLike[str]) -> tuple[float, ...]:
     text = joint.numbers.get(name, "0")
-    where, most = f"{path}: joint '{joint.name}': {name} = '{shortened(text, 60)}'", 1
-    if name == "damping":
-        most = 3
+    called, most = joint.called.get(name, name), 3 if name == "damping" else 1
+    where = f"{path}: joint '{joint.name}': {called} = '{shortened(text, 60)}'"
     try:
         if "_" in text:  # Python's own, in no file
             raise ValueError

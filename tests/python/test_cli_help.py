@@ -193,7 +193,7 @@ def test_a_defect_is_one_line_and_the_traceback_is_there_for_the_asking(
 
 
 def test_an_interrupt_is_130(monkeypatch: pytest.MonkeyPatch) -> None:
-    def interrupted(path: object) -> Model:
+    def interrupted(*_: object, **options: object) -> Model:
         raise KeyboardInterrupt
 
     monkeypatch.setattr(Model, "load", interrupted)

@@ -12,7 +12,7 @@ import pytest
 from cli_calls import call
 
 from flexspline.effects import CATALOGUE, effect
-from flexspline.errors import InputError
+from flexspline.errors import FlexsplineWarning, InputError
 from flexspline.exporting import export
 from flexspline.logs.log import Log
 from flexspline.model import Model, Part
@@ -149,7 +149,8 @@ def test_directions_of_friction_have_their_mean(tmp_path: Path) -> None:
 
 
 def test_negative_friction_is_lost_and_not_written(tmp_path: Path) -> None:
-    text = text_of(model_of(("coulomb_friction", "viscous_friction"), [-0.2, -0.5]), tmp_path)
+    with pytest.warns(FlexsplineWarning, match="negative friction"):
+        text = text_of(model_of(("coulomb_friction", "viscous_friction"), [-0.2, -0.5]), tmp_path)
     assert joint_of(text)["damping"] == joint_of(text)["frictionloss"] == "0.0"
     assert losses_of(text) == {"viscous_friction": "1", "coulomb_friction": "0.2"}
     in_mujoco(text)
@@ -170,6 +171,15 @@ def test_friction_by_load_is_sized_by_the_load_of_the_model(tmp_path: Path) -> N
     assert losses_of(text_of(model_of(names, values, record=silent), tmp_path)) == {
         "load_dependent_friction": "?"
     }
+
+
+def test_a_product_of_channels_is_sized_in_the_corner_of_its_ranges(tmp_path: Path) -> None:
+    names, values = ("temperature_dependent_friction",), [0.1, 0.0]
+    text = text_of(model_of(names, values), tmp_path)
+    (size,) = losses_of(text).values()
+    ends = Log.from_arrays(time=[0.0, 1.0], output_velocity=[-2.0, -2.0], temperature=[20.0, 35.0])
+    corner = np.abs(model_of(names, values).predict(ends).predicted).max()
+    assert float(size) == pytest.approx(corner, rel=0.03)
 
 
 @pytest.mark.parametrize("name", [n for n, e in CATALOGUE.items() if "M" in e.targets])

@@ -127,7 +127,7 @@ BOMB = '<!DOCTYPE r [<!ENTITY a "aa"><!ENTITY b "&a;&a;">]><robot><joint name="&
         (TWO.format("b"), None, r"several joints; say which \(--model-joint\): a, b"),
         (TWO.format("elbow"), "elbw", r"no joint 'elbw' \(did you mean 'elbow'\?\); .*: a, elbow"),
         (ONE.format('damping="-0.1"'), None, "damping = '-0.1' is negative"),
-        (ONE.format('frictionloss="-1"'), None, "friction = '-1' is negative"),
+        (ONE.format('frictionloss="-1"'), None, "frictionloss = '-1' is negative"),
         (ONE.format('armature="-1e-9"'), None, "armature = '-1e-9' is negative"),
         (ONE.format('damping="much"'), None, "damping = 'much' is no number"),
         (ONE.format('damping="1_0"'), None, "damping = '1_0' is no number"),
