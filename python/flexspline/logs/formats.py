@@ -198,7 +198,6 @@ def _read_foreign(
         raise InputError(
             f"{label}: {error.name} is needed to read it; pip install 'flexspline[{foreign.extra}]'"
         ) from error
-    return table
 
 
 def unpacked_text(path: Path, max_memory: float | None = None) -> bytes | None:
