@@ -148,7 +148,7 @@ def test_text_is_held() -> None:
         ("fast", FAST, {"output_position": FAST}),
         ("slow", stamps, {"mode": np.array(["a", "b"], dtype=object)}),
     )
-    mode = on_one_clock(made, {"output_position": 0}).column(1)
+    mode = on_one_clock(made, {"output_position": 1}).column(2)
     assert list(mode[[0, 499, 500, 999]]) == ["a", "a", "b", "b"]
 
 

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from flexspline.errors import InputError
 from flexspline.files import require_there
 from flexspline.logs.arrow_files import read_feather, read_parquet
+from flexspline.logs.bag_files import read_bag, read_mcap, read_sqlite
 from flexspline.logs.frames import from_frame, is_frame
 from flexspline.logs.log import Fact, Source, parsed_fact
 from flexspline.logs.memory import memory_limit
@@ -68,6 +69,9 @@ class Foreign(NamedTuple):
 FOREIGN: Final = (
     Foreign(read_parquet, "parquet", (".parquet", ".pq"), (b"PAR1",)),
     Foreign(read_feather, "parquet", (".feather", ".arrow", ".ipc"), (b"ARROW1",)),
+    Foreign(read_mcap, "mcap", (".mcap",), (b"\x89MCAP0\r\n",)),
+    Foreign(read_bag, "ros", (".bag",), (b"#ROSBAG V2.0\n",)),
+    Foreign(read_sqlite, "ros", (".db3",), (b"SQLite format 3\0",)),
 )
 BEGINNING: Final = 16  # bytes of a file that tell its format
 SEPARATORS: Final = (",", ";", "\t", "|", " ")

@@ -21,7 +21,7 @@ from flexspline.errors import InputError, listed
 from flexspline.logs.segments import GAP_STEPS, median_step
 from flexspline.logs.table import Later, Series, Table
 
-__all__ = ["ANY_CLOCK", "MARK", "on_one_clock", "with_time"]
+__all__ = ["ANY_CLOCK", "MARK", "on_one_clock", "spanning", "with_time"]
 
 ANY_CLOCK: Final = -1
 """Number of the series of a column that is the clock itself, whichever is chosen."""
@@ -43,11 +43,22 @@ def with_time(table: Table) -> Table:
     clock = Later(table.rows, lambda: np.zeros(0))
     return replace(
         table,
-        data=(*table.data, clock),
-        names=(*(table.names or ()), "time"),
-        units=(*(table.units or [None] * len(table.data)), "s"),
-        of_series=(*table.of_series, ANY_CLOCK),
+        data=(clock, *table.data),
+        names=("time", *(table.names or ())),
+        units=("s", *(table.units or [None] * len(table.data))),
+        of_series=(ANY_CLOCK, *table.of_series),
     )
+
+
+def spanning(table: Table) -> dict[str, int]:
+    """Return the numbers, by name, of columns whose series last half as long as the longest."""
+    if not table.series:
+        return {}
+    spans = [float(each[-1] - each[0]) if len(each) > 1 else 0.0
+             for each in _seconds(table.series)]  # fmt: skip
+    long = {number for number, span in enumerate(spans) if span > 0.5 * max(spans)}
+    names = enumerate(table.names or ())
+    return {name: n for n, name in names if table.of_series[n] in {*long, ANY_CLOCK}}
 
 
 def on_one_clock(table: Table, chosen: Mapping[str, int]) -> Table:
@@ -79,6 +90,11 @@ def on_one_clock(table: Table, chosen: Mapping[str, int]) -> Table:
             _require_forward(table, number, seconds[number])
         keep = _common(table, used, leading, seconds)
     clock = seconds[leading][keep][table.drop :]
+    if len(clock) < 2:
+        raise InputError(
+            f"{table.label}: {table.series[leading].name} has fewer than two samples; choose "
+            "columns that have more, or record the run again"
+        )
     states = {chosen[name] for name in ("enabled",) if name in chosen}
 
     def column(number: int) -> NDArray[Any]:

@@ -104,8 +104,10 @@ def read_log(
     source : path, ndarray, mapping of arrays, DataFrame or Dataset
         Delimited text, .npy (left on disk where no unit is changed), .npz, .mat (all
         versions), HDF5, .json (records), .jsonl; with their extras also Parquet and Feather
-        (``flexspline[parquet]``), of which only the columns that become channels are read. Each
-        also packed as .gz, .bz2, .xz or .zip. A matrix (the longer side is time), a structured
+        (``flexspline[parquet]``), of which only the columns that become channels are read, MCAP
+        (``[mcap]``) and bags of ROS 1 and 2 (``[ros]``), whose columns are called by the path of
+        their field, ``wrench.force.x``, and by joint, ``position[elbow]``. Each also packed as
+        .gz, .bz2, .xz or .zip. A matrix (the longer side is time), a structured
         array, a dictionary, a table of pandas (units in ``attrs["units"]``), polars or xarray
         (units in the attributes of each variable). Where a source samples columns at instants of
         their own, these are laid on one clock, that of the column that is `time`, else of the
@@ -130,7 +132,8 @@ def read_log(
         How text is written; found by looking where not given. Separator "whitespace" is any
         run of blanks and tabs.
     variable : str, optional
-        The part of a .mat, .npz or .json file that holds the table, such as "run.data".
+        The part of a .mat, .npz or .json file that holds the table, such as "run.data"; of a bag
+        a topic, of which alone the messages are then read.
     drop_rows : int
         Rows of data at the start that are not read: a transient.
     skip_lines, skip_footer : int

@@ -23,6 +23,7 @@ __all__ = ["Column", "Joints", "Told", "columns_of", "joined", "one_joint"]
 Array = NDArray[np.float64]
 
 JOINTS: Final = 3  # columns of one name but for a number, from which these are joints
+NAMED: Final = r"(?<=\w)\[([^\[\]]*[^\W\d][^\[\]]*)\]"  # position[elbow]; not torque [Nm]
 EARLY: Final = 0.5  # of the rows: what ends before has fewer samples than the others
 APART: Final = 10.0
 """Times as far as the next joint, from which one alone moves: others are held, and move by what
@@ -195,7 +196,7 @@ Group = dict[str, Column]
 
 
 def _groups(columns: Sequence[Column]) -> dict[str, Group]:
-    """Return columns whose names differ in a number, or in one part of a path, by what differs."""
+    """Return columns whose names differ in a number, a bracket or one part of a path, by it."""
     found: dict[str, Group] = defaultdict(dict)
     for column in columns:
         for stem, name in _stems(column.says.name):
@@ -220,6 +221,9 @@ def _groups(columns: Sequence[Column]) -> dict[str, Group]:
 def _stems(name: str) -> list[tuple[str, str]]:
     stems = [
         (f"{name[: at.start()]}#{name[at.end() :]}", at[0]) for at in re.finditer(r"\d+", name)
+    ]
+    stems += [
+        (f"{name[: at.start(1)]}#{name[at.end(1) :]}", at[1]) for at in re.finditer(NAMED, name)
     ]
     parts = re.split(r"([/.])", name)
     stems += [

@@ -19,7 +19,7 @@ import numpy as np
 from flexspline.errors import InputError
 from flexspline.logs.columns import to_si
 from flexspline.logs.formats import Dialect, read_table, unpacked_text
-from flexspline.logs.one_clock import on_one_clock
+from flexspline.logs.one_clock import on_one_clock, spanning
 from flexspline.logs.table import Table
 from flexspline.recordings.clock import SECONDS, Clock, clock_of
 from flexspline.recordings.columns import Array, Column, Joints, Told, columns_of, joined, one_joint
@@ -96,7 +96,7 @@ def guess_map(
     table, _ = read_table(
         path, None, Dialect(**dialect), layout.read.get("drop_rows", 0), max_memory
     )
-    table = on_one_clock(table, {name: n for n, name in enumerate(table.names or ())})
+    table = on_one_clock(table, spanning(table))
     table = replace(table, names=table.names or layout.names, units=table.units or layout.units)
     said = said_in([*layout.preamble, *(f"{name}: {v}" for name, v in table.facts.items())])
     joints = one_joint(columns_of(table), joint, path.stem, str(path))

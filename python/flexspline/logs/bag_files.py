@@ -1,0 +1,507 @@
+"""Recordings of ROS 1 (.bag) and ROS 2 (.db3, .mcap), and MCAP with messages in JSON.
+
+Each number in a message is a column, called by the path of its field; where several topics have
+that path, with the topic before it: ``/left/joint_states.position[elbow]``. Columns of one topic
+are a series with a clock of its own: ``header.stamp``, where the messages of every topic have one
+near the time of recording, otherwise the time of recording; both are columns too. A joint that
+only some messages name has those alone.
+
+Containers are read record by record, and nothing is unfolded beyond the limit of memory.
+"""
+
+from __future__ import annotations
+
+import bz2
+import contextlib
+import io
+import json
+import sqlite3
+import struct
+from array import array
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import IO, Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexspline.errors import InputError, did_you_mean, listed
+from flexspline.logs.memory import require_memory
+from flexspline.logs.one_clock import with_time
+from flexspline.logs.ros_messages import (
+    STAMP,
+    Decoder,
+    MessageError,
+    Stamp,
+    Value,
+    definitions,
+    flattened,
+)
+from flexspline.logs.table import Series, Table
+
+__all__ = ["read_bag", "read_mcap", "read_sqlite"]
+
+LOG_TIME: Final = "log_time"
+NEAR: Final = 60_000_000_000
+"""Nanoseconds between the stamp of a message and its recording, within which both are of one clock.
+A simulation's stamps begin at zero; a network delays by less than a second."""
+NUMBER: Final = 8  # bytes
+PAGES: Final = ("count", "size")
+
+
+class Message(NamedTuple):
+    """A message as its container has it; `time` in ns since 1970."""
+
+    topic: str
+    time: int
+    content: bytes
+
+
+Decode = Callable[[bytes], Any]
+
+
+@dataclass(frozen=True)
+class _Topic:
+    """How the messages of a topic are read, or why they are not."""
+
+    name: str
+    decode: Decode | None
+    why: str = ""
+
+
+@dataclass(frozen=True)
+class _Shape:
+    """Messages that have the same paths: which they are, and their values one behind the other."""
+
+    rows: array[int] = field(default_factory=lambda: array("q"))
+    values: list[array[Any] | list[str]] = field(default_factory=list)
+
+
+Shapes = dict[tuple[tuple[str, type], ...], _Shape]
+CODES: Final = {Stamp: "q", bool: "b", int: "q", float: "d"}
+
+
+def read_mcap(file: Path | io.BytesIO, label: str, variable: str | None, most: int) -> Table:
+    """Return the numbers of an MCAP file; `variable` is a topic, all others are then left out.
+
+    Raises
+    ------
+    InputError
+        Where it is damaged, unfolds to more than `most` bytes, or has no such topic, or none that
+        can be read.
+    """
+    from mcap.exceptions import McapError
+
+    with _sound(label, "MCAP file", McapError), _opened(file) as stream:
+        return _Bag(label, variable, most).table(_mcap(stream, label, most), "MCAP")
+
+
+def read_bag(file: Path | io.BytesIO, label: str, variable: str | None, most: int) -> Table:
+    """Return the numbers of a bag of ROS 1; see `read_mcap`."""
+    with _sound(label, "ROS 1 bag"), _opened(file) as stream:
+        return _Bag(label, variable, most).table(_ros1(stream, label, most), "bag of ROS 1")
+
+
+def read_sqlite(file: Path | io.BytesIO, label: str, variable: str | None, most: int) -> Table:
+    """Return the numbers of a bag of ROS 2 in SQLite; see `read_mcap`."""
+    if isinstance(file, io.BytesIO):
+        raise InputError(f"{label}: a bag of ROS 2 cannot be read while packed; unpack it")
+    where = f"{file.resolve().as_uri()}?mode=ro&immutable=1"
+    with (
+        _sound(label, "ROS 2 bag", sqlite3.Error),
+        contextlib.closing(sqlite3.connect(where, uri=True)) as connection,
+    ):
+        pages, size = (connection.execute(f"PRAGMA page_{x}").fetchone()[0] for x in PAGES)
+        if pages * size > file.stat().st_size:  # what is missing would be read as zeros
+            raise EOFError("it was cut short")
+        return _Bag(label, variable, most).table(_ros2(connection), "bag of ROS 2")
+
+
+@contextlib.contextmanager
+def _sound(label: str, kind: str, *errors: type[Exception]) -> Iterator[None]:
+    """Say of which file it is that something cannot be read."""
+    broken: tuple[type[Exception], ...] = (
+        *errors,
+        struct.error,
+        EOFError,
+        ValueError,
+        KeyError,
+        MemoryError,
+        RuntimeError,
+    )
+    try:
+        yield
+    except InputError:
+        raise
+    except broken as error:
+        said = str(error) or type(error).__name__
+        raise InputError(
+            f"{label}: not a {kind}, or a damaged one ({said}); copy or record it again, or repair "
+            "it with its recorder's tool (mcap recover, rosbag reindex, ros2 bag reindex)"
+        ) from error
+
+
+@contextlib.contextmanager
+def _opened(file: Path | io.BytesIO) -> Iterator[IO[bytes]]:
+    if isinstance(file, Path):
+        with file.open("rb") as stream:
+            yield stream
+    else:
+        yield file
+
+
+Record = _Topic | Message
+"""What a container yields: a topic before its messages."""
+
+
+@dataclass(frozen=True)
+class _Bag:
+    """What is read of one recording."""
+
+    label: str
+    variable: str | None
+    most: int
+
+    def table(self, records: Iterable[Record], kind: str) -> Table:
+        """Return the columns of all topics, or of the one that is chosen."""
+        topics: dict[str, _Topic] = {}
+        shapes: dict[str, Shapes] = {}
+        times: dict[str, array[int]] = {}
+        taken = 0
+        for record in records:
+            if isinstance(record, _Topic):
+                topics.setdefault(record.name, record)
+                continue
+            decode = topics[record.topic].decode
+            if decode is None or self.variable not in (None, record.topic):
+                continue
+            stamps = times.setdefault(record.topic, array("q"))
+            found = list(flattened(self._decoded(decode, record, len(stamps))))
+            _keep(shapes.setdefault(record.topic, {}), len(stamps), found)
+            stamps.append(record.time)
+            taken += NUMBER * (len(found) + 1)
+            require_memory(taken, self.most, self.label)
+        self._require_topic(topics, times)
+        return self._table(kind, topics, {name: _Read(times[name], shapes[name]) for name in times})
+
+    def _decoded(self, decode: Decode, message: Message, number: int) -> Any:
+        try:
+            return decode(message.content)
+        except (MessageError, ValueError, RecursionError) as error:
+            raise InputError(
+                f"{self.label}: message {number + 1} of topic '{message.topic}' cannot be read: "
+                f"{error}; name another topic with variable=, or record it again"
+            ) from error
+
+    def _require_topic(self, topics: dict[str, _Topic], times: dict[str, array[int]]) -> None:
+        if self.variable is not None and self.variable not in topics:
+            raise InputError(
+                f"{self.label}: no topic '{self.variable}'{did_you_mean(self.variable, topics)}; "
+                f"it has {listed(topics)}"
+            )
+        if times:
+            return
+        why = {t.why for t in topics.values() if t.why and self.variable in (None, t.name)}
+        if why:
+            raise InputError(
+                f"{self.label}: no topic can be read ({listed(sorted(why))}); record messages of "
+                "ROS or JSON"
+            )
+        raise InputError(f"{self.label}: has no messages; record the run again")
+
+    def _table(self, kind: str, topics: dict[str, _Topic], read: dict[str, _Read]) -> Table:
+        whole = {name: each.sorted() for name, each in read.items()}
+        stamped = all(each.stamps is not None for each in whole.values() if each.has_header)
+        series: list[Series] = []
+        columns: list[tuple[str, str, NDArray[Any], str | None, int]] = []
+        for topic, each in whole.items():
+            clock = each.stamps if stamped and each.stamps is not None else each.times
+            for k, (rows, paths) in enumerate(each.groups()):
+                part = f" ({k + 1})" if k else ""
+                series.append(Series(f"topic '{topic}'{part}", clock[rows]))
+                for path, values in paths.items():
+                    unit = "ns" if path == LOG_TIME or path in each.in_nanoseconds else None
+                    columns.append((topic, path, values, unit, len(series) - 1))
+        met = Counter(path for _, path, *_ in columns)
+        names = [path if met[path] == 1 else f"{topic}.{path}"
+                 for topic, path, *_ in columns]  # fmt: skip
+        units = [unit for *_, unit, _ in columns]
+        left = [topic.name for topic in topics.values() if topic.decode is None]
+        said = f"{kind}, topics {listed(whole)}"
+        said += f"; not read: {listed(left)}" if left else ""
+        clock_said = STAMP if stamped and any(e.has_header for e in whole.values()) else LOG_TIME
+        return with_time(
+            Table(
+                self.label,
+                tuple(values for _, _, values, _, _ in columns),
+                tuple(names),
+                notes=(said, f"the clock is {clock_said}"),
+                units=tuple(units),
+                series=tuple(series),
+                of_series=tuple(number for *_, number in columns),
+            )
+        )
+
+
+def _keep(shapes: Shapes, row: int, found: list[tuple[str, Value]]) -> None:
+    """Put the values of a message behind those of the same paths."""
+    key = tuple((path, type(value)) for path, value in found)
+    shape = shapes.get(key)
+    if shape is None:
+        empty: list[array[Any] | list[str]] = [
+            array(CODES[kind]) if kind in CODES else [] for _, kind in key
+        ]
+        shape = shapes[key] = _Shape(values=empty)
+    shape.rows.append(row)
+    for values, (_, value) in zip(shape.values, found, strict=True):
+        values.append(value)  # type: ignore[arg-type]
+
+
+class _Sorted(NamedTuple):
+    """Columns of a topic by path, each with the rows that have it, in the order of recording."""
+
+    times: NDArray[np.int64]
+    stamps: NDArray[np.int64] | None
+    has_header: bool
+    columns: dict[str, tuple[NDArray[np.int64], NDArray[Any]]]
+    in_nanoseconds: frozenset[str]
+
+    def groups(self) -> Iterator[tuple[NDArray[np.int64], dict[str, NDArray[Any]]]]:
+        """Yield columns that have the same rows together."""
+        found: dict[bytes, tuple[NDArray[np.int64], dict[str, NDArray[Any]]]] = {}
+        for path, (rows, values) in self.columns.items():
+            found.setdefault(rows.tobytes(), (rows, {}))[1][path] = values
+        yield from found.values()
+
+
+@dataclass(frozen=True)
+class _Read:
+    """Messages of a topic as they were read."""
+
+    times: array[int]
+    shapes: Shapes
+
+    def sorted(self) -> _Sorted:
+        """Return the columns in the order in which messages were recorded."""
+        times = np.array(self.times, dtype=np.int64)
+        order = np.argsort(times, kind="stable")
+        place = np.empty_like(order)
+        place[order] = np.arange(len(order))
+        columns: dict[str, tuple[NDArray[np.int64], NDArray[Any]]] = {
+            LOG_TIME: (np.arange(len(times), dtype=np.int64), times[order])
+        }
+        parts: dict[str, list[tuple[NDArray[np.int64], NDArray[Any]]]] = {}
+        for key, shape in self.shapes.items():
+            rows = place[np.array(shape.rows, dtype=np.int64)]
+            for (path, kind), read in zip(key, shape.values, strict=True):
+                made: NDArray[Any] = np.array(read, dtype=KINDS.get(kind, object))
+                parts.setdefault(path, []).append((rows, made))
+        for path, several in parts.items():
+            every = np.concatenate([rows for rows, _ in several])
+            values = np.concatenate([values for _, values in several])
+            inside = np.argsort(every)
+            columns[path] = (every[inside], values[inside])
+        stamps = None
+        if STAMP in columns and len(columns[STAMP][0]) == len(times):
+            own = columns[STAMP][1]
+            near = np.abs(own.astype(np.float64) - times[order].astype(np.float64)) < NEAR
+            stamps = own if near.all() else None
+        kinds = {path for key in self.shapes for path, kind in key if kind is Stamp}
+        return _Sorted(times[order], stamps, STAMP in columns, columns, frozenset(kinds))
+
+
+KINDS: Final[dict[type, type]] = {Stamp: np.int64, bool: np.bool_, int: np.int64, float: np.float64}
+
+
+def _decode_of(encoding: str, kind: str, text: str, *, cdr: bool) -> tuple[Decode | None, str]:
+    """Return how messages of a definition are read, or why they are not."""
+    if encoding not in ("ros2msg", "ros1msg"):
+        return None, f"definitions of {encoding or 'no language'}"
+    try:
+        return Decoder(definitions(text, kind), kind, cdr=cdr), ""
+    except MessageError as error:
+        return None, f"{kind}: {error}"
+
+
+def _mcap(stream: IO[bytes], label: str, most: int) -> Iterator[Record]:
+    from mcap.records import Channel, Chunk, Schema
+    from mcap.records import Message as Recorded
+    from mcap.stream_reader import StreamReader, breakup_chunk
+
+    schemas: dict[int, Any] = {}
+    names: dict[int, str] = {}
+    size = stream.seek(0, io.SEEK_END)
+    stream.seek(0)
+    for outer in StreamReader(stream, emit_chunks=True, record_size_limit=size).records:
+        inner: list[Any] = [outer]
+        if isinstance(outer, Chunk):
+            inner = breakup_chunk(_unfolded_chunk(outer, label, most), validate_crc=True)
+        for record in inner:
+            if isinstance(record, Schema):
+                schemas[record.id] = record
+            elif isinstance(record, Channel) and record.id not in names:
+                names[record.id] = record.topic
+                yield _mcap_topic(record, schemas.get(record.schema_id))
+            elif isinstance(record, Recorded):
+                yield Message(names[record.channel_id], record.log_time, record.data)
+
+
+def _mcap_topic(channel: Any, schema: Any) -> _Topic:
+    if channel.message_encoding == "json":
+        return _Topic(channel.topic, partial(json.loads, parse_int=float))
+    if channel.message_encoding not in ("cdr", "ros1") or schema is None:
+        return _Topic(channel.topic, None, f"messages of {channel.message_encoding or 'no kind'}")
+    text = schema.data.decode("utf-8", "replace")
+    cdr = channel.message_encoding == "cdr"
+    decode, why = _decode_of(schema.encoding, schema.name, text, cdr=cdr)
+    return _Topic(channel.topic, decode, why)
+
+
+def _unfolded_chunk(chunk: Any, label: str, most: int) -> Any:
+    """Return a chunk that is not packed, unfolded to no more than it says and may take."""
+    require_memory(chunk.uncompressed_size, most, label)
+    if not chunk.compression:
+        return chunk
+    wanted = chunk.uncompressed_size
+    if chunk.compression == "zstd":
+        import zstandard
+
+        reader = zstandard.ZstdDecompressor().stream_reader(chunk.data)
+        try:
+            data = reader.read(wanted + 1)
+        except zstandard.ZstdError as error:
+            raise ValueError(str(error)) from error
+    elif chunk.compression == "lz4":
+        data = _lz4(chunk.data, wanted)
+    else:
+        raise ValueError(f"a chunk is packed by {chunk.compression}")
+    if len(data) != wanted:
+        raise ValueError("a chunk does not unfold to the size that it states")
+    return replace(chunk, data=data, compression="")
+
+
+def _lz4(data: bytes, wanted: int) -> bytes:
+    import lz4.frame
+
+    made: bytes = lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=wanted + 1)
+    return made
+
+
+ROS1_MAGIC: Final = b"#ROSBAG V2.0\n"
+CONNECTION, CHUNK, MESSAGE = 7, 5, 2
+
+
+def _ros1(stream: IO[bytes], label: str, most: int) -> Iterator[Record]:
+    if stream.read(len(ROS1_MAGIC)) != ROS1_MAGIC:
+        raise ValueError("it does not begin as one")
+    size = stream.seek(0, io.SEEK_END)
+    stream.seek(len(ROS1_MAGIC))
+    names: dict[bytes, str] = {}
+    for header, data in _ros1_records(stream, size):
+        inner: Iterable[tuple[dict[str, bytes], bytes]] = [(header, data)]
+        if header["op"][0] == CHUNK:
+            content = _ros1_chunk(header, data, label, most)
+            inner = _ros1_records(io.BytesIO(content), len(content))
+        for fields, content in inner:
+            if fields["op"][0] == CONNECTION and fields["conn"] not in names:
+                topic = _ros1_topic(fields, content)
+                names[fields["conn"]] = topic.name
+                yield topic
+            elif fields["op"][0] == MESSAGE:
+                seconds, rest = struct.unpack("<II", fields["time"])
+                yield Message(names[fields["conn"]], seconds * 1_000_000_000 + rest, content)
+
+
+def _ros1_records(stream: IO[bytes], size: int) -> Iterator[tuple[dict[str, bytes], bytes]]:
+    while head := stream.read(4):
+        header = _ros1_fields(_exactly(stream, struct.unpack("<I", head)[0], size))
+        length = struct.unpack("<I", _exactly(stream, 4, size))[0]
+        yield header, _exactly(stream, length, size)
+
+
+def _exactly(stream: IO[bytes], length: int, size: int) -> bytes:
+    data = stream.read(length) if length <= size else b""
+    if len(data) != length:
+        raise EOFError("it ends within a record")
+    return data
+
+
+def _ros1_fields(header: bytes) -> dict[str, bytes]:
+    """Return the fields of a header, each of which states its length."""
+    fields, at = {}, 0
+    while at < len(header):
+        length = struct.unpack_from("<I", header, at)[0]
+        name, _, value = header[at + 4 : at + 4 + length].partition(b"=")
+        fields[name.decode("utf-8", "replace")] = value
+        at += 4 + length
+    if not fields.get("op"):
+        raise ValueError("a record does not say what it is")
+    return fields
+
+
+def _ros1_chunk(header: dict[str, bytes], data: bytes, label: str, most: int) -> bytes:
+    wanted = struct.unpack("<I", header["size"])[0]
+    require_memory(wanted, most, label)
+    packed = header["compression"].decode("utf-8", "replace")
+    if packed == "none":
+        return data
+    if packed == "bz2":
+        data = bz2.BZ2Decompressor().decompress(data, max_length=wanted + 1)
+    elif packed == "lz4":
+        data = _lz4(data, wanted)
+    else:
+        raise ValueError(f"a chunk is packed by {packed}")
+    if len(data) != wanted:
+        raise ValueError("a chunk does not unfold to the size that it states")
+    return data
+
+
+def _ros1_topic(fields: dict[str, bytes], content: bytes) -> _Topic:
+    topic = fields["topic"].decode("utf-8", "replace")
+    said = _ros1_fields(content + b"\x04\0\0\0op=0")
+    kind = said["type"].decode("utf-8", "replace")
+    text = said["message_definition"].decode("utf-8", "replace")
+    decode, why = _decode_of("ros1msg", kind, text, cdr=False)
+    return _Topic(topic, decode, why)
+
+
+def _ros2(connection: sqlite3.Connection) -> Iterator[Record]:
+    """Yield what a bag of ROS 2 in SQLite holds, whose tables have to be tables."""
+    connection.execute("PRAGMA trusted_schema = OFF")
+    kinds = dict(connection.execute("SELECT name, type FROM sqlite_master"))
+    if not all(kinds.get(name) == "table" for name in ("topics", "messages")):
+        raise ValueError("it has no tables of topics and messages")
+    texts: dict[str, tuple[str, str]] = {}
+    if kinds.get("message_definitions") == "table":
+        rows = connection.execute(
+            "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
+        )
+        texts = {str(kind): (str(language), str(text)) for kind, language, text in rows if text}
+    names: dict[int, str] = {}
+    rows = connection.execute("SELECT id, name, type, serialization_format FROM topics")
+    for number, name, kind, written in rows:
+        names[number] = str(name)
+        if written != "cdr":
+            yield _Topic(str(name), None, f"messages of {written}")
+            continue
+        language, text = texts.get(str(kind)) or ("ros2msg", _known_definition(str(kind)))
+        decode, why = _decode_of(language, str(kind), text, cdr=True)
+        yield _Topic(str(name), decode, why)
+    for number, time, data in connection.execute("SELECT topic_id, timestamp, data FROM messages"):
+        if number not in names or not isinstance(data, bytes) or not isinstance(time, int):
+            raise ValueError("a message is of no topic, or has no time or bytes")
+        yield Message(names[number], time, data)
+
+
+def _known_definition(kind: str) -> str:
+    """Return the definition of a common type, which bags before ROS 2 Iron do not hold."""
+    from rosbags.typesys import Stores, get_typestore
+
+    try:
+        text: str = get_typestore(Stores.ROS2_HUMBLE).generate_msgdef(kind, ros_version=2)[0]
+    except Exception:  # of many kinds, for a type that is not common
+        return f"{kind} is not one that ROS 2 comes with"
+    return text
