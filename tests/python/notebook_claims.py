@@ -31,7 +31,7 @@ assert 0.7 * far < near < 1.3 * far
 assert 4.5 < first.rmse / 0.015 < 6.0
 assert {round(one.per_output_turn) for one in orders.found} == {1, 2, 202}
 assert "Not significant (95 %): temperature_drift.quadratic." in str(full)
-assert largest < 1e-8 and len(turlapati.confounded) == 1
+assert largest < 1e-7 and len(turlapati.confounded) == 1
 off = table["errors off"].abs()
 assert (off.drop(["coulomb_friction.level", "direction_width"]) < 3.0).all()
 higher = table.loc["coulomb_friction.level", "value"] - table.loc["coulomb_friction.level", "truth"]
@@ -43,7 +43,7 @@ assert 4.5 < (fit.to_frame()["standard_error"] / fit.to_frame()["naive_error"]).
 assert (coverage["interval"] >= 34).all() and (coverage["naive interval"] <= 20).all()
 assert (abs(errors["60 s, 400 Hz"][:3] / errors["60 s"][:3] - 1.0) < 0.15).all()
 assert (abs(errors["240 s"][:3] / errors["60 s"][:3] - 0.5) < 0.1).all()
-assert not short.uncertainty.reliable and short.uncertainty.statement.startswith("Intervals may")
+assert not short.uncertainty.reliable and short.uncertainty.statement.startswith("Intervals are rough")
 levels = [one.params["coulomb_friction.level"] for one in (lacking, whole)]
 assert levels[0].value - 0.3 > 5.0 * levels[0].stderr
 assert abs(levels[1].value - 0.3) < 3.0 * levels[1].stderr
