@@ -76,13 +76,21 @@ def repaired(log: Log, repairs: Repairs) -> Log:
 def repairs_of_both(said: Repairs, given: Repairs) -> Repairs:
     """Return the repairs that a column map says, and behind them what a call asks for besides.
 
-    What both ask for is done once: who repeats a line of the map does not mean it twice.
+    What both ask for is done once, as the call says it: its `drop_start=0.1` is there in place of
+    the map's `drop_start=0.05`.
     """
     if not said or not given:
         return given or said
-    written = [f"{name}={value}" if value else name for name, value in _asked(said)]
-    more = [f"{name}={value}" if value else name for name, value in _asked(given)]
-    return [*written, *(one for one in more if one not in written)]
+    more = [*_asked(given)]
+    again = {_of(*one) for one in more}
+    both = [*(one for one in _asked(said) if _of(*one) not in again), *more]
+    return [f"{name}={value}" if value else name for name, value in both]
+
+
+def _of(name: str, value: str) -> tuple[str, str]:
+    """A repair and the channel that it is of, if any."""
+    first = value.split(":")[0]
+    return name, first if first.isidentifier() else ""
 
 
 def move_earlier(log: Log, channel: str, seconds: float) -> Log:
