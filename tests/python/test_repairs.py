@@ -54,7 +54,7 @@ def test_repairs_of_a_call_come_behind_those_of_the_map_and_none_is_done_twice(
     (cut,) = read_runs(tmp_path / "run.csv", columns, repair=asked, split_gaps=10.0)
     for one in (log, cut):
         np.testing.assert_allclose(one["output_position"], angle[1:-1])
-    assert [line.split(":")[0] for line in log.history[-3:]] == ["unwrap", "drop_start", "drop_end"]
+    assert [line.split(":")[0] for line in log.history[-3:]] == ["unwrap", "drop_end", "drop_start"]
 
 
 def test_a_repair_is_a_name_a_name_with_a_value_or_a_mapping() -> None:
