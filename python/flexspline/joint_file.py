@@ -209,7 +209,7 @@ def _chosen(joints: list[_Joint], path: str | os.PathLike[str], name: str | None
     if name is None:  # what slides or floats is not meant
         joints = [joint for joint in joints if joint.kind in ROTARY] or joints
         if len(joints) > 1:
-            said = listed(joint.name or "one without a name" for joint in joints)
+            said = listed(joint.name or "an unnamed one" for joint in joints)
             raise InputError(f"{path}: has several joints; say which (--model-joint): {said}")
     found = [joint for joint in joints if name in (None, joint.name)]
     if not found:

@@ -31,7 +31,7 @@ assert 0.7 * far < near < 1.3 * far
 assert 4.5 < first.rmse / 0.015 < 6.0
 assert {round(one.per_output_turn) for one in orders.found} == {1, 2, 202}
 assert "Not significant (95 %): temperature_drift.quadratic." in str(full)
-assert largest < 1e-7 and len(turlapati.confounded) == 1
+assert largest < 1e-8 and len(turlapati.confounded) == 1
 off = table["errors off"].abs()
 assert (off.drop(["coulomb_friction.level", "direction_width"]) < 3.0).all()
 higher = table.loc["coulomb_friction.level", "value"] - table.loc["coulomb_friction.level", "truth"]

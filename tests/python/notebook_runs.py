@@ -10,7 +10,7 @@ import pytest
 
 FOLDER = Path(__file__).parents[2] / "notebooks"
 NAMES = sorted(path.stem for path in FOLDER.glob("*.ipynb"))
-SECONDS_PER_CELL = 600
+SECONDS_PER_CELL = 300
 MISSING = "pip install '.[test]' to run the notebooks"
 
 
