@@ -160,9 +160,9 @@ def discover(
     )
     with Progress("discovering", progress) as bar:
         task = replace(task, say=bar.say)
-        if by == "simulation":
-            return _by_simulation(task, runs, controller, free_controller)
         with threadpool_limits(1, user_api="blas"):  # tables are thin: its threads would only wait
+            if by == "simulation":
+                return _by_simulation(task, runs, controller, free_controller)
             return _by_regression(task, runs, of_base, bandwidth, limits)
 
 
