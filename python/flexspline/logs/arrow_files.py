@@ -13,7 +13,7 @@ import itertools
 import json
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
@@ -35,8 +35,24 @@ NUMBER: Final = 8  # bytes of a number in memory
 FOREIGN_KEYS: Final = ("pandas", "PANDAS", "ARROW:", "huggingface", "org.apache.")
 """Beginnings of keys under which libraries keep what is theirs."""
 
-Load = Callable[[str, bool], Any]
-"""From the name of a top-level column to a pyarrow.Table with it; True: of a few rows alone."""
+
+@dataclass(frozen=True)
+class _Stored:
+    """The columns of a file: rows in each of its groups, and how columns are read by their names.
+
+    `whole`: a pyarrow.Table with a column; `group`: with the rows of one group; `head`: with the
+    first row alone.
+    """
+
+    schema: Any
+    groups: tuple[int, ...]
+    whole: Callable[[str], Any]
+    group: Callable[[str, int], Any]
+    head: Callable[[str], Any]
+
+    @property
+    def rows(self) -> int:
+        return sum(self.groups)
 
 
 def read_parquet(file: Path | io.BytesIO, label: str, variable: str | None, most: int) -> Table:
@@ -50,16 +66,24 @@ def read_parquet(file: Path | io.BytesIO, label: str, variable: str | None, most
     import pyarrow
     from pyarrow import parquet
 
-    def load(name: str, head: bool) -> Any:
-        with parquet.ParquetFile(file) as whole:
-            if not head:
-                return whole.read(columns=[name], use_threads=False)
-            batches = whole.iter_batches(1, columns=[name], use_threads=False)
+    def whole(name: str) -> Any:
+        with parquet.ParquetFile(file) as opened:
+            return opened.read(columns=[name], use_threads=False)
+
+    def group(name: str, number: int) -> Any:
+        with parquet.ParquetFile(file, metadata=metadata) as opened:
+            return opened.read_row_group(number, columns=[name], use_threads=False)
+
+    def head(name: str) -> Any:
+        with parquet.ParquetFile(file) as opened:
+            batches = opened.iter_batches(1, columns=[name], use_threads=False)
             return pyarrow.Table.from_batches(itertools.islice(batches, 1), _only(schema, name))
 
-    with _sound(label, "Parquet"), parquet.ParquetFile(file) as whole:
-        schema, rows = whole.schema_arrow, whole.metadata.num_rows
-    return _table(schema, rows, load, _Of(label, "Parquet", variable, most))
+    with _sound(label, "Parquet"), parquet.ParquetFile(file) as opened:
+        schema, metadata = opened.schema_arrow, opened.metadata
+        rows = (metadata.row_group(k).num_rows for k in range(metadata.num_row_groups))
+        stored = _Stored(schema, tuple(rows), whole, group, head)
+    return _table(stored, _Of(label, "Parquet", variable, most))
 
 
 def read_feather(file: Path | io.BytesIO, label: str, variable: str | None, most: int) -> Table:
@@ -77,18 +101,25 @@ def read_feather(file: Path | io.BytesIO, label: str, variable: str | None, most
         content = pyarrow.BufferReader(file.getbuffer()) if isinstance(file, io.BytesIO) else None
         return pyarrow.ipc.open_file(content or pyarrow.OSFile(str(file)), options=how)
 
-    def load(name: str, head: bool) -> Any:
-        whole = opened([schema.get_field_index(name)])
-        if head:
-            return pyarrow.Table.from_batches([whole.get_batch(0)]).slice(0, 1)
-        return whole.read_all()
+    def column(name: str) -> Any:
+        return opened([schema.get_field_index(name)])
+
+    def group(name: str, number: int) -> Any:
+        return pyarrow.Table.from_batches([column(name).get_batch(number)])
 
     with _sound(label, "Feather"):
         whole = opened(None)
         schema = whole.schema
         counted = opened([0]) if len(schema) else whole
-        rows = sum(counted.get_batch(k).num_rows for k in range(counted.num_record_batches))
-    return _table(schema, rows, load, _Of(label, "Feather", variable, most))
+        rows = (counted.get_batch(k).num_rows for k in range(counted.num_record_batches))
+        stored = _Stored(
+            schema,
+            tuple(rows),
+            lambda name: column(name).read_all(),
+            group,
+            lambda name: group(name, 0).slice(0, 1),
+        )
+    return _table(stored, _Of(label, "Feather", variable, most))
 
 
 @dataclass(frozen=True)
@@ -122,7 +153,8 @@ def _only(schema: Any, name: str) -> Any:
     return pyarrow.schema([schema.field(name)])
 
 
-def _table(schema: Any, rows: int, load: Load, of: _Of) -> Table:
+def _table(stored: _Stored, of: _Of) -> Table:
+    schema = stored.schema
     if of.variable is not None:
         raise InputError(
             f"{of.label}: a {of.kind} file is one table; leave variable out, and give columns of "
@@ -134,17 +166,17 @@ def _table(schema: Any, rows: int, load: Load, of: _Of) -> Table:
             f"{of.label}: has two columns of the name '{twice[0]}'; write it again with a name "
             "for each"
         )
-    require_memory(NUMBER * rows, of.most, of.label)
     attributes = _pandas_attributes(schema)
     beside = stated_units(attributes)
     names: list[str] = []
     data: list[Later] = []
     units: list[str | None] = []
-    for field in schema:
-        for path, pick in _leaves(field, load, rows, of):
+    for each in schema:
+        for path, pick in _leaves(each, stored, of):
+            column = _Column(stored, each.name, path, pick, of)
             names.append(path)
-            data.append(Later(rows, partial(_read, load, field.name, path, pick, rows, of)))
-            units.append(stated_units(_texts(field.metadata)).get("") or beside.get(path))
+            data.append(Later(stored.rows, column.whole, part=column.part))
+            units.append(stated_units(_texts(each.metadata)).get("") or beside.get(path))
     facts = {key: value for key, value in _texts(schema.metadata).items()
              if not key.startswith(FOREIGN_KEYS)}  # fmt: skip
     return Table(
@@ -161,7 +193,7 @@ Pick = Callable[[Any], Any]
 """From a pyarrow array of a top-level column to that of a part of it."""
 
 
-def _leaves(field: Any, load: Load, rows: int, of: _Of) -> Iterator[tuple[str, Pick]]:
+def _leaves(field: Any, stored: _Stored, of: _Of) -> Iterator[tuple[str, Pick]]:
     """Name of each column that a field makes, and how its numbers are found in the field's."""
     from pyarrow import types
 
@@ -177,10 +209,10 @@ def _leaves(field: Any, load: Load, rows: int, of: _Of) -> Iterator[tuple[str, P
             yield path, pick
 
     def width(pick: Pick) -> int:
-        if not rows:
+        if not stored.rows:
             return 0
         with _sound(of.label, of.kind):
-            cells = pick(load(field.name, True).column(0).combine_chunks())
+            cells = pick(stored.head(field.name).column(0).combine_chunks())
             return len(cells[0].as_py() or ())
 
     yield from below(field.type, field.name, lambda array: array)
@@ -206,30 +238,68 @@ def _cell(pick: Pick, number: int, of: _Of, array: Any) -> Any:
     return pyarrow.compute.list_element(lists, number)
 
 
-def _read(load: Load, name: str, path: str, pick: Pick, rows: int, of: _Of) -> NDArray[Any]:
-    """Return a column; one of other things than numbers, times and text as text."""
-    import pyarrow
-    from pyarrow import types
+@dataclass(eq=False)
+class _Column:
+    """A column of a file, whole or in parts.
 
-    with _sound(of.label, of.kind):
-        array = pick(load(name, False).column(name).combine_chunks())
-        kind = array.type
-        if types.is_dictionary(kind):
-            array = array.cast(kind.value_type)
-        elif types.is_decimal(kind) or (types.is_boolean(kind) and array.null_count):
-            array = array.cast(pyarrow.uint8() if types.is_boolean(kind) else pyarrow.float64())
-        elif types.is_nested(kind) or types.is_binary(kind) or types.is_large_binary(kind):
+    `at`, `last`: number and numbers of the group that was read last: parts mostly go on in it.
+    """
+
+    stored: _Stored
+    name: str
+    path: str
+    pick: Pick
+    of: _Of
+    at: int = -1
+    last: NDArray[Any] = field(default_factory=lambda: np.empty(0))
+
+    def whole(self) -> NDArray[Any]:
+        """Return all rows."""
+        require_memory(NUMBER * self.stored.rows, self.of.most, self.of.label)
+        return self._numbers(self.stored.whole, self.stored.rows)
+
+    def part(self, first: int, last: int) -> NDArray[Any]:
+        """Return rows [first, last)."""
+        ends = np.cumsum([0, *self.stored.groups])
+        its, own = np.searchsorted(ends[1:], [first, last - 1], side="right")
+        parts = [
+            self._group(k)[max(first - ends[k], 0) : last - ends[k]] for k in range(its, own + 1)
+        ]
+        return np.concatenate(parts) if len(parts) != 1 else parts[0]
+
+    def _group(self, number: int) -> NDArray[Any]:
+        if number != self.at:
+            rows = self.stored.groups[number]
+            require_memory(NUMBER * rows, self.of.most, f"{self.of.label}, one group of its rows")
+            self.last = self._numbers(lambda name: self.stored.group(name, number), rows)
+            self.at = number
+        return self.last
+
+    def _numbers(self, load: Callable[[str], Any], rows: int) -> NDArray[Any]:
+        """Return what is loaded; other things than numbers, times and text as text."""
+        import pyarrow
+        from pyarrow import types
+
+        label, kind = self.of.label, self.of.kind
+        with _sound(label, kind):
+            array = self.pick(load(self.name).column(self.name).combine_chunks())
+            its = array.type
+            if types.is_dictionary(its):
+                array = array.cast(its.value_type)
+            elif types.is_decimal(its) or (types.is_boolean(its) and array.null_count):
+                array = array.cast(pyarrow.uint8() if types.is_boolean(its) else pyarrow.float64())
+            elif types.is_nested(its) or types.is_binary(its) or types.is_large_binary(its):
+                raise InputError(
+                    f"{label}: column '{self.path}' holds {its} where a channel needs numbers; "
+                    "write its numbers as columns"
+                )
+            values = np.asarray(array.to_numpy(zero_copy_only=False))
+        if len(values) != rows:
             raise InputError(
-                f"{of.label}: column '{path}' holds {kind} where a channel needs numbers; write "
-                "its numbers as columns"
+                f"{label}: column '{self.path}' has {len(values)} rows where the file promises "
+                f"{rows}; write it again"
             )
-        values = np.asarray(array.to_numpy(zero_copy_only=False))
-    if len(values) != rows:
-        raise InputError(
-            f"{of.label}: column '{path}' has {len(values)} rows where the file promises {rows}; "
-            "write it again"
-        )
-    return values
+        return values
 
 
 def stated_units(attributes: Mapping[str, Any]) -> dict[str, str]:

@@ -41,12 +41,11 @@ from flexspline.logs.table import (
 
 __all__ = ["Dialect", "decoded", "no_source", "read_table", "unpacked_text"]
 
+MATLAB: Final = (".mat", ".h5", ".hdf5")
 STRUCTURED: Final = (
     ".npy",
     ".npz",
-    ".mat",
-    ".h5",
-    ".hdf5",
+    *MATLAB,
     ".json",
     ".jsonl",
     ".ndjson",
@@ -174,6 +173,8 @@ def _opened(path: Path, variable: str | None, dialect: Dialect, drop_rows: int, 
         table = _read_foreign(foreign, file, label, variable, most)
     elif kind == ".npy" and not packed:
         table = from_value(read_numpy(path, label, most), label, variable)
+    elif kind in MATLAB and not packed:
+        table = read_matlab(path, label, variable, most)
     else:
         content = unpacked(path.read_bytes(), packed, label, most)
         if kind not in STRUCTURED:

@@ -7,12 +7,15 @@ Tables lie inside arrays, dictionaries, MATLAB structs and JSON objects. MATLAB 
 from __future__ import annotations
 
 import io
+import math
 import re
 import struct
 import zlib
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -56,11 +59,13 @@ class Later:
     rows : how many the column has.
     read : returns them all, (rows,).
     first : rows at the start that are left out.
+    part : returns rows [a, b), of a file that need not be read whole.
     """
 
     rows: int
     read: Callable[[], NDArray[Any]]
     first: int = 0
+    part: Callable[[int, int], NDArray[Any]] | None = None
 
     def __len__(self) -> int:
         return self.rows - self.first
@@ -71,6 +76,55 @@ class Later:
     def now(self) -> NDArray[Any]:
         """Read the column."""
         return self.read()[self.first :]
+
+
+@dataclass(frozen=True, eq=False)
+class OnDisk:
+    """A dataset of HDF5 as MATLAB sees it, (rows,) or (rows, columns), that stays in its file.
+
+    `read`: returns a part of it, by its index in the file, where the last axis comes first; `at`:
+    what that index is for a slice of the rows of a column.
+    """
+
+    read: Callable[[Any], NDArray[Any]]
+    shape: tuple[int, ...]
+    dtype: Any
+    at: Callable[[slice], Any] = lambda rows: rows
+
+    @property
+    def ndim(self) -> int:
+        return len(self.shape)
+
+    @property
+    def size(self) -> int:
+        return math.prod(self.shape)
+
+    def transpose(self) -> OnDisk:
+        """Return the matrix with its axes exchanged, for one whose rows are channels."""
+        turned = self.shape[::-1]
+        return replace(self, shape=turned, read=lambda index: self.read(index[::-1]))
+
+    def __len__(self) -> int:
+        return self.shape[0]
+
+    def __getitem__(self, index: Any) -> OnDisk:
+        """Return a column, [:, k], or a row, [k], of a matrix."""
+        if isinstance(index, tuple):
+            column = index[1]
+            return replace(self, shape=self.shape[:1], at=lambda rows: (column, rows))
+        return replace(self, shape=self.shape[1:], at=lambda rows: (rows, index))
+
+    def reshape(self, _: int) -> OnDisk:
+        """Return the vector that a matrix of one row or one column is."""
+        return self[0] if self.shape[0] == 1 else self[:, 0]
+
+    def later(self) -> Later:
+        """Return a vector as a column of a table."""
+
+        def part(first: int, last: int) -> NDArray[Any]:
+            return self.read(self.at(slice(first, last)))
+
+        return Later(len(self), lambda: part(0, len(self)), part=part)
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +148,8 @@ class Table:
     `lines` is the file line of each row (the first is 1), where the file has lines; `units` what
     the file itself says of each column, or None. Where the file samples columns at instants of
     their own, `series` are these, `of_series` is the number of each column's, and `drop` how many
-    rows are left out once all are on one clock.
+    rows are left out once all are on one clock. `numbers` are those of the rows in the whole table
+    (the first is 0), where this is a part of one.
     """
 
     label: str
@@ -107,6 +162,7 @@ class Table:
     series: tuple[Series, ...] = ()
     of_series: tuple[int, ...] = ()
     drop: int = 0
+    numbers: NDArray[np.intp] | None = None
 
     @property
     def rows(self) -> int:
@@ -137,6 +193,32 @@ class Table:
             lines=None if self.lines is None else self.lines[count:],
         )
 
+    def pieces(self, rows: int) -> Iterator[Table]:
+        """Yield the first row of all and so many others, again and again; read when asked for.
+
+        Times count from the first row of all, in whatever way they are written, so it leads each
+        piece.
+
+        Raises
+        ------
+        InputError
+            Where columns have clocks of their own, or one that is asked for is read as a whole.
+        """
+        if self.series:
+            raise InputError(
+                f"{self.label}: columns with clocks of their own are put on one clock as a whole; "
+                "read the file at once"
+            )
+        tops: dict[int, NDArray[Any]] = {}
+        for first in range(0, self.rows, rows):
+            numbers = np.append(0, np.arange(first, min(first + rows, self.rows)))
+            data = (
+                Later(len(numbers), partial(_piece, self, number, numbers, tops))
+                for number in range(len(self.data))
+            )
+            lines = None if self.lines is None else self.lines[numbers]
+            yield replace(self, data=tuple(data), numbers=numbers, lines=lines)
+
     def title(self, number: int) -> str:
         """Return what a sentence calls this column."""
         return f"column '{self.names[number]}'" if self.names else f"column {number}"
@@ -144,7 +226,8 @@ class Table:
     def place(self, row: int) -> str:
         """Return what a sentence calls the row with this index: its number counts from 1."""
         line = "" if self.lines is None else f" (line {self.lines[row]})"
-        return f"data row {row + 1}{line}"
+        number = row if self.numbers is None else int(self.numbers[row])
+        return f"data row {number + 1}{line}"
 
     def index(self, source: str | int) -> int:
         """Return the number of a column given by name or number.
@@ -181,7 +264,25 @@ class Table:
         return found[0]
 
 
-def from_array(array: NDArray[Any], label: str) -> Table:
+def _piece(
+    table: Table, number: int, rows: NDArray[np.intp], tops: dict[int, NDArray[Any]]
+) -> NDArray[Any]:
+    """Return the first row of a column, and rows that follow each other; `tops`: first rows."""
+    column, first, last = table.data[number], int(rows[1]), int(rows[-1]) + 1
+    if isinstance(column, np.ndarray):
+        return np.concatenate([column[:1], column[first:last]])
+    if column.part is None:
+        raise InputError(
+            f"{table.label}: {table.title(number)} can be read only as a whole; read the file at "
+            "once"
+        )
+    at = column.first
+    if number not in tops:
+        tops[number] = column.part(at, at + 1)
+    return np.concatenate([tops[number], column.part(at + first, at + last)])
+
+
+def from_array(array: NDArray[Any] | OnDisk, label: str) -> Table:
     """Return the table in a structured array, or in a matrix of any orientation.
 
     The longer side of a matrix is time. Columns are views: a memory map stays on disk.
@@ -195,7 +296,7 @@ def from_array(array: NDArray[Any], label: str) -> Table:
             notes=("structured array",),
         )
     if array.ndim == 1:
-        array = array[:, np.newaxis]
+        return Table(label, (_kept(array),), notes=(f"matrix of {len(array)} × 1",))
     if array.ndim != 2:
         raise InputError(
             f"{label}: an array of shape {array.shape} is no table; "
@@ -203,8 +304,13 @@ def from_array(array: NDArray[Any], label: str) -> Table:
         )
     note = f"matrix of {array.shape[0]} × {array.shape[1]}"
     if array.shape[0] < array.shape[1]:
-        array, note = array.T, note + ", one row for each channel"
-    return Table(label, tuple(array[:, i] for i in range(array.shape[1])), notes=(note,))
+        array, note = array.transpose(), note + ", one row for each channel"
+    return Table(label, tuple(_kept(array[:, i]) for i in range(array.shape[1])), notes=(note,))
+
+
+def _kept(column: NDArray[Any] | OnDisk) -> NDArray[Any] | Later:
+    """Return a column as a table keeps it."""
+    return column.later() if isinstance(column, OnDisk) else column
 
 
 def from_value(value: Any, label: str, variable: str | None) -> Table:
@@ -216,7 +322,7 @@ def from_value(value: Any, label: str, variable: str | None) -> Table:
         value = _at(value, label, variable)
     if not isinstance(value, Mapping):
         try:
-            return from_array(np.asanyarray(value), label)
+            return from_array(value if isinstance(value, OnDisk) else np.asanyarray(value), label)
         except ValueError as error:
             if isinstance(error, InputError):
                 raise
@@ -245,7 +351,7 @@ def from_value(value: Any, label: str, variable: str | None) -> Table:
         )
     return Table(
         label,
-        tuple(columns.values()),
+        tuple(map(_kept, columns.values())),
         tuple(columns),
         facts,
         notes=("arrays " + listed(columns),),
@@ -364,12 +470,12 @@ def _at(value: Any, label: str, path: str) -> Any:
     return value
 
 
-def _array(value: Any) -> NDArray[Any] | None:
+def _array(value: Any) -> Any:
     """Return a value as an array, vectors in one dimension, or None if it is not one."""
     if isinstance(value, Mapping):
         return None
     try:
-        array = np.asarray(value)
+        array = value if isinstance(value, OnDisk) else np.asarray(value)
     except ValueError:  # lists of unequal length
         return None
     if array.ndim == 2 and 1 in array.shape:
@@ -383,19 +489,19 @@ def _single(array: NDArray[Any]) -> Fact:
     return value if isinstance(value, (str, int, float)) else str(value)
 
 
-def read_matlab(content: bytes, label: str, variable: str | None, most: int) -> Table:
-    """Return the table in the bytes of a .mat (or plain HDF5) file.
+def read_matlab(source: bytes | Path, label: str, variable: str | None, most: int) -> Table:
+    """Return the table in a .mat (or plain HDF5) file.
 
     Parameters
     ----------
-    content : bytes
-        The file.
+    source : bytes or path
+        The file. By its path, datasets of HDF5 stay there until they are asked for.
     label : str
         What an error calls it.
     variable : str, optional
         A variable, or a path with dots into structs, such as "run.data".
     most : int
-        Bytes that it may unfold to.
+        Bytes that it, or a dataset that stays in it, may unfold to.
 
     Raises
     ------
@@ -407,16 +513,18 @@ def read_matlab(content: bytes, label: str, variable: str | None, most: int) -> 
     from scipy.io import loadmat
 
     try:
-        file, units = io.BytesIO(content), dict[str, str]()
-        if any(content.startswith(HDF5, start) for start in (0, 512)):
-            with h5py.File(file) as root:
-                value = _Hdf5(label, most).group(root)
+        units = dict[str, str]()
+        if _is_hdf5(source):
+            with h5py.File(io.BytesIO(source) if isinstance(source, bytes) else source) as root:
+                path = None if isinstance(source, bytes) else source
+                value = _Hdf5(label, most, path).group(root)
                 root.visititems(lambda name, inner: units.update(_stated(name, inner)))
         else:
+            content = source if isinstance(source, bytes) else source.read_bytes()
             _require_unfolded(content, label, most)
             value = {
                 name: inner
-                for name, inner in loadmat(file, simplify_cells=True).items()
+                for name, inner in loadmat(io.BytesIO(content), simplify_cells=True).items()
                 if not name.startswith("__")
             }
     except InputError:
@@ -432,6 +540,15 @@ def read_matlab(content: bytes, label: str, variable: str | None, most: int) -> 
     inside = f"{variable}." if variable else ""
     bare = [re.sub(r"\[[^]]*\]$", "", inside + name) for name in table.names]
     return replace(table, units=tuple(_ending(units, name) for name in bare))
+
+
+def _is_hdf5(source: bytes | Path) -> bool:
+    if isinstance(source, bytes):
+        begins = source[: 512 + len(HDF5)]
+    else:
+        with source.open("rb") as file:
+            begins = file.read(512 + len(HDF5))
+    return any(begins.startswith(HDF5, start) for start in (0, 512))
 
 
 def _ending(units: Mapping[str, str], name: str) -> str | None:
@@ -485,12 +602,13 @@ def _require_unfolded(content: bytes, label: str, most: int) -> None:
 class _Hdf5:
     """What is read of one file of HDF5: each group once, all datasets together within `most` bytes.
 
-    A group that holds itself, by a hard link, would never end. Of two names of one group the first
-    counts.
+    Of a file by its `path`, vectors and matrices of numbers stay there. A group that holds itself,
+    by a hard link, would never end. Of two names of one group the first counts.
     """
 
     label: str
     most: int
+    path: Path | None = None
     taken: int = 0
     groups: set[Any] = field(default_factory=set)
 
@@ -517,6 +635,10 @@ class _Hdf5:
 
     def _dataset(self, inner: Any) -> Any:
         """Return what a dataset holds; None of a kind that no log has."""
+        stays = inner.dtype.kind in "fiub" and inner.ndim in (1, 2) and inner.size > 1
+        if self.path is not None and stays and inner.attrs.get("MATLAB_class") != b"char":
+            read = partial(_read_stored, self.path, inner.name, self.label, self.most)
+            return OnDisk(read, inner.shape[::-1], inner.dtype)
         self.taken += (inner.size or 0) * inner.dtype.itemsize
         require_memory(self.taken, self.most, self.label)
         if inner.attrs.get("MATLAB_class") == b"char":
@@ -529,6 +651,28 @@ class _Hdf5:
         if inner.dtype.kind in "fiub":
             return np.asarray(inner).T
         return None
+
+
+def _read_stored(path: Path, name: str, label: str, most: int, index: Any) -> NDArray[Any]:
+    """Return a part of a dataset of numbers."""
+    import h5py
+
+    try:
+        with h5py.File(path) as file:
+            dataset = file[name]
+            rows = next(
+                at
+                for at in (index if isinstance(index, tuple) else (index,))
+                if isinstance(at, slice)
+            )
+            require_memory((rows.stop - rows.start) * dataset.dtype.itemsize, most, label)
+            return np.asarray(dataset[index])
+    except InputError:
+        raise
+    except Exception as error:  # h5py raises many kinds on a damaged file
+        raise InputError(
+            f"{label}: '{name}' cannot be read ({error}); save the file again"
+        ) from error
 
 
 def _linked(group: Any, name: str, label: str) -> Any:
