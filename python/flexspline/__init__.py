@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     from flexspline.least_squares.sums import accumulate
     from flexspline.logs.checks import Findings, check
     from flexspline.logs.log import Log
-    from flexspline.logs.read import convert, joints_of, read_log, read_runs
+    from flexspline.logs.read import convert, joints_of, read_log, read_pieces, read_runs
     from flexspline.model import Model, Part, Prediction, Predictions
     from flexspline.output_error.fitting import fit_motion
     from flexspline.output_error.settings import MotionOptions
@@ -113,6 +113,7 @@ __all__ = [
     "next_experiment",
     "own_effect",
     "read_log",
+    "read_pieces",
     "read_runs",
     "simulate",
 ]
@@ -168,6 +169,7 @@ _HOME = {
     "next_experiment": "discovery.experimenting",
     "own_effect": "own",
     "read_log": "logs.read",
+    "read_pieces": "logs.read",
     "read_runs": "logs.read",
     "simulate": "forward.simulating",
 }

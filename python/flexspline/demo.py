@@ -29,7 +29,8 @@ from flexspline.fitting import fit
 from flexspline.least_squares.result import Fit
 from flexspline.logs.checks import check
 from flexspline.logs.log import Log, Source
-from flexspline.logs.read import read_log, write_log
+from flexspline.logs.read import read_log
+from flexspline.logs.writing import write_log
 from flexspline.model import Model
 from flexspline.plot.canvas import own_style
 from flexspline.prepared import prepared

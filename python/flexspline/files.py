@@ -243,10 +243,15 @@ def save_columns(columns: Mapping[str, NDArray[Any]], path: str | os.PathLike[st
         write_columns(columns, file)
 
 
-def write_columns(columns: Mapping[str, NDArray[Any]], file: BinaryIO) -> None:
-    """Write columns of one length to an open file as CSV, nothing where a number is NaN."""
+def write_columns(
+    columns: Mapping[str, NDArray[Any]], file: BinaryIO, *, head: bool = True
+) -> None:
+    """Write columns of one length to an open file as CSV, nothing where a number is NaN.
+
+    `head`: their names first; a file that goes on has them already.
+    """
     write = csv.writer(lines := io.StringIO(newline=""), lineterminator="\n").writerows
-    write([columns])
+    write([columns] if head else [])
     for first in range(0, max(map(len, columns.values()), default=0), ROWS_AT_ONCE):
         chunk = [data[first : first + ROWS_AT_ONCE].tolist() for data in columns.values()]
         cells = [[None if cell != cell else cell for cell in column] for column in chunk]

@@ -26,7 +26,7 @@ from flexspline.cli import commands
 from flexspline.effects import effect
 from flexspline.exporting import export
 from flexspline.logs.log import Log
-from flexspline.logs.read import write_log
+from flexspline.logs.writing import write_log
 from flexspline.model import Model, Part
 from flexspline.programs import firmware_folder
 

@@ -9,7 +9,7 @@ from click.testing import CliRunner, Result
 from undrawn import undrawn
 
 from flexspline.cli import commands
-from flexspline.logs.read import write_log
+from flexspline.logs.writing import write_log
 from flexspline.rigs import Rig, sensor_rig
 
 EFFECTS = "offset,coulomb_friction,viscous_friction,inertia"

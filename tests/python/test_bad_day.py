@@ -242,7 +242,7 @@ def test_resampling_within_memory_is_done(rig: tuple[Path, Path]) -> None:
 def test_a_recording_of_few_rows_is_called_too_short(
     rig: tuple[Path, Path], tmp_path: Path, rows: int
 ) -> None:
-    from flexspline.logs.read import write_log
+    from flexspline.logs.writing import write_log
 
     run = tmp_path / "run.csv"
     write_log(short(rig[0], rows), run)

@@ -18,7 +18,7 @@ from flexspline.calibration.regression import Shape, regress
 from flexspline.calibration.runs import calibration_runs
 from flexspline.calibration.zeros import LEVEL, zero_test
 from flexspline.logs.log import Log
-from flexspline.logs.read import write_log
+from flexspline.logs.writing import write_log
 from flexspline.model import Model
 
 DRAWS = 80

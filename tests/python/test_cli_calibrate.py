@@ -10,7 +10,7 @@ import pytest
 from cli_calls import call
 
 import flexspline
-from flexspline.logs.read import write_log
+from flexspline.logs.writing import write_log
 from flexspline.model import Model
 
 

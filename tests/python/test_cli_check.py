@@ -14,7 +14,7 @@ from matplotlib.axes import Axes
 from undrawn import undrawn
 
 import flexspline as fx
-from flexspline.logs.read import write_log
+from flexspline.logs.writing import write_log
 from flexspline.plot.canvas import PlainFigure
 from flexspline.plot.channels import plot_channels
 

@@ -17,7 +17,7 @@ import flexspline
 from flexspline import Observer
 from flexspline.estimation.result import MEANING
 from flexspline.logs.log import Log
-from flexspline.logs.read import write_log
+from flexspline.logs.writing import write_log
 from flexspline.model import Model
 
 

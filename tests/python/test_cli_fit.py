@@ -16,7 +16,7 @@ from cli_calls import EFFECTS, call, fitted, small_rig, write_runs
 
 import flexspline
 from flexspline.least_squares.result import Fit
-from flexspline.logs.read import write_log
+from flexspline.logs.writing import write_log
 from flexspline.model import Model
 
 

@@ -12,7 +12,7 @@ from click.testing import Result
 
 import flexspline
 from flexspline.logs.log import Log
-from flexspline.logs.read import write_log
+from flexspline.logs.writing import write_log
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ import flexspline
 from flexspline import InputError, Model
 from flexspline.comparison.models import FITTED, HELD_OUT, PREDICTED, ModelComparison
 from flexspline.logs.log import Log
-from flexspline.logs.read import write_log
+from flexspline.logs.writing import write_log
 from flexspline.model import Part
 from flexspline.plot.models import missed_over
 

@@ -18,7 +18,7 @@ from flexspline import Fit, InputError, Log, Model, Part
 from flexspline.discovery.by_simulation import Driven, _where
 from flexspline.effects import effect
 from flexspline.forward import PositionServo
-from flexspline.logs.read import write_log
+from flexspline.logs.writing import write_log
 
 BASE = ["inertia", "gravity", "coulomb_friction", "viscous_friction"]
 WEIGHT = 0.5  # Nm

@@ -16,7 +16,7 @@ from flexspline.effects import effect
 from flexspline.errors import InputError
 from flexspline.exporting.header import header_text
 from flexspline.logs.log import Log
-from flexspline.logs.read import write_log
+from flexspline.logs.writing import write_log
 from flexspline.prepared import learned
 
 TARGET = "sensor_torque"

@@ -17,7 +17,7 @@ from flexspline.effects import effect
 from flexspline.errors import InputError
 from flexspline.forward import PositionServo, simulated_gap, simulated_rmse
 from flexspline.logs.log import Log
-from flexspline.logs.read import write_log
+from flexspline.logs.writing import write_log
 from flexspline.model import Model
 
 EFFECTS = [

@@ -13,7 +13,8 @@ from fit_logs import FRICTION, WIDTH, autoregressive, friction, motion, simulate
 
 import flexspline
 from flexspline import InputError, Log
-from flexspline.logs.read import as_logs, write_log
+from flexspline.logs.read import as_logs
+from flexspline.logs.writing import write_log
 
 EFFECTS = ["offset", "coulomb_friction", "viscous_friction", "inertia"]
 HELD = {"direction_width": WIDTH}

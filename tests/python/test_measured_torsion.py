@@ -19,8 +19,8 @@ import flexspline
 from flexspline.least_squares.result import Fit
 from flexspline.logs.checks.consistency import measured_gear
 from flexspline.logs.log import Log
-from flexspline.logs.read import write_log
 from flexspline.logs.repairs import repaired
+from flexspline.logs.writing import write_log
 
 JOINTS = (1, 2)
 HYSTERESIS = ["offset", "torsional_hysteresis"]

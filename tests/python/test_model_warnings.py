@@ -15,7 +15,7 @@ from flexspline.effects import Effect, effect
 from flexspline.errors import FlexsplineWarning, InputError
 from flexspline.exporting import export
 from flexspline.logs.log import Log
-from flexspline.logs.read import write_log
+from flexspline.logs.writing import write_log
 from flexspline.model import PART_OF, Model, Part, part_warnings, range_warnings
 
 TIME = np.arange(400) * 1e-2

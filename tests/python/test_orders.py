@@ -16,7 +16,7 @@ from scipy.signal import lfilter
 
 from flexspline.errors import InputError
 from flexspline.logs import Log
-from flexspline.logs.read import write_log
+from flexspline.logs.writing import write_log
 from flexspline.orders import find_orders, order_spectrum, pairs, time_spectrum
 from flexspline.orders.scan import Share, combined, scattered
 from flexspline.orders.spectrum import fourier_sums

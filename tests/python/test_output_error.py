@@ -14,7 +14,7 @@ import flexspline
 from flexspline import MotionOptions
 from flexspline.errors import InputError
 from flexspline.least_squares.result import Fit
-from flexspline.logs.read import write_log
+from flexspline.logs.writing import write_log
 from flexspline.model import Model
 from flexspline.output_error.settings import with_servo_torque
 from flexspline.output_error.space import Searched, Space

@@ -20,7 +20,7 @@ from flexspline import FitOptions, InputError
 from flexspline.least_squares.between_runs import LEVEL
 from flexspline.least_squares.result import Fit
 from flexspline.logs.log import Log
-from flexspline.logs.read import write_log
+from flexspline.logs.writing import write_log
 from flexspline.report.tables import between_sentences
 
 own_terms = importlib.import_module("flexspline.least_squares.per_run_terms")

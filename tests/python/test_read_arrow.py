@@ -254,7 +254,7 @@ WRONG: dict[str, tuple[Callable[[Path], object], str]] = {
     "no rows": (lambda p: parquet.write_table(table().slice(0, 0), p), "no rows of data"),
     "one row": (lambda p: parquet.write_table(table().slice(0, 1), p), "only one row of data"),
     "no columns": (lambda p: parquet.write_table(pyarrow.table({}), p), "no rows of data"),
-    "more than memory": (constant, "takes 0.08 GB of memory or more"),
+    "more than memory": (constant, "takes 0.16 GB of memory or more"),
     "a unit of no torque": (lambda p: parquet.write_table(_in_volts(), p),
                             "unit 'V' does not measure what is in Nm"),
     "bytes": (lambda p: parquet.write_table(pyarrow.table({"t": TIME, "q": [b"x"] * 200}), p),

@@ -22,7 +22,7 @@ from flexspline.estimation import Estimate
 from flexspline.exporting import export
 from flexspline.files import atomic_write
 from flexspline.logs.log import Log
-from flexspline.logs.read import write_log
+from flexspline.logs.writing import write_log
 from flexspline.part import Part
 
 HITS = 8  # kills in the middle of a write, of each kind

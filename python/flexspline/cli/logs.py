@@ -30,7 +30,7 @@ from flexspline.cli.options import (
     target,
 )
 from flexspline.cli.speech import found, is_json, say, tell
-from flexspline.errors import printable
+from flexspline.errors import listed, printable
 from flexspline.files import atomic_write, whole_folder
 
 __all__ = [
@@ -179,13 +179,20 @@ def orders(
 @click.command(cls=Taught, sections=(channels, repairs))
 @click.argument("foreign", metavar="FOREIGN", type=FILE)
 @out_file("RUN.csv")
+@click.option(
+    "--rows-at-once",
+    metavar="N",
+    type=click.IntRange(min=2),
+    help="Convert N rows at a time, for a file larger than memory: .npy, HDF5, Parquet, Feather. "
+    "Repairs need the whole run and are refused.",
+)
 @reading(columns_needed=True)
-def convert(foreign: str, out: str, reading: Reading) -> None:
+def convert(foreign: str, out: str, rows_at_once: int | None, reading: Reading) -> None:
     """Turn a foreign file into a run: CSV, channel names, SI units.
 
     FOREIGN is delimited text, .npy, .npz, .mat, HDF5, JSON, Parquet, Feather, MCAP or a bag of ROS,
     packed or not. The map says which column is which channel, in which unit and with which sign.
-    Prints what the run holds.
+    Prints what the run holds. A RUN that ends in .parquet is written as such.
 
     \b
     Example: a file map.toml with
@@ -200,9 +207,18 @@ def convert(foreign: str, out: str, reading: Reading) -> None:
       flexspline convert recording.txt --columns map.toml --out run1.csv
     """
     from flexspline.logs.read import convert as convert_log
+    from flexspline.logs.read import convert_in_pieces
 
     assert reading.columns is not None
     refuse_overwriting(out, [foreign, reading.columns])
+    if rows_at_once is not None:
+        made = convert_in_pieces(
+            foreign, reading.columns, out, rows=rows_at_once, **reading.arguments
+        )
+        tell("\n".join(made.history))
+        found({"rows": made.rows, "channels": made.channels})
+        say(f"{made.rows} rows of {listed(made.channels)}\n\nwrote {out}")
+        return
     log = convert_log(foreign, reading.columns, out, **reading.arguments)
     tell("\n".join(log.history))
     found({"run": log.name, "rows": len(log), "rate": log.rate, "channels": log.channels})

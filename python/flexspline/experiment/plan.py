@@ -108,7 +108,7 @@ class Plan:
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the trajectory as CSV, whole or not at all."""
-        from flexspline.logs.read import write_log
+        from flexspline.logs.writing import write_log
 
         write_log(self.log, path)
 

@@ -20,9 +20,16 @@ if TYPE_CHECKING:
     )
     from flexspline.logs.log import Log, Source
     from flexspline.logs.merging import Clock, Merged, find_clock, merge
-    from flexspline.logs.read import convert, joints_of, read_log, read_runs, write_log
+    from flexspline.logs.read import (
+        convert,
+        joints_of,
+        read_log,
+        read_pieces,
+        read_runs,
+    )
     from flexspline.logs.repairs import REPAIRS, repaired
     from flexspline.logs.segments import Segment
+    from flexspline.logs.writing import write_log
 
 __all__ = [
     "CHANNELS",
@@ -47,6 +54,7 @@ __all__ = [
     "lowpass_log",
     "merge",
     "read_log",
+    "read_pieces",
     "read_runs",
     "repaired",
     "resample",
@@ -76,10 +84,11 @@ _HOME = {
     "lowpass_log": "derive",
     "merge": "merging",
     "read_log": "read",
+    "read_pieces": "read",
     "read_runs": "read",
     "repaired": "repairs",
     "resample": "derive",
-    "write_log": "read",
+    "write_log": "writing",
 }
 
 __getattr__ = attached(__name__, _HOME)

@@ -24,14 +24,13 @@ from numpy.typing import NDArray
 from flexspline.errors import InputError, listed
 from flexspline.logs.log import Fact, parsed_fact
 from flexspline.logs.memory import require_memory
-from flexspline.logs.table import Later, Table
+from flexspline.logs.table import NUMBER, Later, Table
 
 __all__ = ["read_feather", "read_parquet", "short_facts", "stated_units"]
 
 UNIT_KEYS: Final = ("unit", "units", "Unit", "Units")
 LONGEST_FACT: Final = 100  # characters: what is longer is no fact of a joint
 LIST_LIMIT: Final = 64  # cells of a list that become columns
-NUMBER: Final = 8  # bytes of a number in memory
 FOREIGN_KEYS: Final = ("pandas", "PANDAS", "ARROW:", "huggingface", "org.apache.")
 """Beginnings of keys under which libraries keep what is theirs."""
 
@@ -61,7 +60,7 @@ def read_parquet(file: Path | io.BytesIO, label: str, variable: str | None, most
     Raises
     ------
     InputError
-        Where it is damaged, or a column takes more than `most` bytes.
+        Where it is damaged.
     """
     import pyarrow
     from pyarrow import parquet
@@ -92,7 +91,7 @@ def read_feather(file: Path | io.BytesIO, label: str, variable: str | None, most
     Raises
     ------
     InputError
-        Where it is damaged or of version 1, or a column takes more than `most` bytes.
+        Where it is damaged or of version 1.
     """
     import pyarrow
 
@@ -255,7 +254,6 @@ class _Column:
 
     def whole(self) -> NDArray[Any]:
         """Return all rows."""
-        require_memory(NUMBER * self.stored.rows, self.of.most, self.of.label)
         return self._numbers(self.stored.whole, self.stored.rows)
 
     def part(self, first: int, last: int) -> NDArray[Any]:

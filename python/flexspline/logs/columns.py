@@ -110,6 +110,7 @@ def picked(table: Table, columns: Mapping[str, ColumnSpec] | None) -> Picked:
         of one column, columns of unequal length.
     """
     chosen = {name: _with_unit(table, at) for name, at in _chosen(table, columns).items()}
+    table.require_room({table.index(at.source) for at in chosen.values()})
     table = on_one_clock(table, {name: table.index(at.source) for name, at in chosen.items()})
     channels, notes = {}, []
     for channel, at in chosen.items():

@@ -139,7 +139,7 @@ def _from_file(
         raise InputError(f"{path}: the file is empty; record or copy it again")
     with _named(path):
         digest = _sha256(path)
-        table = _opened(path, variable, dialect, drop_rows, most)
+        table = replace(_opened(path, variable, dialect, drop_rows, most), most=most)
     return table, Source(str(path), digest, table.rows + drop_rows)
 
 

@@ -8,9 +8,8 @@ from __future__ import annotations
 import inspect
 import math
 import os
-import re
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal, TypeAlias, cast
@@ -19,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.errors import InputError, did_you_mean, listed
-from flexspline.files import atomic_writer, refuse_special, write_columns
+from flexspline.files import refuse_special
 from flexspline.logs.columns import ColumnSpec, Picked, picked
 from flexspline.logs.formats import Dialect, no_source, read_table
 from flexspline.logs.frames import is_frame
@@ -29,28 +28,32 @@ from flexspline.logs.packed import PACKED
 from flexspline.logs.repairs import Repairs, move_earlier, repaired, repairs_of_both
 from flexspline.logs.splitting import Cut, Gaps, parts_of
 from flexspline.logs.table import Table
+from flexspline.logs.writing import write_log, write_pieces
 
 if TYPE_CHECKING:
     import pandas
 
 __all__ = [
+    "Converted",
     "LogLike",
     "as_log",
     "as_logs",
     "convert",
+    "convert_in_pieces",
     "cut_runs",
     "is_one",
     "joints_of",
     "map_arguments",
     "read_log",
     "read_map",
+    "read_pieces",
     "read_runs",
     "refuse_split",
     "splits",
     "with_motor_torque",
-    "write_log",
 ]
 
+PIECE: Final = 1_000_000  # rows
 SPLIT: Final = ("split_column", "split_gaps")
 """Arguments of `read_runs` that `read_log` does not take."""
 UNCUT: Final = [("split_gaps", False)]
@@ -255,6 +258,82 @@ def cut_runs(
     return CutRuns(tuple(runs), parts.left_out, said)
 
 
+def read_pieces(
+    source: str | os.PathLike[str] | NDArray[Any] | Mapping[str, Any] | Any,
+    columns: Mapping[str, ColumnSpec] | str | os.PathLike[str] | None = None,
+    *,
+    rows: int = PIECE,
+    **how: Any,
+) -> Iterator[Log]:
+    """Read a log that is larger than memory, one piece of its rows after the other.
+
+    Parameters
+    ----------
+    source, columns
+        As for `read_log`. Of Parquet, Feather, .npy, .mat of version 7.3 and HDF5 only what a
+        piece needs is in memory; a group of rows of Parquet is read as one. All other files are
+        read as a whole first.
+    rows : int
+        In a piece; the last may be shorter.
+    **how
+        Every other argument of `read_log` but `repair`: repairs look at the whole run.
+
+    Yields
+    ------
+    Log
+        With the same numbers as the rows of `read_log`, times included.
+
+    Raises
+    ------
+    InputError
+        As `read_log`; and where repairs are asked for, or a column's clock has an offset or is its
+        own.
+
+    Examples
+    --------
+    >>> pieces = flexspline.read_pieces("year.parquet", "map.toml")       # doctest: +SKIP
+    >>> sums = flexspline.accumulate("viscous_friction", pieces, "motor_torque")  # doctest: +SKIP
+    >>> sums.solve().coefficients                                         # doctest: +SKIP
+    """
+    if not (isinstance(rows, int) and rows > 0):
+        raise InputError(f"rows is {rows!r}; give how many rows a piece has, such as {PIECE}")
+    if isinstance(columns, (str, os.PathLike)):
+        said = map_arguments(columns, how.get("joint"))
+        refuse_split(said, f"{columns}: read_pieces reads one run")
+        columns, repair, how = _beside_map(said, how.pop("repair", ()), {}, how)
+    else:
+        repair = how.pop("repair", ())
+    asked = inspect.signature(read_log).bind(source, columns, **how)
+    asked.apply_defaults()
+    given = {name: asked.arguments[name] for name in asked.arguments if name not in _NOT_HOW}
+    table, origin = _table_of(source, given)
+    if repair:
+        raise InputError(
+            f"{table.label}: repairs look at the whole run, which is read in pieces; leave repair "
+            "out, of the column map too, or read the run at once"
+        )
+    return _pieces(table, origin, columns, given, rows)
+
+
+def _pieces(
+    table: Table,
+    origin: Source | None,
+    columns: Mapping[str, ColumnSpec] | None,
+    how: Mapping[str, Any],
+    rows: int,
+) -> Iterator[Log]:
+    for number, part in enumerate(table.pieces(rows)):
+        read = _log_of(part, origin, columns, how)
+        if read.late:
+            raise InputError(
+                f"{table.label}: the clock of {listed(read.late)} has an offset, which moves rows "
+                "beyond the end of a piece; read the run at once"
+            )
+        first = number * rows
+        note = f"rows {first} to {first + part.rows - 2} of {table.rows}"
+        yield with_motor_torque(read.log).rows(slice(1, None), note=note)
+
+
 def _beside_map(
     said: Mapping[str, Any], repair: Repairs, usual: Mapping[str, Any], given: Mapping[str, Any]
 ) -> tuple[Mapping[str, ColumnSpec], Repairs, dict[str, Any]]:
@@ -340,13 +419,24 @@ ARGUMENTS: Final = (
 def _read(source: Any, columns: Mapping[str, ColumnSpec] | None, how: Mapping[str, Any]) -> _Read:
     """Read a log; `how`: all other arguments of `read_log` but its repairs."""
     table, origin = _table_of(source, how)
+    return _log_of(table, origin, columns, how)
+
+
+def _log_of(
+    table: Table,
+    origin: Source | None,
+    columns: Mapping[str, ColumnSpec] | None,
+    how: Mapping[str, Any],
+) -> _Read:
+    """Return the log in a table, or in a piece of one."""
     found = picked(table, _of_joint(columns, how["joint"], table.label))
     table = found.table
     channels, timing = _timed(table, found, how["rate"])
     arguments = {key: how[key] for key in ARGUMENTS}
     given = {k: v for k, v in [*(how["facts"] or {}).items(), *arguments.items()] if v is not None}
     known, overruled = _facts(table, origin.path if origin else None, given)
-    read = f"read {origin.path if origin else table.label}: {table.rows} rows"
+    rows = f"{table.rows} rows" if table.numbers is None else "in pieces"
+    read = f"read {origin.path if origin else table.label}: {rows}"
     read += f" behind the first {how['drop_rows']}" if how["drop_rows"] else ""
     notes = (": ".join([read, "; ".join(table.notes)]), *found.notes, *timing, *overruled)
     return _Read(Log(channels, known, notes, origin), table, found.late)
@@ -381,7 +471,8 @@ def _timed(
     if not (isinstance(rate, (int, float)) and rate > 0 and math.isfinite(rate)):
         raise InputError(f"{table.label}: rate is {rate!r}; give a positive number of Hz")
     rows = len(next(iter(found.channels.values())))
-    return {"time": np.arange(rows) / rate, **found.channels}, (f"time is made of {rate:g} Hz",)
+    numbers = np.arange(rows) if table.numbers is None else table.numbers
+    return {"time": numbers / rate, **found.channels}, (f"time is made of {rate:g} Hz",)
 
 
 LogLike: TypeAlias = "Log | str | os.PathLike[str] | Mapping[str, Any] | pandas.DataFrame"
@@ -478,7 +569,8 @@ def convert(
     Parameters
     ----------
     foreign, columns, out : path
-        The file to read, the map, the CSV file to write (whole or not at all).
+        The file to read, the map, the file to write (whole or not at all): CSV, or Parquet where
+        its name ends so.
     **overruling
         Arguments of `read_log` that overrule the map, such as `gear_ratio`.
 
@@ -492,6 +584,49 @@ def convert(
     log = read_log(foreign, **arguments)
     write_log(log, out)
     return log
+
+
+@dataclass(frozen=True)
+class Converted:
+    """What `convert_in_pieces` wrote: rows, channels, and the history of the first piece."""
+
+    rows: int
+    channels: tuple[str, ...]
+    history: tuple[str, ...]
+
+
+def convert_in_pieces(
+    foreign: str | os.PathLike[str],
+    columns: str | os.PathLike[str],
+    out: str | os.PathLike[str],
+    *,
+    rows: int = PIECE,
+    **overruling: Any,
+) -> Converted:
+    """Write the same file as `convert` of a run that is larger than memory.
+
+    Parameters
+    ----------
+    foreign, columns, out, **overruling : as for `convert`, but for repairs.
+    rows : of a piece, as for `read_pieces`.
+
+    Raises
+    ------
+    InputError
+        As `convert` and `read_pieces`; `out` is then untouched.
+    """
+    done, first = 0, None
+
+    def counted() -> Iterator[Log]:
+        nonlocal done, first
+        for piece in read_pieces(foreign, columns, rows=rows, **overruling):
+            first = piece if first is None else first
+            done += len(piece)
+            yield piece
+
+    write_pieces(counted(), out)
+    assert first is not None
+    return Converted(done, tuple(first.channels), tuple(first.history[:-1]))
 
 
 def splits(arguments: Mapping[str, Any]) -> list[str]:
@@ -554,19 +689,6 @@ def read_map(path: str | os.PathLike[str]) -> dict[str, dict[str, Any]]:
             raise InputError(f"{path}: '{name}' is no section; write [{name}] on a line of its own")
     _require_known(path, "key of [read]", sections["read"], READ_KEYS)
     return sections
-
-
-def write_log(log: Log, path: str | os.PathLike[str]) -> None:
-    """Write a log as CSV: facts as ``# key: value`` lines, channel names, numbers.
-
-    Each number is written with as many digits as it takes to read the same number again.
-    The file appears whole or not at all.
-    """
-    with atomic_writer(path) as file:
-        for key, value in log.facts.items():
-            plain = re.sub(r"[:,;\s]+", " ", key)
-            file.write(f"# {plain}: {' '.join(str(value).split())}\n".encode())
-        write_columns(log.columns, file)
 
 
 def _require_known(

@@ -12,7 +12,7 @@ import re
 import struct
 import zlib
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -27,7 +27,9 @@ from flexspline.logs.memory import require_memory
 from flexspline.logs.packed import PIECE
 
 __all__ = [
+    "NUMBER",
     "Later",
+    "OnDisk",
     "Series",
     "Table",
     "from_array",
@@ -37,6 +39,7 @@ __all__ = [
     "require_droppable",
 ]
 
+NUMBER: Final = 8  # bytes of a number in memory
 FAR: Final = 10  # times as long as what describes it is a record
 PACKED_VARIABLE: Final = 15  # miCOMPRESSED of MATLAB's files of version 5
 HDF5: Final = b"\x89HDF\r\n\x1a\n"  # behind the 512 bytes of text that MATLAB puts first
@@ -149,7 +152,8 @@ class Table:
     the file itself says of each column, or None. Where the file samples columns at instants of
     their own, `series` are these, `of_series` is the number of each column's, and `drop` how many
     rows are left out once all are on one clock. `numbers` are those of the rows in the whole table
-    (the first is 0), where this is a part of one.
+    (the first is 0), where this is a part of one; `most` the bytes that columns which stay in their
+    file may take together once they are read.
     """
 
     label: str
@@ -163,6 +167,7 @@ class Table:
     of_series: tuple[int, ...] = ()
     drop: int = 0
     numbers: NDArray[np.intp] | None = None
+    most: float = math.inf
 
     @property
     def rows(self) -> int:
@@ -218,6 +223,16 @@ class Table:
             )
             lines = None if self.lines is None else self.lines[numbers]
             yield replace(self, data=tuple(data), numbers=numbers, lines=lines)
+
+    def require_room(self, numbers: Iterable[int]) -> None:
+        """Refuse columns that stay in their file and together take too much memory."""
+        kept = (self.data[number] for number in numbers)
+        wanted = sum(len(column) for column in kept if isinstance(column, Later))
+        advice = (
+            "give max_memory (--max-memory GB) if that is right, or read it in pieces "
+            "(read_pieces, convert --rows-at-once)"
+        )
+        require_memory(NUMBER * wanted, self.most, self.label, advice)
 
     def title(self, number: int) -> str:
         """Return what a sentence calls this column."""
@@ -288,7 +303,7 @@ def from_array(array: NDArray[Any] | OnDisk, label: str) -> Table:
     The longer side of a matrix is time. Columns are views: a memory map stays on disk.
     """
     if array.dtype.names:
-        flat = array.reshape(-1)
+        flat: Any = array.reshape(-1)
         return Table(
             label,
             tuple(flat[name] for name in array.dtype.names),
@@ -305,12 +320,14 @@ def from_array(array: NDArray[Any] | OnDisk, label: str) -> Table:
     note = f"matrix of {array.shape[0]} × {array.shape[1]}"
     if array.shape[0] < array.shape[1]:
         array, note = array.transpose(), note + ", one row for each channel"
-    return Table(label, tuple(_kept(array[:, i]) for i in range(array.shape[1])), notes=(note,))
+    columns: list[Any] = [array[:, number] for number in range(array.shape[1])]
+    return Table(label, tuple(map(_kept, columns)), notes=(note,))
 
 
-def _kept(column: NDArray[Any] | OnDisk) -> NDArray[Any] | Later:
-    """Return a column as a table keeps it."""
-    return column.later() if isinstance(column, OnDisk) else column
+def _kept(column: Any) -> NDArray[Any] | Later:
+    """Return a column, an array or on disk, as a table keeps it."""
+    made: NDArray[Any] | Later = column.later() if isinstance(column, OnDisk) else column
+    return made
 
 
 def from_value(value: Any, label: str, variable: str | None) -> Table:
@@ -501,7 +518,7 @@ def read_matlab(source: bytes | Path, label: str, variable: str | None, most: in
     variable : str, optional
         A variable, or a path with dots into structs, such as "run.data".
     most : int
-        Bytes that it, or a dataset that stays in it, may unfold to.
+        Bytes that it may unfold to, but for datasets that stay in it.
 
     Raises
     ------
@@ -637,7 +654,7 @@ class _Hdf5:
         """Return what a dataset holds; None of a kind that no log has."""
         stays = inner.dtype.kind in "fiub" and inner.ndim in (1, 2) and inner.size > 1
         if self.path is not None and stays and inner.attrs.get("MATLAB_class") != b"char":
-            read = partial(_read_stored, self.path, inner.name, self.label, self.most)
+            read = partial(_read_stored, self.path, inner.name, self.label)
             return OnDisk(read, inner.shape[::-1], inner.dtype)
         self.taken += (inner.size or 0) * inner.dtype.itemsize
         require_memory(self.taken, self.most, self.label)
@@ -653,20 +670,13 @@ class _Hdf5:
         return None
 
 
-def _read_stored(path: Path, name: str, label: str, most: int, index: Any) -> NDArray[Any]:
+def _read_stored(path: Path, name: str, label: str, index: Any) -> NDArray[Any]:
     """Return a part of a dataset of numbers."""
     import h5py
 
     try:
         with h5py.File(path) as file:
-            dataset = file[name]
-            rows = next(
-                at
-                for at in (index if isinstance(index, tuple) else (index,))
-                if isinstance(at, slice)
-            )
-            require_memory((rows.stop - rows.start) * dataset.dtype.itemsize, most, label)
-            return np.asarray(dataset[index])
+            return np.asarray(file[name][index])
     except InputError:
         raise
     except Exception as error:  # h5py raises many kinds on a damaged file
