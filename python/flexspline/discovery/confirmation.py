@@ -369,4 +369,4 @@ def _in_order(made: Analysis) -> Analysis:
     ordered = [*chosen, *rest]
     if ordered == [*final.effects]:
         return made
-    return replace(made, final=made.searcher.fitted(final.having(ordered))[0])
+    return replace(made, final=final.having(ordered))  # the same fit
