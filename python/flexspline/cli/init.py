@@ -18,6 +18,15 @@ if TYPE_CHECKING:
 __all__ = ["init"]
 
 
+def _list_presets(ctx: click.Context, param: click.Parameter, asked: bool) -> None:
+    """Print all presets and end."""
+    if asked and not ctx.resilient_parsing:
+        from flexspline.logs.presets import presets_text
+
+        say(presets_text())
+        ctx.exit()
+
+
 @click.command(cls=Taught, sections=(channels,))
 @click.argument("recording", metavar="RECORDING", type=FILE)
 @click.option(
@@ -32,6 +41,15 @@ __all__ = ["init"]
     "--joint",
     metavar="NAME|all",
     help="Which joint, as the columns of several call it; all: a map of all, guessed from one.",
+)
+@click.option(
+    "--list-presets",
+    is_flag=True,
+    is_eager=True,
+    expose_value=False,
+    callback=_list_presets,
+    help="Column maps of common recorders, which commands take by --preset: what each reads, by "
+    "which source, and what is left to be said.",
 )
 @click.option("--rate", type=positive, metavar="HZ", help="Of a recording without time stamps.")
 @click.option(MAX_MEMORY[0], **MAX_MEMORY[1])
@@ -55,6 +73,7 @@ def init(
       flexspline check recording.txt --columns map.toml
       flexspline init robot.csv --joint all --out robot.toml
       flexspline check robot.csv --columns robot.toml --joint all
+      flexspline init --list-presets
     """
     refuse_overwriting(out, [recording])
     figure = Path(out).with_suffix(".png")

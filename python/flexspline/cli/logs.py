@@ -22,12 +22,14 @@ from flexspline.cli.options import (
     effects_by_target,
     is_table,
     known_load,
+    left_open,
     named_effects,
     out_file,
     reading,
     refuse_overwriting,
     repairs,
     target,
+    warn,
 )
 from flexspline.cli.speech import found, is_json, say, tell
 from flexspline.errors import printable
@@ -198,12 +200,13 @@ def convert(foreign: str, out: str, reading: Reading) -> None:
     \b
     and then
       flexspline convert recording.txt --columns map.toml --out run1.csv
+      flexspline convert robot.csv --preset ur-rtde --joint 2 --out run1.csv
     """
     from flexspline.logs.read import convert as convert_log
 
-    assert reading.columns is not None
-    refuse_overwriting(out, [foreign, reading.columns])
+    refuse_overwriting(out, [foreign, *([reading.columns] if reading.columns else [])])
     log = convert_log(foreign, reading.columns, out, **reading.arguments)
     tell("\n".join(log.history))
+    warn(left_open([log]))
     found({"run": log.name, "rows": len(log), "rate": log.rate, "channels": log.channels})
     say(f"{log}\n\nwrote {out}")

@@ -26,6 +26,7 @@ from flexspline.logs.frames import is_frame
 from flexspline.logs.joints import columns_of_joint, has_places, joints_among
 from flexspline.logs.log import Fact, Log, Source, checked_facts
 from flexspline.logs.packed import PACKED
+from flexspline.logs.presets import Preset, preset_of
 from flexspline.logs.repairs import Repairs, move_earlier, repaired, repairs_of_both
 from flexspline.logs.splitting import Cut, Gaps, parts_of
 from flexspline.logs.table import Table
@@ -68,6 +69,7 @@ READ_KEYS: Final = (
     "skip_footer",
     "units_row",
     "max_memory",
+    "preset",
     *SPLIT,
 )
 
@@ -96,6 +98,7 @@ def read_log(
     max_memory: float | None = None,
     facts: Mapping[str, Fact] | None = None,
     joint: str | int | None = None,
+    preset: str | None = None,
 ) -> Log:
     """Read one run of one joint into a `Log`, in SI units.
 
@@ -148,6 +151,11 @@ def read_log(
     joint : str or int, optional
         Which joint of a robot's file: its name takes the place of ``{joint}`` in the sources of
         `columns`, such as ``q_{joint}`` or ``q[:, {joint-1}]``, and is the fact `joint`.
+    preset : str, optional
+        The map of a recorder that comes with the package, such as "ur-rtde"; what `columns` says is
+        laid over it, an entry without a source over the preset's own: ``{"motor_current":
+        {"sign": -1}}``. What its sources leave open is not read until it is said, and named in the
+        history; see `flexspline.logs.presets`.
 
     Raises
     ------
@@ -160,7 +168,7 @@ def read_log(
         "header": header, "separator": separator, "decimal": decimal, "encoding": encoding,
         "variable": variable, "drop_rows": drop_rows, "skip_lines": skip_lines,
         "skip_footer": skip_footer, "units_row": units_row, "max_memory": max_memory,
-        "facts": facts, "joint": joint,
+        "facts": facts, "joint": joint, "preset": preset,
     }  # fmt: skip
     if isinstance(columns, (str, os.PathLike)):
         said = map_arguments(columns, joint)
@@ -272,7 +280,7 @@ _NOT_HOW: Final = ("source", "columns", "repair")
 
 def joints_of(
     source: str | os.PathLike[str] | NDArray[Any] | Mapping[str, Any] | Any,
-    columns: Mapping[str, ColumnSpec] | str | os.PathLike[str],
+    columns: Mapping[str, ColumnSpec] | str | os.PathLike[str] | None = None,
     **how: Any,
 ) -> tuple[str, ...]:
     """Return the joints of a robot's file: those of which it has every column of the map.
@@ -282,7 +290,7 @@ def joints_of(
     source : as for `read_log`.
     columns : with places, such as ``{"output_position": "q_{joint}"}``, or path of such a map.
     **how
-        Of the arguments of `read_log`, those that say how the file is written.
+        Of the arguments of `read_log`, those that say how the file is written, and `preset`.
 
     Raises
     ------
@@ -302,7 +310,11 @@ def joints_of(
         columns, _, how = _beside_map(rest, (), {}, how)
     asked = inspect.signature(read_log).bind(source, columns, **how)
     asked.apply_defaults()
+    preset = asked.arguments["preset"]
+    made = None if preset is None else preset_of(preset)
     table, _ = _table_of(source, asked.arguments)
+    if made is not None:
+        return made.joints_of(columns, table)
     return joints_among(table.names or (), columns, table.label)
 
 
@@ -339,8 +351,10 @@ ARGUMENTS: Final = (
 
 def _read(source: Any, columns: Mapping[str, ColumnSpec] | None, how: Mapping[str, Any]) -> _Read:
     """Read a log; `how`: all other arguments of `read_log` but its repairs."""
+    preset = None if how["preset"] is None else preset_of(how["preset"])
     table, origin = _table_of(source, how)
-    found = picked(table, _of_joint(columns, how["joint"], table.label))
+    chosen, by_preset = _chosen_columns(columns, preset, how["joint"], table)
+    found = picked(table, chosen)
     table = found.table
     channels, timing = _timed(table, found, how["rate"])
     arguments = {key: how[key] for key in ARGUMENTS}
@@ -348,8 +362,22 @@ def _read(source: Any, columns: Mapping[str, ColumnSpec] | None, how: Mapping[st
     known, overruled = _facts(table, origin.path if origin else None, given)
     read = f"read {origin.path if origin else table.label}: {table.rows} rows"
     read += f" behind the first {how['drop_rows']}" if how["drop_rows"] else ""
-    notes = (": ".join([read, "; ".join(table.notes)]), *found.notes, *timing, *overruled)
+    left_open = tuple(preset.open_facts(known)) if preset else ()
+    notes = (": ".join([read, "; ".join(table.notes)]), *by_preset, *found.notes, *timing)
+    notes += (*overruled, *left_open)
     return _Read(Log(channels, known, notes, origin), table, found.late)
+
+
+def _chosen_columns(
+    columns: Mapping[str, ColumnSpec] | None,
+    preset: Preset | None,
+    joint: str | int | None,
+    table: Table,
+) -> tuple[Mapping[str, ColumnSpec] | None, tuple[str, ...]]:
+    """Return the map of a table, and what is said of it where it comes from a preset."""
+    if preset is None:
+        return _of_joint(columns, joint, table.label), ()
+    return preset.joined(columns, None if joint is None else str(joint), table)
 
 
 def _of_joint(
@@ -451,7 +479,7 @@ else:
 
 def convert(
     foreign: str | os.PathLike[str],
-    columns: str | os.PathLike[str],
+    columns: str | os.PathLike[str] | None,
     out: str | os.PathLike[str],
     **overruling: Any,
 ) -> Log:
@@ -478,16 +506,18 @@ def convert(
     Parameters
     ----------
     foreign, columns, out : path
-        The file to read, the map, the CSV file to write (whole or not at all).
+        The file to read, the map (None where a preset is all of it), the CSV file to write (whole
+        or not at all).
     **overruling
-        Arguments of `read_log` that overrule the map, such as `gear_ratio`.
+        Arguments of `read_log` that overrule the map, such as `gear_ratio`; `preset`.
 
     Raises
     ------
     InputError
         Where map or file are wrong, or the file is to be cut into runs; `out` is then untouched.
     """
-    arguments = {**map_arguments(columns, overruling.get("joint")), **overruling}
+    mapped = {} if columns is None else map_arguments(columns, overruling.get("joint"))
+    arguments = {**mapped, **overruling}
     refuse_split(arguments, f"{foreign}: convert writes one run")
     log = read_log(foreign, **arguments)
     write_log(log, out)
