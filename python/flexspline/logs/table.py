@@ -94,7 +94,8 @@ class Table:
     `lines` is the file line of each row (the first is 1), where the file has lines; `units` what
     the file itself says of each column, or None. Where the file samples columns at instants of
     their own, `series` are these, `of_series` is the number of each column's, and `drop` how many
-    rows are left out once all are on one clock.
+    rows are left out once all are on one clock. `unreadable` are names that the file has beside
+    these, each with why it cannot be read and what to do.
     """
 
     label: str
@@ -107,6 +108,7 @@ class Table:
     series: tuple[Series, ...] = ()
     of_series: tuple[int, ...] = ()
     drop: int = 0
+    unreadable: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def rows(self) -> int:
@@ -168,6 +170,10 @@ class Table:
                 f"give a number from 0 to {width - 1}"
             )
         found = [number for number, name in enumerate(self.names) if name == source]
+        if not found and source in self.unreadable:
+            raise InputError(
+                f"{self.label}: column '{source}' cannot be read: {self.unreadable[source]}"
+            )
         if not found:
             near = did_you_mean(source, self.names)
             raise InputError(
