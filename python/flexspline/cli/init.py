@@ -59,10 +59,10 @@ def init(
     """Guess which column of a recording is which channel, and write a column map.
 
     RECORDING is delimited text as any recorder writes it, .npy, .npz, .mat, HDF5, JSON, Parquet,
-    Feather, MCAP or a bag of ROS, packed or not. Encoding, preamble, names, a row of units,
-    separators, decimal sign and time stamps are found by looking. Channels come from names and
-    units, and from physics: a velocity is a position's derivative, the motor turns N times as far
-    as the output, a drive does work against friction.
+    Feather, MCAP, a bag of ROS, MDF 4 or TDMS, packed or not. Encoding, preamble, names, a row of
+    units, separators, decimal sign and time stamps are found by looking. Channels come from names
+    and units, and from physics: a velocity is a position's derivative, the motor turns N times as
+    far as the output, a drive does work against friction.
 
     Each entry of the map has its reason beside it, and what is unsure says so. Look at these and
     at the figure before the first fit; signs of torques that only the rig knows are yours to see.

@@ -185,9 +185,9 @@ def orders(
 def convert(foreign: str, out: str, reading: Reading) -> None:
     """Turn a foreign file into a run: CSV, channel names, SI units.
 
-    FOREIGN is delimited text, .npy, .npz, .mat, HDF5, JSON, Parquet, Feather, MCAP or a bag of ROS,
-    packed or not. The map says which column is which channel, in which unit and with which sign.
-    Prints what the run holds.
+    FOREIGN is delimited text, .npy, .npz, .mat, HDF5, JSON, Parquet, Feather, MCAP, a bag of ROS,
+    MDF 4 or TDMS, packed or not. The map says which column is which channel, in which unit and with
+    which sign. Prints what the run holds.
 
     \b
     Example: a file map.toml with

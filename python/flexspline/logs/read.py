@@ -109,7 +109,8 @@ def read_log(
         versions), HDF5, .json (records), .jsonl; with their extras also Parquet and Feather
         (``flexspline[parquet]``), of which only the columns that become channels are read, MCAP
         (``[mcap]``) and bags of ROS 1 and 2 (``[ros]``), whose columns are called by the path of
-        their field, ``wrench.force.x``, and by joint, ``position[elbow]``. Each also packed as
+        their field, ``wrench.force.x``, and by joint, ``position[elbow]``, MDF 4 (``[mdf]``) and
+        TDMS (``[tdms]``), by the name of a channel or ``group.name``. Each also packed as
         .gz, .bz2, .xz or .zip. A matrix (the longer side is time), a structured
         array, a dictionary, a table of pandas (units in ``attrs["units"]``), polars or xarray
         (units in the attributes of each variable). Where a source samples columns at instants of
@@ -136,7 +137,7 @@ def read_log(
         run of blanks and tabs.
     variable : str, optional
         The part of a .mat, .npz or .json file that holds the table, such as "run.data"; of a bag
-        a topic, of which alone the messages are then read.
+        a topic, of MDF and TDMS a group, which alone is then read.
     drop_rows : int
         Rows of data at the start that are not read: a transient.
     skip_lines, skip_footer : int

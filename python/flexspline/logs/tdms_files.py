@@ -143,6 +143,8 @@ def _waveform(channel: Any, first: np.datetime64 | None) -> tuple[str, float, fl
     step = channel.properties.get("wf_increment")
     if not isinstance(step, (int, float)) or not (np.isfinite(step) and step > 0.0):
         return None
+    if channel.properties.get("wf_xunit_string") not in (None, "", "s"):  # a spectrum
+        return None
     begun = _begun(channel)
     start = 0.0 if begun is None else float((begun - first) / np.timedelta64(1, "s"))
     start += float(channel.properties.get("wf_start_offset", 0.0))
