@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import gzip
+import itertools
 import struct
 import sys
+import time
 import zlib
 from collections.abc import Sequence
 from pathlib import Path
@@ -135,6 +137,18 @@ def test_init_guesses_a_map_and_convert_takes_it(tmp_path: Path) -> None:
     assert log["output_position"] == pytest.approx(
         np.radians(0.01 * COUNTS + 2.0)[: len(log)], abs=1e-9
     )
+
+
+def test_nothing_is_printed_by_a_long_reading(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """asammdf prints its speed once reading has taken some seconds, into the middle of --json."""
+    path, ticks = both(tmp_path / "a.mf4", 1), itertools.count(0.0, 100.0)
+    monkeypatch.setattr(time, "perf_counter", lambda: next(ticks))
+    capfd.readouterr()
+    read_log(path, MAP)
+    monkeypatch.undo()
+    assert next(ticks) > 0.0 and capfd.readouterr() == ("", "")
 
 
 # what is wrong

@@ -7,10 +7,11 @@ cannot be read stays out, with the reason: it is said when that channel is asked
 
 from __future__ import annotations
 
+import io
 import logging
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass
 from typing import Any
 
@@ -153,7 +154,7 @@ def named_apart(names: Sequence[str]) -> list[str]:
 
 @contextmanager
 def sound(label: str, kind: str, library: str) -> Iterator[None]:
-    """Say of which file it is that a library cannot read something; its own log stays silent.
+    """Say of which file it is that a library cannot read something; it says nothing itself.
 
     `kind`: of file.
     """
@@ -173,14 +174,18 @@ def sound(label: str, kind: str, library: str) -> Iterator[None]:
 
 @contextmanager
 def _silent(library: str) -> Iterator[None]:
-    """Keep what a library logs from standard error."""
+    """Keep what a library logs from standard error, and what asammdf prints from standard output.
+
+    It prints how fast it reads, where that takes long.
+    """
     names = [name for name in logging.root.manager.loggerDict
              if name == library or name.startswith(f"{library}.")]  # fmt: skip
     logs = [log for log in map(logging.getLogger, names) if not log.disabled]
     for log in logs:
         log.disabled = True
     try:
-        yield
+        with redirect_stdout(io.StringIO()):
+            yield
     finally:
         for log in logs:
             log.disabled = False
