@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -264,7 +265,13 @@ def test_all_presets_are_listed_with_what_is_left_to_be_said() -> None:
         for source in preset.sources:
             assert source.url in made.stdout
     assert "to be said: sign of motor_current" in made.stdout
-    assert max(map(len, made.stdout.splitlines())) < 180
+    made = call("init", "--json", "--list-presets")
+    listed = json.loads(made.stdout)["presets"]
+    assert tuple(listed) == NAMES
+    assert listed["kinova-kortex"]["columns"]["sensor_torque"]["sign"] == -1
+    assert all(each["sources"][0]["url"] for each in listed.values())
+    made = call("init")
+    assert made.exit_code == 2 and "Missing argument 'RECORDING'" in made.stderr
 
 
 # on the command line

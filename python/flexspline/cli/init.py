@@ -18,17 +18,18 @@ if TYPE_CHECKING:
 __all__ = ["init"]
 
 
-def _list_presets(ctx: click.Context, param: click.Parameter, asked: bool) -> None:
-    """Print all presets and end."""
-    if asked and not ctx.resilient_parsing:
-        from flexspline.logs.presets import presets_text
+def _list_presets() -> None:
+    """Print all presets."""
+    from dataclasses import asdict
 
-        say(presets_text())
-        ctx.exit()
+    from flexspline.logs.presets import preset_names, preset_of, presets_text
+
+    found({"presets": {name: asdict(preset_of(name)) for name in preset_names()}})
+    say(presets_text())
 
 
 @click.command(cls=Taught, sections=(channels,))
-@click.argument("recording", metavar="RECORDING", type=FILE)
+@click.argument("recording", metavar="RECORDING", required=False, type=FILE)
 @click.option(
     "--out",
     default="map.toml",
@@ -45,16 +46,18 @@ def _list_presets(ctx: click.Context, param: click.Parameter, asked: bool) -> No
 @click.option(
     "--list-presets",
     is_flag=True,
-    is_eager=True,
-    expose_value=False,
-    callback=_list_presets,
-    help="Column maps of common recorders, which commands take by --preset: what each reads, by "
-    "which source, and what is left to be said.",
+    help="Print, instead, the column maps of common recorders, which commands take by --preset: "
+    "what each reads, by which source, and what is left to be said.",
 )
 @click.option("--rate", type=positive, metavar="HZ", help="Of a recording without time stamps.")
 @click.option(MAX_MEMORY[0], **MAX_MEMORY[1])
 def init(
-    recording: str, out: str, joint: str | None, rate: float | None, max_memory: float | None
+    recording: str | None,
+    out: str,
+    joint: str | None,
+    list_presets: bool,
+    rate: float | None,
+    max_memory: float | None,
 ) -> None:
     """Guess which column of a recording is which channel, and write a column map.
 
@@ -75,6 +78,11 @@ def init(
       flexspline check robot.csv --columns robot.toml --joint all
       flexspline init --list-presets
     """
+    if list_presets:
+        _list_presets()
+        return
+    if recording is None:
+        raise click.UsageError("Missing argument 'RECORDING'.")
     refuse_overwriting(out, [recording])
     figure = Path(out).with_suffix(".png")
     if figure == Path(out):
