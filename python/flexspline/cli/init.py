@@ -18,8 +18,18 @@ if TYPE_CHECKING:
 __all__ = ["init"]
 
 
+def _list_presets() -> None:
+    """Print all presets."""
+    from dataclasses import asdict
+
+    from flexspline.logs.presets import preset_names, preset_of, presets_text
+
+    found({"presets": {name: asdict(preset_of(name)) for name in preset_names()}})
+    say(presets_text())
+
+
 @click.command(cls=Taught, sections=(channels,))
-@click.argument("recording", metavar="RECORDING", type=FILE)
+@click.argument("recording", metavar="RECORDING", required=False, type=FILE)
 @click.option(
     "--out",
     default="map.toml",
@@ -33,18 +43,29 @@ __all__ = ["init"]
     metavar="NAME|all",
     help="Which joint, as the columns of several call it; all: a map of all, guessed from one.",
 )
+@click.option(
+    "--list-presets",
+    is_flag=True,
+    help="Print, instead, the column maps of common recorders, which commands take by --preset: "
+    "what each reads, by which source, and what is left to be said.",
+)
 @click.option("--rate", type=positive, metavar="HZ", help="Of a recording without time stamps.")
 @click.option(MAX_MEMORY[0], **MAX_MEMORY[1])
 def init(
-    recording: str, out: str, joint: str | None, rate: float | None, max_memory: float | None
+    recording: str | None,
+    out: str,
+    joint: str | None,
+    list_presets: bool,
+    rate: float | None,
+    max_memory: float | None,
 ) -> None:
     """Guess which column of a recording is which channel, and write a column map.
 
     RECORDING is delimited text as any recorder writes it, .npy, .npz, .mat, HDF5, JSON, Parquet,
-    Feather, MCAP or a bag of ROS, packed or not. Encoding, preamble, names, a row of units,
-    separators, decimal sign and time stamps are found by looking. Channels come from names and
-    units, and from physics: a velocity is a position's derivative, the motor turns N times as far
-    as the output, a drive does work against friction.
+    Feather, MCAP, a bag of ROS, MDF 4 or TDMS, packed or not. Encoding, preamble, names, a row of
+    units, separators, decimal sign and time stamps are found by looking. Channels come from names
+    and units, and from physics: a velocity is a position's derivative, the motor turns N times as
+    far as the output, a drive does work against friction.
 
     Each entry of the map has its reason beside it, and what is unsure says so. Look at these and
     at the figure before the first fit; signs of torques that only the rig knows are yours to see.
@@ -55,7 +76,13 @@ def init(
       flexspline check recording.txt --columns map.toml
       flexspline init robot.csv --joint all --out robot.toml
       flexspline check robot.csv --columns robot.toml --joint all
+      flexspline init --list-presets
     """
+    if list_presets:
+        _list_presets()
+        return
+    if recording is None:
+        raise click.UsageError("Missing argument 'RECORDING'.")
     refuse_overwriting(out, [recording])
     figure = Path(out).with_suffix(".png")
     if figure == Path(out):

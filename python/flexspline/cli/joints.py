@@ -114,7 +114,7 @@ def _all(reading: Reading, recording: str) -> list[str]:
     columns = arguments.pop("columns", None) or {}
     for key in ("repair", *splits(arguments)):
         arguments.pop(key, None)
-    if listed and goes_by_number(columns):
+    if listed and "preset" not in arguments and goes_by_number(columns):
         return listed
     return list(dict.fromkeys([*joints_of(recording, columns, **arguments), *listed]))
 

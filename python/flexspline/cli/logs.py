@@ -22,12 +22,14 @@ from flexspline.cli.options import (
     effects_by_target,
     is_table,
     known_load,
+    left_open,
     named_effects,
     out_file,
     reading,
     refuse_overwriting,
     repairs,
     target,
+    warn,
 )
 from flexspline.cli.speech import found, is_json, say, tell
 from flexspline.errors import listed, printable
@@ -190,9 +192,9 @@ def orders(
 def convert(foreign: str, out: str, rows_at_once: int | None, reading: Reading) -> None:
     """Turn a foreign file into a run: CSV, channel names, SI units.
 
-    FOREIGN is delimited text, .npy, .npz, .mat, HDF5, JSON, Parquet, Feather, MCAP or a bag of ROS,
-    packed or not. The map says which column is which channel, in which unit and with which sign.
-    Prints what the run holds. A RUN that ends in .parquet is written as such.
+    FOREIGN is delimited text, .npy, .npz, .mat, HDF5, JSON, Parquet, Feather, MCAP, a bag of ROS,
+    MDF 4 or TDMS, packed or not. The map says which column is which channel, in which unit and with
+    which sign. Prints what the run holds. A RUN that ends in .parquet is written as such.
 
     \b
     Example: a file map.toml with
@@ -205,12 +207,12 @@ def convert(foreign: str, out: str, rows_at_once: int | None, reading: Reading) 
     \b
     and then
       flexspline convert recording.txt --columns map.toml --out run1.csv
+      flexspline convert robot.csv --preset ur-rtde --joint 2 --out run1.csv
     """
     from flexspline.logs.read import convert as convert_log
     from flexspline.logs.read import convert_in_pieces
 
-    assert reading.columns is not None
-    refuse_overwriting(out, [foreign, reading.columns])
+    refuse_overwriting(out, [foreign, *([reading.columns] if reading.columns else [])])
     if rows_at_once is not None:
         made = convert_in_pieces(
             foreign, reading.columns, out, rows=rows_at_once, **reading.arguments
@@ -221,5 +223,6 @@ def convert(foreign: str, out: str, rows_at_once: int | None, reading: Reading) 
         return
     log = convert_log(foreign, reading.columns, out, **reading.arguments)
     tell("\n".join(log.history))
+    warn(left_open([log]))
     found({"run": log.name, "rows": len(log), "rate": log.rate, "channels": log.channels})
     say(f"{log}\n\nwrote {out}")

@@ -55,6 +55,7 @@ __all__ = [
     "fixed",
     "is_table",
     "known_load",
+    "left_open",
     "loaded",
     "lowpass",
     "model",
@@ -121,6 +122,12 @@ def _effect_names() -> Iterable[str]:
     from flexspline.effects import CATALOGUE
 
     return CATALOGUE
+
+
+def _preset_names() -> Iterable[str]:
+    from flexspline.logs.presets import preset_names
+
+    return preset_names()
 
 
 def _repair_names() -> Iterable[str]:
@@ -429,6 +436,16 @@ def _gaps(ctx: click.Context, param: click.Parameter, text: str | None) -> float
         ) from None
 
 
+def _require_map(given: Mapping[str, Any], needed: bool) -> None:
+    """Refuse a preset that is not there, and neither map nor preset where one is needed."""
+    if given["preset"] is not None:
+        from flexspline.logs.presets import preset_of
+
+        preset_of(given["preset"])
+    elif needed and given["columns"] is None:
+        raise click.UsageError("Missing option '--columns' or '--preset'.")
+
+
 def reading(
     columns_needed: bool = False, each_joint: Summary | None = None
 ) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
@@ -472,8 +489,16 @@ def reading(
             {
                 "metavar": "MAP.toml",
                 "type": FILE,
-                "required": columns_needed,
                 "help": "Column map of a foreign file: channel, column, unit, sign.",
+            },
+        ),
+        (
+            "--preset",
+            {
+                "metavar": "RECORDER",
+                "type": Listed(_preset_names),
+                "help": "A column map that comes with flexspline, over which --columns is laid: "
+                "flexspline init --list-presets.",
             },
         ),
         (
@@ -525,7 +550,9 @@ def reading(
         def packed(**given: Any) -> Any:
             own = {name: given.pop(name) for name in names}
             facts = {name: own[name] for name in names[:5] if own[name] is not None}
+            _require_map(own, columns_needed)
             rest = {name: own[name] for name in names[-6:] if own[name] is not None}
+            rest |= {"preset": own["preset"]} if own["preset"] is not None else {}
             how = Reading(facts, own["repair"], own["columns"], own["rate"], rest)
             asked = own["joint"]
             if asked is None:
@@ -553,8 +580,8 @@ class Reading:
     repair : repairs by name, in order.
     columns : path of a column map, or None.
     rate : Hz, of files without time stamps.
-    rest : how files are written where that is not found by looking, what cuts them into runs, and
-        what memory they may take.
+    rest : how files are written where that is not found by looking, what cuts them into runs, what
+        memory they may take, and the preset of their recorder.
     joint : of a robot, whose files have columns of several.
     """
 
@@ -609,6 +636,7 @@ class Reading:
                 bar.step()
         if splits(arguments):
             found({"cut": [{"run": log.name, "rows": len(log)} for log in logs]})
+        warn(left_open(logs))
         return logs
 
     def with_map(self) -> dict[str, Any]:
@@ -654,6 +682,15 @@ class Reading:
         cut = cut_runs(path, **arguments)
         (warn if cut.rows_left_out or len(cut.runs) == 1 else _aside)([cut.sentence])
         return list(cut.runs)
+
+
+def left_open(logs: Sequence[Log]) -> list[str]:
+    """What a preset leaves open of the logs, each sentence once."""
+    from flexspline.logs.presets import OPEN
+
+    said = {sentence: log for log in logs for sentence in log.history if sentence.startswith(OPEN)}
+    return [sentence for sentence, log in said.items()
+            if sentence.removeprefix(OPEN).partition(":")[0] not in log.facts]  # fmt: skip
 
 
 def _aside(sentences: Sequence[str]) -> None:

@@ -27,6 +27,7 @@ from flexspline.logs.arrow_files import read_feather, read_parquet
 from flexspline.logs.bag_files import read_bag, read_mcap, read_sqlite
 from flexspline.logs.frames import from_frame, is_frame
 from flexspline.logs.log import Fact, Source, parsed_fact
+from flexspline.logs.mdf_files import read_mdf
 from flexspline.logs.memory import memory_limit
 from flexspline.logs.numpy_files import read_numpy
 from flexspline.logs.packed import PACKED, unpacked
@@ -38,6 +39,7 @@ from flexspline.logs.table import (
     records_at,
     require_droppable,
 )
+from flexspline.logs.tdms_files import read_tdms
 
 __all__ = ["Dialect", "decoded", "no_source", "read_table", "unpacked_text"]
 
@@ -71,6 +73,8 @@ FOREIGN: Final = (
     Foreign(read_mcap, "mcap", (".mcap",), (b"\x89MCAP0\r\n",)),
     Foreign(read_bag, "ros", (".bag",), (b"#ROSBAG V2.0\n",)),
     Foreign(read_sqlite, "ros", (".db3",), (b"SQLite format 3\0",)),
+    Foreign(read_mdf, "mdf", (".mf4", ".mdf"), (b"MDF     ", b"UnFinMF ")),
+    Foreign(read_tdms, "tdms", (".tdms",), (b"TDSm",)),
 )
 BEGINNING: Final = 16  # bytes of a file that tell its format
 SEPARATORS: Final = (",", ";", "\t", "|", " ")

@@ -16,7 +16,14 @@ from typing import Any, Final
 from flexspline.errors import InputError, listed
 from flexspline.logs.columns import ColumnSource, ColumnSpec
 
-__all__ = ["columns_of_joint", "goes_by_number", "has_places", "joints_among", "placed_joint"]
+__all__ = [
+    "columns_of_joint",
+    "goes_by_number",
+    "has_places",
+    "joints_among",
+    "joints_in",
+    "placed_joint",
+]
 
 PLACE: Final = re.compile(r"\{joint(?:\s*([+-])\s*(\d+))?\}")
 
@@ -96,7 +103,7 @@ def joints_among(names: Sequence[str], columns: Columns | None, label: str) -> t
             f"{label}: which joints there are is not told, for the map {why}; name them, such as "
             "--joint 1,2,3, or give each a section [joints.1] in the map"
         )
-    found = [_joints_of(text, names) for text in named]
+    found = [joints_in(names, text) for text in named]
     every = tuple(joint for joint in found[0] if all(joint in others for others in found))
     if not every:
         raise InputError(
@@ -106,10 +113,11 @@ def joints_among(names: Sequence[str], columns: Columns | None, label: str) -> t
     return every
 
 
-def _joints_of(text: str, names: Sequence[str]) -> list[str]:
+def joints_in(names: Sequence[str], text: str) -> list[str]:
     """Names of joints that, in the place of a source, make the name of a column."""
     place = PLACE.search(text)
-    assert place is not None
+    if place is None:
+        return []
     pattern = re.escape(text[: place.start()]) + r"(\w+?)" + re.escape(text[place.end() :])
     found = [match[1] for name in names if (match := re.fullmatch(pattern, name))]
     if place[1] is None:

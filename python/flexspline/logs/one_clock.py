@@ -9,7 +9,7 @@ that wraps, a switch.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Any, Final
@@ -80,7 +80,7 @@ def on_one_clock(table: Table, chosen: Mapping[str, int]) -> Table:
     used = sorted({table.of_series[number] for number in chosen.values()} - {ANY_CLOCK})
     if not used:
         return table
-    seconds = _seconds(table.series)
+    seconds = _seconds(table.series, used)
     leading = table.of_series[chosen["time"]] if "time" in chosen else ANY_CLOCK
     if leading == ANY_CLOCK:
         leading = min(used, key=lambda number: _slowness(seconds[number]))
@@ -111,8 +111,14 @@ def on_one_clock(table: Table, chosen: Mapping[str, int]) -> Table:
     return replace(table, data=data, notes=notes, series=(), of_series=(), drop=0)
 
 
-def _seconds(series: tuple[Series, ...]) -> list[Array]:
-    """Return the stamps of each series in seconds; whole nanoseconds from the first of all."""
+def _seconds(series: tuple[Series, ...], used: Collection[int] | None = None) -> list[Array]:
+    """Return the stamps of each series in seconds; whole nanoseconds from the first of all.
+
+    Of series that are not `used`, those that are still in their file stay there: they are empty.
+    """
+    if used is not None and any(isinstance(each.stamps, Later) for each in series):
+        read = dict(zip(used, _seconds(tuple(series[k] for k in used)), strict=True))
+        return [read.get(number, np.zeros(0)) for number in range(len(series))]
     stamps = [each.stamps.now() if isinstance(each.stamps, Later) else each.stamps
               for each in series]  # fmt: skip
     whole = [each.dtype.kind in "iuM" for each in stamps]

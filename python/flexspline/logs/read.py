@@ -9,7 +9,7 @@ import inspect
 import math
 import os
 import sys
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal, TypeAlias, cast
@@ -25,6 +25,7 @@ from flexspline.logs.frames import is_frame
 from flexspline.logs.joints import columns_of_joint, has_places, joints_among
 from flexspline.logs.log import Fact, Log, Source, checked_facts
 from flexspline.logs.packed import PACKED
+from flexspline.logs.presets import Preset, preset_of
 from flexspline.logs.repairs import Repairs, move_earlier, repaired, repairs_of_both
 from flexspline.logs.splitting import Cut, Gaps, parts_of
 from flexspline.logs.table import Table
@@ -71,6 +72,7 @@ READ_KEYS: Final = (
     "skip_footer",
     "units_row",
     "max_memory",
+    "preset",
     *SPLIT,
 )
 
@@ -99,6 +101,7 @@ def read_log(
     max_memory: float | None = None,
     facts: Mapping[str, Fact] | None = None,
     joint: str | int | None = None,
+    preset: str | None = None,
 ) -> Log:
     """Read one run of one joint into a `Log`, in SI units.
 
@@ -109,7 +112,8 @@ def read_log(
         versions), HDF5, .json (records), .jsonl; with their extras also Parquet and Feather
         (``flexspline[parquet]``), of which only the columns that become channels are read, MCAP
         (``[mcap]``) and bags of ROS 1 and 2 (``[ros]``), whose columns are called by the path of
-        their field, ``wrench.force.x``, and by joint, ``position[elbow]``. Each also packed as
+        their field, ``wrench.force.x``, and by joint, ``position[elbow]``, MDF 4 (``[mdf]``) and
+        TDMS (``[tdms]``), by the name of a channel or ``group.name``. Each also packed as
         .gz, .bz2, .xz or .zip. A matrix (the longer side is time), a structured
         array, a dictionary, a table of pandas (units in ``attrs["units"]``), polars or xarray
         (units in the attributes of each variable). Where a source samples columns at instants of
@@ -136,7 +140,7 @@ def read_log(
         run of blanks and tabs.
     variable : str, optional
         The part of a .mat, .npz or .json file that holds the table, such as "run.data"; of a bag
-        a topic, of which alone the messages are then read.
+        a topic, of MDF and TDMS a group, which alone is then read.
     drop_rows : int
         Rows of data at the start that are not read: a transient.
     skip_lines, skip_footer : int
@@ -151,6 +155,11 @@ def read_log(
     joint : str or int, optional
         Which joint of a robot's file: its name takes the place of ``{joint}`` in the sources of
         `columns`, such as ``q_{joint}`` or ``q[:, {joint-1}]``, and is the fact `joint`.
+    preset : str, optional
+        The map of a recorder that comes with the package, such as "ur-rtde"; what `columns` says is
+        laid over it, an entry without a source over the preset's own: ``{"motor_current":
+        {"sign": -1}}``. What its sources leave open is not read until it is said, and named in the
+        history; see `flexspline.logs.presets`.
 
     Raises
     ------
@@ -163,7 +172,7 @@ def read_log(
         "header": header, "separator": separator, "decimal": decimal, "encoding": encoding,
         "variable": variable, "drop_rows": drop_rows, "skip_lines": skip_lines,
         "skip_footer": skip_footer, "units_row": units_row, "max_memory": max_memory,
-        "facts": facts, "joint": joint,
+        "facts": facts, "joint": joint, "preset": preset,
     }  # fmt: skip
     if isinstance(columns, (str, os.PathLike)):
         said = map_arguments(columns, joint)
@@ -306,24 +315,19 @@ def read_pieces(
     asked = inspect.signature(read_log).bind(source, columns, **how)
     asked.apply_defaults()
     given = {name: asked.arguments[name] for name in asked.arguments if name not in _NOT_HOW}
+    preset = None if given["preset"] is None else preset_of(given["preset"])
     table, origin = _table_of(source, given)
     if repair:
         raise InputError(
             f"{table.label}: repairs look at the whole run, which is read in pieces; leave repair "
             "out, of the column map too, or read the run at once"
         )
-    return _pieces(table, origin, columns, given, rows)
+    return _pieces(table, rows, lambda part: _log_of(part, origin, columns, preset, given))
 
 
-def _pieces(
-    table: Table,
-    origin: Source | None,
-    columns: Mapping[str, ColumnSpec] | None,
-    how: Mapping[str, Any],
-    rows: int,
-) -> Iterator[Log]:
+def _pieces(table: Table, rows: int, read_of: Callable[[Table], _Read]) -> Iterator[Log]:
     for number, part in enumerate(table.pieces(rows)):
-        read = _log_of(part, origin, columns, how)
+        read = read_of(part)
         if read.late:
             raise InputError(
                 f"{table.label}: the clock of {listed(read.late)} has an offset, which moves rows "
@@ -351,7 +355,7 @@ _NOT_HOW: Final = ("source", "columns", "repair")
 
 def joints_of(
     source: str | os.PathLike[str] | NDArray[Any] | Mapping[str, Any] | Any,
-    columns: Mapping[str, ColumnSpec] | str | os.PathLike[str],
+    columns: Mapping[str, ColumnSpec] | str | os.PathLike[str] | None = None,
     **how: Any,
 ) -> tuple[str, ...]:
     """Return the joints of a robot's file: those of which it has every column of the map.
@@ -361,7 +365,7 @@ def joints_of(
     source : as for `read_log`.
     columns : with places, such as ``{"output_position": "q_{joint}"}``, or path of such a map.
     **how
-        Of the arguments of `read_log`, those that say how the file is written.
+        Of the arguments of `read_log`, those that say how the file is written, and `preset`.
 
     Raises
     ------
@@ -381,7 +385,11 @@ def joints_of(
         columns, _, how = _beside_map(rest, (), {}, how)
     asked = inspect.signature(read_log).bind(source, columns, **how)
     asked.apply_defaults()
+    preset = asked.arguments["preset"]
+    made = None if preset is None else preset_of(preset)
     table, _ = _table_of(source, asked.arguments)
+    if made is not None:
+        return made.joints_of(columns, table)
     return joints_among(table.names or (), columns, table.label)
 
 
@@ -418,18 +426,21 @@ ARGUMENTS: Final = (
 
 def _read(source: Any, columns: Mapping[str, ColumnSpec] | None, how: Mapping[str, Any]) -> _Read:
     """Read a log; `how`: all other arguments of `read_log` but its repairs."""
+    preset = None if how["preset"] is None else preset_of(how["preset"])
     table, origin = _table_of(source, how)
-    return _log_of(table, origin, columns, how)
+    return _log_of(table, origin, columns, preset, how)
 
 
 def _log_of(
     table: Table,
     origin: Source | None,
     columns: Mapping[str, ColumnSpec] | None,
+    preset: Preset | None,
     how: Mapping[str, Any],
 ) -> _Read:
     """Return the log in a table, or in a piece of one."""
-    found = picked(table, _of_joint(columns, how["joint"], table.label))
+    chosen, by_preset = _chosen_columns(columns, preset, how["joint"], table)
+    found = picked(table, chosen)
     table = found.table
     channels, timing = _timed(table, found, how["rate"])
     arguments = {key: how[key] for key in ARGUMENTS}
@@ -438,8 +449,22 @@ def _log_of(
     rows = f"{table.rows} rows" if table.numbers is None else "in pieces"
     read = f"read {origin.path if origin else table.label}: {rows}"
     read += f" behind the first {how['drop_rows']}" if how["drop_rows"] else ""
-    notes = (": ".join([read, "; ".join(table.notes)]), *found.notes, *timing, *overruled)
+    left_open = tuple(preset.open_facts(known)) if preset else ()
+    notes = (": ".join([read, "; ".join(table.notes)]), *by_preset, *found.notes, *timing)
+    notes += (*overruled, *left_open)
     return _Read(Log(channels, known, notes, origin), table, found.late)
+
+
+def _chosen_columns(
+    columns: Mapping[str, ColumnSpec] | None,
+    preset: Preset | None,
+    joint: str | int | None,
+    table: Table,
+) -> tuple[Mapping[str, ColumnSpec] | None, tuple[str, ...]]:
+    """Return the map of a table, and what is said of it where it comes from a preset."""
+    if preset is None:
+        return _of_joint(columns, joint, table.label), ()
+    return preset.joined(columns, None if joint is None else str(joint), table)
 
 
 def _of_joint(
@@ -542,7 +567,7 @@ else:
 
 def convert(
     foreign: str | os.PathLike[str],
-    columns: str | os.PathLike[str],
+    columns: str | os.PathLike[str] | None,
     out: str | os.PathLike[str],
     **overruling: Any,
 ) -> Log:
@@ -569,17 +594,19 @@ def convert(
     Parameters
     ----------
     foreign, columns, out : path
-        The file to read, the map, the file to write (whole or not at all): CSV, or Parquet where
-        its name ends so.
+        The file to read, the map (None where a preset is all of it), the file to write (whole or
+        not at all): CSV, or Parquet where its name ends so.
     **overruling
-        Arguments of `read_log` that overrule the map, such as `gear_ratio`.
+        Arguments of `read_log` that overrule the map, such as `gear_ratio`; `preset`.
 
     Raises
     ------
     InputError
         Where map or file are wrong, or the file is to be cut into runs; `out` is then untouched.
     """
-    arguments = {**map_arguments(columns, overruling.get("joint")), **overruling}
+    mapped = {} if columns is None else map_arguments(columns, overruling.get("joint"))
+    both = repairs_of_both(mapped.get("repair", ()), overruling.get("repair", ()))
+    arguments = {**mapped, **overruling, "repair": both}
     refuse_split(arguments, f"{foreign}: convert writes one run")
     log = read_log(foreign, **arguments)
     write_log(log, out)
@@ -597,7 +624,7 @@ class Converted:
 
 def convert_in_pieces(
     foreign: str | os.PathLike[str],
-    columns: str | os.PathLike[str],
+    columns: str | os.PathLike[str] | None,
     out: str | os.PathLike[str],
     *,
     rows: int = PIECE,

@@ -153,7 +153,8 @@ class Table:
     their own, `series` are these, `of_series` is the number of each column's, and `drop` how many
     rows are left out once all are on one clock. `numbers` are those of the rows in the whole table
     (the first is 0), where this is a part of one; `most` the bytes that columns which stay in their
-    file may take together once they are read.
+    file may take together once they are read. `unreadable` are names that the file has beside
+    these, each with why it cannot be read and what to do.
     """
 
     label: str
@@ -168,6 +169,7 @@ class Table:
     drop: int = 0
     numbers: NDArray[np.intp] | None = None
     most: float = math.inf
+    unreadable: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def rows(self) -> int:
@@ -266,6 +268,10 @@ class Table:
                 f"give a number from 0 to {width - 1}"
             )
         found = [number for number, name in enumerate(self.names) if name == source]
+        if not found and source in self.unreadable:
+            raise InputError(
+                f"{self.label}: column '{source}' cannot be read: {self.unreadable[source]}"
+            )
         if not found:
             near = did_you_mean(source, self.names)
             raise InputError(
