@@ -6,6 +6,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -25,7 +27,10 @@ from flexspline.cli.options import (
     target,
     warn,
 )
-from flexspline.cli.speech import found, say
+from flexspline.cli.speech import found, is_json, say
+
+if TYPE_CHECKING:
+    from flexspline.exporting.plain_joint import PlainJoint
 
 __all__ = [
     "certify",
@@ -45,7 +50,8 @@ def _devices() -> Iterable[str]:
     return DEVICES
 
 
-@click.command()
+@click.command(cls=Taught, sections=(repairs,))
+@click.argument("runs", nargs=-1, metavar="[RUN.csv...]", type=FILE)
 @model
 @model_joint
 @click.option(
@@ -67,7 +73,9 @@ def _devices() -> Iterable[str]:
 @out_file("FILE")
 @target(required=False)
 @strict
+@reading()
 def export(
+    runs: tuple[str, ...],
     model_path: str,
     model_joint: str | None,
     form: str,
@@ -75,6 +83,7 @@ def export(
     out: str,
     target: str | None,
     strict: bool,
+    reading: Reading,
 ) -> None:
     """Export a model for the controller or a simulator.
 
@@ -84,7 +93,9 @@ def export(
 
     A MuJoCo joint has armature, damping and frictionloss of the model, that of a URDF damping,
     friction and limits, in SI units at the output of the gear. A comment above it lists the effects
-    that it leaves out, each with its largest torque over the ranges of the fit.
+    that it leaves out, each with its largest torque over the ranges of the fit. Where runs are
+    given, it has the root mean square of each there too, and the errors of model and joint, and the
+    command prints them.
 
     Standard error says what speaks against using the model: inertia or friction of a drive that is
     negative, terms that are not significant, parameters at a bound.
@@ -93,23 +104,41 @@ def export(
     Examples:
       flexspline export --model joint/model.json --format header --out joint.hpp
       flexspline export --model joint/model.json --format mujoco --out joint.xml
+      flexspline export --model joint/model.json --format mujoco --out joint.xml run1.csv run2.csv
     """
-    refuse_overwriting(out, [model_path])
-    joint = loaded(model_path, target, model_joint)
+    refuse_overwriting(out, [*runs, model_path])
+    joint = loaded(model_path, target, model_joint or reading.joint)
 
+    from flexspline.exporting import JOINTS, export_warnings, joint_of
     from flexspline.exporting import export as export_model
-    from flexspline.exporting import export_warnings
 
-    export_model(joint, out, format=form, target=target, scalar=scalar, strict=strict)
+    logs = reading.logs(runs, joint.facts) if runs else ()
+    export_model(joint, out, format=form, target=target, scalar=scalar, strict=strict, runs=logs)
     warnings = export_warnings(joint, target)
     found({"format": form, "warnings": warnings})
     warn(warnings)
+    if form in JOINTS and (runs or is_json()):
+        _tell_losses(joint_of(joint, form, target, logs))
     alone = [
         f"; for {part.target} it is the correction alone: add what the simulation says"
         for part in joint.parts.values()
         if part.simulated is not None and target in (None, part.target)
     ]
     say(f"wrote {out}{''.join(alone)}")
+
+
+def _tell_losses(joint: PlainJoint) -> None:
+    """Print what a joint costs on runs, and say what it leaves out to who asked for JSON."""
+    losses: list[dict[str, Any]] = [
+        {"effect": loss.effect, "largest": loss.torque, "rms": loss.rms, "why": loss.why}
+        for loss in joint.lost
+    ]
+    found({"kept": joint.kept, "lost": losses})
+    if joint.on_runs is not None:
+        from flexspline.exporting.plain_joint import losses_text, runs_text
+
+        found({"on_runs": asdict(joint.on_runs)})
+        say("\n".join([*losses_text(joint), "", *runs_text(joint.on_runs, joint.target), ""]))
 
 
 @click.command(cls=Taught, sections=(repairs,))

@@ -4,21 +4,22 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
 from flexspline.errors import FlexsplineWarning, InputError, did_you_mean
+from flexspline.exporting import mjcf, urdf
 from flexspline.exporting.block import block_bytes
 from flexspline.exporting.cpp_text import namespace_name
 from flexspline.exporting.header import header_text, own_headers
-from flexspline.exporting.mjcf import mjcf_text
-from flexspline.exporting.urdf import urdf_text
+from flexspline.exporting.plain_joint import PlainJoint, plain_joint
 from flexspline.files import atomic_write
+from flexspline.logs.read import LogLike, as_logs
 from flexspline.model import PART_OF, Model, part_warnings, refuse_warnings
 from flexspline.own.header import Header
 
-__all__ = ["FORMATS", "export", "export_warnings", "namespace_of"]
+__all__ = ["FORMATS", "JOINTS", "export", "export_warnings", "joint_of", "namespace_of"]
 
 
 def _header(model: Model, path: Path, target: str | None, scalar: str) -> None:
@@ -65,22 +66,17 @@ def _json(model: Model, path: Path, target: str | None, scalar: str) -> None:
     model.save(path)
 
 
-def _mujoco(model: Model, path: Path, target: str | None, scalar: str) -> None:
-    atomic_write(path, mjcf_text(model, target))
+JOINTS = {"mujoco": (mjcf.NUMBERS, mjcf.mjcf_text), "urdf": (urdf.NUMBERS, urdf.urdf_text)}
+"""Formats that know a joint by a few numbers: which, and the text that they make."""
 
-
-def _urdf(model: Model, path: Path, target: str | None, scalar: str) -> None:
-    atomic_write(path, urdf_text(model, target))
-
-
-FORMATS: Mapping[str, Callable[[Model, Path, str | None, str], None]] = {
+WRITERS: Mapping[str, Callable[[Model, Path, str | None, str], None]] = {
     "header": _header,
     "binary": _binary,
     "json": _json,
-    "mujoco": _mujoco,
-    "urdf": _urdf,
 }
-"""What writes each format, whole or not at all."""
+"""What writes each format of a program, whole or not at all."""
+
+FORMATS = (*WRITERS, *JOINTS)
 
 
 def export(
@@ -90,6 +86,7 @@ def export(
     target: str | None = None,
     scalar: str = "float",
     strict: bool = False,
+    runs: LogLike | Iterable[LogLike] = (),
 ) -> Path:
     """Write a model for use outside Python, whole or not at all.
 
@@ -104,6 +101,8 @@ def export(
     target : which part, such as "sensor_torque"; None picks the only one, and keeps all in JSON.
     scalar : "float" or "double", the numbers of a binary block.
     strict : refuse what is otherwise warned of.
+    runs : of a simulator's joint, runs on which the table tells what is lost too: the root mean
+        square of each effect, and the errors of the model and of the joint.
 
     Returns
     -------
@@ -113,8 +112,9 @@ def export(
     ------
     InputError
         For an unknown format, scalar or target, a number that the core cannot hold, a target that
-        is no torque where a simulator's joint needs one, or a path that cannot be written; with
-        `strict` for what is otherwise warned of.
+        is no torque where a simulator's joint needs one, runs that lack what the model reads or of
+        which the format says nothing, or a path that cannot be written; with `strict` for what is
+        otherwise warned of.
 
     Warns
     -----
@@ -129,8 +129,39 @@ def export(
         refuse_warnings(said)
     for sentence in said:
         warnings.warn(sentence, FlexsplineWarning, stacklevel=2)
-    FORMATS[format](model, Path(path), target, scalar)
+    if format in JOINTS:
+        _, text = JOINTS[format]
+        atomic_write(path, text(joint_of(model, format, target, runs)))
+        return Path(path)
+    if as_logs(runs):
+        raise InputError(
+            f"runs say what a simulator's joint leaves out, and {format} leaves out nothing; leave "
+            f"them out, or give {' or '.join(JOINTS)}"
+        )
+    WRITERS[format](model, Path(path), target, scalar)
     return Path(path)
+
+
+def joint_of(
+    model: Model,
+    format: str,
+    target: str | None = None,
+    runs: LogLike | Iterable[LogLike] = (),
+) -> PlainJoint:
+    """Return the numbers of a simulator's joint and what they leave out, as `export` writes them.
+
+    Parameters
+    ----------
+    format : one of `JOINTS`.
+    target, runs : as for `export`.
+
+    Raises
+    ------
+    InputError
+        As `export` does.
+    """
+    numbers, _ = JOINTS[format]
+    return plain_joint(model, target, numbers, runs)
 
 
 def export_warnings(model: Model, target: str | None) -> list[str]:
