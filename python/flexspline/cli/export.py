@@ -60,8 +60,9 @@ def _devices() -> Iterable[str]:
     type=LateChoice(_formats),
     required=True,
     help="header: constants that a C++ program compiles with the core's headers; binary: "
-    "parameters that replace those of such a program while it runs; json: the model file; mujoco, "
-    "urdf: a joint of an MJCF file or a URDF.",
+    "parameters that replace those of such a program while it runs; json: the model file; fmu: a "
+    "unit of FMI 3.0 with sources and a binary for this machine; mujoco, urdf: a joint of an MJCF "
+    "file or a URDF.",
 )
 @click.option(
     "--scalar",
@@ -90,6 +91,10 @@ def export(
     The header holds plain constants and compiles with flexspline's headers (C++20, no heap, no
     exceptions); it predicts the same numbers as flexspline predict. The binary block is checked by
     its length, version, CRC-32 and structure before a program takes it, whole or not at all.
+
+    An FMU is a co-simulation unit: inputs are the channels that the model reads, outputs the torque
+    that it says, that of each effect, and a status; each instance keeps what its effects remember.
+    It is compiled by $CXX, or c++.
 
     A MuJoCo joint has armature, damping and frictionloss of the model, that of a URDF damping,
     friction and limits, in SI units at the output of the gear. A comment above it lists the effects

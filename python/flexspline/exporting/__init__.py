@@ -12,6 +12,7 @@ from flexspline.errors import FlexsplineWarning, InputError, did_you_mean
 from flexspline.exporting import mjcf, urdf
 from flexspline.exporting.block import block_bytes
 from flexspline.exporting.cpp_text import namespace_name
+from flexspline.exporting.fmu import fmu_bytes
 from flexspline.exporting.header import header_text, own_headers
 from flexspline.exporting.plain_joint import PlainJoint, plain_joint
 from flexspline.files import atomic_write
@@ -69,10 +70,16 @@ def _json(model: Model, path: Path, target: str | None, scalar: str) -> None:
 JOINTS = {"mujoco": (mjcf.NUMBERS, mjcf.mjcf_text), "urdf": (urdf.NUMBERS, urdf.urdf_text)}
 """Formats that know a joint by a few numbers: which, and the text that they make."""
 
+
+def _fmu(model: Model, path: Path, target: str | None, scalar: str) -> None:
+    atomic_write(path, fmu_bytes(model, namespace_of(path), target))
+
+
 WRITERS: Mapping[str, Callable[[Model, Path, str | None, str], None]] = {
     "header": _header,
     "binary": _binary,
     "json": _json,
+    "fmu": _fmu,
 }
 """What writes each format of a program, whole or not at all."""
 
@@ -96,8 +103,9 @@ def export(
     path : file to write; its stem is the header's namespace.
     format : "header", constants for a C++20 program in float or double; "binary", the parameters
         alone, which replace those of a program compiled with such a header (flexspline/block.hpp);
-        "json", the same file as `Model.save` writes; or "mujoco" or "urdf", a file with a joint for
-        a simulator and a table of what that leaves out.
+        "json", the same file as `Model.save` writes; "fmu", a co-simulation unit of FMI 3.0,
+        compiled for this machine; or "mujoco" or "urdf", a file with a joint for a simulator and a
+        table of what that leaves out.
     target : which part, such as "sensor_torque"; None picks the only one, and keeps all in JSON.
     scalar : "float" or "double", the numbers of a binary block.
     strict : refuse what is otherwise warned of.
@@ -112,9 +120,9 @@ def export(
     ------
     InputError
         For an unknown format, scalar or target, a number that the core cannot hold, a target that
-        is no torque where a simulator's joint needs one, runs that lack what the model reads or of
-        which the format says nothing, or a path that cannot be written; with `strict` for what is
-        otherwise warned of.
+        is no torque where a simulator's joint needs one, a compiler that is missing or refuses,
+        runs that lack what the model reads or of which the format says nothing, or a path that
+        cannot be written; with `strict` for what is otherwise warned of.
 
     Warns
     -----
