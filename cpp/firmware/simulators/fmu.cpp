@@ -18,7 +18,7 @@
 
 namespace {
 
-using Model = joint::Model<double>;
+using Model = exported::Model<double>;
 using Stepper = simulators::Stepper<Model>;
 using flexspline::Channel;
 using flexspline::Status;
@@ -29,7 +29,7 @@ static_assert(inputs + Stepper::channels <= torque);
 enum class Mode { instantiated, initialization, step, terminated };
 
 struct Instance {
-  Stepper stepper{joint::model<double>};
+  Stepper stepper{exported::model<double>};
   double time = 0;
   Mode mode = Mode::instantiated;
   bool logging = false;
@@ -72,10 +72,11 @@ double* input(Instance& in, fmi3ValueReference reference) noexcept {
 
 /// Whether the token is that of modelDescription.xml: "target:SHA-256 of the model".
 bool is_token(fmi3String token) noexcept {
-  constexpr std::size_t head = joint::target.size();
-  if (token == nullptr || std::strlen(token) != head + 1 + joint::model_sha256.size()) return false;
-  return std::strncmp(token, joint::target.data(), head) == 0 && token[head] == ':' &&
-         joint::model_sha256 == token + head + 1;
+  constexpr std::size_t head = exported::target.size();
+  if (token == nullptr || std::strlen(token) != head + 1 + exported::model_sha256.size())
+    return false;
+  return std::strncmp(token, exported::target.data(), head) == 0 && token[head] == ':' &&
+         exported::model_sha256 == token + head + 1;
 }
 
 }  // namespace
@@ -155,7 +156,7 @@ FMI3_Export fmi3Status FMI3_NAME(fmi3Terminate)(fmi3Instance instance) {
 
 FMI3_Export fmi3Status FMI3_NAME(fmi3Reset)(fmi3Instance instance) {
   Instance& in = of(instance);
-  in.stepper = Stepper{joint::model<double>};
+  in.stepper = Stepper{exported::model<double>};
   in.time = 0;
   in.mode = Mode::instantiated;
   return fmi3OK;

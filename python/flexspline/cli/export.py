@@ -61,8 +61,8 @@ def _devices() -> Iterable[str]:
     required=True,
     help="header: constants that a C++ program compiles with the core's headers; binary: "
     "parameters that replace those of such a program while it runs; json: the model file; fmu: a "
-    "unit of FMI 3.0 with sources and a binary for this machine; mujoco, urdf: a joint of an MJCF "
-    "file or a URDF.",
+    "unit of FMI 3.0 with sources and a binary for this machine; simulink: the C++ source of an "
+    "S-function; mujoco, urdf: a joint of an MJCF file or a URDF.",
 )
 @click.option(
     "--scalar",
@@ -94,7 +94,8 @@ def export(
 
     An FMU is a co-simulation unit: inputs are the channels that the model reads, outputs the torque
     that it says, that of each effect, and a status; each instance keeps what its effects remember.
-    It is compiled by $CXX, or c++.
+    It is compiled by $CXX, or c++. An S-function has the same ports, and in it the line of mex that
+    builds it; it is compiled and run with a stub of Simulink's header alone, never in Simulink.
 
     A MuJoCo joint has armature, damping and frictionloss of the model, that of a URDF damping,
     friction and limits, in SI units at the output of the gear. A comment above it lists the effects
@@ -108,6 +109,7 @@ def export(
     \b
     Examples:
       flexspline export --model joint/model.json --format header --out joint.hpp
+      flexspline export --model joint/model.json --format fmu --out joint.fmu
       flexspline export --model joint/model.json --format mujoco --out joint.xml
       flexspline export --model joint/model.json --format mujoco --out joint.xml run1.csv run2.csv
     """

@@ -15,6 +15,7 @@ from flexspline.exporting.cpp_text import namespace_name
 from flexspline.exporting.fmu import fmu_bytes
 from flexspline.exporting.header import header_text, own_headers
 from flexspline.exporting.plain_joint import PlainJoint, plain_joint
+from flexspline.exporting.simulink import sfunction_text
 from flexspline.files import atomic_write
 from flexspline.logs.read import LogLike, as_logs
 from flexspline.model import PART_OF, Model, part_warnings, refuse_warnings
@@ -24,8 +25,17 @@ __all__ = ["FORMATS", "JOINTS", "export", "export_warnings", "joint_of", "namesp
 
 
 def _header(model: Model, path: Path, target: str | None, scalar: str) -> None:
-    text, beside = header_text(model, namespace_of(path), target), own_headers(model, target)
-    missing = [own for own in beside if not _is_there(own, path)]
+    _write_with_own(model, path, target, header_text(model, namespace_of(path), target))
+
+
+def _simulink(model: Model, path: Path, target: str | None, scalar: str) -> None:
+    part = model.part(target).target
+    _write_with_own(model, path, part, sfunction_text(model, path, part))
+
+
+def _write_with_own(model: Model, path: Path, target: str | None, text: str) -> None:
+    """Write a source, and beside it the headers of own effects that it includes."""
+    missing = [own for own in own_headers(model, target) if not _is_there(own, path)]
     for own in missing:
         atomic_write(path.with_name(own.name), own.text)
     atomic_write(path, text)
@@ -80,6 +90,7 @@ WRITERS: Mapping[str, Callable[[Model, Path, str | None, str], None]] = {
     "binary": _binary,
     "json": _json,
     "fmu": _fmu,
+    "simulink": _simulink,
 }
 """What writes each format of a program, whole or not at all."""
 
@@ -104,8 +115,9 @@ def export(
     format : "header", constants for a C++20 program in float or double; "binary", the parameters
         alone, which replace those of a program compiled with such a header (flexspline/block.hpp);
         "json", the same file as `Model.save` writes; "fmu", a co-simulation unit of FMI 3.0,
-        compiled for this machine; or "mujoco" or "urdf", a file with a joint for a simulator and a
-        table of what that leaves out.
+        compiled for this machine; "simulink", the C++ source of an S-function, which no Simulink
+        has run; or "mujoco" or "urdf", a file with a joint for a simulator and a table of what that
+        leaves out.
     target : which part, such as "sensor_torque"; None picks the only one, and keeps all in JSON.
     scalar : "float" or "double", the numbers of a binary block.
     strict : refuse what is otherwise warned of.

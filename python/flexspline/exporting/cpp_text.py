@@ -17,6 +17,7 @@ from typing import Any
 from flexspline.errors import InputError, shortened
 
 __all__ = [
+    "IN_ASCII",
     "OF_THE_C_LIBRARY",
     "WORDS",
     "comment",

@@ -18,7 +18,7 @@ from pathlib import Path, PurePosixPath
 
 from flexspline.about import __version__
 from flexspline.errors import InputError
-from flexspline.exporting.cpp_text import in_ascii
+from flexspline.exporting.cpp_text import IN_ASCII, in_ascii
 from flexspline.exporting.header import (
     MEANING,
     channels_read,
@@ -33,8 +33,16 @@ from flexspline.logs.channels import CHANNELS
 from flexspline.model import Model, Part
 from flexspline.programs import STRICT, call, firmware_folder, host_compiler, include_folder
 
-__all__ = ["fmu_bytes", "input_names"]
+__all__ = [
+    "MODEL_HEADER",
+    "NAMESPACE",
+    "STATUSES",
+    "fmu_bytes",
+    "input_names",
+    "model_header",
+]
 
+NAMESPACE = "exported"  # as fmu.cpp and sfunction.cpp call that of the model
 MODEL_HEADER = "flexspline-model.hpp"  # as fmu.cpp includes it; no effect has a hyphen in its name
 SOURCES = ("fmu.cpp", "fmi3.hpp", "stepper.hpp")
 FOLDER = PurePosixPath("fmu")  # of these; headers of effects, of any name, are not beside them
@@ -47,9 +55,8 @@ NUMBERED = (
     "load",
     "motor_torque",
 )
-"""Channels as the core numbers them (`flexspline::Channel`)."""
+"""Channels as the core numbers them (`flexspline::Channel`); time and period are no inputs."""
 TORQUE, STATUS, PARTS = 64, 65, 128  # value references, as in fmu.cpp
-CLOCKED = ("period", "time")  # the simulator's own
 STATUSES = {
     "ok": "outputs are those of the inputs",
     "not_finite": "an input is not finite; outputs keep their last good values",
@@ -99,18 +106,31 @@ def fmu_bytes(model: Model, identifier: str, target: str | None = None) -> bytes
 
 
 def input_names(part: Part) -> dict[str, str]:
-    """Return the channels of the core that are inputs of a part, and what they are called."""
-    names = (name for name in channels_read(part) if name not in CLOCKED)
+    """Return the channels of the core that are inputs of a part, and what they are called.
+
+    They are in the core's order.
+    """
+    names = (name for name in NUMBERED if name in channels_read(part))
     return {name: "known_load" if name == "load" else name for name in names}
+
+
+def model_header(model: Model, part: Part, identifier: str) -> str:
+    """Return the exported header of a part in ASCII, as `MODEL_HEADER` is to be.
+
+    Its namespace is its own, for a program may hold several models.
+    """
+    own = f"{identifier}_model"
+    text = header_text(model, own, part.target, chain=False)
+    text = text.translate(IN_ASCII)  # signs stand in comments alone
+    return f"{text}\nnamespace {NAMESPACE} = {own};\n"
 
 
 def _sources(model: Model, part: Part, identifier: str) -> dict[str, bytes]:
     """What is compiled, by its path."""
     core, mine = include_folder(), firmware_folder() / "simulators"
-    header = header_text(model, "joint", part.target, chain=False)
     return {
         "buildDescription.xml": _build_description(identifier).encode(),
-        MODEL_HEADER: header.encode(),
+        MODEL_HEADER: model_header(model, part, identifier).encode(),
         **{str(FOLDER / name): (mine / name).read_bytes() for name in SOURCES},
         **{own.name: own.text for own in own_headers(model, part.target)},
         **{
