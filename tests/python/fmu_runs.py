@@ -54,7 +54,7 @@ def model_of(
 ) -> Model:
     """A model with coefficients that are all different; of a joint with a motor encoder."""
     terms = sum(len(one.terms) for one in effects)
-    numbers = np.linspace(0.02, 0.4, terms) * np.where(np.arange(terms) % 3 == 2, -1.0, 1.0)
+    numbers = np.linspace(0.4, 0.02, terms)
     channels = [*run_of().channels] if encoder else ["time", "output_position"]
     made = {"channels": channels, **record}
     return Model({PART_OF[target]: Part(target, tuple(effects), numbers, LOAD, made)}, FACTS)
