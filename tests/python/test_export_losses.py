@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from flexspline.effects import effect
 from flexspline.exporting import export, joint_of
 from flexspline.logs.log import Log
 from flexspline.model import Model, Part
+from flexspline.simulator import Simulated
 
 LOSSY = ("viscous_friction", "coulomb_friction_per_direction", "stribeck_friction", "gravity")
 LOSSY_NUMBERS = [0.3, 0.5, -0.3, 0.2, 1.5, -0.4]
@@ -190,3 +192,33 @@ def test_an_own_effect_of_a_file_is_refused_in_one_sentence(tmp_path: Path) -> N
                     tmp_path / "joint.xml")  # fmt: skip
         assert done.exit_code == 2 and "hump" in done.stderr and done.stderr.count("\n") == 1
     assert not (tmp_path / "joint.xml").exists()
+
+
+def test_a_correction_asks_for_what_it_corrects_and_costs_the_same(tmp_path: Path) -> None:
+    """Of a torque that a simulation explains in part: the rest is the model's."""
+    log = run_of(1)
+    (own,) = model_of(("viscous_friction",), [0.7]).components(log).values()
+    whole = log.with_columns({"motor_torque": log["motor_torque"] + own / 50.0}, note="made")
+    whole.to_frame().assign(mujoco=own).to_csv(tmp_path / "run.csv", index=False)
+    log.to_frame()[["time"]].assign(mujoco=own).to_csv(tmp_path / "says.csv", index=False)
+    plain = model_of(LOSSY, LOSSY_NUMBERS, gear_ratio=50.0)
+    expected = joint_of(plain, "mujoco", runs=log).on_runs
+    given = ("--format", "mujoco", "--out", tmp_path / "j.xml", tmp_path / "run.csv", "--json")
+    for own_files, more in (
+        (False, ("--simulated-torque", "mujoco")),
+        (True, ("--simulation", tmp_path / "says.csv", "--simulated-torque", "mujoco")),
+    ):
+        corrects = Simulated("mujoco", own_files, False)
+        part = replace(plain.part(), simulated=corrects)
+        Model({"drive": part}, plain.facts).save(tmp_path / "model.json")
+        command = ("export", "--model", tmp_path / "model.json", *given)
+        asked = call(*command)
+        assert asked.exit_code == 2 and "--simulated-torque mujoco" in asked.stderr
+        assert not (tmp_path / "j.xml").exists()
+        done = call(*command, *more)
+        assert done.exit_code == 0, done.stderr
+        cost = json.loads(done.stdout)["on_runs"]
+        assert expected is not None
+        for name in ("model", "joint", "placed", "lost"):
+            assert cost[name] == pytest.approx(getattr(expected, name), rel=1e-6)
+        (tmp_path / "j.xml").unlink()

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
@@ -23,14 +23,19 @@ from flexspline.cli.options import (
     reading,
     refuse_overwriting,
     repairs,
+    simulation,
+    simulations,
     strict,
     target,
     warn,
 )
+from flexspline.cli.predict import require_simulations
 from flexspline.cli.speech import found, is_json, say
 
 if TYPE_CHECKING:
     from flexspline.exporting.plain_joint import PlainJoint
+    from flexspline.logs.log import Log
+    from flexspline.model import Model
 
 __all__ = [
     "certify",
@@ -73,10 +78,13 @@ def _devices() -> Iterable[str]:
 )
 @out_file("FILE")
 @target(required=False)
+@simulation
 @strict
 @reading()
 def export(
     runs: tuple[str, ...],
+    simulation: tuple[str, ...],
+    simulated_torque: str | None,
     model_path: str,
     model_joint: str | None,
     form: str,
@@ -113,13 +121,17 @@ def export(
       flexspline export --model joint/model.json --format mujoco --out joint.xml
       flexspline export --model joint/model.json --format mujoco --out joint.xml run1.csv run2.csv
     """
-    refuse_overwriting(out, [*runs, model_path])
+    refuse_overwriting(out, [*runs, *simulation, model_path])
     joint = loaded(model_path, target, model_joint or reading.joint)
 
     from flexspline.exporting import JOINTS, export_warnings, joint_of
     from flexspline.exporting import export as export_model
 
-    logs = reading.logs(runs, joint.facts) if runs else ()
+    logs: Sequence[Log] = ()
+    if runs or simulation:
+        part = joint.part(target)
+        require_simulations(model_path, part, runs, simulation, simulated_torque)
+        logs = _runs(reading, runs, joint, part.target, simulation, simulated_torque)
     export_model(joint, out, format=form, target=target, scalar=scalar, strict=strict, runs=logs)
     warnings = export_warnings(joint, target)
     found({"format": form, "warnings": warnings})
@@ -132,6 +144,25 @@ def export(
         if part.simulated is not None and target in (None, part.target)
     ]
     say(f"wrote {out}{''.join(alone)}")
+
+
+def _runs(
+    reading: Reading,
+    runs: Sequence[str],
+    joint: Model,
+    target: str,
+    files: Sequence[str],
+    column: str | None,
+) -> list[Log]:
+    """Read runs, and what a simulation says of them where a model corrects one."""
+    logs = reading.logs(runs, joint.facts, None if files else column)
+    says = simulations(files, column)
+    if says is None:
+        return logs
+    from flexspline.simulator import paired, with_simulation
+
+    pairs = zip(logs, paired(logs, says), strict=True)
+    return [with_simulation(log, target, one, column)[0] for log, one in pairs]
 
 
 def _tell_losses(joint: PlainJoint) -> None:

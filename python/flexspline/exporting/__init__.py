@@ -122,7 +122,8 @@ def export(
     scalar : "float" or "double", the numbers of a binary block.
     strict : refuse what is otherwise warned of.
     runs : of a simulator's joint, runs on which the table tells what is lost too: the root mean
-        square of each effect, and the errors of the model and of the joint.
+        square of each effect, and the errors of the model and of the joint. Of a part that corrects
+        a simulation they hold the channel simulated_torque.
 
     Returns
     -------
