@@ -194,6 +194,10 @@ def test_an_own_effect_goes_beside_it(tmp_path: Path) -> None:
     assert (tmp_path / "hump.hpp").read_text() == HEADER
     made = driven(source, compiled(source), log)
     np.testing.assert_allclose(made[:, 0], model.predict(log).predicted, rtol=1e-6, atol=1e-9)
+    (tmp_path / "new" / "folder.cpp").mkdir(parents=True)
+    with pytest.raises(InputError, match="is a folder; give the name of a file"):
+        export(model, tmp_path / "new" / "folder.cpp", format="simulink")
+    assert [each.name for each in (tmp_path / "new").iterdir()] == ["folder.cpp"]
     (tmp_path / "hump.hpp").write_text("mine")
     source.unlink()
     with pytest.raises(InputError, match=r"is not what .* was when it was compiled"):

@@ -35,6 +35,8 @@ def _simulink(model: Model, path: Path, target: str | None, scalar: str) -> None
 
 def _write_with_own(model: Model, path: Path, target: str | None, text: str) -> None:
     """Write a source, and beside it the headers of own effects that it includes."""
+    if path.is_dir():
+        raise InputError(f"{path}: is a folder; give the name of a file")
     missing = [own for own in own_headers(model, target) if not _is_there(own, path)]
     for own in missing:
         atomic_write(path.with_name(own.name), own.text)
