@@ -21,7 +21,15 @@ SUFFIXES = (".xml", ".urdf", ".mjcf")
 LARGEST = 16 * 2**20  # bytes; whole robots have some 100 kB, their meshes are files of their own
 DEEPEST = 200  # elements in each other
 MAIN = "main"  # the class of all that name none
-OF_MJCF = {"armature": "armature", "damping": "damping", "friction": "frictionloss"}
+SPRING, REST = "stiffness", "springref"
+OF_MJCF = {
+    "armature": "armature",
+    "damping": "damping",
+    "friction": "frictionloss",
+    SPRING: SPRING,
+    REST: REST,
+}
+MOST = {"damping": 3, SPRING: 3}  # numbers: of 1, |x| and x^2 beside what they multiply
 INSIDE = ("body", "frame", "replicate")
 ROTARY = ("hinge", "revolute", "continuous")
 WANTED = "give an MJCF file or a URDF"
@@ -31,13 +39,15 @@ WANTED = "give an MJCF file or a URDF"
 class JointNumbers:
     """A joint's numbers, in SI units at its output.
 
-    `damping`: one number to three, τ = v (d₀ + d₁ |v| + d₂ v²).
+    `damping`: one number to three, τ = v (d₀ + d₁ |v| + d₂ v²). `left_out`: a sentence for each
+    number of the file that is no number of a joint here.
     """
 
     name: str
     armature: float
     damping: tuple[float, ...]
     friction: float
+    left_out: tuple[str, ...] = ()
 
 
 def is_joint_file(path: str | os.PathLike[str]) -> bool:
@@ -180,12 +190,7 @@ def _of_body(
                     "which no default has; correct the file"
                 )
             said = {**classes[name], **child.attributes}
-            called = (
-                ("armature", "armature"),
-                ("damping", "damping"),
-                ("friction", "frictionloss"),
-            )
-            numbers = {ours: said[theirs] for ours, theirs in called if theirs in said}
+            numbers = {ours: said[theirs] for ours, theirs in OF_MJCF.items() if theirs in said}
             yield _Joint(said.get("name", ""), said.get("type", "hinge"), numbers, OF_MJCF)
 
 
@@ -228,13 +233,22 @@ def _chosen(joints: list[_Joint], path: str | os.PathLike[str], name: str | None
 
 
 def _numbers(joint: _Joint, path: str | os.PathLike[str]) -> JointNumbers:
-    read = {name: _parsed(joint, name, path) for name in ("armature", "damping", "friction")}
-    return JointNumbers(joint.name, read["armature"][0], read["damping"], read["friction"][0])
+    read = {name: _parsed(joint, name, path) for name in OF_MJCF}
+    left_out: tuple[str, ...] = ()
+    if any(read[SPRING]):
+        left_out = (
+            f"{path}: joint '{joint.name}': its spring ({SPRING} {joint.numbers[SPRING]}, {REST} "
+            f"{joint.numbers.get(REST, '0')}) is left out: no effect pulls a joint to an angle; "
+            "where one does, write it as your own (own_effect)",
+        )
+    return JointNumbers(
+        joint.name, read["armature"][0], read["damping"], read["friction"][0], left_out
+    )
 
 
 def _parsed(joint: _Joint, name: str, path: str | os.PathLike[str]) -> tuple[float, ...]:
     text = joint.numbers.get(name, "0")
-    called, most = joint.called.get(name, name), 3 if name == "damping" else 1
+    called, most = joint.called.get(name, name), MOST.get(name, 1)
     where = f"{path}: joint '{joint.name}': {called} = '{shortened(text, 60)}'"
     try:
         if "_" in text:  # Python's own, in no file
@@ -245,6 +259,6 @@ def _parsed(joint: _Joint, name: str, path: str | os.PathLike[str]) -> tuple[flo
     if not 1 <= len(values) <= most or not all(map(math.isfinite, values)):
         wanted = "a finite number" if most == 1 else f"one to {most} finite numbers"
         raise InputError(f"{where} is not {wanted}; correct the file")
-    if values[0] < 0.0:
+    if values[0] < 0.0 and name not in (SPRING, REST):
         raise InputError(f"{where} is negative, which no joint has; correct the file")
     return values

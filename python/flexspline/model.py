@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import os
+import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -27,7 +28,7 @@ from flexspline.effects.causes import (
     POLYNOMIAL_FRICTION,
     VISCOUS,
 )
-from flexspline.errors import InputError, did_you_mean, listed, shortened
+from flexspline.errors import FlexsplineWarning, InputError, did_you_mean, listed, shortened
 from flexspline.estimators import ESTIMATORS, Estimator
 from flexspline.estimators.needs import require_complete
 from flexspline.files import atomic_write, refuse_special
@@ -290,14 +291,17 @@ class Model:
         """Refuse a log of another gear, or whose current is worth another load."""
         self._require_same(_scales(part), log.facts, f"log '{log.name}' has")
 
-    def components(self, log: LogLike, target: str | None = None) -> dict[str, Array]:
-        """Return what each effect contributes, (N,) by its name, in the unit of the target."""
+    def rows(self, log: LogLike, target: str | None = None) -> Array:
+        """Return what each coefficient multiplies, (N, P), as `components` adds it up."""
         part = self.part(target)
         log = prepared(measurable(as_log(log))[0], part.preparations)
         log = channels_for(log, part.effects, part.known_load, load_needed=False)
-        rows = self._design(part, log).rows(
-            core_channels(log, part.effects, part.known_load), len(log), part.coefficients
-        )
+        channels = core_channels(log, part.effects, part.known_load)
+        return np.asarray(self._design(part, log).rows(channels, len(log), part.coefficients))
+
+    def components(self, log: LogLike, target: str | None = None) -> dict[str, Array]:
+        """Return what each effect contributes, (N,) by its name, in the unit of the target."""
+        part, rows = self.part(target), self.rows(log, target)
         found, first = {}, 0
         for effect in part.effects:
             last = first + len(effect.terms)
@@ -342,9 +346,9 @@ class Model:
         """Read a `model.json`, or a joint of an MJCF file or a URDF to start from.
 
         Damping, frictionloss or friction, and armature of such a joint become viscous and Coulomb
-        friction and inertia of a torque at the output. Whatever else it has, such as a stiffness,
-        is left out. Nothing of it is held: `discover` fits the values again, unless it is told
-        which are fixed. An XML file that declares anything or includes others is refused.
+        friction and inertia of a torque at the output. Whatever else it has is left out. Nothing of
+        it is held: `discover` fits the values again, unless it is told which are fixed. An XML file
+        that declares anything or includes others is refused.
 
         Parameters
         ----------
@@ -360,10 +364,18 @@ class Model:
             Where the file is missing, is no model, is damaged, is of a newer version, or has an
             effect of its maker's own that is not given; of an MJCF file or a URDF where it has no
             such joint, two of a name, or a number that is none or negative.
+
+        Warns
+        -----
+        FlexsplineWarning
+            Of a spring that the joint has, for which there is no effect.
         """
         refuse_special(path, "a model.json")
         if is_joint_file(path):
-            return _of_numbers(read_joint(path, joint), target or "motor_torque", str(path))
+            numbers = read_joint(path, joint)
+            for sentence in numbers.left_out:
+                warnings.warn(sentence, FlexsplineWarning, stacklevel=2)
+            return _of_numbers(numbers, target or "motor_torque", str(path))
         try:
             text = Path(path).read_text(encoding="utf-8")
         except OSError as error:

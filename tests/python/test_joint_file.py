@@ -6,11 +6,13 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pandas
 import pytest
 from cli_calls import call
+from undrawn import undrawn
 
 from flexspline.effects import effect
-from flexspline.errors import InputError
+from flexspline.errors import FlexsplineWarning, InputError
 from flexspline.exporting import export
 from flexspline.joint_file import LARGEST, read_joint
 from flexspline.logs.log import Log
@@ -223,3 +225,102 @@ def test_predict_and_compare_take_the_numbers_of_the_file(tmp_path: Path) -> Non
     assert predicted[fast] == pytest.approx((0.3 * speed + 0.4 * np.sign(speed))[fast], abs=1e-9)
     done = call("compare", run, *given, "--out", tmp_path / "where")
     assert done.exit_code == 0, done.stderr
+
+
+SPRUNG = ONE.format('damping="0.5" {}')
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ('stiffness="5" springref="0.5"', r"its spring \(stiffness 5, springref 0.5\) is left out"),
+        ('stiffness="0 1.5"', r"its spring \(stiffness 0 1.5, springref 0\) is left out"),
+        ('stiffness="-2"', r"its spring \(stiffness -2, springref 0\) is left out"),
+    ],
+)
+def test_a_spring_is_left_out_in_one_sentence(text: str, said: str, tmp_path: Path) -> None:
+    path = written(tmp_path, SPRUNG.format(text))
+    with pytest.warns(FlexsplineWarning, match=said) as caught:
+        model = Model.load(path)
+    assert values_of(model) == {"viscous_friction": [0.5]} and len(caught) == 1
+    done = call("export", "--model", path, "--format", "json", "--out", tmp_path / "model.json")
+    assert done.exit_code == 0 and done.stderr.count("is left out") == 1
+    assert done.stderr.startswith(f"flexspline: warning: {path}: joint 'a': its spring")
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_joint_without_a_spring_says_nothing(tmp_path: Path) -> None:
+    for text in ("", 'stiffness="0"', 'springref="0.5"', 'stiffness="0 0 0" springref="-1"'):
+        assert values_of(Model.load(written(tmp_path, SPRUNG.format(text))))
+
+
+def test_a_spring_that_is_no_number_is_refused(tmp_path: Path) -> None:
+    for text, sentence in (
+        ('stiffness="soft"', "stiffness = 'soft' is no number"),
+        ('stiffness="nan"', "stiffness = 'nan' is not one to 3 finite numbers"),
+        ('stiffness="1" springref="0 1"', "springref = '0 1' is not a finite number"),
+    ):
+        with pytest.raises(InputError, match=sentence):
+            Model.load(written(tmp_path, SPRUNG.format(text)))
+
+
+def robot_of(folder: Path) -> tuple[Path, Path, Path]:
+    """A recording of two joints with other friction, its map, and the URDF of the robot."""
+    frames = {}
+    for name, level in (("shoulder", 0.4), ("elbow", 0.8)):
+        frame = pandas.read_csv(runs_of(folder, 0.0)[0])
+        speed = frame["output_velocity"]
+        frame["sensor_torque"] = 0.3 * speed + level * np.tanh(speed / 1e-3)
+        frames[name] = frame
+    columns = {"t": frames["elbow"]["time"]}
+    for name, frame in frames.items():
+        columns |= {f"q_{name}": frame["output_position"], f"w_{name}": frame["output_velocity"]}
+        columns[f"tau_{name}"] = frame["sensor_torque"]
+    pandas.DataFrame(columns).to_csv(folder / "robot.csv", index=False)
+    names = {"time": "t", "output_position": "q", "output_velocity": "w", "sensor_torque": "tau"}
+    rows = (f"{k} = '{v}'" if v == "t" else f"{k} = '{v}_{{joint}}'" for k, v in names.items())
+    (folder / "map.toml").write_text("\n".join(["[columns]", *rows]))
+    text = URDF.replace('"bare" type="continuous"/>', '"shoulder" type="continuous"/>')
+    return folder / "robot.csv", folder / "map.toml", written(folder, text, "robot.urdf")
+
+
+def test_each_joint_of_a_robot_is_predicted_by_its_own_in_the_file(tmp_path: Path) -> None:
+    run, columns, urdf = robot_of(tmp_path)
+    given = ("predict", run, "--columns", columns, "--model", urdf, "--target", "sensor_torque")
+    done = call(*given, "--joint", "all", "--out", tmp_path / "p")
+    assert done.exit_code == 0, done.stderr
+    for name, missing in (("elbow", 0.4), ("shoulder", None)):
+        (table,) = (tmp_path / "p" / f"joint_{name}").glob("*.csv")
+        made = pandas.read_csv(table)
+        fast = np.abs(pandas.read_csv(run)[f"w_{name}"]) > 0.1
+        if missing is None:  # the file says nothing of this joint
+            assert (made["predicted"] == 0.0).all()
+        else:
+            assert made["residual"][fast].abs().to_numpy() == pytest.approx(missing, abs=1e-6)
+
+
+def test_a_joint_that_the_file_lacks_leaves_the_others(tmp_path: Path) -> None:
+    run, columns, urdf = robot_of(tmp_path)
+    urdf.write_text(urdf.read_text().replace('"shoulder"', '"hip"'))
+    given = ("predict", run, "--columns", columns, "--model", urdf, "--target", "sensor_torque")
+    done = call(*given, "--joint", "all", "--out", tmp_path / "p")
+    assert done.exit_code == 2 and done.stderr.count("\n") == 1
+    assert "has no joint 'shoulder'" in done.stderr and "elbow, hip" in done.stderr
+    assert sorted(each.name for each in (tmp_path / "p").iterdir()) == [
+        "joint_elbow",
+        "joints.csv",
+    ]
+
+
+def test_discover_of_every_joint_starts_from_its_own_in_the_file(tmp_path: Path) -> None:
+    run, columns, urdf = robot_of(tmp_path)
+    out = tmp_path / "found"
+    with undrawn():
+        done = call("discover", run, "--columns", columns, "--model", urdf, "--joint", "all",
+                    "--target", "sensor_torque", "--out", out)  # fmt: skip
+    assert done.exit_code == 0, done.stderr
+    base = {
+        name: json.loads((out / f"joint_{name}" / "discovery.json").read_text())["base_effects"]
+        for name in ("elbow", "shoulder")
+    }
+    assert base == {"elbow": ["viscous_friction", "coulomb_friction"], "shoulder": []}

@@ -68,6 +68,8 @@ def content(wheel: Distribution) -> set[str]:
         "flexspline/firmware/README.md",
         "flexspline/firmware/example.cpp",
         "flexspline/firmware/own/rows.cpp",
+        "flexspline/firmware/simulators/fmu.cpp",
+        "flexspline/firmware/simulators/sfunction.cpp",
         "flexspline/firmware/certify/joint_unit.cpp",
         "flexspline/firmware/cortex_m/mps2.ld",
         "flexspline/report/templates/report.html",

@@ -5,7 +5,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -21,11 +23,19 @@ from flexspline.cli.options import (
     reading,
     refuse_overwriting,
     repairs,
+    simulation,
+    simulations,
     strict,
     target,
     warn,
 )
-from flexspline.cli.speech import found, say
+from flexspline.cli.predict import require_simulations
+from flexspline.cli.speech import found, is_json, say
+
+if TYPE_CHECKING:
+    from flexspline.exporting.plain_joint import PlainJoint
+    from flexspline.logs.log import Log
+    from flexspline.model import Model
 
 __all__ = [
     "certify",
@@ -45,7 +55,8 @@ def _devices() -> Iterable[str]:
     return DEVICES
 
 
-@click.command()
+@click.command(cls=Taught, sections=(repairs,))
+@click.argument("runs", nargs=-1, metavar="[RUN.csv...]", type=FILE)
 @model
 @model_joint
 @click.option(
@@ -54,8 +65,9 @@ def _devices() -> Iterable[str]:
     type=LateChoice(_formats),
     required=True,
     help="header: constants that a C++ program compiles with the core's headers; binary: "
-    "parameters that replace those of such a program while it runs; json: the model file; mujoco, "
-    "urdf: a joint of an MJCF file or a URDF.",
+    "parameters that replace those of such a program while it runs; json: the model file; fmu: a "
+    "unit of FMI 3.0 with sources and a binary for this machine; simulink: the C++ source of an "
+    "S-function; mujoco, urdf: a joint of an MJCF file or a URDF.",
 )
 @click.option(
     "--scalar",
@@ -66,8 +78,13 @@ def _devices() -> Iterable[str]:
 )
 @out_file("FILE")
 @target(required=False)
+@simulation
 @strict
+@reading()
 def export(
+    runs: tuple[str, ...],
+    simulation: tuple[str, ...],
+    simulated_torque: str | None,
     model_path: str,
     model_joint: str | None,
     form: str,
@@ -75,6 +92,7 @@ def export(
     out: str,
     target: str | None,
     strict: bool,
+    reading: Reading,
 ) -> None:
     """Export a model for the controller or a simulator.
 
@@ -82,9 +100,16 @@ def export(
     exceptions); it predicts the same numbers as flexspline predict. The binary block is checked by
     its length, version, CRC-32 and structure before a program takes it, whole or not at all.
 
+    An FMU is a co-simulation unit: inputs are the channels that the model reads, outputs the torque
+    that it says, that of each effect, and a status; each instance keeps what its effects remember.
+    It is compiled by $CXX, or c++. An S-function has the same ports, and in it the line of mex that
+    builds it; it is compiled and run with a stub of Simulink's header alone, never in Simulink.
+
     A MuJoCo joint has armature, damping and frictionloss of the model, that of a URDF damping,
     friction and limits, in SI units at the output of the gear. A comment above it lists the effects
-    that it leaves out, each with its largest torque over the ranges of the fit.
+    that it leaves out, each with its largest torque over the ranges of the fit. Where runs are
+    given, it has the root mean square of each there too, and the errors of model and joint, and the
+    command prints them.
 
     Standard error says what speaks against using the model: inertia or friction of a drive that is
     negative, terms that are not significant, parameters at a bound.
@@ -92,24 +117,66 @@ def export(
     \b
     Examples:
       flexspline export --model joint/model.json --format header --out joint.hpp
+      flexspline export --model joint/model.json --format fmu --out joint.fmu
       flexspline export --model joint/model.json --format mujoco --out joint.xml
+      flexspline export --model joint/model.json --format mujoco --out joint.xml run1.csv run2.csv
     """
-    refuse_overwriting(out, [model_path])
-    joint = loaded(model_path, target, model_joint)
+    refuse_overwriting(out, [*runs, *simulation, model_path])
+    joint = loaded(model_path, target, model_joint or reading.joint)
 
+    from flexspline.exporting import JOINTS, export_warnings, joint_of
     from flexspline.exporting import export as export_model
-    from flexspline.exporting import export_warnings
 
-    export_model(joint, out, format=form, target=target, scalar=scalar, strict=strict)
+    logs: Sequence[Log] = ()
+    if runs or simulation:
+        part = joint.part(target)
+        require_simulations(model_path, part, runs, simulation, simulated_torque)
+        logs = _runs(reading, runs, joint, part.target, simulation, simulated_torque)
+    export_model(joint, out, format=form, target=target, scalar=scalar, strict=strict, runs=logs)
     warnings = export_warnings(joint, target)
     found({"format": form, "warnings": warnings})
     warn(warnings)
+    if form in JOINTS and (runs or is_json()):
+        _tell_losses(joint_of(joint, form, target, logs))
     alone = [
         f"; for {part.target} it is the correction alone: add what the simulation says"
         for part in joint.parts.values()
         if part.simulated is not None and target in (None, part.target)
     ]
     say(f"wrote {out}{''.join(alone)}")
+
+
+def _runs(
+    reading: Reading,
+    runs: Sequence[str],
+    joint: Model,
+    target: str,
+    files: Sequence[str],
+    column: str | None,
+) -> list[Log]:
+    """Read runs, and what a simulation says of them where a model corrects one."""
+    logs = reading.logs(runs, joint.facts, None if files else column)
+    says = simulations(files, column)
+    if says is None:
+        return logs
+    from flexspline.simulator import paired, with_simulation
+
+    pairs = zip(logs, paired(logs, says), strict=True)
+    return [with_simulation(log, target, one, column)[0] for log, one in pairs]
+
+
+def _tell_losses(joint: PlainJoint) -> None:
+    """Print what a joint costs on runs, and say what it leaves out to who asked for JSON."""
+    losses: list[dict[str, Any]] = [
+        {"effect": loss.effect, "largest": loss.torque, "rms": loss.rms, "why": loss.why}
+        for loss in joint.lost
+    ]
+    found({"kept": joint.kept, "lost": losses})
+    if joint.on_runs is not None:
+        from flexspline.exporting.plain_joint import losses_text, runs_text
+
+        found({"on_runs": asdict(joint.on_runs)})
+        say("\n".join([*losses_text(joint), "", *runs_text(joint.on_runs, joint.target), ""]))
 
 
 @click.command(cls=Taught, sections=(repairs,))

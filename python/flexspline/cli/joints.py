@@ -89,6 +89,8 @@ def for_joints(
 def _names(asked: str, reading: Reading, given: Mapping[str, Any]) -> list[str]:
     names = [name.strip() for name in asked.split(",")]
     if names == [ALL]:
+        if not _inputs(given):
+            raise InputError("--joint all: there are no runs that tell the joints; name one")
         names = _all(reading, _inputs(given)[0])
     for name in names:
         if not NAME.fullmatch(name):

@@ -9,6 +9,7 @@ import math
 import os
 import sys
 import textwrap
+import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -20,7 +21,7 @@ from click.shell_completion import CompletionItem
 
 from flexspline.cli.speech import found, is_quiet, tell, whose
 from flexspline.effects import TARGETS, effect
-from flexspline.errors import InputError, printable
+from flexspline.errors import FlexsplineWarning, InputError, printable
 from flexspline.files import (
     PREVIOUS,
     Writing,
@@ -282,7 +283,11 @@ def loaded(path: str, target: str | None = None, joint: str | None = None) -> Mo
     """
     from flexspline.model import Model
 
-    return Model.load(path, target=target, joint=joint)
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always", FlexsplineWarning)
+        made = Model.load(path, target=target, joint=joint)
+    warn([str(one.message) for one in said])
+    return made
 
 
 def simulation(command: Command) -> Command:

@@ -47,6 +47,7 @@ if TYPE_CHECKING:
 __all__ = [
     "estimate",
     "predict",
+    "require_simulations",
     "simulate",
 ]
 
@@ -104,7 +105,7 @@ def predict(
     part = joint.part(target)
     if simulation:
         reading.refuse_cut("--simulation is given a file for each run")
-    _require_simulations(model_path, part, runs, simulation, simulated_torque)
+    require_simulations(model_path, part, runs, simulation, simulated_torque)
     logs = reading.logs(runs, joint.facts, None if simulation else simulated_torque)
     if reading.splits:
         names = files_of(out, logs, [*runs, model_path])
@@ -130,7 +131,7 @@ def predict(
     say(f"{made}\n\n{_wrote(out, names)}" if names else f"{_told(made[0])}; wrote {out}")
 
 
-def _require_simulations(
+def require_simulations(
     model_path: str,
     part: Part,
     runs: Sequence[str],

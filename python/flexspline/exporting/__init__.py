@@ -4,26 +4,40 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
 from flexspline.errors import FlexsplineWarning, InputError, did_you_mean
+from flexspline.exporting import mjcf, urdf
 from flexspline.exporting.block import block_bytes
 from flexspline.exporting.cpp_text import namespace_name
+from flexspline.exporting.fmu import fmu_bytes
 from flexspline.exporting.header import header_text, own_headers
-from flexspline.exporting.mjcf import mjcf_text
-from flexspline.exporting.urdf import urdf_text
+from flexspline.exporting.plain_joint import PlainJoint, plain_joint
+from flexspline.exporting.simulink import sfunction_text
 from flexspline.files import atomic_write
+from flexspline.logs.read import LogLike, as_logs
 from flexspline.model import PART_OF, Model, part_warnings, refuse_warnings
 from flexspline.own.header import Header
 
-__all__ = ["FORMATS", "export", "export_warnings", "namespace_of"]
+__all__ = ["FORMATS", "JOINTS", "export", "export_warnings", "joint_of", "namespace_of"]
 
 
 def _header(model: Model, path: Path, target: str | None, scalar: str) -> None:
-    text, beside = header_text(model, namespace_of(path), target), own_headers(model, target)
-    missing = [own for own in beside if not _is_there(own, path)]
+    _write_with_own(model, path, target, header_text(model, namespace_of(path), target))
+
+
+def _simulink(model: Model, path: Path, target: str | None, scalar: str) -> None:
+    part = model.part(target).target
+    _write_with_own(model, path, part, sfunction_text(model, path, part))
+
+
+def _write_with_own(model: Model, path: Path, target: str | None, text: str) -> None:
+    """Write a source, and beside it the headers of own effects that it includes."""
+    if path.is_dir():
+        raise InputError(f"{path}: is a folder; give the name of a file")
+    missing = [own for own in own_headers(model, target) if not _is_there(own, path)]
     for own in missing:
         atomic_write(path.with_name(own.name), own.text)
     atomic_write(path, text)
@@ -65,22 +79,24 @@ def _json(model: Model, path: Path, target: str | None, scalar: str) -> None:
     model.save(path)
 
 
-def _mujoco(model: Model, path: Path, target: str | None, scalar: str) -> None:
-    atomic_write(path, mjcf_text(model, target))
+JOINTS = {"mujoco": (mjcf.NUMBERS, mjcf.mjcf_text), "urdf": (urdf.NUMBERS, urdf.urdf_text)}
+"""Formats that know a joint by a few numbers: which, and the text that they make."""
 
 
-def _urdf(model: Model, path: Path, target: str | None, scalar: str) -> None:
-    atomic_write(path, urdf_text(model, target))
+def _fmu(model: Model, path: Path, target: str | None, scalar: str) -> None:
+    atomic_write(path, fmu_bytes(model, namespace_of(path), target))
 
 
-FORMATS: Mapping[str, Callable[[Model, Path, str | None, str], None]] = {
+WRITERS: Mapping[str, Callable[[Model, Path, str | None, str], None]] = {
     "header": _header,
     "binary": _binary,
     "json": _json,
-    "mujoco": _mujoco,
-    "urdf": _urdf,
+    "fmu": _fmu,
+    "simulink": _simulink,
 }
-"""What writes each format, whole or not at all."""
+"""What writes each format of a program, whole or not at all."""
+
+FORMATS = (*WRITERS, *JOINTS)
 
 
 def export(
@@ -90,6 +106,7 @@ def export(
     target: str | None = None,
     scalar: str = "float",
     strict: bool = False,
+    runs: LogLike | Iterable[LogLike] = (),
 ) -> Path:
     """Write a model for use outside Python, whole or not at all.
 
@@ -99,11 +116,16 @@ def export(
     path : file to write; its stem is the header's namespace.
     format : "header", constants for a C++20 program in float or double; "binary", the parameters
         alone, which replace those of a program compiled with such a header (flexspline/block.hpp);
-        "json", the same file as `Model.save` writes; or "mujoco" or "urdf", a file with a joint for
-        a simulator and a table of what that leaves out.
+        "json", the same file as `Model.save` writes; "fmu", a co-simulation unit of FMI 3.0,
+        compiled for this machine; "simulink", the C++ source of an S-function, which no Simulink
+        has run; or "mujoco" or "urdf", a file with a joint for a simulator and a table of what that
+        leaves out.
     target : which part, such as "sensor_torque"; None picks the only one, and keeps all in JSON.
     scalar : "float" or "double", the numbers of a binary block.
     strict : refuse what is otherwise warned of.
+    runs : of a simulator's joint, runs on which the table tells what is lost too: the root mean
+        square of each effect, and the errors of the model and of the joint. Of a part that corrects
+        a simulation they hold the channel simulated_torque.
 
     Returns
     -------
@@ -113,8 +135,9 @@ def export(
     ------
     InputError
         For an unknown format, scalar or target, a number that the core cannot hold, a target that
-        is no torque where a simulator's joint needs one, or a path that cannot be written; with
-        `strict` for what is otherwise warned of.
+        is no torque where a simulator's joint needs one, a compiler that is missing or refuses,
+        runs that lack what the model reads or of which the format says nothing, or a path that
+        cannot be written; with `strict` for what is otherwise warned of.
 
     Warns
     -----
@@ -129,8 +152,39 @@ def export(
         refuse_warnings(said)
     for sentence in said:
         warnings.warn(sentence, FlexsplineWarning, stacklevel=2)
-    FORMATS[format](model, Path(path), target, scalar)
+    if format in JOINTS:
+        _, text = JOINTS[format]
+        atomic_write(path, text(joint_of(model, format, target, runs)))
+        return Path(path)
+    if as_logs(runs):
+        raise InputError(
+            f"runs say what a simulator's joint leaves out, and {format} leaves out nothing; leave "
+            f"them out, or give {' or '.join(JOINTS)}"
+        )
+    WRITERS[format](model, Path(path), target, scalar)
     return Path(path)
+
+
+def joint_of(
+    model: Model,
+    format: str,
+    target: str | None = None,
+    runs: LogLike | Iterable[LogLike] = (),
+) -> PlainJoint:
+    """Return the numbers of a simulator's joint and what they leave out, as `export` writes them.
+
+    Parameters
+    ----------
+    format : one of `JOINTS`.
+    target, runs : as for `export`.
+
+    Raises
+    ------
+    InputError
+        As `export` does.
+    """
+    numbers, _ = JOINTS[format]
+    return plain_joint(model, target, numbers, runs)
 
 
 def export_warnings(model: Model, target: str | None) -> list[str]:

@@ -17,11 +17,13 @@ from typing import Any
 from flexspline.errors import InputError, shortened
 
 __all__ = [
+    "IN_ASCII",
     "OF_THE_C_LIBRARY",
     "WORDS",
     "comment",
     "gear_text",
     "identifier",
+    "in_ascii",
     "include",
     "literal",
     "namespace_name",
@@ -41,6 +43,11 @@ SPELLED = {
     "\N{RIGHTWARDS ARROW}": "->", "\N{LESS-THAN OR EQUAL TO}": "<=",
     "\N{GREATER-THAN OR EQUAL TO}": ">=", "\N{ALMOST EQUAL TO}": "~",
 }  # fmt: skip
+IN_ASCII = str.maketrans(
+    {"±": "+-", "°": "deg ", "·": " ", "×": "x", "−": "-", "–": "-"}
+    | {sign: f"^{digit}" for sign, digit in zip("⁰¹²³⁴⁵⁶⁷⁸⁹", "0123456789", strict=True)}
+    | {"⁻": "-"}
+)
 GREEK = re.compile(r"GREEK (SMALL|CAPITAL) LETTER (\w+)")  # of formulas: "theta"
 PLAIN = re.compile(r"[ !#->@-\[\]-~]")  # of ASCII, without quote, question mark and backslash
 
@@ -215,6 +222,11 @@ def comment(text: str) -> str:
     """
     text = "".join(map(_plain, text)).replace("\\", "/")
     return re.sub(r"\?(?=\?)|\*(?=/)|/(?=\*)", r"\g<0> ", text)
+
+
+def in_ascii(text: str) -> str:
+    """Return the text as a comment has it, the signs of numbers and units spelled too."""
+    return comment(text).translate(IN_ASCII)
 
 
 def _plain(letter: str) -> str:

@@ -39,7 +39,16 @@ from flexspline.own.header import Header
 from flexspline.signals import gear_of
 from flexspline.simulator import Simulated
 
-__all__ = ["by_motor_encoder", "header_text", "own_headers"]
+__all__ = [
+    "MEANING",
+    "by_motor_encoder",
+    "channels_read",
+    "conditions",
+    "correction",
+    "header_text",
+    "model_sha256",
+    "own_headers",
+]
 
 MEANING = {
     "sensor_torque": "what the sensor reads beside the load: true torque = sensor_torque - this",
@@ -93,10 +102,13 @@ RESULTS = {
 }
 
 
-def header_text(model: Model, namespace: str, target: str | None = None) -> str:
+def header_text(
+    model: Model, namespace: str, target: str | None = None, *, chain: bool = True
+) -> str:
     """Return the header of one part of a model, and of its estimators where it has any.
 
-    A model with several parts, estimators and no target gives the estimators alone.
+    A model with several parts, estimators and no target gives the estimators alone; `chain` False
+    leaves them out.
 
     Raises
     ------
@@ -105,7 +117,7 @@ def header_text(model: Model, namespace: str, target: str | None = None) -> str:
         number.
     """
     namespace = identifier(namespace)
-    plan = plan_of(model) if model.estimators else None
+    plan = plan_of(model) if chain and model.estimators else None
     several = plan is not None and target is None and len(model.parts) != 1
     part = None if several else model.part(target)
     includes, constants = {"flexspline/model.hpp"}, []  # constants: refused before any hashing
@@ -143,7 +155,7 @@ def _head(model: Model, part: Part | None, plan: Plan | None, namespace: str) ->
         f"by flexspline {__version__}; export it again instead of editing it."
     )
     yield ""
-    yield f"Model: SHA-256 {_sha256(model)}"
+    yield f"Model: SHA-256 {model_sha256(model)}"
     for log in _logs(model, part):
         digest = f"SHA-256 {log['sha256']}" if log["sha256"] else "not from a file"
         yield f"Log:   {log['name']}, {log['rows']} rows, {digest}"
@@ -152,7 +164,7 @@ def _head(model: Model, part: Part | None, plan: Plan | None, namespace: str) ->
         if part.simulated is None:
             yield f"Predicts {part.target} [{part.unit}]: {MEANING[part.target]}."
         else:
-            yield from _correction(part, part.simulated)
+            yield from correction(part, part.simulated)
         yield ""
         yield from _expectations(model, part)
         yield ""
@@ -166,8 +178,8 @@ def _head(model: Model, part: Part | None, plan: Plan | None, namespace: str) ->
         yield from chain_head(plan, namespace)
 
 
-def _correction(part: Part, simulated: Simulated) -> Iterator[str]:
-    """What a part alone is that corrects a simulation."""
+def correction(part: Part, simulated: Simulated) -> Iterator[str]:
+    """Yield what a part alone is that corrects a simulation, a sentence each."""
     load = ""
     if part.known_load is not None:
         load = ", with the known load in it" if simulated.holds_load else ", without the known load"
@@ -195,7 +207,7 @@ def _call(part: Part, namespace: str) -> Iterator[str]:
     if remembers:
         yield f"    {namespace}::Model<float>::State state;  // lives on too; {{}} after a gap"
     yield ""
-    for line in (line for name in _reads(part) for line in USE.get(name, ())):
+    for line in (line for name in channels_read(part) for line in USE.get(name, ())):
         yield f"    {line}"
     given = f"at, state, {result}" if remembers else f"at, {result}"
     kept = f"{result} and state keep their last good values"
@@ -209,13 +221,18 @@ def _call(part: Part, namespace: str) -> Iterator[str]:
 
 def _expectations(model: Model, part: Part) -> Iterator[str]:
     """What the model expects of its channels."""
-    for name in _reads(part):
+    for name in channels_read(part):
         if name == "load":
             known = part.known_load or "none in the logs: zero"
             yield f"Reads known_load [Nm]: {known}"
         else:
             unit, meaning = COUNTED.get(name) or CHANNELS[name]
             yield f"Reads {name} [{unit}]: {meaning}"
+    yield from conditions(part)
+
+
+def conditions(part: Part) -> Iterator[str]:
+    """Yield how channels and target were made in the logs of the fit, a sentence each."""
     for one in part.preparations:
         yield f"Expects {one.channel} {one.how} (-3 dB), zero phase, as in the logs of the fit."
     hertz = part.record.get("lowpass")
@@ -226,8 +243,8 @@ def _expectations(model: Model, part: Part) -> Iterator[str]:
         yield f"In the logs: {sentence}"
 
 
-def _reads(part: Part) -> list[str]:
-    """Channels that the sample must hold, in the order of `USE`."""
+def channels_read(part: Part) -> list[str]:
+    """Return the channels that a part's sample must hold, "load" for the known one."""
     reads = {channel for effect in part.effects for channel in effect.reads}
     if "motor_position" in reads:
         reads.add("output_position")
@@ -278,7 +295,7 @@ def _flags(part: Part) -> Iterator[str]:
 
 def _flagged(part: Part) -> list[str]:
     """Channels of a sample that the part reads and has a range of."""
-    reads = ["known_load" if name == "load" else name for name in _reads(part)]
+    reads = ["known_load" if name == "load" else name for name in channels_read(part)]
     return [name for name in reads if name in part.record.get("validity", {})]
 
 
@@ -287,11 +304,11 @@ def _facts(model: Model, part: Part | None) -> Iterator[str]:
         yield f"inline constexpr std::string_view target = {string_literal(part.target)};"
         yield f"inline constexpr std::string_view unit = {string_literal(part.unit)};"
     yield "inline constexpr std::string_view model_sha256 ="
-    yield f"    {string_literal(_sha256(model))};"
+    yield f"    {string_literal(model_sha256(model))};"
 
 
-def _sha256(model: Model) -> str:
-    """SHA-256 of the file that `Model.save` writes."""
+def model_sha256(model: Model) -> str:
+    """Return the SHA-256 of the file that `Model.save` writes."""
     return hashlib.sha256(model.to_json().encode()).hexdigest()
 
 

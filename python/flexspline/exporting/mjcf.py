@@ -1,4 +1,9 @@
-"""A model as the joint of a MuJoCo model: armature, damping, frictionloss and stiffness."""
+"""A model as the joint of a MuJoCo model: armature, damping, frictionloss and stiffness.
+
+MuJoCo 4 has an actuator `dcmotor` too, with back-EMF, cogging and LuGre friction. It is not
+written: it takes volts through the constant and the resistance of a winding, which no model here
+has, and its cogging has one order of the joint's angle, not those of the motor's.
+"""
 
 from __future__ import annotations
 
@@ -10,25 +15,16 @@ from flexspline.exporting.plain_joint import (
     FRICTION,
     PlainJoint,
     heading,
-    plain_joint,
 )
 from flexspline.exporting.xml_text import attributes, comment
-from flexspline.model import Model
 
 __all__ = ["mjcf_text"]
 
 NUMBERS = ((ARMATURE, 0), (DAMPING, 0), (DAMPING, 1), (DAMPING, 2), (FRICTION, 0))
 
 
-def mjcf_text(model: Model, target: str | None) -> str:
-    """Return an MJCF file with one hinge joint, and above it what its attributes leave out.
-
-    Raises
-    ------
-    InputError
-        Where the part's target is no torque and cannot be made one.
-    """
-    joint = plain_joint(model, target, NUMBERS)
+def mjcf_text(joint: PlainJoint) -> str:
+    """Return an MJCF file with one hinge joint, and above it what its attributes leave out."""
     element = attributes(
         [
             ("name", joint.name),

@@ -2,13 +2,13 @@
 
 MJCF and URDF know a joint by a few numbers at its output. Of a model's effects some are such a
 number; the others are lost, and their largest torque over the ranges of the fit says what that
-costs.
+costs. Beside runs, their root mean square there says it too, and the error of what is left.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,11 +25,24 @@ from flexspline.effects.causes import (
     VISCOUS,
 )
 from flexspline.errors import InputError, listed
+from flexspline.logs.log import Log
+from flexspline.logs.read import LogLike, as_logs
 from flexspline.model import Model, Part
 from flexspline.own import design_of
 from flexspline.signals import gear_of
 
-__all__ = ["ARMATURE", "DAMPING", "FRICTION", "Loss", "PlainJoint", "heading", "plain_joint"]
+__all__ = [
+    "ARMATURE",
+    "DAMPING",
+    "FRICTION",
+    "Loss",
+    "OnRuns",
+    "PlainJoint",
+    "heading",
+    "losses_text",
+    "plain_joint",
+    "runs_text",
+]
 
 Array = NDArray[np.float64]
 
@@ -54,12 +67,34 @@ BEYOND = 1e-2  # share of a sweep that is cut off at the ends, so that both are 
 class Loss:
     """What a joint's numbers leave out: of which effect, its largest torque [Nm], and why.
 
-    `torque` is None where the ranges do not tell it; `why` says what is missing.
+    `torque` is None where the ranges do not tell it; `why` says what is missing. `elsewhere`:
+    whether another element of a simulator's model can take it. `rms`: of its torque on runs [Nm];
+    None without runs.
     """
 
     effect: str
     torque: float | None
     why: str
+    elsewhere: bool = False
+    rms: float | None = None
+
+
+@dataclass(frozen=True)
+class OnRuns:
+    """What a joint costs on runs, root mean squares in Nm at the output over all rows together.
+
+    `rows`: those with a prediction. `lost`: all that is lost, together. `model`, `joint`: errors of
+    the whole model and of the joint's numbers alone, beside what was measured; `placed`: of the
+    joint where what another element can take (inertia, gravity, a constant) is there. These three
+    are None where the runs have nothing measured.
+    """
+
+    names: tuple[str, ...]
+    rows: int
+    lost: float
+    model: float | None
+    joint: float | None
+    placed: float | None
 
 
 @dataclass(frozen=True)
@@ -83,25 +118,34 @@ class PlainJoint:
     position: tuple[float, float] | None
     velocity: float | None
     effort: float | None
+    on_runs: OnRuns | None = None
 
 
-def plain_joint(model: Model, target: str | None, numbers: Sequence[tuple[str, int]]) -> PlainJoint:
+def plain_joint(
+    model: Model,
+    target: str | None,
+    numbers: Sequence[tuple[str, int]],
+    runs: LogLike | Iterable[LogLike] = (),
+) -> PlainJoint:
     """Return a part of a model as a joint's numbers.
 
     Parameters
     ----------
     numbers : those that the format has, such as (DAMPING, 0).
+    runs : on which the cost of what is lost is told.
 
     Raises
     ------
     InputError
-        Where the part is of a torsion, or of a current without what makes it a torque.
+        Where the part is of a torsion, or of a current without what makes it a torque; or where a
+        run lacks a channel that the model reads, or no row of the runs has them all.
     """
     part = model.part(target)
     to_torque = _output_torque(model, part)
     values = dict.fromkeys(numbers, 0.0)
     sweep = _Sweep(model, part)
     kept, lost, first = dict[str, str](), list[Loss](), 0
+    weights = list[Array]()
     for effect in part.effects:
         mine = slice(first, first + len(effect.terms))
         first = mine.stop
@@ -116,8 +160,15 @@ def plain_joint(model: Model, target: str | None, numbers: Sequence[tuple[str, i
         if rest.any() or not places:
             torque, missing = sweep.largest(effect, rest)
             size = None if torque is None else to_torque * torque
-            lost.append(Loss(effect.name, size, missing or why))
-    lost.sort(key=lambda loss: -np.inf if loss.torque is None else -loss.torque)
+            elsewhere = why == _REMEDIES.get(effect.name)
+            lost.append(Loss(effect.name, size, missing or why, elsewhere))
+            weights.append(np.zeros(len(part.coefficients)))
+            weights[-1][mine] = to_torque * rest
+    on_runs, logs = None, as_logs(runs)
+    if logs:
+        on_runs, sizes = _on_runs(model, part, logs, to_torque, lost, weights)
+        lost = [replace(loss, rms=float(size)) for loss, size in zip(lost, sizes, strict=True)]
+    lost.sort(key=_size, reverse=True)
     powers = [power for (kind, power), value in values.items() if kind == DAMPING and value]
     ranges: Mapping[str, Sequence[float]] = part.record.get("validity", {})
     position, speed = ranges.get("output_position"), ranges.get("output_velocity")
@@ -133,7 +184,48 @@ def plain_joint(model: Model, target: str | None, numbers: Sequence[tuple[str, i
         position=None if position is None else (float(position[0]), float(position[1])),
         velocity=None if speed is None else float(np.abs(speed).max()),
         effort=sweep.effort(to_torque),
+        on_runs=on_runs,
     )
+
+
+def _size(loss: Loss) -> float:
+    """By which the table is sorted, on the runs where there are some; what is unknown is first."""
+    unknown = np.inf if loss.torque is None else loss.torque
+    return unknown if loss.rms is None else loss.rms
+
+
+def _on_runs(
+    model: Model,
+    part: Part,
+    logs: Sequence[Log],
+    to_torque: float,
+    lost: Sequence[Loss],
+    weights: Sequence[Array],
+) -> tuple[OnRuns, Array]:
+    """What is lost of each effect, (L,) root mean squares, and the errors that it makes."""
+    of_each, together, errors = np.zeros(len(lost)), 0.0, np.zeros(3)
+    rows = measured = 0
+    here = np.array([not loss.elsewhere for loss in lost], dtype=bool)
+    for log in logs:
+        said = model.predict(log, part.target)
+        good = np.isfinite(said.predicted)
+        made = model.rows(log, part.target)[good] @ np.reshape(weights, (len(lost), -1)).T
+        residual = to_torque * said.residual[good]
+        known = np.isfinite(residual)
+        of_each += (made**2).sum(axis=0)
+        together += float((made.sum(axis=1) ** 2).sum())
+        for k, missing in enumerate((0.0, made.sum(axis=1), made[:, here].sum(axis=1))):
+            errors[k] += float(((residual + missing)[known] ** 2).sum())
+        rows += int(good.sum())
+        measured += int(known.sum())
+    if not rows:
+        raise InputError(
+            f"no row of {listed(log.name for log in logs)} has all channels that the model of "
+            f"{part.target} reads; give runs that have, or none"
+        )
+    three = [float(each) for each in np.sqrt(errors / measured)] if measured else [None] * 3
+    found = OnRuns(tuple(log.name for log in logs), rows, float(np.sqrt(together / rows)), *three)
+    return found, np.sqrt(of_each / rows)
 
 
 def heading(joint: PlainJoint, what: str, attributes: Mapping[str, str]) -> Iterator[str]:
@@ -156,12 +248,40 @@ def heading(joint: PlainJoint, what: str, attributes: Mapping[str, str]) -> Iter
     if not joint.kept:
         yield "  nothing"
     yield ""
-    yield "Lost, with the largest torque over the ranges of the fit [Nm]:"
+    yield from losses_text(joint, width)
+    if joint.on_runs is not None:
+        yield ""
+        yield from runs_text(joint.on_runs, joint.target)
+
+
+def losses_text(joint: PlainJoint, width: int = 0) -> Iterator[str]:
+    """Yield the table of what a joint leaves out, line by line; `width` of its first column."""
+    width = width or max((len(loss.effect) for loss in joint.lost), default=0)
+    beside = "" if joint.on_runs is None else ", then the root mean square on the runs"
+    yield f"Lost, with the largest torque over the ranges of the fit{beside} [Nm]:"
     for loss in joint.lost:
         size = "?" if loss.torque is None else f"{loss.torque:.3g}"
-        yield f"  {loss.effect:<{width}}  {size:>8}  {loss.why}"
+        rms = "" if loss.rms is None else f"  {loss.rms:>8.3g}"
+        yield f"  {loss.effect:<{width}}  {size:>8}{rms}  {loss.why}"
     if not joint.lost:
         yield "  nothing"
+
+
+def runs_text(cost: OnRuns, target: str) -> Iterator[str]:
+    """Yield what a joint costs on runs, line by line."""
+    count = "1 run" if len(cost.names) == 1 else f"{len(cost.names)} runs"
+    yield f"On {count} ({listed(cost.names)}), {cost.rows} rows, root mean square [Nm]:"
+    values = {
+        "error of the model": cost.model,
+        "error of the joint alone": cost.joint,
+        "error with inertia, gravity and offset put elsewhere": cost.placed,
+        "all that is lost, together": cost.lost,
+    }
+    for what, value in values.items():
+        if value is not None:
+            yield f"  {what:<52}  {value:>8.3g}"
+    if cost.model is None:
+        yield f"There is no error: the runs have no {target} to compare with."
 
 
 def _output_torque(model: Model, part: Part) -> float:
@@ -263,8 +383,8 @@ class _Sweep:
     def _missing(self, effect: Effect) -> list[str]:
         """Channels that an effect reads and that have no range."""
         known = {*self._ranges}
-        if "output_position" in known:
-            known.add("motor_position")  # turns with the output
+        if "output_position" in known and not effect.own:
+            known.add("motor_position")  # turns with the output; a user's function has it measured
         if self._part.known_load is None or "known_load" in known:
             known.add("load")
         return [channel for channel in effect.reads if channel not in known]

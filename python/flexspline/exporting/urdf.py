@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from flexspline.exporting.plain_joint import DAMPING, FRICTION, PlainJoint, heading, plain_joint
+from flexspline.exporting.plain_joint import DAMPING, FRICTION, PlainJoint, heading
 from flexspline.exporting.xml_text import attributes, comment
-from flexspline.model import Model
 
 __all__ = ["urdf_text"]
 
@@ -14,15 +13,8 @@ NUMBERS = ((DAMPING, 0), (FRICTION, 0))
 PARENT, CHILD = "base_link", "link"
 
 
-def urdf_text(model: Model, target: str | None) -> str:
-    """Return a URDF with one joint between two links, and above it what it leaves out.
-
-    Raises
-    ------
-    InputError
-        Where the part's target is no torque and cannot be made one.
-    """
-    joint = plain_joint(model, target, NUMBERS)
+def urdf_text(joint: PlainJoint) -> str:
+    """Return a URDF with one joint between two links, and above it what it leaves out."""
     dynamics = [("damping", repr(joint.damping[0])), ("friction", repr(joint.friction))]
     limits = _limits(joint)
     turns = joint.position is None or not limits
