@@ -12,14 +12,14 @@ Of an effect that is not there the shapes mean nothing, and where they are hardl
 the error of a coefficient large that the runs tell from zero well [Davies1987]. So its test holds
 them; but neither may the errors that are printed reach zero.
 
-Nor is it a name where something else is four times as likely: of any, other effects that explain as
-much; of the first, what no name explains as well. Where that is more than what all names explain,
-held out, what is missing is not known, and none of them is the answer. Of several names, one that
-closes less than a form may miss of what all of them close held out, and less than a hundredth of
-what is left without it, with a tenth of the t of the largest at most, is real but too small to
-matter: it is listed as also seen and is no part of the model. Ripple that is small in RMS may be as
-plain as the rest, beside slow noise. Blocks are longer than the residual's memory (two seconds at
-least).
+Nor is it a name where something else is four times as likely: other effects that explain as much,
+or what no name explains. Where that is more than what all names explain, held out, what is missing
+is not known, and none of them is the answer. Nor is the later of two names whose coefficients are
+all confounded with each other's. Of several names, one that closes less than a form may miss of
+what all of them close held out, and less than a hundredth of what is left without it, with a tenth
+of the t of the largest at most, is real but too small to matter: it is listed as also seen and is
+no part of the model. Ripple that is small in RMS may be as plain as the rest, beside slow noise.
+Blocks are longer than the residual's memory (two seconds at least).
 """
 
 from __future__ import annotations
@@ -38,6 +38,7 @@ from flexspline.discovery.result import (
     NOT_LOWER,
     NOT_SIGNIFICANT,
     UNLIKELY,
+    UNTOLD,
     confidence,
     doubt,
 )
@@ -173,6 +174,8 @@ def _weakest(
         return worst.effect.name, worst.withdrawn
     if rising := _rising(made, shown):
         return rising.effect.name, NOT_LOWER
+    if untold := _untold(fit, shown):
+        return untold, UNTOLD
     if little := _too_small(shown):
         least = min(little, key=lambda one: one.share)
         return least.effect.name, SMALL if least.fall > ERRORS * least.error else UNSEEN
@@ -211,6 +214,19 @@ def _rising(made: Analysis, shown: Sequence[Shown]) -> Shown | None:
     return max(raised, key=lambda one: one.p, default=None)
 
 
+def _untold(fit: Fit, shown: Sequence[Shown]) -> str:
+    """The later of two names that are confounded as wholes; "" of none.
+
+    Their sum is known and neither of them: a bump over an angle is gravity and a ripple at once.
+    """
+    terms = {e.name: set(coefficient_names([e])) for e in (one.effect for one in shown)}
+    for group in fit.confounded:
+        within = [name for name, own in terms.items() if own <= {*group.names}]
+        if len(within) > 1:
+            return within[-1]
+    return ""
+
+
 def _rivals(made: Analysis) -> dict[str, list[Rival]]:
     """What else may be in the place of each name, and the channels that tie it to the name."""
     found = {}
@@ -234,13 +250,9 @@ def _sure(made: Analysis, fit: Fit, name: str, rivals: Sequence[Rival]) -> Sure:
 
 
 def _unlikely(rivals: Mapping[str, Sequence[Rival]], sure: Mapping[str, Sure]) -> list[str]:
-    """Names that something else is four times as likely as; what no name explains bars the first.
-
-    Behind a first name that is likely, a small one that lowers the held-out error may stay.
-    """
+    """Names that something else is four times as likely as."""
     among = {name: 1.0 / (1.0 + sum(r.alias for r in own)) for name, own in rivals.items()}
-    return [name for number, name in enumerate(rivals)
-            if among[name] <= LEAST or (number == 0 and sure[name].confidence < LEAST)]  # fmt: skip
+    return [n for n in rivals if among[n] <= LEAST or sure[n].confidence < LEAST]
 
 
 def _with_tie(rival: Rival, effect: Effect, tied: Sequence[Dependence]) -> Rival:

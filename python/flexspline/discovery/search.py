@@ -5,7 +5,7 @@ takes the best that
 
 - exceeds its significance threshold (`evidence.py`: the family of candidates is accounted for),
 - gains half as much on held-out folds too,
-- gains more than the form of a name may miss (`missed`),
+- gains more than the form of a name may miss (`missed`), or is certain and pays beside freed forms,
 - is physically possible (`physics.py`).
 
 What was best alone need not be best beside others: after each step a name that is no longer
@@ -460,6 +460,7 @@ class Searcher:
     ) -> float:
         """What the forms of names may miss, χ²; 0 if an effect clearly pays beside freed forms.
 
+        Beside freed forms only what is certain pays: functions are few, forms miss in more ways.
         ∞ where what bends friction over the speed is no more than how friction turns over at rest.
 
         Freed (`Bent`) are those that may miss half of its gain. Of long logs a part is looked at.
@@ -475,7 +476,7 @@ class Searcher:
         alike = [e for e in rivals if {*e.reads} == {SPEED}]
         if turning and more * self._kept(problem, work, effect, turning, (), alike) < least:
             return np.inf
-        if gain >= most:
+        if gain >= most or gain < SETTINGS.certain**2:
             return most
         bent = tuple(e for e in others if names[e.name] > 0.5 * gain)
         freed = bent_forms(problem, bent)
