@@ -130,6 +130,9 @@ def test_a_low_pass_is_on_measured_and_modelled_alike():
     plain = flexspline.compare_models({"smooth": smooth, "true": truth()}, runs())
     assert made.errors()[-1, 1] < plain.errors()[-1, 1]
     assert plain.kinds()[-1] == (FITTED, PREDICTED)
+    assert not any("fitted behind" in note for note in made.notes)
+    (said,) = [note for note in plain.notes if "fitted behind" in note]
+    assert said.startswith("'smooth' was fitted behind a low pass of 10 Hz") and "--lowpass" in said
 
 
 def test_the_table_marks_the_lowest_error_and_has_every_number():

@@ -22,7 +22,7 @@ from flexspline.least_squares.result import Fit
 from flexspline.logs.derive import with_motion
 from flexspline.logs.log import Log
 from flexspline.logs.read import LogLike, as_logs
-from flexspline.model import Model, Prediction
+from flexspline.model import Model, Prediction, lowpass_remark
 from flexspline.rendering import render
 from flexspline.requirements import require_apart
 
@@ -166,7 +166,10 @@ def compare_models(
         )
     aic, bic, notes = _criteria(models)
     names = tuple(models)
-    notes = [*_left_out(made), *_fitted(names, made), *notes]
+    parts = {n: one.part if isinstance(one, Fit) else one.part(target) for n, one in models.items()}
+    told_apart = (lowpass_remark(part, lowpass, f"'{n}'") for n, part in parts.items())
+    smoothed = [sentence for sentence in told_apart if sentence]
+    notes = [*_left_out(made), *_fitted(names, made), *smoothed, *notes]
     return ModelComparison(
         target, UNITS[target], lowpass, names, tuple(made), aic, bic, tuple(notes)
     )
