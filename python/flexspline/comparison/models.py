@@ -8,6 +8,7 @@ and the run does not count as one that it predicts.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -123,6 +124,10 @@ class ModelComparison:
     def plot(self) -> Figure:
         """Return a figure: measured and all models over time, residuals over load and velocity."""
         return render("models", "figure", self)
+
+    def report(self, path: str | os.PathLike[str]) -> None:
+        """Write a self-contained HTML report, whole or not at all."""
+        render("models", "report", self, path)
 
 
 def compare_models(
