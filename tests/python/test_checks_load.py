@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import pytest
 from cli_calls import call
@@ -10,7 +12,7 @@ from fit_logs import FRICTION, autoregressive, friction, log_with, motion, rows_
 import flexspline
 from flexspline.logs import Log
 from flexspline.logs.checks import check, check_runs
-from flexspline.logs.checks.load import LOAD_CELL, UNUSED
+from flexspline.logs.checks.load import LOAD_CELL, UNUSED, unused_load
 
 BASE = ["offset", "coulomb_friction", "viscous_friction"]
 
@@ -53,6 +55,18 @@ def test_of_several_runs_it_is_said_once() -> None:
 def test_a_load_that_stays_the_same_is_no_load_to_use() -> None:
     log = run().with_columns({"reference_torque": np.zeros(len(run()))}, note="not connected")
     assert not check(log, target="sensor_torque").named(UNUSED)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e308])
+def test_a_load_of_no_number_is_none(value: float) -> None:
+    log = run().with_columns({"reference_torque": np.full(len(run()), value)}, note="broken")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert unused_load([log], "sensor_torque", None) == []
+        ends = np.where(np.arange(len(log)) % 2, 1e308, -1e308)
+        assert unused_load(
+            [log.with_columns({"reference_torque": ends}, note="broken")], "sensor_torque", None
+        )
 
 
 def test_fit_and_discover_say_that_a_known_load_was_not_used() -> None:

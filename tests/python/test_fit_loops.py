@@ -53,6 +53,6 @@ def test_rows_that_do_not_count_are_said_to_be_those_of_the_effect_that_remember
 
 
 def test_runs_are_not_compared_array_by_array(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Since Python 3.13 two runs that share their arrays cannot be compared: those have no truth."""
+    """Since Python 3.13 runs that share their arrays cannot be compared: those have no truth."""
     monkeypatch.setattr(Run, "__eq__", lambda one, other: pytest.fail("two runs are compared"))
     assert fitted_loop().rmse > 0.0

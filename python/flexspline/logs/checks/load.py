@@ -71,10 +71,18 @@ def _unused(target: str) -> str:
 
 
 def _varies(log: Log, channel: str) -> bool:
-    return channel in log and bool(np.ptp(log[channel]) > 0.0)
+    if channel not in log:
+        return False
+    low, high = _ends(log, channel)
+    return low < high
+
+
+def _ends(log: Log, channel: str) -> tuple[float, float]:
+    """The least and the largest value beside NaN; NaN where there is no other."""
+    return float(np.fmin.reduce(log[channel])), float(np.fmax.reduce(log[channel]))
 
 
 def _note(log: Log, name: str, channel: str, said: str, remedy: str = "") -> Finding:
-    size = float(np.ptp(log[channel]))
-    rows = (0, len(log))
-    return Finding(name, "note", channel, rows, size, CHANNELS[channel].unit, said, remedy)
+    low, high = _ends(log, channel)
+    unit = CHANNELS[channel].unit
+    return Finding(name, "note", channel, (0, len(log)), high - low, unit, said, remedy)
