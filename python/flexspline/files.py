@@ -81,9 +81,9 @@ class Writing:
         Raises
         ------
         InputError
-            Where it is there.
+            Where it is there, and not from this call itself.
         """
-        if self.refuse and target.exists():
+        if self.refuse and target.exists() and target not in self.written:
             raise InputError(
                 f"{target}: is there already; give another name, or leave --no-overwrite out"
             )
@@ -94,8 +94,13 @@ class Writing:
             self.kept.append(_kept(target))
 
     def replaces(self, draft: Path, target: Path) -> None:
-        """Note that a file is about to be written, and keep what is there by another name."""
+        """Note that a file is about to be written, and keep what is there by another name.
+
+        What this call has written itself is not kept: it would take the place of what was there.
+        """
         self.before(target)
+        if target in self.written:
+            return
         if self.keep and target.is_file() and not filecmp.cmp(draft, target, shallow=False):
             self.kept.append(_kept(target))
         self.written.append(target)

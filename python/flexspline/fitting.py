@@ -305,13 +305,13 @@ def _checked(
     The checks know a load as reference_torque; with another channel they cannot judge effects
     that read it, and the fit looks after these itself.
     """
-    from flexspline.logs.checks import check
+    from flexspline.logs.checks import check_runs
+    from flexspline.logs.checks.load import unused_load
 
     elsewhere = known_load not in (None, "reference_torque")
     asked = [e.name for e in effects if not (e.own or (elsewhere and "load" in e.reads))]
-    sentences = []
-    for log in runs:
-        findings = check(log, effects=asked, target=target)
+    sentences = unused_load(runs, target, known_load)
+    for log, findings in zip(runs, check_runs(runs, effects=asked, target=target), strict=True):
         findings.raise_forbidding(target)
         sentences += [f"{log.name}: {f.sentence} {f.remedy}".rstrip() for f in findings.faults]
     return sentences
@@ -336,7 +336,7 @@ def solved(
     made = estimate(problem, effects, given, tick, near=near)
     for _ in range(SETTLING_ROUNDS):
         again = settled(problem, made.linear.effects)
-        if again.runs == problem.runs:
+        if [run.stretches for run in again.runs] == [run.stretches for run in problem.runs]:
             break
         problem, made = again, estimate(again, made.linear.effects, given, tick, near=near)
     return problem, made

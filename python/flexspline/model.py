@@ -56,11 +56,13 @@ __all__ = [
     "Part",
     "Prediction",
     "Predictions",
+    "lowpass_remark",
     "own_of_runs",
     "part_warnings",
     "range_warnings",
     "refuse_warnings",
     "rows_outside",
+    "sign_warnings",
     "widened",
 ]
 
@@ -498,13 +500,8 @@ def _by_motor_encoder(part: Part, log: Log) -> bool:
 
 
 def part_warnings(part: Part) -> list[str]:
-    """Return what is wrong with a part, a sentence each: signs, significance, bounds.
-
-    Signs are those of a drive alone: a sensor may see friction from either side.
-    """
-    said: list[str] = []
-    if PART_OF[part.target] == "drive":
-        said += _sign_warnings(part)
+    """Return what is wrong with a part, a sentence each: signs, significance, bounds."""
+    said = sign_warnings(part)
     weak = [*_weak_terms(part), *_weak_orders(part)]
     if weak:
         said.append(
@@ -528,6 +525,28 @@ def part_warnings(part: Part) -> list[str]:
             f"{listed(stuck)}; the model may lack something else"
         )
     return said
+
+
+def lowpass_remark(part: Part, lowpass_hz: float | None, who: str = "") -> str:
+    """Return a sentence where the part was fitted behind another low pass than this; "" if not.
+
+    `who`: how the model is called, where there are several.
+    """
+    fitted = part.record.get("lowpass")
+    if fitted == lowpass_hz or "lowpass" not in part.record:
+        return ""
+    here = "nothing is low-passed" if lowpass_hz is None else f"the low pass is {lowpass_hz:g} Hz"
+    who = who or f"The model of {part.target}"
+    if fitted is None:
+        return (
+            f"{who} was fitted without a low pass, and here {here}: errors are not those of its "
+            "fit."
+        )
+    return (
+        f"{who} was fitted behind a low pass of {fitted:g} Hz, and here {here}: errors are not "
+        "those of its fit, which never saw what lies above. To compare as it was fitted, give "
+        f"lowpass (--lowpass {fitted:g})."
+    )
 
 
 def range_warnings(part: Part, log: Log) -> list[str]:
@@ -577,7 +596,14 @@ def refuse_warnings(said: Sequence[str]) -> None:
         raise InputError(f"{said[0]}{more}; without strict this is a warning")
 
 
-def _sign_warnings(part: Part) -> Iterator[str]:
+def sign_warnings(part: Part) -> list[str]:
+    """Return a sentence for each friction and inertia below zero, which no drive has.
+
+    Of a drive alone, for a sensor may see friction from either side; and of a drive itself, for
+    what corrects a foreign simulation may be too much in that.
+    """
+    if PART_OF[part.target] != "drive" or part.simulated is not None:
+        return []
     checked = []
     first = 0
     for effect in part.effects:
@@ -591,12 +617,12 @@ def _sign_warnings(part: Part) -> Iterator[str]:
         if effect.name == COULOMB_PER_DIRECTION:
             level = 0.5 * (values[0] - values[1])
             checked.append((f"the level of {effect.name}", level, effect.terms[0].unit, "friction"))
-    for name, value, unit, what in checked:
-        if value < 0.0:
-            yield (
-                f"{name} = {value:.3g} {unit_in(unit, part.target, part.known_load)} is negative "
-                f"{what}, which no drive has; fit it again with bounds, or with runs that show it"
-            )
+    return [
+        f"{name} = {value:.3g} {unit_in(unit, part.target, part.known_load)} is negative "
+        f"{what}, which no drive has; fit it again with bounds, or with runs that show it"
+        for name, value, unit, what in checked
+        if value < 0.0
+    ]
 
 
 def own_of_runs(part: Part) -> list[Mapping[str, Any]]:

@@ -13,10 +13,10 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, overload
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 from flexspline.errors import InputError
 from flexspline.files import save_columns
@@ -40,7 +40,7 @@ class Prediction:
     `warnings`: a sentence for each thing that is to be known of the model on this log: signs that
     no drive has, terms that are not significant, rows outside of what it was fitted to. `name`: of
     the run. `speed_above`: rad/s; the error is of rows whose output moves at least so fast, which
-    `speed` tells, (N,); None for all rows.
+    `speed` tells, (N,); None for all rows. To numpy it is `predicted`: ``np.asarray(prediction)``.
     """
 
     time: Array
@@ -56,6 +56,9 @@ class Prediction:
     def __repr__(self) -> str:
         gap = f"RMSE {self.rmse:.4g} {self.unit}" if self.rows else "none measured"
         return f"<Prediction of {self.target}: {len(self.time)} rows, {gap}>"
+
+    def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> NDArray[Any]:
+        return np.array(self.predicted, dtype=dtype) if copy else np.asarray(self.predicted, dtype)
 
     @property
     def residual(self) -> Array:

@@ -31,6 +31,7 @@ RENDERERS = {
     ("comparison", "figure"): "flexspline.plot.comparison:plot_comparison",
     ("models", "text"): "flexspline.report.models:models_text",
     ("models", "html"): "flexspline.report.models:models_html",
+    ("models", "report"): "flexspline.report.models:write_models_report",
     ("models", "figure"): "flexspline.plot.models:plot_models",
     ("discovery", "text"): "flexspline.report.discovery:discovery_text",
     ("discovery", "html"): "flexspline.report.discovery:discovery_html",

@@ -10,6 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from flexspline.logs import Log
+from flexspline.logs.checks import check, check_runs
 from flexspline.logs.checks.consistency import (
     SURE,
     Delay,
@@ -164,3 +165,52 @@ def test_the_lowest_point_is_walked_to_and_looks_at_its_neighbours_alone() -> No
     scanned = [abs(delay - 0.4) for delay in grid]
     assert _lowest(loss, grid, scanned) == pytest.approx(0.5)
     assert sorted(asked) == pytest.approx([0.35, 0.4, 0.45, 0.5, 0.55])
+
+
+# Runs of one recorder
+
+
+def recorded(rows_late: float, turns: int = 1, noise: float = 0.0) -> Log:
+    """A run at 500 Hz whose velocity is late by so many rows; a slow one hardly shows it."""
+    time = np.arange(8000) / 500.0
+
+    def angle(at: Array) -> Array:
+        return np.asarray(0.8 * np.sin(1.3 * turns * at) + 0.1 * np.sin(4.7 * turns * at + 1.0))
+
+    def velocity(at: Array) -> Array:
+        return np.asarray(
+            turns * (1.04 * np.cos(1.3 * turns * at) + 0.47 * np.cos(4.7 * turns * at + 1.0))
+        )
+
+    noisy = noise * np.random.default_rng(5).normal(size=len(time))
+    return Log.from_arrays(
+        time=time,
+        output_position=angle(time),
+        output_velocity=velocity(time - rows_late / 500.0) + noisy,
+        facts={"gear_ratio": 100.0, "output_spline": "flex"},
+    )
+
+
+def late_in(runs: list[Log]) -> list[str]:
+    """The sentence on each run's delay, "" where there is none."""
+    made = [one.named("velocity_delay") for one in check_runs(runs)]
+    return [one[0].sentence if one else "" for one in made]
+
+
+def test_a_recorders_delay_on_the_limit_is_told_of_all_runs_that_have_it() -> None:
+    runs = [recorded(0.499), recorded(0.53), recorded(0.497)]
+    assert [bool(check(run).named("velocity_delay")) for run in runs] == [False, True, False]
+    said = late_in(runs)
+    assert all(said) and not any("Seen in" in one for one in said)
+
+
+def test_a_delay_that_some_runs_show_says_of_how_many_and_what_the_others_tell() -> None:
+    same, none, noise = recorded(1.0), recorded(0.0), recorded(0.0, noise=3.0)
+    said = "Seen in 1 of 3 runs; of the others 1 does not tell and 1 shows another or none."
+    assert late_in([same, none, noise]) == [f"{late_in([same])[0]} {said}", "", ""]
+
+
+def test_a_delay_that_all_or_no_runs_show_is_told_as_of_single_runs() -> None:
+    assert late_in([recorded(1.0), recorded(1.5)]) == [*late_in([recorded(1.0)]),
+                                                       *late_in([recorded(1.5)])]  # fmt: skip
+    assert late_in([recorded(0.0), recorded(0.2)]) == ["", ""]

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import html
 from functools import cache
 
 import numpy as np
 import pytest
-from figure_layout import figure_faults
+from figure_layout import figure_faults, page_faults
 from fit_logs import FRICTION, WIDTH, autoregressive, chosen, friction, log_with, motion, simulated
 from matplotlib.figure import Figure
 
@@ -130,6 +131,9 @@ def test_a_low_pass_is_on_measured_and_modelled_alike():
     plain = flexspline.compare_models({"smooth": smooth, "true": truth()}, runs())
     assert made.errors()[-1, 1] < plain.errors()[-1, 1]
     assert plain.kinds()[-1] == (FITTED, PREDICTED)
+    assert not any("fitted behind" in note for note in made.notes)
+    (said,) = [note for note in plain.notes if "fitted behind" in note]
+    assert said.startswith("'smooth' was fitted behind a low pass of 10 Hz") and "--lowpass" in said
 
 
 def test_the_table_marks_the_lowest_error_and_has_every_number():
@@ -186,6 +190,26 @@ def test_a_figure_has_all_models_over_time_load_and_velocity():
     loaded = [log_of(seed, 400, reference_torque=np.sin(np.arange(400))) for seed in range(2)]
     over = flexspline.compare_models({"true": truth()}, loaded).plot().axes[1]
     assert over.get_xlabel() == "reference torque [Nm]"
+
+
+def test_a_report_holds_the_table_the_figures_and_what_makes_it_again(tmp_path):
+    page = tmp_path / "report.html"
+    compared().report(page)
+    text = page.read_text(encoding="utf-8").replace("\N{NO-BREAK SPACE}", " ")
+    best, other = whole().cv_rmse, small().cv_rmse
+    assert f"Lowest error over all rows: whole, {best:.4f} Nm; small {other:.4f}." in text
+    assert text.count("<svg") == 3 and "<script" not in text
+    for cell in (cell for line in str(compared()).splitlines()[2:9] for cell in line.split("  ")):
+        assert html.escape(cell.strip()) in text
+    assert "flexspline.compare_models(models, logs, target=&#39;sensor_torque&#39;)" in text
+    assert page_faults(page) == []
+
+
+def test_a_report_praises_no_model_for_runs_that_it_was_fitted_to(tmp_path):
+    made = flexspline.compare_models({"own": whole().model, "true": truth()}, runs())
+    made.report(tmp_path / "report.html")
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "These errors say nothing of which model is better" in text
 
 
 def test_a_right_model_has_no_slope_in_its_residual_over_what_it_says():

@@ -213,6 +213,26 @@ def test_a_comparison_without_a_least_speed_says_none() -> None:
     assert "slower than" not in str(made)
 
 
+def test_a_comparison_says_where_the_fit_was_behind_another_low_pass() -> None:
+    runs = rig.logs("nothing", runs=2, samples=3000)
+    smooth = flexspline.fit(rig.friction(), runs, "sensor_torque", lowpass=10.0, checks=False)
+    plain = flexspline.fit(rig.friction(), runs, "sensor_torque", checks=False)
+
+    def said(model: Model, lowpass: float | None) -> list[str]:
+        made = flexspline.compare(model, runs, lowpass=lowpass)
+        return [note for note in made.notes if "low pass" in note]
+
+    for model, lowpass in ((smooth.model, 10.0), (plain.model, None), (rig.model(), None)):
+        assert said(model, lowpass) == []
+    (raw,) = said(smooth.model, None)
+    assert "fitted behind a low pass of 10 Hz, and here nothing is low-passed" in raw
+    assert "give lowpass (--lowpass 10)" in raw
+    (other,) = said(smooth.model, 20.0)
+    assert "here the low pass is 20 Hz" in other
+    (never,) = said(plain.model, 10.0)
+    assert "fitted without a low pass, and here the low pass is 10 Hz" in never
+
+
 def test_wrong_calls_say_what_to_do() -> None:
     (log, *_) = rig.logs("nothing", runs=1, samples=1000)
     with pytest.raises(InputError, match="at least one"):

@@ -57,6 +57,17 @@ def test_an_effect_is_said_to_act_where_what_it_adds_lies(
     assert fast.startswith("above 0.91") and ways == [said]  # of v¹⁷, 0.8 lie above 0.2^(1/17)
 
 
+def test_rows_of_a_name_fit_into_a_terminal_of_80_columns() -> None:
+    made = found()
+    long = replace(made.found[0], where=", ".join(["above 0.9 rad/s"] * 9))
+    text = str(replace(made, found=(long,)))
+    lines = text[text.index("1. ") :].splitlines()
+    rows = lines[: next(k for k, line in enumerate(lines) if line.startswith("   On "))]
+    assert len(rows) > 2 and max(map(len, rows)) <= 79
+    for line in effect_lines(made, long):
+        assert line.value in text and line.remark in " ".join(text.split())
+
+
 def test_text_and_page_tell_the_same_of_a_parameter_and_of_the_floor() -> None:
     (one,) = found().found
     held = replace(found().fit.parameters[0], name=f"{one.effect}.share", determined=False)

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from torsion_logs import LOAD, own_rows, truth
 
 import flexspline
+from flexspline.least_squares.problem import Run
 
 GIVES_BACK, WIDE = "it gives back", "is wider than half of the"
 
@@ -32,7 +34,7 @@ def test_a_loop_wider_than_half_the_load_s_turns_is_warned_of() -> None:
     assert "its load_width of 500 Nm is wider than half of the 83" in said(1.0, width=500.0)
 
 
-def test_rows_that_do_not_count_are_said_to_be_those_of_the_effect_that_remembers() -> None:
+def fitted_loop() -> flexspline.Fit:
     time = np.arange(0.0, 20.0, 0.01)
     log = flexspline.Log.from_arrays(
         time=time,
@@ -41,7 +43,16 @@ def test_rows_that_do_not_count_are_said_to_be_those_of_the_effect_that_remember
         sensor_torque=np.sin(time) + 0.01 * np.cos(9.0 * time),
     )
     effects = ["coulomb_friction", flexspline.effect("presliding_friction", presliding_width=0.01)]
-    fit = flexspline.fit(effects, log, "sensor_torque", checks=False,
-                         fixed={"presliding_width": 0.01, "direction_width": 0.01})  # fmt: skip
-    (said,) = [text for text in fit.warnings if "depends on what came before" in text]
+    return flexspline.fit(effects, log, "sensor_torque", checks=False,
+                          fixed={"presliding_width": 0.01, "direction_width": 0.01})  # fmt: skip
+
+
+def test_rows_that_do_not_count_are_said_to_be_those_of_the_effect_that_remembers() -> None:
+    (said,) = [text for text in fitted_loop().warnings if "depends on what came before" in text]
     assert "presliding_friction" in said and "coulomb" not in said
+
+
+def test_runs_are_not_compared_array_by_array(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Since Python 3.13 runs that share their arrays cannot be compared: those have no truth."""
+    monkeypatch.setattr(Run, "__eq__", lambda one, other: pytest.fail("two runs are compared"))
+    assert fitted_loop().rmse > 0.0

@@ -247,6 +247,17 @@ def test_rows_that_are_not_finite_are_predicted_as_nan_and_no_others():
     assert np.array_equal(predicted[good], whole[good])
 
 
+def test_numpy_takes_a_prediction_for_what_is_predicted():
+    log = simulated(friction(), FRICTION, motion(2), np.zeros(2000))
+    made = flexspline.fit(friction(), log, "sensor_torque", checks=False).predict(log)
+    assert np.array_equal(np.asarray(made), made.predicted) and np.shape(made) == (2000,)
+    assert np.array_equal(log["sensor_torque"] - made, made.residual)
+    assert np.asarray(made, dtype=np.float32).dtype == np.float32
+    own = np.array(made, copy=True)
+    own[0] += 1.0
+    assert own[0] != made.predicted[0]
+
+
 def test_without_the_target_a_log_is_predicted_and_its_measurement_is_nan():
     log, fit = small_fit()
     bare = Log.from_arrays(

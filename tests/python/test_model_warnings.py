@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import warnings
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from cli_calls import call
+from fit_logs import WIDTH, autoregressive, log_with, motion
 
 import flexspline
 from flexspline.effects import Effect, effect
@@ -16,7 +19,8 @@ from flexspline.errors import FlexsplineWarning, InputError
 from flexspline.exporting import export
 from flexspline.logs.log import Log
 from flexspline.logs.writing import write_log
-from flexspline.model import PART_OF, Model, Part, part_warnings, range_warnings
+from flexspline.model import PART_OF, Model, Part, part_warnings, range_warnings, sign_warnings
+from flexspline.simulator import Simulated
 
 TIME = np.arange(400) * 1e-2
 FACTS = {"gear_ratio": 100.0, "output_spline": "circular"}
@@ -73,6 +77,28 @@ def test_a_drive_that_gives_energy_is_named_and_a_sensor_is_not(made: Effect, sa
         export(model(drive), "/nowhere/joint.hpp", strict=True)
     assert part_warnings(part("motor_torque", {made: [0.0]})) == []
     assert part_warnings(part("sensor_torque", {made: [-0.1]})) == []
+
+
+def test_what_a_foreign_simulation_has_too_much_of_may_be_negative() -> None:
+    drive = part("motor_torque", {effect("viscous_friction"): [-0.1]})
+    assert len(sign_warnings(drive)) == 1
+    beside = Simulated("mujoco", own_files=False, holds_load=False)
+    assert sign_warnings(replace(drive, simulated=beside)) == []
+
+
+def test_a_discovery_warns_of_the_same_signs() -> None:
+    logs = []
+    for seed in (1, 2, 3):
+        at = motion(seed)
+        noise = autoregressive(np.random.default_rng(seed), len(at["time"]))
+        torque = 0.3 * np.tanh(at["output_velocity"] / WIDTH) - 0.2 * at["output_velocity"] + noise
+        logs.append(log_with(at, name=f"run{seed}", facts=FACTS, motor_torque=torque / 101.0))
+    base = ["offset", "coulomb_friction", "viscous_friction"]
+    made = flexspline.discover(base, logs, target="motor_torque", exclude=["inertia"])
+    (said,) = made.warnings
+    assert said == sign_warnings(made.fit.part)[0] and "negative friction" in said
+    assert f"Check before use: {said}." in " ".join(str(made).split())
+    assert json.loads(made.to_json())["warnings"] == [said]
 
 
 @pytest.mark.parametrize(("values", "warned"), [([1.0, -1.0], 0), ([1.0, 1.2], 1), ([0.9, 0.5], 0)])

@@ -362,6 +362,7 @@ def test_models_are_compared_on_the_same_rows_by_a_command(tmp_path: Path) -> No
     assert errors[1] < errors[0] and told["unit"] == "Nm"
     folder = tmp_path / "side by side"
     assert call(*given, "--model", paths[1], "--out", str(folder)).exit_code == 0
-    assert sorted(file.name for file in folder.iterdir()) == ["models.csv", "models.png"]
+    written = ["models.csv", "models.png", "report.html"]
+    assert sorted(file.name for file in folder.iterdir()) == written
     alone = call(*given)
     assert alone.exit_code == 2 and "give two or more" in alone.stderr

@@ -412,7 +412,7 @@ def arduino_serial(path: Path) -> Read:
 
 def pandas_iso(path: Path) -> Read:
     table = pd.read_csv(path, index_col=0)
-    stamps = pd.to_datetime(table.index, utc=True)
+    stamps = pd.to_datetime(table.index, utc=True, format="ISO8601")
     columns = {
         "enabled": ("enabled", 1.0),
         "output_position": ("joint_angle_rad", 1.0),

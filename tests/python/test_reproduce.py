@@ -100,6 +100,26 @@ def test_a_paper_that_is_done_stays_where_the_next_one_fails(
         assert (tmp_path / "out" / name).read_bytes() == (tmp_path / "alone" / name).read_bytes()
 
 
+@pytest.mark.usefixtures("small_paper")
+def test_what_the_command_itself_wrote_before_is_neither_kept_nor_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(run, "PAPERS", (PAPER, "another"))
+    monkeypatch.setitem(
+        sys.modules, "flexspline.reproduce.another", sys.modules[f"flexspline.reproduce.{PAPER}"]
+    )
+    out, pages = tmp_path / "out", {"claims.json", "report.html"}
+    how = ["reproduce", "all", "--draws", "2", "--threads", "1", "--out", out]
+    assert call(*how, "--no-overwrite").exit_code == 0
+    assert {file.name for file in out.iterdir()} == {*pages, PAPER, "another"}
+    (out / "report.html").write_text("what was there")
+    said = call(*how, "--seed", "2")
+    assert said.exit_code == 0, said.stderr
+    assert (out / "report.html.previous").read_text() == "what was there"
+    refused = call(*how, "--no-overwrite")
+    assert refused.exit_code == 2 and "is there already" in refused.stderr
+
+
 def test_without_scikit_learn_it_is_asked_for_before_anything_is_computed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+
 import click
 
 from flexspline.cli.options import FILE, on_terminal, refuse_overwriting
@@ -43,6 +45,12 @@ def demo(out: str) -> None:
     found({"found": made.found, "rmse_before": made.before, "rmse_after": made.after})
 
 
+def _processors() -> int:
+    """How many processors this process may use."""
+    allowed = getattr(os, "sched_getaffinity", None)  # not on macOS and Windows
+    return len(allowed(0)) if allowed else os.cpu_count() or 1
+
+
 @click.command()
 @click.argument("paper", type=click.Choice(PAPERS))
 @click.option(
@@ -63,7 +71,11 @@ def demo(out: str) -> None:
     help="The same gives the same numbers.",
 )
 @click.option(
-    "--threads", type=click.IntRange(1, 1024), default=1, show_default=True, help="To draw with."
+    "--threads",
+    type=click.IntRange(1, 1024),
+    default=_processors,
+    show_default="all processors",
+    help="Processes to draw with.",
 )
 def reproduce(paper: str, out: str, draws: int, seed: int, threads: int) -> None:
     """Do the papers again, and set each published claim beside ours.

@@ -40,7 +40,7 @@ __all__ = ["models"]
     "--out",
     metavar="FILE.csv|DIR",
     type=FILE,
-    help="Table, a row for each model; or a folder for models.csv and models.png.",
+    help="Table, a row for each model; or a folder for models.csv, models.png and report.html.",
 )
 @target(required=False)
 @lowpass
@@ -70,7 +70,7 @@ def models(
         raise InputError("one --model is nothing to compare; give two or more")
     joints = {path: loaded(path, target) for path in paths}
     if out is not None:
-        written = () if is_table(out) else ("models.csv", "models.png")
+        written = () if is_table(out) else ("models.csv", "models.png", "report.html")
         refuse_overwriting(out, [*runs, *paths], written)
     logs = reading.logs(runs, joints[paths[0]].facts)
 
@@ -102,5 +102,6 @@ def models(
         return
     with whole_folder(out, last="models.csv") as draft:
         made.plot().savefig(draft / "models.png", dpi=110)
+        made.report(draft / "report.html")
         save_table(table, draft / "models.csv")
-    say(f"\nwrote {Path(out) / 'models.csv'} and {Path(out) / 'models.png'}")
+    say(f"\nwrote models.csv, models.png and report.html to {Path(out)}")

@@ -188,7 +188,10 @@ def named_effects(text: str) -> list[str]:
 
 def known_load(command: Command) -> Command:
     """--known-load CHANNEL"""
-    says = "Channel with the load, e.g. reference_torque."
+    says = (
+        "Channel with the load at the output, of a load cell, brake or weight, e.g. "
+        "reference_torque: effects explain the target less this."
+    )
     return click.option("--known-load", metavar="CHANNEL", help=says)(command)
 
 

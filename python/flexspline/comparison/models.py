@@ -8,6 +8,7 @@ and the run does not count as one that it predicts.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -22,7 +23,7 @@ from flexspline.least_squares.result import Fit
 from flexspline.logs.derive import with_motion
 from flexspline.logs.log import Log
 from flexspline.logs.read import LogLike, as_logs
-from flexspline.model import Model, Prediction
+from flexspline.model import Model, Prediction, lowpass_remark
 from flexspline.rendering import render
 from flexspline.requirements import require_apart
 
@@ -124,6 +125,10 @@ class ModelComparison:
         """Return a figure: measured and all models over time, residuals over load and velocity."""
         return render("models", "figure", self)
 
+    def report(self, path: str | os.PathLike[str]) -> None:
+        """Write a self-contained HTML report, whole or not at all."""
+        render("models", "report", self, path)
+
 
 def compare_models(
     models: Mapping[str, Model | Fit],
@@ -166,7 +171,10 @@ def compare_models(
         )
     aic, bic, notes = _criteria(models)
     names = tuple(models)
-    notes = [*_left_out(made), *_fitted(names, made), *notes]
+    parts = {n: one.part if isinstance(one, Fit) else one.part(target) for n, one in models.items()}
+    told_apart = (lowpass_remark(part, lowpass, f"'{n}'") for n, part in parts.items())
+    smoothed = [sentence for sentence in told_apart if sentence]
+    notes = [*_left_out(made), *_fitted(names, made), *smoothed, *notes]
     return ModelComparison(
         target, UNITS[target], lowpass, names, tuple(made), aic, bic, tuple(notes)
     )

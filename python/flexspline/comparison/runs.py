@@ -26,7 +26,7 @@ from flexspline.logs.quantisation import quantum, white_noise
 from flexspline.logs.read import LogLike
 from flexspline.logs.segments import median_step, output_speed
 from flexspline.logs.segments import runs as unbroken
-from flexspline.model import Model, Part
+from flexspline.model import Model, Part, lowpass_remark
 from flexspline.part import PART_OF
 from flexspline.prepared import VELOCITY, Preparation, learned, prepared
 from flexspline.signals import target_of
@@ -139,9 +139,10 @@ def predicted(
     source = load_source_of(part, logs)
     own = _noise_left(noise, ways)
     runs = tuple(_predicted_run(model, part, log, lowpass, source, own) for log in logs)
-    notes: tuple[str, ...] = ()
+    notes = tuple(filter(None, [lowpass_remark(part, lowpass)]))
     if part.target != "torsion" and any(way.channel == VELOCITY for way in ways):
-        runs, notes = _resolved(model, part, logs, lowpass, runs)
+        runs, left_out = _resolved(model, part, logs, lowpass, runs)
+        notes += left_out
     foreign = part.simulated.words if part.simulated is not None else ""
     return Compared(
         runs, part.target, part.unit, False, lowpass, source, part.unit, foreign=foreign,

@@ -52,7 +52,7 @@ from flexspline.least_squares.problem import (
     with_fastest,
 )
 from flexspline.least_squares.result import Fit
-from flexspline.logs.checks import check
+from flexspline.logs.checks import check_runs
 from flexspline.logs.checks.consistency import TOLD, Gear, measured_gear
 from flexspline.logs.checks.findings import NO_TORSION, Finding
 from flexspline.logs.checks.samples import unwrapped
@@ -170,8 +170,8 @@ def data_faults(
     elsewhere = known_load not in (None, "reference_torque")
     asked = [e.name for e in base if not (e.own or (elsewhere and "load" in e.reads))]
     found = []
-    for log in logs:
-        findings = check(log, effects=asked, target=target, threads=threads)
+    made = check_runs(logs, effects=asked, target=target, threads=threads)
+    for log, findings in zip(logs, made, strict=True):
         findings.raise_errors()
         if target == "torsion":
             findings.raise_named(NO_TWIST)

@@ -33,7 +33,8 @@ from flexspline.effects.causes import INERTIA
 from flexspline.errors import InputError, listed
 from flexspline.formatting import percent
 from flexspline.least_squares.result import Fit, Parameter
-from flexspline.model import PART_OF, Model, Part
+from flexspline.logs.checks.load import unused_load
+from flexspline.model import PART_OF, Model, Part, sign_warnings
 from flexspline.prepared import bandwidth_used, inputs_json
 from flexspline.regression.candidate_model import Fold, HeldOut, Working
 from flexspline.regression.gram import TINY
@@ -315,6 +316,12 @@ class Discovery:
         return self.fit.part.simulated
 
     @property
+    def warnings(self) -> tuple[str, ...]:
+        """A sentence for each sign that no drive has, and for a known load that was not used."""
+        part, logs = self.fit.part, [run.log for run in self.fit.runs]
+        return (*sign_warnings(part), *unused_load(logs, self.target, part.known_load))
+
+    @property
     def what(self) -> str:
         """What the errors are of: the target, or the channel that is simulated."""
         return "output_position" if self.by == "simulation" else self.target
@@ -441,6 +448,7 @@ def discovery_json(made: Discovery) -> str:
             "unit": motion.unit,
         },
         "data_faults": [asdict(fault) for fault in made.data_faults],
+        "warnings": made.warnings,
         "unexplained": None if made.unexplained is None else asdict(made.unexplained),
         "dependences": [
             {"channel": one.channel, "of": one.of, "left": one.left, "sentence": one.sentence}

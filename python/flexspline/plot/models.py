@@ -13,6 +13,7 @@ from flexspline.plot.canvas import (
     GREY,
     INK,
     PALETTE,
+    Panel,
     PlainFigure,
     axes_or_new,
     banded,
@@ -28,25 +29,41 @@ from flexspline.plot.canvas import (
 if TYPE_CHECKING:
     from flexspline.comparison.models import ModelComparison, ModelRun
 
-__all__ = ["missed_over", "models_over_time", "plot_models"]
+__all__ = ["missed_over", "models_over_time", "panels", "plot_models"]
 
 Array = NDArray[np.float64]
 
+RUN = (
+    "At most ten seconds from the middle of the first run. Where a model is judged on held-out "
+    "rows, what is drawn is what fits said that never saw them."
+)
+MISSED = (
+    "Measured less modelled over all runs: median and the band that holds 90 % of the rows. A "
+    "model that lacks nothing here lies on zero."
+)
 STYLES = ("-", "--", ":")
 LOAD, VELOCITY, MODELLED = "reference_torque", "output_velocity", "modelled"
 
 
 def plot_models(made: ModelComparison) -> PlainFigure:
     """Return the figure: a run over time, and the residuals over load and velocity below it."""
-    below = [partial(missed_over, made, LOAD if _all_have(made, LOAD) else MODELLED)]
-    if _all_have(made, VELOCITY):
-        below.append(partial(missed_over, made, VELOCITY))
+    first, *below = panels(made)
     figure = PlainFigure(11.0, 7.2)
     grid = figure.add_gridspec(2, len(below))
-    models_over_time(made, ax=figure.add_subplot(grid[0, :]))
-    for column, draw in enumerate(below):
-        draw(ax=figure.add_subplot(grid[1, column]))
+    first.draw(figure.add_subplot(grid[0, :]))
+    for column, panel in enumerate(below):
+        panel.draw(figure.add_subplot(grid[1, column]))
     return figure
+
+
+def panels(made: ModelComparison) -> list[Panel]:
+    """Return the views that the runs allow."""
+    over = [LOAD if _all_have(made, LOAD) else MODELLED]
+    over += [VELOCITY] if _all_have(made, VELOCITY) else []
+    return [
+        Panel(partial(models_over_time, made, 0), RUN),
+        *(Panel(partial(missed_over, made, channel), MISSED) for channel in over),
+    ]
 
 
 def models_over_time(made: ModelComparison, run: int = 0, ax: Axes | None = None) -> Axes:

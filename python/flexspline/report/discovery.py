@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 __all__ = ["discovery_html", "discovery_text", "remarks", "verdict", "write_discovery_report"]
 
 WIDTH = 100
+TERMINAL = 79  # of the rows of a table, which read badly where a terminal breaks them
 MAP = (
     "RMS of measured − predicted on folds that no fit saw (line; blue: the extended model) in "
     "each band against the noise floor there (grey, with two standard errors). What lies between "
@@ -146,10 +147,12 @@ def _common(made: Discovery) -> dict[str, Any]:
 
 
 def _one(made: Discovery, number: int, one: Found) -> str:
-    lines = [f"{number}. {one.effect}   confidence {100.0 * one.confidence:.0f} %   {one.where}"]
+    head = f"{number}. {one.effect}   confidence {100.0 * one.confidence:.0f} %   {one.where}"
+    lines = [_wrapped(head, rest="   ", width=TERMINAL)]
     for line in effect_lines(made, one):
         name, value = line.name.removeprefix(f"{one.effect}."), f"{line.value} {line.unit}".rstrip()
-        lines.append(f"   {name:<24} {value}{f'   {line.remark}' if line.remark else ''}")
+        row = f"   {name:<24} {value}{f'   {line.remark}' if line.remark else ''}"
+        lines.append(_wrapped(row, rest=" " * 28, width=TERMINAL))
     lines.append(_wrapped(one.evidence, "   "))
     if one.indistinguishable_from:
         also = listed(one.indistinguishable_from)
@@ -157,10 +160,10 @@ def _one(made: Discovery, number: int, one: Found) -> str:
     return "\n".join(lines)
 
 
-def _wrapped(sentence: str, first: str = "") -> str:
+def _wrapped(sentence: str, first: str = "", rest: str = "", width: int = WIDTH) -> str:
     return "\n".join(
         textwrap.wrap(
-            sentence, WIDTH, initial_indent=first, subsequent_indent=" " * len(first),
+            sentence, width, initial_indent=first, subsequent_indent=rest or " " * len(first),
             break_long_words=False, break_on_hyphens=False,
         )
     )  # fmt: skip
@@ -355,6 +358,7 @@ def _together(faults: Sequence[DataFault]) -> str:
 def remarks(made: Discovery) -> list[str]:
     """Return what else has to be said: what is unexplained, what to record, what was not tried."""
     said = [
+        *(f"Check before use: {sentence.rstrip('.')}." for sentence in made.warnings),
         unexplained_sentence(made),
         floor_sentence(made),
         withdrawn_sentence(made),

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import os
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flexspline.about import __version__
 from flexspline.comparison.models import FITTED
+from flexspline.errors import listed
+from flexspline.files import atomic_write
 from flexspline.formatting import decimals_for, rows_text, table_html
+from flexspline.plot.canvas import own_style
 from flexspline.report.text import TARGET_WORDS, wrapped
 
 if TYPE_CHECKING:
@@ -15,7 +20,7 @@ if TYPE_CHECKING:
 
     from flexspline.comparison.models import ModelComparison
 
-__all__ = ["models_html", "models_text"]
+__all__ = ["models_html", "models_text", "write_models_report"]
 
 MOST_RUNS = 12
 OWN, BEST = "†", "*"
@@ -35,6 +40,55 @@ def models_text(made: ModelComparison) -> str:
 def models_html(made: ModelComparison) -> str:
     """Return the same as a fragment of HTML."""
     return table_html(_title(made), _rows(made), _notes(made))
+
+
+@own_style()
+def write_models_report(made: ModelComparison, path: str | os.PathLike[str]) -> None:
+    """Write a self-contained report, whole or not at all.
+
+    Raises
+    ------
+    InputError
+        Where the file cannot be written.
+    """
+    from flexspline.plot.models import panels
+    from flexspline.report.html import drawn, log_facts, templates
+
+    page = (
+        templates()
+        .get_template("models.html")
+        .render(
+            what=TARGET_WORDS[made.target],
+            names=made.names,
+            verdict=_verdict(made),
+            title=_title(made),
+            table=_rows(made),
+            notes=_notes(made),
+            figures=[drawn(panel) for panel in panels(made)],
+            logs=log_facts([run.log for run in made.runs]),
+            call=_call(made),
+            version=__version__,
+        )
+    )
+    atomic_write(path, page)
+
+
+def _verdict(made: ModelComparison) -> str:
+    """Which model has the lowest error over all rows, of those whose errors can be compared."""
+    errors, digits = made.errors()[-1], decimals_for(float(np.nanmin(made.errors())))
+    rivals = [k for k, kind in enumerate(made.kinds()[-1]) if kind != FITTED]
+    if len(rivals) < 2:
+        return "These errors say nothing of which model is better: see what kind of error each is."
+    ranked = sorted(rivals, key=lambda k: errors[k])
+    best, rest = ranked[0], ranked[1:]
+    others = listed([f"{made.names[k]} {errors[k]:.{digits}f}" for k in rest])
+    said = f"Lowest error over all rows: {made.names[best]}, {errors[best]:.{digits}f} {made.unit}"
+    return f"{said}; {others}."
+
+
+def _call(made: ModelComparison) -> str:
+    lowpass = "" if made.lowpass is None else f", lowpass={made.lowpass!r}"
+    return f"comparison = flexspline.compare_models(models, logs, target={made.target!r}{lowpass})"
 
 
 def _title(made: ModelComparison) -> str:

@@ -45,6 +45,8 @@ __all__ = [
 
 PAPERS = ("zhang", "turlapati", "full_range")
 
+ROUNDING = 1e-12  # what is less in a table of SI units is what rounding leaves of zero
+
 WORDS = {True: "holds", False: "does not hold", None: "not decided"}
 
 
@@ -193,11 +195,12 @@ def claims_text(made: Reproduction) -> str:
     lines = [f"{made.paper}: {', '.join(counts)}; {_drawn(made)}", ""]
     for verdict in made.verdicts:
         claim = verdict.claim
+        unit = "" if claim.unit == "1" else claim.unit
         lines.append(f"{WORDS[verdict.holds]:<13}  {claim.claim} [{claim.source}]")
         if claim.quantity:
             lines.append(
                 f"{'':<15}{claim.quantity}: published {_published(verdict)}, "
-                f"ours {_ours(verdict)} {claim.unit}; {_criterion(verdict)}"
+                f"ours {f'{_ours(verdict)} {unit}'.rstrip()}; {_criterion(verdict)}"
             )
         else:
             lines.append(f"{'':<15}{_criterion(verdict)}")
@@ -234,7 +237,12 @@ def _chapter(made: Reproduction) -> Iterator[str]:
     for name, table in made.story.tables.items():
         yield f"<h2>{html.escape(name)}</h2>"
         yield f"<p>{html.escape(made.story.captions.get(name, ''))}</p>"
-        yield _scrolling(table.to_html(border=0, na_rep="–", float_format="{:.4g}".format))
+        named = table.rename(columns=lambda name: str(name).replace("_", " "))
+        yield _scrolling(named.to_html(border=0, na_rep="–", float_format=_number))
+
+
+def _number(value: float) -> str:
+    return f"{value:.4g}" if abs(value) >= ROUNDING else "0"
 
 
 def _scrolling(table: str) -> str:

@@ -15,7 +15,9 @@ from flexspline.logs.checks.copies import copies, copy_finding
 from flexspline.logs.checks.ends import drive_disabled, homing_move, start_transient, stuck_tail
 from flexspline.logs.checks.excitation import excitation, excited
 from flexspline.logs.checks.findings import Excited, Finding, Findings, Severity, sorted_findings
+from flexspline.logs.checks.load import load_of_target, told_once
 from flexspline.logs.checks.motion import motion_of
+from flexspline.logs.checks.recorder import with_shared_delays
 from flexspline.logs.checks.samples import (
     clipped,
     constant,
@@ -96,6 +98,7 @@ def check(
         made = in_order(threads, lambda one: list(one(log)), CHECKS)
         found.extend(finding for some in made for finding in some)
         broken = any(finding.severity == "error" for finding in found)
+        found.extend(load_of_target(log, target))
         found.extend(excitation(log, effects, target))
         shown = () if broken else excited(log, effects, target)
     finally:
@@ -104,10 +107,19 @@ def check(
 
 
 def check_runs(
-    logs: Sequence[Log], *, effects: Sequence[str] = (), target: str | None = None
+    logs: Sequence[Log],
+    *,
+    effects: Sequence[str] = (),
+    target: str | None = None,
+    threads: int = 1,
 ) -> list[Findings]:
-    """Look for faults of each run, as `check` does, and for runs that are there twice."""
-    made = [check(log, effects=effects, target=target) for log in logs]
+    """Look for faults of each run, as `check` does, and for what runs show together.
+
+    Those are runs that are there twice, and a velocity's delay that is its recorder's in all runs.
+    What is said of a load beside the target is said of the first run alone.
+    """
+    made = [check(log, effects=effects, target=target, threads=threads) for log in logs]
+    made = told_once(with_shared_delays(logs, made))
     for number, other in copies(logs):
         found = [*made[number], copy_finding(logs[number], logs[other])]
         made[number] = sorted_findings(logs[number].name, found, made[number].excited)

@@ -54,6 +54,8 @@ from flexspline.logs.segments import median_step
 
 PAIRS = {"output_velocity": "output_position", "motor_velocity": "motor_position"}
 
+VELOCITY_DELAY = "velocity_delay"
+
 FACTOR_LIMIT = 0.03
 """Factors nearer to one than this are let pass."""
 
@@ -97,21 +99,40 @@ def velocity_of_position(log: Log) -> Iterator[Finding]:
                 yield from _compare(log, channel, motion)
 
 
-def _compare(log: Log, channel: str, motion: Motion) -> Iterator[Finding]:
-    velocity = motion.smooth(log[channel])
-    duration = float(motion.time[-1] - motion.time[0])
-    within = min(WITHIN, duration / 8)
-    valid = motion.inside(within)
-    step = median_step(motion.time)
-    late = find_delay(
-        motion.time, velocity, motion.velocity[:, None], valid, within, max(step, 0.005)
-    )
-    if late is None:
-        return
-    # Sure of a delay where the motion changes and the delay explains what is otherwise left.
+def velocity_delay(log: Log, channel: str) -> Delay | None:
+    """Delay of a velocity behind the derivative of its position; None where no run tells it."""
+    if channel not in log or PAIRS[channel] not in log:
+        return None
+    motion = motion_of(log, PAIRS[channel])
+    return None if motion is None else _behind(log, channel, motion)
+
+
+def is_delay(late: Delay) -> bool:
+    """Whether the motion changes and the delay explains what is otherwise left."""
     left, left_without = 1 - late.explained, 1 - late.explained_without
     known = late.explained > 0.5 and left < 0.9 * left_without
-    delay = late.seconds if known and abs(late.seconds) > 4 * late.error else 0.0
+    return known and abs(late.seconds) > 4 * late.error
+
+
+def _behind(log: Log, channel: str, motion: Motion) -> Delay | None:
+    within, step = _within(motion), median_step(motion.time)
+    valid, velocity = motion.inside(within), motion.smooth(log[channel])
+    return find_delay(
+        motion.time, velocity, motion.velocity[:, None], valid, within, max(step, 0.005)
+    )
+
+
+def _within(motion: Motion) -> float:
+    return min(WITHIN, float(motion.time[-1] - motion.time[0]) / 8)
+
+
+def _compare(log: Log, channel: str, motion: Motion) -> Iterator[Finding]:
+    late = _behind(log, channel, motion)
+    if late is None:
+        return
+    velocity, valid = motion.smooth(log[channel]), motion.inside(_within(motion))
+    step = median_step(motion.time)
+    delay = late.seconds if is_delay(late) else 0.0
     aligned = np.interp(motion.time - delay, motion.time, motion.velocity)
     grain = quantum(log[channel][motion.rows])
     factor, error, related = _factor(velocity[valid], aligned[valid], grain)
@@ -120,7 +141,7 @@ def _compare(log: Log, channel: str, motion: Motion) -> Iterator[Finding]:
         return
     yield from _wrong_factor(log, channel, factor, error)
     if abs(delay) > max(0.5 * step, 0.001):
-        yield _late_velocity(log, channel, delay, late.error)
+        yield late_velocity(log, channel, late)
 
 
 def _factor(velocity: Array, derivative: Array, grain: float) -> tuple[float, float, bool]:
@@ -182,17 +203,18 @@ def _known_factors(log: Log) -> Iterator[tuple[float, str]]:
         yield 1 / log.effective_ratio, "it is that of the other side of the gear"
 
 
-def _late_velocity(log: Log, channel: str, delay: float, error: float) -> Finding:
-    way = "late" if delay > 0 else "early"
+def late_velocity(log: Log, channel: str, late: Delay, others: str = "") -> Finding:
+    """Return the finding of a velocity that is late or early; `others`: what other runs say."""
+    delay, way = late.seconds, "late" if late.seconds > 0 else "early"
     return Finding(
-        "velocity_delay",
+        VELOCITY_DELAY,
         "fault",
         channel,
         (0, len(log)),
         delay,
         "s",
-        f"{channel} is {1e3 * abs(delay):.3g} ± {1e3 * error:.1g} ms {way} against the derivative "
-        f"of {PAIRS[channel]}.",
+        f"{channel} is {1e3 * abs(delay):.3g} ± {1e3 * late.error:.1g} ms {way} against the "
+        f"derivative of {PAIRS[channel]}.{others}",
         f"Ask for the repair velocity_from_position={channel}, or shift={channel}:{delay:.4g}.",
     )
 

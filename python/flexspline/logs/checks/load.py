@@ -1,0 +1,88 @@
+"""A load that is known at the output, and whether what is to be explained makes use of it.
+
+A load cell, a brake or a known weight says what the joint carries. Taken off the target (the known
+load), it leaves what the effects are: a drive's friction, a sensor's own errors. As the target
+itself, or beside it and unused, it is something that the effects have to explain.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from flexspline.logs.channels import CHANNELS
+from flexspline.logs.checks.findings import Finding, Findings
+from flexspline.logs.log import Log
+
+__all__ = ["LOAD_CELL", "UNUSED", "load_of_target", "told_once", "unused_load"]
+
+UNUSED, LOAD_CELL = "load_not_used", "load_cell_as_target"
+KNOWN = "reference_torque"
+DRIVE = ("motor_torque", "motor_current")
+TARGETS = ("sensor_torque", *DRIVE)
+
+
+def load_of_target(log: Log, target: str | None) -> Iterator[Finding]:
+    """A known load beside the target, or a target that may be one."""
+    if target not in TARGETS or target not in log:
+        return
+    if _varies(log, KNOWN):
+        yield _note(log, UNUSED, KNOWN, _unused(target))
+        return
+    drive = [channel for channel in DRIVE if _varies(log, channel)]
+    if target == "sensor_torque" and drive:
+        said = (
+            "sensor_torque is taken for the joint's own torque sensor, and what is explained are "
+            "its errors."
+        )
+        remedy = (
+            f"If it is a load cell at the output, give --target {drive[0]} --known-load "
+            "sensor_torque instead: what is explained is then what the drive makes beyond the load."
+        )
+        yield _note(log, LOAD_CELL, "sensor_torque", said, remedy)
+
+
+def told_once(made: Sequence[Findings]) -> list[Findings]:
+    """Return the findings of all runs, without what an earlier run has already said of its load."""
+    said: set[str] = set()
+    told = []
+    for one in made:
+        own = {f.sentence for f in one if f.name in (UNUSED, LOAD_CELL)}
+        left = tuple(f for f in one if f.sentence not in own & said)
+        told.append(replace(one, items=left))
+        said |= own
+    return told
+
+
+def unused_load(logs: Sequence[Log], target: str, known_load: str | None) -> list[str]:
+    """Return a sentence where all runs have a known load that was not given as one."""
+    unused = known_load is None and target in TARGETS and all(_varies(log, KNOWN) for log in logs)
+    return [_unused(target)] if unused else []
+
+
+def _unused(target: str) -> str:
+    return (
+        f"{KNOWN}, the load that a load cell, brake or weight at the output tells, is not used "
+        f"unless it is given as known_load (--known-load {KNOWN}), the usual way: the effects then "
+        f"explain {target} less the load, and without it the load too."
+    )
+
+
+def _varies(log: Log, channel: str) -> bool:
+    if channel not in log:
+        return False
+    low, high = _ends(log, channel)
+    return low < high
+
+
+def _ends(log: Log, channel: str) -> tuple[float, float]:
+    """The least and the largest value beside NaN; NaN where there is no other."""
+    return float(np.fmin.reduce(log[channel])), float(np.fmax.reduce(log[channel]))
+
+
+def _note(log: Log, name: str, channel: str, said: str, remedy: str = "") -> Finding:
+    low, high = _ends(log, channel)
+    unit = CHANNELS[channel].unit
+    return Finding(name, "note", channel, (0, len(log)), high - low, unit, said, remedy)

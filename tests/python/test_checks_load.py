@@ -1,0 +1,93 @@
+"""A load cell beside the target, or as the target: it is said what known_load is for."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import pytest
+from cli_calls import call
+from fit_logs import FRICTION, autoregressive, friction, log_with, motion, rows_of
+
+import flexspline
+from flexspline.logs import Log
+from flexspline.logs.checks import check, check_runs
+from flexspline.logs.checks.load import LOAD_CELL, UNUSED, unused_load
+
+BASE = ["offset", "coulomb_friction", "viscous_friction"]
+
+
+def run(*extra: str, seed: int = 1) -> Log:
+    """A run with friction and these channels beside it, a load of 3 Nm in the target."""
+    channels = motion(seed)
+    load = 3.0 * np.sin(0.9 * channels["time"])
+    torque = rows_of(friction(), log_with(channels)) @ FRICTION + load
+    torque += autoregressive(np.random.default_rng(seed), len(torque))
+    return log_with(channels, torque, f"run{seed}", **dict.fromkeys(extra, load))
+
+
+@pytest.mark.parametrize(
+    ("extra", "target", "named"),
+    [
+        (["reference_torque"], "sensor_torque", UNUSED),
+        (["reference_torque", "motor_current"], "motor_current", UNUSED),
+        (["motor_current"], "sensor_torque", LOAD_CELL),
+        (["motor_current"], "motor_current", None),
+        ([], "sensor_torque", None),
+        (["reference_torque"], None, None),
+        (["motor_current"], None, None),
+    ],
+)
+def test_a_check_says_how_a_load_cell_is_used(
+    extra: list[str], target: str | None, named: str | None
+) -> None:
+    found = check(run(*extra), target=target)
+    said = [f for f in found.notes if f.name in (UNUSED, LOAD_CELL)]
+    assert [f.name for f in said] == ([named] if named else [])
+    assert all("--known-load" in f.sentence + f.remedy for f in said)
+
+
+def test_of_several_runs_it_is_said_once() -> None:
+    made = check_runs([run("motor_current", seed=k) for k in (1, 2)], target="sensor_torque")
+    assert [len(one.named(LOAD_CELL)) for one in made] == [1, 0]
+
+
+def test_a_load_that_stays_the_same_is_no_load_to_use() -> None:
+    log = run().with_columns({"reference_torque": np.zeros(len(run()))}, note="not connected")
+    assert not check(log, target="sensor_torque").named(UNUSED)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e308])
+def test_a_load_of_no_number_is_none(value: float) -> None:
+    log = run().with_columns({"reference_torque": np.full(len(run()), value)}, note="broken")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert unused_load([log], "sensor_torque", None) == []
+        ends = np.where(np.arange(len(log)) % 2, 1e308, -1e308)
+        assert unused_load(
+            [log.with_columns({"reference_torque": ends}, note="broken")], "sensor_torque", None
+        )
+
+
+def test_fit_and_discover_say_that_a_known_load_was_not_used() -> None:
+    logs = [run("reference_torque", seed=k) for k in (1, 2)]
+    without = flexspline.fit(BASE, logs, target="sensor_torque")
+    (said,) = [sentence for sentence in without.warnings if "known_load" in sentence]
+    used = flexspline.fit(BASE, logs, target="sensor_torque", known_load="reference_torque")
+    assert not any("known_load" in sentence for sentence in used.warnings)
+    assert used.rmse < 0.2 * without.rmse
+    found = flexspline.discover(BASE, logs, target="sensor_torque")
+    assert said in found.warnings and said.rstrip(".") in str(found).replace("\n", " ")
+    found = flexspline.discover(BASE, logs, target="sensor_torque", known_load="reference_torque")
+    assert not any("known_load" in sentence for sentence in found.warnings)
+
+
+def test_the_help_says_what_a_known_load_does() -> None:
+    said = " ".join(call("fit", "--help").output.split())
+    assert "effects explain the target less this" in said
+
+
+def test_runs_that_differ_in_their_load_cell_are_not_judged() -> None:
+    logs = [run("reference_torque"), run(seed=2)]
+    made = flexspline.fit(BASE, logs, target="sensor_torque")
+    assert not any("known_load" in sentence for sentence in made.warnings)
