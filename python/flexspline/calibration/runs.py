@@ -53,7 +53,7 @@ class CalibrationRun:
     `voltage` V. `torque`: the reference, Nm; zeros where the run is without load. `temperature`:
     °C, or None. `loaded`: whether a reference was recorded. `starts`: true on the first row and
     behind each gap. `contrast`: (R - 1,), row of the run in columns that let each of R runs have
-    its own zero, see `calibration/zeros.py`; read by shapes with such columns alone.
+    its own zero, see `calibration/thermal.py`; read by shapes with such columns alone.
     """
 
     log: Log

@@ -16,23 +16,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.certification.devices import (
-    DEVICES,
-    Device,
-    device_of,
-    version_of,
-)
 from flexspline.certification.program import (
+    DEVICES,
     METHOD,
     Built,
+    Device,
     Run,
     build,
     calls_of,
     counted_on_host,
     cycles_per_instruction,
+    device_of,
     rows_of,
     run,
     sizes_of,
+    version_of,
 )
 from flexspline.certification.result import (
     CHAIN_OUTPUTS,
