@@ -38,8 +38,7 @@ if TYPE_CHECKING:
         TemperatureCompensation,
         Thermistor,
     )
-    from flexspline.experiment.limits import Limits
-    from flexspline.experiment.plan import Plan
+    from flexspline.experiment.plan import Limits, Plan
     from flexspline.exporting import export
     from flexspline.forward.result import ForwardRun
     from flexspline.forward.servo import PositionServo
@@ -135,7 +134,7 @@ _HOME = {
     "FitOptions": "least_squares.options",
     "ForwardRun": "forward.result",
     "Guess": "recordings.result",
-    "Limits": "experiment.limits",
+    "Limits": "experiment.plan",
     "Log": "logs.log",
     "Merge": "estimators",
     "Model": "model",

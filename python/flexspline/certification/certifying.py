@@ -47,7 +47,7 @@ from flexspline.estimation.chain import estimate, measurable
 from flexspline.estimation.plan import BANDWIDTH, plan_of, with_derivatives
 from flexspline.estimation.result import Estimate
 from flexspline.estimators import Differentiator, Estimator, ReadingChecks
-from flexspline.estimators.preprocessing import DERIVED
+from flexspline.estimators.sensing import DERIVED
 from flexspline.exporting import export
 from flexspline.formatting import short
 from flexspline.logs.derive import differentiate

@@ -1,7 +1,8 @@
-"""`flexspline check`, `flexspline orders` and `flexspline convert`: runs without a model.
+"""Runs without a model: `flexspline init`, `check`, `orders` and `convert`.
 
-`check` is the audit before any fit, `orders` says what turns with the joint; `convert` makes a run
-of a foreign file and a column map.
+`init` guesses the column map of a foreign recording, with reasons; `convert` makes a run of a
+foreign file and a map. `check` is the audit before any fit, `orders` says what turns with the
+joint.
 """
 
 from __future__ import annotations
@@ -9,13 +10,14 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from flexspline.cli.options import (
     EFFECTS,
     FILE,
+    MAX_MEMORY,
     Reading,
     Taught,
     channels,
@@ -24,20 +26,21 @@ from flexspline.cli.options import (
     known_load,
     named_effects,
     out_file,
+    positive,
     reading,
     refuse_overwriting,
     repairs,
     target,
 )
 from flexspline.cli.speech import found, is_json, say, tell
-from flexspline.errors import printable
-from flexspline.files import atomic_write, whole_folder
+from flexspline.errors import InputError, printable
+from flexspline.files import atomic_write, atomic_writer, whole_folder
 
-__all__ = [
-    "check",
-    "convert",
-    "orders",
-]
+if TYPE_CHECKING:
+    from flexspline.recordings import Guess
+
+__all__ = ["check", "convert", "init", "orders"]
+
 
 FORBIDDEN = 3  # exit code: findings that forbid a fit
 
@@ -207,3 +210,72 @@ def convert(foreign: str, out: str, reading: Reading) -> None:
     tell("\n".join(log.history))
     found({"run": log.name, "rows": len(log), "rate": log.rate, "channels": log.channels})
     say(f"{log}\n\nwrote {out}")
+
+
+@click.command(cls=Taught, sections=(channels,))
+@click.argument("recording", metavar="RECORDING", type=FILE)
+@click.option(
+    "--out",
+    default="map.toml",
+    show_default=True,
+    metavar="MAP.toml",
+    type=FILE,
+    help="Column map to write, whole or not at all; a figure of its name, .png, stands beside it.",
+)
+@click.option(
+    "--joint",
+    metavar="NAME|all",
+    help="Which joint, as the columns of several call it; all: a map of all, guessed from one.",
+)
+@click.option("--rate", type=positive, metavar="HZ", help="Of a recording without time stamps.")
+@click.option(MAX_MEMORY[0], **MAX_MEMORY[1])
+def init(
+    recording: str, out: str, joint: str | None, rate: float | None, max_memory: float | None
+) -> None:
+    """Guess which column of a recording is which channel, and write a column map.
+
+    RECORDING is delimited text as any recorder writes it, .npy, .npz, .mat, HDF5, JSON, Parquet,
+    Feather, MCAP or a bag of ROS, packed or not. Encoding, preamble, names, a row of units,
+    separators, decimal sign and time stamps are found by looking. Channels come from names and
+    units, and from physics: a velocity is a position's derivative, the motor turns N times as far
+    as the output, a drive does work against friction.
+
+    Each entry of the map has its reason beside it, and what is unsure says so. Look at these and
+    at the figure before the first fit; signs of torques that only the rig knows are yours to see.
+
+    \b
+    Examples:
+      flexspline init recording.txt --joint 3 --out map.toml
+      flexspline check recording.txt --columns map.toml
+      flexspline init robot.csv --joint all --out robot.toml
+      flexspline check robot.csv --columns robot.toml --joint all
+    """
+    refuse_overwriting(out, [recording])
+    figure = Path(out).with_suffix(".png")
+    if figure == Path(out):
+        raise InputError(f"--out {out}: is the name of the figure; give one that ends in .toml")
+    refuse_overwriting(str(figure), [recording])
+
+    from flexspline.recordings import guess_map
+
+    guess = guess_map(recording, joint=joint, rate=rate, max_memory=max_memory)
+    found(guess.to_json())
+    say(str(guess))
+    guess.save(out)
+    shown = ""
+    try:
+        if "time" in guess.channels or "rate" in guess.read:
+            drawn = guess.plot()
+            with atomic_writer(figure) as file:
+                drawn.savefig(file, format="png", dpi=110)
+            shown = f" and {figure}"
+    except InputError as error:
+        say(f"\nnot drawn, for the map does not read the recording yet: {error}")
+    say(f"\nwrote {out}{shown}; next: {_next(recording, out, guess)}")
+
+
+def _next(recording: str, out: str, guess: Guess) -> str:
+    import shlex
+
+    words = ["flexspline", "check", recording, "--columns", out]
+    return printable(shlex.join([*words, *(["--joint", "all"] if guess.places else [])]))

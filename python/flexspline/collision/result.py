@@ -1,7 +1,9 @@
 """A detector's calibration: residuals, and from them thresholds, false alarms and delays.
 
-Residuals are given, or estimated from logs; those of the rows in which a joint stands still are
-told apart. A torque F that sets in at once reaches the observer's output as F (1 − e^(−K t)), so with the
+Residuals are given, or estimated from logs; those of rows in which a joint stands still are found
+for themselves.
+
+A torque F that sets in at once reaches the observer's output as F (1 − e^(−K t)), so with the
 threshold Υ
 
     detected after  t = −ln(1 − Υ / F) / K          for F > Υ, never otherwise

@@ -91,7 +91,7 @@ def compare(
     Notes
     -----
     Sources: `comparison/search.py` (what the residual follows), `logs/derive.py` (errors in
-    variables), `comparison/effective_sample_size.py`.
+    variables), `comparison/covariates.py`.
     """
     from flexspline.comparison.result import assembled
     from flexspline.comparison.runs import only_fast, predicted, simulated_elsewhere

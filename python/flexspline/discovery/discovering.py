@@ -42,7 +42,7 @@ from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect
 from flexspline.effects.causes import LAG
 from flexspline.errors import InputError, listed
-from flexspline.experiment.limits import Limits
+from flexspline.experiment.plan import Limits
 from flexspline.fitting import fit, fit_near, with_orders
 from flexspline.formatting import short_names
 from flexspline.forward.servo import PositionServo

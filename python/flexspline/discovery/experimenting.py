@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from flexspline.effects import Effect, effect
 from flexspline.errors import InputError, listed
-from flexspline.experiment.limits import Limits
+from flexspline.experiment.plan import Limits
 from flexspline.logs.read import LogLike, as_logs
 
 if TYPE_CHECKING:  # what is heavy is imported where it is used

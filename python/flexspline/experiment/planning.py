@@ -19,8 +19,17 @@ from scipy.optimize import minimize
 
 from flexspline.effects import Effect
 from flexspline.experiment.information import Layout, Question, Trust, products
-from flexspline.experiment.limits import Bounds, Limits, bounds_of
-from flexspline.experiment.plan import ENOUGH, TAKEN, TIGHTER, Outlook, Plan, short
+from flexspline.experiment.plan import (
+    ENOUGH,
+    TAKEN,
+    TIGHTER,
+    Bounds,
+    Limits,
+    Outlook,
+    Plan,
+    bounds_of,
+    short,
+)
 from flexspline.experiment.recording import Excitation, Motor, as_problem, commanded, settings
 from flexspline.experiment.trajectories import kinds_for
 from flexspline.least_squares.problem import Problem

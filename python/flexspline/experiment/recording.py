@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 from flexspline.effects import Effect, effect
 from flexspline.effects.causes import BASIC, GRAVITY, SCALING_WITH_LOAD
 from flexspline.errors import InputError
-from flexspline.experiment.limits import Bounds, Range
-from flexspline.experiment.plan import joined, short
+from flexspline.experiment.plan import Bounds, Range, joined, short
 from flexspline.experiment.trajectories import Kind, smoothstep
 from flexspline.least_squares.problem import Problem, Run, kept_rows, problem_of
 from flexspline.logs.derive import lowpass

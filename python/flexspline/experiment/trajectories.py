@@ -25,8 +25,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.experiment.limits import Bounds
-from flexspline.experiment.plan import joined, over, short
+from flexspline.experiment.plan import Bounds, joined, over, short
 
 __all__ = ["Drawn", "Kind", "Path", "Sines", "kinds_for", "moved", "reach", "reached", "smoothstep"]
 

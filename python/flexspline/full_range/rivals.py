@@ -1,7 +1,7 @@
 """Torque estimates that the third paper compares its transition with (Table I): gp, kalman, sd.
 
-Gaussian process (gp): scikit-learn's, on the inputs that the paper lists. They are printed as
-[q, θ, q̇, θ, τ_m]; the second θ is read as θ̇. The kernel is an anisotropic squared exponential with
+Gaussian process (gp): scikit-learn's, on the inputs that the paper lists. They are printed as [q,
+θ, q̇, θ, τ_m]; the second θ is read as θ̇. The kernel is an anisotropic squared exponential with
 white noise, on inputs scaled to unit spread. The paper has 22070 training samples and does not say
 whether all enter the kernel (that takes 3.9 GB); here `rows` of the training logs do, evenly spread
 in time, and a share of these sets the kernel's lengths. As q and θ are nearly proportional and the

@@ -17,8 +17,8 @@ do not know of it, in each model differently. With k the effective number of par
 
     AIC = −2 ln L + 2 k,     BIC = −2 ln L + k ln N
 
-k counts directions that the data determine, (X̃ᵀX̃ + R)⁻¹ X̃ᵀX̃ by its trace where priors add R, the
-p coefficients of the noise, and σ². Sources: [Akaike1974], [Schwarz1978]; the whitening is that
+k counts directions that the data determine, (X̃ᵀX̃ + R)⁻¹ X̃ᵀX̃ by its trace where priors add R,
+the p coefficients of the noise, and σ². Sources: [Akaike1974], [Schwarz1978]; the whitening is that
 of [Aitken1936].
 """
 
