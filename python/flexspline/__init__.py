@@ -40,9 +40,8 @@ if TYPE_CHECKING:
     )
     from flexspline.experiment.plan import Limits, Plan
     from flexspline.exporting import export
-    from flexspline.forward.result import ForwardRun
     from flexspline.forward.servo import PositionServo
-    from flexspline.forward.simulating import simulate
+    from flexspline.forward.simulating import ForwardRun, simulate
     from flexspline.least_squares.options import FitOptions
     from flexspline.least_squares.result import Fit
     from flexspline.least_squares.sums import accumulate
@@ -132,7 +131,7 @@ _HOME = {
     "Findings": "logs.checks",
     "Fit": "least_squares.result",
     "FitOptions": "least_squares.options",
-    "ForwardRun": "forward.result",
+    "ForwardRun": "forward.simulating",
     "Guess": "recordings.result",
     "Limits": "experiment.plan",
     "Log": "logs.log",

@@ -90,9 +90,14 @@ def fit(
     from flexspline.least_squares.assemble import assembled
     from flexspline.least_squares.estimate import Given, estimate
     from flexspline.least_squares.late_load import beside_delay, can_be_late
-    from flexspline.least_squares.offsets import ZERO, taken_out
     from flexspline.least_squares.options import FitOptions
-    from flexspline.least_squares.per_run_terms import holding_own, own_terms, projected_effects
+    from flexspline.least_squares.per_run_terms import (
+        ZERO,
+        holding_own,
+        own_terms,
+        projected_effects,
+        taken_out,
+    )
     from flexspline.least_squares.problem import problem_of
     from flexspline.least_squares.ripple import with_found_orders
     from flexspline.prepared import learned, preparations_for, prepared

@@ -97,9 +97,8 @@ def _require_profiled(
     options: Mapping[str, Any], effects: Sequence[Effect], runs: Sequence[str], how: FitOptions
 ) -> None:
     """Refuse, before the fit, what has no profile once the runs are known that have own terms."""
-    from flexspline.least_squares.offsets import MANY_RUNS
     from flexspline.least_squares.options import coefficient_names, resolve, shapes_of
-    from flexspline.least_squares.per_run_terms import own_terms
+    from flexspline.least_squares.per_run_terms import MANY_RUNS, own_terms
 
     own = own_terms(effects, how, [*options["fix"]], len(runs))
     shared = coefficient_names(effects, (), own)

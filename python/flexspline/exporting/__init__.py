@@ -12,8 +12,7 @@ from flexspline.errors import FlexsplineWarning, InputError, did_you_mean
 from flexspline.exporting.block import block_bytes
 from flexspline.exporting.cpp_text import namespace_name
 from flexspline.exporting.header import header_text, own_headers
-from flexspline.exporting.mjcf import mjcf_text
-from flexspline.exporting.urdf import urdf_text
+from flexspline.exporting.plain_joint import mjcf_text, urdf_text
 from flexspline.files import atomic_write
 from flexspline.model import PART_OF, Model, part_warnings, refuse_warnings
 from flexspline.own.header import Header

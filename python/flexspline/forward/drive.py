@@ -37,7 +37,7 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-CHANNELS = ("position", "velocity", "acceleration", "motor", "stuck")
+DRIVEN = ("position", "velocity", "acceleration", "motor", "stuck")
 
 _NAMED = {
     "motor": "motor torque",
@@ -98,7 +98,7 @@ class DriveInputs:
         law: Mapping[str, float] | None = None,
         start: Array | None = None,
     ) -> dict[str, Array]:
-        """Drive, and return `CHANNELS` by name, (N,); NaN from where the motion runs away.
+        """Drive, and return `DRIVEN` by name, (N,); NaN from where the motion runs away.
 
         Parameters
         ----------

@@ -23,17 +23,15 @@ from numpy.typing import NDArray
 from flexspline.errors import InputError
 from flexspline.estimators import Merge
 from flexspline.full_range.methods import (
-    Settings,
-    Signals,
-    compliant_observer,
-    signals_of,
-    two_mass_observer,
-)
-from flexspline.full_range.rivals import (
     GaussianProcess,
     MergeRun,
+    Settings,
+    Signals,
     StructuralDamping,
+    compliant_observer,
     merged_by_kalman,
+    signals_of,
+    two_mass_observer,
 )
 from flexspline.full_range.transition import Transition, merge_weight
 from flexspline.logs.log import Log

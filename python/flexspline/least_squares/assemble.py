@@ -10,15 +10,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.effects import Effect, unit_in
-from flexspline.least_squares.between_runs import BetweenRuns, own_warnings
 from flexspline.least_squares.derived import loop_warnings, sign_warnings
 from flexspline.least_squares.estimate import Estimate, counts_of, residuals_of
 from flexspline.least_squares.generalised import uncertainty_of
 from flexspline.least_squares.identifiability import Confounded, confounded_groups
 from flexspline.least_squares.late_load import LateLoad
-from flexspline.least_squares.offsets import ZERO, offset_parameters
 from flexspline.least_squares.options import bounds_of
-from flexspline.least_squares.per_run_terms import compared_runs, own_parameters, with_own
+from flexspline.least_squares.per_run_terms import (
+    ZERO,
+    BetweenRuns,
+    compared_runs,
+    offset_parameters,
+    own_parameters,
+    own_warnings,
+    with_own,
+)
 from flexspline.least_squares.problem import Problem, columns_of, memory_warnings
 from flexspline.least_squares.result import Delay, Fit, FittedRun, Parameter
 from flexspline.least_squares.uncertainty import Uncertainty

@@ -24,7 +24,7 @@ from scipy.linalg import block_diag
 
 from flexspline.effects import Effect
 from flexspline.least_squares.linear import LinearFit, fit_linear
-from flexspline.least_squares.noise_model import NoiseModel, noise_model
+from flexspline.least_squares.noise_model import NoiseModel, noise_beside_own, noise_model
 from flexspline.least_squares.options import (
     Constraints,
     Given,
@@ -33,7 +33,6 @@ from flexspline.least_squares.options import (
     given_of,
     shapes_of,
 )
-from flexspline.least_squares.per_run_noise import noise_beside_own
 from flexspline.least_squares.problem import Problem, Run
 from flexspline.least_squares.shapes import Bent, ShapeFit, Tangent, bent, filtered, fit_shapes
 

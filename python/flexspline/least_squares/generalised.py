@@ -29,8 +29,7 @@ from scipy.stats import chi2
 from flexspline.errors import InputError
 from flexspline.least_squares.estimate import Estimate, newton, noise_of, read_of
 from flexspline.least_squares.late_load import Beside, basis_beside
-from flexspline.least_squares.noise_model import Chunk, Chunks, noise_model
-from flexspline.least_squares.per_run_noise import noise_beside_own
+from flexspline.least_squares.noise_model import Chunk, Chunks, noise_beside_own, noise_model
 from flexspline.least_squares.problem import Problem, Run
 from flexspline.least_squares.shapes import Tangent, filtered
 from flexspline.least_squares.uncertainty import Prior, Uncertainty, parameter_uncertainty

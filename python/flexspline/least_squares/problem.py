@@ -155,7 +155,7 @@ class Problem:
     `gear`: effective ratio, output spline and whether the motor's angle is measured, as
     `_core.Design` takes them. `lowpass`: Hz, on target and rows alike, or None. `preparations`: of
     the channels that rows read. `centred`: whether an offset of each run is taken out of target and
-    rows (`offsets.py`). `own`: terms, "effect.term", of which each run has its own coefficient;
+    rows (`per_run_terms.py`). `own`: terms, "effect.term", of which each run has one of its own;
     `projected`: the effects of these, where they are taken out of target and rows in the same way.
     `simulated`: the foreign simulation whose prediction is taken off every target, or None.
     """
