@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from flexspline.effects import Effect
 from flexspline.errors import InputError, listed
-from flexspline.logs.checks.copies import called, copies
+from flexspline.logs.checks.dependence import called, copies
 from flexspline.logs.log import Log
 from flexspline.logs.plausible import IMAGINABLE, LEAST
 from flexspline.signals import gear_of

@@ -103,8 +103,7 @@ def check(
         refuse_overwriting(out, runs, ("check.json", "report.html"))
     logs = reading.logs(runs)
 
-    from flexspline.logs.checks import check_runs
-    from flexspline.logs.checks.audit import audit_text, check_json, check_verdict, together
+    from flexspline.logs.checks import audit_text, check_json, check_runs, check_verdict, together
 
     audits = list(zip(logs, check_runs(logs, effects=effects, target=target), strict=True))
     shown = together(audits, effects, target)

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from flexspline.errors import InputError, did_you_mean, listed
 from flexspline.logs.channels import CHANNELS
-from flexspline.logs.stamps import is_stamp, seconds_of_stamps
 from flexspline.logs.table import Table
+from flexspline.logs.units import is_stamp, seconds_of_stamps
 from flexspline.recordings.physics import modulus, unwrapped
 from flexspline.recordings.words import Meaning, meaning
 

@@ -9,14 +9,13 @@ from typing import TYPE_CHECKING, Any
 from flexspline.about import __version__
 from flexspline.files import atomic_write
 from flexspline.formatting import short
-from flexspline.logs.checks.audit import check_verdict
+from flexspline.logs.checks import check_verdict
 from flexspline.logs.checks.findings import EXCITED
 from flexspline.plot.canvas import own_style
 from flexspline.report.html import templates
 
 if TYPE_CHECKING:
-    from flexspline.logs.checks import Excited
-    from flexspline.logs.checks.audit import Audits
+    from flexspline.logs.checks import Audits, Excited
 
 __all__ = ["write_check_report"]
 
