@@ -11,7 +11,7 @@ import flexspline
 from flexspline import Plan
 from flexspline.experiment.information import at_coarser_rate
 from flexspline.experiment.plan import Bounds
-from flexspline.experiment.trajectories import kinds_for
+from flexspline.experiment.recording import kinds_for
 from flexspline.logs.local_fit import require_bandwidth
 from flexspline.logs.log import Log
 from flexspline.regression.gram import Whitening

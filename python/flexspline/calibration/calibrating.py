@@ -42,8 +42,8 @@ from flexspline.least_squares.identifiability import Confounded
 from flexspline.least_squares.result import Parameter
 from flexspline.logs.log import Log
 from flexspline.model import Model
-from flexspline.requirements import IMAGINABLE
 from flexspline.schema import plain_json
+from flexspline.signals import IMAGINABLE
 
 if TYPE_CHECKING:
     from flexspline.estimators import Thermistor

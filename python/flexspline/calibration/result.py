@@ -42,13 +42,13 @@ from flexspline.calibration.thermal import (
 )
 from flexspline.errors import InputError, did_you_mean, listed
 from flexspline.estimators import Calibration, TemperatureCompensation
+from flexspline.lazy import render
 from flexspline.least_squares.identifiability import Confounded
 from flexspline.least_squares.result import Parameter
 from flexspline.least_squares.uncertainty import Uncertainty
 from flexspline.logs.log import Log
 from flexspline.logs.quantisation import white_noise
 from flexspline.model import Model
-from flexspline.rendering import render
 
 if TYPE_CHECKING:
     import pandas

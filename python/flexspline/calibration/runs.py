@@ -22,7 +22,7 @@ from flexspline.logs.checks.findings import Finding
 from flexspline.logs.log import Log
 from flexspline.logs.quantisation import quantum, white_noise
 from flexspline.logs.segments import runs as unbroken
-from flexspline.requirements import IMAGINABLE
+from flexspline.signals import IMAGINABLE
 
 __all__ = ["CalibrationRun", "calibration_runs", "contrasts", "why_unexcited"]
 

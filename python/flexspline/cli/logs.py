@@ -112,7 +112,7 @@ def check(
     lines = [*audit_text(audits, shown), check_verdict(audits, target)]
     say("\n".join(map(printable, lines)))
     if out is not None:
-        from flexspline.report.check import write_check_report
+        from flexspline.report.html import write_check_report
 
         with whole_folder(out, last="check.json") as draft:
             write_check_report(audits, draft / "report.html", target, shown)

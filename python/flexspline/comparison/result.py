@@ -31,8 +31,8 @@ from flexspline.comparison.search import (
     worst_band,
 )
 from flexspline.errors import InputError, did_you_mean, listed
+from flexspline.lazy import render
 from flexspline.prepared import bandwidth_used, inputs_json
-from flexspline.rendering import render
 from flexspline.schema import checked_json
 
 if TYPE_CHECKING:

@@ -29,8 +29,7 @@ from flexspline.estimation.plan import (
 )
 from flexspline.estimation.result import Estimate, Estimates, Status
 from flexspline.logs.local_fit import require_bandwidth
-from flexspline.logs.log import Log
-from flexspline.logs.plausible import require_clock
+from flexspline.logs.log import Log, require_clock
 from flexspline.logs.read import LogLike, as_logs, is_one, with_motor_torque
 from flexspline.logs.segments import median_step, runs
 from flexspline.model import Model

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from flexspline.errors import InputError, did_you_mean, listed
 from flexspline.files import save_columns
 from flexspline.formatting import rows_text, sentences_text, short, table_html
+from flexspline.lazy import render
 from flexspline.prediction import SIZES, error_sizes
-from flexspline.rendering import render
 
 if TYPE_CHECKING:
     import pandas

@@ -19,9 +19,8 @@ from flexspline.effects import CATALOGUE
 from flexspline.effects.causes import GRAVITY
 from flexspline.errors import InputError, did_you_mean, listed
 from flexspline.formatting import short_names
-from flexspline.logs.log import Log
-from flexspline.logs.plausible import IMAGINABLE
-from flexspline.rendering import render
+from flexspline.lazy import render
+from flexspline.logs.log import IMAGINABLE, Log
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

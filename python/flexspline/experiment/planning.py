@@ -30,8 +30,14 @@ from flexspline.experiment.plan import (
     bounds_of,
     short,
 )
-from flexspline.experiment.recording import Excitation, Motor, as_problem, commanded, settings
-from flexspline.experiment.trajectories import kinds_for
+from flexspline.experiment.recording import (
+    Excitation,
+    Motor,
+    as_problem,
+    commanded,
+    kinds_for,
+    settings,
+)
 from flexspline.least_squares.problem import Problem
 from flexspline.parallel import in_order
 from flexspline.regression.gram import Whitening

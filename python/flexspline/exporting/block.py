@@ -15,8 +15,8 @@ from typing import Any
 from flexspline.effects import Effect
 from flexspline.errors import InputError
 from flexspline.estimation.plan import Plan, joint_limits, part_limits, plan_of
+from flexspline.exporting.cpp_text import STAGES, Field, Stage, given, stages_in
 from flexspline.exporting.header import by_motor_encoder
-from flexspline.exporting.header_stages import STAGES, Field, Stage, given, stages_in
 from flexspline.model import Model, Part
 from flexspline.signals import gear_of
 

@@ -33,10 +33,10 @@ from flexspline.exporting.cpp_text import (
     identifier,
     include,
     literal,
+    stage_lines,
     string_literal,
     whole,
 )
-from flexspline.exporting.header_stages import stage_lines
 from flexspline.formatting import plus_minus
 from flexspline.logs.channels import CHANNELS
 from flexspline.logs.derive import lateness

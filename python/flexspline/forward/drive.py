@@ -23,8 +23,7 @@ from flexspline.logs.read import with_motor_torque
 from flexspline.logs.segments import runs
 from flexspline.model import Model
 from flexspline.part import Part
-from flexspline.requirements import require_one_unit
-from flexspline.signals import gear_of, torque_of_current
+from flexspline.signals import gear_of, require_one_unit, torque_of_current
 
 __all__ = [
     "DriveInputs",

@@ -21,8 +21,7 @@ from flexspline.forward.drive import DRIVEN, DriveInputs, drive_inputs, require_
 from flexspline.forward.servo import PositionServo
 from flexspline.logs.channels import CHANNELS
 from flexspline.logs.derive import increasing_time
-from flexspline.logs.log import Log
-from flexspline.logs.plausible import measurable
+from flexspline.logs.log import Log, measurable
 from flexspline.logs.read import LogLike, as_logs, is_one
 from flexspline.model import Model
 from flexspline.part import PART_OF, Part

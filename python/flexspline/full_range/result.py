@@ -34,10 +34,10 @@ from flexspline.full_range.methods import (
     two_mass_observer,
 )
 from flexspline.full_range.transition import Transition, merge_weight
+from flexspline.lazy import render
 from flexspline.logs.log import Log
 from flexspline.logs.read import as_logs, with_motor_torque
 from flexspline.model import Model
-from flexspline.rendering import render
 
 if TYPE_CHECKING:
     import pandas

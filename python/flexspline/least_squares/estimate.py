@@ -71,7 +71,7 @@ class Estimate:
     `names`: of the coefficients (P,). `free_shapes`: shapes fitted and not at a bound; `shapes`:
     all. `tangent`: rows of `fitted` and `free_shapes` at the solution. `basis`: the directions of
     these that data and priors determine. `noise_variance`: what priors were weighed by.
-    `denominator`: A, by which rows were filtered (`generalised.py`); None of a plain fit.
+    `denominator`: A, by which rows were filtered (`assemble.py`); None of a plain fit.
     `limits`: of shapes that were bounded closer than the catalogue does, by name.
     """
 
@@ -95,7 +95,7 @@ class Estimate:
     @cached_property
     def uncertainty(self) -> Uncertainty:
         """Errors of fitted coefficients and free shapes, in this order; made once."""
-        from flexspline.least_squares.generalised import uncertainty_of
+        from flexspline.least_squares.assemble import uncertainty_of
 
         return uncertainty_of(self)
 

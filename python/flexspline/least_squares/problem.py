@@ -42,13 +42,15 @@ from flexspline.logs.log import Log
 from flexspline.logs.segments import runs, true_ranges
 from flexspline.own import Design, OwnEffect, design_of
 from flexspline.prepared import MOTION, Preparation, prepared
-from flexspline.requirements import (
+from flexspline.signals import (
+    channels_for,
+    core_channels,
     gear_for,
     require_change,
     require_finite,
     require_load,
+    target_of,
 )
-from flexspline.signals import channels_for, core_channels, target_of
 from flexspline.simulator import Simulated, simulation_of
 
 __all__ = [

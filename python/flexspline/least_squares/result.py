@@ -18,6 +18,7 @@ from flexspline.effects import UNITS
 from flexspline.errors import InputError
 from flexspline.formatting import Page, plus_minus
 from flexspline.forward.servo import PositionServo
+from flexspline.lazy import render
 from flexspline.least_squares.derived import Derived, derived_of
 from flexspline.least_squares.identifiability import Confounded
 from flexspline.least_squares.options import Bounds
@@ -27,7 +28,6 @@ from flexspline.logs.derive import lowpass
 from flexspline.logs.log import Log
 from flexspline.logs.read import LogLike
 from flexspline.model import Model, Part, Prediction, Predictions
-from flexspline.rendering import render
 
 if TYPE_CHECKING:
     import pandas
@@ -245,7 +245,7 @@ class Fit:
 
     @property
     def generalised(self) -> bool:
-        """Whether rows were filtered by the noise's memory (`least_squares/generalised.py`)."""
+        """Whether rows were filtered by the noise's memory (`least_squares/assemble.py`)."""
         return bool(self.part.record["noise"].get("filtered", False))
 
     @property

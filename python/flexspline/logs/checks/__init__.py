@@ -42,8 +42,7 @@ from flexspline.logs.checks.samples import (
     time_order,
     wrapped,
 )
-from flexspline.logs.log import Log
-from flexspline.logs.plausible import emptied
+from flexspline.logs.log import Log, emptied
 from flexspline.logs.read import LogLike, as_log
 from flexspline.parallel import in_order
 from flexspline.schema import checked_json

@@ -19,8 +19,7 @@ from flexspline.logs.channels import CHANNELS, CONDITIONS
 from flexspline.logs.checks.findings import Finding
 from flexspline.logs.derive import default_bandwidth
 from flexspline.logs.local_fit import LocalFit
-from flexspline.logs.log import Log
-from flexspline.logs.plausible import SHORTEST, beyond
+from flexspline.logs.log import SHORTEST, Log, beyond
 from flexspline.logs.quantisation import quantum, white_noise
 from flexspline.logs.segments import at_rest, median_step, repeats, runs, true_ranges
 from flexspline.logs.splitting import GAP
