@@ -21,6 +21,7 @@ from flexspline.cli.options import (
     bandwidth,
     controller,
     effects_by_target,
+    fitted_controller,
     fixed,
     is_table,
     known_load,
@@ -198,18 +199,7 @@ def _numbers(text: str) -> tuple[float, ...]:
     help="By simulation: what makes the simulated motion the measured one, where only motion "
     "is measured.",
 )
-@click.option(
-    "--controller",
-    metavar="SERVO.json",
-    type=FILE,
-    help="By simulation: the servo's law that drives it.",
-)
-@click.option(
-    "--free-controller",
-    metavar="A,B",
-    default="",
-    help="Fields of the law to fit too: torque, back_emf.",
-)
+@fitted_controller
 @click.option(
     "--exclude", metavar="A,B,C", type=EFFECTS, help="Effects that are known not to be there."
 )
@@ -306,7 +296,7 @@ def discover(
             threads=options["threads"],
             by=options["by"],
             controller=options["controller"],
-            free_controller=[n.strip() for n in options["free_controller"].split(",") if n.strip()],
+            free_controller=options["free_controller"],
             progress=on_terminal(),
         )
         made.report(draft / "report.html")

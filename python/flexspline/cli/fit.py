@@ -17,6 +17,7 @@ from flexspline.cli.options import (
     Taught,
     bandwidth,
     effects_by_target,
+    fitted_controller,
     fixed,
     known_load,
     loaded,
@@ -235,18 +236,7 @@ def _require_call(names: list[str], target: str, options: dict[str, Any], foreig
     show_default=True,
     help="Fit the torque, or from there on the motion that it makes when simulated.",
 )
-@click.option(
-    "--controller",
-    metavar="SERVO.json",
-    type=FILE,
-    help="By simulation: the servo's law that drives it.",
-)
-@click.option(
-    "--free-controller",
-    metavar="A,B",
-    default="",
-    help="Fields of the law to fit too: torque, back_emf.",
-)
+@fitted_controller
 @click.option(
     "--starts",
     type=click.IntRange(1),
@@ -346,8 +336,8 @@ def fit(
             from flexspline.output_error.fitting import fit_motion
             from flexspline.output_error.settings import MotionOptions
 
-            free = [name for name in options["free_controller"].split(",") if name]
-            asked = MotionOptions(free_controller=free, starts=options["starts"], **how)
+            free, starts = options["free_controller"], options["starts"]
+            asked = MotionOptions(free_controller=free, starts=starts, **how)
             made = fit_motion(
                 effects, logs, target, controller=options["controller"], options=asked, **shared
             )

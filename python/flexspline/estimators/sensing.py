@@ -13,14 +13,13 @@ from typing import Any, ClassVar
 from flexspline.errors import InputError
 from flexspline.estimators.checks import (
     ABSOLUTE_ZERO,
+    Entry,
     above_zero,
     choice,
-    from_fields,
     json_record,
     number,
     numbers,
     span,
-    to_fields,
 )
 
 __all__ = [
@@ -51,7 +50,7 @@ LIMITS = {
 
 
 @dataclass(frozen=True)
-class ReadingChecks:
+class ReadingChecks(Entry):
     """Readings that cannot be true are taken out before the chain uses them.
 
         motion      e ← (1 − f T) e + Δq − T q̇,     |e| > way
@@ -114,21 +113,12 @@ class ReadingChecks:
                 "reading_checks: there is nothing to check; give a limit, such as most_speed"
             )
 
-    def to_json(self) -> dict[str, Any]:
-        """Return the entry of `model.json`."""
-        return to_fields(self)
-
-    @classmethod
-    def from_json(cls, content: Mapping[str, Any]) -> ReadingChecks:
-        """Return the estimator of an entry of `model.json`."""
-        return from_fields(cls, content, cls.key)
-
 
 DERIVED = ("output_velocity", "output_acceleration")
 
 
 @dataclass(frozen=True)
-class Differentiator:
+class Differentiator(Entry):
     """Velocity and acceleration from the output's angle, causal, for what has no channel.
 
         v ← v + g (Δq / T − v),    a ← a + g (Δv / T − a),    g = 1 − exp(−2π f T)
@@ -165,18 +155,9 @@ class Differentiator:
         object.__setattr__(self, "bandwidth", bandwidth)
         object.__setattr__(self, "channels", tuple(name for name in DERIVED if name in made))
 
-    def to_json(self) -> dict[str, Any]:
-        """Return the entry of `model.json`."""
-        return to_fields(self)
-
-    @classmethod
-    def from_json(cls, content: Mapping[str, Any]) -> Differentiator:
-        """Return the estimator of an entry of `model.json`."""
-        return from_fields(cls, content, cls.key)
-
 
 @dataclass(frozen=True)
-class Thermistor:
+class Thermistor(Entry):
     """Temperature from the voltage of a thermistor's divider.
 
         R = R_d V / (V_cc − V),    1 / T = 1 / T_N + ln(R / R_N) / B    (T in K)
@@ -219,21 +200,12 @@ class Thermistor:
             )
         object.__setattr__(self, "nominal_temperature", nominal)
 
-    def to_json(self) -> dict[str, Any]:
-        """Return the entry of `model.json`."""
-        return to_fields(self)
-
-    @classmethod
-    def from_json(cls, content: Mapping[str, Any]) -> Thermistor:
-        """Return the estimator of an entry of `model.json`."""
-        return from_fields(cls, content, cls.key)
-
 
 HIGHEST_DEGREE = 6
 
 
 @dataclass(frozen=True)
-class TemperatureCompensation:
+class TemperatureCompensation(Entry):
     """Torque to add to the calibrated reading so that temperature leaves no trace.
 
         τ = Σ_k c_k (T_b − T_0)^k + g (T − T_b),    k = 1 … degree
@@ -288,18 +260,9 @@ class TemperatureCompensation:
         for name, value in made.items():
             object.__setattr__(self, name, value)
 
-    def to_json(self) -> dict[str, Any]:
-        """Return the entry of `model.json`."""
-        return to_fields(self)
-
-    @classmethod
-    def from_json(cls, content: Mapping[str, Any]) -> TemperatureCompensation:
-        """Return the estimator of an entry of `model.json`."""
-        return from_fields(cls, content, cls.key)
-
 
 @dataclass(frozen=True)
-class Calibration:
+class Calibration(Entry):
     """Torque from the bridge's voltage; the temperature compensation is added to it.
 
         τ_s = sensitivity · V + zero + compensation(T)
@@ -349,12 +312,3 @@ class Calibration:
         }
         for name, value in made.items():
             object.__setattr__(self, name, value)
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the entry of `model.json`."""
-        return to_fields(self)
-
-    @classmethod
-    def from_json(cls, content: Mapping[str, Any]) -> Calibration:
-        """Return the estimator of an entry of `model.json`."""
-        return from_fields(cls, content, cls.key)
