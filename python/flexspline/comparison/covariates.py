@@ -36,7 +36,6 @@ from flexspline.orders import FoundOrder, OrderAnalysis, find_orders
 from flexspline.orders.parts import output_angle
 
 __all__ = [
-    "DIRECTIONS",
     "Covariate",
     "Memory",
     "Turning",

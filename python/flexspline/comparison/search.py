@@ -57,8 +57,6 @@ __all__ = [
     "ALPHA",
     "Analysis",
     "Band",
-    "CellTest",
-    "CellTests",
     "OrderPeak",
     "Place",
     "Search",

@@ -49,22 +49,16 @@ from flexspline.regression.gram import Whitening
 from flexspline.signals import channels_for, core_channels, gear_of
 
 __all__ = [
-    "Drawn",
     "Excitation",
-    "Kind",
     "Motor",
     "Part",
-    "Path",
-    "Sines",
     "as_problem",
     "commanded",
     "kinds_for",
     "motor_of",
     "moved",
     "reach",
-    "reached",
     "settings",
-    "smoothstep",
 ]
 
 Array = NDArray[np.float64]
@@ -356,7 +350,7 @@ class Sines:
         s = np.sin(phase) @ self.amplitudes
         ds = np.cos(phase) @ (self.amplitudes * self.rates)
         dds = -np.sin(phase) @ (self.amplitudes * self.rates**2)
-        up, down = smoothstep(time / self.edge), smoothstep((self.duration - time) / self.edge)
+        up, down = _smoothstep(time / self.edge), _smoothstep((self.duration - time) / self.edge)
         w = up[:, 0] * down[:, 0]
         dw = (up[:, 1] * down[:, 0] - up[:, 0] * down[:, 1]) / self.edge
         ddw = up[:, 2] * down[:, 0] - 2.0 * up[:, 1] * down[:, 1] + up[:, 0] * down[:, 2]
@@ -365,7 +359,7 @@ class Sines:
         return np.column_stack([q, w * ds + dw * s, w * dds + 2.0 * dw * ds + ddw * s])
 
 
-def smoothstep(x: Array) -> Array:
+def _smoothstep(x: Array) -> Array:
     """6x⁵ − 15x⁴ + 10x³ with its two derivatives, (N, 3); 0 below 0 and 1 above 1."""
     x = np.clip(x, 0.0, 1.0)
     return np.column_stack(
@@ -492,7 +486,7 @@ def _change(before: Part, after: Part, bounds: Bounds, rate: float) -> Array:
     if not count:
         return np.empty(0)
     first, last = before.loads(np.ones(1))[0], after.loads(np.zeros(1))[0]
-    return np.asarray(first + (last - first) * smoothstep(np.arange(count) / count)[:, 0])
+    return np.asarray(first + (last - first) * _smoothstep(np.arange(count) / count)[:, 0])
 
 
 def _beside(path: Array, load: Array | None, part: Part, share: Array) -> Array:

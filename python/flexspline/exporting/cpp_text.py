@@ -26,7 +26,6 @@ __all__ = [
     "OF_THE_C_LIBRARY",
     "STAGES",
     "WORDS",
-    "Choice",
     "Field",
     "Stage",
     "comment",

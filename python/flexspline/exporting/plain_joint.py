@@ -34,19 +34,7 @@ from flexspline.model import Model, Part
 from flexspline.own import design_of
 from flexspline.signals import gear_of
 
-__all__ = [
-    "ARMATURE",
-    "DAMPING",
-    "FRICTION",
-    "Loss",
-    "PlainJoint",
-    "attributes",
-    "comment",
-    "heading",
-    "mjcf_text",
-    "plain_joint",
-    "urdf_text",
-]
+__all__ = ["mjcf_text", "urdf_text"]
 
 
 Array = NDArray[np.float64]

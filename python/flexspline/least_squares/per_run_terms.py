@@ -77,21 +77,17 @@ from flexspline.logs.log import Log
 __all__ = [
     "LEVEL",
     "MANY_RUNS",
-    "TAIL",
     "ZERO",
     "BetweenRuns",
     "OwnValues",
     "between_runs",
     "compared_runs",
     "holding_own",
-    "offset_errors",
     "offset_parameters",
-    "own_parameter",
     "own_parameters",
     "own_terms",
     "own_warnings",
     "projected_effects",
-    "root_of",
     "taken_out",
     "with_own",
 ]
@@ -386,7 +382,7 @@ def own_parameters(
         for k, term in enumerate(values):
             name, numbers = names[len(found)], (float(term), float(errors[k]), float(naive[k]))
             told = not basis.hidden[k]
-            found.append(own_parameter(name, *numbers, units[k], uncertainty, told))
+            found.append(_own_parameter(name, *numbers, units[k], uncertainty, told))
     return found
 
 
@@ -441,7 +437,7 @@ def _own_errors(
     problem: Problem, made: Estimate, uncertainty: Uncertainty
 ) -> Iterator[tuple[Array, Array, Array]]:
     """Give n_r (K,), σ² Hᵀ H (K, K), and U (K, F) with U Uᵀ = A_r cov β A_rᵀ, of each run."""
-    root = root_of(uncertainty)
+    root = _root_of(uncertainty)
     for number, run in enumerate(problem.runs):
         basis = problem.own_basis(number)
         shared = problem.design(made.linear.effects).predict(
@@ -514,7 +510,7 @@ def _all_errors(
 ) -> list[tuple[Array, Array]]:
     """D (R,) and U (R, F) of each own term."""
     if problem.centred:
-        return [offset_errors(problem, made, uncertainty)]
+        return [_offset_errors(problem, made, uncertainty)]
     if problem.projected:
         each = [
             (np.diag(core), beside) for _, core, beside in _own_errors(problem, made, uncertainty)
@@ -612,11 +608,11 @@ def offset_parameters(
         error = float(np.sqrt(of_mean + mean @ covariance @ mean))
         independent = run.counted / noise.decimation
         naive = float(np.sqrt(spread / independent + mean @ white @ mean))
-        found.append(own_parameter(name, value, error, naive, unit, uncertainty))
+        found.append(_own_parameter(name, value, error, naive, unit, uncertainty))
     return found
 
 
-def own_parameter(
+def _own_parameter(
     name: str, value: float, error: float, naive: float, unit: str, uncertainty: Uncertainty,
     told: bool = True,
 ) -> Parameter:  # fmt: skip
@@ -631,16 +627,16 @@ def own_parameter(
     )
 
 
-def offset_errors(
+def _offset_errors(
     problem: Problem, made: Estimate, uncertainty: Uncertainty
 ) -> tuple[Array, Array]:
     """Return σ² Σ h², (R,), and U (R, F) with U Uᵀ = X̄ cov β X̄ᵀ, of the runs' offsets."""
     width = len(made.fitted) + len(made.free_shapes)
     noise = [uncertainty.noise.innovation_variance * _squares(r, uncertainty) for r in problem.runs]
-    return np.array(noise), np.array([*_means(made, width)]) @ root_of(uncertainty)
+    return np.array(noise), np.array([*_means(made, width)]) @ _root_of(uncertainty)
 
 
-def root_of(uncertainty: Uncertainty) -> Array:
+def _root_of(uncertainty: Uncertainty) -> Array:
     """Return B (P, K) with B Bᵀ = cov β."""
     values, vectors = np.linalg.eigh(uncertainty.core)
     return np.asarray(uncertainty.basis @ (vectors * np.sqrt(np.maximum(values, 0.0))))

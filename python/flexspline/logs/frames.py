@@ -39,7 +39,7 @@ from flexspline.logs.units import canonical_unit
 if TYPE_CHECKING:
     import pandas
 
-__all__ = ["from_frame", "is_frame", "read_feather", "read_parquet", "short_facts", "stated_units"]
+__all__ = ["from_frame", "is_frame", "read_feather", "read_parquet"]
 
 
 UNIT_KEYS: Final = ("unit", "units", "Unit", "Units")
@@ -150,7 +150,7 @@ def _table(schema: Any, rows: int, load: Load, of: _Of) -> Table:
         )
     require_memory(NUMBER * rows, of.most, of.label)
     attributes = _pandas_attributes(schema)
-    beside = stated_units(attributes)
+    beside = _stated_units(attributes)
     names: list[str] = []
     data: list[Later] = []
     units: list[str | None] = []
@@ -158,14 +158,14 @@ def _table(schema: Any, rows: int, load: Load, of: _Of) -> Table:
         for path, pick in _leaves(field, load, rows, of):
             names.append(path)
             data.append(Later(rows, partial(_read, load, field.name, path, pick, rows, of)))
-            units.append(stated_units(_texts(field.metadata)).get("") or beside.get(path))
+            units.append(_stated_units(_texts(field.metadata)).get("") or beside.get(path))
     facts = {key: value for key, value in _texts(schema.metadata).items()
              if not key.startswith(FOREIGN_KEYS)}  # fmt: skip
     return Table(
         of.label,
         tuple(data),
         tuple(names),
-        short_facts({**facts, **attributes}),
+        _short_facts({**facts, **attributes}),
         (f"{of.kind}, a table of {len(names)} columns",),
         units=tuple(units) if any(units) else None,
     )
@@ -246,7 +246,7 @@ def _read(load: Load, name: str, path: str, pick: Pick, rows: int, of: _Of) -> N
     return values
 
 
-def stated_units(attributes: Mapping[str, Any]) -> dict[str, str]:
+def _stated_units(attributes: Mapping[str, Any]) -> dict[str, str]:
     """Return the units that attributes state, of columns by their names, of one alone by ""."""
     found: dict[str, str] = {}
     for key in UNIT_KEYS:
@@ -258,7 +258,7 @@ def stated_units(attributes: Mapping[str, Any]) -> dict[str, str]:
     return found
 
 
-def short_facts(attributes: Mapping[str, Any]) -> dict[str, Fact]:
+def _short_facts(attributes: Mapping[str, Any]) -> dict[str, Fact]:
     """Return attributes that can be facts: numbers, and short text, which may be numbers."""
     facts: dict[str, Fact] = {}
     for key, value in attributes.items():
@@ -319,12 +319,12 @@ def _from_pandas(frame: pandas.DataFrame) -> Table:
     named = not all(isinstance(name, int) for name in frame.columns)
     names = tuple(str(name) for name in frame.columns) if named else None
     attributes = {str(key): value for key, value in frame.attrs.items()}
-    stated = stated_units(attributes)
+    stated = _stated_units(attributes)
     return Table(
         "DataFrame",
         data,
         names,
-        short_facts(attributes),
+        _short_facts(attributes),
         ("columns " + listed(frame.columns),),
         units=tuple(stated.get(name) for name in names) if names and stated else None,
     )
@@ -358,9 +358,9 @@ def _from_xarray(dataset: Any) -> Table:
         "Dataset",
         tuple(values for _, values, _ in columns),
         tuple(name for name, _, _ in columns),
-        short_facts({**dataset.attrs, **facts}),
+        _short_facts({**dataset.attrs, **facts}),
         ("variables of xarray",),
-        units=tuple(stated_units(array.attrs).get("") for _, _, array in columns),
+        units=tuple(_stated_units(array.attrs).get("") for _, _, array in columns),
         series=tuple(_series(dataset, dim) for dim in clocks) if several else (),
         of_series=tuple(clocks.index(_time_of(array, labels)) for _, _, array in columns)
         if several
@@ -394,6 +394,6 @@ def _series(dataset: Any, dim: Any) -> Series:
     coordinate = dataset.coords[dim]
     stamps = np.asarray(coordinate.values)
     if stamps.dtype.kind != "M":
-        unit = canonical_unit(stated_units(coordinate.attrs).get("", "s")) or "s"
+        unit = canonical_unit(_stated_units(coordinate.attrs).get("", "s")) or "s"
         stamps = stamps * to_si("time", unit)[0]
     return Series(f"dimension '{dim}'", stamps)

@@ -29,15 +29,7 @@ import numpy as np
 
 from flexspline.errors import InputError, shortened
 
-__all__ = [
-    "BROKEN",
-    "GIGABYTE",
-    "PACKED",
-    "memory_limit",
-    "read_numpy",
-    "require_memory",
-    "unpacked",
-]
+__all__ = ["PACKED", "memory_limit", "read_numpy", "require_memory", "unpacked"]
 
 
 PIECE: Final = 1 << 22  # bytes that are unfolded at a time

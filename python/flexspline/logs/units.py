@@ -17,7 +17,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["SPELLINGS", "canonical_unit", "is_stamp", "seconds_of_stamps"]
+__all__ = ["canonical_unit", "is_stamp", "seconds_of_stamps"]
 
 
 SMALL: Final = ("mNm", "mA", "mV")  # with a capital M they may be mega

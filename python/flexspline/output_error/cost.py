@@ -35,8 +35,6 @@ from flexspline.least_squares.result import Parameter
 from flexspline.part import Part
 
 __all__ = [
-    "FREE_OF_A_LAW",
-    "SECONDS",
     "Cost",
     "Descent",
     "Folds",

@@ -36,13 +36,10 @@ __all__ = [
     "clock_of",
     "columns_of",
     "joined",
-    "modulus",
     "nice",
     "one_joint",
     "ratio_of",
     "ratio_to_integral",
-    "step_of",
-    "unwrapped",
 ]
 
 
@@ -358,7 +355,7 @@ def unwrapped(values: Array, turn: float | None) -> Array:
     return whole
 
 
-def step_of(time: Array) -> float:
+def _step_of(time: Array) -> float:
     """Return the median step between rows, or NaN where fewer than 90 % of the steps go forward."""
     steps = np.diff(time[np.isfinite(time)])
     if len(steps) < 2 or np.mean(steps > 0) < 0.9:
@@ -384,12 +381,12 @@ class Clock:
         if self.column is None or self.column.values is None:
             return math.nan
         seconds = 1.0 if self.column.stamps else SECONDS[self.unit or "s"]
-        return step_of(self.column.values) * seconds
+        return _step_of(self.column.values) * seconds
 
 
 def clock_of(columns: Sequence[Column], preamble: Sequence[str]) -> Clock:
     """Return the clock of a recording, from its columns or from what its preamble says."""
-    forward = [c for c in columns if c.values is not None and step_of(c.values) > 0]
+    forward = [c for c in columns if c.values is not None and _step_of(c.values) > 0]
     named = [c for c in forward if c.says.quantity == "time" and c.says.role != "other"]
     stamped = [c for c in forward if c.stamps]
     step = _step_said(preamble)
@@ -410,7 +407,7 @@ def clock_of(columns: Sequence[Column], preamble: Sequence[str]) -> Clock:
 
 def _even(column: Column) -> bool:
     assert column.values is not None
-    step = step_of(column.values)
+    step = _step_of(column.values)
     return bool(np.mean(np.abs(np.diff(column.values) / step - 1.0) < EVEN) > 0.8)
 
 
@@ -427,7 +424,7 @@ def _forward(column: Column, step: float | None) -> Clock:
         return Clock(column, None, reason="dates and times of day, counted from the first")
     if column.says.unit in SECONDS:
         return Clock(column, column.says.unit, reason="its unit is stated")
-    own, first = step_of(column.values), abs(float(column.values[0]))
+    own, first = _step_of(column.values), abs(float(column.values[0]))
     if step is not None:
         unit = min(SECONDS, key=lambda name: abs(math.log(SECONDS[name] * own / step)))
         return Clock(column, unit, reason=f"the preamble says {1.0 / step:g} Hz")

@@ -40,13 +40,8 @@ from flexspline.recordings.words import Said
 
 __all__ = [
     "GEARED",
-    "RADIANS",
-    "RADIANS_PER_SECOND",
-    "TOLERANCE",
-    "UNSTATED",
     "WHOLE",
     "Chosen",
-    "SideUnits",
     "both_ways",
     "friction_share",
     "goes_with",

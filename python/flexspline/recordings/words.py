@@ -18,17 +18,7 @@ from typing import Final, NamedTuple
 from flexspline.logs.channels import CHANNELS
 from flexspline.logs.units import canonical_unit
 
-__all__ = [
-    "QUANTITY_OF_UNIT",
-    "Meaning",
-    "Resolution",
-    "Said",
-    "meaning",
-    "placed",
-    "said_in",
-    "trusted",
-    "unit_in",
-]
+__all__ = ["Meaning", "Resolution", "Said", "meaning", "placed", "said_in", "trusted", "unit_in"]
 
 
 Words = Mapping[str, tuple[str, ...]]

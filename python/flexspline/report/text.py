@@ -43,19 +43,14 @@ if TYPE_CHECKING:
     from flexspline.least_squares.result import Fit, Parameter
 
 __all__ = [
-    "IDLE",
     "SOUND",
     "TARGET_WORDS",
-    "WIDEST",
     "ParameterLine",
     "Verdict",
-    "between_text",
     "faults_sentence",
     "fit_summary",
     "fit_text",
     "known_groups",
-    "known_text",
-    "parameter_line",
     "parameter_lines",
     "parameters_html",
     "parameters_text",
@@ -63,7 +58,6 @@ __all__ = [
     "trust",
     "validation_sentence",
     "verdict",
-    "warnings_text",
     "wrapped",
 ]
 
@@ -99,13 +93,13 @@ def fit_text(fit: Fit) -> str:
     blocks = [
         [*wrapped(judged.good), *wrapped(judged.wrong)],
         _parameters(parameter_lines(fit)),
-        known_text(fit),
-        between_text(fit),
+        _known_text(fit),
+        _between_text(fit),
         _trust(fit),
         _channels(fit),
         _motion(fit),
         _scores(fit),
-        warnings_text(fit),
+        _warnings_text(fit),
     ]
     return "\n\n".join("\n".join(block) for block in blocks if block)
 
@@ -144,7 +138,7 @@ def _in_group(lines: Sequence[ParameterLine], number: int) -> bool:
     return any(line.heading for line in lines[: number + 1])
 
 
-def known_text(fit: Fit) -> list[str]:
+def _known_text(fit: Fit) -> list[str]:
     """Return lines that say what is known of coefficients that are not known by themselves."""
     text: list[str] = []
     for group in known_groups(fit):
@@ -154,7 +148,7 @@ def known_text(fit: Fit) -> list[str]:
     return text
 
 
-def between_text(fit: Fit) -> list[str]:
+def _between_text(fit: Fit) -> list[str]:
     """Return lines of the terms that each run has of its own; none where there are none."""
     rows = between_rows(fit)
     if not rows:
@@ -192,7 +186,7 @@ def _scores(fit: Fit) -> list[str]:
     return [f"Residual of {TARGET_WORDS[fit.target]}, measured − predicted:", rows_text(rows)]
 
 
-def warnings_text(fit: Fit) -> list[str]:
+def _warnings_text(fit: Fit) -> list[str]:
     """Return lines of the fit's warnings."""
     said = [sentence for sentence in fit.warnings if sentence != fit.uncertainty.statement]
     return ["Warnings:", *(x for s in said for x in wrapped(s, "- "))] if said else []
@@ -365,7 +359,7 @@ def parameter_lines(fit: Fit) -> list[ParameterLine]:
     """Return a line for each parameter, then one for each order of ripple and derived quantity."""
     ripple = ripple_orders(fit)
     orders = {name for order in ripple for name in order.names}
-    lines = [parameter_line(fit, p) for p in fit.parameters if p.name not in orders]
+    lines = [_parameter_line(fit, p) for p in fit.parameters if p.name not in orders]
     for (effect, turns), members in groupby(ripple, lambda o: (o.effect, o.turns)):
         for number, order in enumerate(members):
             lines.append(_ripple_line(order, "" if number else _heading(effect, turns)))
@@ -444,7 +438,7 @@ def _angle(order: RippleOrder) -> str:
     return f"{order.phase:.{digits}f}° ± {max(order.phase_error, 0.1):.{digits}f}°"
 
 
-def parameter_line(fit: Fit, parameter: Parameter) -> ParameterLine:
+def _parameter_line(fit: Fit, parameter: Parameter) -> ParameterLine:
     """Return the line of one parameter by itself."""
     name = short_names(parameter.name)
     owner = parameter.name.split(".")[0] if "." in parameter.name else ""
@@ -526,7 +520,7 @@ def parameters_text(fit: Fit) -> str:
     if not fit.parameters:
         return "No parameters: nothing was fitted."
     table = rows_text(_remarks_wrapped(_rows(fit)), left=range(len(HEAD)))
-    return "\n\n".join(["\n".join(block) for block in ([table], known_text(fit)) if block])
+    return "\n\n".join(["\n".join(block) for block in ([table], _known_text(fit)) if block])
 
 
 def parameters_html(fit: Fit) -> str:
@@ -553,7 +547,7 @@ def _lines(fit: Fit) -> list[ParameterLine]:
     orders = {name: order for order in ripple_orders(fit) for name in order.names}
     lines = []
     for parameter in fit.parameters:
-        line, order = parameter_line(fit, parameter), orders.get(parameter.name)
+        line, order = _parameter_line(fit, parameter), orders.get(parameter.name)
         if order is not None:
             remarks = [part for part in line.remark.split("; ") if part not in ("", IDLE)]
             remarks = remarks if order.significant else [f"order {IDLE}", *remarks]
@@ -589,11 +583,11 @@ def fit_summary(fit: Fit) -> str:
         [f"Fit of {TARGET_WORDS[fit.target]}, {_method(fit)}"],
         [rows_text(_facts(fit), left=(0, 1))],
         [_table(fit)],
-        known_text(fit),
-        between_text(fit),
+        _known_text(fit),
+        _between_text(fit),
         [*wrapped(judged.good), *wrapped(judged.wrong)],
         [line for sentence in [*trust(fit), *_notes(fit)] for line in wrapped(sentence)],
-        warnings_text(fit),
+        _warnings_text(fit),
     ]
     return "\n\n".join("\n".join(block) for block in blocks if block)
 

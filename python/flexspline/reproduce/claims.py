@@ -47,12 +47,8 @@ __all__ = [
     "Reproduction",
     "Story",
     "Verdict",
-    "claims_html",
     "claims_of",
-    "claims_table",
-    "claims_text",
     "judged",
-    "report_page",
     "reproduce",
 ]
 
@@ -185,7 +181,7 @@ def _judged(claim: Claim, draws: Sequence[Mapping[str, float]]) -> Verdict:
     return Verdict(claim, values, bool(np.mean(claim.meets(values)) >= share))
 
 
-def claims_table(made: Reproduction) -> pandas.DataFrame:
+def _claims_table(made: Reproduction) -> pandas.DataFrame:
     """Return a row for each claim: published, ours (median and 90 % range), verdict."""
     import pandas
 
@@ -204,7 +200,7 @@ def claims_table(made: Reproduction) -> pandas.DataFrame:
     return pandas.DataFrame(rows, index=[verdict.claim.id for verdict in made.verdicts])
 
 
-def claims_text(made: Reproduction) -> str:
+def _claims_text(made: Reproduction) -> str:
     """Return the claims of a paper, three lines each at most."""
     counts = [
         f"{sum(v.holds is answer for v in made.verdicts)} {word}" for answer, word in WORDS.items()
@@ -223,16 +219,16 @@ def claims_text(made: Reproduction) -> str:
     return "\n".join(lines)
 
 
-def claims_html(made: Reproduction) -> str:
+def _claims_html(made: Reproduction) -> str:
     """Return the claims as a fragment of HTML."""
     import pandas
 
     with pandas.option_context("display.max_colwidth", None):
-        table = claims_table(made).to_html(index=False, border=0, classes="claims")
+        table = _claims_table(made).to_html(index=False, border=0, classes="claims")
     return f"<p>{_drawn(made)}</p>\n{_scrolling(table)}"
 
 
-def report_page(made: Mapping[str, Reproduction]) -> str:
+def _report_page(made: Mapping[str, Reproduction]) -> str:
     """Return a page with every figure, table and claim; figures lie inside it."""
     from flexspline.report.html import templates
 
@@ -245,7 +241,7 @@ def _chapter(made: Reproduction) -> Iterator[str]:
     from flexspline.report.html import inline_svg
 
     yield f"<h1>{html.escape(made.paper)}</h1>"
-    yield claims_html(made)
+    yield _claims_html(made)
     for name, figure in made.story.figures.items():
         caption = html.escape(made.story.captions.get(name, ""))
         yield f"<figure>{inline_svg(figure, f'{made.paper} {name}')}"
@@ -325,17 +321,17 @@ class Reproduction:
 
     def __str__(self) -> str:
 
-        return claims_text(self)
+        return _claims_text(self)
 
     def _repr_html_(self) -> str:
 
-        return claims_html(self)
+        return _claims_html(self)
 
     @property
     def claims(self) -> pandas.DataFrame:
         """Each claim: published, ours (median, 5 %, 95 %), whether it holds."""
 
-        return claims_table(self)
+        return _claims_table(self)
 
 
 def reproduce(
@@ -428,7 +424,7 @@ def _write(folder: Path, made: Mapping[str, Reproduction], latest: str) -> None:
         for title, table in story.tables.items():
             table.to_csv(place / f"{title}.csv", lineterminator="\n")
     with own_style():
-        page = report_page(made)
+        page = _report_page(made)
     atomic_write(folder / "report.html", page)
     content = {
         "format": "flexspline-claims",

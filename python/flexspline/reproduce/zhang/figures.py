@@ -61,7 +61,6 @@ if TYPE_CHECKING:
     import pandas
 
 __all__ = [
-    "ORDERS",
     "collisions",
     "compensated",
     "drift_curve",
