@@ -55,5 +55,7 @@ def _first_line(module: object) -> str:
 def _directive(path: str, thing: object) -> str:
     module = f".. currentmodule:: {path.rpartition('.')[0]}\n\n"
     if inspect.isclass(thing):
-        return f"{module}.. autoclass:: {path}\n   :members:\n\n"
+        ours = any(base.__module__.startswith("flexspline") for base in thing.__mro__[1:])
+        inherited = "   :inherited-members:\n" if ours else ""
+        return f"{module}.. autoclass:: {path}\n   :members:\n{inherited}\n"
     return f"{module}.. autofunction:: {path}\n\n"

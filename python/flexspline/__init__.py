@@ -38,12 +38,10 @@ if TYPE_CHECKING:
         TemperatureCompensation,
         Thermistor,
     )
-    from flexspline.experiment.limits import Limits
-    from flexspline.experiment.plan import Plan
+    from flexspline.experiment.plan import Limits, Plan
     from flexspline.exporting import export
-    from flexspline.forward.result import ForwardRun
     from flexspline.forward.servo import PositionServo
-    from flexspline.forward.simulating import simulate
+    from flexspline.forward.simulating import ForwardRun, simulate
     from flexspline.least_squares.options import FitOptions
     from flexspline.least_squares.result import Fit
     from flexspline.least_squares.sums import accumulate
@@ -134,9 +132,9 @@ _HOME = {
     "Findings": "logs.checks",
     "Fit": "least_squares.result",
     "FitOptions": "least_squares.options",
-    "ForwardRun": "forward.result",
+    "ForwardRun": "forward.simulating",
     "Guess": "recordings.result",
-    "Limits": "experiment.limits",
+    "Limits": "experiment.plan",
     "Log": "logs.log",
     "Merge": "estimators",
     "Model": "model",

@@ -90,13 +90,18 @@ def fit(
     from flexspline.least_squares.assemble import assembled
     from flexspline.least_squares.estimate import Given, estimate
     from flexspline.least_squares.late_load import beside_delay, can_be_late
-    from flexspline.least_squares.offsets import ZERO, taken_out
     from flexspline.least_squares.options import FitOptions
-    from flexspline.least_squares.per_run_terms import holding_own, own_terms, projected_effects
+    from flexspline.least_squares.per_run_terms import (
+        ZERO,
+        holding_own,
+        own_terms,
+        projected_effects,
+        taken_out,
+    )
     from flexspline.least_squares.problem import problem_of
     from flexspline.least_squares.ripple import with_found_orders
     from flexspline.prepared import learned, preparations_for, prepared
-    from flexspline.requirements import require_one_unit
+    from flexspline.signals import require_one_unit
 
     how = FitOptions() if options is None else options
     runs = runs_of(logs)
@@ -240,16 +245,15 @@ def fit_near(
     problem : as `problem_of` makes it for these effects.
     fixed, bounds, into : as for `fit`.
     general : by generalised least squares where that and plain least squares agree as those of a
-        right model do (`least_squares/generalised.py`).
+        right model do (`least_squares/assemble.py`).
 
     Raises
     ------
     InputError
         For too few rows.
     """
-    from flexspline.least_squares.assemble import assembled
+    from flexspline.least_squares.assemble import assembled, generalised
     from flexspline.least_squares.estimate import Given
-    from flexspline.least_squares.generalised import generalised
     from flexspline.least_squares.problem import settled
 
     _require_rows(problem, effects)
@@ -269,7 +273,7 @@ def runs_of(logs: LogLike | Iterable[LogLike]) -> list[Log]:
         Where there is none, something else, or one twice.
     """
     from flexspline.logs.read import as_logs
-    from flexspline.requirements import require_apart
+    from flexspline.signals import require_apart
 
     runs = as_logs(logs)
     if not runs:

@@ -1,12 +1,24 @@
-"""Public names of a package, imported when they are first used: it starts quickly."""
+"""What is imported when it is first used, so that the package starts quickly.
+
+Public names of a package are. So are functions that show results, which results do not know. A
+result asks for the function by its kind and a form, such as "fit" and "html"; `presentation`, above
+all results, says where each is. It is imported when it is first asked for, so that neither
+matplotlib nor jinja2 is loaded before something is drawn or written.
+"""
 
 from __future__ import annotations
 
 import importlib
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any, Literal, overload
 
-__all__ = ["attached"]
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["attached", "register", "render"]
+
+
+_HOMES: dict[tuple[str, str], str] = {}
 
 
 def attached(package: str, home: Mapping[str, str]) -> Callable[[str], Any]:
@@ -18,3 +30,22 @@ def attached(package: str, home: Mapping[str, str]) -> Callable[[str], Any]:
         return getattr(importlib.import_module(f"{package}.{home[name]}"), name)
 
     return imported
+
+
+def register(kind: str, form: str, home: str) -> None:
+    """Say where the function is that shows results of a kind: "package.module:function"."""
+    _HOMES[kind, form] = home
+
+
+@overload
+def render(kind: str, form: Literal["text", "html"], *shown: Any) -> str: ...
+@overload
+def render(kind: str, form: Literal["figure"], *shown: Any) -> Figure: ...
+@overload
+def render(kind: str, form: str, *shown: Any, **options: Any) -> Any: ...
+
+
+def render(kind: str, form: str, *shown: Any, **options: Any) -> Any:
+    """Return what the registered function makes of a result and of all that it is given besides."""
+    module, _, name = _HOMES[kind, form].partition(":")
+    return getattr(importlib.import_module(module), name)(*shown, **options)

@@ -36,8 +36,7 @@ from flexspline.formatting import short, short_names
 from flexspline.joint_file import JointNumbers, is_joint_file, read_joint
 from flexspline.logs.channels import CHANNELS
 from flexspline.logs.derive import lowpass
-from flexspline.logs.log import Log
-from flexspline.logs.plausible import measurable
+from flexspline.logs.log import Log, measurable
 from flexspline.logs.read import LogLike, as_log, as_logs, is_one
 from flexspline.logs.segments import output_speed
 from flexspline.own import Design, OwnEffect, design_of

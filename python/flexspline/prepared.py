@@ -22,8 +22,7 @@ from flexspline.errors import InputError
 from flexspline.logs.channel_noise import ChannelNoise, channel_noise
 from flexspline.logs.derive import differentiate, lowpass_log
 from flexspline.logs.local_fit import require_bandwidth
-from flexspline.logs.log import Log
-from flexspline.logs.plausible import is_read
+from flexspline.logs.log import Log, is_read
 from flexspline.parallel import in_order
 
 __all__ = [

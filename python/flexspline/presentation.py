@@ -1,12 +1,12 @@
 """Where the function is that shows a result, for each kind of result and each form.
 
 `report` writes text and HTML, `plot` draws; both read results, so that results cannot import them.
-They ask `rendering` instead, which knows this table from `flexspline/__init__.py` on.
+They ask `lazy.render` instead, which knows this table from `flexspline/__init__.py` on.
 """
 
 from __future__ import annotations
 
-from flexspline.rendering import register
+from flexspline.lazy import register
 
 __all__ = ["RENDERERS", "register_renderers"]
 
@@ -16,15 +16,15 @@ RENDERERS = {
     ("fit", "html"): "flexspline.report.html:fit_html",
     ("fit", "report"): "flexspline.report.html:write_report",
     ("fit", "figure"): "flexspline.plot.fit:plot_fit",
-    ("fit", "summary"): "flexspline.report.summary:fit_summary",
-    ("profile", "figure"): "flexspline.plot.profile:plot_profile",
-    ("contour", "figure"): "flexspline.plot.profile:plot_contour",
-    ("parameters", "text"): "flexspline.report.summary:parameters_text",
-    ("parameters", "html"): "flexspline.report.summary:parameters_html",
+    ("fit", "summary"): "flexspline.report.text:fit_summary",
+    ("profile", "figure"): "flexspline.plot.fit:plot_profile",
+    ("contour", "figure"): "flexspline.plot.fit:plot_contour",
+    ("parameters", "text"): "flexspline.report.text:parameters_text",
+    ("parameters", "html"): "flexspline.report.text:parameters_html",
     ("calibration", "text"): "flexspline.report.calibration:calibration_text",
     ("calibration", "html"): "flexspline.report.calibration:calibration_html",
     ("calibration", "report"): "flexspline.report.calibration:write_calibration_report",
-    ("calibration", "figure"): "flexspline.plot.calibration:plot_calibration",
+    ("calibration", "figure"): "flexspline.plot.sensor:plot_calibration",
     ("comparison", "text"): "flexspline.report.comparison:comparison_text",
     ("comparison", "html"): "flexspline.report.comparison:comparison_html",
     ("comparison", "report"): "flexspline.report.comparison:write_comparison_report",

@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 from flexspline.errors import InputError, listed
 from flexspline.logs.checks.consistency import MOST_ROWS, SURE, WITHIN, block_error, motion_columns
 from flexspline.logs.checks.findings import Finding
-from flexspline.logs.checks.motion import Motion, motion_of
+from flexspline.logs.checks.samples import Motion, motion_of
 from flexspline.logs.columns import picked
 from flexspline.logs.derive import has_value, increasing_time
 from flexspline.logs.formats import Dialect, read_table

@@ -30,7 +30,7 @@ from flexspline.least_squares.problem import problem_of
 from flexspline.logs.channels import CHANNELS
 from flexspline.logs.log import Fact, Log
 from flexspline.model import Model, Part
-from flexspline.requirements import require_one_unit
+from flexspline.signals import require_one_unit
 
 try:
     from sklearn.base import BaseEstimator, RegressorMixin

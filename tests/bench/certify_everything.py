@@ -26,7 +26,7 @@ import numpy as np
 from every_effect import all_of, exported, rich
 
 import flexspline
-from flexspline.certification.devices import DEVICES
+from flexspline.certification.program import DEVICES
 from flexspline.effects import CATALOGUE, TARGETS, effect
 from flexspline.logs.log import Log
 from flexspline.model import Model, Part

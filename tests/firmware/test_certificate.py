@@ -20,8 +20,7 @@ from every_effect import all_of, exported, rich
 import flexspline
 from flexspline import Certificate, InputError, programs
 from flexspline.certification import certifying
-from flexspline.certification.devices import DEVICES, Device
-from flexspline.certification.program import Built
+from flexspline.certification.program import DEVICES, Built, Device
 from flexspline.cli import commands
 from flexspline.effects import effect
 from flexspline.exporting import export

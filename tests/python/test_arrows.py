@@ -18,13 +18,13 @@ from flexspline.presentation import RENDERERS
 
 LAYERS = (
     # what knows nothing of joints
-    ("_core", "about", "errors", "lazy", "parallel", "progress", "rendering"),
+    ("_core", "about", "errors", "lazy", "parallel", "progress"),
     ("files", "formatting", "joint_file", "programs", "schema"),
     # runs, and what they show by themselves; logs know no effects, their checks do
     ("effects", "logs"),
     ("logs.checks", "own"),
     ("orders", "prediction", "prepared", "recordings", "signals"),
-    ("requirements", "simulator"),
+    ("simulator",),
     # a model of a joint, and what it is made of
     ("part",),
     ("estimators",),
@@ -71,7 +71,7 @@ OTHER_THINGS = {
 }
 """Words of other rooms that are also names of effects, and mean something else there."""
 
-BY_TABLE = ("flexspline.lazy", "flexspline.rendering")
+BY_TABLE = ("flexspline.lazy",)
 """Modules that import what a table gives them whose strings are arrows where the table stands."""
 
 PACKAGE = Path(flexspline.__file__).parent

@@ -37,8 +37,7 @@ from flexspline.exporting.cpp_text import comment, namespace_name
 from flexspline.forward.servo import PositionServo
 from flexspline.logs.columns import to_si
 from flexspline.logs.derive import differentiate, resample
-from flexspline.logs.log import Log
-from flexspline.logs.plausible import MOST, SHORTEST
+from flexspline.logs.log import MOST, SHORTEST, Log
 from flexspline.logs.read import read_log
 from flexspline.model import Model
 

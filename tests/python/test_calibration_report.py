@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 
 from flexspline import InputError, calibrate
 from flexspline.calibration import CalibrationResult
-from flexspline.plot import calibration as plots
+from flexspline.plot import sensor as plots
 
 UNIT = re.compile(r"\[[^\]]+\]$")
 

@@ -16,7 +16,7 @@ from flexspline import InputError, calibrate
 from flexspline.calibration import CalibrationResult
 from flexspline.calibration.regression import Shape, regress
 from flexspline.calibration.runs import calibration_runs
-from flexspline.calibration.zeros import LEVEL, zero_test
+from flexspline.calibration.thermal import LEVEL, zero_test
 from flexspline.logs.log import Log
 from flexspline.logs.writing import write_log
 from flexspline.model import Model

@@ -22,7 +22,7 @@ from flexspline.logs.checks.consistency import (
     solve_with_error,
     torque,
 )
-from flexspline.logs.checks.motion import Motion, motion_of
+from flexspline.logs.checks.samples import Motion, motion_of
 
 Array = NDArray[np.float64]
 

@@ -12,11 +12,16 @@ import pytest
 
 import flexspline
 from flexspline import InputError
-from flexspline.comparison.bands import _bands as large_bands
-from flexspline.comparison.covariates import even_edges, growing_edges, in_bins, labels_of
-from flexspline.comparison.effective_sample_size import memory_of
+from flexspline.comparison.covariates import (
+    even_edges,
+    growing_edges,
+    in_bins,
+    labels_of,
+    memory_of,
+)
 from flexspline.comparison.runs import predicted, rows_of
 from flexspline.comparison.search import ALPHA
+from flexspline.comparison.search import _bands as large_bands
 from flexspline.effects import effect
 from flexspline.logs import Log
 from flexspline.logs.derive import velocity_noise

@@ -14,9 +14,8 @@ import flexspline
 from flexspline.discovery.search import study_of
 from flexspline.least_squares.noise_model import NoiseModel
 from flexspline.logs.log import Log
-from flexspline.regression.candidate_model import working
+from flexspline.regression.candidate_model import _rough_whitening, restricted_whitening, working
 from flexspline.regression.gram import Whitening
-from flexspline.regression.whitening import _rough_whitening, restricted_whitening
 
 ROWS = 2000
 SLOW = ("offset", "time_drift", "temperature_drift", "gain_error", "gravity")

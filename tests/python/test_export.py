@@ -12,7 +12,7 @@ import pytest
 import flexspline
 from flexspline.effects import effect
 from flexspline.errors import InputError
-from flexspline.estimation.limits import part_limits
+from flexspline.estimation.plan import part_limits
 from flexspline.exporting import export, namespace_of
 from flexspline.logs.log import Log
 from flexspline.model import Model, Part

@@ -13,8 +13,7 @@ import pytest
 from flexspline.errors import InputError
 from flexspline.estimation import estimate
 from flexspline.full_range import FullRange, Transition, train, with_mesh_stiffness
-from flexspline.full_range.methods import signals_of
-from flexspline.full_range.rivals import StructuralDamping, fit_structural_damping
+from flexspline.full_range.methods import StructuralDamping, fit_structural_damping, signals_of
 from flexspline.full_range.transition import choose_transition
 from flexspline.logs.log import Log
 from flexspline.model import Model

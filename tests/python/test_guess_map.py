@@ -25,7 +25,7 @@ from flexspline import Guess, InputError, guess_map, read_log
 from flexspline.logs.channels import CHANNELS
 from flexspline.logs.columns import USUAL, _by_pint, to_si
 from flexspline.logs.read import read_map
-from flexspline.logs.stamps import seconds_of_stamps
+from flexspline.logs.units import seconds_of_stamps
 
 WITHIN = 0.03  # of a channel's standard deviation, besides the step in which the file holds it
 RIGHT = 27  # of thirty

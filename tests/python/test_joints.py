@@ -13,7 +13,7 @@ from cli_calls import call
 from undrawn import undrawn
 
 from flexspline import InputError, Model, check, guess_map, joints_of, read_log, read_runs
-from flexspline.logs.joints import placed_joint
+from flexspline.logs.splitting import placed_joint
 
 NAMED = {"time": "t", "output_position": "q_{joint}", "sensor_torque": "tau_{joint}"}
 MATRIX = {"time": "t", "output_position": "q[:, {joint - 1}]"}

@@ -16,7 +16,7 @@ from flexspline import InputError, effect
 from flexspline.effects import Effect
 from flexspline.logs.log import Log
 from flexspline.model import Model
-from flexspline.requirements import require_one_unit
+from flexspline.signals import require_one_unit
 
 LOAD = "reference_torque"
 RATIO, CONSTANT = 101.0, 0.08  # Ñ, Nm/A

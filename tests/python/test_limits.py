@@ -8,8 +8,15 @@ import chain_rig
 import numpy as np
 
 from flexspline import _core, effect
-from flexspline.estimation.limits import FACTOR, LEAST, OF_A_PART, WIDEST, joint_limits, part_limits
-from flexspline.estimation.plan import plan_of
+from flexspline.estimation.plan import (
+    FACTOR,
+    LEAST,
+    OF_A_PART,
+    WIDEST,
+    joint_limits,
+    part_limits,
+    plan_of,
+)
 from flexspline.model import Part
 
 EFFECTS = (effect("viscous_friction"), effect("load_dependent_friction"), effect("inertia"))

@@ -15,7 +15,7 @@ from flexspline import FitOptions, _core
 from flexspline.least_squares.result import Fit
 from flexspline.logs.log import Log
 
-offsets = importlib.import_module("flexspline.least_squares.offsets")
+offsets = importlib.import_module("flexspline.least_squares.per_run_terms")
 NAMES = ["viscous_friction", "offset", "coulomb_friction", "inertia"]
 
 

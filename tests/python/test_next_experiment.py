@@ -16,8 +16,8 @@ import flexspline
 from flexspline import Limits, Model, Part, Plan
 from flexspline.cli import commands
 from flexspline.effects import effect
-from flexspline.experiment.limits import Bounds
-from flexspline.experiment.trajectories import _kinds
+from flexspline.experiment.plan import Bounds
+from flexspline.experiment.recording import _kinds
 from flexspline.least_squares.result import Fit
 from flexspline.logs.log import Log
 

@@ -17,14 +17,14 @@ from scipy.stats import chi2
 
 import flexspline
 from flexspline import FitOptions, InputError
-from flexspline.least_squares.between_runs import LEVEL
+from flexspline.least_squares.per_run_terms import LEVEL
 from flexspline.least_squares.result import Fit
 from flexspline.logs.log import Log
 from flexspline.logs.writing import write_log
 from flexspline.report.tables import between_sentences
 
 own_terms = importlib.import_module("flexspline.least_squares.per_run_terms")
-offsets = importlib.import_module("flexspline.least_squares.offsets")
+offsets = importlib.import_module("flexspline.least_squares.per_run_terms")
 EFFECTS = ["offset", "viscous_friction", "inertia", "gravity"]
 OWN = ("offset", "gravity.sine")
 VISCOSITY, INERTIA, COSINE = 0.4, 0.02, 0.3

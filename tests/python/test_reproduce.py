@@ -16,7 +16,7 @@ from figure_layout import page_faults
 
 from flexspline.errors import InputError
 from flexspline.plot.canvas import axes_or_new
-from flexspline.reproduce import Claim, Story, claims, reproduce, run
+from flexspline.reproduce import Claim, Story, claims, reproduce
 
 PAPER = "small_paper"
 
@@ -46,7 +46,7 @@ def small_paper(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
         Claim("small_paper.open", "(3)", "?", None, None, "", unclear),
     )
     monkeypatch.setattr(claims, "claims_of", lambda paper: rules)
-    monkeypatch.setattr(run, "PAPERS", (PAPER,))
+    monkeypatch.setattr(claims, "PAPERS", (PAPER,))
     yield
 
 
@@ -75,7 +75,7 @@ def test_the_same_seed_gives_the_same_numbers_and_another_seed_others() -> None:
 def test_nothing_is_left_where_a_draw_fails(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(run, "draw", lambda paper, seed: 1 / 0)
+    monkeypatch.setattr(claims, "draw", lambda paper, seed: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         reproduce(PAPER, tmp_path / "out", draws=1)
     assert not (tmp_path / "out").exists()
@@ -86,10 +86,10 @@ def test_a_paper_that_is_done_stays_where_the_next_one_fails(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     reproduce(PAPER, tmp_path / "alone", draws=2)
-    monkeypatch.setattr(run, "PAPERS", (PAPER, "another"))
-    draw = run.draw
+    monkeypatch.setattr(claims, "PAPERS", (PAPER, "another"))
+    draw = claims.draw
     monkeypatch.setattr(
-        run, "draw", lambda paper, seed: draw(paper, seed) if paper == PAPER else 1 / 0
+        claims, "draw", lambda paper, seed: draw(paper, seed) if paper == PAPER else 1 / 0
     )
     monkeypatch.setitem(
         sys.modules, "flexspline.reproduce.another", sys.modules[f"flexspline.reproduce.{PAPER}"]
@@ -104,7 +104,7 @@ def test_a_paper_that_is_done_stays_where_the_next_one_fails(
 def test_what_the_command_itself_wrote_before_is_neither_kept_nor_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(run, "PAPERS", (PAPER, "another"))
+    monkeypatch.setattr(claims, "PAPERS", (PAPER, "another"))
     monkeypatch.setitem(
         sys.modules, "flexspline.reproduce.another", sys.modules[f"flexspline.reproduce.{PAPER}"]
     )
@@ -124,7 +124,7 @@ def test_without_scikit_learn_it_is_asked_for_before_anything_is_computed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "sklearn.kernel_ridge", None)
-    monkeypatch.setattr(run, "draw", pytest.fail)
+    monkeypatch.setattr(claims, "draw", pytest.fail)
     for paper in ("zhang", "all"):
         with pytest.raises(InputError, match=r"pip install 'flexspline\[baselines\]'"):
             reproduce(paper, tmp_path / "out")

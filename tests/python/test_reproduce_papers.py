@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flexspline.reproduce import claims_of
-from flexspline.reproduce.run import draw
+from flexspline.reproduce.claims import draw
 
 PAPERS = ("zhang", "turlapati", "full_range")
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from flexspline import _core
+from flexspline.reproduce.zhang.figures import drift_methods
 from flexspline.reproduce.zhang.study import (
     THRESHOLD,
     Arm,
@@ -18,7 +19,6 @@ from flexspline.reproduce.zhang.study import (
     peak_between,
     sum_over_one,
 )
-from flexspline.reproduce.zhang.tables import drift_methods
 from flexspline.rigs import ZhangRig, zhang_rig
 from flexspline.rigs.zhang import LATE, RATE, REST, SPEED
 from flexspline.rigs.zhang_sensor import (

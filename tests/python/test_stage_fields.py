@@ -11,7 +11,7 @@ import pytest
 
 from flexspline import _core
 from flexspline.estimators import ESTIMATORS
-from flexspline.estimators.fields import STAGES, given
+from flexspline.exporting.cpp_text import STAGES, given
 
 SCHEMA = json.loads(files("flexspline").joinpath("schemas/model.schema.json").read_text("utf-8"))
 OF_THE_MODEL = {"mesh_stiffness", "mesh_shape"}  # of the torsion's part, put in by the plan

@@ -9,7 +9,7 @@
 ///
 ///   velocity, acceleration, torques, bridge   exported with the model: a multiple of the largest
 ///                                             in the logs of the fit, not above the values below
-///                                             (python/flexspline/estimation/limits.py: which
+///                                             (python/flexspline/estimation/plan.py: which
 ///                                             multiple, and why)
 ///   temperature, thermistor, time             the values below, for what was seen of them in a log
 ///                                             says little of what a device will see

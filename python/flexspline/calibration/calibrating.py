@@ -10,13 +10,14 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from flexspline.calibration.attenuation import PART_OF_ERROR, lost_to_noise
 from flexspline.calibration.parameters import (
+    PART_OF_ERROR,
     Asked,
     Estimators,
     confounded,
     drift_polynomial,
     estimators_of,
+    lost_to_noise,
     sensitivity_determined,
     torque_parameters,
     voltage_parameters,
@@ -29,7 +30,7 @@ from flexspline.calibration.runs import (
     calibration_runs,
     why_unexcited,
 )
-from flexspline.calibration.zeros import (
+from flexspline.calibration.thermal import (
     contrast_names,
     require_own_zeros,
     run_zeros,
@@ -41,8 +42,8 @@ from flexspline.least_squares.identifiability import Confounded
 from flexspline.least_squares.result import Parameter
 from flexspline.logs.log import Log
 from flexspline.model import Model
-from flexspline.requirements import IMAGINABLE
 from flexspline.schema import plain_json
+from flexspline.signals import IMAGINABLE
 
 if TYPE_CHECKING:
     from flexspline.estimators import Thermistor
@@ -134,7 +135,7 @@ def calibrate(
     depend on temperature, as in (8).
 
     Zeros. With one zero for all runs, a zero that moved between them goes into the drift; this is
-    tested for (`calibration/zeros.py`) and said. With `zero_per_run` errors of reading, and with
+    tested for (`calibration/thermal.py`) and said. With `zero_per_run` errors of reading, and with
     them the figures in %FS, are those of a sensor that is zeroed at the start of each run: each
     run is read with its own zero. Where whole runs are held out (four runs or more), a run that
     was not seen has an unknown zero and is read with the mean of the others', so that its error

@@ -20,27 +20,35 @@ from flexspline.calibration.accuracy import (
     points_on,
     slack_of,
 )
-from flexspline.calibration.attenuation import PART_OF_ERROR, lost_to_reference
-from flexspline.calibration.parameters import Estimators, compensation_torque
+from flexspline.calibration.parameters import (
+    PART_OF_ERROR,
+    Estimators,
+    compensation_torque,
+    lost_to_reference,
+)
 from flexspline.calibration.regression import Regression, Shape, drift_columns
 from flexspline.calibration.runs import CalibrationRun, why_unexcited
 from flexspline.calibration.thermal import (
+    LEVEL,
+    RunZero,
     Thermal,
     ThermalLeg,
+    ZeroTest,
+    require_own_zeros,
     thermal_figures,
     thermal_legs,
     thermal_means,
+    zero_spread,
 )
-from flexspline.calibration.zeros import LEVEL, RunZero, ZeroTest, require_own_zeros, zero_spread
 from flexspline.errors import InputError, did_you_mean, listed
 from flexspline.estimators import Calibration, TemperatureCompensation
+from flexspline.lazy import render
 from flexspline.least_squares.identifiability import Confounded
 from flexspline.least_squares.result import Parameter
 from flexspline.least_squares.uncertainty import Uncertainty
 from flexspline.logs.log import Log
 from flexspline.logs.quantisation import white_noise
 from flexspline.model import Model
-from flexspline.rendering import render
 
 if TYPE_CHECKING:
     import pandas

@@ -22,7 +22,7 @@ from flexspline.logs.checks.findings import Finding
 from flexspline.logs.log import Log
 from flexspline.logs.quantisation import quantum, white_noise
 from flexspline.logs.segments import runs as unbroken
-from flexspline.requirements import IMAGINABLE
+from flexspline.signals import IMAGINABLE
 
 __all__ = ["CalibrationRun", "calibration_runs", "contrasts", "why_unexcited"]
 
@@ -53,7 +53,7 @@ class CalibrationRun:
     `voltage` V. `torque`: the reference, Nm; zeros where the run is without load. `temperature`:
     °C, or None. `loaded`: whether a reference was recorded. `starts`: true on the first row and
     behind each gap. `contrast`: (R - 1,), row of the run in columns that let each of R runs have
-    its own zero, see `calibration/zeros.py`; read by shapes with such columns alone.
+    its own zero, see `calibration/thermal.py`; read by shapes with such columns alone.
     """
 
     log: Log

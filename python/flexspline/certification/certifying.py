@@ -16,23 +16,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.certification.devices import (
-    DEVICES,
-    Device,
-    device_of,
-    version_of,
-)
 from flexspline.certification.program import (
+    DEVICES,
     METHOD,
     Built,
+    Device,
     Run,
     build,
     calls_of,
     counted_on_host,
     cycles_per_instruction,
+    device_of,
     rows_of,
     run,
     sizes_of,
+    version_of,
 )
 from flexspline.certification.result import (
     CHAIN_OUTPUTS,
@@ -49,7 +47,7 @@ from flexspline.estimation.chain import estimate, measurable
 from flexspline.estimation.plan import BANDWIDTH, plan_of, with_derivatives
 from flexspline.estimation.result import Estimate
 from flexspline.estimators import Differentiator, Estimator, ReadingChecks
-from flexspline.estimators.preprocessing import DERIVED
+from flexspline.estimators.sensing import DERIVED
 from flexspline.exporting import export
 from flexspline.formatting import short
 from flexspline.logs.derive import differentiate

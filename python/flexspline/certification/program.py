@@ -1,7 +1,8 @@
 """The program of a certificate: compiled with the exported model, run over a log, its cost counted.
 
-It runs on this machine or on a board that QEMU emulates, and reads a log as rows; their layout and
-that of its results is in `cpp/firmware/certify/rows.hpp`.
+A device is this machine, or a processor with a compiler, its options, and the board that QEMU
+emulates. The program reads a log as rows; their layout and that of its results is in
+`cpp/firmware/certify/rows.hpp`.
 
 QEMU counts instructions, not cycles, so cycles are estimated: the mean cost of an instruction over
 the machine code of the step (how often each is run is not known), memory without wait states, by
@@ -24,6 +25,7 @@ from __future__ import annotations
 
 import re
 import shutil
+import subprocess
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -32,8 +34,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline import _core
-from flexspline.certification.devices import Device
-from flexspline.errors import InputError
+from flexspline.errors import InputError, did_you_mean
 from flexspline.logs.log import Log
 from flexspline.logs.segments import median_step, runs
 from flexspline.programs import (
@@ -47,21 +48,26 @@ from flexspline.programs import (
 
 __all__ = [
     "CHANNELS",
+    "DEVICES",
     "METHOD",
     "RESULT",
     "ROW",
     "Built",
+    "Device",
     "Run",
     "alone",
     "build",
     "calls_of",
     "counted_on_host",
     "cycles_per_instruction",
+    "device_of",
     "instruction_cost",
     "rows_of",
     "run",
     "sizes_of",
+    "version_of",
 ]
+
 
 BARE = ("-nostdlib", "-lc", "-lgcc")  # no start-up code, no C++ library
 
@@ -87,6 +93,78 @@ LISTS = re.compile(r"^(?:push|pop|ldm|stm|vpush|vpop|vldm|vstm)")
 CONDITIONS = "eq|ne|cs|cc|mi|pl|vs|vc|hi|ls|ge|lt|gt|le"
 CORE = re.compile(r"\b(?:r\d+|sl|fp|ip|lr)\b")  # a register of the core
 BRANCH = re.compile(rf"^(?:b|bl|bx|blx|cbz|cbnz|b(?:{CONDITIONS}))(?:\.|$)")
+
+ARM = ("-mthumb", "-mfloat-abi=hard")
+
+
+@dataclass(frozen=True)
+class Device:
+    """A processor.
+
+    Parameters
+    ----------
+    name : as in `--device`.
+    processor : in words.
+    compiler : its C++ compiler; None is the host's.
+    options : of the compiler, beside those that every device has.
+    machine : QEMU's board, or None.
+    size, disassembler : of the compiler's binutils.
+    """
+
+    name: str
+    processor: str
+    compiler: str | None = None
+    options: tuple[str, ...] = ()
+    machine: str | None = None
+    size: str = "size"
+    disassembler: str = "objdump"
+
+
+def _cortex(name: str, processor: str, machine: str, *options: str) -> Device:
+    tools = ("arm-none-eabi-g++", (*options, *ARM), machine)
+    return Device(name, processor, *tools, "arm-none-eabi-size", "arm-none-eabi-objdump")
+
+
+DEVICES = {
+    device.name: device
+    for device in (
+        Device("host", "this machine"),
+        _cortex(
+            "cortex-m4f",
+            "Arm Cortex-M4 with single-precision FPU",
+            "mps2-an386",
+            "-mcpu=cortex-m4",
+            "-mfpu=fpv4-sp-d16",
+        ),
+        _cortex(
+            "cortex-m7",
+            "Arm Cortex-M7 with double-precision FPU",
+            "mps2-an500",
+            "-mcpu=cortex-m7",
+            "-mfpu=fpv5-d16",
+        ),
+    )
+}
+
+
+def device_of(name: str) -> Device:
+    """Return the device of this name.
+
+    Raises
+    ------
+    InputError
+        Where there is none.
+    """
+    if name not in DEVICES:
+        near = did_you_mean(name, DEVICES)
+        raise InputError(f"there is no device '{name}'{near}; give {' or '.join(DEVICES)}")
+    return DEVICES[name]
+
+
+def version_of(tool: str) -> str:
+    """Return the first line of what `tool --version` says."""
+    said = subprocess.run([tool, "--version"], capture_output=True, text=True, check=True).stdout
+    return said.splitlines()[0]
 
 
 @dataclass(frozen=True)

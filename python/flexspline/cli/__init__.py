@@ -8,16 +8,13 @@ import click
 
 from flexspline.about import __version__
 from flexspline.cli.calibrate import command as calibrate
-from flexspline.cli.contract import Commands
 from flexspline.cli.demo import demo, reproduce
-from flexspline.cli.discover import compare, discover
+from flexspline.cli.discover import compare, discover, models
 from flexspline.cli.export import certify, export
 from flexspline.cli.fit import fit
-from flexspline.cli.init import init
-from flexspline.cli.logs import check, convert, orders
-from flexspline.cli.models import models
+from flexspline.cli.logs import check, convert, init, orders
 from flexspline.cli.predict import estimate, predict, simulate
-from flexspline.cli.speech import spoken
+from flexspline.cli.speech import Commands, spoken
 
 __all__ = ["commands", "main"]
 

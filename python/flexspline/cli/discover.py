@@ -1,6 +1,7 @@
-"""`flexspline compare` and `flexspline discover`: where a model and runs disagree, and why.
+"""Where models and runs disagree, and why: `flexspline compare`, `compare-models`, `discover`.
 
-`compare` locates the disagreement; `discover` finds, names and adds what the model lacks.
+`compare` locates the disagreement, `compare-models` has several models of one target side by side
+on the same runs; `discover` finds, names and adds what the model lacks.
 """
 
 from __future__ import annotations
@@ -20,7 +21,9 @@ from flexspline.cli.options import (
     bandwidth,
     controller,
     effects_by_target,
+    fitted_controller,
     fixed,
+    is_table,
     known_load,
     loaded,
     lowpass,
@@ -41,12 +44,10 @@ from flexspline.cli.options import (
 from flexspline.cli.speech import found, say
 from flexspline.effects import effect
 from flexspline.errors import InputError
-from flexspline.files import atomic_write, remove_file, whole_folder
+from flexspline.files import atomic_write, remove_file, save_table, whole_folder
 
-__all__ = [
-    "compare",
-    "discover",
-]
+__all__ = ["compare", "discover", "models"]
+
 
 NEXT = "next_experiment.csv"
 
@@ -198,18 +199,7 @@ def _numbers(text: str) -> tuple[float, ...]:
     help="By simulation: what makes the simulated motion the measured one, where only motion "
     "is measured.",
 )
-@click.option(
-    "--controller",
-    metavar="SERVO.json",
-    type=FILE,
-    help="By simulation: the servo's law that drives it.",
-)
-@click.option(
-    "--free-controller",
-    metavar="A,B",
-    default="",
-    help="Fields of the law to fit too: torque, back_emf.",
-)
+@fitted_controller
 @click.option(
     "--exclude", metavar="A,B,C", type=EFFECTS, help="Effects that are known not to be there."
 )
@@ -266,7 +256,7 @@ def discover(
           --target motor_torque --out found
       flexspline discover run*.csv --target sensor_torque --simulated-torque mujoco --out found
     """
-    from flexspline.experiment.limits import parsed_limits
+    from flexspline.experiment.plan import parsed_limits
 
     foreign = bool(simulation) or simulated_torque is not None
     if (names is not None) + (model_path is not None or foreign) != 1:
@@ -306,7 +296,7 @@ def discover(
             threads=options["threads"],
             by=options["by"],
             controller=options["controller"],
-            free_controller=[n.strip() for n in options["free_controller"].split(",") if n.strip()],
+            free_controller=options["free_controller"],
             progress=on_terminal(),
         )
         made.report(draft / "report.html")
@@ -320,3 +310,85 @@ def discover(
     found(json.loads(made.to_json()))
     files = f"model.json, discovery.json{f', {NEXT}' if made.plan else ''} and report.html"
     say(f"{verdict}\n\nwrote {files} to {Path(out)}")
+
+
+@click.command("compare-models", cls=Taught, sections=(repairs,))
+@click.argument("runs", nargs=-1, required=True, metavar="RUN.csv...", type=FILE)
+@click.option(
+    "--model",
+    "paths",
+    multiple=True,
+    required=True,
+    metavar="MODEL.json",
+    type=FILE,
+    help="A model to compare; give two or more.",
+)
+@click.option(
+    "--out",
+    metavar="FILE.csv|DIR",
+    type=FILE,
+    help="Table, a row for each model; or a folder for models.csv, models.png and report.html.",
+)
+@target(required=False)
+@lowpass
+@reading()
+def models(
+    runs: tuple[str, ...],
+    paths: tuple[str, ...],
+    out: str | None,
+    target: str | None,
+    lowpass: float | None,
+    reading: Reading,
+) -> None:
+    """Compare models of one target on the same rows of the same runs.
+
+    Prints the RMSE of each model by run and of all rows, and marks the lowest, and the errors of
+    runs that a model was fitted to: these are too low to be compared. Nothing is fitted.
+
+    \b
+    Examples:
+      flexspline compare-models run3.csv run4.csv --model before.json --model after.json
+      flexspline compare-models run3.csv --model a.json --model b.json --out side_by_side
+    """
+    for path in paths:
+        if paths.count(path) > 1:
+            raise InputError(f"--model {path} is given twice; give each model once")
+    if len(paths) < 2:
+        raise InputError("one --model is nothing to compare; give two or more")
+    joints = {path: loaded(path, target) for path in paths}
+    if out is not None:
+        written = () if is_table(out) else ("models.csv", "models.png", "report.html")
+        refuse_overwriting(out, [*runs, *paths], written)
+    logs = reading.logs(runs, joints[paths[0]].facts)
+
+    from flexspline.comparison.models import compare_models
+
+    made = compare_models(joints, logs, target=target, lowpass=lowpass)
+    found(
+        {
+            "target": made.target,
+            "unit": made.unit,
+            "rows": made.rows,
+            "runs": [run.log.name for run in made.runs],
+            "models": [
+                {"model": name, "rmse": errors[-1], "rmse_by_run": errors[:-1], "kind": kind}
+                for name, errors, kind in zip(
+                    made.names, made.errors().T.tolist(), made.kinds()[-1], strict=True
+                )
+            ],
+            "notes": made.notes,
+        }
+    )
+    say(str(made))
+    if out is None:
+        return
+    table = made.to_frame().drop(columns=["aic", "bic"]).reset_index()  # these are of fits alone
+    if is_table(out):
+        save_table(table, out)
+        say(f"\nwrote {out}")
+        return
+    with whole_folder(out, last="models.csv") as draft:
+        made.plot().savefig(draft / "models.png", dpi=110)
+        made.report(draft / "report.html")
+        save_table(table, draft / "models.csv")
+    say(f"\nwrote models.csv, models.png and report.html to {Path(out)}")

@@ -50,7 +50,7 @@ def _formats() -> Iterable[str]:
 
 
 def _devices() -> Iterable[str]:
-    from flexspline.certification.devices import DEVICES
+    from flexspline.certification.program import DEVICES
 
     return DEVICES
 

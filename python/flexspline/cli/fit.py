@@ -17,6 +17,7 @@ from flexspline.cli.options import (
     Taught,
     bandwidth,
     effects_by_target,
+    fitted_controller,
     fixed,
     known_load,
     loaded,
@@ -97,9 +98,8 @@ def _require_profiled(
     options: Mapping[str, Any], effects: Sequence[Effect], runs: Sequence[str], how: FitOptions
 ) -> None:
     """Refuse, before the fit, what has no profile once the runs are known that have own terms."""
-    from flexspline.least_squares.offsets import MANY_RUNS
     from flexspline.least_squares.options import coefficient_names, resolve, shapes_of
-    from flexspline.least_squares.per_run_terms import own_terms
+    from flexspline.least_squares.per_run_terms import MANY_RUNS, own_terms
 
     own = own_terms(effects, how, [*options["fix"]], len(runs))
     shared = coefficient_names(effects, (), own)
@@ -236,18 +236,7 @@ def _require_call(names: list[str], target: str, options: dict[str, Any], foreig
     show_default=True,
     help="Fit the torque, or from there on the motion that it makes when simulated.",
 )
-@click.option(
-    "--controller",
-    metavar="SERVO.json",
-    type=FILE,
-    help="By simulation: the servo's law that drives it.",
-)
-@click.option(
-    "--free-controller",
-    metavar="A,B",
-    default="",
-    help="Fields of the law to fit too: torque, back_emf.",
-)
+@fitted_controller
 @click.option(
     "--starts",
     type=click.IntRange(1),
@@ -347,8 +336,8 @@ def fit(
             from flexspline.output_error.fitting import fit_motion
             from flexspline.output_error.settings import MotionOptions
 
-            free = [name for name in options["free_controller"].split(",") if name]
-            asked = MotionOptions(free_controller=free, starts=options["starts"], **how)
+            free, starts = options["free_controller"], options["starts"]
+            asked = MotionOptions(free_controller=free, starts=starts, **how)
             made = fit_motion(
                 effects, logs, target, controller=options["controller"], options=asked, **shared
             )

@@ -108,8 +108,8 @@ def _all(reading: Reading, recording: str) -> list[str]:
 
     A map that goes by the numbers of columns has to list them.
     """
-    from flexspline.logs.joints import goes_by_number
     from flexspline.logs.read import joints_of, read_map, splits
+    from flexspline.logs.splitting import goes_by_number
 
     listed = list(read_map(reading.columns)["joints"]) if reading.columns is not None else []
     arguments = reading.with_map()

@@ -1,7 +1,8 @@
-"""`flexspline check`, `flexspline orders` and `flexspline convert`: runs without a model.
+"""Runs without a model: `flexspline init`, `check`, `orders` and `convert`.
 
-`check` is the audit before any fit, `orders` says what turns with the joint; `convert` makes a run
-of a foreign file and a column map.
+`init` guesses the column map of a foreign recording, with reasons; `convert` makes a run of a
+foreign file and a map. `check` is the audit before any fit, `orders` says what turns with the
+joint.
 """
 
 from __future__ import annotations
@@ -9,13 +10,14 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from flexspline.cli.options import (
     EFFECTS,
     FILE,
+    MAX_MEMORY,
     Reading,
     Taught,
     channels,
@@ -25,6 +27,7 @@ from flexspline.cli.options import (
     left_open,
     named_effects,
     out_file,
+    positive,
     reading,
     refuse_overwriting,
     repairs,
@@ -32,14 +35,14 @@ from flexspline.cli.options import (
     warn,
 )
 from flexspline.cli.speech import found, is_json, say, tell
-from flexspline.errors import listed, printable
-from flexspline.files import atomic_write, whole_folder
+from flexspline.errors import InputError, listed, printable
+from flexspline.files import atomic_write, atomic_writer, whole_folder
 
-__all__ = [
-    "check",
-    "convert",
-    "orders",
-]
+if TYPE_CHECKING:
+    from flexspline.recordings import Guess
+
+__all__ = ["check", "convert", "init", "orders"]
+
 
 FORBIDDEN = 3  # exit code: findings that forbid a fit
 
@@ -102,8 +105,7 @@ def check(
         refuse_overwriting(out, runs, ("check.json", "report.html"))
     logs = reading.logs(runs)
 
-    from flexspline.logs.checks import check_runs
-    from flexspline.logs.checks.audit import audit_text, check_json, check_verdict, together
+    from flexspline.logs.checks import audit_text, check_json, check_runs, check_verdict, together
 
     audits = list(zip(logs, check_runs(logs, effects=effects, target=target), strict=True))
     shown = together(audits, effects, target)
@@ -112,7 +114,7 @@ def check(
     lines = [*audit_text(audits, shown), check_verdict(audits, target)]
     say("\n".join(map(printable, lines)))
     if out is not None:
-        from flexspline.report.check import write_check_report
+        from flexspline.report.html import write_check_report
 
         with whole_folder(out, last="check.json") as draft:
             write_check_report(audits, draft / "report.html", target, shown)
@@ -226,3 +228,99 @@ def convert(foreign: str, out: str, rows_at_once: int | None, reading: Reading) 
     warn(left_open([log]))
     found({"run": log.name, "rows": len(log), "rate": log.rate, "channels": log.channels})
     say(f"{log}\n\nwrote {out}")
+
+
+def _list_presets() -> None:
+    """Print all presets."""
+    from dataclasses import asdict
+
+    from flexspline.logs.presets import preset_names, preset_of, presets_text
+
+    found({"presets": {name: asdict(preset_of(name)) for name in preset_names()}})
+    say(presets_text())
+
+
+@click.command(cls=Taught, sections=(channels,))
+@click.argument("recording", metavar="RECORDING", required=False, type=FILE)
+@click.option(
+    "--out",
+    default="map.toml",
+    show_default=True,
+    metavar="MAP.toml",
+    type=FILE,
+    help="Column map to write, whole or not at all; a figure of its name, .png, stands beside it.",
+)
+@click.option(
+    "--joint",
+    metavar="NAME|all",
+    help="Which joint, as the columns of several call it; all: a map of all, guessed from one.",
+)
+@click.option(
+    "--list-presets",
+    is_flag=True,
+    help="Print, instead, the column maps of common recorders, which commands take by --preset: "
+    "what each reads, by which source, and what is left to be said.",
+)
+@click.option("--rate", type=positive, metavar="HZ", help="Of a recording without time stamps.")
+@click.option(MAX_MEMORY[0], **MAX_MEMORY[1])
+def init(
+    recording: str | None,
+    out: str,
+    joint: str | None,
+    list_presets: bool,
+    rate: float | None,
+    max_memory: float | None,
+) -> None:
+    """Guess which column of a recording is which channel, and write a column map.
+
+    RECORDING is delimited text as any recorder writes it, .npy, .npz, .mat, HDF5, JSON, Parquet,
+    Feather, MCAP, a bag of ROS, MDF 4 or TDMS, packed or not. Encoding, preamble, names, a row of
+    units, separators, decimal sign and time stamps are found by looking. Channels come from names
+    and units, and from physics: a velocity is a position's derivative, the motor turns N times as
+    far as the output, a drive does work against friction.
+
+    Each entry of the map has its reason beside it, and what is unsure says so. Look at these and
+    at the figure before the first fit; signs of torques that only the rig knows are yours to see.
+
+    \b
+    Examples:
+      flexspline init recording.txt --joint 3 --out map.toml
+      flexspline check recording.txt --columns map.toml
+      flexspline init robot.csv --joint all --out robot.toml
+      flexspline check robot.csv --columns robot.toml --joint all
+      flexspline init --list-presets
+    """
+    if list_presets:
+        _list_presets()
+        return
+    if recording is None:
+        raise click.UsageError("Missing argument 'RECORDING'.")
+    refuse_overwriting(out, [recording])
+    figure = Path(out).with_suffix(".png")
+    if figure == Path(out):
+        raise InputError(f"--out {out}: is the name of the figure; give one that ends in .toml")
+    refuse_overwriting(str(figure), [recording])
+
+    from flexspline.recordings import guess_map
+
+    guess = guess_map(recording, joint=joint, rate=rate, max_memory=max_memory)
+    found(guess.to_json())
+    say(str(guess))
+    guess.save(out)
+    shown = ""
+    try:
+        if "time" in guess.channels or "rate" in guess.read:
+            drawn = guess.plot()
+            with atomic_writer(figure) as file:
+                drawn.savefig(file, format="png", dpi=110)
+            shown = f" and {figure}"
+    except InputError as error:
+        say(f"\nnot drawn, for the map does not read the recording yet: {error}")
+    say(f"\nwrote {out}{shown}; next: {_next(recording, out, guess)}")
+
+
+def _next(recording: str, out: str, guess: Guess) -> str:
+    import shlex
+
+    words = ["flexspline", "check", recording, "--columns", out]
+    return printable(shlex.join([*words, *(["--joint", "all"] if guess.places else [])]))

@@ -53,6 +53,7 @@ __all__ = [
     "effects_by_target",
     "files_in",
     "files_of",
+    "fitted_controller",
     "fixed",
     "is_table",
     "known_load",
@@ -215,6 +216,24 @@ def fixed(command: Command) -> Command:
         callback=named("NAME=VALUE", float),
         help="A parameter that is known and not fitted, such as inertia=0.019.",
     )(command)
+
+
+def fitted_controller(command: Command) -> Command:
+    """--controller SERVO.json and --free-controller A,B"""
+    free = click.option(
+        "--free-controller",
+        metavar="A,B",
+        default="",
+        callback=lambda _, __, text: [n.strip() for n in text.split(",") if n.strip()],
+        help="Fields of the law to fit too: torque, back_emf.",
+    )
+    law = click.option(
+        "--controller",
+        metavar="SERVO.json",
+        type=FILE,
+        help="By simulation: the servo's law that drives it.",
+    )
+    return law(free(command))
 
 
 def threads(command: Command) -> Command:

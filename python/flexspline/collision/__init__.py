@@ -1,12 +1,13 @@
 """When a residual is a contact: thresholds for a stated rate of false alarms, delays, sizes."""
 
 from flexspline.collision.calibrating import calibrate_detector, left_out_margin
-from flexspline.collision.residual import Residual, standstill_residual
 from flexspline.collision.result import (
     DetectorCalibration,
+    Residual,
     Threshold,
     detection_delay,
     smallest_detectable_torque,
+    standstill_residual,
 )
 
 __all__ = [

@@ -35,8 +35,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import stats
 
-from flexspline.collision.residual import Residual, residuals_of, speed_bands
-from flexspline.collision.result import DetectorCalibration, Threshold
+from flexspline.collision.result import (
+    DetectorCalibration,
+    Residual,
+    Threshold,
+    residuals_of,
+    speed_bands,
+)
 from flexspline.errors import InputError
 from flexspline.estimators.checks import above_zero, choice
 from flexspline.estimators.external_torque import WATCHED

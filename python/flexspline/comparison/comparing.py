@@ -13,11 +13,10 @@ import numpy as np
 
 from flexspline.errors import InputError
 from flexspline.logs.derive import increasing_time
-from flexspline.logs.log import Log
-from flexspline.logs.plausible import measurable
+from flexspline.logs.log import Log, measurable
 from flexspline.model import PART_OF, Model, Part
 from flexspline.progress import Progress
-from flexspline.requirements import require_apart
+from flexspline.signals import require_apart
 from flexspline.simulator import Remark, take
 
 if TYPE_CHECKING:
@@ -91,7 +90,7 @@ def compare(
     Notes
     -----
     Sources: `comparison/search.py` (what the residual follows), `logs/derive.py` (errors in
-    variables), `comparison/effective_sample_size.py`.
+    variables), `comparison/covariates.py`.
     """
     from flexspline.comparison.result import assembled
     from flexspline.comparison.runs import only_fast, predicted, simulated_elsewhere

@@ -18,14 +18,14 @@ from numpy.typing import NDArray
 
 from flexspline.effects import UNITS
 from flexspline.errors import InputError, listed
+from flexspline.lazy import render
 from flexspline.least_squares.likelihood import why_none
 from flexspline.least_squares.result import Fit
 from flexspline.logs.derive import with_motion
 from flexspline.logs.log import Log
 from flexspline.logs.read import LogLike, as_logs
 from flexspline.model import Model, Prediction, lowpass_remark
-from flexspline.rendering import render
-from flexspline.requirements import require_apart
+from flexspline.signals import require_apart
 
 if TYPE_CHECKING:
     import pandas

@@ -15,21 +15,24 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flexspline.about import __version__
-from flexspline.comparison.bands import (
+from flexspline.comparison.runs import Compared, ComparedRun
+from flexspline.comparison.search import (
+    ALPHA,
+    ORDERS,
+    Analysis,
     Band,
     OrderPeak,
     Place,
+    Step,
     bands_of,
     overall,
     peaks_of,
     place_of,
     worst_band,
 )
-from flexspline.comparison.runs import Compared, ComparedRun
-from flexspline.comparison.search import ALPHA, ORDERS, Analysis, Step
 from flexspline.errors import InputError, did_you_mean, listed
+from flexspline.lazy import render
 from flexspline.prepared import bandwidth_used, inputs_json
-from flexspline.rendering import render
 from flexspline.schema import checked_json
 
 if TYPE_CHECKING:

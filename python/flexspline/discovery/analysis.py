@@ -33,9 +33,11 @@ from flexspline.logs.checks.dependence import Dependence, dependences
 from flexspline.regression.candidate_model import (
     HeldOut,
     Working,
+    first_whitening,
     held_out,
     plain_rows,
     refitted,
+    restricted_whitening,
     solved_at,
     started,
     working,
@@ -49,7 +51,6 @@ from flexspline.regression.gram import (
     solved,
     tabulated,
 )
-from flexspline.regression.whitening import first_whitening, restricted_whitening
 
 __all__ = [
     "Analysis",

@@ -29,7 +29,7 @@ from flexspline.discovery.slices import HeldRun
 from flexspline.discovery.unexplained import repeated
 from flexspline.effects import UNITS, Effect
 from flexspline.errors import listed
-from flexspline.experiment.limits import Limits
+from flexspline.experiment.plan import Limits
 from flexspline.experiment.planning import planned
 from flexspline.formatting import padded, percent
 from flexspline.least_squares.problem import Problem

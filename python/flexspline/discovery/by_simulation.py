@@ -50,11 +50,12 @@ from flexspline.least_squares.result import Fit
 from flexspline.logs.derive import with_motion
 from flexspline.logs.log import Log
 from flexspline.model import Model
-from flexspline.output_error.assemble import assembled, errors_of
 from flexspline.output_error.cost import Cost, Descent, Folds, best_of, descend, folds_of
 from flexspline.output_error.fitting import (
     EVALUATIONS,
+    assembled,
     cost_of,
+    errors_of,
     require_drive,
     require_motion,
     starts_of,

@@ -50,8 +50,7 @@ from flexspline.logs.log import Log
 from flexspline.orders import FoundOrder, find_orders
 from flexspline.orders.parts import Candidate as OrderCandidate
 from flexspline.orders.parts import Pair, owner, pairs
-from flexspline.requirements import gear_for, require_load, require_one_unit
-from flexspline.signals import channels_for
+from flexspline.signals import channels_for, gear_for, require_load, require_one_unit
 
 __all__ = [
     "EXCLUDED",

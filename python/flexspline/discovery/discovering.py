@@ -42,7 +42,7 @@ from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect
 from flexspline.effects.causes import LAG
 from flexspline.errors import InputError, listed
-from flexspline.experiment.limits import Limits
+from flexspline.experiment.plan import Limits
 from flexspline.fitting import fit, fit_near, with_orders
 from flexspline.formatting import short_names
 from flexspline.forward.servo import PositionServo
@@ -59,7 +59,7 @@ from flexspline.own.effect import OwnEffect, own_effects
 from flexspline.prepared import Preparation, learned, prepared
 from flexspline.progress import Progress
 from flexspline.regression.candidate_model import Working
-from flexspline.requirements import require_apart
+from flexspline.signals import require_apart
 from flexspline.simulator import SIMULATED, Simulated
 
 __all__ = ["discover"]
@@ -132,7 +132,7 @@ def discover(
     first, and said to be (`logs/checks/ends.py`). How names are chosen: `discovery/search.py`;
     what evidence is: `discovery/evidence.py`. The model is fitted by generalised least squares in
     the noise's memory where that agrees with plain least squares as for a right model, by plain
-    least squares otherwise (`least_squares/generalised.py`).
+    least squares otherwise (`least_squares/assemble.py`).
     """
     runs = as_logs(logs)
     if not runs:

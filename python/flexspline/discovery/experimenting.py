@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from flexspline.effects import Effect, effect
 from flexspline.errors import InputError, listed
-from flexspline.experiment.limits import Limits
+from flexspline.experiment.plan import Limits
 from flexspline.logs.read import LogLike, as_logs
 
 if TYPE_CHECKING:  # what is heavy is imported where it is used
@@ -58,7 +58,7 @@ def next_experiment(
 
     Notes
     -----
-    Runs of the kinds in `experiment/trajectories.py` are scored by the t that is expected
+    Runs of the kinds in `experiment/recording.py` are scored by the t that is expected
     (`experiment/information.py`), in the noise that the model leaves in the recorded runs. Load
     (of a known load) and temperature are taken to be what a rig can set; give limits of two equal
     numbers for what cannot.
@@ -67,7 +67,7 @@ def next_experiment(
     from flexspline.discovery.result import Discovery
     from flexspline.experiment.planning import planned
     from flexspline.least_squares.result import Fit
-    from flexspline.regression.whitening import restricted_whitening
+    from flexspline.regression.candidate_model import restricted_whitening
 
     given = model_or_discovery
     fit = given.fit if isinstance(given, Discovery) else given if isinstance(given, Fit) else None

@@ -32,13 +32,13 @@ from flexspline.discovery.slices import HeldRun, Slice, slices
 from flexspline.effects.causes import INERTIA
 from flexspline.errors import InputError, listed
 from flexspline.formatting import percent
+from flexspline.lazy import render
 from flexspline.least_squares.result import Fit, Parameter
 from flexspline.logs.checks.load import unused_load
 from flexspline.model import PART_OF, Model, Part, sign_warnings
 from flexspline.prepared import bandwidth_used, inputs_json
 from flexspline.regression.candidate_model import Fold, HeldOut, Working
 from flexspline.regression.gram import TINY
-from flexspline.rendering import render
 from flexspline.schema import checked_json
 
 if TYPE_CHECKING:

@@ -82,7 +82,7 @@ from flexspline.regression.gram import (
     tabulated,
     thinned,
 )
-from flexspline.requirements import require_one_unit
+from flexspline.signals import require_one_unit
 
 __all__ = [
     "Searcher",

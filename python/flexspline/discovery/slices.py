@@ -27,10 +27,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dct
 
-from flexspline.comparison.bands import Band
 from flexspline.comparison.result import Comparison, assembled
 from flexspline.comparison.runs import Compared, ComparedRun, located, resolution
-from flexspline.comparison.search import Analysis, analysed
+from flexspline.comparison.search import Analysis, Band, analysed
 from flexspline.discovery.settings import SETTINGS
 from flexspline.least_squares.validation import LEAST_ROWS, bands, groups
 from flexspline.logs.derive import velocity_noise

@@ -19,13 +19,17 @@ from numpy.typing import NDArray
 
 from flexspline import _core
 from flexspline.errors import InputError, listed
-from flexspline.estimation.limits import joint_limits
-from flexspline.estimation.plan import READINGS, Plan, made_by, plan_of, with_derivatives
-from flexspline.estimation.result import Estimate, Status
-from flexspline.estimation.several import Estimates
+from flexspline.estimation.plan import (
+    READINGS,
+    Plan,
+    joint_limits,
+    made_by,
+    plan_of,
+    with_derivatives,
+)
+from flexspline.estimation.result import Estimate, Estimates, Status
 from flexspline.logs.local_fit import require_bandwidth
-from flexspline.logs.log import Log
-from flexspline.logs.plausible import require_clock
+from flexspline.logs.log import Log, require_clock
 from flexspline.logs.read import LogLike, as_logs, is_one, with_motor_torque
 from flexspline.logs.segments import median_step, runs
 from flexspline.model import Model

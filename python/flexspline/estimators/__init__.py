@@ -10,8 +10,13 @@ from types import MappingProxyType
 from typing import TypeAlias
 
 from flexspline.estimators.external_torque import Collision, Compliance, Merge, Observer
-from flexspline.estimators.preprocessing import Differentiator, ReadingChecks
-from flexspline.estimators.sensing import Calibration, TemperatureCompensation, Thermistor
+from flexspline.estimators.sensing import (
+    Calibration,
+    Differentiator,
+    ReadingChecks,
+    TemperatureCompensation,
+    Thermistor,
+)
 
 __all__ = [
     "ESTIMATORS",

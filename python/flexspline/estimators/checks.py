@@ -4,30 +4,27 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Iterable, Mapping
-from dataclasses import MISSING, fields
-from typing import TYPE_CHECKING, Any, TypeVar
+from dataclasses import MISSING, dataclass, fields
+from typing import Any, TypeVar
 
 from flexspline.errors import InputError, did_you_mean, listed
 
-if TYPE_CHECKING:
-    from _typeshed import DataclassInstance
-
 __all__ = [
     "ABSOLUTE_ZERO",
+    "Entry",
     "above_zero",
     "choice",
-    "from_fields",
     "json_record",
     "number",
     "numbers",
     "span",
-    "to_fields",
 ]
 
 ABSOLUTE_ZERO = -273.15  # °C
 
-Made = TypeVar("Made", bound="DataclassInstance")
+Made = TypeVar("Made", bound="Entry")
 
 
 def number(value: object, name: str, unit: str = "") -> float:
@@ -90,28 +87,33 @@ def json_record(record: Mapping[str, Any], name: str) -> dict[str, Any]:
     return copy
 
 
-def to_fields(estimator: DataclassInstance) -> dict[str, Any]:
-    """Return the fields as `model.json` holds them, without those that say nothing."""
-    content = {known.name: getattr(estimator, known.name) for known in fields(estimator)}
-    return {
-        name: list(value) if isinstance(value, tuple) else value
-        for name, value in content.items()
-        if value is not None and value != {}
-    }
+@dataclass(frozen=True)
+class Entry:
+    """What `model.json` holds of one estimator: its fields, under its key."""
 
+    def to_json(self) -> dict[str, Any]:
+        """Return the entry of `model.json`, without fields that say nothing."""
+        content = {known.name: getattr(self, known.name) for known in fields(self)}
+        return {
+            name: list(value) if isinstance(value, tuple) else value
+            for name, value in content.items()
+            if value is not None and value != {}
+        }
 
-def from_fields(made: type[Made], content: Mapping[str, Any], label: str) -> Made:
-    """Return an estimator of what `to_fields` gave; `label` is what errors call it."""
-    known = {field.name: field for field in fields(made)}
-    for name in content:
-        if name not in known:
-            near = did_you_mean(name, known)
-            raise InputError(f"{label} has no '{name}'{near}; it has {listed(known)}")
-    for name, field in known.items():
-        needed = field.default is MISSING and field.default_factory is MISSING
-        if needed and name not in content:
-            raise InputError(f"{label} lacks '{name}'; it needs a value")
-    return made(**content)
+    @classmethod
+    def from_json(cls: type[Made], content: Mapping[str, Any]) -> Made:
+        """Return the estimator of an entry of `model.json`."""
+        label = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", cls.__name__).lower()  # its key there
+        known = {field.name: field for field in fields(cls)}
+        for name in content:
+            if name not in known:
+                near = did_you_mean(name, known)
+                raise InputError(f"{label} has no '{name}'{near}; it has {listed(known)}")
+        for name, field in known.items():
+            needed = field.default is MISSING and field.default_factory is MISSING
+            if needed and name not in content:
+                raise InputError(f"{label} lacks '{name}'; it needs a value")
+        return cls(**content)
 
 
 def _in(unit: str) -> str:

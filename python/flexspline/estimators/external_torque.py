@@ -12,12 +12,11 @@ from typing import Any, ClassVar
 
 from flexspline.errors import InputError
 from flexspline.estimators.checks import (
+    Entry,
     above_zero,
     choice,
-    from_fields,
     json_record,
     numbers,
-    to_fields,
 )
 
 __all__ = ["MOST_BANDS", "Collision", "Compliance", "Merge", "Observer"]
@@ -28,7 +27,7 @@ DISCRETISATIONS = ("exact", "euler")
 
 
 @dataclass(frozen=True)
-class Observer:
+class Observer(Entry):
     """Momentum observer: the external torque, late by one over the gain.
 
         ṗ = τ̄ − τ_ext,    p = J q̇,    d τ̂_ext / dt = K (τ_ext − τ̂_ext)
@@ -87,18 +86,9 @@ class Observer:
         """The name of its entry in `model.json`."""
         return "compliant_observer" if self.input == COMPLIANCE else "observer"
 
-    def to_json(self) -> dict[str, Any]:
-        """Return the entry of `model.json`."""
-        return to_fields(self)
-
-    @classmethod
-    def from_json(cls, content: Mapping[str, Any]) -> Observer:
-        """Return the estimator of an entry of `model.json`."""
-        return from_fields(cls, content, "observer")
-
 
 @dataclass(frozen=True)
-class Compliance:
+class Compliance(Entry):
     """Torque through the gear's mesh from its torsion; stiffness and shape are those of the
     effect mesh_compliance in the model's part "torsion".
 
@@ -138,15 +128,6 @@ class Compliance:
             )
         object.__setattr__(self, "margin", margin)
 
-    def to_json(self) -> dict[str, Any]:
-        """Return the entry of `model.json`."""
-        return to_fields(self)
-
-    @classmethod
-    def from_json(cls, content: Mapping[str, Any]) -> Compliance:
-        """Return the estimator of an entry of `model.json`."""
-        return from_fields(cls, content, cls.key)
-
 
 METHODS = ("logistic", "kalman")
 KALMAN = ("walk", "observer_noise", "compliance_noise")
@@ -154,7 +135,7 @@ AT_REST = ("compliance", "compliant_observer")
 
 
 @dataclass(frozen=True)
-class Merge:
+class Merge(Entry):
     """The observer in motion, the compliance or an observer with it at standstill.
 
         λ(q̇) = 1 / (1 + exp(−α (|q̇| − q̇_trans)))
@@ -229,22 +210,13 @@ class Merge:
             made[name] = pair
         return made
 
-    def to_json(self) -> dict[str, Any]:
-        """Return the entry of `model.json`."""
-        return to_fields(self)
-
-    @classmethod
-    def from_json(cls, content: Mapping[str, Any]) -> Merge:
-        """Return the estimator of an entry of `model.json`."""
-        return from_fields(cls, content, cls.key)
-
 
 WATCHED = ("observer", "sensor", "merged", "compliant_observer")
 MOST_BANDS = 8
 
 
 @dataclass(frozen=True)
-class Collision:
+class Collision(Entry):
     """A contact where the external torque leaves a band around zero.
 
         contact begins   τ > positive[b]  or  τ < −negative[b]
@@ -316,12 +288,3 @@ class Collision:
                 "give one for each band, one more than speed_edges"
             )
         return tuple(above_zero(value, f"collision: {name}", "Nm") for value in values)
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the entry of `model.json`."""
-        return to_fields(self)
-
-    @classmethod
-    def from_json(cls, content: Mapping[str, Any]) -> Collision:
-        """Return the estimator of an entry of `model.json`."""
-        return from_fields(cls, content, cls.key)

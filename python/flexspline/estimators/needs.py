@@ -8,7 +8,7 @@ from typing import Any
 from flexspline.effects.causes import INERTIA, MESH
 from flexspline.errors import InputError
 from flexspline.estimators.external_torque import Collision, Merge, Observer
-from flexspline.estimators.preprocessing import DERIVED, Differentiator, ReadingChecks
+from flexspline.estimators.sensing import DERIVED, Differentiator, ReadingChecks
 from flexspline.part import Part
 
 __all__ = ["link_part", "require_complete"]

@@ -19,10 +19,25 @@ from scipy.optimize import minimize
 
 from flexspline.effects import Effect
 from flexspline.experiment.information import Layout, Question, Trust, products
-from flexspline.experiment.limits import Bounds, Limits, bounds_of
-from flexspline.experiment.plan import ENOUGH, TAKEN, TIGHTER, Outlook, Plan, short
-from flexspline.experiment.recording import Excitation, Motor, as_problem, commanded, settings
-from flexspline.experiment.trajectories import kinds_for
+from flexspline.experiment.plan import (
+    ENOUGH,
+    TAKEN,
+    TIGHTER,
+    Bounds,
+    Limits,
+    Outlook,
+    Plan,
+    bounds_of,
+    short,
+)
+from flexspline.experiment.recording import (
+    Excitation,
+    Motor,
+    as_problem,
+    commanded,
+    kinds_for,
+    settings,
+)
 from flexspline.least_squares.problem import Problem
 from flexspline.parallel import in_order
 from flexspline.regression.gram import Whitening

@@ -14,9 +14,8 @@ from typing import Any
 
 from flexspline.effects import Effect
 from flexspline.errors import InputError
-from flexspline.estimation.limits import joint_limits, part_limits
-from flexspline.estimation.plan import Plan, plan_of
-from flexspline.estimators.fields import STAGES, Field, Stage, given, stages_in
+from flexspline.estimation.plan import Plan, joint_limits, part_limits, plan_of
+from flexspline.exporting.cpp_text import STAGES, Field, Stage, given, stages_in
 from flexspline.exporting.header import by_motor_encoder
 from flexspline.model import Model, Part
 from flexspline.signals import gear_of

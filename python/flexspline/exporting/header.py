@@ -16,9 +16,16 @@ from flexspline import _core
 from flexspline.about import __version__
 from flexspline.effects import Effect, TermInfo, unit_in
 from flexspline.errors import InputError, listed, shortened
-from flexspline.estimation.limits import UNITS as LIMIT_UNITS
-from flexspline.estimation.limits import joint_limits, part_limits
-from flexspline.estimation.plan import Plan, made_by, plan_of, readings_of, reads_of
+from flexspline.estimation.plan import UNITS as LIMIT_UNITS
+from flexspline.estimation.plan import (
+    Plan,
+    joint_limits,
+    made_by,
+    part_limits,
+    plan_of,
+    readings_of,
+    reads_of,
+)
 from flexspline.estimators import ESTIMATORS
 from flexspline.exporting.cpp_text import (
     comment,
@@ -26,10 +33,10 @@ from flexspline.exporting.cpp_text import (
     identifier,
     include,
     literal,
+    stage_lines,
     string_literal,
     whole,
 )
-from flexspline.exporting.header_stages import stage_lines
 from flexspline.formatting import plus_minus
 from flexspline.logs.channels import CHANNELS
 from flexspline.logs.derive import lateness

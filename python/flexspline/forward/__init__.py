@@ -1,9 +1,8 @@
 """A fitted model driven forward from a run's inputs, without a look at its measured motion."""
 
 from flexspline.forward.drive import DriveInputs, drive_inputs, require_movable
-from flexspline.forward.result import ForwardRun
 from flexspline.forward.servo import PositionServo
-from flexspline.forward.simulating import simulate, simulated_gap, simulated_rmse
+from flexspline.forward.simulating import ForwardRun, simulate, simulated_gap, simulated_rmse
 
 __all__ = [
     "DriveInputs",

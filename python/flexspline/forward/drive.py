@@ -23,8 +23,7 @@ from flexspline.logs.read import with_motor_torque
 from flexspline.logs.segments import runs
 from flexspline.model import Model
 from flexspline.part import Part
-from flexspline.requirements import require_one_unit
-from flexspline.signals import gear_of, torque_of_current
+from flexspline.signals import gear_of, require_one_unit, torque_of_current
 
 __all__ = [
     "DriveInputs",
@@ -37,7 +36,7 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-CHANNELS = ("position", "velocity", "acceleration", "motor", "stuck")
+DRIVEN = ("position", "velocity", "acceleration", "motor", "stuck")
 
 _NAMED = {
     "motor": "motor torque",
@@ -98,7 +97,7 @@ class DriveInputs:
         law: Mapping[str, float] | None = None,
         start: Array | None = None,
     ) -> dict[str, Array]:
-        """Drive, and return `CHANNELS` by name, (N,); NaN from where the motion runs away.
+        """Drive, and return `DRIVEN` by name, (N,); NaN from where the motion runs away.
 
         Parameters
         ----------

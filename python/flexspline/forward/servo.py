@@ -11,8 +11,7 @@ from typing import Any
 
 from flexspline.errors import InputError, did_you_mean, listed
 from flexspline.files import atomic_write, refuse_special
-from flexspline.logs.log import Log
-from flexspline.logs.plausible import given_number
+from flexspline.logs.log import Log, given_number
 
 __all__ = ["PositionServo"]
 

@@ -7,7 +7,7 @@ the compliance from a catalogue, `fit_mesh_stiffness` from a stiffness run.
 Of the paper's next steps, other gear models inside the observer are taken up ("co", "o2",
 hysteresis of the torsion). Friction with wear of the teeth is not: it needs logs over years, so fit
 the drive's part again as the joint ages. In place of the merge there is a Kalman filter; why no IMM
-or further complementary filter is said in `flexspline.full_range.rivals`.
+or further complementary filter is said in `flexspline.full_range.methods`.
 """
 
 from flexspline.full_range.result import ErrorScore, ErrorTable, FullRange, SpeedCurve

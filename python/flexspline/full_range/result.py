@@ -23,23 +23,21 @@ from numpy.typing import NDArray
 from flexspline.errors import InputError
 from flexspline.estimators import Merge
 from flexspline.full_range.methods import (
+    GaussianProcess,
+    MergeRun,
     Settings,
     Signals,
+    StructuralDamping,
     compliant_observer,
+    merged_by_kalman,
     signals_of,
     two_mass_observer,
 )
-from flexspline.full_range.rivals import (
-    GaussianProcess,
-    MergeRun,
-    StructuralDamping,
-    merged_by_kalman,
-)
 from flexspline.full_range.transition import Transition, merge_weight
+from flexspline.lazy import render
 from flexspline.logs.log import Log
 from flexspline.logs.read import as_logs, with_motor_torque
 from flexspline.model import Model
-from flexspline.rendering import render
 
 if TYPE_CHECKING:
     import pandas

@@ -16,10 +16,17 @@ from flexspline.estimators import Merge
 from flexspline.estimators.checks import choice
 from flexspline.estimators.external_torque import AT_REST
 from flexspline.full_range.methods import (
+    GaussianProcess,
+    MergeRun,
     Settings,
     Signals,
+    StructuralDamping,
     compliant_observer,
+    fit_gaussian_process,
+    fit_kalman,
+    fit_structural_damping,
     link_observer,
+    require_rows,
     signals_of,
     wave_generator_share,
     with_estimators,
@@ -32,15 +39,6 @@ from flexspline.full_range.result import (
     error_table,
     estimates_of,
     speed_curve,
-)
-from flexspline.full_range.rivals import (
-    GaussianProcess,
-    MergeRun,
-    StructuralDamping,
-    fit_gaussian_process,
-    fit_kalman,
-    fit_structural_damping,
-    require_rows,
 )
 from flexspline.full_range.transition import Transition, choose_transition
 from flexspline.logs.checks import check

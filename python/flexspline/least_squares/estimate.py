@@ -24,7 +24,7 @@ from scipy.linalg import block_diag
 
 from flexspline.effects import Effect
 from flexspline.least_squares.linear import LinearFit, fit_linear
-from flexspline.least_squares.noise_model import NoiseModel, noise_model
+from flexspline.least_squares.noise_model import NoiseModel, noise_beside_own, noise_model
 from flexspline.least_squares.options import (
     Constraints,
     Given,
@@ -33,7 +33,6 @@ from flexspline.least_squares.options import (
     given_of,
     shapes_of,
 )
-from flexspline.least_squares.per_run_noise import noise_beside_own
 from flexspline.least_squares.problem import Problem, Run
 from flexspline.least_squares.shapes import Bent, ShapeFit, Tangent, bent, filtered, fit_shapes
 
@@ -72,7 +71,7 @@ class Estimate:
     `names`: of the coefficients (P,). `free_shapes`: shapes fitted and not at a bound; `shapes`:
     all. `tangent`: rows of `fitted` and `free_shapes` at the solution. `basis`: the directions of
     these that data and priors determine. `noise_variance`: what priors were weighed by.
-    `denominator`: A, by which rows were filtered (`generalised.py`); None of a plain fit.
+    `denominator`: A, by which rows were filtered (`assemble.py`); None of a plain fit.
     `limits`: of shapes that were bounded closer than the catalogue does, by name.
     """
 
@@ -96,7 +95,7 @@ class Estimate:
     @cached_property
     def uncertainty(self) -> Uncertainty:
         """Errors of fitted coefficients and free shapes, in this order; made once."""
-        from flexspline.least_squares.generalised import uncertainty_of
+        from flexspline.least_squares.assemble import uncertainty_of
 
         return uncertainty_of(self)
 

@@ -17,8 +17,8 @@ do not know of it, in each model differently. With k the effective number of par
 
     AIC = −2 ln L + 2 k,     BIC = −2 ln L + k ln N
 
-k counts directions that the data determine, (X̃ᵀX̃ + R)⁻¹ X̃ᵀX̃ by its trace where priors add R, the
-p coefficients of the noise, and σ². Sources: [Akaike1974], [Schwarz1978]; the whitening is that
+k counts directions that the data determine, (X̃ᵀX̃ + R)⁻¹ X̃ᵀX̃ by its trace where priors add R,
+the p coefficients of the noise, and σ². Sources: [Akaike1974], [Schwarz1978]; the whitening is that
 of [Aitken1936].
 """
 
@@ -39,8 +39,7 @@ from scipy.signal import lfilter
 
 from flexspline.errors import InputError
 from flexspline.least_squares.late_load import Beside, basis_beside
-from flexspline.least_squares.noise_model import Chunks, NoiseModel, pieces
-from flexspline.least_squares.per_run_noise import beside_own
+from flexspline.least_squares.noise_model import Chunks, NoiseModel, beside_own, pieces
 
 if TYPE_CHECKING:
     from flexspline.least_squares.estimate import Estimate
@@ -65,7 +64,7 @@ class Likelihood:
     noise_order : p, of the autoregressive noise.
     rows : N, that the likelihood is of; every n-th of a fit with a low pass.
     of_noise_in_all : whether the noise was read in all runs. Where terms of each of many runs are
-        taken out it is read in some of them (`per_run_noise.py`), and ln L is some tens below its
+        taken out it is read in some of them (`noise_model.py`), and ln L is some tens below its
         maximum (9 to 17 in 18 simulated runs): to be compared with that of such fits alone.
     """
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from flexspline.effects import CATALOGUE, OF_MODEL, Effect, ShapeInfo
 from flexspline.errors import InputError, did_you_mean, listed
 from flexspline.formatting import short_names
-from flexspline.logs.plausible import MOST, given_number
+from flexspline.logs.log import MOST, given_number
 
 if TYPE_CHECKING:
     from flexspline.logs.log import Log

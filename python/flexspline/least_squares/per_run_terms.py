@@ -12,7 +12,7 @@ orthonormal basis of Z_r over the rows of the run that count [FrischWaugh1933], 
     y_r − Q_r Q_rᵀ y_r = (X − Q_r Q_rᵀ X) β + …,     n_r = Z_r⁺ (y_r − X β)
 
 to the last digit, so work and memory grow with the runs and not with their square. For the offset
-alone Q is 1/√n, and that is `offsets.py`.
+alone Q is 1/√n (below).
 
     cov n_r = σ² Hᵀ H + A_r cov β A_rᵀ,   H: columns of Z_r⁺ᵀ filtered by 1/A,   A_r = Z_r⁺ X
 
@@ -21,49 +21,248 @@ which leaves out what the run's own directions tell of β: nothing in white nois
 What can be told. A shift of the thermometer by ΔT makes c₁ ΔT of a linear drift: that is an offset,
 and runs tell offsets from it only where the drift bends. A payload is gravity, sine and cosine, and
 where the joint accelerates inertia; a run at one angle tells neither from an offset.
+
+One offset for each of many runs. Least squares beside it is least squares on rows and target less
+their means in the run,
+
+    y − X β − o_r  →  (y − ȳ_r) − (X − X̄_r) β,     o_r = ȳ_r − X̄_r β
+
+and the error of an offset is that of the mean of the noise in its run and of the terms that all
+runs share:
+
+    var o_r = σ² Σ_t h_t² + X̄_r cov β X̄_rᵀ,     h: 1/n in each of the run's rows, filtered by 1/A
+
+which leaves out what the mean of a run tells of β: nothing in white noise.
+
+Whether such values differ between the runs, and by how much. Of R values n_r with covariance Σ = D
++ U Uᵀ (D: noise of each run, U: terms that all share)
+
+    n̄ = Σ n_r / R,   s² = Σ (n_r − n̄)² / (R − 1),   v = 1ᵀΣ1 / R²   (variance of n̄)
+    τ² = max(s² − (tr Σ − R v) / (R − 1), 0)
+
+over the runs that determine their own. τ is the spread between runs. A new run has n̄ ± e with
+
+    e² = τ² (1 + 1/R) + v
+
+Test (Wald) of whether one value for all would do, with m the best one,
+
+    F = min over m of (n − m)ᵀ Σ⁻¹ (n − m) / (R − 1)  ~  F(R − 1, ν),    ν of the errors
+
+by Σ⁻¹ = D⁻¹ − D⁻¹ U (I + Uᵀ D⁻¹ U)⁻¹ Uᵀ D⁻¹, so that work and memory grow with R alone.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import asdict, dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import t as student
 
-from flexspline.effects import Effect
+from flexspline.effects import Effect, unit_in
 from flexspline.effects.causes import OFFSET
 from flexspline.errors import InputError, listed
 from flexspline.formatting import short_names
-from flexspline.least_squares.between_runs import BetweenRuns, OwnValues, between_runs
-from flexspline.least_squares.estimate import Estimate, Given
+from flexspline.least_squares.estimate import Estimate, Given, residuals_of
 from flexspline.least_squares.identifiability import NEGLIGIBLE, Confounded
-from flexspline.least_squares.offsets import (
-    MANY_RUNS,
-    TAIL,
-    ZERO,
-    offset_errors,
-    own_parameter,
-    root_of,
-)
 from flexspline.least_squares.options import FitOptions, coefficient_names, resolve, shapes_of
-from flexspline.least_squares.problem import OwnBasis, Problem, columns_of, own_basis_of
+from flexspline.least_squares.problem import OwnBasis, Problem, Run, columns_of, own_basis_of
 from flexspline.least_squares.result import Parameter
 from flexspline.least_squares.uncertainty import Uncertainty
 from flexspline.least_squares.validation import steps_without_runs
+from flexspline.logs.log import Log
 
 __all__ = [
+    "LEVEL",
+    "MANY_RUNS",
+    "ZERO",
+    "BetweenRuns",
+    "OwnValues",
+    "between_runs",
     "compared_runs",
     "holding_own",
+    "offset_parameters",
     "own_parameters",
     "own_terms",
+    "own_warnings",
     "projected_effects",
+    "taken_out",
     "with_own",
 ]
 
 Array = NDArray[np.float64]
 
 MOST_COLUMNS = 64  # of terms that are not: twice as many take eight times as long
+
+ZERO = f"{OFFSET}.{OFFSET}"
+MANY_RUNS = 16  # from which offsets are taken out; few are columns, whose intervals were tested
+TAIL = 8  # times the noise's memory that a filter rings on
+
+LEVEL = 0.01
+"""Chance that a term is said to differ between runs that does not; as of zeros in a calibration.
+
+Measured in coloured noise, two terms each: 2.0 % of 300 fits of 5 runs, 0.3 % of 150 fits of 20.
+"""
+
+LOOSE = 10.0
+"""Times the median error from which a run is said not to determine its own value.
+
+Half and twice of it say so of the same runs wherever a run stands still that others move in.
+"""
+
+
+@dataclass(frozen=True)
+class OwnValues:
+    """One term as R runs have it, in `unit`: values, their errors as D (R,) and U (R, F).
+
+    `told`: (R,), runs that determine it. `freedom`: of the errors.
+    """
+
+    term: str
+    unit: str
+    runs: tuple[str, ...]
+    values: Array
+    own_variance: Array
+    shared: Array
+    told: NDArray[np.bool_]
+    freedom: float
+
+    @property
+    def errors(self) -> Array:
+        """Standard errors, (R,)."""
+        return np.asarray(np.sqrt(self.own_variance + np.sum(self.shared**2, axis=1)))
+
+
+@dataclass(frozen=True)
+class BetweenRuns:
+    """One term of which each run has its own, in `unit`.
+
+    Parameters
+    ----------
+    term : "effect.term".
+    runs, values, standard_errors : of each run, (R,).
+    determined : (R,), whether the run determines its value; others do not count below. The
+        standard error of a value that is fixed or at a bound is 0, and it is not determined.
+    mean : what the model predicts a new run with.
+    spread : standard deviation between the runs, without what the errors make of it.
+    new_run_error : standard error of `mean` as the value of a new run, with as many degrees of
+        freedom as there are runs that determine theirs, less one.
+    p : of the test that one value would do for all runs; NaN where fewer than two determine it.
+    new_run_rmse : RMS residual, in the target's unit, of all runs, each predicted by a fit to the
+        others with their means; one number for all terms of a fit. NaN where none of the others
+        determines a term. Shapes follow along the tangent.
+    """
+
+    term: str
+    unit: str
+    runs: tuple[str, ...]
+    values: tuple[float, ...]
+    standard_errors: tuple[float, ...]
+    determined: tuple[bool, ...]
+    mean: float
+    spread: float
+    new_run_error: float
+    p: float
+    new_run_rmse: float = float("nan")
+
+    @property
+    def differs(self) -> bool:
+        """Whether the runs differ by more than noise makes them once in a hundred fits."""
+        return self.p < LEVEL
+
+    @property
+    def verdict(self) -> str:
+        """Whether the runs differ, in words."""
+        if sum(self.determined) < 2:
+            return "fewer than two runs determine it"
+        if not np.isfinite(self.p):
+            return "there is no noise by which a difference could be judged"
+        chance = "< 0.0001" if self.p < 1e-4 else f"= {self.p:.3g}"
+        if self.differs:
+            return f"the runs differ (p {chance})"
+        return (
+            f"no difference between the runs is shown (p {chance}, level {LEVEL:g}); one for all "
+            "may do"
+        )
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the term as `model.json` keeps it."""
+        return {**asdict(self), "differs": self.differs}
+
+
+def between_runs(own: OwnValues) -> BetweenRuns:
+    """Return mean, spread and test of one term."""
+    told = _told(own)
+    count = int(told.sum())
+    values = own.values[told] if count else own.values
+    mean, spread, error = float(values.mean()), float("nan"), float("nan")
+    if count > 1:
+        around = float(values.var(ddof=1))
+        noise, shared = own.own_variance[told], own.shared[told]
+        of_mean = float((noise.sum() + np.sum(shared.sum(axis=0) ** 2)) / count**2)
+        of_errors = float(noise.sum() + np.sum(shared**2) - count * of_mean) / (count - 1)
+        spread = float(np.sqrt(max(around - of_errors, 0.0)))
+        error = float(np.sqrt(spread**2 * (1.0 + 1.0 / count) + of_mean))
+    return BetweenRuns(
+        own.term,
+        own.unit,
+        own.runs,
+        tuple(own.values.tolist()),
+        tuple(own.errors.tolist()),
+        tuple(told.tolist()),
+        mean,
+        spread,
+        error,
+        _chance(own, told),
+    )
+
+
+def _told(own: OwnValues) -> NDArray[np.bool_]:
+    """Runs that determine their value about as well as the others do, (R,)."""
+    if not own.told.any():
+        return own.told
+    usual = float(np.median(own.errors[own.told]))
+    return np.asarray(own.told & (own.errors <= LOOSE * usual))
+
+
+def _chance(own: OwnValues, told: NDArray[np.bool_]) -> float:
+    """P(F > what is seen); NaN for less than two values, or of exact ones."""
+    from scipy.stats import f
+
+    count = int(told.sum())
+    noise, shared = own.own_variance[told], own.shared[told]
+    if count < 2 or not (noise > 0.0).all():
+        return float("nan")
+
+    def weighed(values: Array) -> Array:
+        """Σ⁻¹ values."""
+        over = shared / noise[:, None]
+        inner = np.eye(shared.shape[1]) + shared.T @ over
+        return np.asarray(values / noise - over @ np.linalg.solve(inner, over.T @ values))
+
+    ones, values = np.ones(count), own.values[told]
+    best = float(ones @ weighed(values)) / float(ones @ weighed(ones))
+    apart = values - best
+    squares = max(float(apart @ weighed(apart)), 0.0)
+    return float(f.sf(squares / (count - 1), count - 1, own.freedom))
+
+
+def own_warnings(terms: Sequence[BetweenRuns]) -> list[str]:
+    """Return a sentence for each term that some runs do not determine."""
+    said = []
+    for each in terms:
+        every = zip(each.runs, each.determined, each.standard_errors, strict=True)
+        loose = [run for run, known, error in every if not known and error != 0.0]
+        if loose:
+            said.append(
+                f"{each.term}: {listed(loose, 6)} do{'es' if len(loose) == 1 else ''} not "
+                f"determine {'its' if len(loose) == 1 else 'their'} own value and do"
+                f"{'es' if len(loose) == 1 else ''} not count in its mean and spread; record runs "
+                "that move so that they tell it from other terms"
+            )
+    return said
 
 
 def own_terms(
@@ -183,7 +382,7 @@ def own_parameters(
         for k, term in enumerate(values):
             name, numbers = names[len(found)], (float(term), float(errors[k]), float(naive[k]))
             told = not basis.hidden[k]
-            found.append(own_parameter(name, *numbers, units[k], uncertainty, told))
+            found.append(_own_parameter(name, *numbers, units[k], uncertainty, told))
     return found
 
 
@@ -238,7 +437,7 @@ def _own_errors(
     problem: Problem, made: Estimate, uncertainty: Uncertainty
 ) -> Iterator[tuple[Array, Array, Array]]:
     """Give n_r (K,), σ² Hᵀ H (K, K), and U (K, F) with U Uᵀ = A_r cov β A_rᵀ, of each run."""
-    root = root_of(uncertainty)
+    root = _root_of(uncertainty)
     for number, run in enumerate(problem.runs):
         basis = problem.own_basis(number)
         shared = problem.design(made.linear.effects).predict(
@@ -311,7 +510,7 @@ def _all_errors(
 ) -> list[tuple[Array, Array]]:
     """D (R,) and U (R, F) of each own term."""
     if problem.centred:
-        return [offset_errors(problem, made, uncertainty)]
+        return [_offset_errors(problem, made, uncertainty)]
     if problem.projected:
         each = [
             (np.diag(core), beside) for _, core, beside in _own_errors(problem, made, uncertainty)
@@ -379,3 +578,102 @@ def _with_rmse(
         rows += run.counted
     rmse = float(np.sqrt(squares / max(rows, 1)))
     return tuple(replace(term, new_run_rmse=rmse) for term in terms)
+
+
+def taken_out(effects: Sequence[Effect], logs: Sequence[Log], given: Given) -> bool:
+    """Whether the runs' offsets can be taken out: many, with nothing known of one alone."""
+    if len(logs) < MANY_RUNS or given.robust or OFFSET not in [e.name for e in effects]:
+        return False
+    names = coefficient_names(effects, [log.name for log in logs], (ZERO,))
+    offsets = [name for name in names if name.startswith(f"{OFFSET}.")]
+    parts = {part for name in offsets for part in (name, *name.split(".", 1))}
+    return not parts & {*given.fixed, *given.bounds, *given.priors}
+
+
+def offset_parameters(
+    problem: Problem, made: Estimate, uncertainty: Uncertainty, offset: Effect
+) -> list[Parameter]:
+    """Return the offset of each run with its error, in the order of the runs."""
+    runs = [run.log.name for run in problem.runs]
+    names = coefficient_names([offset], runs, (ZERO,))
+    unit = unit_in(offset.terms[0].unit, problem.target, problem.known_load)
+    width = len(made.fitted) + len(made.free_shapes)
+    noise, covariance = uncertainty.noise, uncertainty.covariance
+    spread = _residual_variance(problem, made, uncertainty)
+    white = uncertainty.basis @ uncertainty.naive_core @ uncertainty.basis.T
+    found = []
+    for name, run, mean in zip(names, problem.runs, _means(made, width), strict=True):
+        value = _value(problem, made, run)
+        of_mean = noise.innovation_variance * _squares(run, uncertainty)
+        error = float(np.sqrt(of_mean + mean @ covariance @ mean))
+        independent = run.counted / noise.decimation
+        naive = float(np.sqrt(spread / independent + mean @ white @ mean))
+        found.append(_own_parameter(name, value, error, naive, unit, uncertainty))
+    return found
+
+
+def _own_parameter(
+    name: str, value: float, error: float, naive: float, unit: str, uncertainty: Uncertainty,
+    told: bool = True,
+) -> Parameter:  # fmt: skip
+    """Return a coefficient of one run that was taken out; `told`: whether the run determines it."""
+    freedom = float(max(uncertainty.noise.samples - uncertainty.noise.parameters, 1))
+    quantile = float(student.ppf(0.975, freedom))
+    ends = (value - quantile * error, value + quantile * error)
+    worth = uncertainty.rows * (naive / error) ** 2 if error > 0.0 else float("nan")
+    state = "fitted" if told else "not determined"
+    return Parameter(
+        name, "coefficient", value, error, naive, ends, unit, state, told, None, worth, freedom
+    )
+
+
+def _offset_errors(
+    problem: Problem, made: Estimate, uncertainty: Uncertainty
+) -> tuple[Array, Array]:
+    """Return σ² Σ h², (R,), and U (R, F) with U Uᵀ = X̄ cov β X̄ᵀ, of the runs' offsets."""
+    width = len(made.fitted) + len(made.free_shapes)
+    noise = [uncertainty.noise.innovation_variance * _squares(r, uncertainty) for r in problem.runs]
+    return np.array(noise), np.array([*_means(made, width)]) @ _root_of(uncertainty)
+
+
+def _root_of(uncertainty: Uncertainty) -> Array:
+    """Return B (P, K) with B Bᵀ = cov β."""
+    values, vectors = np.linalg.eigh(uncertainty.core)
+    return np.asarray(uncertainty.basis @ (vectors * np.sqrt(np.maximum(values, 0.0))))
+
+
+def _value(problem: Problem, made: Estimate, run: Run) -> float:
+    """o_r = ȳ_r − X̄_r β"""
+    design = problem.design(made.linear.effects)
+    shared = np.asarray(design.predict(run.channels, len(run), made.linear.coefficients))
+    return float(run.mean(run.target) - run.mean(problem.smooth(run, shared)))
+
+
+def _residual_variance(problem: Problem, made: Estimate, uncertainty: Uncertainty) -> float:
+    """s², of residuals as if they were white."""
+    squares = sum(
+        float(residual[first:last] @ residual[first:last])
+        for run, residual in zip(problem.runs, residuals_of(problem, made.linear), strict=True)
+        for first, last in run.stretches
+    )
+    free = max(uncertainty.rows - uncertainty.noise.parameters, 1)
+    return squares / sum(run.counted for run in problem.runs) * uncertainty.rows / free
+
+
+def _means(made: Estimate, width: int) -> Iterator[Array]:
+    """X̄ of each run, (F + S,)."""
+    tangent = made.tangent
+    for number, run in enumerate(tangent.problem.runs):
+        rows = tangent.whole(number)[:, :width]
+        yield run.mean(rows)
+
+
+def _squares(run: Run, uncertainty: Uncertainty) -> float:
+    """Σ h²."""
+    noise, total = uncertainty.noise, 0.0
+    ringing = int(TAIL * noise.memory) + noise.order
+    for first, last in run.stretches:
+        share = np.zeros((-(-(last - first) // noise.decimation) + ringing, 1))
+        share[: len(share) - ringing] = noise.decimation / run.counted
+        total += float(np.sum(noise.filter(share, np.zeros((noise.order, 1)))[0] ** 2))
+    return total

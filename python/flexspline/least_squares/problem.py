@@ -42,13 +42,15 @@ from flexspline.logs.log import Log
 from flexspline.logs.segments import runs, true_ranges
 from flexspline.own import Design, OwnEffect, design_of
 from flexspline.prepared import MOTION, Preparation, prepared
-from flexspline.requirements import (
+from flexspline.signals import (
+    channels_for,
+    core_channels,
     gear_for,
     require_change,
     require_finite,
     require_load,
+    target_of,
 )
-from flexspline.signals import channels_for, core_channels, target_of
 from flexspline.simulator import Simulated, simulation_of
 
 __all__ = [
@@ -155,7 +157,7 @@ class Problem:
     `gear`: effective ratio, output spline and whether the motor's angle is measured, as
     `_core.Design` takes them. `lowpass`: Hz, on target and rows alike, or None. `preparations`: of
     the channels that rows read. `centred`: whether an offset of each run is taken out of target and
-    rows (`offsets.py`). `own`: terms, "effect.term", of which each run has its own coefficient;
+    rows (`per_run_terms.py`). `own`: terms, "effect.term", of which each run has one of its own;
     `projected`: the effects of these, where they are taken out of target and rows in the same way.
     `simulated`: the foreign simulation whose prediction is taken off every target, or None.
     """

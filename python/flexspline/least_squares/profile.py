@@ -36,9 +36,9 @@ from scipy.stats import t as student
 
 from flexspline.errors import InputError, listed
 from flexspline.formatting import short, short_names
+from flexspline.lazy import render
 from flexspline.least_squares.estimate import Estimate, estimate_holding
 from flexspline.least_squares.uncertainty import require_level
-from flexspline.rendering import render
 
 if TYPE_CHECKING:
     import pandas

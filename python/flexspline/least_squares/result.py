@@ -5,7 +5,7 @@ Effects that are indistinguishable contribute only as their sum.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, overload
@@ -15,27 +15,27 @@ from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from flexspline.effects import UNITS
+from flexspline.errors import InputError
 from flexspline.formatting import Page, plus_minus
 from flexspline.forward.servo import PositionServo
+from flexspline.lazy import render
 from flexspline.least_squares.derived import Derived, derived_of
 from flexspline.least_squares.identifiability import Confounded
 from flexspline.least_squares.options import Bounds
-from flexspline.least_squares.params import Params
 from flexspline.least_squares.uncertainty import Uncertainty, require_level
 from flexspline.least_squares.validation import Score
 from flexspline.logs.derive import lowpass
 from flexspline.logs.log import Log
 from flexspline.logs.read import LogLike
 from flexspline.model import Model, Part, Prediction, Predictions
-from flexspline.rendering import render
 
 if TYPE_CHECKING:
     import pandas
 
-    from flexspline.least_squares.between_runs import BetweenRuns
     from flexspline.least_squares.estimate import Estimate
     from flexspline.least_squares.late_load import LateLoad
     from flexspline.least_squares.likelihood import Likelihood
+    from flexspline.least_squares.per_run_terms import BetweenRuns
     from flexspline.least_squares.profile import Contour, Profile
     from flexspline.logs.channel_noise import ChannelNoise
 
@@ -44,12 +44,14 @@ __all__ = [
     "Fit",
     "FittedRun",
     "Parameter",
+    "Params",
     "RunGap",
     "SimulationFit",
     "StartEnd",
     "contributions",
     "shares",
 ]
+
 
 Array = NDArray[np.float64]
 
@@ -243,7 +245,7 @@ class Fit:
 
     @property
     def generalised(self) -> bool:
-        """Whether rows were filtered by the noise's memory (`least_squares/generalised.py`)."""
+        """Whether rows were filtered by the noise's memory (`least_squares/assemble.py`)."""
         return bool(self.part.record["noise"].get("filtered", False))
 
     @property
@@ -645,3 +647,54 @@ def _angle(value: float) -> str:
 
 def _milli(value: float) -> str:
     return f"{1e3 * value:.3g}"
+
+
+class Params(Mapping[str, "Parameter"]):
+    """The parameters of a fit by name, in the order of the effects.
+
+    Names are those that the fit prints and that `fixed`, `bounds` and ``--fix`` take:
+    "effect.term", a shape's name, or one part of a name where that is unique. Iteration gives full
+    names. Each record has `value`, `stderr`, `unit`, `bounds`, `fixed`, `determined` and
+    ``ci(level)``, see `Parameter`. The value of one that is not determined is what the model uses;
+    it tells nothing of the joint, and its `stderr` and ``ci()`` are NaN.
+
+    Raises
+    ------
+    InputError
+        For a name that is no parameter's, or that may be several.
+    """
+
+    def __init__(self, fit: Fit) -> None:
+        self._fit = fit
+
+    def __getitem__(self, name: str) -> Parameter:
+        return self._fit[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter([parameter.name for parameter in self._fit.parameters])
+
+    def __len__(self) -> int:
+        return len(self._fit.parameters)
+
+    def __contains__(self, name: object) -> bool:
+        return isinstance(name, str) and self.get(name) is not None
+
+    def get(self, name: str, default: Any = None) -> Any:
+        """Return a parameter, or `default` where the name is none or may be several."""
+        try:
+            return self[name]
+        except InputError:
+            return default
+
+    def to_frame(self) -> pandas.DataFrame:
+        """Return the parameters as a table; see `Fit.to_frame`."""
+        return self._fit.to_frame()
+
+    def __str__(self) -> str:
+        return render("parameters", "text", self._fit)
+
+    def __repr__(self) -> str:
+        return f"<Params of {self._fit.target}: {len(self)} parameters>"
+
+    def _repr_html_(self) -> str:
+        return render("parameters", "html", self._fit)

@@ -22,8 +22,14 @@ from flexspline.effects import Effect, effect, require_effects
 from flexspline.errors import InputError
 from flexspline.logs.read import LogLike, as_log, is_one
 from flexspline.own import design_of
-from flexspline.requirements import gear_for, require_finite, require_load
-from flexspline.signals import channels_for, core_channels, target_of
+from flexspline.signals import (
+    channels_for,
+    core_channels,
+    gear_for,
+    require_finite,
+    require_load,
+    target_of,
+)
 
 __all__ = [
     "Solution",

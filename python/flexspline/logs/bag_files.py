@@ -29,8 +29,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.errors import InputError, did_you_mean, listed
-from flexspline.logs.memory import require_memory
 from flexspline.logs.one_clock import with_time
+from flexspline.logs.packed import require_memory
 from flexspline.logs.ros_messages import (
     STAMP,
     Decoder,

@@ -18,9 +18,8 @@ from numpy.typing import NDArray
 from flexspline.errors import InputError, did_you_mean, listed, shortened
 from flexspline.logs.channels import CHANNELS
 from flexspline.logs.one_clock import on_one_clock
-from flexspline.logs.stamps import is_stamp, seconds_of_stamps
 from flexspline.logs.table import Table
-from flexspline.logs.units import canonical_unit
+from flexspline.logs.units import canonical_unit, is_stamp, seconds_of_stamps
 
 __all__ = ["ColumnSource", "ColumnSpec", "Picked", "picked"]
 

@@ -28,9 +28,8 @@ from numpy.typing import NDArray
 from flexspline import _core
 from flexspline.errors import InputError, listed
 from flexspline.logs.local_fit import LocalFit, require_bandwidth
-from flexspline.logs.log import Log
-from flexspline.logs.memory import memory_limit, require_memory
-from flexspline.logs.plausible import IMAGINABLE, LATEST
+from flexspline.logs.log import IMAGINABLE, LATEST, Log
+from flexspline.logs.packed import memory_limit, require_memory
 from flexspline.logs.quantisation import quantum, white_noise
 from flexspline.logs.segments import GAP_STEPS, median_step, runs
 

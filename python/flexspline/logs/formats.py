@@ -23,14 +23,11 @@ from numpy.typing import NDArray
 
 from flexspline.errors import InputError
 from flexspline.files import require_there
-from flexspline.logs.arrow_files import read_feather, read_parquet
 from flexspline.logs.bag_files import read_bag, read_mcap, read_sqlite
-from flexspline.logs.frames import from_frame, is_frame
+from flexspline.logs.frames import from_frame, is_frame, read_feather, read_parquet
 from flexspline.logs.log import Fact, Source, parsed_fact
 from flexspline.logs.mdf_files import read_mdf
-from flexspline.logs.memory import memory_limit
-from flexspline.logs.numpy_files import read_numpy
-from flexspline.logs.packed import PACKED, unpacked
+from flexspline.logs.packed import PACKED, memory_limit, read_numpy, unpacked
 from flexspline.logs.table import (
     Table,
     from_array,

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from flexspline.errors import InputError, did_you_mean, listed, printable, shortened
 from flexspline.logs.log import Fact
-from flexspline.logs.memory import require_memory
 from flexspline.logs.one_clock import with_time
+from flexspline.logs.packed import require_memory
 from flexspline.logs.table import Later, Series, Table
 
 __all__ = ["Group", "GroupedChannel", "grouped_table", "named_apart", "sound"]

@@ -27,9 +27,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.errors import InputError
-from flexspline.logs.arrow_files import short_facts
+from flexspline.logs.frames import short_facts
 from flexspline.logs.grouped import Group, GroupedChannel, grouped_table, named_apart, sound
-from flexspline.logs.memory import require_memory
+from flexspline.logs.packed import require_memory
 from flexspline.logs.table import Table
 
 __all__ = ["read_mdf"]

@@ -37,7 +37,7 @@ from typing import Any, Final
 
 from flexspline.errors import InputError, did_you_mean, listed
 from flexspline.logs.columns import ColumnSpec
-from flexspline.logs.joints import (
+from flexspline.logs.splitting import (
     columns_of_joint,
     has_places,
     joints_among,

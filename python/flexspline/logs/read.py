@@ -22,12 +22,18 @@ from flexspline.files import refuse_special
 from flexspline.logs.columns import ColumnSpec, Picked, picked
 from flexspline.logs.formats import Dialect, no_source, read_table
 from flexspline.logs.frames import is_frame
-from flexspline.logs.joints import columns_of_joint, has_places, joints_among
 from flexspline.logs.log import Fact, Log, Source, checked_facts
 from flexspline.logs.packed import PACKED
 from flexspline.logs.presets import Preset, preset_of
 from flexspline.logs.repairs import Repairs, move_earlier, repaired, repairs_of_both
-from flexspline.logs.splitting import Cut, Gaps, parts_of
+from flexspline.logs.splitting import (
+    Cut,
+    Gaps,
+    columns_of_joint,
+    has_places,
+    joints_among,
+    parts_of,
+)
 from flexspline.logs.table import Table
 from flexspline.logs.writing import write_log, write_pieces
 

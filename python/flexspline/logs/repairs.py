@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from flexspline.errors import InputError, did_you_mean, listed
 from flexspline.logs.channels import CHANNELS, CONDITIONS
 from flexspline.logs.derive import differentiate, has_value, increasing_time, resample, sampled
-from flexspline.logs.log import Log
-from flexspline.logs.plausible import beyond
+from flexspline.logs.log import Log, beyond
 from flexspline.logs.segments import repeats, stuck_from
 
 __all__ = [

@@ -23,8 +23,7 @@ from numpy.typing import NDArray
 
 from flexspline.errors import InputError, did_you_mean, listed
 from flexspline.logs.log import Fact
-from flexspline.logs.memory import require_memory
-from flexspline.logs.packed import PIECE
+from flexspline.logs.packed import PIECE, require_memory
 
 __all__ = [
     "NUMBER",

@@ -20,9 +20,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.logs.arrow_files import short_facts
+from flexspline.logs.frames import short_facts
 from flexspline.logs.grouped import Group, GroupedChannel, grouped_table, sound
-from flexspline.logs.memory import require_memory
+from flexspline.logs.packed import require_memory
 from flexspline.logs.table import Table
 
 __all__ = ["read_tdms"]

@@ -1,6 +1,12 @@
 """The external torque of one joint or of a whole arm, and the wrench that it amounts to."""
 
-from flexspline.observer.dynamics import Dynamics, dynamics_from_urdf, require_dynamics
+from flexspline.observer.dynamics import (
+    Dynamics,
+    Wrench,
+    dynamics_from_urdf,
+    require_dynamics,
+    wrench_at_end_effector,
+)
 from flexspline.observer.observing import (
     Observed,
     Remainder,
@@ -9,7 +15,6 @@ from flexspline.observer.observing import (
     observer_noise,
     subtract,
 )
-from flexspline.observer.wrench import Wrench, wrench_at_end_effector
 
 __all__ = [
     "Dynamics",

@@ -16,21 +16,30 @@ import numpy as np
 from flexspline.errors import InputError, listed
 from flexspline.files import save_table
 from flexspline.formatting import rows_html, rows_text
+from flexspline.lazy import render
 from flexspline.logs import Log
 from flexspline.logs.read import as_logs
 from flexspline.orders.low import TOGETHER, Faint, find_faint, find_low, less_low
 from flexspline.orders.parts import Candidate, Pair, candidates, effective_ratio, owner
 from flexspline.orders.parts import pairs as known_pairs
 from flexspline.orders.scan import CLEAR, Estimate, Line, Share, estimates, find_lines, scattered
-from flexspline.orders.spectrum import LONGEST, OrderSpectrum, order_spectrum, step_turns
-from flexspline.orders.stretches import Stretch, Values, chosen_values, stretches, sweeps
+from flexspline.orders.spectrum import (
+    LONGEST,
+    OrderSpectrum,
+    Stretch,
+    Values,
+    chosen_values,
+    order_spectrum,
+    step_turns,
+    stretches,
+    sweeps,
+)
 from flexspline.orders.vibrations import (
     Competition,
     Vibration,
     compete,
     one_speed,
 )
-from flexspline.rendering import render
 
 if TYPE_CHECKING:
     import pandas

@@ -32,7 +32,7 @@ from flexspline.orders.scan import (
     combined,
     surprise,
 )
-from flexspline.orders.stretches import Stretch
+from flexspline.orders.spectrum import Stretch
 
 __all__ = ["SCANNED", "TOGETHER", "Faint", "find_faint", "find_low", "less_low", "pooled", "powers"]
 

@@ -43,8 +43,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from flexspline.orders.spectrum import fourier_sums
-from flexspline.orders.stretches import Stretch
+from flexspline.orders.spectrum import Stretch, fourier_sums
 
 __all__ = [
     "CLEAR",

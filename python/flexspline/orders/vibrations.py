@@ -38,8 +38,7 @@ from flexspline.orders.scan import (
     scan,
     surprise,
 )
-from flexspline.orders.spectrum import step_turns
-from flexspline.orders.stretches import NYQUIST, Stretch
+from flexspline.orders.spectrum import NYQUIST, Stretch, step_turns
 
 __all__ = ["Competition", "Vibration", "compete", "one_speed"]
 

@@ -1,6 +1,5 @@
 """Effects of the user's own: a function of channels, beside the effects of the catalogue."""
 
-from flexspline.own.design import Design, design_of
-from flexspline.own.effect import OwnEffect, own_effect
+from flexspline.own.effect import Design, OwnEffect, design_of, own_effect
 
 __all__ = ["Design", "OwnEffect", "design_of", "own_effect"]

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from flexspline.logs.channels import CHANNELS
 from flexspline.logs.checks import check
 from flexspline.logs.checks.samples import DROP_STEPS
-from flexspline.logs.plausible import emptied
+from flexspline.logs.log import emptied
 from flexspline.logs.segments import median_step, runs
 from flexspline.plot.canvas import (
     GREY,

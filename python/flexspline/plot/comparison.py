@@ -10,8 +10,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from flexspline.comparison.bands import Band
 from flexspline.comparison.result import ranked
+from flexspline.comparison.search import Band
 from flexspline.orders.parts import pairs
 from flexspline.plot.canvas import (
     GREY,

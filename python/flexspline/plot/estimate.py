@@ -14,8 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
-from flexspline.collision.residual import Residual
-from flexspline.collision.result import DetectorCalibration
+from flexspline.collision.result import DetectorCalibration, Residual
 from flexspline.estimation.result import Estimate, Status
 from flexspline.logs.log import Log
 from flexspline.logs.segments import true_ranges

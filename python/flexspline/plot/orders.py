@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from flexspline.errors import InputError
 from flexspline.least_squares.ripple import ripple_orders
 from flexspline.logs.log import Log
-from flexspline.orders.spectrum import OrderSpectrum, TimeSpectrum, fourier_sums
-from flexspline.orders.stretches import stretches
+from flexspline.orders.spectrum import OrderSpectrum, TimeSpectrum, fourier_sums, stretches
 from flexspline.plot.canvas import GREY, INK, LEAST, PALETTE, axes_or_new, legend, log_axis, titled
 
 if TYPE_CHECKING:

@@ -21,16 +21,34 @@ from flexspline.logs.columns import to_si
 from flexspline.logs.formats import Dialect, read_table, unpacked_text
 from flexspline.logs.one_clock import on_one_clock, spanning
 from flexspline.logs.table import Table
-from flexspline.recordings.clock import SECONDS, Clock, clock_of
-from flexspline.recordings.columns import Array, Column, Joints, Told, columns_of, joined, one_joint
-from flexspline.recordings.motion import GEARED, WHOLE, Chosen, motion_columns
-from flexspline.recordings.physics import ratio_of, ratio_to_integral
+from flexspline.recordings.columns import (
+    SECONDS,
+    Array,
+    Clock,
+    Column,
+    Joints,
+    Told,
+    clock_of,
+    columns_of,
+    joined,
+    one_joint,
+    ratio_of,
+    ratio_to_integral,
+)
+from flexspline.recordings.motion import (
+    GEARED,
+    WHOLE,
+    Chosen,
+    both_ways,
+    friction_share,
+    goes_with,
+    motion_columns,
+    units_of_side,
+    with_resolutions,
+)
 from flexspline.recordings.result import Guess, Guessed
-from flexspline.recordings.said import Said, said_in
-from flexspline.recordings.signs import both_ways, friction_share, goes_with
 from flexspline.recordings.text import TextLayout, text_layout
-from flexspline.recordings.units import units_of_side, with_resolutions
-from flexspline.recordings.words import placed, trusted
+from flexspline.recordings.words import Said, placed, said_in, trusted
 
 __all__ = ["guess_map"]
 

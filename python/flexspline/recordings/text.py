@@ -15,8 +15,7 @@ from typing import Any, Final
 
 from flexspline.errors import InputError
 from flexspline.logs.formats import decoded
-from flexspline.logs.stamps import is_stamp
-from flexspline.logs.units import canonical_unit
+from flexspline.logs.units import canonical_unit, is_stamp
 from flexspline.recordings.words import meaning, unit_in
 
 __all__ = ["TextLayout", "text_layout"]

@@ -87,7 +87,7 @@ def write_calibration_report(result: CalibrationResult, path: str | os.PathLike[
     InputError
         Where the file cannot be written.
     """
-    from flexspline.plot.calibration import panels  # matplotlib only where it draws
+    from flexspline.plot.sensor import panels  # matplotlib only where it draws
     from flexspline.report.html import drawn
 
     joint = result.model.facts.get("joint", result.runs[0].log.facts.get("joint"))

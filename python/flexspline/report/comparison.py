@@ -8,8 +8,8 @@ import textwrap
 from typing import TYPE_CHECKING, Any
 
 from flexspline.about import __version__
-from flexspline.comparison.bands import Band, worst_band
 from flexspline.comparison.result import floor_sentence, ranked, sized
+from flexspline.comparison.search import Band, worst_band
 from flexspline.files import atomic_write
 from flexspline.formatting import padded, rows_text
 from flexspline.plot.canvas import own_style

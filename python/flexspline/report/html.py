@@ -1,6 +1,8 @@
 """A fit as HTML: a small table for notebooks, and a report in one file that needs no network.
 
 It says how to make the fit again. Figures are SVG inside the page and follow its text colour.
+
+What is wrong with logs is such a page too, and numbers for scripts.
 """
 
 from __future__ import annotations
@@ -26,6 +28,8 @@ from flexspline.files import atomic_write
 from flexspline.formatting import padded, short
 from flexspline.least_squares.result import shares
 from flexspline.logs.channels import CHANNELS
+from flexspline.logs.checks import check_verdict
+from flexspline.logs.checks.findings import EXCITED
 from flexspline.plot.canvas import INK, LEAST, Panel, PlainFigure, axes_or_new, own_style
 from flexspline.plot.fit import panels
 from flexspline.report.tables import (
@@ -47,6 +51,7 @@ from flexspline.report.text import (
 
 if TYPE_CHECKING:
     from flexspline.least_squares.result import Fit, SimulationFit
+    from flexspline.logs.checks import Audits, Excited
     from flexspline.logs.log import Log
 
 __all__ = [
@@ -57,8 +62,10 @@ __all__ = [
     "log_facts",
     "model_facts",
     "templates",
+    "write_check_report",
     "write_report",
 ]
+
 
 _WORDS = {
     "gear_ratio": "gear ratio N",
@@ -70,6 +77,9 @@ _WORDS = {
 DPI = 130  # of the heavy layers, which are drawn as pixels
 WIDTH = 4.5  # inches of a panel: whole on a screen of 400 px, two side by side on a wide one
 SMALLEST, LARGEST = 9.0, 12.0  # px of the least text, wherever the page is shown
+
+MOST_BESIDE = 12
+"""Runs that have a column each in the table of effects: as many as a wide page holds."""
 
 
 def fit_html(fit: Fit) -> str:
@@ -334,3 +344,61 @@ def inline_svg(figure: Figure, name: str) -> str:
         count=1,
     )
     return f'<div class="wide">{text}</div>'
+
+
+@own_style()
+def write_check_report(
+    audits: Audits,
+    path: str | os.PathLike[str],
+    target: str | None = None,
+    excited: Sequence[Excited] = (),
+) -> None:
+    """Write a self-contained report, whole or not at all.
+
+    `excited`: what the runs excite together.
+
+    Raises
+    ------
+    InputError
+        Where the file cannot be written.
+    """
+    from flexspline.plot.channels import plot_channels
+
+    runs = [
+        {
+            "name": log.name,
+            "rows": f"{len(log)} rows, {short(log.duration, 4)} s at {short(log.rate, 4)} Hz",
+            "path": log.source.path if log.source else "not from a file",
+            "sha256": log.source.sha256 if log.source else "",
+            "findings": list(found),
+            "svg": inline_svg(plot_channels(log, found), f"channels of run {k}, {log.name}"),
+        }
+        for k, (log, found) in enumerate(audits, 1)
+    ]
+    page = (
+        templates()
+        .get_template("check.html")
+        .render(
+            verdict=check_verdict(audits, target),
+            grave=any(found.forbidding(target) or found.faults for _, found in audits),
+            runs=runs,
+            effects=_effects(audits, excited),
+            version=__version__,
+        )
+    )
+    atomic_write(path, page)
+
+
+def _effects(audits: Audits, excited: Sequence[Excited]) -> list[dict[str, Any]]:
+    """Of each effect: what the runs do together, what each does, what is lacking and to do."""
+    beside = 1 < len(audits) <= MOST_BESIDE
+    by_run = [{one.effect: EXCITED[one.excited] for one in found.excited} for _, found in audits]
+    return [
+        {
+            "name": one.effect,
+            "together": EXCITED[one.excited],
+            "runs": [run.get(one.effect, "–") for run in by_run] if beside else [],
+            "said": one.said,
+        }
+        for one in excited
+    ]

@@ -19,7 +19,7 @@ from flexspline.logs.channels import CHANNELS
 if TYPE_CHECKING:
     import pandas
 
-    from flexspline.least_squares.between_runs import BetweenRuns
+    from flexspline.least_squares.per_run_terms import BetweenRuns
     from flexspline.least_squares.result import Delay, Fit
     from flexspline.logs.channel_noise import ChannelNoise
     from flexspline.prepared import Preparation

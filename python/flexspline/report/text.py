@@ -1,20 +1,34 @@
 """A fit as text: a verdict, a line for each parameter, and its warnings as sentences.
 
 The verdict says how good the fit is on held-out rows, and against what; HTML says the same.
+
+The summary is what statistics programs print on one page, the parameters one table. Their numbers
+are those of `fit_text`, rounded alike, under the names that `fixed` and `bounds` take: an order of
+ripple is its cosine and sine here.
 """
 
 from __future__ import annotations
 
 import textwrap
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from flexspline.errors import listed
-from flexspline.formatting import padded, plus_minus, rows_text, short, short_names
+from flexspline.formatting import (
+    apart,
+    decimals_for,
+    padded,
+    plus_minus,
+    rows_text,
+    short,
+    short_names,
+    table_html,
+)
+from flexspline.least_squares.likelihood import why_none
 from flexspline.least_squares.ripple import PAIRS, RippleOrder, ripple_orders
 from flexspline.report.tables import (
     between_rows,
@@ -25,29 +39,28 @@ from flexspline.report.tables import (
 )
 
 if TYPE_CHECKING:
+    from flexspline.least_squares.options import Bounds
     from flexspline.least_squares.result import Fit, Parameter
 
 __all__ = [
-    "IDLE",
     "SOUND",
     "TARGET_WORDS",
-    "WIDEST",
     "ParameterLine",
     "Verdict",
-    "between_text",
     "faults_sentence",
+    "fit_summary",
     "fit_text",
     "known_groups",
-    "known_text",
-    "parameter_line",
     "parameter_lines",
+    "parameters_html",
+    "parameters_text",
     "spread",
     "trust",
     "validation_sentence",
     "verdict",
-    "warnings_text",
     "wrapped",
 ]
+
 
 WIDTH = 100
 WIDEST = 120  # of the table of parameters
@@ -64,6 +77,15 @@ WORSE = 1.15  # held-out over in-sample RMSE from which the fit is said to be to
 
 TOGETHER = 0.95  # correlation from which two estimates are said to move together
 
+MOST_NAMES = 6  # of runs
+LEAST_REMARK = 40  # letters of a line
+COMPARABLE = (
+    "AIC and BIC are of the Gaussian likelihood in this noise, at its maximum (generalised least "
+    "squares); they compare fits to the same rows of the same target alone."
+)
+
+HEAD = ("parameter", "value ± standard error", "unit", "95 % interval", "bounds", "remark")
+
 
 def fit_text(fit: Fit) -> str:
     """Return what `print(fit)` shows, lines of at most 120 characters where names allow it."""
@@ -71,13 +93,13 @@ def fit_text(fit: Fit) -> str:
     blocks = [
         [*wrapped(judged.good), *wrapped(judged.wrong)],
         _parameters(parameter_lines(fit)),
-        known_text(fit),
-        between_text(fit),
+        _known_text(fit),
+        _between_text(fit),
         _trust(fit),
         _channels(fit),
         _motion(fit),
         _scores(fit),
-        warnings_text(fit),
+        _warnings_text(fit),
     ]
     return "\n\n".join("\n".join(block) for block in blocks if block)
 
@@ -116,7 +138,7 @@ def _in_group(lines: Sequence[ParameterLine], number: int) -> bool:
     return any(line.heading for line in lines[: number + 1])
 
 
-def known_text(fit: Fit) -> list[str]:
+def _known_text(fit: Fit) -> list[str]:
     """Return lines that say what is known of coefficients that are not known by themselves."""
     text: list[str] = []
     for group in known_groups(fit):
@@ -126,7 +148,7 @@ def known_text(fit: Fit) -> list[str]:
     return text
 
 
-def between_text(fit: Fit) -> list[str]:
+def _between_text(fit: Fit) -> list[str]:
     """Return lines of the terms that each run has of its own; none where there are none."""
     rows = between_rows(fit)
     if not rows:
@@ -164,7 +186,7 @@ def _scores(fit: Fit) -> list[str]:
     return [f"Residual of {TARGET_WORDS[fit.target]}, measured − predicted:", rows_text(rows)]
 
 
-def warnings_text(fit: Fit) -> list[str]:
+def _warnings_text(fit: Fit) -> list[str]:
     """Return lines of the fit's warnings."""
     said = [sentence for sentence in fit.warnings if sentence != fit.uncertainty.statement]
     return ["Warnings:", *(x for s in said for x in wrapped(s, "- "))] if said else []
@@ -337,7 +359,7 @@ def parameter_lines(fit: Fit) -> list[ParameterLine]:
     """Return a line for each parameter, then one for each order of ripple and derived quantity."""
     ripple = ripple_orders(fit)
     orders = {name for order in ripple for name in order.names}
-    lines = [parameter_line(fit, p) for p in fit.parameters if p.name not in orders]
+    lines = [_parameter_line(fit, p) for p in fit.parameters if p.name not in orders]
     for (effect, turns), members in groupby(ripple, lambda o: (o.effect, o.turns)):
         for number, order in enumerate(members):
             lines.append(_ripple_line(order, "" if number else _heading(effect, turns)))
@@ -416,7 +438,7 @@ def _angle(order: RippleOrder) -> str:
     return f"{order.phase:.{digits}f}° ± {max(order.phase_error, 0.1):.{digits}f}°"
 
 
-def parameter_line(fit: Fit, parameter: Parameter) -> ParameterLine:
+def _parameter_line(fit: Fit, parameter: Parameter) -> ParameterLine:
     """Return the line of one parameter by itself."""
     name = short_names(parameter.name)
     owner = parameter.name.split(".")[0] if "." in parameter.name else ""
@@ -491,3 +513,168 @@ def _partners(fit: Fit, parameter: Parameter) -> list[str]:
         if abs(r) > TOGETHER and name != parameter.name and name not in hidden
     ]
     return [f"strongly correlated with {listed(tied, 2)}"] if tied else []
+
+
+def parameters_text(fit: Fit) -> str:
+    """Return what `print(fit.params)` shows."""
+    if not fit.parameters:
+        return "No parameters: nothing was fitted."
+    table = rows_text(_remarks_wrapped(_rows(fit)), left=range(len(HEAD)))
+    return "\n\n".join(["\n".join(block) for block in ([table], _known_text(fit)) if block])
+
+
+def parameters_html(fit: Fit) -> str:
+    """Return the same as a fragment of HTML."""
+    title = f"{len(fit.parameters)} parameters of the {TARGET_WORDS[fit.target]}"
+    known = [
+        f"{group.sentence}; known: {combination} = {value}"
+        for group in known_groups(fit)
+        for combination, value in group.known
+    ]
+    return table_html(title, _rows(fit), known)
+
+
+def _rows(fit: Fit) -> list[tuple[str, ...]]:
+    rows = []
+    for parameter, line in zip(fit.parameters, _lines(fit), strict=True):
+        bounds = _bounds(parameter.bounds)
+        rows.append((line.name, line.value, line.unit, line.interval, bounds, line.remark))
+    return [HEAD, *rows]
+
+
+def _lines(fit: Fit) -> list[ParameterLine]:
+    """A line for each parameter; cosine and sine of an order are significant together."""
+    orders = {name: order for order in ripple_orders(fit) for name in order.names}
+    lines = []
+    for parameter in fit.parameters:
+        line, order = _parameter_line(fit, parameter), orders.get(parameter.name)
+        if order is not None:
+            remarks = [part for part in line.remark.split("; ") if part not in ("", IDLE)]
+            remarks = remarks if order.significant else [f"order {IDLE}", *remarks]
+            line = replace(line, remark="; ".join(remarks))
+        lines.append(line)
+    return lines
+
+
+def _remarks_wrapped(rows: Sequence[tuple[str, ...]]) -> list[tuple[str, ...]]:
+    """Rows whose last cell, where it is too long for the screen, goes on in rows below."""
+    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]) - 1)]
+    left = max(WIDEST - sum(widths) - 2 * len(widths), LEAST_REMARK)
+    made: list[tuple[str, ...]] = []
+    for *cells, remark in rows:
+        first, *more = textwrap.wrap(remark, left, break_on_hyphens=False) or [""]
+        made += [(*cells, first), *((*[""] * len(cells), rest) for rest in more)]
+    return made
+
+
+def _bounds(bounds: Bounds | None) -> str:
+    if bounds is None:
+        return ""
+    low, high = bounds
+    if low is None or high is None:
+        return f"above {low:g}" if low is not None else f"below {high:g}"
+    return f"{low:g} to {high:g}"
+
+
+def fit_summary(fit: Fit) -> str:
+    """Return what `fit.summary()` is, lines of at most 120 characters where names allow it."""
+    judged = verdict(fit)
+    blocks = [
+        [f"Fit of {TARGET_WORDS[fit.target]}, {_method(fit)}"],
+        [rows_text(_facts(fit), left=(0, 1))],
+        [_table(fit)],
+        _known_text(fit),
+        _between_text(fit),
+        [*wrapped(judged.good), *wrapped(judged.wrong)],
+        [line for sentence in [*trust(fit), *_notes(fit)] for line in wrapped(sentence)],
+        _warnings_text(fit),
+    ]
+    return "\n\n".join("\n".join(block) for block in blocks if block)
+
+
+def _method(fit: Fit) -> str:
+    if fit.simulation is not None:
+        return "least squares of the simulated motion"
+    if fit.generalised:
+        return "generalised least squares"
+    solved = fit.solved
+    robust = solved is not None and solved.tangent.weights is not None
+    return "robust least squares (Huber)" if robust else "least squares"
+
+
+def _facts(fit: Fit) -> list[tuple[str, str]]:
+    runs = [run.log.name for run in fit.runs]
+    rows = sum(len(run.log) for run in fit.runs)
+    used = sum(int(run.counts.sum()) for run in fit.runs)
+    digits = decimals_for(fit.cv_rmse)
+    whose = "" if fit.simulation is None else " of the regression"
+    found = [
+        ("target", f"{fit.target} [{fit.unit}]"),
+        ("known load", fit.part.known_load or "none"),
+        ("runs", f"{len(runs)} ({listed(runs, MOST_NAMES)})"),
+        ("rows", f"{rows}, {used} used"),
+        (f"effective sample size{whose}", f"{fit.effective_samples:.0f}"),
+        (f"noise{whose}", _noise(fit)),
+        ("RMSE", f"{fit.rmse:.{digits}f} {fit.unit}"),
+        ("RMSE held out", f"{fit.cv_rmse:.{digits}f} {fit.unit}"),
+    ]
+    if fit.lowpass is not None:
+        found.insert(2, ("low pass", f"{fit.lowpass:g} Hz, zero phase"))
+    return [*found, *_criteria(fit)]
+
+
+def _noise(fit: Fit) -> str:
+    noise = fit.uncertainty.noise
+    deviation = f"standard deviation {short(noise.innovation_variance**0.5)} {fit.unit}"
+    every = f", every {noise.decimation} rows" if noise.decimation > 1 else ""
+    if not noise.order:
+        return f"white, {deviation}{every}"
+    rows = noise.memory * noise.decimation
+    rate = float(np.median([run.log.rate for run in fit.runs]))
+    count = short(rows) if rows < 100.0 else f"{rows:.0f}"
+    memory = f"memory {count} rows ({short(rows / rate)} s)"
+    return f"autoregressive of order {noise.order}, innovations of {deviation}, {memory}{every}"
+
+
+def _criteria(fit: Fit) -> list[tuple[str, str]]:
+    if why_none(fit):
+        return [("AIC, BIC", "none")]
+    found = fit.likelihood
+    some = "" if found.of_noise_in_all else ", to be compared with fits of such per-run terms alone"
+    return [
+        ("log-likelihood", f"{found.log_likelihood:.1f}, of {found.rows} rows"),
+        ("effective parameters", f"{found.parameters:.1f}, {found.noise_order + 1} of the noise"),
+        ("AIC", f"{found.aic:.1f}{some}"),
+        ("BIC", f"{found.bic:.1f}{some}"),
+    ]
+
+
+def _table(fit: Fit) -> str:
+    if not fit.parameters:
+        return "No parameters: nothing was fitted."
+    head = ("parameter", "value", "stderr", "t", "95 % from", "to", "unit", "remark")
+    both = zip(fit.parameters, _lines(fit), strict=True)
+    return rows_text(_remarks_wrapped([head, *(_row(*one) for one in both)]), left=(0, 6, 7))
+
+
+def _row(parameter: Parameter, line: ParameterLine) -> tuple[str, ...]:
+    if not parameter.determined:
+        return (line.name, "–", "–", "", "–", "–", line.unit, f"{line.value}; {line.remark}")
+    value, error = apart(line.value)
+    low, _, high = line.interval.partition(" to ")
+    return (line.name, value, error, _t(parameter), low or "–", high or "–", line.unit, line.remark)
+
+
+def _t(parameter: Parameter) -> str:
+    """Value over error of a coefficient; zero is no value that a shape could have."""
+    if parameter.kind != "coefficient" or not parameter.stderr > 0.0:
+        return ""
+    return f"{parameter.value / parameter.stderr:.2f}"
+
+
+def _notes(fit: Fit) -> list[str]:
+    why = why_none(fit)
+    said = [f"No AIC or BIC: {why}."] if why else [COMPARABLE]
+    if any(p.kind == "coefficient" and p.stderr > 0.0 for p in fit.parameters):
+        said.append("t is the value over its standard error.")
+    return said

@@ -9,45 +9,60 @@ print. A criterion says how many draws must meet it:
     undecidable  a simulated rig cannot decide it, and the reason is said
 
 Published values and ours are listed side by side as a table, as text and as HTML.
+`reproduce` makes figures, tables and claims of a paper from draws of a simulated rig.
 """
 
 from __future__ import annotations
 
 import html
+import importlib
 import importlib.resources
 import json
+import os
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.about import __version__
-from flexspline.errors import InputError, listed
+from flexspline.baselines.drift import require_scikit
+from flexspline.errors import InputError, did_you_mean, listed
+from flexspline.files import atomic_write, folder_to_write, whole_folder
+from flexspline.plot.canvas import own_style
+from flexspline.progress import Progress
 
 if TYPE_CHECKING:
     import pandas
 
-    from flexspline.reproduce.run import Reproduction
+    from flexspline.plot.canvas import PlainFigure
 
 __all__ = [
+    "DRAWS",
     "PAPERS",
     "Claim",
+    "Reproduction",
+    "Story",
     "Verdict",
-    "claims_html",
     "claims_of",
-    "claims_table",
-    "claims_text",
     "judged",
-    "report_page",
+    "reproduce",
 ]
+
 
 PAPERS = ("zhang", "turlapati", "full_range")
 
 ROUNDING = 1e-12  # what is less in a table of SI units is what rounding leaves of zero
 
 WORDS = {True: "holds", False: "does not hold", None: "not decided"}
+
+DRAWS = 50
+SEED = 20261121
+
+BESIDE_RIVALS = "zhang"  # the paper whose method is set beside kernel regression
 
 
 @dataclass(frozen=True)
@@ -168,7 +183,7 @@ def _judged(claim: Claim, draws: Sequence[Mapping[str, float]]) -> Verdict:
     return Verdict(claim, values, bool(np.mean(claim.meets(values)) >= share))
 
 
-def claims_table(made: Reproduction) -> pandas.DataFrame:
+def _claims_table(made: Reproduction) -> pandas.DataFrame:
     """Return a row for each claim: published, ours (median and 90 % range), verdict."""
     import pandas
 
@@ -187,7 +202,7 @@ def claims_table(made: Reproduction) -> pandas.DataFrame:
     return pandas.DataFrame(rows, index=[verdict.claim.id for verdict in made.verdicts])
 
 
-def claims_text(made: Reproduction) -> str:
+def _claims_text(made: Reproduction) -> str:
     """Return the claims of a paper, three lines each at most."""
     counts = [
         f"{sum(v.holds is answer for v in made.verdicts)} {word}" for answer, word in WORDS.items()
@@ -207,16 +222,16 @@ def claims_text(made: Reproduction) -> str:
     return "\n".join(lines)
 
 
-def claims_html(made: Reproduction) -> str:
+def _claims_html(made: Reproduction) -> str:
     """Return the claims as a fragment of HTML."""
     import pandas
 
     with pandas.option_context("display.max_colwidth", None):
-        table = claims_table(made).to_html(index=False, border=0, classes="claims")
+        table = _claims_table(made).to_html(index=False, border=0, classes="claims")
     return f"<p>{_drawn(made)}</p>\n{_scrolling(table)}"
 
 
-def report_page(made: Mapping[str, Reproduction]) -> str:
+def _report_page(made: Mapping[str, Reproduction]) -> str:
     """Return a page with every figure, table and claim; figures lie inside it."""
     from flexspline.report.html import templates
 
@@ -229,7 +244,7 @@ def _chapter(made: Reproduction) -> Iterator[str]:
     from flexspline.report.html import inline_svg
 
     yield f"<h1>{html.escape(made.paper)}</h1>"
-    yield claims_html(made)
+    yield _claims_html(made)
     for name, figure in made.story.figures.items():
         caption = html.escape(made.story.captions.get(name, ""))
         yield f"<figure>{inline_svg(figure, f'{made.paper} {name}')}"
@@ -281,3 +296,156 @@ def _criterion(verdict: Verdict) -> str:
     else:
         wanted = f"{'≤' if rule['kind'] == 'at_most' else '≥'} {rule['bound']:g}"
     return f"{wanted} in {100 * rule.get('share', 1.0):.0f} % of draws"
+
+
+@dataclass(frozen=True)
+class Story:
+    """What a paper shows, made again: the module of a paper gives one by ``story(seed)``.
+
+    Parameters
+    ----------
+    figures : by file name without ending, such as "fig14".
+    tables : by file name without ending, such as "table3".
+    captions : what to look at, by the same names.
+    """
+
+    figures: Mapping[str, PlainFigure] = field(default_factory=dict)
+    tables: Mapping[str, pandas.DataFrame] = field(default_factory=dict)
+    captions: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, repr=False)
+class Reproduction:
+    """One paper, done again: its story and each of its claims beside ours."""
+
+    paper: str
+    story: Story
+    verdicts: tuple[Verdict, ...]
+    draws: int
+    seed: int
+
+    def __repr__(self) -> str:
+        return f"<Reproduction of {self.paper}: {len(self.verdicts)} claims, {self.draws} draws>"
+
+    def __str__(self) -> str:
+
+        return _claims_text(self)
+
+    def _repr_html_(self) -> str:
+
+        return _claims_html(self)
+
+    @property
+    def claims(self) -> pandas.DataFrame:
+        """Each claim: published, ours (median, 5 %, 95 %), whether it holds."""
+
+        return _claims_table(self)
+
+
+def reproduce(
+    paper: str,
+    out: str | os.PathLike[str] | None = None,
+    *,
+    draws: int = DRAWS,
+    seed: int = SEED,
+    threads: int = 1,
+    progress: bool = False,
+) -> dict[str, Reproduction]:
+    """Do a paper again on its simulated rig.
+
+    Parameters
+    ----------
+    paper : "zhang", "turlapati", "full_range" or "all".
+    out : folder for figures (PNG and SVG), tables (CSV), `claims.json` and `report.html`,
+        each paper's as soon as it is done, whole or not at all; None writes nothing.
+    draws : rigs that differ in what the paper does not print.
+    seed : the same seed gives the same numbers.
+    threads : processes to draw with.
+    progress : show it on standard error.
+
+    Returns
+    -------
+    dict of Reproduction, by paper.
+
+    Raises
+    ------
+    InputError
+        For an unknown paper, fewer than one draw or thread, a negative seed, or, of the first
+        paper, without scikit-learn, before anything is computed.
+    """
+    if paper != "all" and paper not in PAPERS:
+        near = did_you_mean(paper, PAPERS)
+        raise InputError(f"there is no paper '{paper}'{near}; give {listed(PAPERS)} or all")
+    for name, value, least in (("draws", draws, 1), ("seed", seed, 0), ("threads", threads, 1)):
+        if value < least:
+            raise InputError(f"{name} is {value}; give at least {least}")
+    papers = PAPERS if paper == "all" else (paper,)
+    if BESIDE_RIVALS in papers:
+        require_scikit()
+    folder = None if out is None else folder_to_write(out)
+    made: dict[str, Reproduction] = {}
+    for number, name in enumerate(papers, start=1):
+        title = name if len(papers) == 1 else f"{name} ({number} of {len(papers)})"
+        made[name] = _one(name, draws, seed, threads, title if progress else "")
+        if folder is not None:
+            _write(folder, made, name)
+    return made
+
+
+def _one(paper: str, draws: int, seed: int, threads: int, title: str) -> Reproduction:
+    """One paper done again; a title is shown with its progress, an empty one is not."""
+    module = importlib.import_module(f"flexspline.reproduce.{paper}")
+    seeds = [int(s.generate_state(1)[0]) for s in np.random.SeedSequence(seed).spawn(draws)]
+    with Progress(title, bool(title), total=draws, unit=" draws") as bar:
+        found = []
+        for values in _draws(paper, seeds, threads):
+            found.append(values)
+            bar.step()
+    with own_style():
+        story = module.story(seed)
+    return Reproduction(paper, story, judged(paper, found), draws, seed)
+
+
+def _draws(paper: str, seeds: Sequence[int], threads: int) -> Iterator[Mapping[str, float]]:
+    if threads == 1:
+        yield from (draw(paper, seed) for seed in seeds)
+        return
+    with ProcessPoolExecutor(threads) as pool:
+        yield from pool.map(draw, [paper] * len(seeds), seeds)
+
+
+def draw(paper: str, seed: int) -> Mapping[str, float]:
+    """Return the quantities of one draw, by the ids of the claims."""
+    module = importlib.import_module(f"flexspline.reproduce.{paper}")
+    values: Mapping[str, float] = module.draw(np.random.default_rng(seed))
+    return values
+
+
+def _write(folder: Path, made: Mapping[str, Reproduction], latest: str) -> None:
+    """Write the figures and tables of a paper, and page and claims of all that are done."""
+
+    story = made[latest].story
+    with own_style(), whole_folder(folder / latest) as place:
+        for title, figure in story.figures.items():
+            figure.savefig(place / f"{title}.png", dpi=150)
+            figure.savefig(place / f"{title}.svg", metadata={"Date": None})
+        for title, table in story.tables.items():
+            table.to_csv(place / f"{title}.csv", lineterminator="\n")
+    with own_style():
+        page = _report_page(made)
+    atomic_write(folder / "report.html", page)
+    content = {
+        "format": "flexspline-claims",
+        "version": 1,
+        "made_by": f"flexspline {__version__}",
+        "papers": {
+            name: {
+                "draws": reproduction.draws,
+                "seed": reproduction.seed,
+                "claims": [verdict.to_json() for verdict in reproduction.verdicts],
+            }
+            for name, reproduction in made.items()
+        },
+    }
+    text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    atomic_write(folder / "claims.json", text)

@@ -1,9 +1,16 @@
-"""What is wrong with a log, looked for before anything is fitted."""
+"""What is wrong with a log, looked for before anything is fitted.
+
+Of several logs it is also said in one sentence, and as numbers for scripts.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from dataclasses import asdict, replace
+from typing import Any
 
+from flexspline.about import __version__
 from flexspline.logs.checks.consistency import (
     Gear,
     gear,
@@ -11,18 +18,25 @@ from flexspline.logs.checks.consistency import (
     torque,
     velocity_of_position,
 )
-from flexspline.logs.checks.copies import copies, copy_finding
+from flexspline.logs.checks.dependence import copies, copy_finding
 from flexspline.logs.checks.ends import drive_disabled, homing_move, start_transient, stuck_tail
-from flexspline.logs.checks.excitation import excitation, excited
-from flexspline.logs.checks.findings import Excited, Finding, Findings, Severity, sorted_findings
+from flexspline.logs.checks.excitation import excitation, excited, excited_together
+from flexspline.logs.checks.findings import (
+    Excited,
+    Finding,
+    Findings,
+    Severity,
+    excitation_lines,
+    sorted_findings,
+)
 from flexspline.logs.checks.load import load_of_target, told_once
-from flexspline.logs.checks.motion import motion_of
 from flexspline.logs.checks.recorder import with_shared_delays
 from flexspline.logs.checks.samples import (
     clipped,
     constant,
     dropped_samples,
     impossible,
+    motion_of,
     no_channels,
     not_finite,
     quantised,
@@ -30,21 +44,27 @@ from flexspline.logs.checks.samples import (
     time_order,
     wrapped,
 )
-from flexspline.logs.log import Log
-from flexspline.logs.plausible import emptied
+from flexspline.logs.log import Log, emptied
 from flexspline.logs.read import LogLike, as_log
 from flexspline.parallel import in_order
+from flexspline.schema import checked_json
 
 __all__ = [
+    "Audits",
     "Excited",
     "Finding",
     "Findings",
     "Gear",
     "Severity",
+    "audit_text",
     "check",
+    "check_json",
     "check_runs",
+    "check_verdict",
     "measured_gear",
+    "together",
 ]
+
 
 ALWAYS = (no_channels, not_finite, impossible, time_order)
 """Checks that any numbers pass through; the others see what no instrument reads as empty."""
@@ -63,6 +83,8 @@ CHECKS = (
     torque,
     quantised,
 )
+
+Audits = Sequence[tuple[Log, Findings]]
 
 
 def check(
@@ -124,3 +146,80 @@ def check_runs(
         found = [*made[number], copy_finding(logs[number], logs[other])]
         made[number] = sorted_findings(logs[number].name, found, made[number].excited)
     return made
+
+
+def _sound(audits: Audits) -> list[Log]:
+    """Return the runs without any error: of the others nothing can be said of what they excite."""
+    return [log for log, found in audits if not found.errors]
+
+
+def together(
+    audits: Audits, effects: Sequence[str] = (), target: str | None = None
+) -> tuple[Excited, ...]:
+    """Return what the runs excite together; nothing where all have errors."""
+    if len(audits) == 1:
+        return audits[0][1].excited
+    logs = _sound(audits)
+    return excited_together(logs, effects, target) if logs else ()
+
+
+def check_verdict(audits: Audits, target: str | None = None) -> str:
+    """Return one sentence: whether the runs can be fitted, and what would be taken for physics."""
+    forbidden = [log.name for log, found in audits if found.forbidding(target)]
+    faulty = [log.name for log, found in audits if found.faults]
+    count = f"{len(audits)} runs" if len(audits) > 1 else "run"
+    if forbidden:
+        return f"No fit of {_named(forbidden)} can mean anything until the errors are repaired."
+    if faulty:
+        return f"Faults in {_named(faulty)} would be taken for physics; repair them before a fit."
+    return f"The {count} can be fitted: no error and no fault was found."
+
+
+def audit_text(audits: Audits, excited: Sequence[Excited]) -> list[str]:
+    """Return lines: what was found of each run, and what all excite together."""
+    lines = [
+        line for _, found in audits for line in (*str(replace(found, excited=())).split("\n"), "")
+    ]
+    if not excited:
+        return lines
+    count = len(_sound(audits))
+    runs = f"the {count} runs" if count > 1 else "the run"
+    runs += " without errors" if count < len(audits) else ""
+    head = [f"what {runs} excite{'' if count > 1 else 's'}, taken together:"]
+    return [*lines, *(head if len(audits) > 1 else []), *excitation_lines(excited), ""]
+
+
+def check_json(audits: Audits, target: str | None = None, excited: Sequence[Excited] = ()) -> str:
+    """Return the text of `check.json`, which fits its schema; a size not known is null.
+
+    `excited`: what the runs excite together.
+    """
+    content: dict[str, Any] = {
+        "format": "flexspline-check",
+        "version": 1,
+        "made_by": f"flexspline {__version__}",
+        "verdict": check_verdict(audits, target),
+        "fit_forbidden": any(found.forbidding(target) for _, found in audits),
+        "excited": [asdict(one) for one in excited],
+        "runs": [
+            {
+                "name": log.name,
+                "path": log.source.path if log.source else None,
+                "sha256": log.source.sha256 if log.source else None,
+                "rows": len(log),
+                "findings": [{**asdict(f), "size": _known(f.size)} for f in found],
+                "excited": [asdict(one) for one in found.excited],
+            }
+            for log, found in audits
+        ],
+    }
+    return checked_json(content, "check")
+
+
+def _named(names: Sequence[str]) -> str:
+    shown = ", ".join(names[:4])
+    return shown if len(names) <= 4 else f"{shown} and {len(names) - 4} more"
+
+
+def _known(size: float) -> float | None:
+    return size if math.isfinite(size) else None

@@ -46,8 +46,7 @@ from numpy.typing import NDArray
 
 from flexspline.logs.channels import CHANNELS
 from flexspline.logs.checks.findings import Finding
-from flexspline.logs.checks.motion import Motion, motion_of
-from flexspline.logs.checks.samples import unwrapped
+from flexspline.logs.checks.samples import Motion, motion_of, unwrapped
 from flexspline.logs.log import Log
 from flexspline.logs.quantisation import quantum
 from flexspline.logs.segments import median_step

@@ -1,19 +1,26 @@
-"""Channels that are nearly a function of each other: what follows one may follow the other.
+"""What a log says twice: a channel that is nearly a function of another, a run that is a copy.
 
-The share of a channel's variance that a smooth function of another one explains is told on folds
-that the function was not fitted to. From nine tenths on the variance of a coefficient is inflated
-tenfold [Marquardt1970], and runs are said not to tell the two apart.
+What follows a channel may follow one that depends on it. The share of a channel's variance that a
+smooth function of another one explains is told on folds that the function was not fitted to. From
+nine tenths on the variance of a coefficient is inflated tenfold [Marquardt1970], and runs are said
+not to tell the two apart.
+
+A run that is there twice is fitted and held out at once, and makes every score look better.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Dependence", "dependences"]
+from flexspline.logs.checks.findings import Finding
+from flexspline.logs.log import Log
+
+__all__ = ["Dependence", "called", "copies", "copy_finding", "dependences"]
+
 
 Array = NDArray[np.float64]
 
@@ -142,3 +149,39 @@ def _spline(place: Array, pieces: int) -> Array:
     knots = np.arange(-3, pieces + 4) / pieces
     inside = np.clip(place, 0.0, 1.0 - 1e-12)
     return np.asarray(BSpline.design_matrix(inside, knots, 3).toarray())
+
+
+def copies(logs: Sequence[Log]) -> Iterator[tuple[int, int]]:
+    """Yield the number of each run that holds the same values as another before it, and of that."""
+    seen: dict[tuple[object, ...], list[int]] = {}
+    for number, log in enumerate(logs):
+        ends = tuple((name, log[name][[0, -1]].tobytes()) for name in log.channels if len(log))
+        alike = seen.setdefault((len(log), ends), [])
+        for other in alike:
+            if all(_equal(log, logs[other], name) for name in log.channels):
+                yield number, other
+                break
+        alike.append(number)
+
+
+def _equal(one: Log, other: Log, name: str) -> bool:
+    return np.array_equal(one[name], other[name], equal_nan=True)
+
+
+def copy_finding(log: Log, other: Log) -> Finding:
+    """Return what is said of a run that holds the same values as another."""
+    return Finding(
+        "copy_of_a_run",
+        "error",
+        "all",
+        (0, len(log)),
+        float(len(log)),
+        "rows",
+        f"it holds the same values as the run {called(other)}: a run counts once.",
+        "Leave one of them out.",
+    )
+
+
+def called(log: Log) -> str:
+    """Return a run's name, and its file where it has one: copies of a file share the name."""
+    return f"'{log.name}'" + (f" ({log.source.path})" if log.source is not None else "")

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from flexspline.effects import CATALOGUE, EffectInfo
 from flexspline.errors import InputError, did_you_mean, listed
 from flexspline.logs.checks.findings import Excited, Finding
-from flexspline.logs.checks.motion import Motion, motion_of
+from flexspline.logs.checks.samples import Motion, motion_of
 from flexspline.logs.log import Log
 from flexspline.logs.quantisation import white_noise
 from flexspline.logs.splitting import ROWS_PER_UNKNOWN

@@ -21,9 +21,8 @@ from flexspline.logs.checks.consistency import (
     velocity_delay,
 )
 from flexspline.logs.checks.findings import Finding, Findings, sorted_findings
-from flexspline.logs.checks.motion import motion_of
-from flexspline.logs.log import Log
-from flexspline.logs.plausible import emptied
+from flexspline.logs.checks.samples import motion_of
+from flexspline.logs.log import Log, emptied
 
 __all__ = ["with_shared_delays"]
 
