@@ -16,32 +16,19 @@ from flexspline.logs.channels import CHANNELS
 from flexspline.logs.checks.findings import Finding, Findings
 from flexspline.logs.log import Log
 
-__all__ = ["LOAD_CELL", "UNUSED", "load_of_target", "told_once", "unused_load"]
+__all__ = ["UNUSED", "load_of_target", "told_once", "unused_load"]
 
-UNUSED, LOAD_CELL = "load_not_used", "load_cell_as_target"
+UNUSED = "load_not_used"
 KNOWN = "reference_torque"
-DRIVE = ("motor_torque", "motor_current")
-TARGETS = ("sensor_torque", *DRIVE)
+TARGETS = ("sensor_torque", "motor_torque", "motor_current")
 
 
 def load_of_target(log: Log, target: str | None) -> Iterator[Finding]:
-    """A known load beside the target, or a target that may be one."""
+    """A known load beside the target. A sensor_torque may be a load cell's too: no run tells."""
     if target not in TARGETS or target not in log:
         return
     if _varies(log, KNOWN):
         yield _note(log, UNUSED, KNOWN, _unused(target))
-        return
-    drive = [channel for channel in DRIVE if _varies(log, channel)]
-    if target == "sensor_torque" and drive:
-        said = (
-            "sensor_torque is taken for the joint's own torque sensor, and what is explained are "
-            "its errors."
-        )
-        remedy = (
-            f"If it is a load cell at the output, give --target {drive[0]} --known-load "
-            "sensor_torque instead: what is explained is then what the drive makes beyond the load."
-        )
-        yield _note(log, LOAD_CELL, "sensor_torque", said, remedy)
 
 
 def told_once(made: Sequence[Findings]) -> list[Findings]:
@@ -49,7 +36,7 @@ def told_once(made: Sequence[Findings]) -> list[Findings]:
     said: set[str] = set()
     told = []
     for one in made:
-        own = {f.sentence for f in one if f.name in (UNUSED, LOAD_CELL)}
+        own = {f.sentence for f in one if f.name == UNUSED}
         left = tuple(f for f in one if f.sentence not in own & said)
         told.append(replace(one, items=left))
         said |= own
