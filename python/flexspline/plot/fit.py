@@ -347,6 +347,8 @@ def _components_over_channel(fit: Fit, runs: list[FittedRun], channel: str, ax: 
     for name, (colour, line) in zip(parts[0] if parts else {}, _looks(), strict=False):
         bands = banded(x, np.concatenate([part[name] for part in parts]))
         middle = bands.median[np.isfinite(bands.median)]
+        if not middle.size:  # no band holds rows enough for its middle
+            continue
         rounding = 1e-6 * float(np.abs(middle).max(initial=0.0))
         tells = np.nanmedian(bands.high - bands.low) <= LOOSE * np.ptp(middle) + rounding
         ax.fill_between(
