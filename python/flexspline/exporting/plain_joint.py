@@ -29,7 +29,16 @@ from flexspline.model import Model, Part
 from flexspline.own import design_of
 from flexspline.signals import gear_of
 
-__all__ = ["ARMATURE", "DAMPING", "FRICTION", "Loss", "PlainJoint", "heading", "plain_joint"]
+__all__ = [
+    "ARMATURE",
+    "DAMPING",
+    "FRICTION",
+    "Loss",
+    "PlainJoint",
+    "heading",
+    "output_torque",
+    "plain_joint",
+]
 
 Array = NDArray[np.float64]
 
@@ -98,7 +107,7 @@ def plain_joint(model: Model, target: str | None, numbers: Sequence[tuple[str, i
         Where the part is of a torsion, or of a current without what makes it a torque.
     """
     part = model.part(target)
-    to_torque = _output_torque(model, part)
+    to_torque = output_torque(model, part)
     values = dict.fromkeys(numbers, 0.0)
     sweep = _Sweep(model, part)
     kept, lost, first = dict[str, str](), list[Loss](), 0
@@ -126,7 +135,9 @@ def plain_joint(model: Model, target: str | None, numbers: Sequence[tuple[str, i
         target=part.target,
         corrects=part.simulated is not None,
         armature=values.get((ARMATURE, 0), 0.0),
-        damping=tuple(values[DAMPING, power] for power in range(max(powers, default=0) + 1)),
+        damping=tuple(
+            values.get((DAMPING, power), 0.0) for power in range(max(powers, default=0) + 1)
+        ),
         friction=values.get((FRICTION, 0), 0.0),
         kept=kept,
         lost=tuple(lost),
@@ -164,8 +175,14 @@ def heading(joint: PlainJoint, what: str, attributes: Mapping[str, str]) -> Iter
         yield "  nothing"
 
 
-def _output_torque(model: Model, part: Part) -> float:
-    """Nm at the output that one of the part's unit is worth."""
+def output_torque(model: Model, part: Part) -> float:
+    """Return the Nm at the output that one of the part's unit is worth.
+
+    Raises
+    ------
+    InputError
+        Where the part is of a torsion, or of a current without what makes it a torque.
+    """
     if part.unit == "Nm":  # a motor torque is fitted at the output already
         return 1.0
     if part.unit != "A":
