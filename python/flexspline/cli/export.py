@@ -26,6 +26,7 @@ from flexspline.cli.options import (
     warn,
 )
 from flexspline.cli.speech import found, say
+from flexspline.errors import InputError
 
 __all__ = [
     "certify",
@@ -55,7 +56,8 @@ def _devices() -> Iterable[str]:
     required=True,
     help="header: constants that a C++ program compiles with the core's headers; binary: "
     "parameters that replace those of such a program while it runs; json: the model file; mujoco, "
-    "urdf: a joint of an MJCF file or a URDF.",
+    "urdf: a joint of an MJCF file or a URDF; mujoco-plugin: a folder with the sources of an "
+    "engine plugin.",
 )
 @click.option(
     "--scalar",
@@ -64,7 +66,13 @@ def _devices() -> Iterable[str]:
     show_default=True,
     help="Numbers of a binary block, as the program was compiled.",
 )
-@out_file("FILE")
+@click.option(
+    "--compile",
+    "compiles",
+    is_flag=True,
+    help="Compile the plugin too, with $CXX or c++ and the MuJoCo of this Python.",
+)
+@out_file("FILE_OR_DIR", "File to write, of mujoco-plugin a folder; whole or not at all.")
 @target(required=False)
 @strict
 def export(
@@ -72,6 +80,7 @@ def export(
     model_joint: str | None,
     form: str,
     scalar: str,
+    compiles: bool,
     out: str,
     target: str | None,
     strict: bool,
@@ -86,6 +95,10 @@ def export(
     friction and limits, in SI units at the output of the gear. A comment above it lists the effects
     that it leaves out, each with its largest torque over the ranges of the fit.
 
+    A MuJoCo plugin leaves out none of the joint's torques: it is the passive force of a joint by
+    the same C++ code, load, angle, direction and memory included. Its folder has the sources, the
+    line that builds them, and an MJCF file to copy from.
+
     Standard error says what speaks against using the model: inertia or friction of a drive that is
     negative, terms that are not significant, parameters at a bound.
 
@@ -93,14 +106,20 @@ def export(
     Examples:
       flexspline export --model joint/model.json --format header --out joint.hpp
       flexspline export --model joint/model.json --format mujoco --out joint.xml
+      flexspline export --model joint/model.json --format mujoco-plugin --compile --out elbow
     """
-    refuse_overwriting(out, [model_path])
-    joint = loaded(model_path, target, model_joint)
-
+    from flexspline.exporting import FOLDERS, export_warnings, mujoco_plugin, namespace_of
     from flexspline.exporting import export as export_model
-    from flexspline.exporting import export_warnings
 
-    export_model(joint, out, format=form, target=target, scalar=scalar, strict=strict)
+    files = FOLDERS[form](namespace_of(out)) if form in FOLDERS else ()
+    if compiles and not files:
+        raise InputError(f"--compile is for --format {' or '.join(FOLDERS)}; leave it out")
+    refuse_overwriting(out, [model_path], files)
+    joint = loaded(model_path, target, model_joint)
+    if compiles:
+        mujoco_plugin(joint, out, target, strict)
+    else:
+        export_model(joint, out, format=form, target=target, scalar=scalar, strict=strict)
     warnings = export_warnings(joint, target)
     found({"format": form, "warnings": warnings})
     warn(warnings)

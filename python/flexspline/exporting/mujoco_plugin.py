@@ -42,7 +42,7 @@ __all__ = [
 ]
 
 COMMON = "mujoco-joint.hpp"  # what all plugins share; no namespace and no own effect is called so
-INSTALL = "pip install 'flexspline[mujoco]'"
+INSTALL = "run pip install 'flexspline[mujoco]'"
 OPTIONS = ("-std=c++20", "-O2", "-ffp-contract=off", "-fvisibility=hidden", "-fPIC", "-shared")
 SUFFIXES = {"darwin": ".dylib", "win32": ".dll"}
 USUAL_TEMPERATURE = 25.0  # deg C, as in the core's sample
