@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     )
     from flexspline.experiment.limits import Limits
     from flexspline.experiment.plan import Plan
-    from flexspline.exporting import export
+    from flexspline.exporting import export, mujoco_plugin
     from flexspline.forward.result import ForwardRun
     from flexspline.forward.servo import PositionServo
     from flexspline.forward.simulating import simulate
@@ -110,6 +110,7 @@ __all__ = [
     "get_include",
     "guess_map",
     "joints_of",
+    "mujoco_plugin",
     "next_experiment",
     "own_effect",
     "read_log",
@@ -165,6 +166,7 @@ _HOME = {
     "fit_motion": "output_error.fitting",
     "guess_map": "recordings.guessing",
     "joints_of": "logs.read",
+    "mujoco_plugin": "exporting",
     "next_experiment": "discovery.experimenting",
     "own_effect": "own",
     "read_log": "logs.read",

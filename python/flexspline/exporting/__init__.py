@@ -133,7 +133,7 @@ def export(
         alone, which replace those of a program compiled with such a header (flexspline/block.hpp);
         "json", the same file as `Model.save` writes; "mujoco" or "urdf", a file with a joint for
         a simulator and a table of what that leaves out; or "mujoco-plugin", sources of an engine
-        plugin that leaves no torque of the joint out, see `flexspline.exporting.mujoco_plugin`.
+        plugin that leaves no torque of the joint out, see `flexspline.mujoco_plugin`.
     target : which part, such as "sensor_torque"; None picks the only one, and keeps all in JSON.
     scalar : "float" or "double", the numbers of a binary block.
     strict : refuse what is otherwise warned of.
