@@ -13,7 +13,7 @@ from flexspline.exporting.block import block_bytes
 from flexspline.exporting.cpp_text import namespace_name
 from flexspline.exporting.header import header_text, own_headers
 from flexspline.exporting.mjcf import mjcf_text
-from flexspline.exporting.mujoco_plugin import (
+from flexspline.exporting.plugin import (
     Plugin,
     compile_plugin,
     library_name,
