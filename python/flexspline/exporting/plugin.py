@@ -162,8 +162,8 @@ def write_plugin(model: Model, namespace: str, folder: Path, target: str | None)
     return plugin
 
 
-def compile_plugin(namespace: str, folder: Path) -> Path:
-    """Compile the plugin that `write_plugin` wrote into a folder; return the library's path.
+def compile_plugin(namespace: str, folder: Path) -> None:
+    """Compile the plugin that `write_plugin` wrote into a folder, `library_name` beside it.
 
     Raises
     ------
@@ -171,11 +171,10 @@ def compile_plugin(namespace: str, folder: Path) -> Path:
         Where MuJoCo or the compiler is missing, or the compiler refuses.
     """
     mujoco = _mujoco_folder()
-    made = folder / library_name(namespace)
     command: list[str | Path] = [host_compiler(), *OPTIONS, f"-I{include_folder()}"]
-    command += ["-isystem", mujoco / "include", folder / f"{namespace}.cpp"]
-    call([*command, _mujoco_library(mujoco), "-o", made], folder, does="compiling the plugin")
-    return made
+    command += ["-isystem", mujoco / "include", f"{namespace}.cpp", _mujoco_library(mujoco)]
+    made = library_name(namespace)
+    call([*command, "-o", made], folder, does="compiling the plugin")
 
 
 def plugin_files(namespace: str) -> list[str]:
