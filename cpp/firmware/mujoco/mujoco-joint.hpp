@@ -1,36 +1,36 @@
-/// A model of a joint as passive force of a MuJoCo joint: an engine plugin.
+/// A model of a joint as the passive force of a MuJoCo joint: an engine plugin.
 ///
-///   qfrc_passive −= k · τ(q, q̇, q̈, load, temperature, time)        at the joint's degree of freedom
+///   qfrc_passive −= k · τ(q, q̇, q̈, load, temperature, time)      at the joint's degree of freedom
 ///
 /// τ: what the exported model says that the joint takes beside its load, in the unit of its target;
 /// k: Nm at the output that such a unit is worth. A friction above zero opposes the motion.
 ///
-///   q, q̇          qpos and qvel of this step, rad and rad/s at the output; q has the zero of the logs
+///   q, q̇          qpos and qvel of this step, rad and rad/s; q has the zero of the logs
 ///   θ             Ñ q, where the model reads the motor's angle
 ///   q̈             qacc of the step before
-///   load          what the gear transmits, Nm, outward: qfrc_actuator and this force of the step
-///                 before. MuJoCo asks for passive forces ahead of all others, so that those of the
-///                 same step are not known. Both are zero in the first step.
+///   load          what the gear transmits, Nm, outward: qfrc_actuator and this force, both of the
+///                 step before, for MuJoCo asks for passive forces ahead of all others
 ///   motor torque  qfrc_actuator / Ñ of the step before
 ///   temperature   °C, a constant of the instance: config key "temperature"
 ///   period, time  opt.timestep and mjData.time
 ///
-/// The memory of effects that have one, q̈ and the load are mjData's plugin_state, as bits and not as
-/// numbers: mj_resetData clears them, and mj_copyData, mj_getState and mj_setState take them along.
-/// They move on when MuJoCo integrates: mj_forward, called as often as you like, and the stages of
-/// a Runge–Kutta step change nothing. Where the model cannot say a torque, because a channel is not
+/// In the first step what is of the step before is zero.
+///
+/// The memory of effects that have one, q̈ and the load are in mjData's plugin_state, as bits and not
+/// as numbers: mj_resetData clears them, and mj_copyData, mj_getState and mj_setState take them
+/// along. They move on when MuJoCo integrates: mj_forward, however often, and the stages of a
+/// Runge–Kutta step change nothing. Where the model cannot say a torque, because a channel is not
 /// finite, the force is NaN, at which MuJoCo warns and resets.
 ///
-/// The force is explicit: friction that changes sign over ±v_d rad/s chatters at standstill unless
-/// the timestep is below 2 M / (dτ/dv), M the joint's inertia. Loading a model with a longer one
-/// warns and gives that number.
+/// The force is explicit: friction, which changes sign over ±v_d rad/s (direction_width), chatters
+/// at standstill unless the timestep is below 2 M / (dτ/dv), M the joint's inertia. Loading a model
+/// with a longer one warns and gives that number, for the largest load at standstill that the fit
+/// knows. A narrower v_d holds a load better and takes a shorter step: below the level of friction
+/// the joint creeps at less than v_d. flexspline's own forward simulation takes v_d to zero.
 #pragma once
 
 #include <mujoco/mujoco.h>
 
-#include <bit>
-#include <cerrno>
-#include <cmath>
 #include <cstdint>
 #include <cstdlib>
 #include <cstring>
@@ -42,8 +42,9 @@
 
 namespace flexspline::mujoco {
 
-/// What `Settings` says is constant: `name` of the plugin, `model`, `torque` k, `ratio` Ñ and the
-/// `temperature` [°C] where the MJCF gives none. The instance names the joint: config key "joint".
+/// What `Settings` says is constant: `name` of the plugin, `model`, `torque` k, `ratio` Ñ, the
+/// `temperature` [°C] where the MJCF gives none, and the largest `load` [Nm] at rest. The instance
+/// names the joint: config key "joint".
 template <typename Settings>
 class JointPlugin {
  public:
@@ -205,6 +206,7 @@ class JointPlugin {
       sample.output_position = Angle<double>::from_radians(m->qpos0[joint.position]);
       sample.output_velocity = velocity;
       sample.temperature = joint.temperature;
+      sample.known_load = Settings::load;
       sample.period = m->opt.timestep;
       typename Model::State none{};
       double torque = 0;

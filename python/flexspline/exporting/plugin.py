@@ -20,11 +20,11 @@ import numpy as np
 
 from flexspline.about import __version__
 from flexspline.effects import Effect
-from flexspline.effects.causes import LAG
+from flexspline.effects.causes import GRAVITY, LAG
 from flexspline.errors import InputError, listed
 from flexspline.exporting.cpp_text import comment, include, number, string_literal
 from flexspline.exporting.header import by_motor_encoder, header_text, own_headers
-from flexspline.exporting.plain_joint import ARMATURE, output_torque, plain_joint
+from flexspline.exporting.plain_joint import ARMATURE, PlainJoint, output_torque, plain_joint
 from flexspline.exporting.xml_text import attributes
 from flexspline.exporting.xml_text import comment as xml_comment
 from flexspline.files import atomic_write
@@ -60,6 +60,7 @@ class Plugin:
     torque : Nm at the output that the part's unit is worth; the plugin's force is −torque · y.
     ratio : of the gear.
     temperature : deg C, where an MJCF gives none: the middle of the fit's range, else 25.
+    load : Nm, the largest at standstill that the fit knows: its range, and the weight.
     left : effects that do not run, and what has their place.
     """
 
@@ -68,6 +69,7 @@ class Plugin:
     torque: float
     ratio: float
     temperature: float
+    load: float
     left: Mapping[str, str]
 
 
@@ -91,12 +93,15 @@ def plugin_of(model: Model, target: str | None = None) -> Plugin:
         )
     reads = {channel for effect in effects for channel in effect.reads}
     _require_channels(model, whole, reads)
-    first, kept = 0, []
+    first, kept, weight = 0, [], 0.0
     for effect in whole.effects:
         last = first + len(effect.terms)
         if effect.name not in left:
             kept.append(whole.coefficients[first:last])
+        if effect.name == GRAVITY:
+            weight = float(np.hypot(*whole.coefficients[first:last]))
         first = last
+    ranges = whole.record.get("validity", {})
     here = ("channels", "prepared")  # of the log: an encoder, a filter
     part = replace(
         whole,
@@ -105,13 +110,14 @@ def plugin_of(model: Model, target: str | None = None) -> Plugin:
         known_load=(whole.known_load or "reference_torque") if "load" in reads else None,
         record={key: value for key, value in whole.record.items() if key not in here},
     )
-    low, high = whole.record.get("validity", {}).get("temperature", (USUAL_TEMPERATURE,) * 2)
+    low, high = ranges.get("temperature", (USUAL_TEMPERATURE,) * 2)
     return Plugin(
         Model({PART_OF[part.target]: part}, model.facts),
         part,
         torque,
         float(gear_of(model.facts, motor_encoder=False)["effective_ratio"]),
         0.5 * (float(low) + float(high)),
+        max(map(abs, ranges.get("known_load", (0.0,)))) + torque * weight,
         left,
     )
 
@@ -150,7 +156,8 @@ def write_plugin(model: Model, namespace: str, folder: Path, target: str | None)
     texts: dict[str, str | bytes] = {header.name: header.text for header in own}
     texts[f"{namespace}.hpp"] = header_text(plugin.model, namespace, of=model)
     texts[COMMON] = (firmware_folder() / "mujoco" / COMMON).read_bytes()
-    texts[f"{namespace}.xml"] = _mjcf(model, plugin, namespace, target)
+    joint = plain_joint(model, target, ((ARMATURE, 0),))
+    texts[f"{namespace}.xml"] = _mjcf(joint, plugin, namespace)
     texts[f"{namespace}.cpp"] = "\n".join(_source(plugin, namespace))
     if len(texts) < len(own) + 4:
         raise InputError(
@@ -217,6 +224,7 @@ def _source(plugin: Plugin, namespace: str) -> Iterator[str]:
         (plugin.torque, "torque", "Nm at the output that a unit of the model is worth"),
         (plugin.ratio, "ratio", "of the gear"),
         (plugin.temperature, "temperature", "deg C, where the MJCF gives none"),
+        (plugin.load, "load", "Nm, the largest at standstill, as far as the fit knows"),
     )
     library = library_name(namespace)
     files = f'{namespace}.cpp "$M"/libmujoco.* -o {library}'
@@ -256,9 +264,8 @@ def plugin_name(namespace: str) -> str:
     return f"flexspline.{namespace}"
 
 
-def _mjcf(model: Model, plugin: Plugin, namespace: str, target: str | None) -> str:
+def _mjcf(joint: PlainJoint, plugin: Plugin, namespace: str) -> str:
     """A file with one hinge joint and the plugin on it."""
-    joint = plain_joint(model, target, ((ARMATURE, 0),))
     named = attributes([("name", joint.name)])
     hinge = attributes([("type", "hinge"), ("axis", "0 0 1"), ("armature", repr(joint.armature))])
     config = [("joint", joint.name)]
