@@ -39,7 +39,8 @@ PENDULUM = """
   <actuator><position joint="j" kp="5" kv="0.1"/></actuator>
 </mujoco>"""
 INSTANCE = """<extension><plugin plugin="flexspline.{name}">
-    <instance name="j"><config key="joint" value="j"/></instance></plugin></extension>"""
+    <instance name="j"><config key="joint" value="j"/>
+    <config key="implicit" value="{implicit}"/></instance></plugin></extension>"""
 MODELS = {
     "coulomb": ["coulomb_friction"],
     "friction": ["coulomb_friction", "viscous_friction", "stribeck_friction"],
@@ -85,11 +86,14 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         for name, effects in MODELS.items():
             mujoco.mj_loadPluginLibrary(str(mujoco_plugin(model_of(effects), Path(folder) / name)))
-            texts.append(PENDULUM.format(extension=INSTANCE.format(name=name)))
+            for implicit in ("false", "true"):
+                instance = INSTANCE.format(name=name, implicit=implicit)
+                texts.append(PENDULUM.format(extension=instance))
         bare, *others = costs(texts, parser.parse_args().steps)
-    print(f"{'without':<12} {bare:6.3f} us a step")
-    for name, found in zip(MODELS, others, strict=True):
-        print(f"{name:<12} {found - bare:6.3f} us a joint and step more")
+    print(f"{bare:.3f} us a step without; more for a joint and step:")
+    more = np.reshape(others, (-1, 2)) - bare
+    for name, (explicit, implicit) in zip(MODELS, more, strict=True):
+        print(f"{name:<12} {explicit:6.3f} us, {implicit:6.3f} us where implicit")
 
 
 if __name__ == "__main__":

@@ -133,14 +133,15 @@ def drive(steps: int) -> Array:
 def recorded(mujoco: Any, model: Any, data: Any, torques: Array) -> dict[str, dict[str, Array]]:
     """Run and return, by joint, what the plugin is to have read in each step, and its force."""
     dofs = np.array([model.joint(name).dofadr[0] for name in "ab"])
-    rows = np.zeros((len(torques), 5, 2))
+    rows = np.zeros((len(torques), 6, 2))
     for k, torque in enumerate(torques):
         last = [data.qacc[dofs], data.qfrc_actuator[dofs] + data.qfrc_passive[dofs]]
         rows[k, :4] = [data.qpos[dofs], data.qvel[dofs], *(last if k else [[0, 0], [0, 0]])]
         data.ctrl[:] = torque
         mujoco.mj_step(model, data)
-        rows[k, 4] = data.qfrc_passive[dofs]
-    names = ("output_position", "output_velocity", "output_acceleration", "load", "force")
+        rows[k, 4:] = [data.qfrc_passive[dofs], data.plugin_state[model.plugin_stateadr]]
+    motion = ("output_position", "output_velocity", "output_acceleration")
+    names = (*motion, "load", "force", "velocity")
     return {
         joint: dict(zip(names, rows[:, :, place].T, strict=True))
         for place, joint in enumerate("ab")
@@ -172,7 +173,52 @@ def test_two_joints_brake_as_the_core_says_over_a_hundred_thousand_steps(
         reversals = np.count_nonzero(np.diff(np.sign(rows["output_velocity"])))
         assert reversals > 30 and np.ptp(rows["output_position"]) > 0.4
         assert np.ptp(rows["load"]) > 0.4
+        np.testing.assert_array_equal(rows["velocity"], rows["output_velocity"])
     assert set(plugin_of(model).left) == {"inertia", "gravity"}
+
+
+IMPLICIT = '<config key="implicit" value="true"/>'
+
+
+def test_an_implicit_force_is_the_cores_at_the_end_of_each_step(
+    mujoco: Any, whole: tuple[Model, str]
+) -> None:
+    model, name = whole
+    text = ARM.replace("NAME", name).replace("</instance>", f"{IMPLICIT}</instance>")
+    scene = mujoco.MjModel.from_xml_string(text)
+    scene.opt.timestep = 5 * STEP
+    runs = recorded(mujoco, scene, mujoco.MjData(scene), np.repeat(drive(4000), 5, axis=0))
+    for joint, rows in runs.items():
+        starts, rows["output_velocity"] = rows["output_velocity"], rows["velocity"]
+        expected = said_by_the_core(model, rows, TEMPERATURES[joint])
+        np.testing.assert_allclose(rows["force"], expected, rtol=0.0, atol=1e-12)
+        armature = {"a": 0.05, "b": 0.04}[joint]
+        last = np.concatenate([[0.0], rows["force"][:-1]])
+        pull = armature * rows["output_acceleration"] - last
+        ends = starts + (pull + rows["force"]) * scene.opt.timestep / armature
+        assert np.abs(ends - rows["velocity"]).max() < 2e-10
+        assert np.ptp(rows["output_position"]) > 0.4
+
+
+def test_an_implicit_force_holds_a_load_at_any_timestep(mujoco: Any, loaded: Loaded) -> None:
+    sharp = effect("coulomb_friction", direction_width=1e-3)
+    name = loaded(Model({"drive": Part("motor_torque", (sharp,), np.array([0.3]))}, FACTS))
+    slowest = {}
+    for implicit in (IMPLICIT, ""):
+        text = ARM.replace("NAME", name).replace("</instance>", f"{implicit}</instance>")
+        scene = mujoco.MjModel.from_xml_string(text)
+        scene.opt.timestep, scene.opt.gravity = 0.005, (0.0, 0.0, 0.0)
+        data = mujoco.MjData(scene)
+        data.ctrl[:] = 0.2, 0.0
+        mujoco.mj_step(scene, data, nstep=400)
+        speeds = []
+        for _ in range(20):
+            mujoco.mj_step(scene, data)
+            speeds.append(abs(data.joint("a").qvel[0]))
+        slowest[implicit] = max(speeds)
+    creeps = 1e-3 * np.arctanh(0.2 / 0.3)
+    assert slowest[IMPLICIT] == pytest.approx(creeps, rel=0.01)
+    assert slowest[""] > 5.0 * creeps
 
 
 def test_the_memory_of_each_instance_is_cleared_by_a_reset(
@@ -290,6 +336,16 @@ WRONG = {
     "no joint": ('<config key="joint" value="a"/>', "", 'config with key="joint"'),
     "one joint twice": ('value="b"', 'value="a"', "two instances act on joint 'a'"),
     "words for a temperature": ('value="31"', 'value="warm"', "temperature of joint 'b' is no num"),
+    "neither true nor false": (
+        'value="a"/>',
+        'value="a"/><config key="implicit" value="yes"/>',
+        "implicit of joint 'a' is neither true nor false",
+    ),
+    "no armature": (
+        'value="a"/></instance>',
+        f'value="a"/>{IMPLICIT}</instance>',
+        "an implicit force needs an armature of joint 'a' above zero",
+    ),
     "no temperature": ('value="31"', 'value="nan"', "temperature of joint 'b' is no number"),
 }
 
@@ -299,6 +355,8 @@ def test_what_the_mjcf_has_wrong_is_said(case: str, mujoco: Any, whole: tuple[Mo
     old, new, sentence = WRONG[case]
     text = ARM.replace("NAME", whole[1])
     assert old in text
+    if case == "no armature":
+        text = text.replace('armature="0.05"', "")
     with pytest.raises(ValueError, match=re.escape(sentence)) as raised:
         mujoco.MjModel.from_xml_string(text.replace(old, new, 1))
     assert f"flexspline.{whole[1]}: " in str(raised.value)

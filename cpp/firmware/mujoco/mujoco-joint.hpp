@@ -22,11 +22,19 @@
 /// Runge–Kutta step change nothing. Where the model cannot say a torque, because a channel is not
 /// finite, the force is NaN, at which MuJoCo warns and resets.
 ///
-/// The force is explicit: friction, which changes sign over ±v_d rad/s (direction_width), chatters
-/// at standstill unless the timestep is below 2 M / (dτ/dv), M the joint's inertia. Loading a model
-/// with a longer one warns and gives that number, for the largest load at standstill that the fit
-/// knows. A narrower v_d holds a load better and takes a shorter step: below the level of friction
-/// the joint creeps at less than v_d. flexspline's own forward simulation takes v_d to zero.
+/// The force is that of q̇ at the start of the step: friction, which changes sign over ±v_d rad/s
+/// (direction_width), chatters at standstill unless the timestep h is below 2 M / (k dτ/dv), M the
+/// joint's inertia. Loading a model with a longer one warns and gives that number, for the largest
+/// load at standstill that the fit knows. Below the level of friction the joint creeps at less than
+/// v_d; flexspline's own forward simulation takes v_d to zero.
+///
+/// With the config key "implicit" at "true" the force is that of u, the velocity at the end of the
+/// step, and any timestep will do:
+///
+///   u = q̇ + (F − k τ(u)) h / A,    F = A q̈ + k τ of the step before
+///
+/// A: the joint's armature, no more than what truly moves with it, at which this is stable. Not for
+/// Runge–Kutta, whose stages are no steps. plugin_state begins with u, or q̇, for which the force is.
 #pragma once
 
 #include <mujoco/mujoco.h>
@@ -50,11 +58,11 @@ class JointPlugin {
  public:
   /// Makes the plugin known to MuJoCo.
   static void enter() {
-    static constexpr const char* attributes[] = {"joint", "temperature"};
+    static constexpr const char* attributes[] = {"joint", "temperature", "implicit"};
     mjpPlugin plugin;
     mjp_defaultPlugin(&plugin);
     plugin.name = Settings::name;
-    plugin.nattribute = 2;
+    plugin.nattribute = 3;
     plugin.attributes = attributes;
     plugin.capabilityflags = mjPLUGIN_PASSIVE;
     plugin.nstate = [](const mjModel*, int) { return numbers_of_memory; };
@@ -74,8 +82,11 @@ class JointPlugin {
     };
     plugin.compute = [](const mjModel* m, mjData* d, int instance, int) {
       Joint& joint = *of(d, instance);
-      joint.next = read(d->plugin_state + m->plugin_stateadr[instance]);
-      joint.force = -Settings::torque * taken(m->opt.timestep, *d, joint, joint.next);
+      const Memory before = read(d->plugin_state + m->plugin_stateadr[instance]);
+      const Step step{*d, joint, before, m->opt.timestep, m->dof_armature[joint.dof]};
+      joint.next = before;
+      joint.next.velocity = joint.implicit ? step.ends_with() : d->qvel[joint.dof];
+      joint.force = step.force(joint.next.velocity, joint.next.effects);
       d->qfrc_passive[joint.dof] += joint.force;
     };
     plugin.advance = [](const mjModel* m, mjData* d, int instance) {
@@ -94,7 +105,7 @@ class JointPlugin {
 
   /// What a step keeps for the next one.
   struct Memory {
-    double acceleration = 0, actuators = 0, load = 0;
+    double velocity = 0, acceleration = 0, actuators = 0, load = 0;
     typename Model::State effects{};
   };
   static_assert(std::is_trivially_copyable_v<Memory>);
@@ -105,9 +116,13 @@ class JointPlugin {
   struct Joint {
     int position = 0, dof = 0;
     double temperature = Settings::temperature;
+    bool implicit = false;
     Memory next{};
     double force = 0;
   };
+
+  static constexpr int most_trials = 60;
+  static constexpr double tolerance = 1e-10;  ///< rad/s, of the velocity at the end of a step
 
   static Joint* of(const mjData* d, int instance) noexcept {
     return reinterpret_cast<Joint*>(d->plugin_data[instance]);
@@ -130,21 +145,60 @@ class JointPlugin {
     std::memcpy(state, &memory, sizeof memory);
   }
 
-  /// τ of this instant, NaN where the model cannot say; `memory` moves on by a step.
-  static double taken(double period, const mjData& d, const Joint& joint, Memory& memory) noexcept {
-    Sample<double> at;
-    at.output_position = Angle<double>::from_radians(d.qpos[joint.position]);
-    at.output_velocity = d.qvel[joint.dof];
-    at.output_acceleration = memory.acceleration;
-    at.temperature = joint.temperature;
-    at.known_load = memory.load;
-    at.motor_torque = memory.actuators / Settings::ratio;
-    at.period = period;
-    at.time = d.time;
-    double torque = std::numeric_limits<double>::quiet_NaN();
-    const Status status = evaluation::predict(Settings::model, at, memory.effects, torque);
-    return status == Status::ok ? torque : std::numeric_limits<double>::quiet_NaN();
-  }
+  /// A step of MuJoCo before it is made: the force by the velocity, and the velocity at its end.
+  struct Step {
+    const mjData& d;
+    const Joint& joint;
+    const Memory& before;
+    double period, armature;
+
+    /// −k τ, NaN where the model cannot say; `effects`, as they were before, move on by the step.
+    double force(double velocity, typename Model::State& effects) const noexcept {
+      Sample<double> at;
+      at.output_position = Angle<double>::from_radians(d.qpos[joint.position]);
+      at.output_velocity = velocity;
+      at.output_acceleration = before.acceleration;
+      at.temperature = joint.temperature;
+      at.known_load = before.load;
+      at.motor_torque = before.actuators / Settings::ratio;
+      at.period = period;
+      at.time = d.time;
+      double torque = std::numeric_limits<double>::quiet_NaN();
+      const Status status = evaluation::predict(Settings::model, at, effects, torque);
+      return status == Status::ok ? -Settings::torque * torque
+                                  : std::numeric_limits<double>::quiet_NaN();
+    }
+
+    /// u = q̇ + (F − k τ(u)) h / A. Where friction grows with speed the explicit step ends too far,
+    /// and u lies between; where it falls, the next such step is nearer to u.
+    double ends_with() const noexcept {
+      const double scale = period / armature;
+      const double pull = armature * before.acceleration - (before.load - before.actuators);
+      const double start = d.qvel[joint.dof];
+      const auto beyond = [&](double velocity) {
+        typename Model::State unused = before.effects;
+        return velocity - start - scale * (pull + force(velocity, unused));
+      };
+      double low = start, at_low = beyond(low);
+      double high = start - at_low, at_high = beyond(high);
+      for (int k = 0; k < most_trials && math::absolute(at_high) > tolerance; ++k) {
+        const bool between = at_low * at_high < 0;  // Illinois, and each third time the middle
+        const double secant = (low * at_high - high * at_low) / (at_high - at_low);
+        const double inside = k % 3 == 2 ? 0.5 * (low + high) : secant;
+        const double next = between ? inside : high - at_high;
+        const double at_next = beyond(next);
+        if (!between || at_next * at_high < 0) {
+          low = high;
+          at_low = at_high;
+        } else {
+          at_low *= 0.5;
+        }
+        high = next;
+        at_high = at_next;
+      }
+      return high;
+    }
+  };
 
   static int init(const mjModel* m, mjData* d, int instance) {
     d->plugin_data[instance] = 0;
@@ -176,7 +230,16 @@ class JointPlugin {
     }
     joint.position = m->jnt_qposadr[id];
     joint.dof = m->jnt_dofadr[id];
-    warn_of_chatter(m, joint, name);
+    if (!read_switch(mj_getPluginConfig(m, instance, "implicit"), joint.implicit)) {
+      mju_warning("%s: implicit of joint '%.200s' is neither true nor false", Settings::name, name);
+      return -1;
+    }
+    if (joint.implicit && !(m->dof_armature[joint.dof] > 0)) {
+      mju_warning("%s: an implicit force needs an armature of joint '%.200s' above zero",
+                  Settings::name, name);
+      return -1;
+    }
+    if (!joint.implicit) warn_of_chatter(m, joint, name);
     auto* kept = new (std::nothrow) Joint(joint);
     d->plugin_data[instance] = reinterpret_cast<std::uintptr_t>(kept);
     return kept == nullptr ? -1 : 0;
@@ -196,6 +259,11 @@ class JointPlugin {
     char* end = nullptr;
     temperature = std::strtod(text, &end);
     return *end == 0 && math::is_finite(temperature);
+  }
+
+  static bool read_switch(const char* text, bool& on) {
+    on = text != nullptr && std::strcmp(text, "true") == 0;
+    return on || text == nullptr || *text == 0 || std::strcmp(text, "false") == 0;
   }
 
   /// Whether friction can change sign faster than a step lets it, which MuJoCo's user is told.
@@ -218,7 +286,7 @@ class JointPlugin {
     if (slope > 0 && m->opt.timestep > longest) {
       mju_warning(
           "%s: friction of joint '%.200s' will chatter at standstill with a timestep of %g s; give "
-          "one below %.2g s",
+          "one below %.2g s, or the config \"implicit\" the value \"true\"",
           Settings::name, name, m->opt.timestep, longest);
     }
   }

@@ -271,13 +271,15 @@ def _mjcf(joint: PlainJoint, plugin: Plugin, namespace: str) -> str:
     config = [("joint", joint.name)]
     if any("temperature" in effect.reads for effect in plugin.part.effects):
         config.append(("temperature", repr(plugin.temperature)))
+    if joint.armature > 0.0:
+        config.append(("implicit", "true"))
     inertial = attributes(
         [("pos", "0 0 0"), ("mass", "0.001"), ("diaginertia", "1e-09 1e-09 1e-09")]
     )
     return "\n".join(
         [
             f"<mujoco {attributes([('model', joint.name)])}>",
-            xml_comment(_said(plugin, namespace, corrects=joint.corrects), "  "),
+            xml_comment(_said(joint, plugin, namespace), "  "),
             '  <compiler angle="radian"/>',
             "  <extension>",
             f"    <plugin {attributes([('plugin', plugin_name(namespace))])}>",
@@ -298,7 +300,7 @@ def _mjcf(joint: PlainJoint, plugin: Plugin, namespace: str) -> str:
     )
 
 
-def _said(plugin: Plugin, namespace: str, corrects: bool) -> Iterator[str]:
+def _said(joint: PlainJoint, plugin: Plugin, namespace: str) -> Iterator[str]:
     yield f"Made by flexspline {__version__} of the model of {plugin.part.target}: a joint whose"
     yield f"passive force is the plugin of {namespace}.cpp, which says how it is built and loaded."
     yield "Each joint with it has an instance of its own, which names it."
@@ -313,7 +315,10 @@ def _said(plugin: Plugin, namespace: str, corrects: bool) -> Iterator[str]:
         yield from (f"  {name:<{width}}  {why}" for name, why in plugin.left.items())
     yield ""
     yield "The armature is all inertia that the model found: where your link has its own, take that"
-    if corrects:
+    if joint.corrects:
         yield "off. The model corrects a simulation: keep damping and frictionloss of its joint."
     else:
         yield "off. Leave damping and frictionloss at zero, for the plugin has them."
+    yield ""
+    yield "The config implicit lets friction hold at any timestep; without it, and for Runge-Kutta, the"
+    yield "force is that of the velocity at the start of a step, and MuJoCo warns of one that is too long."
