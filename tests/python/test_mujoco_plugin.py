@@ -467,8 +467,8 @@ def test_no_name_reaches_out_of_its_place(name: str, tmp_path: Path) -> None:
     folder = export(model, tmp_path / 'jo"int\n7', "mujoco-plugin")
     root = ET.fromstring((folder / "jo_int_7.xml").read_text(encoding="utf-8"))
     (joint,) = root.iter("joint")
-    (config,) = root.iter("config")
-    assert joint.attrib["name"] == config.attrib["value"]
+    config = {one.attrib["key"]: one.attrib["value"] for one in root.iter("config")}
+    assert config == {"joint": joint.attrib["name"], "implicit": "true"}
     source = (folder / "jo_int_7.cpp").read_text(encoding="utf-8")
     assert source.isascii() and all(letter.isprintable() or letter == "\n" for letter in source)
     usual = export(
