@@ -320,6 +320,6 @@ def _said(joint: PlainJoint, plugin: Plugin, namespace: str) -> Iterator[str]:
     else:
         yield "off. Leave damping and frictionloss at zero, for the plugin has them."
     yield ""
-    yield "The config implicit lets friction hold at any timestep. Without it, and for Runge-Kutta,"
-    yield "the force is that of the velocity at the start of a step, and one that is too long for it"
-    yield "is warned of."
+    yield "The config implicit lets friction hold at any timestep. Without it, as for Runge-Kutta,"
+    yield "the force is that of the velocity at the start of a step, and MuJoCo warns of steps that"
+    yield "are too long for it."
