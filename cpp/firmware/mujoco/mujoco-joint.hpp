@@ -56,8 +56,8 @@ namespace flexspline::mujoco {
 template <typename Settings>
 class JointPlugin {
  public:
-  /// Makes the plugin known to MuJoCo.
-  static void enter() {
+  /// Makes the plugin known to MuJoCo, which calls it by the number that is returned.
+  static int enter() {
     static constexpr const char* attributes[] = {"joint", "temperature", "implicit"};
     mjpPlugin plugin;
     mjp_defaultPlugin(&plugin);
@@ -96,7 +96,7 @@ class JointPlugin {
       joint.next.load = joint.next.actuators + joint.force;
       write(joint.next, d->plugin_state + m->plugin_stateadr[instance]);
     };
-    mjp_registerPlugin(&plugin);
+    return mjp_registerPlugin(&plugin);
   }
 
  private:

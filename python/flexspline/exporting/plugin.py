@@ -228,7 +228,6 @@ def _source(plugin: Plugin, namespace: str) -> Iterator[str]:
     )
     library = library_name(namespace)
     files = f'{namespace}.cpp "$M"/libmujoco.* -o {library}'
-    start = f"mjPLUGIN_LIB_INIT({namespace})"
     yield f"// A MuJoCo plugin, made by flexspline {__version__} of a model of {target}."
     yield f"// What it does with which numbers: {COMMON} beside it. Build it in this folder with"
     yield "//"
@@ -253,9 +252,10 @@ def _source(plugin: Plugin, namespace: str) -> Iterator[str]:
         yield f"  static constexpr double {name} = {number(value, name)};  // {comment(what)}"
     yield "};"
     yield ""
-    yield "}  // namespace"
+    yield "// As the library is loaded; mjPLUGIN_LIB_INIT is another one in each version of MuJoCo."
+    yield "const int slot = flexspline::mujoco::JointPlugin<Settings>::enter();"
     yield ""
-    yield f"{start} {{ flexspline::mujoco::JointPlugin<Settings>::enter(); }}"
+    yield "}  // namespace"
     yield ""
 
 
