@@ -39,7 +39,7 @@ if TYPE_CHECKING:
         Thermistor,
     )
     from flexspline.experiment.plan import Limits, Plan
-    from flexspline.exporting import export
+    from flexspline.exporting import export, mujoco_plugin
     from flexspline.forward.servo import PositionServo
     from flexspline.forward.simulating import ForwardRun, simulate
     from flexspline.least_squares.options import FitOptions
@@ -108,6 +108,7 @@ __all__ = [
     "get_include",
     "guess_map",
     "joints_of",
+    "mujoco_plugin",
     "next_experiment",
     "own_effect",
     "read_log",
@@ -164,6 +165,7 @@ _HOME = {
     "fit_motion": "output_error.fitting",
     "guess_map": "recordings.guessing",
     "joints_of": "logs.read",
+    "mujoco_plugin": "exporting",
     "next_experiment": "discovery.experimenting",
     "own_effect": "own",
     "read_log": "logs.read",

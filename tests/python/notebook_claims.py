@@ -71,6 +71,14 @@ assert certificate.bit_identical and certificate.outputs[0].quantisation < 1e-6
 import pathlib
 assert {path.name for path in pathlib.Path("controller").iterdir()} == {"joint.hpp", "lip_seal.hpp"}
 """,
+    "mujoco_plugin": """
+assert apart <= 1e-12 and len(seen) > 3000
+built, plugin = np.array(rows)
+assert (plugin < built).tolist() == [False, True, True, True]
+assert np.argmax(built - plugin) == 3 and plugin[0] - built[0] < 10.0
+assert both[0] > 60.0 and both[1] < 45.0
+assert held_out[0]["enabled"].min() == 0.0
+""",
     "turlapati": """
 assert fit.confounded and len(fit.confounded[0].known) == 2
 passed = made.story.tables["lowpass"]["first-order filter passes"]

@@ -152,7 +152,7 @@ def test_a_model_of_several_parts_needs_a_target_for_a_header(tmp_path: Path) ->
     ("model", "options", "sentence"),
     [
         (ONE, {"format": "headr"}, "no export format 'headr' .did you mean 'header'"),
-        (ONE, {"format": "elf"}, "json or fmu or simulink or mujoco or urdf"),
+        (ONE, {"format": "elf"}, "json or fmu or simulink or mujoco-plugin or mujoco or urdf"),
         (ONE, {"format": "binary", "scalar": "half"}, "give float or double"),
         (ONE, {"target": "torsion"}, "no part for the target torsion"),
         (ONE, {"target": "torsion", "format": "json"}, "no part for the target torsion"),

@@ -67,6 +67,7 @@ def content(wheel: Distribution) -> set[str]:
         "flexspline/schemas/certificate.schema.json",
         "flexspline/firmware/README.md",
         "flexspline/firmware/example.cpp",
+        "flexspline/firmware/mujoco/mujoco-joint.hpp",
         "flexspline/firmware/own/rows.cpp",
         "flexspline/firmware/simulators/fmu.cpp",
         "flexspline/firmware/simulators/sfunction.cpp",

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from flexspline.exporting.plain_joint import PlainJoint
     from flexspline.logs.log import Log
     from flexspline.model import Model
+from flexspline.errors import InputError
 
 __all__ = [
     "certify",
@@ -67,7 +68,8 @@ def _devices() -> Iterable[str]:
     help="header: constants that a C++ program compiles with the core's headers; binary: "
     "parameters that replace those of such a program while it runs; json: the model file; fmu: a "
     "unit of FMI 3.0 with sources and a binary for this machine; simulink: the C++ source of an "
-    "S-function; mujoco, urdf: a joint of an MJCF file or a URDF.",
+    "S-function; mujoco, urdf: a joint of an MJCF file or a URDF; mujoco-plugin: a folder with "
+    "the sources of an engine plugin.",
 )
 @click.option(
     "--scalar",
@@ -76,7 +78,13 @@ def _devices() -> Iterable[str]:
     show_default=True,
     help="Numbers of a binary block, as the program was compiled.",
 )
-@out_file("FILE")
+@click.option(
+    "--compile",
+    "compiles",
+    is_flag=True,
+    help="Compile the plugin too, with $CXX or c++ and the MuJoCo of this Python.",
+)
+@out_file("FILE_OR_DIR", "File to write, of mujoco-plugin a folder; whole or not at all.")
 @target(required=False)
 @simulation
 @strict
@@ -89,6 +97,7 @@ def export(
     model_joint: str | None,
     form: str,
     scalar: str,
+    compiles: bool,
     out: str,
     target: str | None,
     strict: bool,
@@ -111,6 +120,10 @@ def export(
     given, it has the root mean square of each there too, and the errors of model and joint, and the
     command prints them.
 
+    A MuJoCo plugin leaves out none of the joint's torques: it is the passive force of a joint by
+    the same C++ code, load, angle, direction and memory included. Its folder has the sources, the
+    line that builds them, and an MJCF file to copy from.
+
     Standard error says what speaks against using the model: inertia or friction of a drive that is
     negative, terms that are not significant, parameters at a bound.
 
@@ -120,19 +133,34 @@ def export(
       flexspline export --model joint/model.json --format fmu --out joint.fmu
       flexspline export --model joint/model.json --format mujoco --out joint.xml
       flexspline export --model joint/model.json --format mujoco --out joint.xml run1.csv run2.csv
+      flexspline export --model joint/model.json --format mujoco-plugin --compile --out elbow
     """
-    refuse_overwriting(out, [*runs, *simulation, model_path])
-    joint = loaded(model_path, target, model_joint or reading.joint)
-
-    from flexspline.exporting import JOINTS, export_warnings, joint_of
+    from flexspline.exporting import (
+        FOLDERS,
+        JOINTS,
+        export_warnings,
+        joint_of,
+        mujoco_plugin,
+        namespace_of,
+    )
     from flexspline.exporting import export as export_model
 
+    files = FOLDERS[form](namespace_of(out)) if form in FOLDERS else ()
+    if compiles and not files:
+        raise InputError(f"--compile is for --format {' or '.join(FOLDERS)}; leave it out")
+    refuse_overwriting(out, [*runs, *simulation, model_path], files)
+    joint = loaded(model_path, target, model_joint or reading.joint)
     logs: Sequence[Log] = ()
     if runs or simulation:
         part = joint.part(target)
         require_simulations(model_path, part, runs, simulation, simulated_torque)
         logs = _runs(reading, runs, joint, part.target, simulation, simulated_torque)
-    export_model(joint, out, format=form, target=target, scalar=scalar, strict=strict, runs=logs)
+    if compiles and not logs:
+        mujoco_plugin(joint, out, target, strict)
+    else:
+        export_model(
+            joint, out, format=form, target=target, scalar=scalar, strict=strict, runs=logs
+        )
     warnings = export_warnings(joint, target)
     found({"format": form, "warnings": warnings})
     warn(warnings)

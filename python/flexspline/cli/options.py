@@ -431,9 +431,10 @@ def files_of(out: str, logs: Sequence[Log], inputs: Sequence[str]) -> list[str]:
     return names
 
 
-def out_file(metavar: str) -> Callable[[Command], Command]:
+def out_file(
+    metavar: str, says: str = "File to write, whole or not at all."
+) -> Callable[[Command], Command]:
     """--out FILE"""
-    says = "File to write, whole or not at all."
     return click.option("--out", required=True, metavar=metavar, type=FILE, help=says)
 
 

@@ -15,13 +15,32 @@ from flexspline.exporting.cpp_text import namespace_name
 from flexspline.exporting.fmu import fmu_bytes
 from flexspline.exporting.header import header_text, own_headers
 from flexspline.exporting.plain_joint import PlainJoint, plain_joint
+from flexspline.exporting.plugin import (
+    Plugin,
+    compile_plugin,
+    library_name,
+    plugin_files,
+    plugin_of,
+    write_plugin,
+)
 from flexspline.exporting.simulink import sfunction_text
-from flexspline.files import atomic_write
+from flexspline.files import atomic_write, whole_folder
 from flexspline.logs.read import LogLike, as_logs
 from flexspline.model import PART_OF, Model, part_warnings, refuse_warnings
 from flexspline.own.header import Header
 
-__all__ = ["FORMATS", "JOINTS", "export", "export_warnings", "joint_of", "namespace_of"]
+__all__ = [
+    "FOLDERS",
+    "FORMATS",
+    "JOINTS",
+    "Plugin",
+    "export",
+    "export_warnings",
+    "joint_of",
+    "mujoco_plugin",
+    "namespace_of",
+    "plugin_of",
+]
 
 
 def _header(model: Model, path: Path, target: str | None, scalar: str) -> None:
@@ -87,16 +106,31 @@ def _fmu(model: Model, path: Path, target: str | None, scalar: str) -> None:
     atomic_write(path, fmu_bytes(model, namespace_of(path), target))
 
 
+def _mujoco_plugin(
+    model: Model, path: Path, target: str | None, scalar: str, compiles: bool = False
+) -> None:
+    namespace = namespace_of(path)
+    for own in own_headers(plugin_of(model, target).model, None):
+        _is_there(own, path / f"{namespace}.hpp")
+    with whole_folder(path) as draft:
+        write_plugin(model, namespace, draft, target)
+        if compiles:
+            compile_plugin(namespace, draft)
+
+
 WRITERS: Mapping[str, Callable[[Model, Path, str | None, str], None]] = {
     "header": _header,
     "binary": _binary,
     "json": _json,
     "fmu": _fmu,
     "simulink": _simulink,
+    "mujoco-plugin": _mujoco_plugin,
 }
 """What writes each format of a program, whole or not at all."""
 
 FORMATS = (*WRITERS, *JOINTS)
+FOLDERS: Mapping[str, Callable[[str], list[str]]] = {"mujoco-plugin": plugin_files}
+"""Formats that are a folder: its files, by the namespace."""
 
 
 def export(
@@ -113,13 +147,14 @@ def export(
     Parameters
     ----------
     model : what `fit` or `Model.load` gives.
-    path : file to write; its stem is the header's namespace.
+    path : file to write, of "mujoco-plugin" a folder; its stem is the header's namespace.
     format : "header", constants for a C++20 program in float or double; "binary", the parameters
         alone, which replace those of a program compiled with such a header (flexspline/block.hpp);
         "json", the same file as `Model.save` writes; "fmu", a co-simulation unit of FMI 3.0,
         compiled for this machine; "simulink", the C++ source of an S-function, which no Simulink
-        has run; or "mujoco" or "urdf", a file with a joint for a simulator and a table of what that
-        leaves out.
+        has run; "mujoco" or "urdf", a file with a joint for a simulator and a table of what that
+        leaves out; or "mujoco-plugin", sources of an engine plugin that leaves no torque of the
+        joint out, see `flexspline.mujoco_plugin`.
     target : which part, such as "sensor_torque"; None picks the only one, and keeps all in JSON.
     scalar : "float" or "double", the numbers of a binary block.
     strict : refuse what is otherwise warned of.
@@ -135,9 +170,10 @@ def export(
     ------
     InputError
         For an unknown format, scalar or target, a number that the core cannot hold, a target that
-        is no torque where a simulator's joint needs one, a compiler that is missing or refuses,
-        runs that lack what the model reads or of which the format says nothing, or a path that
-        cannot be written; with `strict` for what is otherwise warned of.
+        is no torque where a simulator's joint needs one, a part without an effect that a plugin
+        could run, a compiler that is missing or refuses, runs that lack what the model reads or of
+        which the format says nothing, or a path that cannot be written; with `strict` for what is
+        otherwise warned of.
 
     Warns
     -----
@@ -147,11 +183,7 @@ def export(
     if format not in FORMATS:
         near = did_you_mean(format, FORMATS)
         raise InputError(f"there is no export format '{format}'{near}; give {' or '.join(FORMATS)}")
-    said = export_warnings(model, target)
-    if strict:
-        refuse_warnings(said)
-    for sentence in said:
-        warnings.warn(sentence, FlexsplineWarning, stacklevel=2)
+    _warn(model, target, strict)
     if format in JOINTS:
         _, text = JOINTS[format]
         atomic_write(path, text(joint_of(model, format, target, runs)))
@@ -163,6 +195,52 @@ def export(
         )
     WRITERS[format](model, Path(path), target, scalar)
     return Path(path)
+
+
+def _warn(model: Model, target: str | None, strict: bool) -> None:
+    said = export_warnings(model, target)
+    if strict:
+        refuse_warnings(said)
+    for sentence in said:
+        warnings.warn(sentence, FlexsplineWarning, stacklevel=3)
+
+
+def mujoco_plugin(
+    model: Model, path: str | os.PathLike[str], target: str | None = None, strict: bool = False
+) -> Path:
+    """Export a model as a MuJoCo engine plugin and compile it with this machine's compiler.
+
+    The plugin is the passive force of one joint: what the model says that the joint takes beside
+    its load, by the core's own code in double, with the memory of effects that have one in mjData.
+    Inertia and weight are left to MuJoCo, errors of a sensor left out. `mujoco-joint.hpp` in the
+    folder says with which numbers it works. The compiler is $CXX, else c++; headers and library of
+    MuJoCo are those of Python's `mujoco`.
+
+    Parameters
+    ----------
+    path : folder to write, as of `export(..., format="mujoco-plugin")`; its name is the plugin's,
+        "flexspline.NAME". A process knows one plugin of a name.
+    target, strict : as of `export`.
+
+    Returns
+    -------
+    The library, for `mujoco.mj_loadPluginLibrary(str(library))` before the MJCF is read that names
+    the plugin.
+
+    Raises
+    ------
+    InputError
+        As `export`; where `mujoco` is not installed, or the compiler is missing or refuses.
+
+    Warns
+    -----
+    FlexsplineWarning
+        As `export`.
+    """
+    folder = Path(path)
+    _warn(model, target, strict)
+    _mujoco_plugin(model, folder, target, "double", compiles=True)
+    return folder / library_name(namespace_of(folder))
 
 
 def joint_of(

@@ -110,12 +110,17 @@ RESULTS = {
 
 
 def header_text(
-    model: Model, namespace: str, target: str | None = None, *, chain: bool = True
+    model: Model,
+    namespace: str,
+    target: str | None = None,
+    of: Model | None = None,
+    *,
+    chain: bool = True,
 ) -> str:
     """Return the header of one part of a model, and of its estimators where it has any.
 
     A model with several parts, estimators and no target gives the estimators alone; `chain` False
-    leaves them out.
+    leaves them out. `of`: the model whose hash the header gives, where this one is a piece of it.
 
     Raises
     ------
@@ -134,8 +139,9 @@ def header_text(
     if plan is not None:
         includes |= {"flexspline/joint.hpp", *chain_includes(plan)}
         constants += [*chain_lines(model, plan), ""]
+    digest = model_sha256(of or model)
     lines = [
-        *_comment(_head(model, part, plan, namespace)),
+        *_comment(_head(model, part, plan, namespace, digest)),
         "#pragma once",
         "",
         "#include <array>",
@@ -145,7 +151,7 @@ def header_text(
         "",
         f"namespace {namespace} {{",
         "",
-        *_facts(model, part),
+        *_facts(part, digest),
         "",
         *constants,
         f"}}  // namespace {namespace}",
@@ -154,7 +160,9 @@ def header_text(
     return "\n".join(lines)
 
 
-def _head(model: Model, part: Part | None, plan: Plan | None, namespace: str) -> Iterator[str]:
+def _head(
+    model: Model, part: Part | None, plan: Plan | None, namespace: str, digest: str
+) -> Iterator[str]:
     """Paragraphs of the comment at the top; lines that start with a blank are kept as they are."""
     joint = model.facts.get("joint")
     yield (
@@ -162,10 +170,10 @@ def _head(model: Model, part: Part | None, plan: Plan | None, namespace: str) ->
         f"by flexspline {__version__}; export it again instead of editing it."
     )
     yield ""
-    yield f"Model: SHA-256 {model_sha256(model)}"
+    yield f"Model: SHA-256 {digest}"
     for log in _logs(model, part):
-        digest = f"SHA-256 {log['sha256']}" if log["sha256"] else "not from a file"
-        yield f"Log:   {log['name']}, {log['rows']} rows, {digest}"
+        known = f"SHA-256 {log['sha256']}" if log["sha256"] else "not from a file"
+        yield f"Log:   {log['name']}, {log['rows']} rows, {known}"
     if part is not None:
         yield ""
         if part.simulated is None:
@@ -306,12 +314,12 @@ def _flagged(part: Part) -> list[str]:
     return [name for name in reads if name in part.record.get("validity", {})]
 
 
-def _facts(model: Model, part: Part | None) -> Iterator[str]:
+def _facts(part: Part | None, digest: str) -> Iterator[str]:
     if part is not None:
         yield f"inline constexpr std::string_view target = {string_literal(part.target)};"
         yield f"inline constexpr std::string_view unit = {string_literal(part.unit)};"
     yield "inline constexpr std::string_view model_sha256 ="
-    yield f"    {string_literal(model_sha256(model))};"
+    yield f"    {string_literal(digest)};"
 
 
 def model_sha256(model: Model) -> str:

@@ -40,6 +40,7 @@ __all__ = [
     "PlainJoint",
     "heading",
     "losses_text",
+    "output_torque",
     "plain_joint",
     "runs_text",
 ]
@@ -141,7 +142,7 @@ def plain_joint(
         run lacks a channel that the model reads, or no row of the runs has them all.
     """
     part = model.part(target)
-    to_torque = _output_torque(model, part)
+    to_torque = output_torque(model, part)
     values = dict.fromkeys(numbers, 0.0)
     sweep = _Sweep(model, part)
     kept, lost, first = dict[str, str](), list[Loss](), 0
@@ -177,7 +178,9 @@ def plain_joint(
         target=part.target,
         corrects=part.simulated is not None,
         armature=values.get((ARMATURE, 0), 0.0),
-        damping=tuple(values[DAMPING, power] for power in range(max(powers, default=0) + 1)),
+        damping=tuple(
+            values.get((DAMPING, power), 0.0) for power in range(max(powers, default=0) + 1)
+        ),
         friction=values.get((FRICTION, 0), 0.0),
         kept=kept,
         lost=tuple(lost),
@@ -284,8 +287,14 @@ def runs_text(cost: OnRuns, target: str) -> Iterator[str]:
         yield f"There is no error: the runs have no {target} to compare with."
 
 
-def _output_torque(model: Model, part: Part) -> float:
-    """Nm at the output that one of the part's unit is worth."""
+def output_torque(model: Model, part: Part) -> float:
+    """Return the Nm at the output that one of the part's unit is worth.
+
+    Raises
+    ------
+    InputError
+        Where the part is of a torsion, or of a current without what makes it a torque.
+    """
     if part.unit == "Nm":  # a motor torque is fitted at the output already
         return 1.0
     if part.unit != "A":
