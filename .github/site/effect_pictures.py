@@ -38,7 +38,9 @@ SPANS = {
     "motor_torque": (-1.0, 1.0),
     "time": (0.0, 600.0),
 }
-"""Channels in the order in which they are chosen for the axis, and how far they are swept."""
+"""Channels in the order in which they are chosen for the axis, and how far they are swept; others
+come last."""
+ELSEWHERE = (0.0, 50.0)
 BESIDE = {
     "output_velocity": (-0.3, 0.3),
     "load": (5.0, 10.0, 20.0),
@@ -55,7 +57,7 @@ def axis_of(info: EffectInfo) -> str:
         return "time"
     if info.paths:
         return info.paths[0][0]
-    return next(name for name in SPANS if name in info.reads)
+    return next((name for name in SPANS if name in info.reads), info.reads[0])
 
 
 def draw(info: EffectInfo, path: Path) -> None:
@@ -100,7 +102,7 @@ def _curves(info: EffectInfo) -> Iterator[Curve]:
     if info.remembers:
         yield _there_and_back(chosen, axis)
         return
-    x = np.linspace(*SPANS[axis], ROWS)
+    x = np.linspace(*SPANS.get(axis, ELSEWHERE), ROWS)
     beside = [name for name in BESIDE if name in info.reads and name != axis]
     for name in beside[:1]:
         for value in _values(chosen, name):
@@ -146,7 +148,8 @@ def _up_and_down(chosen: Effect) -> Iterator[Curve]:
 
 def _computed(chosen: Effect, swept: dict[str, Array], term: int | None = None) -> Array:
     """What the core says of an effect over a run, one coefficient being 1, or each."""
-    channels = {name: np.zeros(ROWS) for name in (*SPANS, LOAD) if name not in ("time", "load")}
+    read = {*SPANS, *chosen.reads, LOAD} - {"time", "period", "load"}
+    channels = {name: np.zeros(ROWS) for name in read}
     channels |= {"time": np.arange(ROWS) / RATE, "temperature": np.full(ROWS, 25.0)}
     channels |= {LOAD if name == "load" else name: values for name, values in swept.items()}
     if "time" in swept:
