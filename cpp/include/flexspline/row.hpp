@@ -80,6 +80,8 @@ using StateOf = typename StateOfEffect<Effect>::type;
 ///
 ///   d(v) = tanh(v / v_d)       by v · (1 / v_d), whose last factor is known beforehand
 ///
+/// The forward simulation lets every `direction_width` go to zero, so that a row is to have it here
+/// and nowhere else.
 /// The sigmoids of turlapati_intrinsic_dynamics (9) with slope α are (1 ± d)/2, v_d = 2/α.
 template <typename S>
 constexpr S direction(S velocity, S width) noexcept {
