@@ -104,6 +104,7 @@ void bind_catalogue(py::module_& module) {
     return all;
   };
   module.attr("numbers") = names(numbers<double>, [](const auto& each) { return each.name(); });
+  module.attr("channels") = names(channel_names, [](std::string_view name) { return name; });
   module.attr("instruments") =
       names(instruments<double>, [](const auto& each) { return each.name; });
 }

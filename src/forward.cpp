@@ -52,17 +52,19 @@ Given given_from(const Array& time, const py::dict& columns, bool hold) {
   s.size = static_cast<std::size_t>(time.size());
   s.time = time.data();
   s.hold = hold;
-  const std::array<std::pair<const char*, const double**>, 6> known{
-      {{"motor", &s.motor},
-       {"known_load", &s.known_load},
-       {"temperature", &s.temperature},
-       {"command", &s.command},
-       {"enabled", &s.enabled},
-       {"supply", &s.supply}}};
-  for (const auto& [name, field] : known) {
-    if (!columns.contains(name)) continue;
+  const auto take = [&](const char* name, const double*& field) {
+    if (!columns.contains(name)) return;
     given.arrays.push_back(columns[name].cast<Array>());
-    *field = column_or_null(given.arrays.back(), s.size, name);
+    field = column_or_null(given.arrays.back(), s.size, name);
+  };
+  take("motor", s.motor);
+  take("known_load", s.known_load);
+  take("command", s.command);
+  take("enabled", s.enabled);
+  take("supply", s.supply);
+  for (std::size_t k = 0; k < s.number.size(); ++k) {
+    const Number<double>& each = numbers<double>[k];
+    if (!fwd::is_made(each.channel)) take(std::string(each.name()).c_str(), s.number[k]);
   }
   return given;
 }
@@ -102,6 +104,11 @@ py::tuple drive(const fwd::Plant& plant, const Array& time, const py::dict& colu
 }  // namespace
 
 void bind_forward(py::module_& module) {
+  py::list given;
+  for (const Number<double>& each : numbers<double>) {
+    if (!fwd::is_made(each.channel)) given.append(std::string(each.name()));
+  }
+  module.attr("given_numbers") = py::tuple(given);
   py::class_<fwd::Plant>(module, "Plant", "A fitted drive as a body that moves.")
       .def(py::init(&plant_from), py::arg("design"), py::arg("coefficients"),
            py::arg("motor_offset"), py::arg("drive_factor"), py::arg("load_factor"))

@@ -18,7 +18,9 @@ _Run = tuple[
 ]
 
 max_harmonics: int
+channels: tuple[str, ...]
 numbers: tuple[str, ...]
+given_numbers: tuple[str, ...]
 instruments: tuple[str, ...]
 simulation_columns: list[str]
 simulation_elements: int

@@ -101,4 +101,13 @@ struct ReadingLimits {
   }
 };
 
+/// Every number that models read has a limit, but for the period, which is checked by itself.
+static_assert([] {
+  for (const Number<float>& each : numbers<float>) {
+    const bool limited = ReadingLimits<float>{}.of(each.channel) < ReadingLimits<float>::none;
+    if (each.channel != Channel::period && !limited) return false;
+  }
+  return true;
+}());
+
 }  // namespace flexspline

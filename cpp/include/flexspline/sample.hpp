@@ -1,7 +1,8 @@
 /// The channels of one instant: as a device reads them, and as models see them.
 ///
 /// A channel that is a plain number is a member of `Sample` and of `Reading`, a `Channel` with its
-/// name, and a row of `numbers`; chain, models, replays and programs of certificates follow.
+/// name, and a row of `numbers`, with its limit in `reading_limits.hpp`; chain, models, replays and
+/// programs of certificates follow.
 #pragma once
 
 #include <array>

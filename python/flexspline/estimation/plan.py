@@ -67,15 +67,11 @@ __all__ = [
 Entries = dict[str, dict[str, Any]]
 
 BANDWIDTH = 20.0  # Hz, where neither model nor caller says one and the log's rate allows it
+CLOCK = {"period", "time"}
 READINGS = (
     "output_position",
     "motor_position",
-    *DERIVED,
-    "motor_torque",
-    "sensor_voltage",
-    "sensor_torque",
-    "thermistor_voltage",
-    "temperature",
+    *(name for name in (*_core.numbers, *_core.instruments) if name not in CLOCK),
 )
 
 # A sensor tells a hundredth of its full scale from zero, and an effect that a log hardly shows is
@@ -98,14 +94,7 @@ LEAST: Mapping[str, float] = {
 _KNOWN = _core.reading_limits()
 WIDEST: Mapping[str, float] = {one["name"]: one["default"] for one in _KNOWN}
 UNITS: Mapping[str, str] = {one["name"]: one["unit"] for one in _KNOWN} | {"load": "Nm"}
-OF_A_PART = (  # in the order of the core's channels
-    "output_velocity",
-    "output_acceleration",
-    "temperature",
-    "load",
-    "motor_torque",
-    "time",
-)
+OF_A_PART = tuple(name for name in _core.channels if name in WIDEST or name == "load")
 
 
 @dataclass(frozen=True)
@@ -203,8 +192,7 @@ def _has_sensor(model: Model) -> bool:
     observer, collision = model.estimators.get("observer"), model.estimators.get("collision")
     return (
         "sensor" in model.parts
-        or "calibration" in model.estimators
-        or "temperature_compensation" in model.estimators
+        or any(key in model.estimators for key in SENSING if key != "thermistor")
         or (isinstance(observer, Observer) and observer.input == "sensor_torque")
         or (isinstance(collision, Collision) and collision.input == "sensor")
     )

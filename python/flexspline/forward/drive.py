@@ -56,8 +56,8 @@ class DriveInputs:
     ----------
     name : of the run.
     time : (N,), s.
-    columns : what the core reads, (N,) each: motor, known_load, temperature, command, enabled,
-        supply.
+    columns : what the core reads, (N,) each: motor, known_load, command, enabled, supply, and
+        those of `_core.given_numbers` that effects read.
     servo : the law, or None where the motor's torque is measured.
     stretches : row ranges that are driven in one go, (K, 2), half-open.
     start : initial angle [rad] and velocity [rad/s] of each stretch, (K, 2).
@@ -236,14 +236,15 @@ def _columns(part: Part, log: Log, servo: PositionServo | None) -> dict[str, Arr
             columns["supply"] = log["supply_voltage"]
     if part.known_load is not None:
         columns["known_load"] = log[part.known_load]
-    readers = [e.name for e in part.effects if "temperature" in e.reads]
-    if readers:
-        if "temperature" not in log:
+    for channel in _core.given_numbers:
+        readers = [e.name for e in part.effects if channel in e.reads]
+        if readers and channel not in log:
             raise InputError(
-                f"log '{log.name}': {listed(readers)} needs the channel temperature; it has "
+                f"log '{log.name}': {listed(readers)} needs the channel {channel}; it has "
                 f"{listed(log.channels)}; map a column to it"
             )
-        columns["temperature"] = log["temperature"]
+        if readers:
+            columns[channel] = log[channel]
     return {name: np.ascontiguousarray(data) for name, data in columns.items()}
 
 

@@ -157,7 +157,9 @@ class Plant {
                         double velocity) const noexcept {
     Sample<double> at;
     at.output_velocity = velocity;
-    at.temperature = in.temperature.at(late);
+    for_each_place<NumberPlaces::size()>([&](std::size_t k) {
+      if (!is_made(numbers<double>[k].channel)) at.*numbers<double>[k].at = in.number[k].at(late);
+    });
     at.known_load = in.known_load.at(late);
     at.time = in.time + late;
     if (!angles_) return at;
