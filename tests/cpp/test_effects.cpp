@@ -10,6 +10,9 @@ using namespace flexspline;
 
 namespace {
 
+static_assert(is_unit("Nm·s²/rad²") && is_unit("°C") && is_unit("Nm·√(s/rad)") && is_unit("1"));
+static_assert(!is_unit("Nm·s^½") && !is_unit("Nm\n") && !is_unit("\xc2"));
+
 template <typename S, typename Effect>
 consteval auto row_by_the_compiler() {
   Effect effect;

@@ -54,7 +54,8 @@ def chosen(name: str) -> tuple[flexspline.Effect, list[float]]:
     shapes = (
         {"direction_width": SHARP} if "direction_width" in [s.name for s in info.shapes] else {}
     )
-    return effect(name, orders=[2] if info.pairs else [], **shapes), SIZES[name]
+    made = effect(name, orders=[2] if info.pairs else [], **shapes)
+    return made, SIZES.get(name, [0.1] * len(made.terms))
 
 
 def rich(seed: int) -> Log:

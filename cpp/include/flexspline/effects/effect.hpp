@@ -111,13 +111,32 @@ concept BentHarmonicEffect =
 template <typename Effect>
 concept CarriesLoad = Effect::traits.carries_load;
 
+/// Whether a unit is written with the letters that model files have (schemas/model.schema.json).
+consteval bool is_unit(std::string_view unit) {
+  constexpr std::array<std::string_view, 8> signs{"°", "·", "²", "³", "⁻", "¹", "√", "–"};
+  while (!unit.empty()) {
+    const char c = unit.front();
+    std::size_t length = (c >= 'A' && c <= 'Z') || (c >= 'a' && c <= 'z') ||
+                         (c >= '0' && c <= '9') ||
+                         std::string_view("%^/()* .-").find(c) != std::string_view::npos;
+    for (const std::string_view sign : signs) {
+      if (unit.starts_with(sign)) length = sign.size();
+    }
+    if (length == 0) return false;
+    unit.remove_prefix(length);
+  }
+  return true;
+}
+
 /// Whether an effect says what it is, of what targets, in what units.
 template <typename Effect>
 consteval bool described() {
   bool all = !Effect::name.empty() && !Effect::signature.empty() && !Effect::source.empty() &&
              !Effect::targets.empty() && !Effect::terms.empty();
   all &= Effect::targets.find_first_not_of("SMD") == Effect::targets.npos;
-  for (const Term& term : Effect::terms) all &= !term.name.empty() && !term.unit.empty();
+  for (const Term& term : Effect::terms) {
+    all &= !term.name.empty() && !term.unit.empty() && is_unit(term.unit);
+  }
   return all;
 }
 
