@@ -10,8 +10,9 @@ using namespace flexspline;
 
 namespace {
 
-static_assert(is_unit("Nm·s²/rad²") && is_unit("°C") && is_unit("Nm·√(s/rad)") && is_unit("1"));
-static_assert(!is_unit("Nm·s^½") && !is_unit("Nm\n") && !is_unit("\xc2"));
+static_assert(is_unit("1") && is_unit("kg·m²") && is_unit("Nm·s²/rad²") && is_unit("rad/(Nm·K)"));
+static_assert(!is_unit("") && !is_unit("Nm·√s") && !is_unit("Nm·") && !is_unit("Nm/s/s"));
+static_assert(!is_unit("rad/(Nm") && !is_unit("Nm\n") && !is_unit("s^½"));
 
 template <typename S, typename Effect>
 consteval auto row_by_the_compiler() {

@@ -50,8 +50,13 @@ def test_a_joint_limits_what_it_reads_and_nothing_else() -> None:
     plan = plan_of(chain_rig.whole_joint())
     found = joint_limits(plan)
     assert list(found) == list(WIDEST)
-    unread = {name for name, most in found.items() if most is None}
-    assert unread == {"sensor_torque", "temperature", "time"}
+    assert {name for name, most in found.items() if most is not None} == {
+        "output_velocity",
+        "output_acceleration",
+        "motor_torque",
+        "sensor_voltage",
+        "thermistor_voltage",
+    }
     low, high = chain_rig.CALIBRATION.voltage_range
     assert found["sensor_voltage"] == FACTOR * max(abs(low), abs(high))
     assert found["thermistor_voltage"] == WIDEST["thermistor_voltage"]

@@ -111,21 +111,29 @@ concept BentHarmonicEffect =
 template <typename Effect>
 concept CarriesLoad = Effect::traits.carries_load;
 
-/// Whether a unit is written with the letters that model files have (schemas/model.schema.json).
+/// Whether a unit is one that model files and effects of a user's own have: a product of powers,
+/// and what it is divided by, such as Nm·s²/rad² or rad/(Nm·K).
 consteval bool is_unit(std::string_view unit) {
-  constexpr std::array<std::string_view, 8> signs{"°", "·", "²", "³", "⁻", "¹", "√", "–"};
-  while (!unit.empty()) {
-    const char c = unit.front();
-    std::size_t length = (c >= 'A' && c <= 'Z') || (c >= 'a' && c <= 'z') ||
-                         (c >= '0' && c <= '9') ||
-                         std::string_view("%^/()* .-").find(c) != std::string_view::npos;
-    for (const std::string_view sign : signs) {
-      if (unit.starts_with(sign)) length = sign.size();
+  const auto take = [&unit](std::string_view text) {
+    const bool there = unit.starts_with(text);
+    if (there) unit.remove_prefix(text.size());
+    return there;
+  };
+  const auto factor = [&take] {
+    for (const std::string_view symbol :
+         {"1", "Nm", "rad", "s", "K", "°C", "A", "V", "kg", "m", "N"}) {
+      if (take(symbol)) return take("²") || take("³") || true;
     }
-    if (length == 0) return false;
-    unit.remove_prefix(length);
-  }
-  return true;
+    return false;
+  };
+  const auto product = [&take, &factor] {
+    bool good = factor();
+    while (good && take("·")) good = factor();
+    return good;
+  };
+  bool good = product();
+  if (good && take("/")) good = take("(") ? product() && take(")") : factor();
+  return good && unit.empty();
 }
 
 /// Whether an effect says what it is, of what targets, in what units.
