@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any, ClassVar
 
+from flexspline.effects.causes import INERTIA
 from flexspline.errors import InputError
 from flexspline.estimators.checks import (
     Entry,
@@ -17,6 +18,14 @@ from flexspline.estimators.checks import (
     choice,
     json_record,
     numbers,
+)
+from flexspline.estimators.needs import (
+    Estimators,
+    Parts,
+    has_effect,
+    link_part,
+    require_estimators,
+    require_mesh,
 )
 
 __all__ = ["MOST_BANDS", "Collision", "Compliance", "Merge", "Observer"]
@@ -86,6 +95,39 @@ class Observer(Entry):
         """The name of its entry in `model.json`."""
         return "compliant_observer" if self.input == COMPLIANCE else "observer"
 
+    def require(self, estimators: Estimators, parts: Parts) -> None:
+        """Refuse a model that lacks what this reads."""
+        if self.input == COMPLIANCE:
+            self._require_gear(estimators, parts)
+        if self.input != "motor_torque":
+            return
+        part = parts.get("drive")
+        if part is None or part.target != "motor_torque":
+            raise InputError(
+                "the estimator observer with the input motor_torque needs a part for "
+                "motor_torque, which the model lacks; make one with: flexspline fit RUN.csv "
+                "--target motor_torque --effects "
+                "inertia,coulomb_friction_per_direction,viscous_friction --into MODEL.json"
+            )
+        if not has_effect(part, INERTIA):
+            raise InputError(
+                "the estimator observer with the input motor_torque needs the effect inertia in "
+                "the part for motor_torque; fit it again with: flexspline fit RUN.csv --target "
+                "motor_torque --effects inertia,... --into MODEL.json"
+            )
+
+    def _require_gear(self, estimators: Estimators, parts: Parts) -> None:
+        named = "observer with the input compliance"
+        require_mesh(named, parts)
+        if link_part(parts) is None:
+            raise InputError(
+                f"the estimator {named} needs the effect inertia in a part for motor_torque or "
+                "sensor_torque, which the model lacks; make one with: flexspline fit RUN.csv "
+                "--target motor_torque --effects "
+                "inertia,coulomb_friction_per_direction,viscous_friction --into MODEL.json"
+            )
+        require_estimators(f"the estimator {named} needs", ("compliance",), estimators)
+
 
 @dataclass(frozen=True)
 class Compliance(Entry):
@@ -127,6 +169,10 @@ class Compliance(Entry):
                 f"compliance: margin = {margin:g} leaves no torque; give a share below 1"
             )
         object.__setattr__(self, "margin", margin)
+
+    def require(self, estimators: Estimators, parts: Parts) -> None:
+        """Refuse a model that lacks what this reads."""
+        require_mesh("compliance", parts)
 
 
 METHODS = ("logistic", "kalman")
@@ -210,6 +256,10 @@ class Merge(Entry):
             made[name] = pair
         return made
 
+    def require(self, estimators: Estimators, parts: Parts) -> None:
+        """Refuse a model that lacks what this reads."""
+        require_estimators("the estimator merge needs", ("observer", self.at_rest), estimators)
+
 
 WATCHED = ("observer", "sensor", "merged", "compliant_observer")
 MOST_BANDS = 8
@@ -288,3 +338,9 @@ class Collision(Entry):
                 "give one for each band, one more than speed_edges"
             )
         return tuple(above_zero(value, f"collision: {name}", "Nm") for value in values)
+
+    def require(self, estimators: Estimators, parts: Parts) -> None:
+        """Refuse a model that lacks what this reads."""
+        needed = {"sensor": (), "merged": ("merge",)}.get(self.input, (self.input,))
+        watches = f"the estimator collision watches the {self.input} estimate and needs"
+        require_estimators(watches, needed, estimators)

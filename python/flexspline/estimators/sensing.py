@@ -21,6 +21,7 @@ from flexspline.estimators.checks import (
     numbers,
     span,
 )
+from flexspline.estimators.needs import Estimators, Parts
 
 __all__ = [
     "DERIVED",
@@ -112,6 +113,18 @@ class ReadingChecks(Entry):
             raise InputError(
                 "reading_checks: there is nothing to check; give a limit, such as most_speed"
             )
+
+    def require(self, estimators: Estimators, parts: Parts) -> None:
+        """Refuse a model that lacks what this reads."""
+        made: Differentiator | None = estimators.get("differentiator")
+        if made is None or DERIVED[0] not in made.channels:
+            return
+        for name in ("way", "most_acceleration"):
+            if getattr(self, name) is not None:
+                raise InputError(
+                    f"reading_checks: {name} is of a velocity that is read, but the differentiator "
+                    "makes it from the angle itself; leave it out and give most_speed or twist"
+                )
 
 
 DERIVED = ("output_velocity", "output_acceleration")
