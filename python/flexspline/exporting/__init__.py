@@ -12,7 +12,7 @@ from flexspline.errors import FlexsplineWarning, InputError, did_you_mean
 from flexspline.exporting import mjcf, urdf
 from flexspline.exporting.block import block_bytes
 from flexspline.exporting.cpp_text import namespace_name
-from flexspline.exporting.fmu import fmu_bytes
+from flexspline.exporting.fmu import fmu_bytes, sfunction_text
 from flexspline.exporting.header import header_text, own_headers
 from flexspline.exporting.plain_joint import PlainJoint, plain_joint
 from flexspline.exporting.plugin import (
@@ -23,7 +23,6 @@ from flexspline.exporting.plugin import (
     plugin_of,
     write_plugin,
 )
-from flexspline.exporting.simulink import sfunction_text
 from flexspline.files import atomic_write, whole_folder
 from flexspline.logs.read import LogLike, as_logs
 from flexspline.model import PART_OF, Model, part_warnings, refuse_warnings
