@@ -34,7 +34,7 @@ from flexspline.exporting.header import (
     model_sha256,
     own_headers,
 )
-from flexspline.exporting.xml_text import attributes
+from flexspline.exporting.plain_joint import attributes
 from flexspline.logs.channels import CHANNELS
 from flexspline.model import Model, Part
 from flexspline.programs import STRICT, call, firmware_folder, host_compiler, include_folder
