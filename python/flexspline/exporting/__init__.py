@@ -9,12 +9,18 @@ from dataclasses import replace
 from pathlib import Path
 
 from flexspline.errors import FlexsplineWarning, InputError, did_you_mean
-from flexspline.exporting import mjcf, urdf
 from flexspline.exporting.block import block_bytes
 from flexspline.exporting.cpp_text import namespace_name
-from flexspline.exporting.fmu import fmu_bytes
+from flexspline.exporting.fmu import fmu_bytes, sfunction_text
 from flexspline.exporting.header import header_text, own_headers
-from flexspline.exporting.plain_joint import PlainJoint, plain_joint
+from flexspline.exporting.plain_joint import (
+    MJCF_NUMBERS,
+    URDF_NUMBERS,
+    PlainJoint,
+    mjcf_text,
+    plain_joint,
+    urdf_text,
+)
 from flexspline.exporting.plugin import (
     Plugin,
     compile_plugin,
@@ -23,7 +29,6 @@ from flexspline.exporting.plugin import (
     plugin_of,
     write_plugin,
 )
-from flexspline.exporting.simulink import sfunction_text
 from flexspline.files import atomic_write, whole_folder
 from flexspline.logs.read import LogLike, as_logs
 from flexspline.model import PART_OF, Model, part_warnings, refuse_warnings
@@ -98,7 +103,7 @@ def _json(model: Model, path: Path, target: str | None, scalar: str) -> None:
     model.save(path)
 
 
-JOINTS = {"mujoco": (mjcf.NUMBERS, mjcf.mjcf_text), "urdf": (urdf.NUMBERS, urdf.urdf_text)}
+JOINTS = {"mujoco": (MJCF_NUMBERS, mjcf_text), "urdf": (URDF_NUMBERS, urdf_text)}
 """Formats that know a joint by a few numbers: which, and the text that they make."""
 
 

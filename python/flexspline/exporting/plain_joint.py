@@ -3,12 +3,23 @@
 MJCF and URDF know a joint by a few numbers at its output. Of a model's effects some are such a
 number; the others are lost, and their largest torque over the ranges of the fit says what that
 costs. Beside runs, their root mean square there says it too, and the error of what is left.
+
+Names get into XML by `attributes` and `comment` alone, in which nothing of a name is markup.
+
+A joint of MuJoCo has armature, damping, frictionloss and stiffness.
+
+MuJoCo 4 has an actuator `dcmotor` too, with back-EMF, cogging and LuGre friction. It is not
+written: it takes volts through the constant and the resistance of a winding, which no model here
+has, and its cogging has one order of the joint's angle, not those of the motor's.
+
+A joint of a URDF has damping, friction and limits.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from xml.sax.saxutils import quoteattr
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +35,7 @@ from flexspline.effects.causes import (
     POLYNOMIAL_FRICTION,
     VISCOUS,
 )
-from flexspline.errors import InputError, listed
+from flexspline.errors import InputError, listed, printable
 from flexspline.logs.log import Log
 from flexspline.logs.read import LogLike, as_logs
 from flexspline.model import Model, Part
@@ -35,15 +46,22 @@ __all__ = [
     "ARMATURE",
     "DAMPING",
     "FRICTION",
+    "MJCF_NUMBERS",
+    "URDF_NUMBERS",
     "Loss",
     "OnRuns",
     "PlainJoint",
+    "attributes",
+    "comment",
     "heading",
     "losses_text",
+    "mjcf_text",
     "output_torque",
     "plain_joint",
     "runs_text",
+    "urdf_text",
 ]
+
 
 Array = NDArray[np.float64]
 
@@ -62,6 +80,11 @@ of two directions are one."""
 ROWS = 20_001
 SWEEPS, FASTER = 37.0, 0.13  # of the first channel; each next one goes e^FASTER times as often
 BEYOND = 1e-2  # share of a sweep that is cut off at the ends, so that both are reached
+
+MJCF_NUMBERS = ((ARMATURE, 0), (DAMPING, 0), (DAMPING, 1), (DAMPING, 2), (FRICTION, 0))
+
+URDF_NUMBERS = ((DAMPING, 0), (FRICTION, 0))
+PARENT, CHILD = "base_link", "link"
 
 
 @dataclass(frozen=True)
@@ -408,3 +431,121 @@ class _Sweep:
             channels["period"] = np.ones(ROWS)
             channels["period"][0] = 0.0  # where the memory starts
         return channels
+
+
+def attributes(values: Iterable[tuple[str, str]]) -> str:
+    """Return attributes as a tag has them, `name="joint 7" axis="0 0 1"`, their values escaped."""
+    return " ".join(f"{name}={quoteattr(printable(value))}" for name, value in values)
+
+
+def comment(lines: Iterable[str], indent: str = "") -> str:
+    """Return lines as a comment; two hyphens, which would end it, stand apart."""
+    inside = [f"{indent}  {_apart(printable(line))}".rstrip() for line in lines]
+    return "\n".join([f"{indent}<!--", *inside, f"{indent}-->"])
+
+
+def _apart(text: str) -> str:
+    while "--" in text:
+        text = text.replace("--", "- -")
+    return text
+
+
+def mjcf_text(joint: PlainJoint) -> str:
+    """Return an MJCF file with one hinge joint, and above it what its attributes leave out."""
+    element = attributes(
+        [
+            ("name", joint.name),
+            ("type", "hinge"),
+            ("axis", "0 0 1"),
+            ("armature", repr(joint.armature)),
+            ("damping", " ".join(map(repr, joint.damping))),
+            ("frictionloss", repr(joint.friction)),
+            ("stiffness", "0"),
+        ]
+    )
+    inertial = attributes(
+        [("pos", "0 0 0"), ("mass", "0.001"), ("diaginertia", "1e-09 1e-09 1e-09")]
+    )
+    return "\n".join(
+        [
+            f"<mujoco {attributes([('model', joint.name)])}>",
+            comment(_said_in_mjcf(joint), "  "),
+            '  <compiler angle="radian"/>',
+            "  <worldbody>",
+            "    <body>",
+            f"      <inertial {inertial}/>",
+            f"      <joint {element}/>",
+            "    </body>",
+            "  </worldbody>",
+            "</mujoco>",
+            "",
+        ]
+    )
+
+
+def _said_in_mjcf(joint: PlainJoint) -> Iterator[str]:
+    yield from heading(
+        joint, "MJCF", {ARMATURE: "armature", DAMPING: "damping", FRICTION: "frictionloss"}
+    )
+    yield ""
+    yield "The line of the joint can be copied into a model of yours; the body here has next to"
+    yield "no inertia. The armature is all inertia that the model found: where your link has its"
+    yield "own, take that off."
+    if len(joint.damping) > 1:
+        yield "damping has the numbers of v, v|v| and v^3, which MuJoCo 4 knows; for an older one"
+        yield "leave all but the first, and the nonlinear part is lost."
+    if joint.friction:
+        yield "frictionloss is a soft constraint and not the level times sgn(v): under a load below"
+        yield "the level the joint creeps, and it has the level itself only above a speed, which is"
+        yield "about 0.011 s times frictionloss over all inertia with MuJoCo's default solver, and"
+        yield "more where damping is strong."
+    yield "stiffness: no effect of the model pulls the joint back to an angle."
+
+
+def urdf_text(joint: PlainJoint) -> str:
+    """Return a URDF with one joint between two links, and above it what it leaves out."""
+    dynamics = [("damping", repr(joint.damping[0])), ("friction", repr(joint.friction))]
+    limits = _limits(joint)
+    turns = joint.position is None or not limits
+    named = [("name", joint.name), ("type", "continuous" if turns else "revolute")]
+    return "\n".join(
+        [
+            f"<robot {attributes([('name', joint.name)])}>",
+            comment(_said_in_urdf(joint, turns), "  "),
+            f'  <link name="{PARENT}"/>',
+            f'  <link name="{CHILD}"/>',
+            f"  <joint {attributes(named)}>",
+            f'    <parent link="{PARENT}"/>',
+            f'    <child link="{CHILD}"/>',
+            '    <axis xyz="0 0 1"/>',
+            f"    <dynamics {attributes(dynamics)}/>",
+            *([f"    <limit {attributes(limits)}/>"] if limits else []),
+            "  </joint>",
+            "</robot>",
+            "",
+        ]
+    )
+
+
+def _limits(joint: PlainJoint) -> list[tuple[str, str]]:
+    """Attributes of the limits; none where effort or velocity is not known, for both are needed."""
+    if joint.effort is None or joint.velocity is None:
+        return []
+    ends = () if joint.position is None else zip(("lower", "upper"), joint.position, strict=True)
+    beside = (("effort", joint.effort), ("velocity", joint.velocity))
+    return [(name, repr(value)) for name, value in (*ends, *beside)]
+
+
+def _said_in_urdf(joint: PlainJoint, turns: bool) -> Iterator[str]:
+    yield from heading(joint, "URDF", {DAMPING: "damping", FRICTION: "friction"})
+    yield ""
+    if _limits(joint):
+        yield "The limits are what the model was fitted to and not those of the motor: the largest"
+        yield "speed, and the largest torque of the model in its ranges, known load included."
+    else:
+        yield "There are no limits: the model has no range of its speed, or of a channel that its"
+        yield "torque depends on."
+    if turns:
+        yield "The joint is continuous, for its angle has no limits here."
+    if joint.friction:
+        yield "What friction is at standstill is for the simulator to say."

@@ -24,9 +24,14 @@ from flexspline.effects.causes import GRAVITY, LAG
 from flexspline.errors import InputError, listed
 from flexspline.exporting.cpp_text import comment, include, number, string_literal
 from flexspline.exporting.header import by_motor_encoder, header_text, own_headers
-from flexspline.exporting.plain_joint import ARMATURE, PlainJoint, output_torque, plain_joint
-from flexspline.exporting.xml_text import attributes
-from flexspline.exporting.xml_text import comment as xml_comment
+from flexspline.exporting.plain_joint import (
+    ARMATURE,
+    PlainJoint,
+    attributes,
+    output_torque,
+    plain_joint,
+)
+from flexspline.exporting.plain_joint import comment as xml_comment
 from flexspline.files import atomic_write
 from flexspline.model import PART_OF, Model, Part
 from flexspline.programs import call, firmware_folder, host_compiler, include_folder

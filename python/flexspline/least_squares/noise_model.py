@@ -56,8 +56,6 @@ if TYPE_CHECKING:
     from flexspline.least_squares.late_load import Beside
     from flexspline.least_squares.shapes import Tangent
 
-__all__ = ["beside_own", "noise_beside_own"]
-
 Array = NDArray[np.float64]
 
 BLOCK = 4096  # rows handled at once: bounds the memory

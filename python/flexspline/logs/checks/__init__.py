@@ -17,6 +17,7 @@ from flexspline.logs.checks.consistency import (
     measured_gear,
     torque,
     velocity_of_position,
+    with_shared_delays,
 )
 from flexspline.logs.checks.dependence import copies, copy_finding
 from flexspline.logs.checks.ends import drive_disabled, homing_move, start_transient, stuck_tail
@@ -30,7 +31,6 @@ from flexspline.logs.checks.findings import (
     sorted_findings,
 )
 from flexspline.logs.checks.load import load_of_target, told_once
-from flexspline.logs.checks.recorder import with_shared_delays
 from flexspline.logs.checks.samples import (
     clipped,
     constant,
