@@ -65,6 +65,7 @@ def test_the_commands_of_the_table_run_in_their_order(
         "export",
         "export",
         "export",
+        "export",
         "certify",
     ]
     for command in TABLE:
