@@ -5,6 +5,7 @@ reader asks two plain questions, and a name that fails one of them is withdrawn:
 
     Is it significant in the final fit?     Wald's test of its coefficients together, p < α
                                             with its shapes held, t > 2 without
+    ... by more than forms of others miss?  χ² of the same test; asked up to a t of 16
     Does it lower the held-out error?       in the unit of the target; where its t exceeds 16, by
                                             more than two standard errors
 
@@ -42,7 +43,7 @@ from flexspline.discovery.result import (
     confidence,
     doubt,
 )
-from flexspline.discovery.search import cost_of
+from flexspline.discovery.search import LEFT_OF_FORM, cost_of
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect
 from flexspline.least_squares.options import coefficient_names
@@ -172,6 +173,10 @@ def _weakest(
     if failing := [one for one in shown if one.withdrawn]:
         worst = max(failing, key=lambda one: (one.p, -one.share))
         return worst.effect.name, worst.withdrawn
+    for one in reversed(shown):
+        known, sure = wald(fit, one.effect.name, held=True)[0], SETTINGS.certain**2
+        if known < sure and made.searcher.left_of_form(made.final, one.effect, known):
+            return one.effect.name, LEFT_OF_FORM
     if rising := _rising(made, shown):
         return rising.effect.name, NOT_LOWER
     if untold := _untold(fit, shown):

@@ -85,6 +85,7 @@ from flexspline.regression.gram import (
 from flexspline.signals import require_one_unit
 
 __all__ = [
+    "LEFT_OF_FORM",
     "Searcher",
     "Study",
     "cost_of",
@@ -484,6 +485,11 @@ class Searcher:
             return most
         kept = self._kept(problem, work, effect, freed, bent, rivals)
         return 0.0 if kept >= SETTINGS.freed * least else most
+
+    def left_of_form(self, work: Working, effect: Effect, gain: float) -> bool:
+        """Whether a name gains no more than what the forms of other names may miss; χ²."""
+        dictionary = self.study.dictionary(work, self.whitening)
+        return gain < self._missed(dictionary, work, effect, gain)
 
     def _kept(
         self,
