@@ -55,6 +55,34 @@ def value_of(made: Fit, name: str) -> tuple[float, float]:
     return one.value, one.standard_error
 
 
+# ------------------------------------------------------- names that others stand for as well
+
+
+def told(*names: str, groups: Sequence[Sequence[str]]) -> str:
+    shown = [SimpleNamespace(effect=effect(name).with_orders([2]) if "ripple" in name
+                             else effect(name)) for name in names]  # fmt: skip
+    fit = SimpleNamespace(confounded=[SimpleNamespace(names=tuple(group)) for group in groups])
+    return confirmation._untold(cast(Fit, fit), cast("Sequence[Shown]", shown))
+
+
+def test_of_two_names_that_are_confounded_as_wholes_the_later_goes() -> None:
+    """Over half a turn gravity and a ripple of order 2 are one smooth function of the angle."""
+    ripple = ["output_ripple.cosine 2", "output_ripple.sine 2"]
+    gravity = ["gravity.sine", "gravity.cosine"]
+    both = ["offset.offset", *gravity, *ripple]
+    names = ("gravity", "output_ripple", "temperature_drift")
+    assert told(*names, groups=[both]) == "output_ripple"
+    assert told(*names, groups=[both[:-1]]) == ""  # one of the ripple's is known
+    assert told(*names, groups=[["offset.offset", *gravity], ripple]) == ""
+    assert told("gravity", groups=[both]) == ""
+
+
+def test_no_name_is_less_likely_than_a_fifth_wherever_it_stands() -> None:
+    sure = {name: confirmation.Sure(value, "") for name, value in
+            {"gravity": 0.99, "inertia": 0.16, "offset": 0.21}.items()}  # fmt: skip
+    assert confirmation._unlikely({name: [] for name in sure}, sure) == ["inertia"]
+
+
 # ------------------------------------------------------------------------------ Wald's test
 
 
