@@ -17,7 +17,7 @@ from flexspline.comparison.models import FITTED, HELD_OUT, PREDICTED, ModelCompa
 from flexspline.logs.log import Log
 from flexspline.logs.writing import write_log
 from flexspline.model import Part
-from flexspline.plot.models import missed_over
+from flexspline.plot.comparison import missed_over
 
 HELD = {"direction_width": WIDTH}
 
