@@ -20,6 +20,7 @@ from flexspline.discovery import analysis, confirmation
 from flexspline.discovery.candidates import TAKEN, freedoms, held_of, with_freedoms
 from flexspline.discovery.confirmation import ERRORS, Shown, significance, together
 from flexspline.discovery.result import LESSER, UNLIKELY, Discovery
+from flexspline.discovery.search import LEFT_OF_FORM
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect, effect
 from flexspline.effects.causes import FRICTION_BY_DIRECTION as DIRECTIONS
@@ -75,12 +76,6 @@ def test_of_two_names_that_are_confounded_as_wholes_the_later_goes() -> None:
     assert told(*names, groups=[both[:-1]]) == ""  # one of the ripple's is known
     assert told(*names, groups=[["offset.offset", *gravity], ripple]) == ""
     assert told("gravity", groups=[both]) == ""
-
-
-def test_no_name_is_less_likely_than_a_fifth_wherever_it_stands() -> None:
-    sure = {name: confirmation.Sure(value, "") for name, value in
-            {"gravity": 0.99, "inertia": 0.16, "offset": 0.21}.items()}  # fmt: skip
-    assert confirmation._unlikely({name: [] for name in sure}, sure) == ["inertia"]
 
 
 # ------------------------------------------------------------------------------ Wald's test
@@ -180,7 +175,7 @@ def test_a_name_is_withdrawn_for_one_of_two_reasons(more: dict[str, float], why:
 class Made:
     """An analysis of names, as far as `confirmed` asks it."""
 
-    generalised, unexplained = False, 0.0
+    generalised, unexplained, tied = False, 0.0, ()
 
     def __init__(self, names: list[str], given: list[str], refused: dict[str, str]) -> None:
         self.names, self.given = names, given
@@ -223,7 +218,7 @@ def confirmed(
         return [Shown(Effect(name), **{**usual, **each[name]}) for name in made.names]
 
     def fit(final: Any) -> Any:
-        return SimpleNamespace(generalised=False)
+        return SimpleNamespace(generalised=False, confounded=())
 
     monkeypatch.setattr(confirmation, "_all_shown", all_shown)
     monkeypatch.setattr(confirmation, "_in_order", lambda made: made)
@@ -297,16 +292,33 @@ def test_what_others_explain_as_well_is_no_name(monkeypatch: pytest.MonkeyPatch)
     assert refused == {"gravity": UNLIKELY}
 
 
-@pytest.mark.parametrize(("first", "second", "kept"), [(0.21, 0.1, 2), (0.19, 0.9, 1)])
-def test_a_first_name_less_likely_than_one_in_five_is_none(
-    monkeypatch: pytest.MonkeyPatch, first: float, second: float, kept: int
+@pytest.mark.parametrize(
+    ("first", "second", "kept"), [(0.21, 0.21, [0, 1]), (0.19, 0.9, [1]), (0.9, 0.19, [0])]
+)
+def test_a_name_less_likely_than_one_in_five_is_none_wherever_it_stands(
+    monkeypatch: pytest.MonkeyPatch, first: float, second: float, kept: list[int]
 ) -> None:
-    """One behind a first name that is likely stays."""
     each: dict[str, dict[str, float]] = {"viscous_friction": {}, "gravity": {}}
-    sure = {"viscous_friction": first, "gravity": second}
-    held, refused = confirmed(monkeypatch, each, sure=sure)
-    assert [*held.shown] == [*each][2 - kept :]
-    assert refused == ({} if kept == 2 else {"viscous_friction": UNLIKELY})
+    names = [*each]
+    held, refused = confirmed(
+        monkeypatch, each, sure=dict(zip(names, (first, second), strict=True))
+    )
+    assert [*held.shown] == [names[k] for k in kept]
+    assert refused == {name: UNLIKELY for k, name in enumerate(names) if k not in kept}
+
+
+@pytest.mark.parametrize(
+    ("square", "large", "kept"),
+    [(60.0, 1e4, 1), (80.0, 1e4, 2), (250.0, 1e5, 1), (260.0, 1e5, 2), (60.0, 60.0, 2)],
+)
+def test_a_name_behind_a_larger_one_is_certain_or_shows_more_than_its_form_may_miss(
+    monkeypatch: pytest.MonkeyPatch, square: float, large: float, kept: int
+) -> None:
+    """0.7 % of the χ² of the larger one; at 16 standard errors it is certain."""
+    each = {"gravity": {"square": large}, "viscous_friction": {"square": square}}
+    held, refused = confirmed(monkeypatch, each)
+    assert [*held.shown] == [*each][:kept]
+    assert refused == ({} if kept == 2 else {"viscous_friction": LEFT_OF_FORM})
 
 
 @pytest.mark.parametrize(("unexplained", "kept"), [(0.49, 2), (0.51, 0)])

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import copy
 import itertools
+import os
 import re
 import shutil
 import subprocess
+import sys
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
 from pathlib import Path
@@ -373,7 +375,9 @@ def test_the_line_in_the_source_builds_it(mujoco: Any, tmp_path: Path) -> None:
     first, *lines, _ = re.findall(r"^//   (.*)$", (folder / "by_hand.cpp").read_text(), re.M)
     assert "get_include()" in first  # which leads nowhere in a checkout
     script = "\n".join([f"F='{include_folder()}'", *lines])
-    done = subprocess.run(["bash", "-e", "-c", script], cwd=folder, capture_output=True, text=True)
+    path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])  # its python3
+    done = subprocess.run(["bash", "-e", "-c", script], cwd=folder, capture_output=True, text=True,
+                          env={**os.environ, "PATH": path})  # fmt: skip
     assert done.returncode == 0 and not done.stderr
     mujoco.mj_loadPluginLibrary(str(folder / "libby_hand.so"))
     scene = mujoco.MjModel.from_xml_path(str(folder / "by_hand.xml"))

@@ -43,7 +43,7 @@ from flexspline.discovery.result import (
     confidence,
     doubt,
 )
-from flexspline.discovery.search import LEFT_OF_FORM, cost_of
+from flexspline.discovery.search import LEFT_OF_FORM, cost_of, share_missed
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect
 from flexspline.least_squares.options import coefficient_names
@@ -82,7 +82,7 @@ class Shown:
 
     `p`: of Wald's test, its shapes held; `loose`: t with them free. `fall`, `error`: of the
     held-out mean square when the name joins the others, and its standard error. `share`: of what
-    all names close. `rmse`: without it, with it.
+    all names close. `rmse`: without it, with it. `square`: χ² of the same test.
     """
 
     effect: Effect
@@ -93,6 +93,7 @@ class Shown:
     share: float
     rmse: tuple[float, float]
     loose: float = np.inf
+    square: float = np.inf
 
     @property
     def withdrawn(self) -> str:
@@ -173,10 +174,6 @@ def _weakest(
     if failing := [one for one in shown if one.withdrawn]:
         worst = max(failing, key=lambda one: (one.p, -one.share))
         return worst.effect.name, worst.withdrawn
-    for one in reversed(shown):
-        known, sure = wald(fit, one.effect.name, held=True)[0], SETTINGS.certain**2
-        if known < sure and made.searcher.left_of_form(made.final, one.effect, known):
-            return one.effect.name, LEFT_OF_FORM
     if rising := _rising(made, shown):
         return rising.effect.name, NOT_LOWER
     if untold := _untold(fit, shown):
@@ -184,8 +181,23 @@ def _weakest(
     if little := _too_small(shown):
         least = min(little, key=lambda one: one.share)
         return least.effect.name, SMALL if least.fall > ERRORS * least.error else UNSEEN
+    if formed := _left_of_form(made, shown):
+        return formed, LEFT_OF_FORM
     given = (e.name for e in made.base.effects if e.name not in base)
     return next((n for n in given if not significance(fit, n) < SETTINGS.alpha), ""), ""
+
+
+def _left_of_form(made: Analysis, shown: Sequence[Shown]) -> str:
+    """The last name that shows no more in the final fit than forms of others may miss; "" of none.
+
+    What is certain may be small beside a large one.
+    """
+    for one in reversed(shown):
+        others = [other for other in shown if other is not one]
+        shares = (share_missed(o.effect, one.effect, made.tied) * o.square for o in others)
+        if one.square < min(SETTINGS.certain**2, max(shares, default=0.0)):
+            return one.effect.name
+    return ""
 
 
 def together(errors: Sequence[float]) -> list[tuple[int, int]]:
@@ -318,9 +330,10 @@ def _all_shown(made: Analysis, fit: Fit) -> list[Shown]:
         fall, error = _fall(rest, whole)
         t = equivalent_t(dictionary.gain(effect.name), len(effect.terms))
         share = fall / gap if gap > 0.0 else 1.0
-        p = significance(fit, effect.name, held=True)
-        loose = equivalent_t(*wald(fit, effect.name))
-        shown.append(Shown(effect, p, t, fall, error, share, (rest.rmse, whole.rmse), loose))
+        square, count = wald(fit, effect.name, held=True)
+        p, loose = float(chi2.sf(square, count)), equivalent_t(*wald(fit, effect.name))
+        rmse = rest.rmse, whole.rmse
+        shown.append(Shown(effect, p, t, fall, error, share, rmse, loose, square))
     return shown
 
 

@@ -5,7 +5,7 @@ takes the best that
 
 - exceeds its significance threshold (`evidence.py`: the family of candidates is accounted for),
 - gains half as much on held-out folds too,
-- gains more than the form of a name may miss (`missed`), or is certain and pays beside freed forms,
+- gains more than the form of a name may miss (`missed`),
 - is physically possible (`physics.py`).
 
 What was best alone need not be best beside others: after each step a name that is no longer
@@ -92,6 +92,7 @@ __all__ = [
     "form_of",
     "freedom",
     "missed",
+    "share_missed",
     "study_of",
 ]
 
@@ -233,8 +234,12 @@ def missed(
     dictionary: Dictionary, named: Effect, other: Effect, tied: Sequence[Dependence]
 ) -> float:
     """What the form of a named effect may miss, and another effect may seem to explain, in χ²."""
-    share = SETTINGS.bends if _bends(other, named, tied) else form_of(named)
-    return share * dictionary.gain(named.name)
+    return share_missed(named, other, tied) * dictionary.gain(named.name)
+
+
+def share_missed(named: Effect, other: Effect, tied: Sequence[Dependence]) -> float:
+    """Of what a named effect explains, the share that its form may miss and another may show."""
+    return SETTINGS.bends if _bends(other, named, tied) else form_of(named)
 
 
 def _bends(effect: Effect, named: Effect, tied: Sequence[Dependence]) -> bool:
@@ -461,7 +466,6 @@ class Searcher:
     ) -> float:
         """What the forms of names may miss, χ²; 0 if an effect clearly pays beside freed forms.
 
-        Beside freed forms only what is certain pays: functions are few, forms miss in more ways.
         ∞ where what bends friction over the speed is no more than how friction turns over at rest.
 
         Freed (`Bent`) are those that may miss half of its gain. Of long logs a part is looked at.
@@ -477,7 +481,7 @@ class Searcher:
         alike = [e for e in rivals if {*e.reads} == {SPEED}]
         if turning and more * self._kept(problem, work, effect, turning, (), alike) < least:
             return np.inf
-        if gain >= most or gain < SETTINGS.certain**2:
+        if gain >= most:
             return most
         bent = tuple(e for e in others if names[e.name] > 0.5 * gain)
         freed = bent_forms(problem, bent)
@@ -485,11 +489,6 @@ class Searcher:
             return most
         kept = self._kept(problem, work, effect, freed, bent, rivals)
         return 0.0 if kept >= SETTINGS.freed * least else most
-
-    def left_of_form(self, work: Working, effect: Effect, gain: float) -> bool:
-        """Whether a name gains no more than what the forms of other names may miss; χ²."""
-        dictionary = self.study.dictionary(work, self.whitening)
-        return gain < self._missed(dictionary, work, effect, gain)
 
     def _kept(
         self,
