@@ -22,11 +22,13 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from flexspline.about import __version__
 from flexspline.baselines.drift import require_scikit
@@ -410,7 +412,8 @@ def _draws(paper: str, seeds: Sequence[int], threads: int) -> Iterator[Mapping[s
     if threads == 1:
         yield from (draw(paper, seed) for seed in seeds)
         return
-    with ProcessPoolExecutor(threads) as pool:
+    alone = partial(threadpool_limits, 1, "blas")  # threads of BLAS in each would wait for others
+    with ProcessPoolExecutor(threads, initializer=alone) as pool:
         yield from pool.map(draw, [paper] * len(seeds), seeds)
 
 
