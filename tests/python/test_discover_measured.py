@@ -95,18 +95,14 @@ def test_both_readings_of_joint_2s_largest_gap_are_said_and_the_run_that_would_t
 def test_joint_1_lacks_viscous_friction_that_bends_and_what_builds_up_after_a_reversal(
     made: Discoveries,
 ) -> None:
-    """Stribeck friction that would fade at 1.8 rad/s, beyond the largest speed, is the bend too.
-
-    An output ripple of order 3, at a confidence of 4 %, took the error to 0.66 of the base's.
-    """
+    """Stribeck friction that would fade at 1.8 rad/s, beyond the largest speed, is the bend too."""
     base_joint = made["base_joint"]
     assert base_joint.names[0] == "nonlinear_viscous_friction"
     assert "presliding_friction" in base_joint.names[1:]
     told = {*base_joint.names, *base_joint.found[0].indistinguishable_from}
     assert "stribeck_friction" not in told
     assert base_joint.found[0].rmse_after < 0.8 * base_joint.base_rmse
-    assert base_joint.final_rmse < 0.72 * base_joint.base_rmse
-    assert "output_ripple" in base_joint.withdrawn
+    assert base_joint.final_rmse < 0.7 * base_joint.base_rmse
 
 
 def require_floor_below_what_is_left(found: Discovery) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas
 import pytest
 from bags import joint_state, write_bag2
 from cli_calls import call
@@ -219,7 +220,6 @@ def test_a_bag_of_dynamixels_is_read_by_their_place_in_the_list(tmp_path: Path) 
 
 def test_a_unit_that_the_file_states_is_right(tmp_path: Path) -> None:
     """Positions that somebody has already made degrees of are no counts any more."""
-    pandas = pytest.importorskip("pandas")
     frame = pandas.DataFrame({"time": TIME, "present_position": np.degrees(angle(1))})
     frame.attrs["units"] = {"present_position": "deg"}
     same(read_log(frame, preset="dynamixel"), "output_position", angle(1))

@@ -13,14 +13,14 @@ Of an effect that is not there the shapes mean nothing, and where they are hardl
 the error of a coefficient large that the runs tell from zero well [Davies1987]. So its test holds
 them; but neither may the errors that are printed reach zero.
 
-Nor is it a name where something else is four times as likely: other effects that explain as much,
-or what no name explains. Where that is more than what all names explain, held out, what is missing
-is not known, and none of them is the answer. Nor is the later of two names whose coefficients are
-all confounded with each other's. Of several names, one that closes less than a form may miss of
-what all of them close held out, and less than a hundredth of what is left without it, with a tenth
-of the t of the largest at most, is real but too small to matter: it is listed as also seen and is
-no part of the model. Ripple that is small in RMS may be as plain as the rest, beside slow noise.
-Blocks are longer than the residual's memory (two seconds at least).
+Nor is it a name where something else is four times as likely: of any, other effects that explain as
+much; of the first, what no name explains as well. Where that is more than what all names explain,
+held out, what is missing is not known, and none of them is the answer. Nor is the later of two
+names whose coefficients are all confounded with each other's. Of several names, one that closes
+less than a form may miss of what all of them close held out, and less than a hundredth of what is
+left without it, with a tenth of the t of the largest at most, is real but too small to matter: it
+is listed as also seen and is no part of the model. Ripple that is small in RMS may be as plain as
+the rest, beside slow noise. Blocks are longer than the residual's memory (two seconds at least).
 """
 
 from __future__ import annotations
@@ -35,6 +35,7 @@ from scipy.stats import chi2
 from flexspline.discovery.analysis import Analysis, Rival, rivals_of
 from flexspline.discovery.evidence import equivalent_t
 from flexspline.discovery.result import (
+    FORMED,
     LESSER,
     NOT_LOWER,
     NOT_SIGNIFICANT,
@@ -43,7 +44,7 @@ from flexspline.discovery.result import (
     confidence,
     doubt,
 )
-from flexspline.discovery.search import LEFT_OF_FORM, cost_of, share_missed
+from flexspline.discovery.search import cost_of, share_missed
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import Effect
 from flexspline.least_squares.options import coefficient_names
@@ -182,7 +183,7 @@ def _weakest(
         least = min(little, key=lambda one: one.share)
         return least.effect.name, SMALL if least.fall > ERRORS * least.error else UNSEEN
     if formed := _left_of_form(made, shown):
-        return formed, LEFT_OF_FORM
+        return formed, FORMED
     given = (e.name for e in made.base.effects if e.name not in base)
     return next((n for n in given if not significance(fit, n) < SETTINGS.alpha), ""), ""
 
@@ -190,7 +191,7 @@ def _weakest(
 def _left_of_form(made: Analysis, shown: Sequence[Shown]) -> str:
     """The last name that shows no more in the final fit than forms of others may miss; "" of none.
 
-    What is certain may be small beside a large one.
+    The search asked it in the metric of its noise. What is certain may be small beside a large one.
     """
     for one in reversed(shown):
         others = [other for other in shown if other is not one]
@@ -267,9 +268,13 @@ def _sure(made: Analysis, fit: Fit, name: str, rivals: Sequence[Rival]) -> Sure:
 
 
 def _unlikely(rivals: Mapping[str, Sequence[Rival]], sure: Mapping[str, Sure]) -> list[str]:
-    """Names that something else is four times as likely as."""
+    """Names that something else is four times as likely as; what no name explains bars the first.
+
+    Behind a first name that is likely, a small one that lowers the held-out error may stay.
+    """
     among = {name: 1.0 / (1.0 + sum(r.alias for r in own)) for name, own in rivals.items()}
-    return [n for n in rivals if among[n] <= LEAST or sure[n].confidence < LEAST]
+    return [name for number, name in enumerate(rivals)
+            if among[name] <= LEAST or (number == 0 and sure[name].confidence < LEAST)]  # fmt: skip
 
 
 def _with_tie(rival: Rival, effect: Effect, tied: Sequence[Dependence]) -> Rival:

@@ -107,6 +107,7 @@ DRIVES = ("motor_torque", "motor_current")
 NOT_SIGNIFICANT, NOT_LOWER = "not significant in the final fit", "does not lower the held-out error"
 UNLIKELY = "other effects, or what no name explains, are four times as likely"
 UNTOLD = "these runs do not tell its coefficients from those of another name"
+FORMED = "no more in the final fit than what the form of another name may miss"
 LESSER = "more of the gap stays unexplained than names explain"
 """Why a name is withdrawn that the search had found."""
 
@@ -334,7 +335,7 @@ class Discovery:
     @property
     def withdrawn(self) -> dict[str, str]:
         """Names that the search found and these runs do not bear out, with the reason."""
-        whys = (NOT_SIGNIFICANT, NOT_LOWER, UNTOLD, UNLIKELY, LESSER)
+        whys = (NOT_SIGNIFICANT, NOT_LOWER, UNTOLD, FORMED, UNLIKELY, LESSER)
         return {name: why for name, why in self.refused.items() if why in whys}
 
     @property

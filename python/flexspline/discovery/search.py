@@ -85,7 +85,6 @@ from flexspline.regression.gram import (
 from flexspline.signals import require_one_unit
 
 __all__ = [
-    "LEFT_OF_FORM",
     "Searcher",
     "Study",
     "cost_of",

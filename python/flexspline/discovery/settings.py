@@ -34,8 +34,7 @@ class Settings:
     overwhelming : times its gain, that is left beside a name: the name may be a part of that.
     told : standard errors up to which two are indistinguishable.
     certain : t above which held-out errors fall by more than chance: of a name, in the report's
-        own law. Of names in joints from another hand that showed less in the final fit, and less
-        than the form of a larger one may miss, 4 of 4 were wrong; of those above it 3 of 3 right.
+        own law; and up to which a name may be what the form of a larger one misses.
     names : that one search takes at most.
     tried : the best so many are looked at more closely; orders of a part that are tried unasked.
     points : values of one shape that are screened, and lags of a channel.
