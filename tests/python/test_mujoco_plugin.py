@@ -11,6 +11,7 @@ import subprocess
 import sys
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -364,6 +365,20 @@ def test_what_the_mjcf_has_wrong_is_said(case: str, mujoco: Any, whole: tuple[Mo
     with pytest.raises(ValueError, match=re.escape(sentence)) as raised:
         mujoco.MjModel.from_xml_string(text.replace(old, new, 1))
     assert f"flexspline.{whole[1]}: " in str(raised.value)
+
+
+@pytest.mark.parametrize("name", ["coulomb_friction", "viscous_friction"])
+def test_friction_that_a_sensor_sees_from_the_other_side_never_drives_a_joint(
+    name: str, tmp_path: Path
+) -> None:
+    """iiwa joint 5 as recorded: -0.018 Nm of Coulomb friction."""
+    model = model_of([name], "sensor_torque")
+    part = replace(model.parts["sensor"], coefficients=np.array([-0.018]))
+    turned = Model({"sensor": part}, model.facts)
+    with pytest.raises(InputError, match=f"{name}.* is negative friction.*flip_sign=sensor_torque"):
+        export(turned, tmp_path / "joint", "mujoco-plugin")
+    assert not [*tmp_path.iterdir()]
+    assert export(model, tmp_path / "joint", "mujoco-plugin").is_dir()
 
 
 def test_the_line_in_the_source_builds_it(mujoco: Any, tmp_path: Path) -> None:

@@ -33,7 +33,7 @@ from flexspline.exporting.plain_joint import (
 )
 from flexspline.exporting.plain_joint import comment as xml_comment
 from flexspline.files import atomic_write
-from flexspline.model import PART_OF, Model, Part
+from flexspline.model import PART_OF, Model, Part, below_zero
 from flexspline.programs import call, firmware_folder, host_compiler, include_folder
 from flexspline.signals import gear_of
 
@@ -85,10 +85,18 @@ def plugin_of(model: Model, target: str | None = None) -> Plugin:
     ------
     InputError
         Where there is no such part, its target is no torque, none of its effects acts on the joint,
-        or one reads what MuJoCo does not have.
+        one reads what MuJoCo does not have, or a sensor sees friction from the other side: as a
+        passive force that would drive the joint.
     """
     whole = model.part(target)
     torque = output_torque(model, whole)
+    if PART_OF[whole.target] == "sensor":
+        for said, what in below_zero(whole):
+            raise InputError(
+                f"{said} is negative {what}, which would drive the joint instead of braking it: "
+                f"the sensor sees it from the other side; fit {whole.target} again with its sign "
+                f"turned (--repair flip_sign={whole.target}), or a motor's torque"
+            )
     left = {effect.name: why for effect in whole.effects if (why := _left(effect))}
     effects = tuple(effect for effect in whole.effects if effect.name not in left)
     if not any(effect.terms for effect in effects):
