@@ -55,7 +55,6 @@ __all__ = [
     "Part",
     "Prediction",
     "Predictions",
-    "below_zero",
     "lowpass_remark",
     "own_of_runs",
     "part_warnings",
@@ -604,15 +603,6 @@ def sign_warnings(part: Part) -> list[str]:
     """
     if PART_OF[part.target] != "drive" or part.simulated is not None:
         return []
-    return [
-        f"{said} is negative {what}, which no drive has; fit it again with bounds, or with runs "
-        "that show it"
-        for said, what in below_zero(part)
-    ]
-
-
-def below_zero(part: Part) -> list[tuple[str, str]]:
-    """Return each friction and inertia of a part below zero: its value in words, and what it is."""
     checked = []
     first = 0
     for effect in part.effects:
@@ -627,7 +617,8 @@ def below_zero(part: Part) -> list[tuple[str, str]]:
             level = 0.5 * (values[0] - values[1])
             checked.append((f"the level of {effect.name}", level, effect.terms[0].unit, "friction"))
     return [
-        (f"{name} = {value:.3g} {unit_in(unit, part.target, part.known_load)}", what)
+        f"{name} = {value:.3g} {unit_in(unit, part.target, part.known_load)} is negative "
+        f"{what}, which no drive has; fit it again with bounds, or with runs that show it"
         for name, value, unit, what in checked
         if value < 0.0
     ]

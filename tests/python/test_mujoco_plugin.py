@@ -375,10 +375,29 @@ def test_friction_that_a_sensor_sees_from_the_other_side_never_drives_a_joint(
     model = model_of([name], "sensor_torque")
     part = replace(model.parts["sensor"], coefficients=np.array([-0.018]))
     turned = Model({"sensor": part}, model.facts)
-    with pytest.raises(InputError, match=f"{name}.* is negative friction.*flip_sign=sensor_torque"):
+    with pytest.raises(InputError, match=r"would drive the joint.*flip_sign=sensor_torque"):
         export(turned, tmp_path / "joint", "mujoco-plugin")
     assert not [*tmp_path.iterdir()]
     assert export(model, tmp_path / "joint", "mujoco-plugin").is_dir()
+
+
+@pytest.mark.parametrize(("slope", "drives"), [(-0.1, False), (-0.3, True)])
+def test_friction_that_falls_with_speed_may_leave_while_it_brakes(
+    slope: float, drives: bool, tmp_path: Path
+) -> None:
+    """A plain model of a joint with Stribeck friction: 0.3 Nm at rest, less when it is fast."""
+    model = model_of(["coulomb_friction", "viscous_friction"], "sensor_torque")
+    part = replace(
+        model.parts["sensor"],
+        coefficients=np.array([0.3, slope]),
+        record={"validity": {"output_velocity": [-1.5, 2.0]}},
+    )
+    falling = Model({"sensor": part}, model.facts)
+    if drives:
+        with pytest.raises(InputError, match=r"is -0.3 Nm at 2 rad/s, which would drive the joint"):
+            export(falling, tmp_path / "joint", "mujoco-plugin")
+    else:
+        assert export(falling, tmp_path / "joint", "mujoco-plugin").is_dir()
 
 
 def test_the_line_in_the_source_builds_it(mujoco: Any, tmp_path: Path) -> None:

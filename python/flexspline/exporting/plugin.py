@@ -33,7 +33,8 @@ from flexspline.exporting.plain_joint import (
 )
 from flexspline.exporting.plain_joint import comment as xml_comment
 from flexspline.files import atomic_write
-from flexspline.model import PART_OF, Model, Part, below_zero
+from flexspline.model import PART_OF, Model, Part
+from flexspline.own import design_of
 from flexspline.programs import call, firmware_folder, host_compiler, include_folder
 from flexspline.signals import gear_of
 
@@ -51,6 +52,8 @@ INSTALL = "run pip install 'flexspline[mujoco]'"
 OPTIONS = ("-std=c++20", "-O2", "-ffp-contract=off", "-fvisibility=hidden", "-fPIC", "-shared")
 SUFFIXES = {"darwin": ".dylib", "win32": ".dll"}
 USUAL_TEMPERATURE = 25.0  # deg C, as in the core's sample
+USUAL_SPEED = 1.0  # rad/s, where a model has no range of it
+SPEEDS = 101  # of a range, at which friction is looked at
 
 
 @dataclass(frozen=True)
@@ -85,18 +88,12 @@ def plugin_of(model: Model, target: str | None = None) -> Plugin:
     ------
     InputError
         Where there is no such part, its target is no torque, none of its effects acts on the joint,
-        one reads what MuJoCo does not have, or a sensor sees friction from the other side: as a
-        passive force that would drive the joint.
+        one reads what MuJoCo does not have, or a sensor's friction would drive the joint at a
+        speed of the fit's range, as it does where the sensor sees it from the other side.
     """
     whole = model.part(target)
     torque = output_torque(model, whole)
-    if PART_OF[whole.target] == "sensor":
-        for said, what in below_zero(whole):
-            raise InputError(
-                f"{said} is negative {what}, which would drive the joint instead of braking it: "
-                f"the sensor sees it from the other side; fit {whole.target} again with its sign "
-                f"turned (--repair flip_sign={whole.target}), or a motor's torque"
-            )
+    _require_braking(model, whole)
     left = {effect.name: why for effect in whole.effects if (why := _left(effect))}
     effects = tuple(effect for effect in whole.effects if effect.name not in left)
     if not any(effect.terms for effect in effects):
@@ -144,6 +141,32 @@ def _left(effect: Effect) -> str:
     if "M" not in effect.info.targets or effect.name == LAG:
         return "nothing: it is of what is measured, and no torque on the joint"
     return ""
+
+
+def _require_braking(model: Model, part: Part) -> None:
+    """Refuse friction of a sensor that drives the joint at a speed of the fit's range."""
+    if PART_OF[part.target] != "sensor" or part.simulated is not None:
+        return
+    wanted = [e.info.traits.dissipative and e.reads == ("output_velocity",) for e in part.effects]
+    friction = [effect for effect, take in zip(part.effects, wanted, strict=True) if take]
+    of_term = np.repeat(wanted, [len(effect.terms) for effect in part.effects])
+    if not friction:
+        return
+    fastest = np.abs(part.record.get("validity", {}).get("output_velocity", USUAL_SPEED)).max()
+    speeds = np.linspace(0.0, fastest, SPEEDS)[1:]
+    channels = {"output_velocity": np.concatenate([speeds, -speeds])}
+    design = design_of(friction, gear_of(model.facts, motor_encoder=False))
+    made = design.rows(channels, 2 * len(speeds), part.coefficients[of_term])
+    ahead, back = np.split(np.asarray(made) @ part.coefficients[of_term], 2)
+    level = 0.5 * (ahead - back)
+    if (level < 0.0).any():
+        worst = int(np.argmin(level))
+        raise InputError(
+            f"the friction of {part.target} is {level[worst]:.3g} {part.unit} at "
+            f"{speeds[worst]:.3g} rad/s, which would drive the joint instead of braking it; turn "
+            f"its sign if the sensor sees friction from the other side (--repair flip_sign="
+            f"{part.target}), or fit what its speeds need (stribeck_friction, say)"
+        )
 
 
 def _require_channels(model: Model, part: Part, reads: set[str]) -> None:
