@@ -285,9 +285,9 @@ def read_pieces(
     Parameters
     ----------
     source, columns
-        As for `read_log`. Of Parquet, Feather, .npy, .mat of version 7.3 and HDF5 only what a
-        piece needs is in memory; a group of rows of Parquet is read as one. All other files are
-        read as a whole first.
+        As for `read_log`. Of Parquet, Feather, .npy, .mat of version 7.3, HDF5, and of one group
+        of MDF 4 and TDMS, only what a piece needs is in memory; a group of rows of Parquet is read
+        as one. All other files are read as a whole first.
     rows : int
         In a piece; the last may be shorter.
     **how
