@@ -74,6 +74,12 @@ FILES: dict[str, tuple[Callable[[Path], object], dict[str, Any]]] = {
         ),
         {**BY_NAME, "time": "t"},
     ),
+    "bare.parquet": (
+        lambda p: parquet.write_table(
+            pyarrow.table(TABLE), p, row_group_size=300, write_statistics=False
+        ),
+        BY_NAME,
+    ),
     "batches.feather": (
         lambda p: feather.write_feather(pyarrow.table(TABLE), p, chunksize=130), BY_NAME,
     ),
