@@ -9,7 +9,8 @@ import html
 import math
 import re
 import textwrap
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
+from typing import Any, TypeVar
 
 from flexspline.errors import printable
 
@@ -17,6 +18,7 @@ __all__ = [
     "Page",
     "apart",
     "decimals_for",
+    "documented",
     "padded",
     "percent",
     "plus_minus",
@@ -29,6 +31,7 @@ __all__ = [
     "truncated",
 ]
 
+INDENT = "    "  # of a function's docstring
 FINEST = 1e-6  # an error below this part of its value is shown as "below"
 
 
@@ -134,3 +137,23 @@ def table_html(title: str, rows: Sequence[Sequence[str]], sentences: Iterable[st
     """Return a fragment for notebooks light and dark: a title, a table, and what is to be said."""
     notes = "".join(f"<li>{html.escape(sentence)}</li>" for sentence in sentences)
     return f"<div><b>{html.escape(title)}</b><table>{rows_html(rows)}</table><ul>{notes}</ul></div>"
+
+
+Documented = TypeVar("Documented", bound=Callable[..., Any])
+
+
+def documented(rows: Iterable[tuple[str, str]]) -> Callable[[Documented], Documented]:
+    """Put a list of names and what is said of them in the place of ``{formats}`` in a docstring."""
+    lines = "\n".join(
+        textwrap.fill(
+            f"- {name}: {said}", initial_indent=INDENT, subsequent_indent=f"{INDENT}  ", width=100
+        )
+        for name, said in rows
+    )
+
+    def fill(function: Documented) -> Documented:
+        if function.__doc__:  # not with python -OO
+            function.__doc__ = function.__doc__.replace(f"{INDENT}{{formats}}", lines)
+        return function
+
+    return fill

@@ -15,6 +15,8 @@ from click.shell_completion import ShellComplete
 import flexspline
 from flexspline.cli import commands
 from flexspline.effects import CATALOGUE, TARGETS, effect
+from flexspline.exporting import EXPORTS, export
+from flexspline.logs.formats import FORMATS
 from flexspline.logs.repairs import REPAIRS
 from flexspline.model import Model
 from flexspline.part import Part
@@ -49,6 +51,21 @@ def test_help_of_what_reads_runs_lists_all_repairs(command: str) -> None:
     text = call(command, "--help").stdout
     for word in REPAIRS:
         assert word in text
+
+
+@pytest.mark.parametrize("command", ["init", "convert"])
+def test_help_lists_every_format_of_files_and_what_installs_it(command: str) -> None:
+    text = " ".join(call(command, "--help").stdout.split())
+    for form in FORMATS:
+        assert f"{form} {form.says}" in text
+        assert not form.extra or form.install in text
+
+
+def test_help_and_docstring_of_export_tell_every_format() -> None:
+    text, doc = (" ".join(t.split()) for t in (call("export", "--help").stdout, export.__doc__))
+    for name, form in EXPORTS.items():
+        assert f" {name} {form.says}" in text
+        assert f'- "{name}": {form.says}' in doc
 
 
 def test_the_version_is_that_of_the_package() -> None:

@@ -7,6 +7,7 @@ import gzip
 import json
 import lzma
 import mmap
+import sys
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -19,7 +20,12 @@ import scipy.io
 
 from flexspline.errors import InputError
 from flexspline.logs import ColumnSource, Log, formats, read_log
-from flexspline.logs.formats import Dialect
+from flexspline.logs.formats import BEGINNING, FORMATS, Dialect
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
 
 TIME = np.arange(6) * 0.01
 ANGLE = np.array([0.0, 0.1, 0.30000000000000004, 1e-320, -5.0, 1 / 3])
@@ -313,3 +319,32 @@ def test_what_is_no_plain_number_is_left_to_pandas(cell: str) -> None:
     body = f"1.0;2.0\n3.0;{cell}\n"
     assert formats._numbers("1.0;2.0\n3.0;4.0\n", ";", ".", 0, (2, 2)) is not None
     assert formats._numbers(body, ";", ".", 0, (2, 2)) is None
+
+
+def test_the_docstring_of_read_log_tells_every_format() -> None:
+    doc = " ".join((read_log.__doc__ or "").split())
+    for form in FORMATS:
+        assert f"- {form}: {form.says}" in doc
+        assert not form.extra or form.install in doc
+
+
+def test_what_installs_the_library_of_a_format_is_an_extra_of_the_package() -> None:
+    content = (Path(__file__).parents[2] / "pyproject.toml").read_text(encoding="utf-8")
+    extras = tomllib.loads(content)["project"]["optional-dependencies"]
+    assert {form.extra for form in FORMATS} - {""} <= set(extras)
+
+
+def test_no_two_formats_have_one_suffix_or_one_beginning() -> None:
+    suffixes = [suffix for form in FORMATS for suffix in form.suffixes]
+    assert len(set(suffixes)) == len(suffixes)
+    assert all(suffix == suffix.lower() and suffix[0] == "." for suffix in suffixes)
+    magic = [each for form in FORMATS for each in form.magic]
+    assert all(len(each) <= BEGINNING for each in magic)
+    assert not [(a, b) for a in magic for b in magic if a is not b and a.startswith(b)]
+
+
+def test_what_is_no_text_and_has_no_known_name_names_every_format(tmp_path: Path) -> None:
+    (tmp_path / "run.dat").write_bytes(b"1\0 2")
+    with pytest.raises(InputError, match="not a text file") as told:
+        read_log(tmp_path / "run.dat")
+    assert all(form.suffixes[0] in str(told.value) for form in FORMATS)

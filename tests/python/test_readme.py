@@ -16,6 +16,8 @@ from demo_run import Demo
 
 from flexspline.cli import commands
 from flexspline.logs.channels import CHANNELS
+from flexspline.logs.formats import FORMATS
+from flexspline.logs.packed import PACKED
 from flexspline.logs.read import read_log
 
 ROOT = Path(__file__).parents[2]
@@ -96,6 +98,20 @@ def test_the_table_of_channels_is_that_of_the_package() -> None:
     sides = {name: side for name, _, side in table}
     named = {name: name.split("_")[0] for name in sides if name.startswith(("output", "motor"))}
     assert {name: sides[name] for name in named} == named
+
+
+def test_the_formats_of_files_are_those_of_the_package() -> None:
+    ours = ", ".join(f"{each.name} (`{each.suffixes[0]}`)" for each in FORMATS if not each.extra)
+    extras = dict.fromkeys(each.extra for each in FORMATS if each.extra)
+    named = [
+        (" and ".join(each.name for each in FORMATS if each.extra == extra), extra)
+        for extra in extras
+    ]
+    (first, extra), *others = named
+    rest = ", ".join(f"{names} (`{extra}`)" for names, extra in others)
+    packed = ", ".join(f"`{suffix}`" for suffix in PACKED)
+    said = f"{ours}; with an extra {first} (`pip install '.[{extra}]'`), {rest}; each also packed"
+    assert f"{said} ({packed})" in " ".join(README.split())
 
 
 @pytest.mark.parametrize("link", sorted(set(LINKS)))

@@ -56,7 +56,13 @@ def _devices() -> Iterable[str]:
     return DEVICES
 
 
-@click.command(cls=Taught, sections=(repairs,))
+def _listed() -> tuple[str, list[tuple[str, str]]]:
+    from flexspline.exporting import EXPORTS
+
+    return "Formats in which a model leaves", [(name, e.says) for name, e in EXPORTS.items()]
+
+
+@click.command(cls=Taught, sections=(_listed, repairs))
 @click.argument("runs", nargs=-1, metavar="[RUN.csv...]", type=FILE)
 @model
 @model_joint
@@ -65,11 +71,7 @@ def _devices() -> Iterable[str]:
     "form",
     type=LateChoice(_formats),
     required=True,
-    help="header: constants that a C++ program compiles with the core's headers; binary: "
-    "parameters that replace those of such a program while it runs; json: the model file; fmu: a "
-    "unit of FMI 3.0 with sources and a binary for this machine; simulink: the C++ source of an "
-    "S-function; mujoco, urdf: a joint of an MJCF file or a URDF; mujoco-plugin: a folder with "
-    "the sources of an engine plugin.",
+    help="In which the model leaves; each is told below.",
 )
 @click.option(
     "--scalar",
@@ -84,7 +86,7 @@ def _devices() -> Iterable[str]:
     is_flag=True,
     help="Compile the plugin too, with $CXX or c++ and the MuJoCo of this Python.",
 )
-@out_file("FILE_OR_DIR", "File to write, of mujoco-plugin a folder; whole or not at all.")
+@out_file("FILE_OR_DIR", "File to write, or the folder that some formats are; whole or not at all.")
 @target(required=False)
 @simulation
 @strict
@@ -105,24 +107,8 @@ def export(
 ) -> None:
     """Export a model for the controller or a simulator.
 
-    The header holds plain constants and compiles with flexspline's headers (C++20, no heap, no
-    exceptions); it predicts the same numbers as flexspline predict. The binary block is checked by
-    its length, version, CRC-32 and structure before a program takes it, whole or not at all.
-
-    An FMU is a co-simulation unit: inputs are the channels that the model reads, outputs the torque
-    that it says, that of each effect, and a status; each instance keeps what its effects remember.
-    It is compiled by $CXX, or c++. An S-function has the same ports, and in it the line of mex that
-    builds it; it is compiled and run with a stub of Simulink's header alone, never in Simulink.
-
-    A MuJoCo joint has armature, damping and frictionloss of the model, that of a URDF damping,
-    friction and limits, in SI units at the output of the gear. A comment above it lists the effects
-    that it leaves out, each with its largest torque over the ranges of the fit. Where runs are
-    given, it has the root mean square of each there too, and the errors of model and joint, and the
-    command prints them.
-
-    A MuJoCo plugin leaves out none of the joint's torques: it is the passive force of a joint by
-    the same C++ code, load, angle, direction and memory included. Its folder has the sources, the
-    line that builds them, and an MJCF file to copy from.
+    The formats are listed below. Where runs are given, the file of a simulator's joint says what it
+    leaves out on these too, and the command prints it.
 
     Standard error says what speaks against using the model: inertia or friction of a drive that is
     negative, terms that are not significant, parameters at a bound.

@@ -22,6 +22,7 @@ from flexspline.cli.options import (
     Taught,
     channels,
     effects_by_target,
+    formats,
     is_table,
     known_load,
     left_open,
@@ -180,23 +181,23 @@ def orders(
     say(f"\nwrote {Path(out) / 'orders.csv'} and {Path(out) / 'orders.png'}")
 
 
-@click.command(cls=Taught, sections=(channels, repairs))
+@click.command(cls=Taught, sections=(formats, channels, repairs))
 @click.argument("foreign", metavar="FOREIGN", type=FILE)
 @out_file("RUN.csv")
 @click.option(
     "--rows-at-once",
     metavar="N",
     type=click.IntRange(min=2),
-    help="Convert N rows at a time, for a file larger than memory: .npy, HDF5, Parquet, Feather. "
-    "Repairs need the whole run and are refused.",
+    help="Convert N rows at a time, for a file larger than memory in a format that is read in "
+    "pieces. Repairs need the whole run and are refused.",
 )
 @reading(columns_needed=True)
 def convert(foreign: str, out: str, rows_at_once: int | None, reading: Reading) -> None:
     """Turn a foreign file into a run: CSV, channel names, SI units.
 
-    FOREIGN is delimited text, .npy, .npz, .mat, HDF5, JSON, Parquet, Feather, MCAP, a bag of ROS,
-    MDF 4 or TDMS, packed or not. The map says which column is which channel, in which unit and with
-    which sign. Prints what the run holds. A RUN that ends in .parquet is written as such.
+    FOREIGN is a file of any of the formats below, packed or not. The map says which column is which
+    channel, in which unit and with which sign. Prints what the run holds. A RUN that ends like one
+    of the formats that are written too is such a file.
 
     \b
     Example: a file map.toml with
@@ -240,7 +241,7 @@ def _list_presets() -> None:
     say(presets_text())
 
 
-@click.command(cls=Taught, sections=(channels,))
+@click.command(cls=Taught, sections=(formats, channels))
 @click.argument("recording", metavar="RECORDING", required=False, type=FILE)
 @click.option(
     "--out",
@@ -273,11 +274,11 @@ def init(
 ) -> None:
     """Guess which column of a recording is which channel, and write a column map.
 
-    RECORDING is delimited text as any recorder writes it, .npy, .npz, .mat, HDF5, JSON, Parquet,
-    Feather, MCAP, a bag of ROS, MDF 4 or TDMS, packed or not. Encoding, preamble, names, a row of
-    units, separators, decimal sign and time stamps are found by looking. Channels come from names
-    and units, and from physics: a velocity is a position's derivative, the motor turns N times as
-    far as the output, a drive does work against friction.
+    RECORDING is a file of any of the formats below, packed or not. Of text, as any recorder writes
+    it, encoding, preamble, names, a row of units, separators, decimal sign and time stamps are
+    found by looking. Channels come from names and units, and from physics: a velocity is a
+    position's derivative, the motor turns N times as far as the output, a drive does work against
+    friction.
 
     Each entry of the map has its reason beside it, and what is unsure says so. Look at these and
     at the figure before the first fit; signs of torques that only the rig knows are yours to see.

@@ -55,6 +55,7 @@ __all__ = [
     "files_of",
     "fitted_controller",
     "fixed",
+    "formats",
     "is_table",
     "known_load",
     "left_open",
@@ -443,8 +444,7 @@ MAX_MEMORY: tuple[str, dict[str, Any]] = (
     {
         "type": positive,
         "metavar": "GB",
-        "help": "What a packed, NumPy or MATLAB file may unfold to; by default half of what is "
-        "free.",
+        "help": "What a file may unfold to; by default half of what is free.",
     },
 )
 
@@ -818,6 +818,14 @@ def channels() -> tuple[str, list[tuple[str, str]]]:
 
     rows = [(name, f"{each.unit:<6} {each.meaning}") for name, each in CHANNELS.items()]
     return "Channels; torques at the output are positive where the joint pushes in +q", rows
+
+
+def formats() -> tuple[str, list[tuple[str, str]]]:
+    """Every format of files."""
+    from flexspline.logs.formats import format_rows
+    from flexspline.logs.packed import PACKED
+
+    return f"Formats of files, each also packed ({', '.join(PACKED)})", format_rows()
 
 
 def repairs() -> tuple[str, list[tuple[str, str]]]:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 from flexspline.errors import FlexsplineWarning, InputError, did_you_mean
 from flexspline.exporting.block import block_bytes
@@ -30,14 +31,17 @@ from flexspline.exporting.plugin import (
     write_plugin,
 )
 from flexspline.files import atomic_write, whole_folder
+from flexspline.formatting import documented
 from flexspline.logs.read import LogLike, as_logs
 from flexspline.model import PART_OF, Model, part_warnings, refuse_warnings
 from flexspline.own.header import Header
 
 __all__ = [
+    "EXPORTS",
     "FOLDERS",
     "FORMATS",
     "JOINTS",
+    "Export",
     "Plugin",
     "export",
     "export_warnings",
@@ -103,10 +107,6 @@ def _json(model: Model, path: Path, target: str | None, scalar: str) -> None:
     model.save(path)
 
 
-JOINTS = {"mujoco": (MJCF_NUMBERS, mjcf_text), "urdf": (URDF_NUMBERS, urdf_text)}
-"""Formats that know a joint by a few numbers: which, and the text that they make."""
-
-
 def _fmu(model: Model, path: Path, target: str | None, scalar: str) -> None:
     atomic_write(path, fmu_bytes(model, namespace_of(path), target))
 
@@ -123,21 +123,79 @@ def _mujoco_plugin(
             compile_plugin(namespace, draft)
 
 
-WRITERS: Mapping[str, Callable[[Model, Path, str | None, str], None]] = {
-    "header": _header,
-    "binary": _binary,
-    "json": _json,
-    "fmu": _fmu,
-    "simulink": _simulink,
-    "mujoco-plugin": _mujoco_plugin,
+class Export(NamedTuple):
+    """A format in which a model leaves.
+
+    Parameters
+    ----------
+    says : what it is, a text for help and docstrings.
+    write : writes a model, whole or not at all: to a path, a target's part, with numbers of a
+        scalar. None where `joint` is given.
+    joint : of a format that knows a joint by a few numbers, which, and the text that they make.
+    files : of a format that is a folder, its files by the namespace.
+    """
+
+    says: str
+    write: Callable[[Model, Path, str | None, str], None] | None = None
+    joint: tuple[Sequence[tuple[str, int]], Callable[[PlainJoint], str]] | None = None
+    files: Callable[[str], list[str]] | None = None
+
+
+LOSSES = (
+    " A comment above it lists the effects that it leaves out, each with its largest torque over "
+    "the ranges of the fit; where runs are given, with the root mean square there too, and the "
+    "errors of model and joint."
+)
+EXPORTS = {
+    "header": Export(
+        "constants that a C++20 program compiles with the core's headers, without heap or "
+        "exceptions; it predicts the same numbers as predict",
+        _header,
+    ),
+    "binary": Export(
+        "parameters that replace those of a program with such a header while it runs "
+        "(flexspline/block.hpp), which checks length, version, CRC-32 and structure before it "
+        "takes them, whole or not at all",
+        _binary,
+    ),
+    "json": Export("the model file, as fit writes it", _json),
+    "fmu": Export(
+        "a co-simulation unit of FMI 3.0 with sources and a binary for this machine, compiled by "
+        "$CXX or c++. Inputs are the channels that the model reads, outputs the torque that it "
+        "says, that of each effect, and a status; each instance keeps what its effects remember",
+        _fmu,
+    ),
+    "simulink": Export(
+        "the C++ source of an S-function with the ports of an FMU, and in it the line of mex that "
+        "builds it; compiled and run with a stub of Simulink's header alone, never in Simulink",
+        _simulink,
+    ),
+    "mujoco-plugin": Export(
+        "a folder with the sources of an engine plugin of MuJoCo, the line that builds them and an "
+        "MJCF file to copy from. It leaves out none of the joint's torques: it is the passive "
+        "force of a joint by the same C++ code, load, angle, direction and memory included",
+        _mujoco_plugin,
+        files=plugin_files,
+    ),
+    "mujoco": Export(
+        "a joint of an MJCF file with armature, damping and frictionloss of the model, in SI units "
+        "at the output of the gear." + LOSSES,
+        joint=(MJCF_NUMBERS, mjcf_text),
+    ),
+    "urdf": Export(
+        "a joint of a URDF with damping, friction and limits, in SI units at the output of the "
+        "gear." + LOSSES,
+        joint=(URDF_NUMBERS, urdf_text),
+    ),
 }
-"""What writes each format of a program, whole or not at all."""
+"""Every format in which a model leaves. Help, docstrings and sentences follow."""
 
-FORMATS = (*WRITERS, *JOINTS)
-FOLDERS: Mapping[str, Callable[[str], list[str]]] = {"mujoco-plugin": plugin_files}
-"""Formats that are a folder: its files, by the namespace."""
+FORMATS = tuple(EXPORTS)
+JOINTS = {name: each.joint for name, each in EXPORTS.items() if each.joint is not None}
+FOLDERS = {name: each.files for name, each in EXPORTS.items() if each.files is not None}
 
 
+@documented((f'"{name}"', each.says) for name, each in EXPORTS.items())
 def export(
     model: Model,
     path: str | os.PathLike[str],
@@ -152,14 +210,8 @@ def export(
     Parameters
     ----------
     model : what `fit` or `Model.load` gives.
-    path : file to write, of "mujoco-plugin" a folder; its stem is the header's namespace.
-    format : "header", constants for a C++20 program in float or double; "binary", the parameters
-        alone, which replace those of a program compiled with such a header (flexspline/block.hpp);
-        "json", the same file as `Model.save` writes; "fmu", a co-simulation unit of FMI 3.0,
-        compiled for this machine; "simulink", the C++ source of an S-function, which no Simulink
-        has run; "mujoco" or "urdf", a file with a joint for a simulator and a table of what that
-        leaves out; or "mujoco-plugin", sources of an engine plugin that leaves no torque of the
-        joint out, see `flexspline.mujoco_plugin`.
+    path : file to write, or the folder that some formats are; its stem is the header's namespace.
+    format : what leaves, one of the notes below.
     target : which part, such as "sensor_torque"; None picks the only one, and keeps all in JSON.
     scalar : "float" or "double", the numbers of a binary block.
     strict : refuse what is otherwise warned of.
@@ -184,6 +236,10 @@ def export(
     -----
     FlexsplineWarning
         Of signs that no drive has, of terms that are not significant and of parameters at a bound.
+
+    Notes
+    -----
+    {formats}
     """
     if format not in FORMATS:
         near = did_you_mean(format, FORMATS)
@@ -198,7 +254,9 @@ def export(
             f"runs say what a simulator's joint leaves out, and {format} leaves out nothing; leave "
             f"them out, or give {' or '.join(JOINTS)}"
         )
-    WRITERS[format](model, Path(path), target, scalar)
+    write = EXPORTS[format].write
+    assert write is not None  # as it is no joint
+    write(model, Path(path), target, scalar)
     return Path(path)
 
 

@@ -16,16 +16,22 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final, Literal, NamedTuple
+from typing import Any, BinaryIO, Final, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.errors import InputError
+from flexspline.errors import InputError, listed
 from flexspline.files import require_there
 from flexspline.logs.bag_files import read_bag, read_mcap, read_sqlite
-from flexspline.logs.frames import from_frame, is_frame, read_feather, read_parquet
-from flexspline.logs.log import Fact, Source, parsed_fact
+from flexspline.logs.frames import (
+    from_frame,
+    is_frame,
+    read_feather,
+    read_parquet,
+    write_parquet,
+)
+from flexspline.logs.log import Fact, Log, Source, parsed_fact
 from flexspline.logs.mdf_files import read_mdf
 from flexspline.logs.packed import PACKED, memory_limit, read_numpy, unpacked
 from flexspline.logs.table import (
@@ -38,41 +44,56 @@ from flexspline.logs.table import (
 )
 from flexspline.logs.tdms_files import read_tdms
 
-__all__ = ["Dialect", "decoded", "no_source", "read_table", "unpacked_text"]
+__all__ = [
+    "FORMATS",
+    "Dialect",
+    "Format",
+    "decoded",
+    "format_named",
+    "format_rows",
+    "no_source",
+    "read_table",
+    "unpacked_text",
+]
 
-MATLAB: Final = (".mat", ".h5", ".hdf5")
-STRUCTURED: Final = (
-    ".npy",
-    ".npz",
-    *MATLAB,
-    ".json",
-    ".jsonl",
-    ".ndjson",
-)  # all others are text
 
+class Format(NamedTuple):
+    """A format of files, told by how a file's name ends or by how the file begins.
 
-class Foreign(NamedTuple):
-    """A format that a library of its own reads, which is imported with its first file.
-
-    `read`: from path or bytes, label, variable and most bytes to a `Table`; `extra`: what pip
-    installs the library by; `magic`: how such a file begins, whatever it is called.
+    Parameters
+    ----------
+    name : what sentences call it.
+    suffixes : ends of names.
+    read : from path or bytes, label, variable and most bytes to a `Table`. A library that not
+        everybody needs is imported here, with the first file.
+    says : what who has such a file should know.
+    variable : what the argument `variable` names; "" where a file is one table.
+    pieces : how a file larger than memory is read in pieces; "" where it is read as a whole.
+    magic : first bytes of such a file, whatever it is called.
+    extra : what pip installs the library by; "" where it comes with flexspline.
+    write : from facts, first piece and all pieces of a log to an opened file; None: not written.
     """
 
-    read: Callable[[Path | io.BytesIO, str, str | None, int], Table]
-    extra: str
+    name: str
     suffixes: tuple[str, ...]
-    magic: tuple[bytes, ...]
+    read: Callable[[Path | io.BytesIO, str, str | None, int], Table]
+    says: str = ""
+    variable: str = ""
+    pieces: str = ""
+    magic: tuple[bytes, ...] = ()
+    extra: str = ""
+    write: Callable[[Mapping[str, str], Log, Iterator[Log], BinaryIO], None] | None = None
+
+    def __str__(self) -> str:
+        """What it is, and how such files are called: "MDF 4 (.mf4, .mdf)"."""
+        return f"{self.name} ({', '.join(self.suffixes)})"
+
+    @property
+    def install(self) -> str:
+        """The command that installs its library."""
+        return f"pip install 'flexspline[{self.extra}]'"
 
 
-FOREIGN: Final = (
-    Foreign(read_parquet, "parquet", (".parquet", ".pq"), (b"PAR1",)),
-    Foreign(read_feather, "parquet", (".feather", ".arrow", ".ipc"), (b"ARROW1",)),
-    Foreign(read_mcap, "mcap", (".mcap",), (b"\x89MCAP0\r\n",)),
-    Foreign(read_bag, "ros", (".bag",), (b"#ROSBAG V2.0\n",)),
-    Foreign(read_sqlite, "ros", (".db3",), (b"SQLite format 3\0",)),
-    Foreign(read_mdf, "mdf", (".mf4", ".mdf"), (b"MDF     ", b"UnFinMF ")),
-    Foreign(read_tdms, "tdms", (".tdms",), (b"TDSm",)),
-)
 BEGINNING: Final = 16  # bytes of a file that tell its format
 SEPARATORS: Final = (",", ";", "\t", "|", " ")
 MONITOR: Final = r"^\d{1,2}:\d{2}:\d{2}(?:\.\d+)? -> "
@@ -97,7 +118,7 @@ def read_table(
     source : path, ndarray, mapping of arrays, table of pandas, polars or xarray
         The formats of `read_log`.
     variable : str, optional
-        Name, or path with dots, of the part of a .mat, .npz or .json file that is the table.
+        Of a file: the part that is the table, in those of `FORMATS` that have several.
     dialect : Dialect
         How text is written.
     drop_rows : int
@@ -166,44 +187,41 @@ def _sha256(path: Path) -> str:
 
 
 def _opened(path: Path, variable: str | None, dialect: Dialect, drop_rows: int, most: int) -> Table:
-    kind, packed = _kind(path)
+    form, packed = _format(path)
     label = str(path)
-    foreign = _foreign(path)
-    if foreign is not None:
-        file = io.BytesIO(unpacked(path.read_bytes(), packed, label, most)) if packed else path
-        table = _read_foreign(foreign, file, label, variable, most)
-    elif kind == ".npy" and not packed:
-        table = from_value(read_numpy(path, label, most), label, variable)
-    elif kind in MATLAB and not packed:
-        table = read_matlab(path, label, variable, most)
-    else:
-        content = unpacked(path.read_bytes(), packed, label, most)
-        if kind not in STRUCTURED:
-            return read_delimited(content, label, dialect, drop_rows).checked()
-        table = _structured(content, kind, label, variable, most)
+    file = io.BytesIO(unpacked(path.read_bytes(), packed, label, most)) if packed else path
+    if form is None:
+        return read_delimited(_bytes(file), label, dialect, drop_rows).checked()
+    try:
+        table = form.read(file, label, variable, most)
+    except ModuleNotFoundError as error:
+        if not form.extra:
+            raise
+        raise InputError(f"{label}: {error.name} is needed to read it; {form.install}") from error
     return table.checked().without_first(drop_rows)
 
 
-def _foreign(path: Path) -> Foreign | None:
-    """Return the format of a library of its own that a file is in, by its name or its beginning."""
-    kind, packed = _kind(path)
-    if packed or kind in STRUCTURED:
-        return next((each for each in FOREIGN if kind in each.suffixes), None)
+def _format(path: Path) -> tuple[Format | None, str]:
+    """Return what a file is, None for text, and how it is packed: ".gz" for run.npz.gz.
+
+    Its beginning says more than its name, but for names of formats of which no beginning is known.
+    """
+    packed, named = _packed(path), format_named(path)
+    if packed or (named is not None and not named.magic):
+        return named, packed
     with path.open("rb") as file:
         begins = file.read(BEGINNING)
-    by_name = (each for each in FOREIGN if kind in each.suffixes)
-    return next((each for each in FOREIGN if begins.startswith(each.magic)), next(by_name, None))
+    return next((each for each in FORMATS if begins.startswith(each.magic)), named), ""
 
 
-def _read_foreign(
-    foreign: Foreign, file: Path | io.BytesIO, label: str, variable: str | None, most: int
-) -> Table:
-    try:
-        return foreign.read(file, label, variable, most)
-    except ModuleNotFoundError as error:
-        raise InputError(
-            f"{label}: {error.name} is needed to read it; pip install 'flexspline[{foreign.extra}]'"
-        ) from error
+def _packed(path: Path) -> str:
+    return path.suffix.lower() if path.suffix.lower() in PACKED else ""
+
+
+def format_named(path: Path) -> Format | None:
+    """Return the format that a name ends like, packed or not; None of text."""
+    named = path.with_suffix("") if _packed(path) else path
+    return next((each for each in FORMATS if named.suffix.lower() in each.suffixes), None)
 
 
 def unpacked_text(path: Path, max_memory: float | None = None) -> bytes | None:
@@ -217,9 +235,9 @@ def unpacked_text(path: Path, max_memory: float | None = None) -> bytes | None:
         Where the file is missing, empty or damaged.
     """
     require_there(path)
-    kind, packed = _kind(path)
     with _named(path):
-        if kind in STRUCTURED or _foreign(path) is not None:
+        form, packed = _format(path)
+        if form is not None:
             return None
         content = unpacked(path.read_bytes(), packed, str(path), memory_limit(max_memory))
     if not content:
@@ -227,26 +245,17 @@ def unpacked_text(path: Path, max_memory: float | None = None) -> bytes | None:
     return content
 
 
-def _structured(content: bytes, kind: str, label: str, variable: str | None, most: int) -> Table:
-    if kind in (".npy", ".npz"):
-        return from_value(read_numpy(io.BytesIO(content), label, most), label, variable)
-    if kind == ".json":
-        return _from_json(content, label, variable)
-    if kind in (".jsonl", ".ndjson"):
-        return _from_json_lines(content, label)
-    return read_matlab(content, label, variable, most)
+def _numpy(file: Path | io.BytesIO, label: str, variable: str | None, most: int) -> Table:
+    return from_value(read_numpy(file, label, most), label, variable)
 
 
-def _kind(path: Path) -> tuple[str, str]:
-    """Return (".csv", ".gz") for run.csv.gz: what a file is, and how it is packed."""
-    suffixes = [suffix.lower() for suffix in path.suffixes]
-    packed = suffixes.pop() if suffixes and suffixes[-1] in PACKED else ""
-    return (suffixes[-1] if suffixes else ""), packed
+def _bytes(file: Path | io.BytesIO) -> bytes:
+    return file.read_bytes() if isinstance(file, Path) else file.getvalue()
 
 
-def _from_json(content: bytes, label: str, variable: str | None) -> Table:
+def _json(file: Path | io.BytesIO, label: str, variable: str | None, most: int) -> Table:
     try:
-        value = json.loads(content)
+        value = json.loads(_bytes(file))
     except (ValueError, RecursionError) as error:  # no JSON, no text, endless digits or depth
         raise InputError(f"{label}: not JSON ({error}); export it again") from error
     if not isinstance(value, (dict, list)):
@@ -254,10 +263,10 @@ def _from_json(content: bytes, label: str, variable: str | None) -> Table:
     return records_at(value, label, variable)
 
 
-def _from_json_lines(content: bytes, label: str) -> Table:
+def _json_lines(file: Path | io.BytesIO, label: str, variable: str | None, most: int) -> Table:
     """Return the records, one for each line, but for those of another kind: events between them."""
     table: list[dict[str, Any]] = []
-    for number, line in enumerate(content.splitlines(), start=1):
+    for number, line in enumerate(_bytes(file).splitlines(), start=1):
         try:
             table += [json.loads(line)] if line.strip() else []
         except (ValueError, RecursionError) as error:
@@ -276,6 +285,75 @@ def _from_json_lines(content: bytes, label: str) -> Table:
         else ""
     )
     return replace(made, notes=(f"a record in each line{left}",))
+
+
+OF_COLUMNS: Final = "only columns that become channels are read"
+OF_TABLES: Final = "the table, such as run.data"
+OF_MESSAGES: Final = (
+    "columns go by the path of their field, wrench.force.x, and by joint, position[elbow]"
+)
+OF_GROUPS: Final = "columns go by the name of a channel, or group.name"
+FORMATS: Final = (
+    Format(
+        "NumPy", (".npy",), _numpy, "left on disk where no unit is changed",
+        pieces="read in pieces",
+    ),
+    Format("NumPy arrays", (".npz",), _numpy, variable=OF_TABLES),
+    Format(
+        "MATLAB", (".mat",), read_matlab, "all versions", OF_TABLES,
+        pieces="of version 7.3 read in pieces",
+    ),
+    Format("HDF5", (".h5", ".hdf5"), read_matlab, OF_COLUMNS, OF_TABLES, pieces="read in pieces"),
+    Format("JSON", (".json",), _json, "records", OF_TABLES),
+    Format("JSON lines", (".jsonl", ".ndjson"), _json_lines, "a record in each line"),
+    Format(
+        "Parquet", (".parquet", ".pq"), read_parquet, OF_COLUMNS, magic=(b"PAR1",),
+        pieces="read in pieces, a group of rows as one", extra="parquet", write=write_parquet,
+    ),
+    Format(
+        "Feather", (".feather", ".arrow", ".ipc"), read_feather, OF_COLUMNS, magic=(b"ARROW1",),
+        pieces="read in pieces", extra="parquet",
+    ),
+    Format(
+        "MCAP", (".mcap",), read_mcap, OF_MESSAGES, "a topic", magic=(b"\x89MCAP0\r\n",),
+        extra="mcap",
+    ),
+    Format(
+        "ROS 1 bag", (".bag",), read_bag, OF_MESSAGES, "a topic", magic=(b"#ROSBAG V2.0\n",),
+        extra="ros",
+    ),
+    Format(
+        "ROS 2 bag", (".db3",), read_sqlite, OF_MESSAGES, "a topic",
+        magic=(b"SQLite format 3\0",), extra="ros",
+    ),
+    Format(
+        "MDF 4", (".mf4", ".mdf"), read_mdf, OF_GROUPS, "a group", pieces="one group read in pieces",
+        magic=(b"MDF     ", b"UnFinMF "), extra="mdf",
+    ),
+    Format(
+        "TDMS", (".tdms",), read_tdms, OF_GROUPS, "a group", pieces="one group read in pieces",
+        magic=(b"TDSm",), extra="tdms",
+    ),
+)  # fmt: skip
+"""Every format of files but delimited text. Reading, writing, help, docstrings, sentences and
+README follow."""
+
+
+def format_rows() -> list[tuple[str, str]]:
+    """Return what is said of each format: how such files are called, and what to know of them."""
+    text = "any other name: names, units, separators and decimal signs are found by looking"
+    return [("delimited text", text), *((str(each), _said(each)) for each in FORMATS)]
+
+
+def _said(form: Format) -> str:
+    said = [
+        form.says,
+        f"variable: {form.variable}" if form.variable else "",
+        form.pieces,
+        "written too" if form.write else "",
+        form.install if form.extra else "",
+    ]
+    return "; ".join(filter(None, said))
 
 
 @dataclass(frozen=True)
@@ -413,8 +491,8 @@ def decoded(content: bytes, label: str, encoding: str) -> str:
         encoding = "utf-16"
     elif b"\0" in content[:4096]:
         raise InputError(
-            f"{label}: not a text file, and its name ends like none of the known "
-            "formats; give a table as text, .npy, .npz, .mat or .json"
+            f"{label}: not a text file, and its name ends like none of the known formats; give "
+            f"text, or a name that ends in {listed([each.suffixes[0] for each in FORMATS])}"
         )
     try:
         plain = encoding.lower() in ("utf-8", "utf8")

@@ -23,14 +23,15 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, BinaryIO, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.errors import InputError, listed
+from flexspline.logs.channels import CHANNELS
 from flexspline.logs.columns import to_si
-from flexspline.logs.log import Fact, parsed_fact
+from flexspline.logs.log import Fact, Log, parsed_fact
 from flexspline.logs.one_clock import with_time
 from flexspline.logs.packed import require_memory
 from flexspline.logs.table import NUMBER, Later, Series, Table
@@ -39,7 +40,14 @@ from flexspline.logs.units import canonical_unit
 if TYPE_CHECKING:
     import pandas
 
-__all__ = ["from_frame", "is_frame", "read_feather", "read_parquet", "short_facts"]
+__all__ = [
+    "from_frame",
+    "is_frame",
+    "read_feather",
+    "read_parquet",
+    "short_facts",
+    "write_parquet",
+]
 
 
 UNIT_KEYS: Final = ("unit", "units", "Unit", "Units")
@@ -133,6 +141,23 @@ def read_feather(file: Path | io.BytesIO, label: str, variable: str | None, most
             lambda name: group(name, 0).slice(0, 1),
         )
     return _table(stored, _Of(label, "Feather", variable, most))
+
+
+def write_parquet(
+    facts: Mapping[str, str], first: Log, pieces: Iterator[Log], file: BinaryIO
+) -> None:
+    """Write pieces of a log, of which `first` is one: facts and units stand in the metadata."""
+    import pyarrow
+    from pyarrow import parquet
+
+    fields = [
+        pyarrow.field(name, pyarrow.float64(), metadata={"unit": CHANNELS[name].unit})
+        for name in first.columns
+    ]
+    schema = pyarrow.schema(fields, metadata=facts)
+    with parquet.ParquetWriter(file, schema) as made:
+        for piece in pieces:
+            made.write_table(pyarrow.table(dict(piece.columns), schema=schema))
 
 
 @dataclass(frozen=True)

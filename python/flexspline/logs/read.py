@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 
 from flexspline.errors import InputError, did_you_mean, listed
 from flexspline.files import refuse_special
+from flexspline.formatting import documented
 from flexspline.logs.columns import ColumnSpec, Picked, picked
-from flexspline.logs.formats import Dialect, no_source, read_table
+from flexspline.logs.formats import Dialect, format_rows, no_source, read_table
 from flexspline.logs.frames import is_frame
 from flexspline.logs.log import Fact, Log, Source, checked_facts
 from flexspline.logs.packed import PACKED
@@ -83,6 +84,7 @@ READ_KEYS: Final = (
 )
 
 
+@documented(format_rows())
 def read_log(
     source: str | os.PathLike[str] | NDArray[Any] | Mapping[str, Any] | Any,
     columns: Mapping[str, ColumnSpec] | str | os.PathLike[str] | None = None,
@@ -114,12 +116,7 @@ def read_log(
     Parameters
     ----------
     source : path, ndarray, mapping of arrays, DataFrame or Dataset
-        Delimited text, .npy (left on disk where no unit is changed), .npz, .mat (all
-        versions), HDF5, .json (records), .jsonl; with their extras also Parquet and Feather
-        (``flexspline[parquet]``), of which only the columns that become channels are read, MCAP
-        (``[mcap]``) and bags of ROS 1 and 2 (``[ros]``), whose columns are called by the path of
-        their field, ``wrench.force.x``, and by joint, ``position[elbow]``, MDF 4 (``[mdf]``) and
-        TDMS (``[tdms]``), by the name of a channel or ``group.name``. Each also packed as
+        A file of one of the formats in the notes below, delimited text among them, also packed as
         .gz, .bz2, .xz or .zip. A matrix (the longer side is time), a structured
         array, a dictionary, a table of pandas (units in ``attrs["units"]``), polars or xarray
         (units in the attributes of each variable). Where a source samples columns at instants of
@@ -145,8 +142,8 @@ def read_log(
         How text is written; found by looking where not given. Separator "whitespace" is any
         run of blanks and tabs.
     variable : str, optional
-        The part of a .mat, .npz or .json file that holds the table, such as "run.data"; of a bag
-        a topic, of MDF and TDMS a group, which alone is then read.
+        The part of a file that is read, such as "run.data": what that is in which format stands in
+        the notes below.
     drop_rows : int
         Rows of data at the start that are not read: a transient.
     skip_lines, skip_footer : int
@@ -154,8 +151,7 @@ def read_log(
     units_row : bool
         The row below the names holds units: those of columns whose map gives none.
     max_memory : float, optional
-        What a packed, NumPy or MATLAB file may take once it is unfolded [GB]; by default half of
-        what is free.
+        What a file may take once it is unfolded [GB]; by default half of what is free.
     facts : mapping, optional
         More facts. Arguments overrule facts, and facts overrule the file's own.
     joint : str or int, optional
@@ -171,6 +167,12 @@ def read_log(
     ------
     InputError
         One sentence: file, row or column, what is wrong, what to do.
+
+    Notes
+    -----
+    The format of a file is told by the end of its name, or by how it begins:
+
+    {formats}
     """
     how = {
         "gear_ratio": gear_ratio, "output_spline": output_spline, "pole_pairs": pole_pairs,
@@ -285,9 +287,8 @@ def read_pieces(
     Parameters
     ----------
     source, columns
-        As for `read_log`. Of Parquet, Feather, .npy, .mat of version 7.3, HDF5, and of one group
-        of MDF 4 and TDMS, only what a piece needs is in memory; a group of rows of Parquet is read
-        as one. All other files are read as a whole first.
+        As for `read_log`. Of formats that its notes call read in pieces only what a piece needs is
+        in memory. All other files are read as a whole first.
     rows : int
         In a piece; the last may be shorter.
     **how
@@ -601,7 +602,7 @@ def convert(
     ----------
     foreign, columns, out : path
         The file to read, the map (None where a preset is all of it), the file to write (whole or
-        not at all): CSV, or Parquet where its name ends so.
+        not at all): CSV, or another format as of `write_log`.
     **overruling
         Arguments of `read_log` that overrule the map, such as `gear_ratio`; `preset`.
 

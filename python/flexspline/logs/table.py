@@ -511,12 +511,12 @@ def _single(array: NDArray[Any]) -> Fact:
     return value if isinstance(value, (str, int, float)) else str(value)
 
 
-def read_matlab(source: bytes | Path, label: str, variable: str | None, most: int) -> Table:
+def read_matlab(source: Path | io.BytesIO, label: str, variable: str | None, most: int) -> Table:
     """Return the table in a .mat (or plain HDF5) file.
 
     Parameters
     ----------
-    source : bytes or path
+    source : path or bytes
         The file. By its path, datasets of HDF5 stay there until they are asked for.
     label : str
         What an error calls it.
@@ -537,12 +537,12 @@ def read_matlab(source: bytes | Path, label: str, variable: str | None, most: in
     try:
         units = dict[str, str]()
         if _is_hdf5(source):
-            with h5py.File(io.BytesIO(source) if isinstance(source, bytes) else source) as root:
-                path = None if isinstance(source, bytes) else source
+            with h5py.File(source) as root:
+                path = source if isinstance(source, Path) else None
                 value = _Hdf5(label, most, path).group(root)
                 root.visititems(lambda name, inner: units.update(_stated(name, inner)))
         else:
-            content = source if isinstance(source, bytes) else source.read_bytes()
+            content = source.read_bytes() if isinstance(source, Path) else source.getvalue()
             _require_unfolded(content, label, most)
             value = {
                 name: inner
@@ -564,12 +564,12 @@ def read_matlab(source: bytes | Path, label: str, variable: str | None, most: in
     return replace(table, units=tuple(_ending(units, name) for name in bare))
 
 
-def _is_hdf5(source: bytes | Path) -> bool:
-    if isinstance(source, bytes):
-        begins = source[: 512 + len(HDF5)]
-    else:
+def _is_hdf5(source: Path | io.BytesIO) -> bool:
+    if isinstance(source, Path):
         with source.open("rb") as file:
             begins = file.read(512 + len(HDF5))
+    else:
+        begins = bytes(source.getbuffer()[: 512 + len(HDF5)])
     return any(begins.startswith(HDF5, start) for start in (0, 512))
 
 

@@ -89,7 +89,7 @@ def guess_map(
     rate : float, optional
         Rows per second [Hz], where the recording has no time stamps.
     max_memory : float, optional
-        What a packed, NumPy or MATLAB file may unfold to [GB]; by default half of what is free.
+        What a file may unfold to [GB]; by default half of what is free.
 
     Returns
     -------
