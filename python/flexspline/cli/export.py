@@ -84,6 +84,12 @@ def _devices() -> Iterable[str]:
     is_flag=True,
     help="Compile the plugin too, with $CXX or c++ and the MuJoCo of this Python.",
 )
+@click.option(
+    "--dcmotor/--no-dcmotor",
+    default=None,
+    help="Whether passive dcmotors of an MJCF file take Stribeck's and presliding friction and "
+    "ripple; by default where the MuJoCo of this Python has them, from 4 on.",
+)
 @out_file("FILE_OR_DIR", "File to write, of mujoco-plugin a folder; whole or not at all.")
 @target(required=False)
 @simulation
@@ -98,6 +104,7 @@ def export(
     form: str,
     scalar: str,
     compiles: bool,
+    dcmotor: bool | None,
     out: str,
     target: str | None,
     strict: bool,
@@ -120,6 +127,9 @@ def export(
     given, it has the root mean square of each there too, and the errors of model and joint, and the
     command prints them.
 
+    Where the MuJoCo of this Python is 4 or later, or with --dcmotor, passive dcmotors beside the
+    MuJoCo joint take Stribeck's friction, presliding friction and each order of a ripple.
+
     A MuJoCo plugin leaves out none of the joint's torques: it is the passive force of a joint by
     the same C++ code, load, angle, direction and memory included. Its folder has the sources, the
     line that builds them, and an MJCF file to copy from.
@@ -138,6 +148,7 @@ def export(
     from flexspline.exporting import (
         FOLDERS,
         JOINTS,
+        WITH_MOTORS,
         export_warnings,
         joint_of,
         mujoco_plugin,
@@ -148,6 +159,9 @@ def export(
     files = FOLDERS[form](namespace_of(out)) if form in FOLDERS else ()
     if compiles and not files:
         raise InputError(f"--compile is for --format {' or '.join(FOLDERS)}; leave it out")
+    if dcmotor is not None and form != WITH_MOTORS:
+        said = "dcmotor" if dcmotor else "no-dcmotor"
+        raise InputError(f"--{said} is for --format {WITH_MOTORS}; leave it out")
     refuse_overwriting(out, [*runs, *simulation, model_path], files)
     joint = loaded(model_path, target, model_joint or reading.joint)
     logs: Sequence[Log] = ()
@@ -158,14 +172,12 @@ def export(
     if compiles and not logs:
         mujoco_plugin(joint, out, target, strict)
     else:
-        export_model(
-            joint, out, format=form, target=target, scalar=scalar, strict=strict, runs=logs
-        )
+        export_model(joint, out, form, target, scalar, strict, logs, dcmotor)
     warnings = export_warnings(joint, target)
     found({"format": form, "warnings": warnings})
     warn(warnings)
     if form in JOINTS and (runs or is_json()):
-        _tell_losses(joint_of(joint, form, target, logs))
+        _tell_losses(joint_of(joint, form, target, logs, dcmotor))
     alone = [
         f"; for {part.target} it is the correction alone: add what the simulation says"
         for part in joint.parts.values()
@@ -199,7 +211,7 @@ def _tell_losses(joint: PlainJoint) -> None:
         {"effect": loss.effect, "largest": loss.torque, "rms": loss.rms, "why": loss.why}
         for loss in joint.lost
     ]
-    found({"kept": joint.kept, "lost": losses})
+    found({"kept": joint.kept, "lost": losses, "dcmotors": len(joint.motors)})
     if joint.on_runs is not None:
         from flexspline.exporting.plain_joint import losses_text, runs_text
 
