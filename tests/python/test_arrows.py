@@ -65,6 +65,7 @@ KNOW_EFFECTS = ("effects", "baselines", "demo", "reproduce", "rigs", "simulation
 OTHER_THINGS = {
     "comparison": ("offset",),  # a covariate: everywhere the same
     "exporting": ("inertia",),  # numbers of a plan, and arguments
+    "joint_file": ("cogging",),  # an attribute of MuJoCo's dcmotor
     "observer": ("inertia",),
     "plot": ("inertia",),
     "recordings": ("gravity",),  # in the name of a column

@@ -136,7 +136,10 @@ NEEDS = {  # in this order, of one process: what is heavy, once a command has ru
     "check run.csv": set(),
     "orders run.csv --target sensor_torque": set(),
     "convert gaps.csv --columns map.toml --out run2.csv": {"pandas"},  # of cells without a number
-    "convert foreign.csv --columns feet.toml --out run3.csv": {"pint"},  # of a unit that is rare
+    "convert foreign.csv --columns feet.toml --out run3.csv": {
+        "pint",  # of a unit that is rare; it looks for dask
+        "jinja2",  # of dask
+    },
 }
 
 

@@ -327,7 +327,8 @@ FORMATS: Final = (
         magic=(b"SQLite format 3\0",), extra="ros",
     ),
     Format(
-        "MDF 4", (".mf4", ".mdf"), read_mdf, OF_GROUPS, "a group", pieces="one group read in pieces",
+        "MDF 4", (".mf4", ".mdf"), read_mdf, OF_GROUPS, "a group",
+        pieces="one group read in pieces",
         magic=(b"MDF     ", b"UnFinMF "), extra="mdf",
     ),
     Format(
