@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "PREVIOUS",
+    "RECORDING",
     "Writing",
     "atomic_write",
     "atomic_writer",
@@ -50,6 +51,8 @@ does not say of which file."""
 
 
 PREVIOUS: Final = ".previous"
+RECORDING: Final = "metadata.yaml"
+"""A folder with this file is one recording: a bag of ROS 2."""
 ROWS_AT_ONCE: Final = 50_000
 
 
@@ -208,10 +211,10 @@ def refuse_special(path: str | os.PathLike[str], wanted: str) -> None:
 
 
 def require_there(path: str | os.PathLike[str]) -> None:
-    """Refuse a path of a log at which no file is."""
+    """Refuse a path of a log at which no file is, nor a folder that is one recording."""
     wanted = "the path of a log"
     refuse_special(path, wanted)
-    if not Path(path).is_file():
+    if not Path(path).is_file() and not (Path(path) / RECORDING).is_file():
         what = "is a folder" if Path(path).is_dir() else "no such file"
         raise InputError(f"{path}: {what}; give {wanted}")
 
