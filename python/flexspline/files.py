@@ -184,11 +184,17 @@ def file_to_write(path: str | os.PathLike[str]) -> Path:
     Raises
     ------
     InputError
-        Where it is a device, a pipe or a socket, or cannot be looked at: a link in a circle.
+        Where it is a device, a pipe or a socket, what this process has open (/dev/stdout, also
+        where that is a file), or cannot be looked at: a link in a circle.
     """
     target = Path(path)
     refuse_special(target, "the name of a file")
-    return target.resolve() if target.is_symlink() else target
+    if not target.is_symlink():
+        return target
+    places = [os.path.realpath(at.parent) for at in (target, target.readlink())]
+    if any(place.startswith("/proc/") for place in places):
+        raise InputError(f"{path}: is what this process has open; give the name of a file")
+    return target.resolve()
 
 
 def refuse_special(path: str | os.PathLike[str], wanted: str) -> None:
