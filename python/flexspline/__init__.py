@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from flexspline.exporting import export, mujoco_plugin
     from flexspline.forward.servo import PositionServo
     from flexspline.forward.simulating import ForwardRun, simulate
-    from flexspline.least_squares.options import FitOptions
+    from flexspline.least_squares.options import FitOptions, MotionOptions
     from flexspline.least_squares.result import Fit
     from flexspline.least_squares.sums import accumulate
     from flexspline.logs.checks import Findings, check
@@ -50,7 +50,6 @@ if TYPE_CHECKING:
     from flexspline.logs.read import convert, joints_of, read_log, read_pieces, read_runs
     from flexspline.model import Model, Part, Prediction, Predictions
     from flexspline.output_error.fitting import fit_motion
-    from flexspline.output_error.settings import MotionOptions
     from flexspline.own import OwnEffect, own_effect
     from flexspline.recordings.guessing import guess_map
     from flexspline.recordings.result import Guess
@@ -140,7 +139,7 @@ _HOME = {
     "Merge": "estimators",
     "Model": "model",
     "ModelComparison": "comparison.models",
-    "MotionOptions": "output_error.settings",
+    "MotionOptions": "least_squares.options",
     "Observer": "estimators",
     "OwnEffect": "own",
     "Part": "model",

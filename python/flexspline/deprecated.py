@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from flexspline import fitting
 from flexspline.errors import InputError
-from flexspline.least_squares.options import FitOptions
+from flexspline.least_squares.options import FitOptions, MotionOptions
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -52,7 +52,6 @@ def _with_old_names(call: Call) -> Call:
 
 def _motion(args: Any, given: dict[str, Any], old: dict[str, Any]) -> Fit:
     from flexspline.output_error.fitting import fit_motion
-    from flexspline.output_error.settings import MotionOptions
 
     _warn("call fit_motion instead of fit with by='simulation'", 4)
     controller = old.pop("controller", None)

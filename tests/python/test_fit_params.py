@@ -20,7 +20,7 @@ from flexspline import FitOptions, InputError, MotionOptions
 from flexspline.formatting import apart, plus_minus
 from flexspline.least_squares.result import Fit
 from flexspline.logs.log import Log
-from flexspline.output_error.settings import with_servo_torque
+from flexspline.output_error.fitting import with_servo_torque
 from flexspline.report.text import parameter_lines
 
 HELD = {"direction_width": WIDTH}

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 import flexspline
 from flexspline import Plan
-from flexspline.experiment.information import at_coarser_rate
 from flexspline.experiment.plan import Bounds
+from flexspline.experiment.planning import at_coarser_rate
 from flexspline.experiment.recording import kinds_for
 from flexspline.logs.local_fit import require_bandwidth
 from flexspline.logs.log import Log

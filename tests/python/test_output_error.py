@@ -17,7 +17,7 @@ from flexspline.least_squares.result import Fit
 from flexspline.logs.writing import write_log
 from flexspline.model import Model
 from flexspline.output_error.cost import Searched, Space
-from flexspline.output_error.settings import with_servo_torque
+from flexspline.output_error.fitting import with_servo_torque
 from flexspline.plot import simulated_motion
 
 FREE = ("torque", "back_emf")

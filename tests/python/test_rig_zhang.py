@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from flexspline import _core
-from flexspline.reproduce.zhang.figures import drift_methods
-from flexspline.reproduce.zhang.study import (
+from flexspline.reproduce.zhang import (
     THRESHOLD,
     Arm,
     Study,
     amplitude,
     dead_beat,
+    drift_methods,
     low_pass_error,
     peak_between,
     sum_over_one,

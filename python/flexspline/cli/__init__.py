@@ -7,11 +7,10 @@ import sys
 import click
 
 from flexspline.about import __version__
-from flexspline.cli.calibrate import command as calibrate
 from flexspline.cli.demo import demo, reproduce
 from flexspline.cli.discover import compare, discover, models
 from flexspline.cli.export import certify, export
-from flexspline.cli.fit import fit
+from flexspline.cli.fit import calibrate, fit
 from flexspline.cli.logs import check, convert, init, orders
 from flexspline.cli.predict import estimate, predict, simulate
 from flexspline.cli.speech import Commands, spoken

@@ -53,14 +53,15 @@ from flexspline.model import Model
 from flexspline.output_error.cost import Cost, Descent, Folds, best_of, descend, folds_of
 from flexspline.output_error.fitting import (
     EVALUATIONS,
+    Settings,
     assembled,
     cost_of,
     errors_of,
     require_drive,
     require_motion,
     starts_of,
+    with_servo_torque,
 )
-from flexspline.output_error.settings import Settings, with_servo_torque
 
 __all__ = ["Driven", "Missing", "Step", "discover_by_simulation", "search", "told"]
 

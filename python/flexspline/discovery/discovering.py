@@ -46,7 +46,7 @@ from flexspline.experiment.plan import Limits
 from flexspline.fitting import fit, fit_near, with_orders
 from flexspline.formatting import short_names
 from flexspline.forward.servo import PositionServo
-from flexspline.least_squares.options import FitOptions
+from flexspline.least_squares.options import FitOptions, MotionOptions
 from flexspline.least_squares.problem import Problem, problem_of
 from flexspline.least_squares.result import Fit
 from flexspline.logs.checks.ends import Kept, at_work, only_experiments
@@ -54,7 +54,7 @@ from flexspline.logs.derive import has_value, sampled
 from flexspline.logs.log import Log
 from flexspline.logs.read import LogLike, as_logs
 from flexspline.model import Model, own_of_runs
-from flexspline.output_error.settings import MotionOptions, settings_of, with_servo_torque
+from flexspline.output_error.fitting import settings_of, with_servo_torque
 from flexspline.own.effect import OwnEffect, own_effects
 from flexspline.prepared import Preparation, learned, prepared
 from flexspline.progress import Progress

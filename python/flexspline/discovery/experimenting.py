@@ -59,7 +59,7 @@ def next_experiment(
     Notes
     -----
     Runs of the kinds in `experiment/recording.py` are scored by the t that is expected
-    (`experiment/information.py`), in the noise that the model leaves in the recorded runs. Load
+    (`experiment/planning.py`), in the noise that the model leaves in the recorded runs. Load
     (of a known load) and temperature are taken to be what a rig can set; give limits of two equal
     numbers for what cannot.
     """

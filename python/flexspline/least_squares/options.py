@@ -28,6 +28,7 @@ __all__ = [
     "Constraints",
     "FitOptions",
     "Given",
+    "MotionOptions",
     "ShapeParameter",
     "bounds_of",
     "coefficient_names",
@@ -85,6 +86,44 @@ class FitOptions:
 
     def __post_init__(self) -> None:
         require_robust(self.robust)
+
+
+@dataclass(frozen=True, kw_only=True)
+class MotionOptions:
+    """Options of `fit_motion` that few calls need.
+
+    Parameters
+    ----------
+    free_controller : fields of the servo's law that are fitted too, of "torque" and "back_emf".
+    starts : descents: from the regression, from where short pieces of the runs are missed least,
+        and the others around the regression by `seed`.
+    folds : every `folds`-th run is left out in turn (of fewer runs, as many blocks of each); what
+        the fits without find is within the intervals.
+    seed : of the starts.
+    robust : "huber" weighs down outliers in the regression that comes first; None does not.
+    threads : that simulations are shared among.
+    progress : show what is being done on standard error.
+
+    Raises
+    ------
+    InputError
+        Where starts, folds or robust are something else.
+    """
+
+    free_controller: str | Sequence[str] = ()
+    starts: int = 8
+    folds: int = 4
+    seed: int = 0
+    robust: str | None = None
+    threads: int = 1
+    progress: bool = False
+
+    def __post_init__(self) -> None:
+        require_robust(self.robust)
+        for name, least in (("starts", 1), ("folds", 2)):
+            value = getattr(self, name)
+            if not isinstance(value, int) or value < least:
+                raise InputError(f"{name} is {value!r}; give a whole number from {least} up")
 
 
 def require_robust(robust: str | None) -> None:

@@ -1,6 +1,9 @@
 """From a regression to the parameters whose simulation misses the measured motion least.
 
-The result is the `Fit` of the regression, with the parameters of the motion.
+The result is the `Fit` of the regression, with the parameters of the motion. Where a log of a servo
+has no motor torque, the regression starts from that of the duty which the servo reported:
+
+    τ_m = k u (or k V u) − k_e q̇,     0 while it is not enabled
 
 Errors of the parameters. A missing effect acts alike in every row of a run, so residuals of one run
 are not independent. Two jackknives count runs (or blocks of few runs) as the independent units: one
@@ -22,7 +25,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
@@ -36,7 +39,8 @@ from flexspline.effects.causes import INERTIA
 from flexspline.errors import InputError, listed
 from flexspline.fitting import fit, runs_of, with_orders
 from flexspline.forward.drive import DriveInputs, drive_inputs, require_no_delay
-from flexspline.least_squares.options import FitOptions, bounds_of
+from flexspline.forward.servo import PositionServo
+from flexspline.least_squares.options import FitOptions, MotionOptions, bounds_of
 from flexspline.least_squares.problem import problem_of
 from flexspline.least_squares.result import (
     Fit,
@@ -49,6 +53,7 @@ from flexspline.least_squares.result import (
 from flexspline.least_squares.uncertainty import Uncertainty
 from flexspline.least_squares.validation import scores_of
 from flexspline.logs.derive import differentiate
+from flexspline.logs.log import Log
 from flexspline.model import Model
 from flexspline.output_error.cost import (
     Cost,
@@ -60,28 +65,28 @@ from flexspline.output_error.cost import (
     refitted,
     space_of,
 )
-from flexspline.output_error.settings import MotionOptions, Settings, settings_of, with_servo_torque
 from flexspline.part import PART_OF
 from flexspline.progress import Progress
 from flexspline.schema import plain_json
 
 if TYPE_CHECKING:
-    from flexspline.forward.servo import PositionServo
     from flexspline.least_squares.options import Bounds
-    from flexspline.logs.log import Log
     from flexspline.logs.read import LogLike
     from flexspline.output_error.cost import Descent, Folds, Searched
 
 __all__ = [
     "EVALUATIONS",
     "Errors",
+    "Settings",
     "assembled",
     "cost_of",
     "errors_of",
     "fit_motion",
     "require_drive",
     "require_motion",
+    "settings_of",
     "starts_of",
+    "with_servo_torque",
 ]
 
 
@@ -99,6 +104,63 @@ LEAST_CLUSTERS = 8
 NEXT_TO_NOTHING = 1e-8  # of an eigenvalue of the scaled JᵀJ: the runs do not see this direction
 LOOSE = 1.0  # error of a logarithm from which the number is not determined
 MEMBER = 0.1  # share of such a direction from which a parameter is not determined
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How a fit by simulation searches: the servo's law, or None, and the options."""
+
+    controller: PositionServo | None
+    options: MotionOptions = field(default_factory=MotionOptions)
+
+    def __post_init__(self) -> None:
+        if self.free and self.controller is None:
+            raise InputError("free_controller names fields of a controller; give the controller")
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        """Fields of the law that are fitted."""
+        free = self.options.free_controller
+        return (free,) if isinstance(free, str) else tuple(free)
+
+
+def settings_of(
+    controller: PositionServo | str | os.PathLike[str] | None, options: MotionOptions
+) -> Settings:
+    """Return `Settings`; the law may be a path of its `servo.json`.
+
+    Raises
+    ------
+    InputError
+        Where that file is no law, or fields are to be fitted of none.
+    """
+    if isinstance(controller, (str, os.PathLike)):
+        controller = PositionServo.load(controller)
+    return Settings(controller, options)
+
+
+def with_servo_torque(log: Log, law: PositionServo, target: str) -> Log:
+    """Return the log with what its motor gave, in `motor_torque` or `motor_current`.
+
+    Raises
+    ------
+    InputError
+        Where the log has neither that channel nor `duty`.
+    """
+    channel = "motor_current" if target == "motor_current" else "motor_torque"
+    if channel in log or (channel == "motor_torque" and "motor_current" in log):
+        return log
+    if "duty" not in log:
+        raise InputError(
+            f"log '{log.name}': the regression that a fit by simulation starts from needs the "
+            f"channel {channel} or duty; it has {listed(log.channels)}; map a column to one"
+        )
+    moving = log if "output_velocity" in log else differentiate(log)
+    volts = log["supply_voltage"] if law.supply else 1.0
+    given = law.torque * volts * log["duty"] - law.back_emf * moving["output_velocity"]
+    if "enabled" in log:
+        given = np.where(log["enabled"] == 0.0, 0.0, given)
+    return log.with_columns({channel: given}, note=f"{channel} from duty by the controller's law")
 
 
 def assembled(
