@@ -168,7 +168,7 @@ def test_the_pilot_tells_shapes_and_orders_and_the_plan_holds_them(tmp_path: Pat
     fleet_in(tmp_path, 1, 2, recorder=Recorder())
     sessions = sessions_of(tmp_path).sessions
     plan = plan_of_pilot(NAMES, sessions, "sensor_torque")
-    assert plan.pilot.startswith("direction_width are those of joint01 (run")
+    assert plan.pilot.startswith("held as a fit of joint01 (run")
     asked = plan_of_pilot(NAMES, sessions, "sensor_torque", fixed={"direction_width": 0.02})
     assert asked.pilot == "" and asked.held_shapes == {"direction_width": 0.02}
     fixed = plan_of_pilot(NAMES, sessions, "sensor_torque", fixed={"offset": 0.1})

@@ -11,8 +11,8 @@ What differs from `fit` is told in `DIFFERENCES`.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from itertools import pairwise
 
@@ -28,7 +28,7 @@ from flexspline.least_squares.linear import fit_linear, load_of
 from flexspline.least_squares.options import FitOptions, coefficient_names
 from flexspline.least_squares.problem import Problem
 from flexspline.least_squares.sums import Sums, joined
-from flexspline.logs.log import Log
+from flexspline.logs.log import Fact, Log
 
 __all__ = ["DIFFERENCES", "RunSums", "accumulators_of", "merged"]
 
@@ -42,6 +42,7 @@ LEAST_SECONDS = 0.5
 alike (`tests/bench/fleet.py coverage`)."""
 LARGE = 400_000_000  # bytes of a file, from which it is read in pieces
 PIECE = 1_000_000  # rows
+JOINT_FACTS = ("gear_ratio", "output_spline", "pole_pairs", "slots", "torque_constant")
 
 DIFFERENCES = (
     "shapes and orders are held, not fitted",
@@ -65,6 +66,7 @@ class RunSums:
     rows : rows that count; `seconds` : that they span.
     temperature : mean, °C; None where the run has none.
     own : columns that each run has its own coefficient of.
+    facts : of the joint, such as its gear ratio.
     remarks : sentences about the run.
     """
 
@@ -78,6 +80,7 @@ class RunSums:
     temperature: float | None
     own: tuple[int, ...]
     remarks: tuple[str, ...] = ()
+    facts: Mapping[str, Fact] = field(default_factory=dict)
 
     @property
     def label(self) -> str:
@@ -132,9 +135,9 @@ def accumulators_of(session: Session, plan: Plan) -> RunSums:
     """
     pieces = session.pieces(PIECE) if _in_pieces(session) else iter([session.read()])
     sums, seconds, temperatures, remarks = [], 0.0, [], []
-    count = 0
+    count, facts = 0, dict[str, Fact]()
     for log in pieces:
-        session = session.dated(log)
+        session, facts = session.dated(log), {**log.facts}
         if count and len(log) < PIECE // 10:
             remarks.append(f"the last {len(log)} rows are no piece of their own, and do not count")
             break
@@ -164,6 +167,7 @@ def accumulators_of(session: Session, plan: Plan) -> RunSums:
         _mean(temperatures),
         own,
         tuple(dict.fromkeys(remarks)),
+        {key: facts[key] for key in JOINT_FACTS if key in facts},
     )
 
 

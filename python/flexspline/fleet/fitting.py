@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -170,6 +171,7 @@ def fit_sums(
                 population.p[u],
                 population.expected[u],
                 population.expected_error[u],
+                its[0].facts,
             )
         )
     return FleetFit(
@@ -198,7 +200,7 @@ def _plan(
     if model is not None:
         if pilot is not None or orders:
             raise InputError("a model has shapes and orders; leave pilot and orders out")
-        label = "shapes and orders are those of the model"
+        label = "shapes and orders are held as the model has them"
         return plan_of_model(model, target, label, own=per_run, **how)
     if target is None or effects is None:
         raise InputError("what is explained is not said; give the target, such as sensor_torque")
@@ -254,8 +256,6 @@ def _between(joints: Mapping[str, Sequence[RunSums]], alone: Mapping[str, Scored
 
 def _sure(one: Scored) -> Scored:
     """The estimate, with those parameters determined whose error is known well enough."""
-    from dataclasses import replace
-
     return replace(one, determined=one.determined & (one.degrees_of_freedom >= ENOUGH))
 
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +20,7 @@ from flexspline.fleet.plan import Plan
 from flexspline.fleet.population import Population, Shrunken
 from flexspline.formatting import Page, short_names
 from flexspline.lazy import render
+from flexspline.logs.log import Fact
 from flexspline.model import Model
 from flexspline.part import PART_OF, Part
 from flexspline.schema import checked_json
@@ -65,6 +66,7 @@ class UnitFit:
     p : (P,), of the test for that; NaN where its runs do not determine a parameter.
     expected, expected_error : (P,), the mean of the others, and how far around it this joint's
         estimate is to be expected.
+    facts : of the joint, such as its gear ratio, where its runs have them.
     """
 
     name: str
@@ -75,6 +77,7 @@ class UnitFit:
     p: Array
     expected: Array
     expected_error: Array
+    facts: Mapping[str, Fact] = field(default_factory=dict)
 
     @property
     def rows(self) -> int:
@@ -221,7 +224,8 @@ class FleetFit:
         for parameter, value in zip(self.plan.names, values, strict=True):
             whole[names.index(parameter)] = value
         part = Part(self.plan.target, self.plan.effects, whole, self.plan.known_load)
-        return Model({PART_OF[self.plan.target]: part}, {"joint": name})
+        facts = {"joint": name, **self.unit(name).facts}
+        return Model({PART_OF[self.plan.target]: part}, facts)
 
     def _full_names(self) -> list[str]:
         from flexspline.least_squares.options import coefficient_names

@@ -95,7 +95,9 @@ def _named(made: FleetFit, number: int, ax: Axes) -> None:
     ax.set_yticks(rows, [plain(unit.name) for unit in order])
     ax.set_ylim(-0.8, len(order) - 0.2)
     ax.grid(False, axis="y")
-    low, high = _ends(np.concatenate([own[told], drawn[np.isfinite(drawn)]]))
+    short = told & (errors <= 4.0 * np.median(errors[told]) if told.any() else told)
+    bars = [own[short] - SURE * errors[short], own[short] + SURE * errors[short]]
+    low, high = _ends(np.concatenate([own[told], drawn[np.isfinite(drawn)], *bars]))
     margin = made.population.margins[number]
     if np.isfinite(margin.mean):
         low = min(low, margin.mean - 2.2 * margin.spread)
@@ -141,7 +143,7 @@ def joint_among_others(made: FleetFit, unit: UnitFit, ax: Axes | None = None) ->
     ax.grid(False, axis="y")
     far = max(3.0, 1.1 * float(np.nanmax(np.abs(off), initial=0.0)))
     ax.set_xlim(-far, far)
-    ax.set_xlabel("own estimate less the mean of the others, over its predictive error")
+    ax.set_xlabel("off the others, in predictive errors")
     titled(ax, f"{plain(unit.name)} among {len(made.units)} joints")
     legend(ax)
     return ax

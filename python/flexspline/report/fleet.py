@@ -16,21 +16,29 @@ from flexspline.about import __version__
 from flexspline.errors import listed
 from flexspline.files import atomic_write
 from flexspline.fleet.accumulators import DIFFERENCES
-from flexspline.formatting import padded, plus_minus, rows_text, short, table_html
+from flexspline.formatting import padded, percent, plus_minus, rows_text, short, table_html
 from flexspline.plot.canvas import Panel, own_style
 from flexspline.report.html import ReportFigure, drawn, templates
 from flexspline.report.text import TARGET_WORDS, wrapped
 
 if TYPE_CHECKING:
+    from flexspline.fleet.comparing import FleetComparison
+    from flexspline.fleet.discovering import FleetDiscovery, UnitDiscovery
     from flexspline.fleet.result import FleetFit, UnitFit
 
 __all__ = [
     "PageOf",
     "Section",
+    "comparison_of_fleet_html",
+    "comparison_of_fleet_text",
+    "discovery_of_fleet_html",
+    "discovery_of_fleet_text",
     "fleet_html",
     "fleet_summary",
     "fleet_text",
     "page_names",
+    "write_comparison_of_fleet",
+    "write_discovery_of_fleet",
     "write_fleet_report",
     "write_page",
 ]
@@ -369,3 +377,224 @@ def _call(made: FleetFit) -> str:
         given.append(f"per_run={list(plan.own)!r}")
     lines = "".join(f"    {each},\n" for each in ["folders", repr(plan.target), *given])
     return f"from flexspline import effect\nfleet = flexspline.fleet.fit(\n{lines})"
+
+
+def discovery_of_fleet_text(made: FleetDiscovery) -> str:
+    """Return what `print(discovery)` of a fleet shows."""
+    blocks = [
+        _lines(_discovered(made)),
+        [rows_text(_name_rows(made))] if made.names else [],
+        [rows_text(_looked_rows(made)[: MOST_SHOWN + 1], (0, 1))],
+        _lines(_failed(made.failed, made.remarks)),
+    ]
+    return "\n\n".join("\n".join(block) for block in blocks if block)
+
+
+def discovery_of_fleet_html(made: FleetDiscovery) -> str:
+    """Return it as a fragment of HTML."""
+    said = _discovered(made)
+    rest = [*said[1:], *_failed(made.failed, made.remarks)]
+    return table_html(said[0], _name_rows(made) if made.names else _looked_rows(made), rest)
+
+
+@own_style()
+def write_discovery_of_fleet(made: FleetDiscovery, folder: str | os.PathLike[str]) -> None:
+    """Write `report.html`, and a page for each joint in `units`."""
+    pages = page_names([unit.name for unit in made.units])
+    sections = [
+        Section("names", "Names", [NAMES] if made.names else ["Nothing is found in any joint."],
+                _name_rows(made) if made.names else (), words=(0, 6)),
+        Section("joints", "Joints", [EACH_JOINT], _looked_rows(made), links=pages, words=(0, 1)),
+        Section("left", "What was left out",
+                _failed(made.failed, made.remarks) or ["Nothing: every joint was looked at."]),
+    ]  # fmt: skip
+    title = f"What {len(made.units)} joints lack, {TARGET_WORDS[made.target]}"
+    over = f"flexspline {__version__} · discovery in a fleet"
+    page = PageOf(over, title, _discovered(made), bool(made.names), sections)
+    write_page(page, Path(folder) / "report.html")
+    for unit in made.units:
+        _write_discovered(made, unit, Path(folder) / pages[unit.name])
+
+
+def _write_discovered(made: FleetDiscovery, unit: UnitDiscovery, path: Path) -> None:
+    base, final, floor = unit.rmse
+    found = listed(f"{name} ({sure:.0%})".replace("%", " %") for name, sure in unit.found.items())
+    verdict = [
+        f"{unit.name} lacks {found}." if unit.found else f"{unit.name} lacks nothing by name.",
+        f"Held-out RMSE {padded(base)} to {padded(final)} {made.unit}, noise floor "
+        f"{padded(floor)} {made.unit}; {len(unit.runs)} runs.",
+    ]
+    rows: list[Row] = [("effect", "where", "confidence", f"RMSE before [{made.unit}]", "after",
+                        "explains as well", "evidence")]  # fmt: skip
+    for one in unit.content["found"]:
+        rows.append(
+            (one["effect"], one["where"], f"{one['confidence']:.2f}", padded(one["rmse_before"]),
+             padded(one["rmse_after"]), listed(one["indistinguishable_from"])
+             if one["indistinguishable_from"] else "–", one["evidence"])
+        )  # fmt: skip
+    values: list[Row] = [("parameter", "unit", "value")]
+    for one in unit.content["parameters"]:
+        error = float("nan") if one["standard_error"] is None else one["standard_error"]
+        values.append((one["name"], one["unit"], plus_minus(one["value"], error)))
+    left = unit.content["unexplained"]
+    said = [
+        f"Structure is left that no effect explains: {left['share_of_variance']:.0%} of the gap, "
+        f"carried by {listed(left['depends_on'])}."
+    ] if left else []  # fmt: skip
+    said += [str(fault["name"]) for fault in unit.content["data_faults"]]
+    said += [unit.content["next_experiment"]] if unit.content["next_experiment"] else []
+    sections = [
+        Section("found", "Found", rows=rows if len(rows) > 1 else (), words=(0, 1, 5, 6)),
+        Section("left", "What else there is to say", said or ["Nothing."]),
+        Section("values", "The extended model", rows=values, words=(0, 1)),
+    ]
+    over = f"flexspline {__version__} · one of {len(made.units)} joints"
+    back = ("../report.html", "The fleet")
+    write_page(PageOf(over, unit.name, verdict, bool(unit.found), sections, back=back), path)
+
+
+NAMES = (
+    "In how many joints each name is found, and the share of such joints that have it (95 % "
+    "interval). Confidence: median over these joints, of each by itself, and given in how many "
+    "the name is found. Small: joints in which it is real but too small to matter. As well: "
+    "joints in which it explains the runs as well as a name that is found."
+)
+EACH_JOINT = "Held-out errors of each joint, the worst first."
+
+
+def _discovered(made: FleetDiscovery) -> list[str]:
+    base, final, floor = made.rmse
+    total = len(made.units)
+    whole = [name.effect for name in made.names if len(name.joints) == total]
+    some = [
+        f"{name.effect} in {len(name.joints)} ({listed(name.joints, 4)})"
+        for name in made.names
+        if len(name.joints) < total
+    ]
+    first = f"All {total} joints lack {listed(whole)}."
+    first = first if whole else f"No name is found in all {total} joints."
+    said = [first, *([f"Only some: {'; '.join(some)}."] if some else [])]
+    if made.unexplained:
+        said.append(
+            f"In {len(made.unexplained)} of them structure is left that no effect explains: "
+            f"{listed(made.unexplained, 6)}."
+        )
+    unit = made.unit
+    return [
+        *said,
+        f"Held-out RMSE {padded(base)} to {padded(final)} {unit}, noise floor {padded(floor)} "
+        f"{unit}, RMS over joints.",
+    ]
+
+
+def _name_rows(made: FleetDiscovery) -> list[Row]:
+    rows: list[Row] = [("effect", "joints", "share", "95 %", "confidence", "given the fleet",
+                        "which", "small in", "as well in")]  # fmt: skip
+    for name in made.names:
+        which = "all" if len(name.joints) == len(made.units) else listed(name.joints, 4)
+        rows.append(
+            (
+                name.effect,
+                f"{len(name.joints)} of {len(made.units)}",
+                percent(name.share),
+                f"{percent(name.share_low)} … {percent(name.share_high)}",
+                f"{np.median(name.confidences):.2f}",
+                f"{np.median(name.pooled):.2f}",
+                which,
+                str(len(name.seen)),
+                str(len(name.indistinguishable)),
+            )
+        )
+    return rows
+
+
+def _looked_rows(made: FleetDiscovery) -> list[Row]:
+    unit = made.unit
+    rows: list[Row] = [("joint", "found", "runs", f"RMSE base [{unit}]", f"extended [{unit}]",
+                        f"noise floor [{unit}]")]  # fmt: skip
+    for one in sorted(made.units, key=lambda each: -each.rmse[1]):
+        found = ", ".join(one.found) or "–"
+        rows.append((one.name, found, str(len(one.runs)), *map(padded, one.rmse)))
+    return rows
+
+
+def comparison_of_fleet_text(made: FleetComparison) -> str:
+    """Return what `print(comparison)` of a fleet shows."""
+    blocks = [
+        _lines(_compared(made)),
+        [rows_text(_compared_rows(made)[: MOST_SHOWN + 1], (0, 5))],
+        _lines(_failed(made.failed, made.remarks)),
+    ]
+    return "\n\n".join("\n".join(block) for block in blocks if block)
+
+
+def comparison_of_fleet_html(made: FleetComparison) -> str:
+    """Return it as a fragment of HTML."""
+    said = _compared(made)
+    rest = [*said[1:], *_failed(made.failed, made.remarks)]
+    return table_html(said[0], _compared_rows(made), rest)
+
+
+@own_style()
+def write_comparison_of_fleet(made: FleetComparison, folder: str | os.PathLike[str]) -> None:
+    """Write `report.html`, and a page for each joint in `units`."""
+    pages = page_names([unit.name for unit in made.units])
+    follows: list[Row] = [("follows", "joints", "which", "share of the gap, median")]
+    for words, joints in made.follows.items():
+        shares = [unit.follows[words] for unit in made.units if words in unit.follows]
+        share = percent(min(float(np.median(shares)), 1.0))
+        follows.append((words, f"{len(joints)} of {len(made.units)}", listed(joints, 6), share))
+    sections = [
+        Section("follows", "What the gap follows",
+                [] if made.follows else ["In no joint it follows anything that was measured."],
+                follows if made.follows else (), words=(0, 2)),
+        Section("joints", "Joints", ["The worst first; excess is over the noise floor."],
+                _compared_rows(made), links=pages, words=(0, 5)),
+        Section("left", "What was left out",
+                _failed(made.failed, made.remarks) or ["Nothing: every joint was compared."]),
+    ]  # fmt: skip
+    title = f"{len(made.units)} joints and a model, {made.target.replace('_', ' ')}"
+    over = f"flexspline {__version__} · comparison of a fleet"
+    page = PageOf(over, title, _compared(made), bool(made.follows), sections)
+    write_page(page, Path(folder) / "report.html")
+    for unit in made.units:
+        rows: list[Row] = [("", "band", "rows", f"RMSE [{made.unit}]", "noise floor", "excess")]
+        for name, bands in unit.content.items():
+            if not (isinstance(bands, list) and bands and "noise_floor_error" in bands[0]):
+                continue
+            worst = max(bands, key=lambda band: float(band["excess"] or 0.0))
+            rows.append((name.replace("_", " "), str(worst["label"]), str(worst["rows"]),
+                         *(padded(float(worst[key] or 0.0))
+                           for key in ("rmse", "noise_floor", "excess"))))  # fmt: skip
+        sections = [Section("worst", "Worst bands", rows=rows, words=(0, 1))]
+        over = f"flexspline {__version__} · one of {len(made.units)} joints"
+        back = ("../report.html", "The fleet")
+        said = [str(sentence) for sentence in unit.content["sentences"]]
+        joint = PageOf(over, unit.name, said, bool(unit.follows), sections, back=back)
+        write_page(joint, Path(folder) / pages[unit.name])
+
+
+def _compared(made: FleetComparison) -> list[str]:
+    unit, worst = made.unit, made.worst
+    said = [
+        f"The gap between measured and modelled {made.target.replace('_', ' ')} of "
+        f"{len(made.units)} joints is {padded(made.rmse)} {unit} RMS against a noise floor of "
+        f"{padded(made.noise_floor)} {unit}.",
+        f"Worst is {worst.name}: {padded(worst.rmse)} {unit}, noise floor "
+        f"{padded(worst.noise_floor)} {unit}.",
+    ]
+    first = [f"{words} in {len(joints)}" for words, joints in list(made.follows.items())[:4]]
+    return [*said, f"It follows {'; '.join(first)} of {len(made.units)} joints."] if first else said
+
+
+def _compared_rows(made: FleetComparison) -> list[Row]:
+    unit = made.unit
+    rows: list[Row] = [("joint", "rows", f"RMSE [{unit}]", "noise floor", "excess", "follows")]
+    for one in sorted(made.units, key=lambda each: (-each.excess, -each.rmse)):
+        sizes = (padded(one.rmse), padded(one.noise_floor), padded(one.excess))
+        rows.append((one.name, str(one.rows), *sizes, ", ".join(one.follows) or "–"))
+    return rows
+
+
+def _failed(failed: Sequence[tuple[str, str]], remarks: Sequence[str]) -> list[str]:
+    return [*(f"Left out: {what}: {why}." for what, why in failed), *remarks]
