@@ -3,7 +3,7 @@
 Each joint is looked at by itself, by `flexspline.discover`, as a task; the search is the same, and
 what one joint shows does not lead that of another. Afterwards names are counted. Of J joints a name
 is found in k: of all joints of that kind, a share within Jeffreys' interval, the 2.5 and 97.5 %
-points of Beta(k + ½, J − k + ½) [BrownCaiDasGupta2001], has it.
+points of Beta(k + ½, J − k + ½) [Brown2001], has it.
 
 A name that all joints have is surer in each, and one that a single joint has is less sure: with the
 confidence c of the joint by itself, at even odds beforehand, and the share π = (k + ½)/(J + 1),

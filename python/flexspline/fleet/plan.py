@@ -209,9 +209,8 @@ def _piloted(
     kept = [each.name for each in made.part.effects]
     lost = [each.name for each in chosen if each.name not in kept]
     found = [*loose, *(f"orders of {each.name}" for each in made.part.effects if each.harmonics)]
-    said = (
-        f"{listed(map(short_names, found))} are those of {unit} ({listed(s.run for s in longest)})"
-    )
+    by = f"{unit} ({listed(session.run for session in longest)})"
+    said = f"held as a fit of {by} found them: {listed(map(short_names, found))}"
     ends = [p.name for p in made.parameters if p.kind == "shape" and p.state.startswith("at ")]
     said += f"; {listed(ends)} ended at a bound, which is no value of a joint" if ends else ""
     said += f"; it has no orders of {listed(lost)}, which the fleet's model lacks" if lost else ""

@@ -15,7 +15,7 @@ The error of μ is that of [HartungKnapp2001] and no smaller than 1/√(Σ 1/d_u
 freedom; the interval of σ is where −2 ℓ rises by the 95 % point of χ² with one.
 
 Correlations of b are those of pairs of parameters, each maximising the likelihood of its pair with
-means and spreads as they are (composite likelihood [VarinReidFirth2011]), times (1 − ρ²): of few
+means and spreads as they are (composite likelihood [Varin2011]), times (1 − ρ²): of few
 joints they are drawn towards zero. Σ is the nearest matrix with these that is a covariance.
 
 The value of a joint given fleet and log is the mean of b_u given β_u (BLUP [Robinson1991]): a long
@@ -69,7 +69,7 @@ ROUNDS = 200
 STANDS = 1e-9
 AT_ONCE = 256  # joints that are left out, each with all others in a row
 MANY = 10  # joints, of which the median deviation is a scale
-FAR = 3.5  # of these scales: where the first round begins, not where it ends
+FAR = 3.5  # standard deviations: where the first round begins, not where it ends
 PATIENCE = 10  # rounds of taking out those that stand out
 
 
@@ -363,12 +363,21 @@ def _left_out(
 
 
 def _far(values: Array, variances: Array, told: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Joints (U,) that are far from the median of many."""
+    """Joints (U,) that are far from the median of many, by a spread that these do not move.
+
+    It is the s² at which half of the joints are within ⅔ of √(s² + v), as of normal values.
+    """
     if told.sum() < MANY:
         return np.zeros(len(values), dtype=bool)
-    off = np.abs(values - np.median(values[told]))
-    scale = np.maximum(1.4826 * np.median(off[told]), np.sqrt(np.where(told, variances, 0.0)))
-    return np.asarray(told & (off > FAR * scale))
+    off = (values - np.median(values[told])) ** 2
+    noise = _positive(np.where(told, variances, np.inf))
+
+    def beyond(squared: float) -> float:
+        return float(np.median(off[told] / (squared + noise[told]))) - float(chi2.ppf(0.5, 1))
+
+    most = float(np.max(off[told])) / float(chi2.ppf(0.5, 1)) + np.finfo(float).tiny
+    squared = 0.0 if beyond(0.0) <= 0.0 else float(brentq(beyond, 0.0, 2.0 * most))
+    return np.asarray(told & (off > FAR**2 * (squared + noise)))
 
 
 def _discovered(p: Array) -> NDArray[np.bool_]:
