@@ -177,6 +177,7 @@ _HOME = {
 _ROOMS = (
     "baselines",
     "collision",
+    "fleet",
     "full_range",
     "observer",
     "plot",

@@ -11,6 +11,7 @@ from flexspline.cli.demo import demo, reproduce
 from flexspline.cli.discover import compare, discover, models
 from flexspline.cli.export import certify, export
 from flexspline.cli.fit import calibrate, fit
+from flexspline.cli.fleet import fleet
 from flexspline.cli.logs import check, convert, init, orders
 from flexspline.cli.predict import estimate, predict, simulate
 from flexspline.cli.speech import Commands, spoken
@@ -46,6 +47,7 @@ def commands() -> None:
       models   of one target, side by side    flexspline compare-models
       discover which effect is missing        flexspline discover
       estimate the torque from outside        flexspline estimate
+      fleet    of joints: fit, discover, compare   flexspline fleet
       export   constants for the robot        flexspline export
       certify  the robot computes the same    flexspline certify
 
@@ -74,7 +76,7 @@ def commands() -> None:
 
 COMMANDS = (
     init, check, orders, fit, calibrate, predict, simulate, compare, models, discover, estimate,
-    export, certify, convert, demo, reproduce,
+    fleet, export, certify, convert, demo, reproduce,
 )  # fmt: skip
 
 for command in COMMANDS:
