@@ -178,6 +178,7 @@ _HOME = {
 _ROOMS = (
     "baselines",
     "collision",
+    "fleet",
     "full_range",
     "observer",
     "plot",

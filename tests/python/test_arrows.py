@@ -38,6 +38,7 @@ LAYERS = (
     # what is asked of runs
     ("calibration", "comparison", "experiment", "sklearn"),
     ("deprecated", "discovery"),
+    ("fleet",),  # of what is asked of one joint
     # the chain of estimators, and the joint and the sensor that it is tried on
     ("estimation", "observer", "sensor", "simulation"),
     ("collision", "full_range"),
