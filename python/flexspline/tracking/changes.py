@@ -4,12 +4,15 @@ Of S sessions at times t, each with a value y and its measured variance c,
 
     y = μ + α (T − T₀) + β (T − T₀)² + δ g(t − τ) + Σ known changes + u
 
-T is the session's temperature, g a step (1 from τ on) or a ramp (t − τ from τ on), and u the noise
-of sessions: what was measured, and what differs from session to session beyond that, which may last
+T is the session's temperature, u the noise of sessions, and g, from τ on, with t in years
+
+    a step 1      a ramp t − τ      what accelerates (t − τ)²      what settles 1 − e^(−3 (t − τ))
+
+The noise is what was measured, and what differs from session to session beyond that, which may last
 
     cov u = s² (w diag(c / c̄) + (1 − w) φ^|t_i − t_j|),    s² ≥ c̄,    t in weeks
 
-over a grid of shares w and memories φ. Every τ that is a session, both shapes and all noises are
+over a grid of shares w and memories φ. Every τ that is a session, all shapes and all noises are
 averaged, each at its best μ, α, β, δ and s:
 
     ln B(n) = ln mean_{τ, g} Σ_{w, φ} p(w, φ) L₁  −  ln Σ_{w, φ} p(w, φ) L₀
@@ -39,12 +42,13 @@ from scipy.special import logsumexp
 __all__ = [
     "LEAST_SESSIONS",
     "NOISES",
-    "RAMP",
+    "SHAPES",
     "STEP",
     "YEAR",
     "Candidates",
     "Series",
     "Shape",
+    "course",
     "evidence_over_time",
     "threshold",
 ]
@@ -52,7 +56,9 @@ __all__ = [
 Array = NDArray[np.float64]
 
 WEEK: Final = 7.0  # days
-STEP, RAMP = "step", "ramp"
+STEP, RAMP, ACCELERATING, SETTLING = "step", "ramp", "accelerating", "settling"
+SHAPES: Final = (STEP, RAMP, ACCELERATING, SETTLING)
+RATE: Final = 3.0  # 1/year: what settles has done most of it in four months
 
 NOISES: Final = ((1.0, 0.0), *((w, phi) for w in (0.5, 0.1) for phi in (0.3, 0.6, 0.85)))
 """(w, φ) of the grid: white alone, and noise that lasts one, two and six weeks, half or nearly
@@ -81,22 +87,29 @@ def threshold(sessions: int, series: int) -> float:
     return LEVEL + FEW / sessions + EACH * float(np.log(series))
 
 
+YEAR: Final = 365.25
+
+
+def course(kind: str, since: Array) -> Array:
+    """Return what a change of size 1 has made, days after its onset; 0 before."""
+    years = np.maximum(since, 0.0) / YEAR
+    if kind == STEP:
+        return (since >= 0.0).astype(np.float64)
+    if kind == RAMP:
+        return years
+    return years**2 if kind == ACCELERATING else -np.expm1(-RATE * years)
+
+
 @dataclass(frozen=True)
 class Shape:
-    """What a change looks like: "step" or "ramp", from the time `start` on, in days."""
+    """What a change looks like: its kind, of `SHAPES`, from the day `start` on."""
 
     kind: str
     start: float
 
     def of(self, days: Array) -> Array:
-        """Return its course (S,): 1 behind a step; days since a ramp's start, in years."""
-        since = days - self.start
-        if self.kind == STEP:
-            return (since >= 0.0).astype(np.float64)
-        return np.maximum(since, 0.0) / YEAR
-
-
-YEAR: Final = 365.25
+        """Return its course (S,) at size 1."""
+        return course(self.kind, days - self.start)
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,6 +185,19 @@ class Series:
         own = self.variances / self.floor if self.floor > 0.0 else np.ones(len(self.days))
         return np.asarray(white * np.diag(own) + (1.0 - white) * shared)
 
+    def white(self, noise: tuple[float, float], shapes: Sequence[Shape] = ()) -> tuple[Array, Array]:
+        """Values (S,) and covariates with these shapes (S, K) whose noise is white, of variance s².
+
+        As all of them are known now.
+        """
+        columns = [self.covariates, *(shape.of(self.days)[:, None] for shape in shapes)]
+        every = np.column_stack([self.values, *columns])
+        settled, new = self.accidents
+        factors = np.append(settled[:-1], new[-1])
+        factor = cholesky(self.covariance(noise), lower=True)
+        white = solve_triangular(factor, every / factors[:, None], lower=True)
+        return white[:, 0], white[:, 1:]
+
     @cached_property
     def floor(self) -> float:
         """The mean measured variance, below which no noise is."""
@@ -230,9 +256,9 @@ class Candidates:
 
     @classmethod
     def of(cls, series: Series, *, last_only: bool = True) -> Candidates:
-        """Weigh every step and ramp that may begin at a session."""
+        """Weigh every shape that may begin at a session."""
         shapes = tuple(
-            Shape(kind, float(day)) for kind in (STEP, RAMP) for day in np.unique(series.days)
+            Shape(kind, float(day)) for kind in SHAPES for day in np.unique(series.days)
         )
         columns = np.column_stack([shape.of(series.days) for shape in shapes])
         may = _may_be(series.days, shapes, columns)
