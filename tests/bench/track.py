@@ -84,7 +84,9 @@ def joint(rng: np.random.Generator, weeks: int = WEEKS, count: int = COUNT) -> J
 
     above = (warm - 25.0)[:, None]
     falls = rng.random(count) < 0.3
-    by_temperature = np.where(falls, 8.0 * np.expm1(-0.03 * above), above * rng.normal(0, 0.25, count))
+    by_temperature = np.where(
+        falls, 8.0 * np.expm1(-0.03 * above), above * rng.normal(0, 0.25, count)
+    )
     values = noise + measured + by_temperature
     return Joint(days, warm, values, known[None] * size[:, None, None] ** 2, by_temperature)
 
@@ -224,10 +226,13 @@ def main() -> None:
         levels[name] = level_for([method(made) for made in sound], years)
         paths = [method(made) for made in fresh]
         hit = [first_above(path, levels[name]) for path in paths]
-        seen = sum(years * ((at + 1) / len(p) if at >= 0 else 1) for at, p in zip(hit, paths))
+        seen = sum(years * ((at + 1) / len(p) if at >= 0 else 1) for at, p in zip(hit, paths, strict=True))
         raised = sum(at >= 0 for at in hit)
-        print(f"{name:12} level {levels[name]:6.2f}, on other joints {raised / seen:.3f} a joint-year "
-              f"({raised} in {seen:.0f} years), {time.time() - began:.0f} s", flush=True)
+        print(
+            f"{name:12} level {levels[name]:6.2f}, on others {raised / seen:.3f} a joint-year "
+            f"({raised} in {seen:.0f} years), {time.time() - began:.0f} s",
+            flush=True,
+        )
     for course in COURSES:
         rng = np.random.default_rng([given.seed, 7, list(COURSES).index(course)])
         joints = [worn(rng, course) for _ in range(given.joints // 2)]
@@ -243,8 +248,11 @@ def main() -> None:
                 else:
                     delays.append((made.days[at] - made.start) / 7)
             told = np.sort(delays)
-            print(f"{course:14} {name:12} median {np.median(told):6.1f} weeks, 90 % "
-                  f"{told[int(0.9 * (len(told) - 1))]:6.1f}, missed {missed}, before {before}", flush=True)
+            print(
+                f"{course:14} {name:12} median {np.median(told):6.1f} weeks, 90 % "
+                f"{told[int(0.9 * (len(told) - 1))]:6.1f}, missed {missed}, before {before}",
+                flush=True,
+            )
 
 
 if __name__ == "__main__":

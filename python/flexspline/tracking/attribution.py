@@ -28,16 +28,14 @@ from numpy.typing import NDArray
 from flexspline.tracking.changes import (
     LEAST_SESSIONS,
     NOISES,
-    STEP,
     Candidates,
-    Series,
     Shape,
     threshold,
 )
 from flexspline.tracking.history import FIRST, History, cause_of
 from flexspline.tracking.posterior import LEVEL, Posterior, posterior_of
 
-__all__ = ["Told", "detected", "weights_of"]
+__all__ = ["Told", "detected", "drawn", "moved", "weights_of"]
 
 Array = NDArray[np.float64]
 
@@ -154,7 +152,7 @@ def detected(history: History) -> list[Told]:
 
 
 def _known_of(weights: Array, known: Sequence[Sequence[Shape]]) -> tuple[Shape, ...]:
-    every = (shape for p in np.flatnonzero(weights) for shape in known[p])
+    every = (shape for p in np.flatnonzero(weights).tolist() for shape in known[p])
     return tuple(dict.fromkeys(every))
 
 
@@ -198,7 +196,8 @@ class _Moved:
     left: Array
 
 
-def _moved(history: History, p: int, shape: Shape, known: Sequence[Shape]) -> _Moved:
+def moved(history: History, p: int, shape: Shape, known: Sequence[Shape]) -> _Moved:
+    """Return by how much a parameter changed with a shape, in the noise that fits it best."""
     left = np.full(len(history), np.nan)
     series, at = history.series(np.eye(len(history.names))[p])
     beside = [each for each in known if each != shape]
@@ -230,11 +229,11 @@ def _blamed(
 ) -> tuple[tuple[str, ...], tuple[float, ...], tuple[int, ...]]:
     """Causes that explain what happened at an onset, their chances, and what shows each best."""
     width = len(history.names)
-    moved = [_moved(history, p, shape, known[p]) for p in range(width)]
-    seen = [p for p in range(width) if np.isfinite(moved[p].error)]
-    together = _correlation(history, [moved[p].left for p in seen], seen)
-    errors = np.array([moved[p].error for p in seen])
-    sizes = np.array([moved[p].size for p in seen]) / errors
+    made = [moved(history, p, shape, known[p]) for p in range(width)]
+    seen = [p for p in range(width) if np.isfinite(made[p].error)]
+    together = _correlation(history, [made[p].left for p in seen], seen)
+    errors = np.array([made[p].error for p in seen])
+    sizes = np.array([made[p].size for p in seen]) / errors
     inverse = np.linalg.inv(together)
     names = [cause_of(history.names[p]) for p in seen]
     causes = list(dict.fromkeys(names))
@@ -248,7 +247,11 @@ def _blamed(
     chances = np.exp(np.array(evidence) - max(evidence))
     chances /= chances.sum()
     order = np.argsort(-chances, kind="stable")
-    least = 1 if chances[order[0]] >= SURE else int(np.searchsorted(np.cumsum(chances[order]), SURE)) + 1
+    least = (
+        1
+        if chances[order[0]] >= SURE
+        else int(np.searchsorted(np.cumsum(chances[order]), SURE)) + 1
+    )
     taken = order[:least]
     return (
         tuple(causes[k] for k in taken),

@@ -32,7 +32,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -140,8 +140,8 @@ class Series:
     def until(self, sessions: int) -> Series:
         """Return the first sessions alone."""
         warm = None if self.temperatures is None else self.temperatures[:sessions]
-        first = (each[:sessions] for each in (self.days, self.values, self.variances))
-        return Series(*first, warm, self.known)
+        n = sessions
+        return Series(self.days[:n], self.values[:n], self.variances[:n], warm, self.known)
 
     @cached_property
     def covariates(self) -> Array:
@@ -185,11 +185,10 @@ class Series:
         own = self.variances / self.floor if self.floor > 0.0 else np.ones(len(self.days))
         return np.asarray(white * np.diag(own) + (1.0 - white) * shared)
 
-    def white(self, noise: tuple[float, float], shapes: Sequence[Shape] = ()) -> tuple[Array, Array]:
-        """Values (S,) and covariates with these shapes (S, K) whose noise is white, of variance s².
-
-        As all of them are known now.
-        """
+    def white(
+        self, noise: tuple[float, float], shapes: Sequence[Shape] = ()
+    ) -> tuple[Array, Array]:
+        """Return values (S,) and covariates with these shapes (S, K) in white noise of s²."""
         columns = [self.covariates, *(shape.of(self.days)[:, None] for shape in shapes)]
         every = np.column_stack([self.values, *columns])
         settled, new = self.accidents
@@ -210,10 +209,10 @@ def _by_differences(values: Array, columns: Array) -> Array:
         return np.zeros(columns.shape[1])
     dy, dx = np.diff(values), np.diff(columns, axis=0)
     weights = np.ones(len(dy))
-    found = np.zeros(columns.shape[1])
+    found: NDArray[Any] = np.zeros(columns.shape[1])
     for _ in range(5):
         root = np.sqrt(weights)
-        found = np.linalg.lstsq(dx * root[:, None], dy * root, rcond=1e-10)[0]
+        found = np.asarray(np.linalg.lstsq(dx * root[:, None], dy * root, rcond=1e-10)[0])
         left = np.abs(dy - dx @ found)
         usual = max(float(np.median(left)), np.finfo(float).tiny)
         weights = 1.0 / np.maximum(left / (2.0 * usual), 1.0)
@@ -257,9 +256,7 @@ class Candidates:
     @classmethod
     def of(cls, series: Series, *, last_only: bool = True) -> Candidates:
         """Weigh every shape that may begin at a session."""
-        shapes = tuple(
-            Shape(kind, float(day)) for kind in SHAPES for day in np.unique(series.days)
-        )
+        shapes = tuple(Shape(kind, float(day)) for kind in SHAPES for day in np.unique(series.days))
         columns = np.column_stack([shape.of(series.days) for shape in shapes])
         may = _may_be(series.days, shapes, columns)
         rows = slice(len(series.days) - 1, None) if last_only else slice(None)
@@ -287,7 +284,7 @@ def _may_be(days: Array, shapes: Sequence[Shape], columns: Array) -> NDArray[np.
     step = np.array([shape.kind == STEP for shape in shapes])
     first = np.array([shape.start <= days[0] for shape in shapes])
     enough = (count - behind >= BEFORE) | (~step & first)
-    return enough & (behind >= AFTER) & (count >= LEAST_SESSIONS)
+    return np.asarray(enough & (behind >= AFTER) & (count >= LEAST_SESSIONS))
 
 
 def _likelihoods(

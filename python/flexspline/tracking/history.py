@@ -47,7 +47,7 @@ class History:
     units : of them.
     values : (S, P), NaN where a session does not determine one.
     covariance : (S, P, P) of what was measured, or standard errors (S, P).
-    temperatures : (S,) mean of each session in °C, NaN where it is not known; None: of none.
+    temperatures : (S,) mean of each session in °C, NaN where it is not known; by default of none.
     labels : names of the sessions.
     joint : its name.
     remarks : what was left out, in sentences.
@@ -64,7 +64,7 @@ class History:
     units: tuple[str, ...]
     values: Array
     covariance: Array
-    temperatures: Array | None = None
+    temperatures: Array = field(default_factory=lambda: np.empty(0))
     labels: tuple[str, ...] = ()
     joint: str = ""
     remarks: tuple[str, ...] = field(default=())
@@ -81,8 +81,8 @@ class History:
         covariance = _numbers(self.covariance, "covariance")
         if covariance.shape == (count, width):
             covariance = covariance[:, :, None] ** 2 * np.eye(width)
-        warm = np.full(count, np.nan) if self.temperatures is None else self.temperatures
-        warm = _numbers(warm, "temperatures")
+        warm = _numbers(self.temperatures, "temperatures")
+        warm = warm if warm.size else np.full(count, np.nan)
         labels = self.labels or tuple(f"session {k}" for k in range(1, count + 1))
         for what, has, is_to in (
             ("values", values.shape, (count, width)),
@@ -155,7 +155,7 @@ class History:
             Where it is no date, or no session is left.
         """
         try:
-            first = np.datetime64(when, "s")
+            first = np.datetime64(str(when).replace(" ", "T"), "s")
         except ValueError:
             raise InputError(f"'{when}' is no date; write it as 2027-03-14") from None
         kept = self.dates >= first
