@@ -226,7 +226,8 @@ def main() -> None:
         levels[name] = level_for([method(made) for made in sound], years)
         paths = [method(made) for made in fresh]
         hit = [first_above(path, levels[name]) for path in paths]
-        seen = sum(years * ((at + 1) / len(p) if at >= 0 else 1) for at, p in zip(hit, paths, strict=True))
+        shares = [(at + 1) / len(p) if at >= 0 else 1 for at, p in zip(hit, paths, strict=True)]
+        seen = years * sum(shares)
         raised = sum(at >= 0 for at in hit)
         print(
             f"{name:12} level {levels[name]:6.2f}, on others {raised / seen:.3f} a joint-year "

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,12 +22,10 @@ from flexspline.errors import InputError, listed
 from flexspline.fitting import fit, with_orders
 from flexspline.fleet.sessions import Session, date_in, mean_temperature, sessions_of
 from flexspline.least_squares.options import FitOptions, shapes_of
+from flexspline.logs.log import Log
 from flexspline.model import Model, Part
 from flexspline.progress import Progress
 from flexspline.tracking.history import History
-
-if TYPE_CHECKING:
-    from flexspline.logs.log import Log
 
 __all__ = ["history_of", "is_model"]
 
@@ -55,6 +53,31 @@ class _Estimates:
     shapes: Mapping[str, float]
 
 
+@dataclass(frozen=True)
+class _Given:
+    """A run that is read already, as a `Session` is."""
+
+    log: Log
+
+    @property
+    def run(self) -> str:
+        return self.log.name
+
+    @property
+    def path(self) -> str:
+        return f"log '{self.log.name}'"
+
+    @property
+    def date(self) -> datetime | None:
+        return date_in(str(self.log.facts.get(DATE, "")))
+
+    def read(self) -> Log:
+        return self.log
+
+    def dated(self, log: Log) -> _Given:
+        return self
+
+
 def is_model(path: str | os.PathLike[str]) -> bool:
     """Whether a path is a `model.json`, by its suffix and how it begins."""
     if Path(path).suffix.lower() != ".json" or not Path(path).is_file():
@@ -64,7 +87,7 @@ def is_model(path: str | os.PathLike[str]) -> bool:
 
 
 def history_of(
-    paths: str | os.PathLike[str] | Iterable[str | os.PathLike[str]],
+    paths: str | os.PathLike[str] | Log | Iterable[str | os.PathLike[str] | Log],
     *,
     target: str | None = None,
     model: Model | None = None,
@@ -83,7 +106,8 @@ def history_of(
 
     Parameters
     ----------
-    paths : `model.json` of each session, or its runs, or a folder of these.
+    paths : `model.json` of each session, or its runs, or a folder of these. A run may be a `Log`
+        with its date as the fact `date`.
     target : which part of the models, or what is explained of the runs.
     model : of runs: its effects and orders are fitted to each, with its shapes held.
     effects : of runs, in the place of a model; the shapes that the first run tells are held.
@@ -105,13 +129,15 @@ def history_of(
         Where a session has no date, models and runs are mixed, targets or units differ, effects are
         missing, or no session can be fitted.
     """
-    given = [paths] if isinstance(paths, (str, os.PathLike)) else list(paths)
-    models = [path for each in given for path in _models_in(Path(each))]
-    runs = [each for each in given if not _models_in(Path(each))]
-    if models and runs:
+    given = [paths] if isinstance(paths, (str, os.PathLike, Log)) else list(paths)
+    logs = [each for each in given if isinstance(each, Log)]
+    files = [Path(each) for each in given if not isinstance(each, Log)]
+    models = [path for each in files for path in _models_in(each)]
+    runs = [each for each in files if not _models_in(each)]
+    if models and (runs or logs):
         raise InputError(
-            f"{runs[0]}: is no model, and {models[0]} is one; give the models of a joint, or its "
-            "runs"
+            f"{[*runs, *logs][0]}: is no model, and {models[0]} is one; give the models of a "
+            "joint, or its runs"
         )
     if not given:
         raise InputError("there is no session to track; give models or runs of one joint")
@@ -124,7 +150,10 @@ def history_of(
         raise InputError("runs are fitted: give either a model or effects, to all the same")
     if part is None and target is None:
         raise InputError("runs are fitted: say which target is explained")
-    sessions = _of_one_joint(runs, sessions_of(runs, columns=columns, dates=dates, **reading))
+    sessions: list[Session | _Given] = [_Given(log) for log in logs]
+    if runs:
+        found = sessions_of(runs, columns=columns, dates=dates, **reading)
+        sessions += _of_one_joint(runs, found)
     how = FitOptions(threads=threads, bandwidth=bandwidth)
     shared: dict[str, Any] = {"known_load": known_load, "options": how}
     if part is not None:
@@ -146,11 +175,11 @@ def _models_in(path: Path) -> list[Path]:
     return [path] if is_model(path) else []
 
 
-def _of_one_joint(paths: Sequence[Any], found: Iterable[Session]) -> list[Session]:
+def _of_one_joint(paths: Sequence[Path], found: Iterable[Session]) -> list[Session]:
     """Sessions in order; folders of several joints are refused."""
     sessions = list(found)
     units = list(dict.fromkeys(session.unit for session in sessions))
-    folders = any(Path(path).is_dir() for path in paths)
+    folders = any(path.is_dir() for path in paths)
     if folders and len(units) > 1 and any(date_in(unit) is None for unit in units):
         raise InputError(
             f"these folders hold runs of {len(units)} joints ({listed(units, 5)}); give one of them"
@@ -159,7 +188,7 @@ def _of_one_joint(paths: Sequence[Any], found: Iterable[Session]) -> list[Sessio
 
 
 def _fitted(
-    sessions: Sequence[Session],
+    sessions: Sequence[Session | _Given],
     effects: Sequence[str | Effect],
     target: str,
     shared: dict[str, Any],
@@ -223,8 +252,8 @@ def _of_model(
         when = date_in(str(model.facts[DATE]))
     if when is None:
         raise InputError(
-            f"{path}: has no date; put it into the name of the file or its folder as 2027-03-14, or "
-            "give a table of dates"
+            f"{path}: has no date; put it into the name of the file or its folder as 2027-03-14, "
+            "or give a table of dates"
         )
     warm = said[1] if said else np.nan
     if not np.isfinite(warm):
@@ -310,8 +339,8 @@ def _of_shapes(made: Sequence[_Estimates]) -> list[str]:
         return []
     return [
         f"{listed(moved)} differ{'s' if len(moved) == 1 else ''} between the sessions, and what a "
-        "shape takes from a coefficient looks like wear; give the runs with one model, whose shapes "
-        "are held."
+        "shape takes from a coefficient looks like wear; give the runs with one model, whose "
+        "shapes are held."
     ]
 
 
