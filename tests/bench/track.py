@@ -1,6 +1,6 @@
 """How well `track` tells wear: false alarms, delay, what it names, and how far its dates hold.
 
-    python tests/bench/track.py [--joints 100] [--seed 1] [--part false|delay|forecast|all]
+    python tests/bench/track.py [--joints 100] [--seed 1] [--part delay|forecast|all]
 
 Joints of eight parameters, one session a week, as rigs have them and as no model below assumes:
 missed weeks and months, noise of sessions with tails (Student's t of four), a share of it that
@@ -24,6 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from flexspline.tracking import History, track
 from flexspline.tracking.changes import Series, evidence_over_time, threshold
 
 Array = NDArray[np.float64]
@@ -91,20 +92,24 @@ def joint(rng: np.random.Generator, weeks: int = WEEKS, count: int = COUNT) -> J
     return Joint(days, warm, values, known[None] * size[:, None, None] ** 2, by_temperature)
 
 
+KNOWN = ("step of 3", "3 a year", "8 a year", "accelerating", "settling at 4")
 COURSES: dict[str, Callable[[Array], Array]] = {
     "step of 3": lambda t: 3.0 * (t >= 0.0),
     "3 a year": lambda t: 3.0 * np.maximum(t, 0.0),
     "8 a year": lambda t: 8.0 * np.maximum(t, 0.0),
     "accelerating": lambda t: 6.0 * np.maximum(t, 0.0) ** 2,
     "settling at 4": lambda t: 4.0 * -np.expm1(-3.0 * np.maximum(t, 0.0)),
+    "in jumps": lambda t: 1.5 * np.floor(np.maximum(4.0 * t, 0.0)),
+    "by its root": lambda t: 4.0 * np.sqrt(np.maximum(t, 0.0)),
+    "cubic": lambda t: 6.0 * np.maximum(t, 0.0) ** 3,
 }
-"""Of years since the onset."""
+"""Of years since the onset. Those in `KNOWN` are shapes of the model, whatever their rates."""
 
 
-def worn(rng: np.random.Generator, course: str) -> Joint:
+def worn(rng: np.random.Generator, course: str, count: int = COUNT) -> Joint:
     """Return a joint of which one parameter changes somewhere in its second year."""
-    made = joint(rng)
-    made.worn, made.start = int(rng.integers(COUNT)), float(rng.uniform(300.0, 600.0))
+    made = joint(rng, count=count)
+    made.worn, made.start = int(rng.integers(count)), float(rng.uniform(300.0, 600.0))
     made.course = COURSES[course]((made.days - made.start) / 365.25)
     made.values[:, made.worn] += made.course
     return made
@@ -210,16 +215,117 @@ def level_for(paths: list[Array], years: float) -> float:
     return high
 
 
+def history(made: Joint) -> History:
+    """The same as `track` takes it."""
+    count = made.values.shape[1]
+    dates = np.datetime64("2026-01-01T00:00:00") + (made.days * 86400.0).astype("m8[s]")
+    names = tuple(f"parameter_{p}.value" for p in range(count))
+    return History(
+        dates, names, ("Nm",) * count, made.values, made.covariance, made.temperatures
+    )  # fmt: skip
+
+
+@dataclass
+class Covered:
+    """How often something lay within its interval."""
+
+    inside: int = 0
+    of: int = 0
+
+    def __call__(self, inside: bool) -> None:
+        self.inside, self.of = self.inside + inside, self.of + 1
+
+    def __str__(self) -> str:
+        return f"{self.inside / max(self.of, 1):4.0%} of {self.of}"
+
+
+def forecasts(joints: int, seed: int) -> None:
+    """Print how often onset, size and date of a limit lie within their intervals, by course.
+
+    One parameter; a third to two years behind the onset, of a limit that is reached a quarter to
+    two years later, or never.
+    """
+    for course, law in COURSES.items():
+        rng = np.random.default_rng([seed, 11, list(COURSES).index(course)])
+        onset, size, inner, outer = Covered(), Covered(), Covered(), Covered()
+        told = named = dated = 0
+        off, wide = [], []
+        for _ in range(joints):
+            made = worn(rng, course, 1)
+            end = made.start + rng.uniform(120.0, 500.0)
+            kept = made.days <= end
+            whole = history(made)
+            now = float(made.days[kept][-1])
+            reached = now + rng.uniform(90.0, 700.0)
+            years = (reached - made.start) / 365.25
+            base = np.interp(
+                float(np.median(made.temperatures[kept])),
+                np.sort(made.temperatures),
+                made.by_temperature[np.argsort(made.temperatures), 0],
+            )
+            limit = float(base + law(np.array([years]))[0] * (1.0 + 1e-9))
+            if course == "settling at 4":
+                limit, reached = limit + 1.0, np.inf
+            if course in ("step of 3", "in jumps"):
+                limit, reached = limit + 1e-6 + 1.0 * (course == "step of 3"), np.inf
+                if course == "in jumps":
+                    reached = made.start + 365.25 * (np.floor(4.0 * years) + 1.0) / 4.0
+            found = track(whole.sessions(kept), limits={"parameter_0": limit}, horizon=5.0)
+            if not found.changes:
+                continue
+            told += 1
+            change = max(found.changes, key=lambda c: abs(c.size))
+            start = (change.between[0] - whole.date(0.0)).total_seconds() / 86400.0
+            stop = (change.between[1] - whole.date(0.0)).total_seconds() / 86400.0
+            onset(start <= made.start <= stop + 1.0)
+            off.append((change.date - whole.date(made.start)).days)
+            true = float(law(np.array([(now - made.start) / 365.25]))[0])
+            size(change.interval[0] <= true <= change.interval[1])
+            named += change.kind is not None
+            (forecast,) = found.forecasts
+            if forecast.chance == 1.0 and forecast.why_none:
+                outer(False)
+                continue
+            if forecast.why_none:  # not within the horizon
+                outer(reached > now + 5.0 * 365.25)
+                continue
+            dated += 1
+            for covered, ends in ((inner, forecast.within_80), (outer, forecast.within_95)):
+                low, high = (
+                    np.inf if each is None else (each - whole.date(0.0)).total_seconds() / 86400.0
+                    for each in ends
+                )
+                covered(low - 7.0 <= reached <= high + 7.0)
+            if forecast.within_95[1] is not None and forecast.within_95[0] is not None:
+                wide.append((forecast.within_95[1] - forecast.within_95[0]).days)
+        print(
+            f"{course:14} told {told} of {joints}, kind told {named}; onset off by "
+            f"{np.median(off) if off else np.nan:+.0f} days, within {onset}; size within {size}; "
+            f"dates {dated}: 80 % {inner}, 95 % {outer}, closed {len(wide)}, median width "
+            f"{np.median(wide) if wide else np.nan:.0f} days",
+            flush=True,
+        )
+
+
 def main() -> None:
+    """Print the tables."""
     ask = argparse.ArgumentParser(description=__doc__)
     ask.add_argument("--joints", type=int, default=100)
     ask.add_argument("--seed", type=int, default=1)
-    ask.add_argument("--part", default="all")
+    ask.add_argument("--part", choices=("delay", "forecast", "all"), default="all")
     given = ask.parse_args()
+    if given.part != "forecast":
+        delays(given.joints, given.seed)
+    if given.part != "delay":
+        forecasts(given.joints, given.seed)
+
+
+def delays(joints: int, seed: int) -> None:
+    """Print rates of false alarms, and delays, of all methods."""
     years = WEEKS * 7 / 365.25
-    rng = np.random.default_rng(given.seed)
-    sound = [joint(rng) for _ in range(given.joints)]
-    fresh = [joint(rng) for _ in range(given.joints)]
+    rng = np.random.default_rng(seed)
+    sound = [joint(rng) for _ in range(joints)]
+    fresh = [joint(rng) for _ in range(joints)]
     levels = {}
     for name, method in METHODS.items():
         began = time.time()
@@ -235,11 +341,11 @@ def main() -> None:
             flush=True,
         )
     for course in COURSES:
-        rng = np.random.default_rng([given.seed, 7, list(COURSES).index(course)])
-        joints = [worn(rng, course) for _ in range(given.joints // 2)]
+        rng = np.random.default_rng([seed, 7, list(COURSES).index(course)])
+        wearing = [worn(rng, course) for _ in range(joints // 2)]
         for name, method in METHODS.items():
             delays, missed, before = [], 0, 0
-            for made in joints:
+            for made in wearing:
                 at = first_above(method(made)[:, made.worn], levels[name])
                 if at < 0:
                     missed += 1

@@ -29,15 +29,16 @@ if TYPE_CHECKING:
 
     from flexspline.tracking.result import Change, Forecast, Track, TrackedParameter
 
-__all__ = ["panels", "plot_track"]
+__all__ = ["LOOK", "panels", "plot_track"]
 
 DATES: Any = matplotlib.dates  # which has no types
 LOOK = (
-    "Dots: sessions, at the reference temperature, with two standard errors of what was measured; "
-    "hollow ones have no temperature. Line and band: the level, 95 %."
+    "Dots are sessions at the reference temperature, with two standard errors of what was "
+    "measured; hollow ones are left out. Line and band are the level with 95 %, on to the date of "
+    "a limit where one is told. Dashed: the onset of a change, shaded where it may have been "
+    "(95 %). Dotted: a limit."
 )
-MARKS = " Dashed: onset of a change, shaded where it may have been (95 %)."
-LIMITS = " Dotted: the limit."
+FAR = 3.0  # spans of what is drawn: a limit beyond would flatten all else
 
 
 @own_style()
@@ -59,8 +60,7 @@ def _panel(made: Track, p: int) -> Panel:
     parameter = made.parameters[p]
     changes = [c for c in made.changes if c.parameter == parameter.name]
     limits = [f for f in made.forecasts if f.parameter == parameter.name]
-    look = f"{parameter.sentence} {LOOK}{MARKS if changes else ''}{LIMITS if limits else ''}"
-    return Panel(partial(_draw, made, p, parameter, changes, limits), look)
+    return Panel(partial(_draw, made, p, parameter, changes, limits), parameter.sentence)
 
 
 def _draw(
@@ -94,7 +94,10 @@ def _draw(
         label = "change" if not k else None
         onset = float(DATES.date2num(change.date))
         ax.axvline(onset, color=PALETTE[3], linewidth=1.2, linestyle="--", label=label)
+    low, high = ax.get_ylim()
     for limit in limits:
+        if not low - FAR * (high - low) < limit.limit < high + FAR * (high - low):
+            continue
         ax.axhline(limit.limit, color=INK, linewidth=1.0, linestyle=":", label="limit")
     _dated(ax)
     ax.set_ylabel(f"[{parameter.unit}]" if parameter.unit != "1" else "")

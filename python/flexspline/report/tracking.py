@@ -47,7 +47,7 @@ def write_track_report(made: Track, path: str | os.PathLike[str]) -> None:
     InputError
         Where the file cannot be written.
     """
-    from flexspline.plot.tracking import panels
+    from flexspline.plot.tracking import LOOK, panels
 
     page = (
         templates()
@@ -59,6 +59,7 @@ def write_track_report(made: Track, path: str | os.PathLike[str]) -> None:
             sentences=made.sentences,
             parameters=parameter_rows(made),
             figures=[drawn(panel) for panel in panels(made)],
+            look=LOOK,
             remarks=made.remarks,
             sessions=session_rows(made),
             version=__version__,

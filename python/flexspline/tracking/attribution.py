@@ -19,7 +19,7 @@ What is then told is known, and another change is sought beside it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -45,6 +45,9 @@ CONFOUNDED: Final = 0.5
 At a quarter a change of one of two that are correlated by 0.8 is told later; at 0.8 noise of
 hardly confounded parameters comes in."""
 SURE: Final = 0.95
+BENDS: Final = 0.25
+"""Of a change's size: another one of the same parameter that is smaller says that wear is no
+straight line, and not that something else began. At half of it a bent course is told as two."""
 SHRINKING: Final = 20.0  # sessions' worth of the measured correlation beside the residuals' own
 FARTHEST: Final = 3.0  # standard deviations to which residuals count in a correlation
 
@@ -62,6 +65,7 @@ class Told:
     weights : (P,) of the series in which it is seen.
     evidence, needed : ln B, and what it must exceed.
     others : changes that are known beside it in that series.
+    bends : those among them that only bend it: of the same cause, and much smaller.
     """
 
     causes: tuple[str, ...]
@@ -72,6 +76,7 @@ class Told:
     evidence: float
     needed: float
     others: tuple[Shape, ...]
+    bends: tuple[Shape, ...] = ()
 
 
 def weights_of(history: History) -> Array:
@@ -129,7 +134,7 @@ def detected(history: History) -> list[Told]:
             if p not in spent and kept[p][1] > excess:
                 best, excess = p, kept[p][1]
         if best < 0:
-            return found
+            break
         beside, _, candidates = kept[best]
         assert candidates is not None
         shape = _likeliest(candidates)
@@ -137,10 +142,8 @@ def detected(history: History) -> list[Told]:
         needed = threshold(len(candidates.series.days), width)
         own = weights[parameters[0]]
         others = _known_of(own, known)
-        change = Told(
-            causes, chances, parameters, shape, own, needed + excess, needed, others
-        )  # fmt: skip
-        if not _is_told(history, change):
+        change = Told(causes, chances, parameters, shape, own, needed + excess, needed, others)
+        if not _is_told(_sizes(history, change)):
             spent.add(best)
             continue
         found.append(change)
@@ -148,7 +151,38 @@ def detected(history: History) -> list[Told]:
             for p in range(width):
                 if cause_of(history.names[p]) == cause:
                     known[p].append(shape)
-    return found
+    return _settled(history, found)
+
+
+def _settled(history: History, found: Sequence[Told]) -> list[Told]:
+    """The changes, each beside all others; what only bends a larger one of its cause is of that."""
+    beside = [replace(each, others=_others(history, each, found)) for each in found]
+    draws = [_sizes(history, each) for each in beside]
+    sizes = [abs(float(np.mean(each))) for each in draws]
+    told = [k for k in range(len(found)) if _is_told(draws[k])]
+    whole: dict[int, Told] = {}
+    for k in sorted(told, key=lambda k: -sizes[k]):
+        own = beside[k]
+        larger = [
+            j
+            for j, each in whole.items()
+            if each.causes == own.causes
+            and each.parameters[0] == own.parameters[0]
+            and sizes[k] < BENDS * sizes[j]
+        ]
+        if larger:
+            j = larger[0]
+            whole[j] = replace(whole[j], bends=(*whole[j].bends, own.shape))
+        else:
+            whole[k] = own
+    return [*whole.values()]
+
+
+def _others(history: History, change: Told, found: Sequence[Told]) -> tuple[Shape, ...]:
+    """Shapes of the other changes of parameters in whose series this one is seen."""
+    seen = {cause_of(history.names[p]) for p in np.flatnonzero(change.weights)}
+    shapes = (each.shape for each in found if each.shape != change.shape and seen & {*each.causes})
+    return tuple(dict.fromkeys(shapes))
 
 
 def _known_of(weights: Array, known: Sequence[Sequence[Shape]]) -> tuple[Shape, ...]:
@@ -173,10 +207,15 @@ def _likeliest(candidates: Candidates) -> Shape:
     return candidates.shapes[int(np.argmax(by_candidate))]
 
 
-def _is_told(history: History, change: Told) -> bool:
-    """Whether the size of a change is told from zero."""
+def _sizes(history: History, change: Told) -> Array:
+    """Draws (N,) of what a change has made by the last session."""
     made = drawn(history, change, np.random.default_rng(0))
-    low, high = np.percentile(made.changed(history.days[-1:])[:, 0], LEVEL)
+    return np.asarray(made.changed(history.days[-1:])[:, 0])
+
+
+def _is_told(sizes: Array) -> bool:
+    """Whether a size is told from zero."""
+    low, high = np.percentile(sizes, LEVEL)
     return bool(low > 0.0 or high < 0.0)
 
 

@@ -41,7 +41,7 @@ __all__ = ["Band", "Change", "Forecast", "Track", "TrackedParameter", "day", "in
 Array = NDArray[np.float64]
 Interval = tuple[datetime, datetime]
 
-MOST_RELATIVE = 10.0  # times the level before; beyond, that level was hardly there
+MOST_RELATIVE = 3.0  # times the level before; beyond, that level was hardly there
 
 UNLIKELY = 0.1  # chance of a step below which a change is said to be gradual
 
@@ -303,8 +303,11 @@ class Track:
         """Changes, forecasts, and the parameters of which nothing is told."""
         said = [change.sentence for change in self.changes]
         said += [forecast.sentence for forecast in self.forecasts]
-        if not self.forecasts and any(_goes_on(c) for c in self.changes):
-            said.append("No limit is given, so no date: give one as coulomb_friction=0.5.")
+        limited = {forecast.parameter for forecast in self.forecasts}
+        lead = [c.parameter for c in self.changes if _goes_on(c) and c.parameter not in limited]
+        if lead:
+            names = _and(list(dict.fromkeys(map(spoken, lead))))
+            said.append(f"No limit of {names} is given, so no date: say what it must not pass.")
         return said
 
     def to_frame(self) -> pandas.DataFrame:
@@ -413,7 +416,7 @@ def day(when: datetime) -> str:
 
 
 def _goes_on(change: Change) -> bool:
-    return change.known and change.kind in (RAMP, ACCELERATING)
+    return change.known and change.at_once < UNLIKELY and change.kind != SETTLING
 
 
 def _iso(when: datetime | np.datetime64 | None) -> str | None:

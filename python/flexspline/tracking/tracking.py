@@ -24,7 +24,7 @@ from flexspline.tracking.changes import (
     evidence_over_time,
     threshold,
 )
-from flexspline.tracking.history import History, cause_of
+from flexspline.tracking.history import DAY, History, cause_of
 from flexspline.tracking.posterior import LEVEL, Posterior, posterior_of
 from flexspline.tracking.result import (
     CHANGED,
@@ -89,12 +89,12 @@ def track(
     changes = sorted((_change(turned, each) for each in told), key=lambda c: c.date)
     courses = [_course(turned, p, told) for p in range(len(turned.names))]
     states = [_state(turned, p, courses[p], told) for p in range(len(turned.names))]
-    parameters = tuple(
-        _parameter(turned, p, course, state)
-        for p, (course, state) in enumerate(zip(courses, states, strict=True))
-    )
     forecasts = tuple(
         _forecast(turned, p, limit, courses[p], states[p], horizon) for p, limit in limited
+    )
+    parameters = tuple(
+        _parameter(turned, p, courses[p], states[p], _shown_until(turned, p, forecasts))
+        for p in range(len(turned.names))
     )
     warm = turned.knows_temperature
     reference = math.nan if warm is None else float(np.median(turned.temperatures[warm]))
@@ -164,8 +164,14 @@ def _is_of(history: History, p: int, change: Told) -> bool:
 def _change(history: History, told: Told) -> Change:
     made = drawn(history, told, np.random.default_rng(len(history)))
     days = made.series.days
-    sizes = made.changed(days[-1:])[:, 0]
-    speed = (made.changed(days[-1:] + 7.0)[:, 0] - sizes) * YEAR / 7.0
+    bends = [made.series.known.index(shape) for shape in told.bends]
+
+    def whole(when: Array) -> Array:
+        bent = [made.by_known[:, j] * made.series.known[j].of(when)[0] for j in bends]
+        return np.asarray(made.changed(when)[:, 0] + np.sum(bent, axis=0))
+
+    sizes = whole(days[-1:])
+    speed = (whole(days[-1:] + 7.0) - sizes) * YEAR / 7.0
     chances = {kind: made.chance(kind) for kind in SHAPES}
     kind = max(chances, key=lambda each: chances[each])
     first, middle, last = np.percentile(made.starts, [LEVEL[0], 50.0, LEVEL[1]])
@@ -208,9 +214,24 @@ def _told_since(series: Series, width: int) -> float:
     return float(series.days[int(np.argmax(over))] if over.any() else series.days[-1])
 
 
-def _parameter(history: History, p: int, course: Posterior | None, state: str) -> TrackedParameter:
+def _shown_until(history: History, p: int, forecasts: Sequence[Forecast]) -> float:
+    """Days to which a band is told: to the date of a limit, at most as long again as the past."""
+    last = float(history.days[-1])
+    ahead = [
+        (when - history.date(0.0)).total_seconds() / DAY
+        for each in forecasts
+        if each.parameter == history.names[p]
+        for when in (each.date, each.within_95[1])
+        if when is not None
+    ]
+    return max(min(max(ahead, default=last), 2.0 * last), last, 1e-9)
+
+
+def _parameter(
+    history: History, p: int, course: Posterior | None, state: str, until: float
+) -> TrackedParameter:
     name, unit, count = history.names[p], history.units[p], len(history)
-    days = np.linspace(0.0, max(history.days[-1], 1e-9), BANDED)
+    days = np.linspace(0.0, until, BANDED)
     dates = np.array([history.date(float(each)) for each in days], dtype="datetime64[s]")
     nothing = np.full(count, np.nan)
     if course is None:
@@ -221,7 +242,7 @@ def _parameter(history: History, p: int, course: Posterior | None, state: str) -
             history.values[:, p], nothing, Band(dates, empty, empty, empty),
         )  # fmt: skip
     series, at = history.series(np.eye(len(history.names))[p])
-    levels = course.course(days)
+    levels, now = course.course(days), course.course(history.days[-1:])
     low, middle, high = np.percentile(levels, [LEVEL[0], 50.0, LEVEL[1]], axis=0)
     corrected = nothing.copy()
     corrected[at] = series.values - course.thermal()
@@ -235,7 +256,7 @@ def _parameter(history: History, p: int, course: Posterior | None, state: str) -
         state,
         len(at),
         (float(np.mean(levels[:, 0])), float(np.std(levels[:, 0]))),
-        (float(np.mean(levels[:, -1])), float(np.std(levels[:, -1]))),
+        (float(np.mean(now)), float(np.std(now))),
         (math.nan, math.nan)
         if by_warmth is None
         else (float(np.mean(by_warmth)), float(np.std(by_warmth))),
