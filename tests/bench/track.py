@@ -101,7 +101,7 @@ COURSES: dict[str, Callable[[Array], Array]] = {
     "settling at 4": lambda t: 4.0 * -np.expm1(-3.0 * np.maximum(t, 0.0)),
     "in jumps": lambda t: 1.5 * np.floor(np.maximum(4.0 * t, 0.0)),
     "by its root": lambda t: 4.0 * np.sqrt(np.maximum(t, 0.0)),
-    "cubic": lambda t: 6.0 * np.maximum(t, 0.0) ** 3,
+    "exponential": lambda t: 0.3 * np.expm1(3.5 * np.maximum(t, 0.0)),
 }
 """Of years since the onset. Those in `KNOWN` are shapes of the model, whatever their rates."""
 

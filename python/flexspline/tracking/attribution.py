@@ -5,7 +5,7 @@ what is left of a parameter once the others are taken into account ([Hawkins1993
 
     z_p = y_p − C_po V_oo⁻¹ y_o,        V = C + D
 
-C the measured covariance, D what differs from session to session beyond it; of parameters that are
+C the measured covariance, D what differs from session to session beyond it; of a parameter that is
 hardly confounded that is the parameter itself. Where an alarm is raised, the changes δ̂ of all
 parameters at that onset have the covariance Σ, and a cause b, which moves its own parameters E_b
 alone, has the evidence
@@ -32,7 +32,7 @@ from flexspline.tracking.changes import (
     Shape,
     threshold,
 )
-from flexspline.tracking.history import FIRST, History, cause_of
+from flexspline.tracking.history import History, cause_of
 from flexspline.tracking.posterior import LEVEL, Posterior, posterior_of
 
 __all__ = ["Told", "detected", "drawn", "moved", "weights_of"]
@@ -44,6 +44,10 @@ CONFOUNDED: Final = 0.5
 """Share of its variance that the others leave of a parameter, below which it is seen beside them.
 At a quarter a change of one of two that are correlated by 0.8 is told later; at 0.8 noise of
 hardly confounded parameters comes in."""
+BEYOND: Final = (0.01, 0.1, 1.0)
+"""Of the measured variance: what differs from session to session beyond it. That is taken which
+leaves the least from session to session: it is not known well enough by itself."""
+SMALL: Final = 0.05  # weight, in standard errors, below which another parameter is left out
 SURE: Final = 0.95
 BENDS: Final = 0.25
 """Of a change's size: another one of the same parameter that is smaller says that wear is no
@@ -85,31 +89,32 @@ def weights_of(history: History) -> Array:
     made = np.eye(width)
     told = np.isfinite(history.values).all(axis=1)
     told &= np.isfinite(history.covariance).all(axis=(1, 2))
-    first = np.flatnonzero(told)[:FIRST]
-    if width < 2 or len(first) < LEAST_SESSIONS:
+    if width < 2 or told.sum() < LEAST_SESSIONS:
         return made
-    values = history.values[first]
-    measured = np.median(history.covariance[first], axis=0)
-    steps = _spread(values)
-    beyond = np.maximum(steps - np.diag(measured), 0.0)
-    scale = np.sqrt(np.diag(measured) + beyond)
-    scale[scale == 0.0] = 1.0
-    both = (measured + np.diag(beyond)) / np.outer(scale, scale)
+    values = history.values[told]
+    measured = np.median(history.covariance[told], axis=0)
+    scale = np.sqrt(np.diag(measured))
+    if not scale.all():
+        return made
+    both = measured / np.outer(scale, scale)
     for p in range(width):
-        others = np.flatnonzero(np.arange(width) != p)
-        inner = both[np.ix_(others, others)] + 1e-6 * np.eye(width - 1)
-        slopes = np.linalg.solve(inner, both[others, p])
-        row = np.zeros(width)
-        row[p] = 1.0
-        row[others] = -slopes * scale[p] / scale[others]
-        row[np.abs(row) * scale < 0.05 * scale[p]] = 0.0
-        row[p] = 1.0
-        foretold = both[p, p] - both[p, others] @ slopes
-        if foretold < CONFOUNDED * both[p, p] and _spread(values @ row[:, None])[0] < (
-            CONFOUNDED * steps[p]
-        ):
-            made[p] = row
+        rows = [made[p], *(_beside_others(both, p, beyond) * scale[p] / scale for beyond in BEYOND)]
+        spreads = _spread(values @ np.array(rows).T)
+        best = int(np.argmin(spreads))
+        if spreads[best] < CONFOUNDED * spreads[0]:
+            made[p] = rows[best]
     return made
+
+
+def _beside_others(correlation: Array, p: int, beyond: float) -> Array:
+    """Weights (P,) of what is left of one parameter, where D is that share of C's diagonal."""
+    others = np.flatnonzero(np.arange(len(correlation)) != p)
+    inner = correlation[np.ix_(others, others)] + beyond * np.eye(len(others))
+    row = np.zeros(len(correlation))
+    row[others] = -np.linalg.solve(inner, correlation[others, p])
+    row[np.abs(row) < SMALL] = 0.0
+    row[p] = 1.0
+    return row
 
 
 def _spread(values: Array) -> Array:

@@ -6,7 +6,8 @@ Of S sessions at times t, each with a value y and its measured variance c,
 
 T is the session's temperature, u the noise of sessions, and g, from τ on, with t in years
 
-    a step 1      a ramp t − τ      what accelerates (t − τ)²      what settles 1 − e^(−3 (t − τ))
+    a step 1                        a ramp t − τ        what settles 1 − e^(−3 (t − τ))
+    what accelerates (t − τ)²       what runs away (t − τ)³
 
 The noise is what was measured, and what differs from session to session beyond that, which may last
 
@@ -56,8 +57,12 @@ __all__ = [
 Array = NDArray[np.float64]
 
 WEEK: Final = 7.0  # days
-STEP, RAMP, ACCELERATING, SETTLING = "step", "ramp", "accelerating", "settling"
-SHAPES: Final = (STEP, RAMP, ACCELERATING, SETTLING)
+STEP, RAMP, SETTLING = "step", "ramp", "settling"
+ACCELERATING, RUNNING_AWAY = "accelerating", "running away"
+SHAPES: Final = (STEP, RAMP, SETTLING, ACCELERATING, RUNNING_AWAY)
+POWERS: Final = {RAMP: 1, ACCELERATING: 2, RUNNING_AWAY: 3}
+"""What is left open of a course is left open of its forecast. Without the last, wear that runs away
+by the third power reaches a limit before the interval of 95 % in six of ten joints."""
 RATE: Final = 3.0  # 1/year: what settles has done most of it in four months
 
 NOISES: Final = ((1.0, 0.0), *((w, phi) for w in (0.5, 0.1) for phi in (0.3, 0.6, 0.85)))
@@ -98,9 +103,9 @@ def course(kind: str, since: Array) -> Array:
     years = np.maximum(since, 0.0) / YEAR
     if kind == STEP:
         return (since >= 0.0).astype(np.float64)
-    if kind == RAMP:
-        return years
-    return years**2 if kind == ACCELERATING else -np.expm1(-RATE * years)
+    if kind == SETTLING:
+        return np.asarray(-np.expm1(-RATE * years))
+    return np.asarray(years ** POWERS[kind])
 
 
 @dataclass(frozen=True)

@@ -121,12 +121,18 @@ def posterior_of(
 
 
 def _onsets(series: Series, shape: Shape, rng: np.random.Generator, count: int) -> Array:
-    """Days (n,): a step is seen at a session, and came some time after the one before."""
+    """Days (n,): a step is told to one session before and behind that at which it is seen.
+
+    Between sessions it may be anywhere, and in noise with tails it is taken for its neighbour's:
+    between the session before and itself alone it lies in 78 of 100 joints.
+    """
     if shape.kind != STEP:
         return np.full(count, shape.start)
-    before = series.days[series.days < shape.start]
-    gap = shape.start - before[-1] if len(before) else 0.0
-    return np.asarray(shape.start - rng.uniform(0.0, 1.0, count) * gap)
+    at = int(np.searchsorted(series.days, shape.start))
+    behind = int(np.searchsorted(series.days, shape.start, side="right"))
+    first = series.days[max(at - 1, 0)]
+    last = series.days[min(behind, len(series.days) - 1)]
+    return np.asarray(rng.uniform(first, last, count))
 
 
 def _drawn(

@@ -25,6 +25,7 @@ from flexspline.tracking.changes import (
     ACCELERATING,
     LEAST_SESSIONS,
     RAMP,
+    RUNNING_AWAY,
     SETTLING,
     STEP,
 )
@@ -118,7 +119,8 @@ class Change:
     causes : effects, or orders of one, that it may be; one where it is known which.
     chances : of them.
     parameter, unit : which shows it best, of the first cause.
-    kind : "step", "ramp", "accelerating" or "settling"; None where that is not known yet.
+    kind : "step", "ramp", "settling", "accelerating" or "running away"; None where that is not
+        known yet.
     at_once : chance that it is a step.
     date, between : of the onset: median, and 95 %.
     size, error : what it has made by the last session; `interval`: 95 %.
@@ -160,11 +162,12 @@ class Change:
         about = f"{day(self.date)}" + (f" ({first} to {last})" if first != last else "")
         up = self.size > 0.0
         name = spoken(self.parameter)
+        faster = f"{name} {'rises' if up else 'falls'} ever faster since {about}, by {size} so far"
         what = {
             STEP: f"{name} {'rose' if up else 'fell'} at once by {size} about {about}",
             RAMP: f"{name} {'rises' if up else 'falls'} since {about}, by {size} so far",
-            ACCELERATING: f"{name} {'rises' if up else 'falls'} ever faster since {about}, by "
-            f"{size} so far",
+            ACCELERATING: faster,
+            RUNNING_AWAY: faster,
             SETTLING: f"{name} {'rose' if up else 'fell'} since {about} by {size} and settles",
         }.get(
             self.kind or "",
