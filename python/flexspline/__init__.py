@@ -53,6 +53,10 @@ if TYPE_CHECKING:
     from flexspline.own import OwnEffect, own_effect
     from flexspline.recordings.guessing import guess_map
     from flexspline.recordings.result import Guess
+    from flexspline.tracking.history import History
+    from flexspline.tracking.result import Track
+    from flexspline.tracking.sources import history_of
+    from flexspline.tracking.tracking import track
 
 __all__ = [
     "CATALOGUE",
@@ -73,6 +77,7 @@ __all__ = [
     "FlexsplineWarning",
     "ForwardRun",
     "Guess",
+    "History",
     "InputError",
     "Limits",
     "Log",
@@ -90,6 +95,7 @@ __all__ = [
     "ReadingChecks",
     "TemperatureCompensation",
     "Thermistor",
+    "Track",
     "__version__",
     "accumulate",
     "calibrate",
@@ -106,6 +112,7 @@ __all__ = [
     "fit_motion",
     "get_include",
     "guess_map",
+    "history_of",
     "joints_of",
     "mujoco_plugin",
     "next_experiment",
@@ -114,6 +121,7 @@ __all__ = [
     "read_pieces",
     "read_runs",
     "simulate",
+    "track",
 ]
 
 register_renderers()
@@ -134,6 +142,7 @@ _HOME = {
     "FitOptions": "least_squares.options",
     "ForwardRun": "forward.simulating",
     "Guess": "recordings.result",
+    "History": "tracking.history",
     "Limits": "experiment.plan",
     "Log": "logs.log",
     "Merge": "estimators",
@@ -150,6 +159,7 @@ _HOME = {
     "ReadingChecks": "estimators",
     "TemperatureCompensation": "estimators",
     "Thermistor": "estimators",
+    "Track": "tracking.result",
     "accumulate": "least_squares.sums",
     "calibrate": "calibration.calibrating",
     "certify": "certification",
@@ -163,6 +173,7 @@ _HOME = {
     "fit": "deprecated",
     "fit_motion": "output_error.fitting",
     "guess_map": "recordings.guessing",
+    "history_of": "tracking.sources",
     "joints_of": "logs.read",
     "mujoco_plugin": "exporting",
     "next_experiment": "discovery.experimenting",
@@ -171,6 +182,7 @@ _HOME = {
     "read_pieces": "logs.read",
     "read_runs": "logs.read",
     "simulate": "forward.simulating",
+    "track": "tracking.tracking",
 }
 
 

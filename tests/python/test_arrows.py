@@ -39,6 +39,7 @@ LAYERS = (
     ("calibration", "comparison", "experiment", "sklearn"),
     ("deprecated", "discovery"),
     ("fleet",),  # of what is asked of one joint
+    ("tracking",),  # the same joint over many sessions
     # the chain of estimators, and the joint and the sensor that it is tried on
     ("estimation", "observer", "sensor", "simulation"),
     ("collision", "full_range"),
