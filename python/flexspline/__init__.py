@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from flexspline.discovery.result import Discovery
     from flexspline.estimation import Estimate, Estimates, estimate
     from flexspline.estimators import (
+        Adaptation,
         Calibration,
         Collision,
         Compliance,
@@ -57,6 +58,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "CATALOGUE",
+    "Adaptation",
     "Calibration",
     "CalibrationResult",
     "Certificate",
@@ -123,6 +125,7 @@ _HOME = {
     "Calibration": "estimators",
     "CalibrationResult": "calibration.result",
     "Certificate": "certification",
+    "Adaptation": "estimators",
     "Collision": "estimators",
     "Comparison": "comparison.result",
     "Compliance": "estimators",

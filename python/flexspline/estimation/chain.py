@@ -22,6 +22,7 @@ from flexspline.errors import InputError, listed
 from flexspline.estimation.plan import (
     READINGS,
     Plan,
+    adapted_units,
     joint_limits,
     made_by,
     plan_of,
@@ -146,9 +147,9 @@ def _estimate(model: Model, plan: Plan, log: Log, bandwidth: float | None) -> Es
     said: dict[str, None] = {}  # sentences, each once, in order
     log = with_derivatives(plan, with_motor_torque(log), bandwidth, said)
     log = measurable(log, said, plan.preprocessing.get("reading_checks", {}))
-    columns = _columns(plan, log, run_joint(model, plan, log, said))
+    columns = _columns(model, plan, log, run_joint(model, plan, log, said))
     _require_something(columns, log, tuple(said))
-    return Estimate(log.name, columns, tuple(said))
+    return Estimate(log.name, columns, tuple(said), adapted_units(model, plan))
 
 
 def _require_increasing(log: Log) -> None:
@@ -173,9 +174,11 @@ def _require_stable(plan: Plan, log: Log) -> None:
             )
 
 
-def _columns(plan: Plan, log: Log, found: Mapping[str, Any]) -> dict[str, Array]:
+def _columns(model: Model, plan: Plan, log: Log, found: Mapping[str, Any]) -> dict[str, Array]:
     columns = {"time": np.array(log["time"])}
     columns |= {name: found[name] for name in ("temperature", "sensor_torque")}
+    units = adapted_units(model, plan)
+    columns |= {name: found["adapted"][:, place] for place, name in enumerate(units)}
     missed = found["missed"]
     bits = np.zeros(MOST_MISSED + 1, dtype=np.int64)  # of the status, by those of `missed`
     some = np.arange(MOST_MISSED + 1)
