@@ -86,7 +86,7 @@ class Adaptation(Entry):
     noise: float | None = None
     gate: float = 4.0
     least_speed: float | None = None
-    least_information: float = 1.0
+    least_information: float = 100.0
     range_factor: float = 2.0
     use: str = "monitor"
     load: str = "free"

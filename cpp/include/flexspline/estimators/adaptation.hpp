@@ -1,29 +1,34 @@
 /// Coefficients that follow a joint while it wears, warms or is greased anew.
 ///
-///   y_k = θ · φ_k + noise,     a block k:
-///   y_k = (1/T) ∫ (τ̄ − τ_model) dt − Δp / T,     φ_k = (1/T) ∫ φ dt,     p = J q̇
+///   y = (1/T) ∫ (τ̄ − τ_model) dt − Δp / T,     φ = (1/T) ∫ φ(t) dt,     p = J q̇,     over a block T
+///   y = φ · θ + noise of standard deviation σ,     h = φ / σ,     e = (y − φ · θ) / σ
 ///
-/// θ is what the coefficients have moved since the start, φ the effects' own rows, τ̄ what drives the
-/// momentum less the torque that is known from outside, τ_model the model as it was at the start.
-/// The momentum's difference over a block is exact, so no acceleration is needed; within a block
-/// both integrals are trapezoids. Recursive least squares with forgetting along the row alone, h = φ/σ:
+/// θ is what the coefficients have moved since the start, φ(t) the effects' own rows, τ̄ what drives
+/// the momentum less the torque that is known from outside, τ_model the model as it was at the
+/// start. The momentum's difference over a block is exact, so no acceleration is needed; the
+/// integrals are trapezoids. Blocks are gathered in rounds of an eighth of the memory; at its end
 ///
-///   R ← R + (1 − (1 − λ)/ζ) h hᵀ,     P = R⁻¹,     ζ = hᵀ P h,     λ = e^(−T / memory)
-///   θ ← θ + P h (y − φ·θ)/σ / (λ + ζ)               P of before
+///   W = Σ h hᵀ,     s = Σ h e                    of the round
+///   W = Σ_i d_i l_i l_iᵀ,     s = Σ_i d_i z_i l_i    pivots first that say most of a coefficient
+///   R ← R − (1 − λ) H (Hᵀ P H)⁻¹ Hᵀ              P = R⁻¹,     λ = e^(−t / memory)
+///   R ← R + Σ_i d_i l_i l_iᵀ,     θ by the z_i     least squares
 ///
-/// As much information as forgetting would take is taken along h and nowhere else: where nothing
-/// excites a coefficient its P stays, and no P grows without bound (no wind-up). ζ goes to 1 − λ,
-/// where R does not change at all. P = U D Uᵀ is kept as U and D by Bierman's recursion, whose
-/// numbers α go from 1 to λ + ζ without a change of sign, also where the factor of h hᵀ is negative:
-/// D stays above zero in any precision. θ carries what its additions round off, so that a memory of
-/// days works in float.
+/// with H = (l_1 … l_r), the directions of which the round says enough. That is exponential forgetting
+/// where all are excited, and what nothing excites keeps θ and P, however long: no wind-up. (Forgetting
+/// along each single row instead is slower by the number of coefficients, and follows a drift with
+/// a bias.) P = U D Uᵀ is kept as U and D; a change of R by ε h hᵀ is one pass of Bierman's recursion,
+/// whose numbers α go from 1 to 1 + ε hᵀ P h without a change of sign, also where ε is negative:
+/// D stays above zero in any precision. Directions are made orthogonal in P, so that forgetting
+/// along one leaves the others to be forgotten as they were.
 ///
-/// A block teaches where all of this holds; else coefficients and P stay, bit by bit:
+/// A block teaches where all of this holds; else it is as if it had not been:
 ///
 ///   motion    |q̇| ≥ least_speed in each sample: at rest friction is whatever it needs to be
 ///   clean     no sample of it, and none of the block behind it, has a contact or a flag
-///   informs   Σ (h_k · half the range of coefficient k)² ≥ least_information
-///   gate      |y − φ·θ| ≤ gate · σ √(1 + ζ): what is beyond is no wear, it is something that pushes
+///   gate      |e| ≤ gate · √(1 + hᵀ P h): what is beyond is no wear, it is something that pushes
+///
+/// and a round says enough of a direction where d_i (half the range of its pivot's coefficient)² ≥
+/// least_information: it is then known to a √(8 · least_information)th of half its range or better.
 ///
 /// Each coefficient stays within [low, high]: one that would leave is held at its end, and the
 /// others move as P says of them, given that one. One whose ends are equal is not adapted. D stays
@@ -32,9 +37,9 @@
 /// A sample that is not finite changes nothing, the next period is longer; one longer than the
 /// interval, as a first sample, begins a block. Other coefficients in the model than at the start, as
 /// a block of parameters brings them, begin anew: θ = 0, P of the configuration.
-/// Source: [Kulhavy1987], restricted exponential forgetting; why not plain forgetting and what
-/// bounds P: [Cao2000]; U and D: [Bierman1977], chapter V; the hold at an end of a range:
-/// [Goodwin1984], section 3.7, projection in the metric of R.
+/// Source: restricted forgetting, [Kulhavy1987], here of a round's rows together, as [Cao2000] takes
+/// the information matrix apart for one; U and D: [Bierman1977], chapter V; the hold at an end of a
+/// range: [Goodwin1984], section 3.7, projection in the metric of R.
 #pragma once
 
 #include <array>
@@ -74,13 +79,13 @@ struct Adaptation {
   struct Config {
     using Estimator = Adaptation;
 
-    S noise = S(1);              ///< σ, Nm: standard deviation of a block's y around the model
-    S interval = S(0.1L);        ///< s, > 0: how long a block is
-    S memory = S(600);           ///< s of blocks that teach, after which one counts 1/e
-    S gate = S(4);               ///< standard deviations
-    S least_speed = 0;           ///< rad/s at the output
-    S least_information = S(1);  ///< squared standard deviations
-    Numbers low{};               ///< of the coefficients, in their units
+    S noise = S(1);                ///< σ, Nm: standard deviation of a block's y around the model
+    S interval = S(0.1L);          ///< s, > 0: how long a block is
+    S memory = S(600);             ///< s of blocks that teach, after which one counts 1/e
+    S gate = S(4);                 ///< standard deviations
+    S least_speed = 0;             ///< rad/s at the output
+    S least_information = S(100);  ///< of a round, squared standard deviations
+    Numbers low{};                 ///< of the coefficients, in their units
     Numbers high{};
     Factor factor{};  ///< of P at the start, in the units of the coefficients
     AdaptationUse use = AdaptationUse::monitor;
@@ -93,8 +98,8 @@ struct Adaptation {
           Field{"memory", "s", &Config::memory, positive<S>},
           Field{"gate", "standard deviations", &Config::gate, positive<S>},
           Field{"least_speed", "rad/s at the output", &Config::least_speed, not_negative<S>},
-          Field{"least_information", "squared standard deviations", &Config::least_information,
-                not_negative<S>},
+          Field{"least_information", "squared standard deviations of a round",
+                &Config::least_information, positive<S>},
           Field{"low", "of the coefficients", &Config::low, finite<S>},
           Field{"high", "of the coefficients", &Config::high, finite<S>},
           Field{"factor", "U and D of their covariance", &Config::factor, finite<S>}};
@@ -116,17 +121,20 @@ struct Adaptation {
   struct State {
     Numbers start{};       ///< coefficients that `moved` counts from
     Numbers moved{};       ///< θ
-    Numbers lost{};        ///< what its additions rounded off
     Factor factor{};       ///< of P
     Equation last;         ///< of the last sample
     Equation sum;          ///< of the open block: integrals so far
     Equation waiting;      ///< of the whole block before, which teaches when the open one is clean
+    Factor seen{};         ///< W of the round, column by column
+    Numbers said{};        ///< s of the round
     S begin_momentum = 0;  ///< Nm s, of the open block
     S elapsed = 0;         ///< s, of the open block
     S waiting_time = 0;    ///< s, of the whole block; 0: there is none
+    S round_time = 0;      ///< s, of the round's blocks
     S wait = 0;            ///< s since the last good sample, for a caller that counts it here
     bool started = false;
     bool open = false;
+    std::uint32_t round_blocks = 0;
     std::uint32_t taught = 0;   ///< blocks, up to the most that it holds
     std::uint32_t refused = 0;  ///< blocks beyond the gate
   };
@@ -204,6 +212,8 @@ struct Adaptation {
  private:
   /// Of the square of half a range, what D is at least.
   static constexpr S least = std::numeric_limits<S>::epsilon() * std::numeric_limits<S>::epsilon();
+  static constexpr S rounds = S(0.125);                   ///< of the memory, that a round takes
+  static constexpr std::uint32_t most_blocks = 1U << 16;  ///< of a round, for its sums in float
 
   static constexpr std::size_t diagonal(std::size_t k) noexcept { return k * (k + 3) / 2; }
   static constexpr std::size_t above(std::size_t j, std::size_t k) noexcept {
@@ -266,66 +276,33 @@ struct Adaptation {
     return made;
   }
 
-  /// h, and what comes of it: f = Uᵀ h, v = D f, ζ = f · v.
+  /// A row, and what comes of it: f = Uᵀ h, v = D f, ζ = f · v = hᵀ P h.
   struct Direction {
     Numbers f{}, v{};
     S zeta = 0;
-    S information = 0;  ///< of the row, were each coefficient anywhere in its range
-    S error = 0;        ///< y − φ·θ in standard deviations
   };
 
-  static constexpr Direction direction(const Config& config, const State& state,
-                                       const Numbers& most) noexcept {
-    Numbers h{};
+  static constexpr Direction direction(const Factor& factor, const Numbers& row) noexcept {
     Direction made;
-    const S share = S(1) / config.noise;
-    made.error = share * (state.waiting.torque - weighted<S>(state.waiting.row, state.moved));
     for (std::size_t k = 0; k < N; ++k) {
-      if (most[k] > S(0)) h[k] = share * state.waiting.row[k];
-      made.information += h[k] * h[k] * most[k];
-      S f = h[k];
-      for (std::size_t j = 0; j < k; ++j) f += state.factor[above(j, k)] * h[j];
+      S f = row[k];
+      for (std::size_t j = 0; j < k; ++j) f += factor[above(j, k)] * row[j];
       made.f[k] = f;
-      made.v[k] = state.factor[diagonal(k)] * f;
+      made.v[k] = factor[diagonal(k)] * f;
       made.zeta += f * made.v[k];
     }
     return made;
   }
 
-  static constexpr void count(std::uint32_t& number) noexcept {
-    if (number != 0xFFFFFFFFU) ++number;
-  }
-
-  static constexpr void teach(const Config& config, State& state) noexcept {
-    const Numbers most = widest(config);
-    const Direction way = direction(config, state, most);
-    if (!(way.information >= config.least_information) || !(way.zeta > S(0))) return;
-    if (!(way.error * way.error <= config.gate * config.gate * (S(1) + way.zeta))) {
-      count(state.refused);
-      return;
-    }
-    State next = state;
-    const Numbers gain =
-        turn(next.factor, way, -math::decayed(state.waiting_time / config.memory), most);
-    for (std::size_t k = 0; k < N; ++k) add(next, k, gain[k] * way.error);
-    hold(config, next, most);
-    if (!is_finite(next)) return;
-    state.moved = next.moved;
-    state.lost = next.lost;
-    state.factor = next.factor;
-    count(state.taught);
-  }
-
-  /// R moves along h; the gain P h / (λ + ζ). `forgotten`: 1 − λ.
-  static constexpr Numbers turn(Factor& factor, const Direction& way, S forgotten,
+  /// R ← R + ε h hᵀ; P h of before over α = 1 + ε ζ.
+  static constexpr Numbers turn(Factor& factor, const Direction& way, S epsilon,
                                 const Numbers& most) noexcept {
-    const S part = S(1) - forgotten / way.zeta;
     Numbers gain{};
     S alpha = S(1);
     for (std::size_t k = 0; k < N; ++k) {
       const S before = alpha;
-      alpha += part * (way.f[k] * way.v[k]);
-      const S along = -(part * way.f[k]) / before;
+      alpha += epsilon * (way.f[k] * way.v[k]);
+      const S along = -(epsilon * way.f[k]) / before;
       for (std::size_t j = 0; j < k; ++j) {
         S& u = factor[above(j, k)];
         const S was = u;
@@ -340,12 +317,110 @@ struct Adaptation {
     return gain;
   }
 
-  /// Adds to θ_k; what is rounded off comes with the next addition.
-  static constexpr void add(State& state, std::size_t k, S change) noexcept {
-    const S whole = change - state.lost[k];
-    const S sum = state.moved[k] + whole;
-    state.lost[k] = (sum - state.moved[k]) - whole;
-    state.moved[k] = sum;
+  static constexpr void count(std::uint32_t& number) noexcept {
+    if (number != 0xFFFFFFFFU) ++number;
+  }
+
+  /// The block that waits goes into the round.
+  static constexpr void teach(const Config& config, State& state) noexcept {
+    const Numbers most = widest(config);
+    const S share = S(1) / config.noise;
+    const S error = share * (state.waiting.torque - weighted<S>(state.waiting.row, state.moved));
+    Numbers h{};
+    for (std::size_t k = 0; k < N; ++k) {
+      if (most[k] > S(0)) h[k] = share * state.waiting.row[k];
+    }
+    const S spread = S(1) + direction(state.factor, h).zeta;
+    if (!(error * error <= config.gate * config.gate * spread)) {
+      count(state.refused);
+      return;
+    }
+    for (std::size_t k = 0; k < N; ++k) {
+      for (std::size_t j = 0; j <= k; ++j) state.seen[above(j, k)] += h[j] * h[k];
+      state.said[k] += h[k] * error;
+    }
+    state.round_time += state.waiting_time;
+    ++state.round_blocks;
+    count(state.taught);
+    if (state.round_time >= rounds * config.memory || state.round_blocks >= most_blocks) {
+      finish(config, state, most);
+    }
+  }
+
+  /// The directions of a round that say enough, most first.
+  struct Round {
+    std::array<Numbers, N> row{};  ///< l_i
+    Numbers weight{}, seen{};      ///< d_i, z_i
+    std::size_t count = 0;
+  };
+
+  static constexpr Round directions(const Config& config, const State& state,
+                                    const Numbers& most) noexcept {
+    Factor left = state.seen;
+    Numbers said = state.said;
+    Round made;
+    while (made.count < N) {
+      std::size_t pivot = 0;
+      for (std::size_t k = 1; k < N; ++k) {
+        if (left[diagonal(k)] * most[k] > left[diagonal(pivot)] * most[pivot]) pivot = k;
+      }
+      const S weight = left[diagonal(pivot)];
+      const bool enough = weight * most[pivot] >= config.least_information && weight > S(0);
+      if (!enough) break;
+      Numbers& row = made.row[made.count];
+      for (std::size_t k = 0; k < N; ++k) {
+        row[k] = left[k < pivot ? above(k, pivot) : above(pivot, k)] / weight;
+      }
+      const S seen = said[pivot] / weight;
+      for (std::size_t k = 0; k < N; ++k) {
+        for (std::size_t j = 0; j <= k; ++j) left[above(j, k)] -= weight * (row[j] * row[k]);
+        said[k] -= weight * (seen * row[k]);
+      }
+      left[diagonal(pivot)] = S(0);
+      made.weight[made.count] = weight;
+      made.seen[made.count++] = seen;
+    }
+    return made;
+  }
+
+  static constexpr void finish(const Config& config, State& state, const Numbers& most) noexcept {
+    const Round round = directions(config, state, most);
+    const S forgotten = -math::decayed(state.round_time / config.memory);
+    state.seen = {};
+    state.said = {};
+    state.round_time = S(0);
+    state.round_blocks = 0;
+    State next = state;
+    forget(next.factor, round, forgotten, most);
+    Numbers moved{};
+    for (std::size_t i = 0; i < round.count; ++i) {
+      const S weight = round.weight[i];
+      const Direction way = direction(next.factor, round.row[i]);
+      const S error = round.seen[i] - weighted<S>(round.row[i], moved);
+      const Numbers gain = turn(next.factor, way, weight, most);
+      for (std::size_t k = 0; k < N; ++k) moved[k] += weight * error * gain[k];
+    }
+    for (std::size_t k = 0; k < N; ++k) next.moved[k] += moved[k];
+    hold(config, next, most);
+    if (is_finite(next)) state = next;
+  }
+
+  /// R ← R − (1 − λ) H (Hᵀ P H)⁻¹ Hᵀ, a direction at a time, each orthogonal in P to those before.
+  static constexpr void forget(Factor& factor, const Round& round, S forgotten,
+                               const Numbers& most) noexcept {
+    std::array<Numbers, N> rows{}, across{};
+    for (std::size_t i = 0; i < round.count; ++i) {
+      Numbers row = round.row[i];
+      for (std::size_t j = 0; j < i; ++j) {
+        const S shared = weighted<S>(row, across[j]);
+        for (std::size_t k = 0; k < N; ++k) row[k] -= shared * rows[j][k];
+      }
+      const Direction way = direction(factor, row);
+      if (!(way.zeta > S(0))) continue;
+      const Numbers gain = turn(factor, way, -(forgotten / way.zeta), most);
+      for (std::size_t k = 0; k < N; ++k) across[i][k] = gain[k] * (S(1) - forgotten) / way.zeta;
+      rows[i] = row;
+    }
   }
 
   /// Coefficients that left their ranges go to the ends, the others with them.
@@ -357,7 +432,6 @@ struct Adaptation {
       for (std::size_t j = 0; j < N; ++j) column[j] = covariance(state.factor, j, k);
       const S share = end / column[k];
       for (std::size_t j = 0; j < N; ++j) state.moved[j] += share * column[j];
-      state.lost[k] = S(0);
     }
     for (std::size_t k = 0; k < N; ++k) {
       if (most[k] > S(0)) state.moved[k] = within(config, state, k);
@@ -384,7 +458,7 @@ struct Adaptation {
   static constexpr bool is_finite(const State& state) noexcept {
     bool finite = true;
     for (std::size_t k = 0; k < N; ++k) {
-      finite &= math::is_finite(state.moved[k]) & math::is_finite(state.lost[k]);
+      finite &= math::is_finite(state.moved[k]);
     }
     for (const S each : state.factor) finite &= math::is_finite(each);
     return finite;
