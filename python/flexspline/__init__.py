@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     )
     from flexspline.experiment.plan import Limits, Plan
     from flexspline.exporting import export, mujoco_plugin
+    from flexspline.exporting.block import learned_model
     from flexspline.forward.servo import PositionServo
     from flexspline.forward.simulating import ForwardRun, simulate
     from flexspline.least_squares.options import FitOptions
@@ -110,6 +111,7 @@ __all__ = [
     "get_include",
     "guess_map",
     "joints_of",
+    "learned_model",
     "mujoco_plugin",
     "next_experiment",
     "own_effect",
@@ -122,10 +124,10 @@ __all__ = [
 register_renderers()
 
 _HOME = {
+    "Adaptation": "estimators",
     "Calibration": "estimators",
     "CalibrationResult": "calibration.result",
     "Certificate": "certification",
-    "Adaptation": "estimators",
     "Collision": "estimators",
     "Comparison": "comparison.result",
     "Compliance": "estimators",
@@ -168,6 +170,7 @@ _HOME = {
     "fit_motion": "output_error.fitting",
     "guess_map": "recordings.guessing",
     "joints_of": "logs.read",
+    "learned_model": "exporting.block",
     "mujoco_plugin": "exporting",
     "next_experiment": "discovery.experimenting",
     "own_effect": "own",

@@ -33,39 +33,42 @@ ERRORS = 5.0  # standard errors of the fit that a range is at least wide, either
 class Adaptation(Entry):
     """Coefficients of the observer's model that follow the joint as it wears, warms or is greased.
 
-        y_k = θ · φ_k + noise,     y_k = mean of τ̄ − τ_model over block k, less Δ(J q̇) / T
+        y = θ · φ + noise,     y = mean of τ̄ − τ_model over a block, less Δ(J q̇) / T
 
-    Recursive least squares with forgetting along the row alone, U D Uᵀ of the covariance, in the
-    core and the same on a PC and on the joint; off unless a model has it. A block of samples
-    teaches where the joint moves in all of it, no sample in it or in the block behind has a contact
-    or a flag, and it is within the gate; else every coefficient stays as it is, also for years. It
-    starts at the part's coefficients with the covariance of their fit. The formulas, and what
-    holds whatever is read, are on top of `flexspline/estimators/adaptation.hpp`.
+    Recursive least squares with exponential forgetting of what the motion excites and of nothing
+    else, U D Uᵀ of the covariance, in the core and the same on a PC and on the joint; off unless a
+    model has it. A block of samples teaches where the joint moves in all of it, no sample in it or
+    in the block behind has a contact or a flag, and it is within the gate; else every coefficient
+    stays as it is, also for years. Blocks count together after an eighth of the memory, so each
+    coefficient moves in steps. It starts at the part's coefficients with the covariance of their
+    fit. The formulas stand on top of `flexspline/estimators/adaptation.hpp`.
 
     With the use monitor no estimate changes: what was learned is there to be read, in `estimate` as
     columns by the names of the parameters, on the joint by `joint.adapted(state)`, and in the
-    block that `joint.adopt(state)` and `save` write. With compensate the observer goes by it, and a
-    slow push that is no contact is then taken for friction, as far as gate and ranges let it.
+    block that `joint.adopt(state)` and `save` write, which `flexspline.learned_model` reads. With
+    compensate the observer goes by it; a slow push that is no contact is then taken for friction,
+    as far as gate and ranges let it, so give the model a `Collision` too.
 
-    Sources: [Kulhavy1987], [Cao2000], [Bierman1977].
+    Sources: [Kulhavy1987], [CaoSchwartz2000], [Bierman1977], [GoodwinSin1984].
 
     Parameters
     ----------
     effects : names, in the part of the observer's input, without memory and inertia; at most eight
         coefficients together.
     memory : s of motion that teaches, after which a block counts 1/e. Half of it follows twice
-        as fast with √2 of the noise.
+        as fast with √2 of the noise. A drift is followed late by it.
     interval : s of a block. Noise that is correlated for longer counts as news; a block much
-        longer than a move is refused where the joint stops in it.
+        longer than a move is left out where the joint stops in it.
     noise : Nm, standard deviation of a block around the model; None for the RMSE of the part's fit,
         which takes all that the model misses as noise. The gate is as wide as this is large.
     gate : standard deviations; 4 refuse 6 in 100 000 blocks of normal noise, 2 would refuse 5 in
-        100, and 8 let a push of twice the size teach. A change beyond the gate from one block to
+        100, and 8 let a push of twice the size teach. A change beyond the gate from one round to
         the next is never learned: fit the joint anew.
     least_speed : rad/s at the output; None for three times the widest direction width of the
         effects: there friction has its full level.
-    least_information : what a row must show were each coefficient at the end of its range,
-        squared standard deviations of a block; it bounds the covariance.
+    least_information : what a round must say of a coefficient for it to be followed, squared
+        standard deviations were it half its range off: at 100 it is known to 3.5 % of half its
+        range, at 50 to 5 %, at 200 to 2.5 %; what is less excited keeps its value.
     range_factor : above 1: a coefficient stays between its value over it and its value times it, at
         least five standard errors of the fit to either side; one that has one sign keeps it.
     use : "monitor" or "compensate".

@@ -37,9 +37,10 @@
 /// A sample that is not finite changes nothing, the next period is longer; one longer than the
 /// interval, as a first sample, begins a block. Other coefficients in the model than at the start, as
 /// a block of parameters brings them, begin anew: θ = 0, P of the configuration.
-/// Source: restricted forgetting, [Kulhavy1987], here of a round's rows together, as [Cao2000] takes
-/// the information matrix apart for one; U and D: [Bierman1977], chapter V; the hold at an end of a
-/// range: [Goodwin1984], section 3.7, projection in the metric of R.
+/// Source: restricted forgetting, [Kulhavy1987], here of a round's rows together, as [CaoSchwartz2000]
+/// takes the information matrix apart for one ([ShinLee2020] compares such rules); U and D:
+/// [Bierman1977], chapter V; the hold at an end of a range: projection in the metric of R, as
+/// [GoodwinSin1984], chapter 3.
 #pragma once
 
 #include <array>
@@ -201,7 +202,7 @@ struct Adaptation {
       return Status::ok;
     }
     integrate(state, in);
-    if (state.elapsed < config.interval) return Status::ok;
+    if (state.elapsed < config.interval - S(0.5) * in.period) return Status::ok;  // the nearest
     if (state.waiting_time > S(0)) teach(config, state);
     state.waiting = mean(state, in.momentum);
     state.waiting_time = state.elapsed;
@@ -342,7 +343,8 @@ struct Adaptation {
     state.round_time += state.waiting_time;
     ++state.round_blocks;
     count(state.taught);
-    if (state.round_time >= rounds * config.memory || state.round_blocks >= most_blocks) {
+    if (state.round_time >= rounds * config.memory - S(0.5) * state.waiting_time ||
+        state.round_blocks >= most_blocks) {
       finish(config, state, most);
     }
   }
