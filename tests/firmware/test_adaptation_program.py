@@ -31,7 +31,7 @@ def learner(use: str = "monitor") -> Model:
 def test_what_a_device_learns_has_the_bits_of_the_host(target: str) -> None:
     if None in TOOLS:
         device.lacking("arm-none-eabi-g++ or qemu-system-arm is missing")
-    log, worn = rig.log(100.0, 5, 0.2, push=(30.0, 33.0, 20.0))
+    log, _ = rig.log(100.0, 5, 0.2, push=(30.0, 33.0, 20.0))
     plain = flexspline.certify(rig.fitted(), log, target).cost
     made = flexspline.certify(learner("compensate"), log, target)
     assert made.bit_identical and made.samples == len(log) == 25_000
@@ -61,7 +61,7 @@ def learn(model: Model, log: flexspline.Log, folder: Path, scalar: str) -> bytes
 @pytest.mark.parametrize("scalar", ["float", "double"])
 def test_what_a_joint_learned_comes_back_by_its_block(tmp_path: Path, scalar: str) -> None:
     model = learner()
-    log, worn = rig.log(100.0, 5, 0.2)
+    log, _ = rig.log(100.0, 5, 0.2)
     saved = learn(model, log, tmp_path, scalar)
     back = learned_model(model, saved)
     estimated = flexspline.estimate(model, log)

@@ -111,8 +111,10 @@ def estimate(
     -------
     Columns of (N,): time [s], temperature [°C], sensor_torque [Nm], external torques [Nm at the
     output, positive outward] by sensor, observer, compliance, compliant_observer and merged,
-    contact, status. Bits of the status (`flexspline.estimation.Status`): 1 extrapolated, 2
-    saturated, 4 no temperature, 8 no sensor, 16 no observer, 32 no compliance, 64 no merged torque,
+    contact, status, and the coefficients that an `Adaptation` learned, by their names, each as it
+    was behind the row and on over gaps.
+    Bits of the status (`flexspline.estimation.Status`): 1 extrapolated, 2 saturated, 4 no
+    temperature, 8 no sensor, 16 no observer, 32 no compliance, 64 no merged torque,
     128 contact not decided, 256 started again, 512 no observer of the link, 1024 no velocity from
     the angle; what limits and reading checks took out: 2048 sensor, 4096 motor, 8192 speed, 16384
     motion, 32768 encoders, 131072 temperature; 65536 sensor and observer disagree; 262144 a reading

@@ -119,7 +119,7 @@ def learned_model(model: Model, block: bytes | str | os.PathLike[str]) -> Model:
         raise InputError(f"{label} is not whole: its checksum does not fit; read it again")
     part = plan.observed
     assert part is not None
-    learned = []
+    learned: list[float] = []
     for effect in part.effects[: len({name.split(".")[0] for name in names})]:
         first = HEAD + own.observed[effect.name]
         learned += struct.unpack_from(f"<{len(effect.terms)}{own.letter}", whole, first)
@@ -134,9 +134,7 @@ def _content(path: Path) -> bytes:
     try:
         return path.read_bytes()
     except OSError as error:
-        raise InputError(
-            f"{path}: {error.strerror}; give the block that the joint saved"
-        ) from error
+        raise InputError(f"{path}: {error.strerror}; give what the joint saved") from error
 
 
 def _with_values(model: Model, values: Mapping[str, float]) -> Model:
