@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from flexspline.discovery.result import Discovery
     from flexspline.estimation import Estimate, Estimates, estimate
     from flexspline.estimators import (
+        Adaptation,
         Calibration,
         Collision,
         Compliance,
@@ -40,6 +41,7 @@ if TYPE_CHECKING:
     )
     from flexspline.experiment.plan import Limits, Plan
     from flexspline.exporting import export, mujoco_plugin
+    from flexspline.exporting.block import learned_model
     from flexspline.forward.servo import PositionServo
     from flexspline.forward.simulating import ForwardRun, simulate
     from flexspline.least_squares.options import FitOptions, MotionOptions
@@ -60,6 +62,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "CATALOGUE",
+    "Adaptation",
     "Calibration",
     "CalibrationResult",
     "Certificate",
@@ -114,6 +117,7 @@ __all__ = [
     "guess_map",
     "history_of",
     "joints_of",
+    "learned_model",
     "mujoco_plugin",
     "next_experiment",
     "own_effect",
@@ -127,6 +131,7 @@ __all__ = [
 register_renderers()
 
 _HOME = {
+    "Adaptation": "estimators",
     "Calibration": "estimators",
     "CalibrationResult": "calibration.result",
     "Certificate": "certification",
@@ -175,6 +180,7 @@ _HOME = {
     "guess_map": "recordings.guessing",
     "history_of": "tracking.sources",
     "joints_of": "logs.read",
+    "learned_model": "exporting.block",
     "mujoco_plugin": "exporting",
     "next_experiment": "discovery.experimenting",
     "own_effect": "own",
