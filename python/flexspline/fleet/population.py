@@ -65,6 +65,7 @@ LEAST_UNITS = 3
 """Joints from which a spread has two degrees of freedom; its interval then says how little that
 is."""
 LEVEL = 0.95
+LEAST = 1e-100  # a variance: its inverse and the squares of that are numbers
 ROUNDS = 200
 STANDS = 1e-9
 AT_ONCE = 256  # joints that are left out, each with all others in a row
@@ -281,7 +282,7 @@ def _reml(values: Array, variances: Array, chosen: NDArray[np.bool_]) -> Array:
 
 
 def _positive(variances: Array) -> Array:
-    return np.maximum(variances, np.finfo(float).tiny)
+    return np.maximum(variances, LEAST)
 
 
 def _information(weights: Array) -> Array:
@@ -326,7 +327,7 @@ def _profile(values: Array, variances: Array, best: float) -> tuple[float, float
     while beyond(high) < 0.0 and high < 1e12 * scale:
         high *= 2.0
     upper = float(brentq(beyond, best, high, xtol=1e-12 * scale, rtol=1e-8))
-    least = float(np.finfo(float).tiny) if (variances <= 0.0).any() else 0.0
+    least = 1e-12 * scale if (variances <= 0.0).any() else 0.0
     if best <= 0.0 or beyond(least) <= 0.0:
         return 0.0, float(np.sqrt(upper))
     lower = float(brentq(beyond, least, best, xtol=1e-12 * scale, rtol=1e-8))
