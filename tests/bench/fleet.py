@@ -167,9 +167,8 @@ def scale(joints: int, workers: int, as_fit: bool) -> None:
     print(
         f"{joints} joints × {SECONDS:.0f} s × {RATE:.0f} Hz × 9 channels, {kind}, {workers} workers"
     )
-    print(
-        f"wall {wall:.0f} s ({whole / wall / 1e6:.2f} million rows a second), load {os.getloadavg()[0]:.1f}"
-    )
+    speed, load = whole / wall / 1e6, os.getloadavg()[0]
+    print(f"wall {wall:.0f} s ({speed:.2f} million rows a second), load {load:.1f}")
     print(
         f"a run: making it {read / joints:.3f} s, summing it {summed / joints:.3f} s of processor"
     )
@@ -190,7 +189,7 @@ def scale(joints: int, workers: int, as_fit: bool) -> None:
         f"  reading {a_day * SECONDS * RATE * 72 / 1e12:.0f} TB of doubles, "
         f"{a_day * SECONDS * RATE * 72 / 86400 / 1e6:.0f} MB/s; {a_day / 86400:.1f} tasks a second"
     )
-    print(f"  summing {cores:.0f} cores busy; sums {a_day * size / 1e9:.1f} GB to one place")
+    print(f"  summing {cores:.1f} cores busy; sums {a_day * size / 1e9:.1f} GB to one place")
 
 
 def coverage() -> None:
