@@ -1,4 +1,4 @@
-"""`flexspline fleet fit|discover|compare`: the joints of a fleet, on a machine or on a cluster."""
+"""`flexspline fleet fit|discover|compare|track`: joints of a fleet, on a machine or a cluster."""
 
 from __future__ import annotations
 
@@ -31,9 +31,10 @@ from flexspline.cli.options import (
     target,
 )
 from flexspline.cli.speech import Commands, found, say, spoken
+from flexspline.cli.track import horizon, limits
 from flexspline.effects import effect
 from flexspline.errors import InputError
-from flexspline.files import whole_folder
+from flexspline.files import atomic_write, whole_folder
 
 if TYPE_CHECKING:
     from flexspline.fleet.sessions import Sessions
@@ -44,6 +45,7 @@ __all__ = ["fleet"]
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 FIT, DISCOVERY, COMPARISON = "fleet.json", "fleet_discovery.json", "fleet_comparison.json"
+TRACK = "fleet_track.json"
 REPORT = "report.html"
 FACTS = ("gear_ratio", "output_spline", "torque_constant", "pole_pairs", "slots")
 READ = ("columns", "preset", "repair", "rate", "encoding", "skip_lines", "dates", "joint")
@@ -51,7 +53,7 @@ READ = ("columns", "preset", "repair", "rate", "encoding", "skip_lines", "dates"
 
 @click.group(cls=Commands, no_args_is_help=False)
 def fleet() -> None:
-    """Fit, discover and compare for all joints of a fleet, on one machine or a cluster.
+    """Fit, discover, compare and track for all joints of a fleet, on one machine or a cluster.
 
     DIR holds a folder for each joint, and that its runs: DIR/UNIT/RUN.csv, in any format that the
     other commands read. Several DIRs may hold runs of the same joints, such as a folder for each
@@ -68,6 +70,7 @@ def fleet() -> None:
           --effects offset,coulomb_friction,viscous_friction --out line7_fit
       flexspline fleet discover line7 --target sensor_torque --effects offset --out line7_lacks
       flexspline fleet compare line7 --model line7_fit/units/{joint}.json --out line7_gap
+      flexspline fleet track line7 --model joint.json --limit coulomb_friction=150% --out line7_wear
       flexspline fleet fit line7 --scheduler tcp://10.0.0.5:8786 --model joint.json --out all
     """
 
@@ -372,6 +375,91 @@ def compare(
     say(f"{said}\n\nwrote {COMPARISON}, {REPORT} and units ({count} pages) to {Path(out)}")
 
 
+@fleet.command("track", cls=Taught, sections=(effects_by_target, repairs))
+@target(required=False, says="What is explained; it may be left out with --model.")
+@click.option("--effects", "names", metavar="A,B,C", type=EFFECTS, help="Effects, listed below.")
+@click.option(
+    "--model",
+    "model_path",
+    metavar="MODEL.json",
+    type=FILE,
+    help="Or the model of a joint, whose effects, shapes and orders are taken.",
+)
+@click.option(
+    "--pilot",
+    metavar="UNIT",
+    help="The joint that tells shapes and orders; by default the one with most data.",
+)
+@limits
+@horizon
+@known_load
+@lowpass
+@bandwidth
+@orders
+@fixed
+@_shared
+def track(
+    folders: tuple[str, ...],
+    target: str | None,
+    names: str | None,
+    model_path: str | None,
+    pilot: str | None,
+    limits: dict[str, float | str],
+    horizon: float,
+    out: str,
+    **options: Any,
+) -> None:
+    """Follow every joint over months: which changed, in what, since when, by how much.
+
+    Each run is one session of its joint and needs a date, such as DIR/UNIT/2027-03-14.csv or those
+    of --dates. Runs become sums as in fleet fit; each joint is then looked at as flexspline track
+    does. Of many joints one shows more by chance than a joint alone, so the evidence that is needed
+    grows with their number: a fleet alarms no more often than a joint, once in ten years.
+
+    DIR receives fleet_track.json, report.html, and in units a page and track.json of each joint.
+
+    \b
+    Examples:
+      flexspline fleet track line7 --target sensor_torque \\
+          --effects offset,coulomb_friction,viscous_friction --out line7_wear
+      flexspline fleet track line7 --model joint.json --limit coulomb_friction=150% --out line7_wear
+    """
+    if (names is None) == (model_path is None):
+        raise InputError("give exactly one of --effects A,B,C and --model MODEL.json")
+    if names is not None and target is None:
+        raise InputError("--target is needed beside --effects; say what is explained")
+    effects = None if names is None else named_effects(names)
+    model = None if model_path is None else loaded(model_path, target)
+    sessions = _sessions(folders, out, options, (TRACK, REPORT))
+    with whole_folder(out, last=TRACK) as draft:
+        from flexspline.report.fleet import page_names
+        from flexspline.tracking import track_fleet
+
+        made = track_fleet(
+            sessions,
+            target,
+            effects,
+            model=model,
+            pilot=pilot,
+            orders=options["orders"] or None,
+            fixed=options["fix"],
+            known_load=options["known_load"],
+            lowpass=options["lowpass"],
+            bandwidth=options["bandwidth"],
+            limits=limits,
+            horizon=horizon,
+            **_work(options),
+        )
+        made.report(draft)
+        for name, page in page_names([*made.tracks]).items():
+            atomic_write((draft / page).with_suffix(".json"), made[name].to_json())
+        made.save(draft / TRACK)
+        said = str(made)
+    found(made.to_json())
+    count = len(made.tracks)
+    say(f"{said}\n\nwrote {TRACK}, {REPORT} and units ({count} pages and tracks) to {Path(out)}")
+
+
 def _model(path: str, target: str | None) -> Model | Callable[[str], Model]:
     """The model of all joints, or what reads that of each."""
     if "{joint}" not in path:
@@ -410,5 +498,5 @@ def _work(options: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-for _command in (fit, discover, compare):
+for _command in (fit, discover, compare, track):
     spoken(_command)

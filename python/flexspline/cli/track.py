@@ -34,7 +34,7 @@ from flexspline.cli.speech import found, say
 from flexspline.errors import InputError
 from flexspline.files import atomic_write, whole_folder
 
-__all__ = ["track"]
+__all__ = ["horizon", "limits", "track"]
 
 
 def _limit(text: str) -> float | str:
@@ -43,6 +43,25 @@ def _limit(text: str) -> float | str:
     if not math.isfinite(value):
         raise ValueError
     return text if text.endswith("%") else value
+
+
+limits = click.option(
+    "--limit",
+    "limits",
+    multiple=True,
+    metavar="NAME=VALUE",
+    callback=named("NAME=VALUE or NAME=150%", _limit),
+    help="What a parameter must not pass, in its unit, or as 150% of its level at first: when it "
+    "gets there is told. Can be repeated.",
+)
+horizon = click.option(
+    "--horizon",
+    type=positive,
+    default=5.0,
+    show_default=True,
+    metavar="YEARS",
+    help="How far behind the last session a limit is looked for.",
+)
 
 
 @click.command(cls=Taught, sections=(effects_by_target, repairs))
@@ -80,23 +99,8 @@ def _limit(text: str) -> float | str:
 @click.option(
     "--since", metavar="DATE", help="Only sessions from then on, as after a service of the joint."
 )
-@click.option(
-    "--limit",
-    "limits",
-    multiple=True,
-    metavar="NAME=VALUE",
-    callback=named("NAME=VALUE or NAME=150%", _limit),
-    help="What a parameter must not pass, in its unit, or as 150% of its level at first: when it "
-    "gets there is told. Can be repeated.",
-)
-@click.option(
-    "--horizon",
-    type=positive,
-    default=5.0,
-    show_default=True,
-    metavar="YEARS",
-    help="How far behind the last session a limit is looked for.",
-)
+@limits
+@horizon
 @threads
 @reading()
 def track(

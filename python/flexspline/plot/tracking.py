@@ -20,6 +20,7 @@ from flexspline.plot.canvas import (
     legend,
     own_style,
     panelled,
+    plain,
     titled,
 )
 from flexspline.tracking.result import spoken
@@ -27,9 +28,10 @@ from flexspline.tracking.result import spoken
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from flexspline.tracking.fleet import FleetTrack
     from flexspline.tracking.result import Change, Forecast, Track, TrackedParameter
 
-__all__ = ["LOOK", "panels", "plot_track"]
+__all__ = ["LOOK", "fleet_panels", "panels", "plot_track"]
 
 DATES: Any = matplotlib.dates  # which has no types
 LOOK = (
@@ -37,6 +39,11 @@ LOOK = (
     "measured; hollow ones are left out. Line and band are the level with 95 %, on to the date of "
     "a limit where one is told. Dashed: the onset of a change, shaded where it may have been "
     "(95 %). Dotted: a limit."
+)
+MOST_COLOURED = 4  # joints that changed in a parameter, the surest first
+FLEET_LOOK = (
+    "Level of each joint at its reference temperature: grey where no change is told, coloured with "
+    "its 95 % band where this parameter changed."
 )
 FAR = 3.0  # spans of what is drawn: a limit beyond would flatten all else
 
@@ -54,6 +61,40 @@ def panels(made: Track) -> list[Panel]:
         key=lambda p: made.parameters[p].state in ("no change told", "not known yet"),
     )
     return [_panel(made, p) for p in order]
+
+
+def fleet_panels(made: FleetTrack) -> list[Panel]:
+    """Return a panel for each parameter of a fleet that changed in some joint."""
+    changed = {name: {change.parameter for change in of} for name, of in made.changed.items()}
+    names = dict.fromkeys(p.name for one in made.tracks.values() for p in one.parameters)
+    shown = [name for name in names if any(name in of for of in changed.values())]
+    return [
+        Panel(partial(_draw_joints, made, name, [j for j in changed if name in changed[j]]),
+              FLEET_LOOK)
+        for name in shown
+    ]  # fmt: skip
+
+
+def _draw_joints(made: FleetTrack, name: str, moved: Sequence[str], ax: Axes) -> None:
+    axes_or_new(ax)
+    unit, quiet = "", "no change told"
+    for joint, one in made.tracks.items():
+        parameter = next((p for p in one.parameters if p.name == name), None)
+        if parameter is None or joint in moved or not np.isfinite(parameter.band.middle).any():
+            continue
+        band, unit = parameter.band, parameter.unit
+        ax.plot(band.dates, band.middle, color=GREY, linewidth=0.7, alpha=0.6, label=quiet)
+        quiet = "_"
+    for k, joint in enumerate(moved):
+        parameter = made.tracks[joint][name]
+        band, unit, colour = parameter.band, parameter.unit, PALETTE[k % MOST_COLOURED]
+        label = plain(joint) if k < MOST_COLOURED else "_"
+        ax.plot(band.dates, band.middle, color=colour, linewidth=1.6, label=label)
+        ax.fill_between(band.dates, band.low, band.high, color=colour, alpha=0.2, linewidth=0.0)
+    _dated(ax)
+    ax.set_ylabel(f"[{unit}]" if unit != "1" else "")
+    titled(ax, spoken(name))
+    legend(ax)
 
 
 def _panel(made: Track, p: int) -> Panel:

@@ -20,11 +20,13 @@ from flexspline.formatting import padded, percent, plus_minus, rows_text, short,
 from flexspline.plot.canvas import Panel, own_style
 from flexspline.report.html import ReportFigure, drawn, templates
 from flexspline.report.text import TARGET_WORDS, wrapped
+from flexspline.tracking.result import day, in_unit
 
 if TYPE_CHECKING:
     from flexspline.fleet.comparing import FleetComparison
     from flexspline.fleet.discovering import FleetDiscovery, UnitDiscovery
     from flexspline.fleet.result import FleetFit, UnitFit
+    from flexspline.tracking.fleet import FleetTrack
 
 __all__ = [
     "PageOf",
@@ -37,10 +39,13 @@ __all__ = [
     "fleet_summary",
     "fleet_text",
     "page_names",
+    "track_of_fleet_html",
+    "track_of_fleet_text",
     "write_comparison_of_fleet",
     "write_discovery_of_fleet",
     "write_fleet_report",
     "write_page",
+    "write_track_of_fleet",
 ]
 
 Row = tuple[str, ...]
@@ -593,6 +598,78 @@ def _compared_rows(made: FleetComparison) -> list[Row]:
     for one in sorted(made.units, key=lambda each: (-each.excess, -each.rmse)):
         sizes = (padded(one.rmse), padded(one.noise_floor), padded(one.excess))
         rows.append((one.name, str(one.rows), *sizes, ", ".join(one.follows) or "–"))
+    return rows
+
+
+CHANGES = (
+    "Of each change the cause, since when (95 %), and what it has made by the last session. Over "
+    "all joints and parameters together noise alone is told as a change once in ten years."
+)
+
+
+def track_of_fleet_text(made: FleetTrack) -> str:
+    """Return what `print(track)` of a fleet shows."""
+    blocks = [
+        _lines([made.verdict]),
+        [rows_text(_change_rows(made)[: MOST_SHOWN + 1], (0, 1, 2, 4))] if made.changed else [],
+        _lines(_failed(made.failed, made.remarks)),
+    ]
+    return "\n\n".join("\n".join(block) for block in blocks if block)
+
+
+def track_of_fleet_html(made: FleetTrack) -> str:
+    """Return it as a fragment of HTML."""
+    rows = _change_rows(made) if made.changed else _tracked_rows(made)
+    return table_html(made.verdict, rows, _failed(made.failed, made.remarks))
+
+
+@own_style()
+def write_track_of_fleet(made: FleetTrack, folder: str | os.PathLike[str]) -> None:
+    """Write `report.html`, and the track of each joint in `units`."""
+    from flexspline.plot.tracking import fleet_panels
+
+    pages = page_names([*made.tracks])
+    dates = [f"{j}: {f.sentence}" for j, one in made.tracks.items() for f in one.forecasts
+             if f.date is not None]  # fmt: skip
+    sections = [
+        Section("changes", "What changed", [CHANGES] if made.changed else ["No change is told."],
+                _change_rows(made) if made.changed else (), links=pages, words=(0, 1, 2, 4)),
+        *([Section("dates", "When limits are reached", dates)] if dates else []),
+        *([Section("figures", "Over time", figures=[drawn(panel) for panel in fleet_panels(made)])]
+          if made.changed else []),
+        Section("joints", "Joints", ["Those that changed first."], _tracked_rows(made),
+                links=pages, words=(0, 1, 3, 4)),
+        Section("left", "What was left out",
+                _failed(made.failed, made.remarks) or ["Nothing: every run was used."]),
+    ]  # fmt: skip
+    title = f"{len(made.tracks)} joints over time, {TARGET_WORDS[made.fit.plan.target]}"
+    over = f"flexspline {__version__} · track of a fleet"
+    page = PageOf(over, title, [made.verdict], bool(made.changed), sections)
+    write_page(page, Path(folder) / "report.html")
+    for name, one in made.tracks.items():
+        one.report(Path(folder) / pages[name])
+
+
+def _change_rows(made: FleetTrack) -> list[Row]:
+    """A row for each change, the surest joint first."""
+    rows: list[Row] = [("joint", "cause", "since", "size by the last session", "needs")]
+    for name, changes in made.changed.items():
+        for one in changes:
+            first, last = (day(each) for each in one.between)
+            since = f"{day(one.date)} ({first} to {last})" if first != last else day(one.date)
+            size = in_unit(plus_minus(one.size, one.error), one.unit)
+            rows.append((name, " or ".join(one.causes), since, size, one.needs or "–"))
+    return rows
+
+
+def _tracked_rows(made: FleetTrack) -> list[Row]:
+    rows: list[Row] = [("joint", "state", "sessions", "first", "last")]
+    for name in (*made.changed, *made.quiet, *made.unknown):
+        history = made.tracks[name].history
+        ends = (day(history.dates[k].astype("datetime64[s]").item()) for k in (0, -1))
+        told = "changed" if name in made.changed else "quiet"
+        told = "not known yet" if name in made.unknown else told
+        rows.append((name, told, str(len(history)), *ends))
     return rows
 
 

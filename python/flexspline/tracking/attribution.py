@@ -135,7 +135,7 @@ def detected(history: History) -> list[Told]:
         for p in range(width):
             beside = _known_of(weights[p], known)
             if p not in kept or kept[p][0] != beside:
-                kept[p] = (beside, *_asked(history, weights[p], beside, width))
+                kept[p] = (beside, *_asked(history, weights[p], beside))
             if p not in spent and kept[p][1] > excess:
                 best, excess = p, kept[p][1]
         if best < 0:
@@ -144,7 +144,7 @@ def detected(history: History) -> list[Told]:
         assert candidates is not None
         shape = _likeliest(candidates)
         causes, chances, parameters = _blamed(history, weights, shape, known)
-        needed = threshold(len(candidates.series.days), width)
+        needed = threshold(len(candidates.series.days), history.looked_at)
         own = weights[parameters[0]]
         others = _known_of(own, known)
         change = Told(causes, chances, parameters, shape, own, needed + excess, needed, others)
@@ -196,14 +196,14 @@ def _known_of(weights: Array, known: Sequence[Sequence[Shape]]) -> tuple[Shape, 
 
 
 def _asked(
-    history: History, weights: Array, beside: tuple[Shape, ...], width: int
+    history: History, weights: Array, beside: tuple[Shape, ...]
 ) -> tuple[float, Candidates | None]:
     """By how much a series exceeds what is needed."""
     series, _ = history.series(weights)
     if len(series.days) < LEAST_SESSIONS + len(beside):
         return -np.inf, None
     candidates = Candidates.of(series.beside(*beside))
-    needed = threshold(len(series.days), width)
+    needed = threshold(len(series.days), history.looked_at)
     return float(candidates.evidence[-1]) - needed, candidates
 
 

@@ -51,6 +51,7 @@ class History:
     labels : names of the sessions.
     joint : its name.
     remarks : what was left out, in sentences.
+    among : joints that are looked at together: of many, one shows more by chance.
 
     Raises
     ------
@@ -68,6 +69,7 @@ class History:
     labels: tuple[str, ...] = ()
     joint: str = ""
     remarks: tuple[str, ...] = field(default=())
+    among: int = 1
 
     def __post_init__(self) -> None:
         dates = np.asarray(self.dates, dtype="datetime64[s]")
@@ -124,6 +126,11 @@ class History:
         """(S,) days since the first session."""
         seconds = (self.dates - self.dates[0]).astype("timedelta64[s]").astype(np.float64)
         return np.asarray(seconds / DAY)
+
+    @property
+    def looked_at(self) -> int:
+        """How many series are looked at for a change: parameters, of all joints."""
+        return len(self.names) * self.among
 
     @property
     def years(self) -> float:

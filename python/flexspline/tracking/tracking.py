@@ -194,7 +194,7 @@ def _change(history: History, told: Told) -> Change:
         (float(low), float(high)),
         relative,
         0.0 if kind == STEP else float(np.mean(speed)),
-        history.date(_told_since(made.series, len(history.names))),
+        history.date(_told_since(made.series, history.looked_at)),
         told.evidence,
         told.needed,
     )
@@ -206,9 +206,9 @@ def _ones(made: Posterior) -> Array:
     return np.array([shape.of(onset)[0] for shape in made.series.known])
 
 
-def _told_since(series: Series, width: int) -> float:
+def _told_since(series: Series, count: int) -> float:
     """The day of the first session at which a change could be told."""
-    needed = np.array([threshold(n, width) for n in range(1, len(series.days) + 1)])
+    needed = np.array([threshold(n, count) for n in range(1, len(series.days) + 1)])
     over = evidence_over_time(series) > needed
     return float(series.days[int(np.argmax(over))] if over.any() else series.days[-1])
 
@@ -285,7 +285,7 @@ def _least(history: History, p: int, series: Series) -> float:
     if len(series.days) < LEAST_SESSIONS:
         return math.nan
     middle = Shape(STEP, float(series.days[len(series.days) // 2]))
-    needed = threshold(len(series.days), len(history.names)) + math.log(len(series.days))
+    needed = threshold(len(series.days), history.looked_at) + math.log(len(series.days))
     return math.sqrt(2.0 * needed) * moved(history, p, middle, ()).error
 
 
@@ -372,6 +372,6 @@ def _by_temperature(history: History, states: Sequence[str]) -> list[str]:
             continue
         series, _ = history.series(np.eye(len(history.names))[p])
         cold = Series(series.days, series.values, series.variances)
-        if Candidates.of(cold).evidence[-1] > threshold(len(series.days), len(history.names)):
+        if Candidates.of(cold).evidence[-1] > threshold(len(series.days), history.looked_at):
             found.append(name)
     return [f"{', '.join(found)}: moves with temperature alone."] if found else []
