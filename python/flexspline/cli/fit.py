@@ -18,17 +18,13 @@ from flexspline.cli.options import (
     FILE,
     Reading,
     Taught,
-    bandwidth,
     effects_by_target,
     fitted_controller,
-    fixed,
-    known_load,
     loaded,
-    lowpass,
     named,
     named_effects,
+    of_a_fit,
     on_terminal,
-    orders,
     positive,
     reading,
     refuse_overwriting,
@@ -213,11 +209,7 @@ def _require_call(names: list[str], target: str, options: dict[str, Any], foreig
 @click.option(
     "--into", metavar="MODEL.json", type=FILE, help="Add this part to a model of the same joint."
 )
-@known_load
-@lowpass
-@bandwidth
-@orders
-@fixed
+@of_a_fit
 @click.option(
     "--bound",
     multiple=True,
