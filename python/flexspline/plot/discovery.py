@@ -50,16 +50,16 @@ MOST_RUNS = 6
 BEFORE, AFTER = PALETTE[3], PALETTE[0]
 
 LOOK_FOR = {
-    "run": "The stretch in which the named effects change most, predicted by fits that never saw "
+    "run": "The stretch in which the named effects change most, predicted by fits without "
     "it; short where they change fast. The extended model should lie on what was measured where "
     "the base does not.",
     "left": "The same stretch: measured less predicted. What is left should be noise about zero.",
-    "shrunk": "RMS on folds that no fit saw, before (open) and after (full), in parts of the runs "
+    "shrunk": "RMS on held-out folds, before (open) and after (full), in parts of the runs "
     "and in bands of the residual; the dashed line is how low it could get over all rows.",
     "driven": "The run on which the forward simulation gained most, or lost least: both models "
-    "start from the measured state and see nothing but the inputs, by fits that never saw the run. "
+    "start from the measured state and see nothing but the inputs, by fits without the run. "
     "What friction is wrong about adds up here.",
-    "orders": "Amplitude of the residual over orders of the output, on folds that no fit saw. "
+    "orders": "Amplitude of the residual over orders of the output, on held-out folds. "
     "Lines that the extended model no longer has are explained.",
 }
 
