@@ -118,6 +118,13 @@ py::dict run(const LogJoint& joint, const py::dict& columns, const std::vector<s
   for (std::size_t k = 0; inputs && k < to.inputs.size(); ++k) {
     to.inputs[k] = column<double>(results, batch::joint_inputs[k].name, size);
   }
+  if (joint.estimating.adaptation) {
+    const auto rows = static_cast<py::ssize_t>(size);
+    const auto most = static_cast<py::ssize_t>(LogJoint::Adapting::most);
+    py::array_t<double> values({rows, most});
+    results["adapted"] = values;
+    to.adapted = values.mutable_data();
+  }
   if (has(all, Stage::collision)) to.contact = column<std::uint8_t>(results, "contact", size);
   to.flags = column<std::uint8_t>(results, "flags", size);
   to.faults = column<std::uint8_t>(results, "faults", size);
@@ -151,7 +158,9 @@ stage missed. It starts anew at the rows `starts`, which rise from 0.
 2 saturated, 4 a reading beyond its limit. 'faults', of limits and reading_checks: 1 sensor,
 2 motor, 4 speed, 8 motion, 16 encoders, 32 where sensor and observer disagree,
 64 temperature. `inputs`: also what the stages read, 'velocity', 'momentum', 'motor_torque'
-at the output, 'observer_intrinsic', 'torsion', 'gear_known', 'link_momentum'.)");
+at the output, 'observer_intrinsic', 'torsion', 'gear_known', 'link_momentum'. Of a joint
+that adapts 'adapted': the first eight coefficients of the observed model behind each row, 0
+where it has fewer.)");
 }
 
 }  // namespace flexspline::bindings

@@ -286,6 +286,7 @@ enumerators, 'prefix' of the words in a block.
 'fields', its numbers in the core's order: 'name' of the member, 'unit', 'key' in model.json
 (two of one key are the two numbers of its list), 'needed' there, 'low' and 'high' that it may
 be, 'default', which an array has not.)");
+  module.attr("most_adapted") = Adaptation<double>::most;
   module.def(
       "reading_limits", [] { return described<ReadingLimits<double>>(); },
       R"(How large the readings of a joint of which nothing is known may be: 'name', 'unit', 'default'

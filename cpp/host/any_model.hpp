@@ -84,6 +84,51 @@ class AnyModel {
     return total;
   }
 
+  /// See `Model::first_row`.
+  template <std::size_t N>
+  Row<double, N> first_row(const Sample<double>& at) const noexcept {
+    Row<double, N> made{};
+    std::size_t first = 0;
+    for (const Part& part : parts_) {
+      if (first >= N) break;
+      const std::size_t count = std::min(part.coefficients.size(), N - first);
+      std::visit(
+          [&]<typename Effect>(const Effect& effect) {
+            if constexpr (!Remembers<Effect>) {
+              const auto row = effect.row(at);
+              std::copy_n(row.begin(), count, made.begin() + static_cast<std::ptrdiff_t>(first));
+            }
+          },
+          part.effect);
+      first += count;
+    }
+    return made;
+  }
+
+  /// See `Model::first_coefficients`.
+  template <std::size_t N>
+  std::array<double, N> first_coefficients() const noexcept {
+    std::array<double, N> made{};
+    std::size_t first = 0;
+    for (const Part& part : parts_) {
+      for (const double each : part.coefficients) {
+        if (first < N) made[first++] = each;
+      }
+    }
+    return made;
+  }
+
+  /// See `Model::take_first`.
+  template <std::size_t N>
+  void take_first(const std::array<double, N>& values) noexcept {
+    std::size_t first = 0;
+    for (Part& part : parts_) {
+      for (double& each : part.coefficients) {
+        if (first < N) each = values[first++];
+      }
+    }
+  }
+
   double carried(const Sample<double>& at) const noexcept {
     double total = 0.0;
     for (const Part& part : parts_) {

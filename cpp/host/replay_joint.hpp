@@ -1,6 +1,7 @@
 /// A joint over a log, row by row, by the code of the device (flexspline/joint.hpp).
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <span>
@@ -101,6 +102,7 @@ struct JointResults {
   double* sensor_torque = nullptr;  ///< Nm, compensated
   std::array<double*, joint_outputs.size()> outputs{};
   std::array<double*, joint_inputs.size()> inputs{};
+  double* adapted = nullptr;  ///< rows of `LogJoint::Adapting::most` coefficients, behind the row
   std::uint8_t* contact = nullptr;
   std::uint8_t* flags = nullptr;
   std::uint8_t* faults = nullptr;
@@ -216,7 +218,7 @@ class Ahead {
 };
 
 /// A row whose time does not move on is missed by all stages; the period of the next one counts from
-/// the last good one.
+/// the last good one. What an adaptation learned goes on over the starts.
 inline void replay_joint(LogJoint joint, const JointLog& log, const JointResults& to) {
   const Stage all = configured(joint.sensing) | configured(joint.estimating);
   const LogJoint::State fresh = start_of(joint);
@@ -227,12 +229,16 @@ inline void replay_joint(LogJoint joint, const JointLog& log, const JointResults
   for (std::size_t k = 0; k < log.starts.size(); ++k) {
     const std::size_t first = log.starts[k];
     const std::size_t last = k + 1 < log.starts.size() ? log.starts[k + 1] : log.size;
-    state = fresh;
+    LogJoint::restart(state, fresh);
     replay(log.time + first, last - first, [&](std::size_t i, double period) {
       const std::size_t row = first + i;
       ahead.turn_to(row, first, last);
       const Status status = joint.step(state, reading_of(log, row, period), out, trace);
       write(to, row, status == Status::ok, all, out, trace);
+      if (to.adapted != nullptr) {
+        const auto now = joint.adapted(state);
+        std::copy(now.begin(), now.end(), to.adapted + row * now.size());
+      }
       return status;
     });
   }

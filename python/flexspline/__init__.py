@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from flexspline.discovery.result import Discovery
     from flexspline.estimation import Estimate, Estimates, estimate
     from flexspline.estimators import (
+        Adaptation,
         Calibration,
         Collision,
         Compliance,
@@ -40,6 +41,7 @@ if TYPE_CHECKING:
     )
     from flexspline.experiment.plan import Limits, Plan
     from flexspline.exporting import export, mujoco_plugin
+    from flexspline.exporting.block import learned_model
     from flexspline.forward.servo import PositionServo
     from flexspline.forward.simulating import ForwardRun, simulate
     from flexspline.least_squares.options import FitOptions, MotionOptions
@@ -53,9 +55,14 @@ if TYPE_CHECKING:
     from flexspline.own import OwnEffect, own_effect
     from flexspline.recordings.guessing import guess_map
     from flexspline.recordings.result import Guess
+    from flexspline.tracking.history import History
+    from flexspline.tracking.result import Track
+    from flexspline.tracking.sources import history_of
+    from flexspline.tracking.tracking import track
 
 __all__ = [
     "CATALOGUE",
+    "Adaptation",
     "Calibration",
     "CalibrationResult",
     "Certificate",
@@ -73,6 +80,7 @@ __all__ = [
     "FlexsplineWarning",
     "ForwardRun",
     "Guess",
+    "History",
     "InputError",
     "Limits",
     "Log",
@@ -90,6 +98,7 @@ __all__ = [
     "ReadingChecks",
     "TemperatureCompensation",
     "Thermistor",
+    "Track",
     "__version__",
     "accumulate",
     "calibrate",
@@ -106,7 +115,9 @@ __all__ = [
     "fit_motion",
     "get_include",
     "guess_map",
+    "history_of",
     "joints_of",
+    "learned_model",
     "mujoco_plugin",
     "next_experiment",
     "own_effect",
@@ -114,11 +125,13 @@ __all__ = [
     "read_pieces",
     "read_runs",
     "simulate",
+    "track",
 ]
 
 register_renderers()
 
 _HOME = {
+    "Adaptation": "estimators",
     "Calibration": "estimators",
     "CalibrationResult": "calibration.result",
     "Certificate": "certification",
@@ -134,6 +147,7 @@ _HOME = {
     "FitOptions": "least_squares.options",
     "ForwardRun": "forward.simulating",
     "Guess": "recordings.result",
+    "History": "tracking.history",
     "Limits": "experiment.plan",
     "Log": "logs.log",
     "Merge": "estimators",
@@ -150,6 +164,7 @@ _HOME = {
     "ReadingChecks": "estimators",
     "TemperatureCompensation": "estimators",
     "Thermistor": "estimators",
+    "Track": "tracking.result",
     "accumulate": "least_squares.sums",
     "calibrate": "calibration.calibrating",
     "certify": "certification",
@@ -163,7 +178,9 @@ _HOME = {
     "fit": "deprecated",
     "fit_motion": "output_error.fitting",
     "guess_map": "recordings.guessing",
+    "history_of": "tracking.sources",
     "joints_of": "logs.read",
+    "learned_model": "exporting.block",
     "mujoco_plugin": "exporting",
     "next_experiment": "discovery.experimenting",
     "own_effect": "own",
@@ -171,12 +188,14 @@ _HOME = {
     "read_pieces": "logs.read",
     "read_runs": "logs.read",
     "simulate": "forward.simulating",
+    "track": "tracking.tracking",
 }
 
 
 _ROOMS = (
     "baselines",
     "collision",
+    "fleet",
     "full_range",
     "observer",
     "plot",

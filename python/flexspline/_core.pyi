@@ -22,6 +22,7 @@ channels: tuple[str, ...]
 numbers: tuple[str, ...]
 given_numbers: tuple[str, ...]
 instruments: tuple[str, ...]
+most_adapted: int
 simulation_columns: list[str]
 simulation_elements: int
 
@@ -104,7 +105,9 @@ class Joint:
         2 saturated, 4 a reading beyond its limit. 'faults', of limits and reading_checks: 1 sensor,
         2 motor, 4 speed, 8 motion, 16 encoders, 32 where sensor and observer disagree,
         64 temperature. `inputs`: also what the stages read, 'velocity', 'momentum', 'motor_torque'
-        at the output, 'observer_intrinsic', 'torsion', 'gear_known', 'link_momentum'.
+        at the output, 'observer_intrinsic', 'torsion', 'gear_known', 'link_momentum'. Of a joint
+        that adapts 'adapted': the first eight coefficients of the observed model behind each row, 0
+        where it has fewer.
         """
 
 class Plant:

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "PREVIOUS",
+    "RECORDING",
     "Writing",
     "atomic_write",
     "atomic_writer",
@@ -50,6 +51,8 @@ does not say of which file."""
 
 
 PREVIOUS: Final = ".previous"
+RECORDING: Final = "metadata.yaml"
+"""A folder with this file is one recording: a bag of ROS 2."""
 ROWS_AT_ONCE: Final = 50_000
 
 
@@ -181,11 +184,17 @@ def file_to_write(path: str | os.PathLike[str]) -> Path:
     Raises
     ------
     InputError
-        Where it is a device, a pipe or a socket, or cannot be looked at: a link in a circle.
+        Where it is a device, a pipe or a socket, what this process has open (/dev/stdout, also
+        where that is a file), or cannot be looked at: a link in a circle.
     """
     target = Path(path)
     refuse_special(target, "the name of a file")
-    return target.resolve() if target.is_symlink() else target
+    if not target.is_symlink():
+        return target
+    places = [os.path.realpath(at.parent) for at in (target, target.readlink())]
+    if any(place.startswith("/proc/") for place in places):
+        raise InputError(f"{path}: is what this process has open; give the name of a file")
+    return target.resolve()
 
 
 def refuse_special(path: str | os.PathLike[str], wanted: str) -> None:
@@ -208,10 +217,10 @@ def refuse_special(path: str | os.PathLike[str], wanted: str) -> None:
 
 
 def require_there(path: str | os.PathLike[str]) -> None:
-    """Refuse a path of a log at which no file is."""
+    """Refuse a path of a log at which no file is, nor a folder that is one recording."""
     wanted = "the path of a log"
     refuse_special(path, wanted)
-    if not Path(path).is_file():
+    if not Path(path).is_file() and not (Path(path) / RECORDING).is_file():
         what = "is a folder" if Path(path).is_dir() else "no such file"
         raise InputError(f"{path}: {what}; give {wanted}")
 

@@ -28,6 +28,7 @@ __all__ = [
     "short",
     "short_names",
     "table_html",
+    "told_apart",
     "truncated",
 ]
 
@@ -70,6 +71,14 @@ def apart(text: str) -> tuple[str, str]:
 def short(value: float, digits: int = 3) -> str:
     """Return a value to so many digits, "–" where there is none."""
     return f"{value:.{digits}g}" if math.isfinite(value) else "–"
+
+
+def told_apart(values: Sequence[float], digits: int = 3) -> list[str]:
+    """Return values to so many digits, or to as many more as tell the finite ones apart."""
+    finite = {value for value in values if math.isfinite(value)}
+    while digits < 17 and len({short(value, digits) for value in finite}) < len(finite):
+        digits += 1
+    return [short(value, digits) for value in values]
 
 
 def padded(value: float, digits: int = 3) -> str:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import os
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from xml.parsers import expat
@@ -30,6 +30,7 @@ OF_MJCF = {
     REST: REST,
 }
 MOST = {"damping": 3, SPRING: 3}  # numbers: of 1, |x| and x^2 beside what they multiply
+OF_ACTUATORS = ("lugre", "cogging", "armature", "damping")
 INSIDE = ("body", "frame", "replicate")
 ROTARY = ("hinge", "revolute", "continuous")
 WANTED = "give an MJCF file or a URDF"
@@ -39,8 +40,9 @@ WANTED = "give an MJCF file or a URDF"
 class JointNumbers:
     """A joint's numbers, in SI units at its output.
 
-    `damping`: one number to three, τ = v (d₀ + d₁ |v| + d₂ v²). `left_out`: a sentence for each
-    number of the file that is no number of a joint here.
+    `damping`: one number to three, τ = v (d₀ + d₁ |v| + d₂ v²). `left_out`: a sentence for
+    what the file says of the joint and is no number of a joint here: its spring, and what actuators
+    add to it, such as the friction and cogging of a `dcmotor`.
     """
 
     name: str
@@ -82,7 +84,8 @@ def read_joint(path: str | os.PathLike[str], joint: str | None = None) -> JointN
         joints = [*_of_urdf(root)]
     else:
         raise InputError(f"{path}: begins with <{shortened(root.tag, 40)}>; {WANTED}")
-    return _numbers(_chosen(joints, path, joint), path)
+    chosen = _chosen(joints, path, joint)
+    return _numbers(chosen, [*_by_actuators(root, chosen.name)], path)
 
 
 @dataclass
@@ -154,22 +157,28 @@ def _of_urdf(root: _Element) -> Iterator[_Joint]:
 
 
 def _of_mjcf(root: _Element, path: str | os.PathLike[str]) -> Iterator[_Joint]:
-    classes: dict[str, Mapping[str, str]] = {MAIN: {}}
-    for section in root.all("default"):
-        _classes(section, MAIN, classes)
-        classes[section.attributes.get("class", MAIN)] = classes[MAIN]
+    classes = _defaults(root, "joint")
     for world in root.all("worldbody"):
         yield from _of_body(world, MAIN, classes, path)
 
 
-def _classes(section: _Element, name: str, classes: dict[str, Mapping[str, str]]) -> None:
-    """Collect what the classes of defaults say of joints; one inherits from the one around it."""
-    for joint in section.all("joint"):
-        classes[name] = {**classes[name], **joint.attributes}
+def _defaults(root: _Element, tag: str) -> dict[str, Mapping[str, str]]:
+    """Attributes that elements have by default, by their class."""
+    classes: dict[str, Mapping[str, str]] = {MAIN: {}}
+    for section in root.all("default"):
+        _classes(section, MAIN, classes, tag)
+        classes[section.attributes.get("class", MAIN)] = classes[MAIN]
+    return classes
+
+
+def _classes(section: _Element, name: str, classes: dict[str, Mapping[str, str]], tag: str) -> None:
+    """Collect what the classes of defaults say; one inherits from the one around it."""
+    for element in section.all(tag):
+        classes[name] = {**classes[name], **element.attributes}
     for inner in section.all("default"):
         own = inner.attributes.get("class", "")
         classes[own] = classes[name]
-        _classes(inner, own, classes)
+        _classes(inner, own, classes, tag)
 
 
 def _of_body(
@@ -192,6 +201,20 @@ def _of_body(
             said = {**classes[name], **child.attributes}
             numbers = {ours: said[theirs] for ours, theirs in OF_MJCF.items() if theirs in said}
             yield _Joint(said.get("name", ""), said.get("type", "hinge"), numbers, OF_MJCF)
+
+
+def _by_actuators(root: _Element, joint: str) -> Iterator[str]:
+    """What actuators of an MJCF file add to a joint beside what they are told to."""
+    for section in root.all("actuator"):
+        for actuator in section.children:
+            given = _defaults(root, actuator.tag)
+            own = actuator.attributes
+            said = {**given.get(own.get("class", MAIN), {}), **own}
+            if joint and joint in (said.get("joint"), said.get("jointinparent")):
+                for name in OF_ACTUATORS:
+                    text = " ".join(said.get(name, "").split())
+                    if text.replace("0", "").strip(" .+-"):
+                        yield f"{actuator.tag} {name} {shortened(text, 60)}"
 
 
 def _refuse_includes(element: _Element, path: str | os.PathLike[str]) -> None:
@@ -232,11 +255,18 @@ def _chosen(joints: list[_Joint], path: str | os.PathLike[str], name: str | None
     return joint
 
 
-def _numbers(joint: _Joint, path: str | os.PathLike[str]) -> JointNumbers:
+def _numbers(
+    joint: _Joint, by_actuators: Sequence[str], path: str | os.PathLike[str]
+) -> JointNumbers:
     read = {name: _parsed(joint, name, path) for name in OF_MJCF}
     left_out: tuple[str, ...] = ()
-    if any(read[SPRING]):
+    if by_actuators:
         left_out = (
+            f"{path}: joint '{joint.name}': what its actuators add to it is left out "
+            f"({listed(by_actuators)}); let discover find it in runs, or fit its effects",
+        )
+    if any(read[SPRING]):
+        left_out += (
             f"{path}: joint '{joint.name}': its spring ({SPRING} {joint.numbers[SPRING]}, {REST} "
             f"{joint.numbers.get(REST, '0')}) is left out: no effect pulls a joint to an angle; "
             "where one does, write it as your own (own_effect)",

@@ -369,7 +369,8 @@ class Model:
         Warns
         -----
         FlexsplineWarning
-            Of a spring that the joint has, for which there is no effect.
+            Of a spring that the joint has, for which there is no effect, and of what actuators of
+            an MJCF file add to it.
         """
         refuse_special(path, "a model.json")
         if is_joint_file(path):

@@ -49,6 +49,10 @@ DERIVED = ("output_velocity", "output_acceleration")
 LEAST_ROWS = 2
 
 
+def __dir__() -> list[str]:
+    return __all__
+
+
 class JointRegressor(RegressorMixin, BaseEstimator):  # type: ignore[misc]
     """Effects of a joint, fitted by least squares to arrays.
 

@@ -98,8 +98,10 @@ struct Results {
   std::array<std::vector<double>, batch::joint_inputs.size()> inputs;
   std::vector<std::uint8_t> contact, flags, faults;
   std::vector<std::uint16_t> missed;
+  std::vector<Device::Adapting::Numbers> adapted;
 
-  explicit Results(std::size_t size) : contact(size), flags(size), faults(size), missed(size) {
+  explicit Results(std::size_t size)
+      : contact(size), flags(size), faults(size), missed(size), adapted(size) {
     for (auto& column : sensed) column.resize(size);
     for (auto& column : outputs) column.resize(size);
     for (auto& column : inputs) column.resize(size);
@@ -112,6 +114,7 @@ struct Results {
     made.flags = flags.data();
     made.faults = faults.data();
     made.missed = missed.data();
+    made.adapted = adapted.front().data();
     return made;
   }
 };
@@ -130,9 +133,10 @@ std::size_t check_alike(const Device& device, const Holes& holes) {
   std::size_t estimates = 0;
   Device::Chain::Output out;
   Device::Trace trace;
+  Device::State state;
   for (std::size_t k = 0; k < starts.size(); ++k) {
     const std::size_t first = starts[k], last = k + 1 < starts.size() ? starts[k + 1] : rows;
-    Device::State state;
+    Device::restart(state);
     batch::replay(holes.time.data() + first, last - first, [&](std::size_t i, double period) {
       const std::size_t row = first + i;
       const auto in = batch::reading_of(holes.log(), row, period);
@@ -153,6 +157,7 @@ std::size_t check_alike(const Device& device, const Holes& holes) {
       for (std::size_t n = 0; n < found.inputs.size(); ++n) {
         CHECK(same(found.inputs[n][row], trace.input.*batch::joint_inputs[n].field, good));
       }
+      CHECK(found.adapted[row] == device.adapted(state));
       if (good && !has(out.missed, Stage::collision)) CHECK(out.contact == found.contact[row]);
       return status;
     });
@@ -167,7 +172,7 @@ TEST_CASE("a joint over a log has the bits of the joint on a device, whatever it
   std::mt19937_64 random(5);
   std::size_t total = 0;
   for (int run = 0; run < 40; ++run) {
-    const auto choice = static_cast<std::uint16_t>(random() & 8191);
+    const auto choice = static_cast<std::uint16_t>(random() & 32767);
     CAPTURE(choice);
     const std::size_t estimates = check_alike(fuzz::whole_joint<double>(choice), holes);
     CHECK(estimates > 300);

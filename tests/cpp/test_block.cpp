@@ -53,6 +53,10 @@ Whole<S> whole(S level) {
   made.estimating.kalman = typename Chain::Kalman::Config{{level, level}, level, level, level};
   made.estimating.collision = typename Chain::Detector::Config{};
   made.estimating.collision->negative[0] = level;
+  auto& adaptation = made.estimating.adaptation.emplace();
+  adaptation.noise = adaptation.memory = adaptation.interval = level;
+  adaptation.low[0] = -level;
+  adaptation.high[7] = adaptation.factor[35] = level;
   made.sensor = friction<S>(level);
   made.inertia = level;
   made.limits.output_velocity = made.limits.time = S(100) * level;
@@ -98,6 +102,7 @@ TEST_CASE_TEMPLATE("what is saved is loaded, number by number", S, float, double
   CHECK(joint.estimating.kalman->motion.alpha == S(0.7L));
   CHECK(std::get<1>(joint.sensor.parts).effect.harmonics()[1].order == 4200);
   CHECK(joint.limits.output_velocity == S(100) * S(0.7L));
+  CHECK(joint.estimating.adaptation->factor[35] == S(0.7L));
 }
 
 TEST_CASE("a block that any single bit differs from is refused, and changes nothing") {
@@ -148,6 +153,9 @@ TEST_CASE("each reason to refuse a block has its status") {
   auto other_rule = whole(0.7F);
   other_rule.estimating.observer->discretisation = Discretisation::euler;
   CHECK(load(saved(other_rule), joint) == BlockStatus::other_structure);
+  auto other_use = whole(0.7F);
+  other_use.estimating.adaptation->use = AdaptationUse::compensate;
+  CHECK(load(saved(other_use), joint) == BlockStatus::other_structure);
   std::size_t size = 0;
   std::array<std::uint8_t, 20> little{};
   CHECK(save(joint, little, size) == BlockStatus::no_room);

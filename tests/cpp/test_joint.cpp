@@ -1,10 +1,15 @@
 #include <doctest/doctest.h>
 
+#include <vector>
+
+#include "flexspline/block.hpp"
+#include "flexspline/effects/coulomb_friction.hpp"
 #include "flexspline/effects/gain_error.hpp"
 #include "flexspline/effects/inertia.hpp"
 #include "flexspline/effects/load_dependent_friction.hpp"
 #include "flexspline/effects/offset.hpp"
 #include "flexspline/effects/temperature_drift.hpp"
+#include "flexspline/effects/viscous_friction.hpp"
 #include "flexspline/joint.hpp"
 
 using namespace flexspline;
@@ -241,4 +246,122 @@ TEST_CASE_TEMPLATE("a state is saved, restored and reset, and two joints share t
   run(restored, again, 0, 60);
   CHECK(again.external_observer == expected.external_observer);
   CHECK(beside.external_observer != expected.external_observer);
+}
+
+namespace {
+
+template <typename S>
+using Drive = Model<S, CoulombFriction<S>, ViscousFriction<S>, Offset<S>>;
+template <typename S>
+using Learner = Joint<S, Sensor<S>, Drive<S>, Model<S>, Model<S>>;
+
+/// Friction of 5 Nm and 8 Nm s/rad, an offset of 0.2 Nm that is not adapted.
+template <typename S>
+Learner<S> learner(AdaptationUse use) {
+  Learner<S> joint{};
+  auto& [coulomb, viscous, offset] = joint.observed.parts;
+  coulomb.coefficients = {S(5)};
+  viscous.coefficients = {S(8)};
+  offset.coefficients = {S(0.2)};
+  joint.effective_ratio = S(101);
+  joint.inertia = S(0.4);
+  joint.estimating.observer.emplace();
+  joint.estimating.observer_input = ObserverInput::motor_torque;
+  auto& collision = joint.estimating.collision.emplace();
+  collision.negative.fill(S(3));
+  collision.positive.fill(S(3));
+  auto& made = joint.estimating.adaptation.emplace();
+  made.noise = S(0.5);
+  made.memory = S(20);
+  made.least_speed = S(0.05);
+  made.low = {S(2), S(3), S(0.2)};
+  made.high = {S(10), S(20), S(0.2)};
+  made.factor[0] = S(0.1);
+  made.factor[2] = S(0.3);
+  made.use = use;
+  return joint;
+}
+
+/// Sample k of a swing with friction of 6 Nm and 9 Nm s/rad, pushed by `push` Nm from outside.
+template <typename S>
+Reading<S> swing(int k, double push = 0.0) {
+  const double t = 0.002 * k;
+  const double v = 0.6 * std::sin(1.3 * t) + 0.3 * std::sin(0.4 * t);
+  const double a = 0.78 * std::cos(1.3 * t) + 0.12 * std::cos(0.4 * t);
+  const double coulomb = std::tanh(v / double(CoulombFriction<double>{}.direction_width));
+  Reading<S> in;
+  in.period = S(0.002);
+  in.output_velocity = S(v);
+  in.motor_torque = S((0.4 * a + 6 * coulomb + 9 * v + 0.2 + push) / 101);
+  return in;
+}
+
+/// Runs samples [first, last); how far the observer was off at most in the last 2000.
+template <typename S>
+double run(const Learner<S>& joint, typename Learner<S>::State& state, int first, int last,
+           double push = 0.0) {
+  typename Learner<S>::Chain::Output out;
+  double worst = 0;
+  for (int k = first; k < last; ++k) {
+    REQUIRE(joint.step(state, swing<S>(k, push), out) == Status::ok);
+    const double off = math::absolute(static_cast<double>(out.external_observer) - push);
+    if (k >= last - 2000) worst = std::max(worst, off);
+  }
+  return worst;
+}
+
+}  // namespace
+
+TEST_CASE_TEMPLATE("a joint learns its friction, and its observer goes by it where it is to", S,
+                   float, double) {
+  for (const auto use : {AdaptationUse::monitor, AdaptationUse::compensate}) {
+    const auto joint = learner<S>(use);
+    typename Learner<S>::State state;
+    const double off = run(joint, state, 0, 50'000);
+    const auto learned = joint.adapted(state);
+    CHECK(double(learned[0]) == doctest::Approx(6).epsilon(0.01));
+    CHECK(double(learned[1]) == doctest::Approx(9).epsilon(0.01));
+    CHECK(learned[2] == S(0.2));
+    if (use == AdaptationUse::monitor) CHECK(off > 1.0);
+    if (use == AdaptationUse::compensate) CHECK(off < 0.15);
+  }
+}
+
+TEST_CASE_TEMPLATE("a push that is a contact teaches nothing", S, float, double) {
+  const auto joint = learner<S>(AdaptationUse::compensate);
+  typename Learner<S>::State state;
+  (void)run(joint, state, 0, 50'000);
+  const auto learned = joint.adapted(state);
+  CHECK(run(joint, state, 50'000, 60'000, 8.0) < 0.2);
+  const auto after = joint.adapted(state);
+  for (std::size_t k = 0; k < 2; ++k) {
+    CHECK(double(after[k]) == doctest::Approx(double(learned[k])).epsilon(0.01));
+  }
+}
+
+TEST_CASE_TEMPLATE("what was learned is kept behind a gap, and by a block that is saved", S, float,
+                   double) {
+  auto joint = learner<S>(AdaptationUse::compensate);
+  typename Learner<S>::State state;
+  (void)run(joint, state, 0, 20'000);
+  const auto learned = joint.adapted(state);
+  Learner<S>::restart(state);
+  CHECK(joint.adapted(state) == learned);
+  CHECK_FALSE(state.chain.observer.started);
+  auto adopted = joint;
+  adopted.adopt(state);
+  std::vector<std::uint8_t> bytes(block_size(adopted));
+  std::size_t size = 0;
+  REQUIRE(save(adopted, bytes, size) == BlockStatus::ok);
+  typename Learner<S>::State next;  // after the power was off
+  auto started = learner<S>(AdaptationUse::compensate);
+  REQUIRE(load(bytes, started) == BlockStatus::ok);
+  CHECK(started.adapted(next) == learned);
+  CHECK(run(started, next, 20'000, 30'000) < 0.2);
+  CHECK(next.adaptation.taught > 100);
+  REQUIRE(load(bytes, joint) == BlockStatus::ok);  // while it runs: from there on
+  CHECK(joint.adapted(state) == learned);
+  (void)run(joint, state, 20'000, 20'010);
+  CHECK(state.adaptation.taught == 0);
+  CHECK(joint.adapted(state) == learned);
 }

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from chain_rig import BY_GEAR, BY_MOTOR, CALIBRATION, COLLISION, KALMAN, MERGE
 
-from flexspline import Collision, Compliance, InputError, Observer, effect
+from flexspline import Adaptation, Collision, Compliance, InputError, Observer, effect
 from flexspline.effects import CATALOGUE
 from flexspline.exporting import export
 from flexspline.exporting.block import block_bytes
@@ -51,6 +51,15 @@ CHAINS = {
     ),
     "by euler": (
         chain_rig.joint(CALIBRATION, Observer(100.0, discretisation="euler")),
+        "joint::joint",
+    ),
+    "learning": (
+        chain_rig.joint(
+            CALIBRATION,
+            BY_MOTOR,
+            Collision("observer", (), (2.0,), (2.0,)),
+            Adaptation(("gravity", "viscous_friction"), noise=0.3, use="compensate", load="sensor"),
+        ),
         "joint::joint",
     ),
     "all effects of a sensor": (every_effect("sensor_torque", "S"), "joint::model"),

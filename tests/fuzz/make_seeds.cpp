@@ -102,7 +102,7 @@ int main(int count, char** arguments) {
   constexpr std::uint16_t all = sensor_by_voltage | kalman | lagging | checked | derived;
   for (const std::uint16_t choice :
        {std::uint16_t(0), all, std::uint16_t(no_sensor | by_euler | checked),
-        std::uint16_t(by_motor | at_rest_by_link | watched_high)}) {
+        std::uint16_t(by_motor | at_rest_by_link | watched_high | adapting | compensating)}) {
     write_seeds<float>(arguments[1], arguments[2], choice);
     write_seeds<double>(arguments[1], arguments[2], choice);
   }

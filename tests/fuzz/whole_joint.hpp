@@ -48,6 +48,8 @@ enum Choice : std::uint16_t {
   lagging = 1024,
   checked = 2048,
   derived = 4096,
+  adapting = 8192,
+  compensating = 16384,
 };
 
 template <typename S>
@@ -115,6 +117,26 @@ void set_up_estimating(typename Chain<S>::Config& chain, std::uint16_t choice) {
   if (!chain.sensor && chain.watched == Watched::sensor) chain.watched = Watched::merged;
 }
 
+/// The first eight coefficients of the observer's model learn, two with a range that is empty.
+template <typename S>
+void set_up_adapting(typename Chain<S>::Config& chain, std::uint16_t choice) {
+  if ((choice & adapting) == 0) return;
+  auto& made = chain.adaptation.emplace();
+  made.noise = S(0.5);
+  made.interval = S(0.005);
+  made.memory = S(1);
+  made.least_speed = S(0.01);
+  made.low.fill(S(-1));
+  made.high.fill(S(1));
+  made.low[2] = made.high[2] = made.low[7] = made.high[7] = S(0.03);
+  for (std::size_t k = 0; k < 8; ++k) made.factor[k * (k + 3) / 2] = S(0.01);
+  made.factor[1] = S(0.5);
+  const bool known = chain.sensor && chain.observer_input == ObserverInput::motor_torque;
+  made.load = known ? AdaptationLoad::sensor : AdaptationLoad::free;
+  const bool used = (choice & compensating) != 0;
+  made.use = used ? AdaptationUse::compensate : AdaptationUse::monitor;
+}
+
 /// Coefficients that make each effect a few hundredths of a Nm or rad; orders on all pairs.
 template <typename S, typename... Effects>
 void set_up(Model<S, Effects...>& model, S scale) {
@@ -139,6 +161,7 @@ WholeJoint<S> whole_joint(std::uint16_t choice) {
   set_up_preparing<S>(made.sensing, choice);
   set_up_sensing<S>(made.sensing, choice);
   set_up_estimating<S>(made.estimating, choice);
+  set_up_adapting<S>(made.estimating, choice);
   set_up(made.sensor, S(0.02));
   set_up(made.observed, S(0.03));
   set_up(made.torsion, S(1e-4));

@@ -78,9 +78,10 @@ def write_bag1(path: Path, sent: Sequence[Sent], packed: str | None = None) -> N
             writer.write(topics[s.topic], ZERO + s.time, raw)
 
 
-def write_bag2(path: Path, sent: Sequence[Sent], *, mcap: bool = False, iron: bool = True) -> None:
-    """The .db3 or .mcap of a bag of ROS 2, of a version that keeps definitions or not."""
-    folder = path.with_name(f"{path.name}.folder")
+def write_bag2_folder(
+    folder: Path, sent: Sequence[Sent], *, mcap: bool = False, iron: bool = True
+) -> Path:
+    """A bag of ROS 2, of a version that keeps definitions or not; return its one file."""
     storage = StoragePlugin.MCAP if mcap else StoragePlugin.SQLITE3
     with Bag2(folder, version=9 if iron else 8, storage_plugin=storage) as writer:
         kinds = {s.topic: s.type for s in sent}
@@ -93,8 +94,26 @@ def write_bag2(path: Path, sent: Sequence[Sent], *, mcap: bool = False, iron: bo
         with contextlib.closing(sqlite3.connect(made)) as connection:
             connection.execute("DROP TABLE message_definitions")
             connection.commit()
-    shutil.move(made, path)
+    return made
+
+
+def write_bag2(path: Path, sent: Sequence[Sent], *, mcap: bool = False, iron: bool = True) -> None:
+    """The .db3 or .mcap of a bag of ROS 2 alone."""
+    folder = path.with_name(f"{path.name}.folder")
+    shutil.move(write_bag2_folder(folder, sent, mcap=mcap, iron=iron), path)
     shutil.rmtree(folder)
+
+
+def write_bag2_parts(folder: Path, sent: Sequence[Sent], count: int, *, mcap: bool) -> None:
+    """A bag of ROS 2 whose recorder began the next file again and again."""
+    parts = np.array_split(np.arange(len(sent)), count)
+    for number, part in enumerate(parts):
+        draft = folder.with_name(f"draft{number}")
+        made = write_bag2_folder(draft, [sent[k] for k in part], mcap=mcap)
+        folder.mkdir(exist_ok=True)
+        shutil.move(made, folder / f"{folder.name}_{number}{made.suffix}")
+        shutil.move(draft / "metadata.yaml", folder / "metadata.yaml")
+        shutil.rmtree(draft)
 
 
 def write_mcap(

@@ -38,6 +38,8 @@ LAYERS = (
     # what is asked of runs
     ("calibration", "comparison", "experiment", "sklearn"),
     ("deprecated", "discovery"),
+    ("fleet",),  # of what is asked of one joint
+    ("tracking",),  # the same joint over many sessions
     # the chain of estimators, and the joint and the sensor that it is tried on
     ("estimation", "observer", "sensor", "simulation"),
     ("collision", "full_range"),
@@ -65,6 +67,7 @@ KNOW_EFFECTS = ("effects", "baselines", "demo", "reproduce", "rigs", "simulation
 OTHER_THINGS = {
     "comparison": ("offset",),  # a covariate: everywhere the same
     "exporting": ("inertia",),  # numbers of a plan, and arguments
+    "joint_file": ("cogging",),  # an attribute of MuJoCo's dcmotor
     "observer": ("inertia",),
     "plot": ("inertia",),
     "recordings": ("gravity",),  # in the name of a column

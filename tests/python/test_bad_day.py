@@ -40,6 +40,7 @@ from flexspline.logs.derive import differentiate, resample
 from flexspline.logs.log import MOST, SHORTEST, Log
 from flexspline.logs.read import read_log
 from flexspline.model import Model
+from flexspline.orders import find_orders, order_spectrum, time_spectrum, vibrations
 
 EXAMPLES = int(os.environ.get("FLEXSPLINE_BAD_DAYS", "200"))  # 2000 before a release
 FAILED_ONCE = (375, 807, 1737, 3102)
@@ -107,14 +108,21 @@ def test_steps_of_time_that_no_recorder_has_are_refused(
     assert next(f.name for f in flexspline.check(log).errors).startswith("impossible")
     with pytest.raises(InputError, match="correct the unit"):
         Model.load(rig[1]).predict(log)
+    for use in (find_orders, order_spectrum, time_spectrum):
+        with pytest.raises(InputError, match="correct the unit"):
+            use(log, "sensor_torque")
 
 
-def test_the_fastest_clock_and_unix_time_are_none_of_that(rig: tuple[Path, Path]) -> None:
+def test_the_fastest_clock_and_unix_time_are_none_of_that(
+    rig: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
     log = short(rig[0], 400)
     fast = log.with_columns({"time": np.arange(400) * 2.0 * SHORTEST}, note="fast")
     since_1970 = log.with_columns({"time": log["time"] + 1.8e9}, note="unix")
     for one in (fast, since_1970):
         assert not flexspline.check(one).errors
+    monkeypatch.setattr(vibrations, "_MOST_SCANNED", 10_000)
+    assert find_orders(fast, "sensor_torque", vibrations=True).frequencies[1] == 10_000.0
 
 
 @pytest.mark.parametrize("value", [1e308, -1e308, OVERLOAD, 1.1e9])

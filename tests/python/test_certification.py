@@ -102,7 +102,7 @@ def test_memory_starts_anew_at_the_first_row_and_behind_a_gap() -> None:
 
 def test_rows_and_results_have_the_sizes_that_the_device_expects() -> None:
     assert [ROW[s].itemsize for s in ("float", "double")] == [64, 112]
-    assert [RESULT[s].itemsize for s in ("float", "double")] == [48, 80]
+    assert [RESULT[s].itemsize for s in ("float", "double")] == [80, 144]
     assert ROW["float"].names[: len(CHANNELS)] == CHANNELS
 
 

@@ -77,6 +77,8 @@ WRONG = [
     ("convert {run1} --columns {run1} --out {new}", "TOML"),
     ("convert {run1} --columns {map} --out {new}", "angle"),
     ("demo --out {run1}", "is a file"),
+    ("init {run1} --out ''", "no name of a file"),
+    ("init {run1} --out /", "no name of a file"),
 ]
 
 

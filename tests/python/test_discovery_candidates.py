@@ -9,7 +9,15 @@ import numpy as np
 import pytest
 
 from flexspline.discovery.basis import ROUND, _fine, _motor_angle
-from flexspline.discovery.candidates import _low, _of_facts, _range, _size, scanned
+from flexspline.discovery.candidates import (
+    CORE_PAIRS,
+    _low,
+    _of_facts,
+    _range,
+    _size,
+    order_pools,
+    scanned,
+)
 from flexspline.discovery.search import _finite
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import effect
@@ -45,6 +53,27 @@ def test_pole_pairs_and_slots_are_tried_once_and_twice_a_turn_of_the_motor() -> 
     tried = orders(_of_facts({**GEAR, "pole_pairs": 7, "slots": 36}))
     assert tried == {"motor_stator": [7, 14, 36, 72]}
     assert _of_facts({**GEAR, "pole_pairs": 1}) == []  # these are the low orders
+
+
+@pytest.mark.parametrize(
+    ("sizes", "pairs", "order", "both"),
+    [((1.0, 0.4), 4, 4, True), ((0.4, 1.0), 4, 4, False), ((1.0, 0.4), 6, 6, False)],
+)
+def test_twice_a_larger_order_of_the_wave_generator_may_be_its_own(
+    sizes: tuple[float, float], pairs: int, order: int, both: bool
+) -> None:
+    """2 and 4 turns of the motor, with 4 pole pairs: one cause with an overtone, or two."""
+    facts = {"gear_ratio": 100.0, "output_spline": "flexspline", "pole_pairs": pairs}
+    found = [
+        SimpleNamespace(order=k, pair="motor_stator", per_output_turn=100.0 * k, resolution=0.5,
+                        amplitude=size, effect=name)
+        for k, size, name in ((2, sizes[0], "wave_generator_ripple"), (order, sizes[1], "cogging"))
+    ]  # fmt: skip
+    names = ["cogging", "wave_generator_ripple"]
+    pools = order_pools(names, facts, cast(Any, found), (), "sensor_torque", 6.0)
+    motor = CORE_PAIRS["motor_stator"]
+    assert (order, motor) in pools["cogging"]
+    assert ((order, motor) in pools["wave_generator_ripple"]) is both
 
 
 def test_a_time_constant_is_looked_for_from_two_rows_to_half_of_the_longest_run() -> None:

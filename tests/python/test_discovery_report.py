@@ -24,7 +24,7 @@ from flexspline.experiment.plan import Outlook, plan_sentence
 from flexspline.logs.log import Log
 from flexspline.plot.comparison import bands_over, plot_comparison
 from flexspline.plot.discovery import held_out_run
-from flexspline.report.discovery import effect_lines, remarks, where_sentences
+from flexspline.report.discovery import effect_lines, remarks, verdict, where_sentences
 
 BASE = ["offset", "coulomb_friction", "viscous_friction", "inertia"]
 ROWS = 2000
@@ -342,6 +342,25 @@ def test_where_an_effect_acts_is_not_told_by_a_temperature_that_it_does_not_read
 
 def test_the_floor_of_the_verdict_is_that_of_the_map() -> None:
     assert found().disagreement.before.noise_floor == found().noise_floor
+
+
+@pytest.mark.parametrize(
+    ("confidences", "told"),
+    [
+        ((0.98,), "lacks motor_crosstalk: RMSE"),
+        ((0.24, 0.04), "may lack motor_crosstalk (24 %), cogging (4 %): RMSE"),
+        ((0.98, 0.04), "lacks motor_crosstalk, and may lack cogging (4 %): RMSE"),
+    ],
+)
+def test_a_headline_is_no_surer_than_its_names(confidences: tuple[float, ...], told: str) -> None:
+    (one,) = found().found
+    names = ("motor_crosstalk", "cogging")
+    several = tuple(
+        replace(one, effect=name, confidence=confidence)
+        for name, confidence in zip(names, confidences, strict=False)
+    )
+    said = verdict(replace(found(), found=several))
+    assert f"The model of the sensor torque {told} " in said
 
 
 def test_names_that_were_all_taken_back_are_not_told_as_nothing_missing() -> None:

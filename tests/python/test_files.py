@@ -130,6 +130,16 @@ def test_a_pipe_a_device_and_a_circle_are_refused_and_stay(tmp_path: Path) -> No
     assert pipe.is_fifo() and circle.is_symlink() and Path("/dev/null").is_char_device()
 
 
+@pytest.mark.skipif(not Path("/proc/self/fd").is_dir(), reason="open files by name")
+def test_an_open_file_of_this_process_is_refused_and_stays(tmp_path: Path) -> None:
+    with (tmp_path / "printed.txt").open("w") as printed:
+        for path in (f"/proc/self/fd/{printed.fileno()}", f"/dev/fd/{printed.fileno()}"):
+            with pytest.raises(InputError, match=r"open; give the name of a file"):
+                atomic_write(path, "new")
+    assert [p.name for p in tmp_path.iterdir()] == ["printed.txt"]
+    assert not (tmp_path / "printed.txt").read_text()
+
+
 def test_a_folder_in_the_way_is_named_and_nothing_is_left(tmp_path: Path) -> None:
     (tmp_path / "run").mkdir()
     with pytest.raises(InputError, match="cannot be replaced"):

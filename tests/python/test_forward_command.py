@@ -164,6 +164,8 @@ def test_wrong_arguments_are_told_what_to_give() -> None:
         flexspline.simulate(MODEL, log, inputs="spline")
     with pytest.raises(InputError, match="whole number above 0"):
         flexspline.simulate(MODEL, log, steps_per_sample=0)
+    with pytest.raises(InputError, match="no log to simulate"):
+        flexspline.simulate(MODEL, [])
     sensor = Model({"sensor": flexspline.Part("sensor_torque", (effect("offset"),), np.ones(1))})
     with pytest.raises(InputError, match="a controller drives a motor"):
         flexspline.simulate(sensor, log, controller=PositionServo(1.0))

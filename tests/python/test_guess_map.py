@@ -6,6 +6,7 @@ What is guessed is held to the run that a recorder recorded, channel by channel 
 
 from __future__ import annotations
 
+import gzip
 import json
 import tempfile
 from functools import cache
@@ -376,6 +377,18 @@ def test_columns_of_matrices_and_vectors_in_groups_are_named_as_numpy_reaches_th
     assert log["output_position"].tolist() == q[:, 2].tolist()
     log = read_log({"t": time, "q": q.T}, {"time": "t", "output_position": "q[2, :]"})
     assert log["output_position"].tolist() == q[:, 2].tolist()
+    for name, content, marks in (
+        ("plain.h5", q, {}),
+        ("matlab.mat", q.T, {"MATLAB_class": b"double"}),
+    ):
+        with h5py.File(tmp_path / name, "w") as file:
+            file["t"], file["run/q"] = time, content
+            file["run/q"].attrs.update(marks)
+        packed = tmp_path / f"{name}.gz"
+        packed.write_bytes(gzip.compress((tmp_path / name).read_bytes()))
+        for source in (tmp_path / name, packed):
+            log = read_log(source, {"time": "t", "output_position": "run.q[:, 2]"})
+            assert log["output_position"].tolist() == q[:, 2].tolist()
     nested = {"run": {"t": time, "joint": {"q": q[:, 1]}}, "gains": {"kp": 3.0}}
     log = read_log(nested, {"time": "run.t", "output_position": "run.joint.q"})
     assert log["output_position"].tolist() == q[:, 1].tolist()

@@ -248,6 +248,34 @@ def test_a_spring_is_left_out_in_one_sentence(text: str, said: str, tmp_path: Pa
     assert done.stderr.startswith(f"flexspline: warning: {path}: joint 'a': its spring")
 
 
+MOTORS = """<actuator>
+    <dcmotor joint="a" input="none" motorconst="0 0" resistance="1" lugre="10 0 0 0.2  0.3"/>
+    <dcmotor class="c" jointinparent="a" motorconst="1 1" resistance="1" lugre="0 0 0 0 0"/>
+    <motor joint="a" gear="2" armature="0.01"/><motor joint="b" damping="3"/>
+    <motor tendon="a" damping="1"/><motor joint="a" damping="0.0"/>
+  </actuator>"""
+
+
+def test_what_actuators_add_to_a_joint_is_left_out_in_one_sentence(tmp_path: Path) -> None:
+    classed = '<default><default class="c"><dcmotor cogging="0.1 12 0"/></default></default>'
+    text = ONE.format('damping="0.5"').replace("</mujoco>", f"{classed}{MOTORS}</mujoco>")
+    path = written(tmp_path, text)
+    said = r"\(dcmotor lugre 10 0 0 0.2 0.3, dcmotor cogging 0.1 12 0, motor armature 0.01\); let"
+    with pytest.warns(FlexsplineWarning, match=said) as caught:
+        model = Model.load(path)
+    assert values_of(model) == {"viscous_friction": [0.5]} and len(caught) == 1
+
+
+def test_a_file_of_ours_with_dcmotors_is_a_model_of_its_numbers(tmp_path: Path) -> None:
+    effects = (effect("inertia"), effect("stribeck_friction"), effect("cogging", orders=[2]))
+    part = Part("motor_torque", effects, np.array([0.02, 0.3, 0.1, 0.2]))
+    path = export(
+        Model({"drive": part}, {"gear_ratio": 100.0}), tmp_path / "j.xml", "mujoco", dcmotor=True
+    )
+    with pytest.warns(FlexsplineWarning, match="dcmotor lugre .*, dcmotor cogging .* let disc"):
+        assert values_of(Model.load(path))["inertia"] == [0.02]
+
+
 @pytest.mark.filterwarnings("error")
 def test_a_joint_without_a_spring_says_nothing(tmp_path: Path) -> None:
     for text in ("", 'stiffness="0"', 'springref="0.5"', 'stiffness="0 0 0" springref="-1"'):

@@ -475,8 +475,9 @@ def test_what_a_prompt_shows_is_a_few_lines_without_arrays():
     import report_fits
 
     fit = report_fits.plain_fit()
-    shown = [fit, fit.model, fit.model.part(), fit.uncertainty, fit.predict(fit.runs[0].log),
-             *fit.part.effects]  # fmt: skip
+    run = fit.runs[0].log
+    shown = [fit, fit.model, fit.model.part(), fit.uncertainty, fit.predict(run),
+             *fit.part.effects, *fit.parameters, flexspline.check(run)]  # fmt: skip
     for one in shown:
         text = repr(one)
         assert len(text.splitlines()) <= 5 and len(text) < 400, text

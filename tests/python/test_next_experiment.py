@@ -16,7 +16,8 @@ import flexspline
 from flexspline import Limits, Model, Part, Plan
 from flexspline.cli import commands
 from flexspline.effects import effect
-from flexspline.experiment.plan import Bounds
+from flexspline.experiment import recording
+from flexspline.experiment.plan import Bounds, over
 from flexspline.experiment.recording import _kinds
 from flexspline.least_squares.result import Fit
 from flexspline.logs.log import Log
@@ -200,6 +201,17 @@ def test_every_kind_of_run_keeps_within_any_limits() -> None:
             assert np.abs(a).max() <= acceleration * (1 + 1e-9), kind.name
             assert np.abs([v[0], v[-1]]).max() <= 1e-9 * velocity, kind.name
             assert abs(q[-1] - q[0]) <= 1e-9 * max(span, 1.0), kind.name
+
+
+@pytest.mark.parametrize("rate", [37.0, 100.0, 1000.0])
+def test_the_words_say_the_angles_of_the_trajectory_at_any_rate(rate: float) -> None:
+    draw, kind = np.random.default_rng(6), next(k for k in _kinds() if k.name == "holds")
+    setting = recording.Setting((recording.Part(None, None),))
+    for _ in range(300):
+        bounds = Bounds((1.0, 5.0), 1.0, 10.0, None, 0.0, None, 0.0, draw.uniform(3.0, 12.0))
+        made = recording.Excitation(kind, draw.uniform(size=3), setting)
+        q = recording.commanded(made, bounds, rate)["output_position"]
+        assert over(q.min(), q.max()) in made.words(bounds)
 
 
 def test_a_joint_whose_angle_is_not_recorded_rests() -> None:

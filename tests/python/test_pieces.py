@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,10 @@ import h5py
 import numpy as np
 import pyarrow
 import pytest
+from asammdf import MDF, Signal
 from cli_calls import call
+from nptdms import ChannelObject, TdmsWriter
+from numpy.typing import NDArray
 from pyarrow import feather, parquet
 
 import flexspline
@@ -26,6 +29,8 @@ STAMPS = 1_700_000_000_000_000_000 + 1_000_000 * NUMBERS  # ns, beyond what doub
 TABLE = {"t": STAMPS, "q": np.sin(0.01 * NUMBERS), "i": NUMBERS.astype(np.int32) % 700}
 MATRIX = np.column_stack([1e-3 * NUMBERS, TABLE["q"], TABLE["i"]])
 BY_NAME = {"time": ("t", "ns"), "output_position": ("q", "deg"), "motor_current": ("i", "mA")}
+BY_CLOCK = {**BY_NAME, "time": "time"}
+MDF_UNITS = {"q": "deg", "i": "mA"}
 BY_NUMBER = {"time": 0, "output_position": (1, "deg"), "motor_current": (2, "mA")}
 FACTS: dict[str, Any] = {"torque_constant": 0.1, "gear_ratio": 100}
 
@@ -34,6 +39,29 @@ def hdf5(path: Path, **made: Any) -> None:
     with h5py.File(path, "w") as file:
         for name, values in made.items():
             file.create_dataset(name, data=values, chunks=True, compression="gzip")
+
+
+def mdf(path: Path, table: Mapping[str, NDArray[Any]], **how: Any) -> None:
+    made, clock = MDF(), 1e-3 * np.arange(len(table["q"]))
+    signals = [Signal(table[name], clock, name=name, unit=unit) for name, unit in MDF_UNITS.items()]
+    made.append(signals)
+    made.save(path, overwrite=True, **how)
+    made.close()
+
+
+def tdms(path: Path, table: Mapping[str, NDArray[Any]], *, waveform: bool) -> None:
+    """Three segments; the clock as properties of a waveform, or dates in a channel."""
+    count = len(table["q"])
+    first = np.datetime64("2026-11-28T09:00:00", "us")
+    stamps = first + np.arange(count).astype("timedelta64[ms]")
+    step = {"wf_increment": 1e-3, "wf_start_offset": 0.0} if waveform else {}
+    channels = {name: table[name] for name in MDF_UNITS} | ({} if waveform else {"time": stamps})
+    with TdmsWriter(path) as writer:
+        for part in np.array_split(np.arange(count), 3):
+            writer.write_segment(
+                [ChannelObject("rig", name, values[part[0] : part[-1] + 1], step)
+                 for name, values in channels.items()]
+            )  # fmt: skip
 
 
 FILES: dict[str, tuple[Callable[[Path], object], dict[str, Any]]] = {
@@ -46,6 +74,12 @@ FILES: dict[str, tuple[Callable[[Path], object], dict[str, Any]]] = {
         ),
         {**BY_NAME, "time": "t"},
     ),
+    "bare.parquet": (
+        lambda p: parquet.write_table(
+            pyarrow.table(TABLE), p, row_group_size=300, write_statistics=False
+        ),
+        BY_NAME,
+    ),
     "batches.feather": (
         lambda p: feather.write_feather(pyarrow.table(TABLE), p, chunksize=130), BY_NAME,
     ),
@@ -53,6 +87,10 @@ FILES: dict[str, tuple[Callable[[Path], object], dict[str, Any]]] = {
     "matrix.h5": (lambda p: hdf5(p, data=MATRIX), BY_NUMBER),
     "turned.h5": (lambda p: hdf5(p, data=MATRIX.T), BY_NUMBER),
     "matrix.npy": (lambda p: np.save(p, MATRIX), BY_NUMBER),
+    "plain.mf4": (lambda p: mdf(p, TABLE), BY_CLOCK),
+    "packed.mf4": (lambda p: mdf(p, TABLE, compression=2), BY_CLOCK),
+    "waveform.tdms": (lambda p: tdms(p, TABLE, waveform=True), BY_CLOCK),
+    "dates.tdms": (lambda p: tdms(p, TABLE, waveform=False), BY_CLOCK),
     "plain.csv": (
         lambda p: np.savetxt(p, MATRIX, delimiter=",", header="t,q,i", comments=""),
         {**BY_NAME, "time": "t"},
@@ -163,7 +201,7 @@ import flexspline
 def peak():
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024
 rows = 0
-for number, piece in enumerate(flexspline.read_pieces(sys.argv[1], {"time": "t",
+for number, piece in enumerate(flexspline.read_pieces(sys.argv[1], {"time": sys.argv[2],
                                "output_position": "q", "motor_current": "i"}, rows=100_000)):
     if number == 1:
         before = peak()
@@ -173,7 +211,7 @@ print(rows, peak() - before)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows does not tell a peak of memory")
-@pytest.mark.parametrize("name", ["large.parquet", "large.h5"])
+@pytest.mark.parametrize("name", ["large.parquet", "large.h5", "large.mf4", "large.tdms"])
 def test_memory_does_not_grow_with_the_rows(tmp_path: Path, name: str) -> None:
     """Four million rows of three numbers are 96 MB; a piece of them has 2.4 MB."""
     rows = 4_000_000
@@ -182,9 +220,14 @@ def test_memory_does_not_grow_with_the_rows(tmp_path: Path, name: str) -> None:
         with h5py.File(tmp_path / name, "w") as file:
             for key, values in table.items():
                 file.create_dataset(key, data=values, chunks=(10_000,))
+    elif name.endswith("mf4"):
+        mdf(tmp_path / name, table)
+    elif name.endswith("tdms"):
+        tdms(tmp_path / name, table, waveform=True)
     else:
         parquet.write_table(pyarrow.table(table), tmp_path / name, row_group_size=100_000)
-    ran = subprocess.run([sys.executable, "-c", LARGE, str(tmp_path / name)], check=True,
+    clock = "time" if name.endswith(("mf4", "tdms")) else "t"
+    ran = subprocess.run([sys.executable, "-c", LARGE, str(tmp_path / name), clock], check=True,
                          capture_output=True, text=True)  # fmt: skip
     seen, grown = map(int, ran.stdout.split())
     assert seen == rows

@@ -20,6 +20,7 @@ from bags import (
     joint_state,
     write_bag1,
     write_bag2,
+    write_bag2_parts,
     write_mcap,
     write_mcap_json,
 )
@@ -73,6 +74,47 @@ def test_a_joint_is_read_by_its_name(name: str, tmp_path: Path) -> None:
         assert np.array_equal(log["sensor_torque"], TORQUE[:, k])
         assert log.facts["joint"] == joint
     assert any("the clock is header.stamp" in said for said in log.history)
+
+
+@pytest.mark.parametrize("mcap", [False, True])
+@pytest.mark.parametrize("count", [1, 12])
+def test_the_folder_of_a_bag_of_ros_2_is_one_run(mcap: bool, count: int, tmp_path: Path) -> None:
+    """Its tenth file stands behind its ninth."""
+    write_bag2_parts(tmp_path / "run", STATES, count, mcap=mcap)
+    assert joints_of(tmp_path / "run", MAP) == JOINTS
+    log = read_log(tmp_path / "run", MAP, joint="knee")
+    assert log["time"] == pytest.approx(TIME, abs=1e-12)
+    assert np.array_equal(log["output_position"], ANGLE[:, 1])
+    assert log.facts["name"] == "run"
+    (tmp_path / "map.toml").write_text(
+        "[columns]\n" + "".join(f"{c} = '{s}'\n" for c, s in MAP.items())
+    )
+    said = call("convert", tmp_path / "run", "--columns", tmp_path / "map.toml", "--joint", "hip",
+                "--out", tmp_path / "hip.csv")  # fmt: skip
+    assert said.exit_code == 0, said.output
+    assert np.array_equal(read_log(tmp_path / "hip.csv")["sensor_torque"], TORQUE[:, 0])
+
+
+@pytest.mark.parametrize(
+    ("spoil", "sentence"),
+    [
+        (lambda f: (f / "run_1.db3").unlink(), "run: its files run_0.db3, run_2.db3 are not"),
+        (lambda f: (f / "run_1.db3").rename(f / "run_1.db3.zstd"), r"run_1.db3.zstd: is packed"),
+        (lambda f: [p.unlink() for p in f.glob("*.db3")], "run: has no .db3 and no .mcap file"),
+        (lambda f: (f / "metadata.yaml").unlink(), "run: is a folder; give the path of a log"),
+        (
+            lambda f: (f / "run_2.db3").write_bytes(b"SQLite"),
+            "run: run_2.db3: not a ROS 2 bag, or a",
+        ),
+    ],
+)
+def test_a_folder_that_is_no_whole_bag_is_refused(
+    spoil: Callable[[Path], object], sentence: str, tmp_path: Path
+) -> None:
+    write_bag2_parts(tmp_path / "run", STATES[:30], 3, mcap=False)
+    spoil(tmp_path / "run")
+    with pytest.raises(InputError, match=sentence):
+        read_log(tmp_path / "run", MAP, joint="knee")
 
 
 def test_names_in_another_order_are_the_same_joints(tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ import pytest
 from click.testing import CliRunner
 from demo_run import Demo
 
+import flexspline
 from flexspline.cli import commands
 from flexspline.logs.channels import CHANNELS
 from flexspline.logs.formats import FORMATS
@@ -132,3 +133,11 @@ def test_completion_offers_public_names_alone() -> None:
     names = said.stdout.split()
     assert {"fit", "fit_motion", "check", "export", "Log", "simulation"} <= set(names)
     assert not {"importlib", "annotations", "TYPE_CHECKING", "Any", "deprecated"} & set(names)
+
+
+@pytest.mark.parametrize("room", ["baselines", "collision", "full_range", "observer", "plot",
+                                  "rigs", "sensor", "simulation", "sklearn"])  # fmt: skip
+def test_completion_in_a_room_offers_its_public_names_alone(room: str) -> None:
+    module = getattr(flexspline, room)
+    assert dir(module) == sorted(module.__all__)
+    assert all(getattr(module, name) is not None for name in module.__all__)

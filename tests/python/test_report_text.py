@@ -10,9 +10,11 @@ import pytest
 import report_fits
 from golden_texts import NUMBER, is_as_kept
 
-from flexspline.formatting import plus_minus, short_names, truncated
+from flexspline.comparison.covariates import labels_of
+from flexspline.formatting import plus_minus, short_names, told_apart, truncated
 from flexspline.least_squares.result import Fit, contributions, shares
 from flexspline.least_squares.ripple import ripple_orders
+from flexspline.least_squares.validation import bands
 from flexspline.report.text import fit_text
 
 FITS: dict[str, Callable[[], Fit]] = {
@@ -113,3 +115,15 @@ def test_the_share_of_an_effect_is_the_rms_of_what_it_gives_over_all_runs() -> N
             [g[name][one.counts] for g, one in zip(given, fit.runs, strict=True)]
         )
         assert size == pytest.approx(float(np.sqrt(np.nanmean(values**2))), rel=1e-12)
+
+
+def test_no_two_edges_of_bands_read_the_same() -> None:
+    warm = np.linspace(26.04, 26.12, 600)
+    assert [name for _, name, _ in bands("temperature", warm, 3, "°C")] == [
+        "26.04 to 26.07 °C", "26.07 to 26.09 °C", "26.09 to 26.12 °C"
+    ]  # fmt: skip
+    assert labels_of(np.array([-np.inf, 26.06, 26.08, np.inf]), "°C") == (
+        "below 26.06 °C", "26.06 to 26.08 °C", "above 26.08 °C"
+    )  # fmt: skip
+    assert labels_of(np.array([-np.inf, np.inf]), "") == ("all",)
+    assert told_apart([0.1, 0.1, np.nan, 1.0]) == ["0.1", "0.1", "–", "1"]

@@ -17,10 +17,18 @@ std::optional<flexspline::Angle<unit::Scalar>> angle(const certify::Row<unit::Sc
   return flexspline::Angle<unit::Scalar>{row.turns[which], {row.fractions[which]}};
 }
 
+template <typename J>
+void give_adapted(const J& made, certify::Result<unit::Scalar>& result) noexcept {
+  if constexpr (J::adapts) {
+    const auto now = made.adapted(state);
+    for (std::size_t k = 0; k < now.size(); ++k) result.values[8 + k] = now[k];
+  }
+}
+
 }  // namespace
 
 void unit::take(const certify::Row<Scalar>& row) noexcept {
-  if ((row.marks & certify::fresh) != 0) state = {};
+  if ((row.marks & certify::fresh) != 0) Joint::restart(state);
   in.output_position = angle(row, 0);
   in.motor_position = angle(row, 1);
   for (unsigned k = 0; k < row.numbers.size(); ++k) {
@@ -35,6 +43,7 @@ void unit::give(certify::Result<Scalar>& result) noexcept {
   result.values = {out.temperature,       out.sensor_torque,       out.external_sensor,
                    out.external_observer, out.external_compliance, out.external_compliant_observer,
                    out.external_merged,   out.merge_weight};
+  give_adapted(joint::joint<Scalar>, result);
   result.contact = out.contact ? 1 : 0;
   result.flags = static_cast<std::uint8_t>(out.flags);
   result.faults = static_cast<std::uint8_t>(out.faults);

@@ -25,10 +25,11 @@ struct Row {
 
 enum Mark : std::uint32_t { fresh = 1, has_output_position = 2, has_motor_position = 4 };
 
-/// Outputs after one step. A part's model has the first value alone.
+/// Outputs after one step. A part's model has the first value alone; of a chain the last eight are
+/// its adapted coefficients.
 template <typename S>
 struct Result {
-  std::array<S, 8> values;
+  std::array<S, 16> values;
   std::uint16_t missed;
   std::uint8_t contact, flags, faults, status;
   std::uint16_t spare;
@@ -46,6 +47,6 @@ template <typename S>
 inline constexpr std::size_t row_bytes =
     sizeof(S) * (flexspline::numbers<S>.size() + flexspline::instruments<S>.size() + 3) + 16;
 static_assert(sizeof(Row<float>) == row_bytes<float> && sizeof(Row<double>) == row_bytes<double>);
-static_assert(sizeof(Result<float>) == 48 && sizeof(Result<double>) == 80);
+static_assert(sizeof(Result<float>) == 80 && sizeof(Result<double>) == 144);
 
 }  // namespace certify

@@ -5,6 +5,7 @@
 ///   sensing      thermistor, compensation, calibration → temperature, sensor torque
 ///   models       what each part says of this sample
 ///   estimating   observer, compliance, merge, collision
+///   adapting     the observer's model learns from the sample (estimators/adaptation.hpp)
 ///
 /// All stages are those of a `Chain`; the models come between them, for they read the temperature.
 /// The load that an effect reads is the sensor's external torque. The sensor's own part is asked
@@ -16,7 +17,7 @@
 /// A reading that is missing stays NaN (an angle: empty); the stages that need it are in `missed`. One
 /// beyond its limit counts as missing, is flagged `out_of_range`, and its kind is in `faults`.
 /// The models go on with the last good temperature. State{} has seen nothing: assign it after a
-/// gap. Temperatures outside of [low, high], where the parts were fitted: `extrapolated`.
+/// gap, or call `restart`, which keeps what was learned. Temperatures outside of [low, high], where the parts were fitted: `extrapolated`.
 #pragma once
 
 #include "flexspline/estimators/chain.hpp"
@@ -26,6 +27,19 @@
 #include "flexspline/torsion.hpp"
 
 namespace flexspline {
+
+/// The adaptation of a joint that has one, known at compile time.
+template <typename T>
+struct AdaptationOf {
+  using type = Adaptation<float, 1>;  // of no joint
+};
+template <typename T>
+  requires requires { typename T::Estimator; }
+struct AdaptationOf<T> {
+  using type = typename T::Estimator;
+};
+template <typename T>
+struct AdaptationOf<std::optional<T>> : AdaptationOf<T> {};
 
 /// Models (model.hpp, or host/any_model.hpp on a PC): `Sensor` of the sensor's part; `Observed` of the
 /// observer's torque, without inertia; `Torsion` without the mesh and what the chain knows of
@@ -42,6 +56,17 @@ struct Joint {
   static constexpr bool prepares =
       !is_absent<decltype(Sensing::checks)> || !is_absent<decltype(Sensing::differentiator)>;
   struct Nothing {};
+
+  /// Whether its observer's model may learn.
+  static constexpr bool adapts = !is_absent<decltype(Estimating::adaptation)>;
+  using Adapting =
+      typename AdaptationOf<std::remove_const_t<decltype(Estimating::adaptation)>>::type;
+  struct Fixed {};
+  /// What its first effects say in a sample, and whether it may learn.
+  struct Learning {
+    S intrinsic = Chain::missing;  ///< Nm, of the model as it is
+    typename Adapting::Numbers model{}, row{};
+  };
 
   Sensing sensing;
   Estimating estimating;
@@ -65,6 +90,7 @@ struct Joint {
     typename Observed::State observed;
     typename Torsion::State torsion;
     typename Carried::State carried;
+    [[no_unique_address]] std::conditional_t<adapts, typename Adapting::State, Fixed> adaptation;
   };
 
   /// What went through a period, for who records more than the estimates.
@@ -95,6 +121,36 @@ struct Joint {
     return Status::ok;
   }
 
+  /// Behind a gap: nothing is remembered but what was learned. `fresh` has seen nothing.
+  static constexpr void restart(State& state, const State& fresh = {}) noexcept {
+    [[maybe_unused]] auto learned = state.adaptation;
+    state = fresh;
+    if constexpr (adapts) {
+      Adapting::interrupt(learned);
+      state.adaptation = learned;
+    }
+  }
+
+  /// The first coefficients of the observer's model as they are learned; as they are where none is.
+  constexpr typename Adapting::Numbers adapted(const State& state) const noexcept
+    requires adapts
+  {
+    const auto model = observed.template first_coefficients<Adapting::most>();
+    return Adapting::coefficients(state.adaptation, model);
+  }
+
+  /// Makes what was learned its own: what `save` then writes begins there. A state that goes on
+  /// with it begins anew from there.
+  constexpr void adopt(const State& state) noexcept
+    requires adapts
+  {
+    auto* config = given(estimating.adaptation);
+    if (config == nullptr) return;
+    const auto model = observed.template first_coefficients<Adapting::most>();
+    config->factor = Adapting::factor(*config, state.adaptation, model);
+    observed.take_first(Adapting::coefficients(state.adaptation, model));
+  }
+
  private:
   /// What the chain asks of the models in one sample.
   struct Models {
@@ -102,6 +158,7 @@ struct Joint {
     State& state;
     const Reading<S>& in;
     Sample<S> at;
+    [[no_unique_address]] std::conditional_t<adapts, Learning, Fixed> learning;
 
     constexpr void measured(S temperature) noexcept {
       if (Chain::is_temperature(temperature)) state.temperature = temperature;
@@ -114,19 +171,57 @@ struct Joint {
       Sample<S> loaded = at;
       loaded.known_load = joint.sensing.sensor ? external : state.gear_load;
       joint.predict(in, loaded, state, input);
+      if constexpr (adapts) joint.look(loaded, state, input, learning);
     }
   };
 
   constexpr void run(State& state, const Reading<S>& in, typename Chain::Output& out,
                      Trace& trace) const noexcept {
     trace.input = channels(in);
-    Models models{*this, state, in, {}};
+    Models models{*this, state, in, {}, {}};
     trace.sensed = Chain::run(sensing, estimating, state.chain, trace.input, out, models);
     if (!sensing.sensor && given(estimating.compliance) && !has(out.missed, Stage::compliance) &&
         !has(out.flags, Flag::saturated)) {
       state.gear_load = out.external_compliance;
     }
     out.flags = out.flags | extrapolated(models.at.temperature, low, high);
+    if constexpr (adapts) learn(state, models.learning, trace, out);
+  }
+
+  /// What the adaptation reads of a sample; the observer goes by it where it is to.
+  constexpr void look(Sample<S> at, const State& state, typename Chain::Input& input,
+                      Learning& learning) const noexcept {
+    const auto* config = given(estimating.adaptation);
+    if (config == nullptr) return;
+    evaluation::prepare(observed, at);
+    learning.intrinsic = input.observer_intrinsic;
+    learning.model = observed.template first_coefficients<Adapting::most>();
+    learning.row = observed.template first_row<Adapting::most>(at);
+    if (config->use == AdaptationUse::compensate) {
+      const auto moved = Adapting::moved(state.adaptation, learning.model);
+      input.observer_intrinsic += weighted<S>(learning.row, moved);
+    }
+  }
+
+  constexpr void learn(State& state, const Learning& learning, const Trace& trace,
+                       const typename Chain::Output& out) const noexcept {
+    const auto* config = given(estimating.adaptation);
+    if (config == nullptr) return;
+    const bool by_sensor = estimating.observer_input == ObserverInput::sensor_torque;
+    const bool known = config->load == AdaptationLoad::sensor;
+    const S driven = by_sensor ? trace.sensed.torque : trace.input.motor_torque;
+    typename Adapting::Input in;
+    in.period = state.adaptation.wait + trace.input.period;
+    in.torque = driven - learning.intrinsic - (known ? out.external_sensor : S(0));
+    in.momentum = trace.input.momentum;
+    in.velocity = trace.input.velocity;
+    in.row = learning.row;
+    in.clean = !out.contact && out.flags == Flag::none && out.faults == Fault::none;
+    const Stage needed = known ? Stage::collision | Stage::sensor : Stage::collision;
+    if (has(out.missed, needed)) in.torque = Chain::missing;
+    const bool good =
+        Adapting::advance(*config, state.adaptation, learning.model, in) == Status::ok;
+    state.adaptation.wait = good ? S(0) : in.period;
   }
 
   /// A reading that may be infinite where it has no limit: infinite is missing.

@@ -61,6 +61,9 @@ constexpr T& state_of(Slot<I, T>& slot) noexcept {
 ///   remembers        whether any effect has a memory, `State`
 ///   carried(at)      what its own effects add to the known load
 ///   sum(at, state)   Σ row_i(sample) · coefficients_i, in the order of the list
+///   first_row<N>(at), first_coefficients<N>()
+///                    N numbers from the first effect on; 0 behind the last, and in the rows of
+///                    effects with a memory
 namespace evaluation {
 
 /// Fills what follows from the measured channels: the motor's angle, the pairs, the load.
@@ -236,6 +239,40 @@ struct Model {
     return sum_of(at, state, std::index_sequence_for<Effects...>{});
   }
 
+  /// The first numbers of the rows in a sample that is prepared.
+  template <std::size_t N>
+  constexpr Row<S, N> first_row(const Sample<S>& at) const noexcept {
+    Row<S, N> made{};
+    fill_first(made, [&at]<typename Effect>(const Part<S, Effect>& part) {
+      if constexpr (Remembers<Effect>) {
+        return Row<S, width_of<S, Effect>>{};
+      } else {
+        return part.effect.row(at);
+      }
+    });
+    return made;
+  }
+
+  template <std::size_t N>
+  constexpr std::array<S, N> first_coefficients() const noexcept {
+    std::array<S, N> made{};
+    fill_first(made, [](const auto& part) { return part.coefficients; });
+    return made;
+  }
+
+  /// Replaces the first coefficients.
+  template <std::size_t N>
+  constexpr void take_first(const std::array<S, N>& values) noexcept {
+    std::size_t first = 0;
+    const auto take = [&](auto& coefficients) {
+      for (std::size_t k = 0; k < coefficients.size() && first + k < N; ++k) {
+        coefficients[k] = values[first + k];
+      }
+      first += coefficients.size();
+    };
+    std::apply([&](auto&... part) { (take(part.coefficients), ...); }, parts);
+  }
+
   /// What the model's own effects add to the known load.
   constexpr S carried(const Sample<S>& at) const noexcept {
     S total = S(0);
@@ -247,6 +284,20 @@ struct Model {
   }
 
  private:
+  /// Numbers of the parts one behind the other, as many as there is room for.
+  template <std::size_t N, typename Of>
+  constexpr void fill_first(std::array<S, N>& made, const Of& of) const noexcept {
+    std::size_t first = 0;
+    const auto put = [&](const auto& part) {
+      if (first < N) {
+        const auto its = of(part);
+        for (std::size_t k = 0; k < its.size() && first + k < N; ++k) made[first + k] = its[k];
+      }
+      first += part.coefficients.size();
+    };
+    std::apply([&](const auto&... part) { (put(part), ...); }, parts);
+  }
+
   template <std::size_t... k>
   constexpr bool in_range(const Sample<S>& at, std::index_sequence<k...>) const noexcept {
     bool good = limits.template has<Channel::load>(at.known_load);

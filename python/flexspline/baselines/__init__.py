@@ -33,3 +33,7 @@ __all__ = [
     "sum_of_two_bridges",
     "wave_generator_angle",
 ]
+
+
+def __dir__() -> list[str]:
+    return __all__

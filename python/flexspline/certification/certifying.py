@@ -34,6 +34,7 @@ from flexspline.certification.program import (
 )
 from flexspline.certification.result import (
     CHAIN_OUTPUTS,
+    FIRST_ADAPTED,
     Certificate,
     Cost,
     Output,
@@ -44,7 +45,7 @@ from flexspline.certification.result import (
 )
 from flexspline.errors import InputError, listed
 from flexspline.estimation.chain import estimate, measurable
-from flexspline.estimation.plan import BANDWIDTH, plan_of, with_derivatives
+from flexspline.estimation.plan import BANDWIDTH, adapted_units, plan_of, with_derivatives
 from flexspline.estimation.result import Estimate
 from flexspline.estimators import Differentiator, Estimator, ReadingChecks
 from flexspline.estimators.sensing import DERIVED
@@ -178,6 +179,8 @@ def _subject(model: Model, log: Log, target: str | None) -> _Subject:
         log = with_derivatives(plan, measurable(with_motor_torque(log), said), None, said)
         stages = {*plan.sensing, *plan.estimating, *(("sensor",) if plan.has_sensor else ())}
         outputs = {name: made for name, made in CHAIN_OUTPUTS.items() if made.estimator in stages}
+        for place, (name, unit) in enumerate(adapted_units(model, plan).items()):
+            outputs[name] = Output(FIRST_ADAPTED + place, unit, 0, "adaptation")
         return _Subject("estimators", "joint_unit", None, outputs, log, None, tuple(said))
     part = model.part(target)
     log = channels_for(prepared(log, part.preparations), part.effects, part.known_load)

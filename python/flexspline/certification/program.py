@@ -261,7 +261,7 @@ def _row(real: str, fraction: str) -> np.dtype[np.void]:
 def _result(real: str) -> np.dtype[np.void]:
     marks = [(name, "u1") for name in ("contact", "flags", "faults", "status")]
     ticks = [("spare", "<u2"), ("ticks", "<u4"), ("unused", "<u4")]
-    return np.dtype([("values", real, 8), ("missed", "<u2"), *marks, *ticks])
+    return np.dtype([("values", real, 16), ("missed", "<u2"), *marks, *ticks])
 
 
 ROW = {"float": _row("<f4", "<u4"), "double": _row("<f8", "<u8")}

@@ -20,6 +20,7 @@ from flexspline.formatting import rows_text, sentences_text, short, table_html
 
 __all__ = [
     "CHAIN_OUTPUTS",
+    "FIRST_ADAPTED",
     "Certificate",
     "Cost",
     "Output",
@@ -203,6 +204,7 @@ CHAIN_OUTPUTS = {
     "external_torque_compliant_observer": Output(5, "Nm", 128, "compliant_observer"),
     "external_torque_merged": Output(6, "Nm", 32, "merge"),
 }
+FIRST_ADAPTED = 8  # place of the adapted coefficients among the values
 
 
 @dataclass(frozen=True)

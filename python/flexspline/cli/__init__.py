@@ -11,9 +11,11 @@ from flexspline.cli.demo import demo, reproduce
 from flexspline.cli.discover import compare, discover, models
 from flexspline.cli.export import certify, export
 from flexspline.cli.fit import calibrate, fit
+from flexspline.cli.fleet import fleet
 from flexspline.cli.logs import check, convert, init, orders
 from flexspline.cli.predict import estimate, predict, simulate
 from flexspline.cli.speech import Commands, spoken
+from flexspline.cli.track import track
 
 __all__ = ["commands", "main"]
 
@@ -45,7 +47,9 @@ def commands() -> None:
       compare  where model and runs disagree  flexspline compare
       models   of one target, side by side    flexspline compare-models
       discover which effect is missing        flexspline discover
+      track    one joint over months          flexspline track
       estimate the torque from outside        flexspline estimate
+      fleet    of joints: fit, discover, compare   flexspline fleet
       export   constants for the robot        flexspline export
       certify  the robot computes the same    flexspline certify
 
@@ -73,8 +77,8 @@ def commands() -> None:
 
 
 COMMANDS = (
-    init, check, orders, fit, calibrate, predict, simulate, compare, models, discover, estimate,
-    export, certify, convert, demo, reproduce,
+    init, check, orders, fit, calibrate, predict, simulate, compare, models, discover, track,
+    fleet, estimate, export, certify, convert, demo, reproduce,
 )  # fmt: skip
 
 for command in COMMANDS:

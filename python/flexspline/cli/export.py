@@ -86,6 +86,12 @@ def _listed() -> tuple[str, list[tuple[str, str]]]:
     is_flag=True,
     help="Compile the plugin too, with $CXX or c++ and the MuJoCo of this Python.",
 )
+@click.option(
+    "--dcmotor/--no-dcmotor",
+    default=None,
+    help="Whether passive dcmotors of an MJCF file take Stribeck's and presliding friction and "
+    "ripple; by default where the MuJoCo of this Python has them, from 4 on.",
+)
 @out_file("FILE_OR_DIR", "File to write, or the folder that some formats are; whole or not at all.")
 @target(required=False)
 @simulation
@@ -100,6 +106,7 @@ def export(
     form: str,
     scalar: str,
     compiles: bool,
+    dcmotor: bool | None,
     out: str,
     target: str | None,
     strict: bool,
@@ -124,6 +131,7 @@ def export(
     from flexspline.exporting import (
         FOLDERS,
         JOINTS,
+        WITH_MOTORS,
         export_warnings,
         joint_of,
         mujoco_plugin,
@@ -134,6 +142,9 @@ def export(
     files = FOLDERS[form](namespace_of(out)) if form in FOLDERS else ()
     if compiles and not files:
         raise InputError(f"--compile is for --format {' or '.join(FOLDERS)}; leave it out")
+    if dcmotor is not None and form != WITH_MOTORS:
+        said = "dcmotor" if dcmotor else "no-dcmotor"
+        raise InputError(f"--{said} is for --format {WITH_MOTORS}; leave it out")
     refuse_overwriting(out, [*runs, *simulation, model_path], files)
     joint = loaded(model_path, target, model_joint or reading.joint)
     logs: Sequence[Log] = ()
@@ -144,14 +155,12 @@ def export(
     if compiles and not logs:
         mujoco_plugin(joint, out, target, strict)
     else:
-        export_model(
-            joint, out, format=form, target=target, scalar=scalar, strict=strict, runs=logs
-        )
+        export_model(joint, out, form, target, scalar, strict, logs, dcmotor)
     warnings = export_warnings(joint, target)
     found({"format": form, "warnings": warnings})
     warn(warnings)
     if form in JOINTS and (runs or is_json()):
-        _tell_losses(joint_of(joint, form, target, logs))
+        _tell_losses(joint_of(joint, form, target, logs, dcmotor))
     alone = [
         f"; for {part.target} it is the correction alone: add what the simulation says"
         for part in joint.parts.values()
@@ -185,7 +194,7 @@ def _tell_losses(joint: PlainJoint) -> None:
         {"effect": loss.effect, "largest": loss.torque, "rms": loss.rms, "why": loss.why}
         for loss in joint.lost
     ]
-    found({"kept": joint.kept, "lost": losses})
+    found({"kept": joint.kept, "lost": losses, "dcmotors": len(joint.motors)})
     if joint.on_runs is not None:
         from flexspline.exporting.plain_joint import losses_text, runs_text
 

@@ -297,6 +297,8 @@ def init(
     if recording is None:
         raise click.UsageError("Missing argument 'RECORDING'.")
     refuse_overwriting(out, [recording])
+    if not Path(out).name:
+        raise InputError(f"--out '{out}': is no name of a file; give one that ends in .toml")
     figure = Path(out).with_suffix(".png")
     if figure == Path(out):
         raise InputError(f"--out {out}: is the name of the figure; give one that ends in .toml")

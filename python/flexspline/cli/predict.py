@@ -205,11 +205,12 @@ def estimate(
 
     FILE.csv receives time, temperature, sensor_torque (compensated) and external_torque_sensor;
     external_torque_observer, _compliance, _compliant_observer and _merged and contact where the
-    model holds the estimator; and status. One row for each row of the run, torques in Nm at the
-    output, positive where the joint pushes in the positive direction. A value is empty where
-    its stage had nothing to work with; status says which. Of several runs a folder receives a file
-    for each, named after the run's; where runs have a reference_torque a table says the error of
-    each external torque beside it, by run and pooled.
+    model holds the estimator; status; and the coefficients that an adaptation learns, by their
+    names. One row for each row of the run, torques in Nm at the output, positive where the joint
+    pushes in the positive direction. A value is empty where its stage had nothing to work with;
+    status says which. Of several runs a folder receives a file for each, named after the run's;
+    where runs have a reference_torque a table says the error of each external torque beside it, by
+    run and pooled.
 
     \b
     Examples:

@@ -20,3 +20,7 @@ __all__ = [
     "smallest_detectable_torque",
     "standstill_residual",
 ]
+
+
+def __dir__() -> list[str]:
+    return __all__

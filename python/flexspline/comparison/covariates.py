@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 
 from flexspline.comparison.runs import Compared, ComparedRun, Rows
 from flexspline.errors import InputError
+from flexspline.formatting import told_apart
 from flexspline.least_squares.noise_model import Chunk, NoiseModel, noise_model
 from flexspline.logs.segments import since_reversal
 from flexspline.orders import FoundOrder, OrderAnalysis, find_orders
@@ -300,14 +301,16 @@ def labels_of(edges: Array, unit: str) -> tuple[str, ...]:
     """Return what each bin is called, such as "0.1 to 0.2 rad/s"."""
     first, *inner, last = edges.tolist()
     lowest = -np.inf if first == 0.0 else first  # of a size, which has nothing below 0
-    ends = pairwise([lowest, *inner, last])
-    return tuple(_label(low, high, unit) for low, high in ends)
+    ends = zip([lowest, *inner, last], told_apart([first, *inner, last]), strict=True)
+    return tuple(
+        _label(low, high, below, above, unit) for (low, below), (high, above) in pairwise(ends)
+    )
 
 
-def _label(low: float, high: float, unit: str) -> str:
+def _label(low: float, high: float, below: str, above: str, unit: str) -> str:
     if low == -np.inf:
-        return "all" if high == np.inf else f"below {high:.3g} {unit}"
-    return f"above {low:.3g} {unit}" if high == np.inf else f"{low:.3g} to {high:.3g} {unit}"
+        return "all" if high == np.inf else f"below {above} {unit}"
+    return f"above {below} {unit}" if high == np.inf else f"{below} to {above} {unit}"
 
 
 def _sampled(values: Array) -> tuple[Array, float]:

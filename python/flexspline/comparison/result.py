@@ -31,6 +31,7 @@ from flexspline.comparison.search import (
     worst_band,
 )
 from flexspline.errors import InputError, did_you_mean, listed
+from flexspline.formatting import told_apart
 from flexspline.lazy import render
 from flexspline.prepared import bandwidth_used, inputs_json
 from flexspline.schema import checked_json
@@ -428,9 +429,9 @@ def _band(low: float | None, high: float | None, name: str, unit: str) -> str:
     before = _NOUNS.get(name, "")
     if low is None or (low == 0.0 and name == "speed"):
         return f"{before}below {high:.3g} {unit}"
-    return f"{before}above {low:.3g} {unit}" if high is None else (
-        f"{before}from {low:.3g} to {high:.3g} {unit}"
-    )  # fmt: skip
+    if high is None:
+        return f"{before}above {low:.3g} {unit}"
+    return f"{before}from {' to '.join(told_apart([low, high]))} {unit}"
 
 
 def _decimals(size: float) -> int:

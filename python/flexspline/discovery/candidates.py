@@ -32,6 +32,7 @@ from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import CATALOGUE, TARGETS, Effect, Harmonic, ShapeInfo
 from flexspline.effects.causes import (
     BASIC_FRICTION,
+    COGGING,
     FRICTION_BY_DIRECTION,
     GRAVITY,
     KINEMATIC_ERROR,
@@ -40,6 +41,7 @@ from flexspline.effects.causes import (
     MOTOR_RIPPLES,
     OFFSET,
     OUTPUT_RIPPLE,
+    WAVE_GENERATOR_RIPPLE,
 )
 from flexspline.errors import InputError
 from flexspline.least_squares.options import SHARED
@@ -246,6 +248,8 @@ def order_pools(
 ) -> dict[str, tuple[Harmonic, ...]]:
     """Return the orders to try for each ripple effect.
 
+    One that pole pairs or slots claim is tried as a wave generator's too, where it may be its
+    overtone.
     An effect that follows others (a resonance of their ripple) has the orders that these have in
     the model, or the strongest found. `span`: rad that the output goes from end to end; of a low
     order half a period has to be seen, or it is an offset and a slope.
@@ -260,6 +264,8 @@ def order_pools(
         if isinstance(line.order, int) and line.pair:
             name = OUTPUT_RIPPLE if line.effect == GRAVITY else line.effect
             wanted.append((name, (line.order, CORE_PAIRS[line.pair])))
+            if line.effect == COGGING and _is_overtone(line, found):
+                wanted.append((WAVE_GENERATOR_RIPPLE, (line.order, CORE_PAIRS[line.pair])))
     if target == "torsion":
         wanted = [(KINEMATIC_ERROR, harmonic) for _, harmonic in wanted]
     own: dict[str, list[Harmonic]] = {}
@@ -271,6 +277,19 @@ def order_pools(
             if f.effect in MOTOR_RIPPLES and isinstance(f.order, int) and f.pair]  # fmt: skip
     own[MODULATED_RIPPLE] = list(dict.fromkeys([*leading, *seen]))
     return {name: _allowed(name, own[name]) for name in names if own.get(name)}
+
+
+def _is_overtone(line: FoundOrder, found: Sequence[FoundOrder]) -> bool:
+    """Whether an order is twice a larger one of the wave generator: both may be its ripple.
+
+    Its angle is that of the motor where the fixed part is the housing; one cause is simpler than
+    two.
+    """
+    return any(
+        abs(line.per_output_turn - 2.0 * one.per_output_turn) < one.resolution
+        for one in found
+        if one.effect == WAVE_GENERATOR_RIPPLE and one.amplitude > line.amplitude
+    )
 
 
 def span_of(problem: Problem) -> float:

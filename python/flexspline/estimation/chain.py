@@ -22,6 +22,7 @@ from flexspline.errors import InputError, listed
 from flexspline.estimation.plan import (
     READINGS,
     Plan,
+    adapted_units,
     joint_limits,
     made_by,
     plan_of,
@@ -110,8 +111,10 @@ def estimate(
     -------
     Columns of (N,): time [s], temperature [°C], sensor_torque [Nm], external torques [Nm at the
     output, positive outward] by sensor, observer, compliance, compliant_observer and merged,
-    contact, status. Bits of the status (`flexspline.estimation.Status`): 1 extrapolated, 2
-    saturated, 4 no temperature, 8 no sensor, 16 no observer, 32 no compliance, 64 no merged torque,
+    contact, status, and the coefficients that an `Adaptation` learned, by their names, each as it
+    was behind the row and on over gaps.
+    Bits of the status (`flexspline.estimation.Status`): 1 extrapolated, 2 saturated, 4 no
+    temperature, 8 no sensor, 16 no observer, 32 no compliance, 64 no merged torque,
     128 contact not decided, 256 started again, 512 no observer of the link, 1024 no velocity from
     the angle; what limits and reading checks took out: 2048 sensor, 4096 motor, 8192 speed, 16384
     motion, 32768 encoders, 131072 temperature; 65536 sensor and observer disagree; 262144 a reading
@@ -146,9 +149,9 @@ def _estimate(model: Model, plan: Plan, log: Log, bandwidth: float | None) -> Es
     said: dict[str, None] = {}  # sentences, each once, in order
     log = with_derivatives(plan, with_motor_torque(log), bandwidth, said)
     log = measurable(log, said, plan.preprocessing.get("reading_checks", {}))
-    columns = _columns(plan, log, run_joint(model, plan, log, said))
+    columns = _columns(model, plan, log, run_joint(model, plan, log, said))
     _require_something(columns, log, tuple(said))
-    return Estimate(log.name, columns, tuple(said))
+    return Estimate(log.name, columns, tuple(said), adapted_units(model, plan))
 
 
 def _require_increasing(log: Log) -> None:
@@ -173,9 +176,11 @@ def _require_stable(plan: Plan, log: Log) -> None:
             )
 
 
-def _columns(plan: Plan, log: Log, found: Mapping[str, Any]) -> dict[str, Array]:
+def _columns(model: Model, plan: Plan, log: Log, found: Mapping[str, Any]) -> dict[str, Array]:
     columns = {"time": np.array(log["time"])}
     columns |= {name: found[name] for name in ("temperature", "sensor_torque")}
+    units = adapted_units(model, plan)
+    columns |= {name: found["adapted"][:, place] for place, name in enumerate(units)}
     missed = found["missed"]
     bits = np.zeros(MOST_MISSED + 1, dtype=np.int64)  # of the status, by those of `missed`
     some = np.arange(MOST_MISSED + 1)

@@ -30,11 +30,13 @@ from typing import Any
 import numpy as np
 
 from flexspline import _core
+from flexspline.effects import unit_in
 from flexspline.effects.causes import GRAVITY, INERTIA, MESH, TORSION_LOOP
 from flexspline.errors import InputError, listed
 from flexspline.estimators import (
     PREPROCESSING,
     SENSING,
+    Adaptation,
     Collision,
     Differentiator,
     Observer,
@@ -54,6 +56,7 @@ __all__ = [
     "READINGS",
     "UNITS",
     "Plan",
+    "adapted_units",
     "joint_limits",
     "made_by",
     "part_limits",
@@ -107,7 +110,7 @@ class Plan:
         them.
     has_sensor : whether the chain has a sensor torque.
     sensor : the sensor's part, or None.
-    observed : the part of the observer's input without inertia, or None.
+    observed : the part of the observer's input without inertia, adapted effects first, or None.
     torsion : the torsion's part without the mesh and without hysteresis on the path of the load,
         which the chain's compliance has; or None.
     carried : what the gear carries beside the load: gravity, or None.
@@ -165,6 +168,11 @@ def plan_of(model: Model) -> Plan:
     estimating = {k: entry for k, entry in entries.items() if k not in (*PREPROCESSING, *SENSING)}
     sensor = _known(model.parts.get("sensor"))
     driven = _known(_driven(model))
+    observed = None if driven is None else _without(driven, INERTIA)
+    adaptation = model.estimators.get("adaptation")
+    if isinstance(adaptation, Adaptation) and observed is not None:
+        observed = _first(observed, adaptation.effects)
+        estimating["adaptation"] = _adaptation(adaptation, observed)
     torsion = _known(model.parts.get("torsion")) if "compliance" in estimating else None
     if torsion is not None:
         loop = _hysteresis(model, torsion)
@@ -177,7 +185,7 @@ def plan_of(model: Model) -> Plan:
         estimating=estimating,
         has_sensor=has_sensor,
         sensor=sensor,
-        observed=None if driven is None else _without(driven, INERTIA),
+        observed=observed,
         torsion=torsion,
         carried=_carried(model) if "compliance" in estimating else None,
         inertia=0.0 if driven is None else _coefficient(driven, INERTIA),
@@ -295,6 +303,36 @@ def _without(part: Part, *names: str) -> Part:
     return replace(part, effects=tuple(effects), coefficients=np.array(values))
 
 
+def _first(part: Part, names: Sequence[str]) -> Part:
+    """The part with these effects before the others, as the core's adaptation finds them."""
+    first, blocks = 0, []
+    for effect in part.effects:
+        last = first + len(effect.terms)
+        blocks.append((effect, part.coefficients[first:last]))
+        first = last
+    blocks.sort(key=lambda block: block[0].name not in names)
+    return replace(
+        part,
+        effects=tuple(effect for effect, _ in blocks),
+        coefficients=np.concatenate([values for _, values in blocks]),
+    )
+
+
+def _adaptation(made: Adaptation, observed: Part) -> dict[str, Any]:
+    """The numbers that the core begins with: those of the entry, and of the part's fit."""
+    return {
+        "noise": made.spread(observed),
+        "interval": made.interval,
+        "memory": made.memory,
+        "gate": made.gate,
+        "least_speed": made.speed(observed),
+        "least_information": made.least_information,
+        **made.start(observed),
+        "use": made.use,
+        "load": made.load,
+    }
+
+
 def _coefficient(part: Part, name: str) -> float:
     """The coefficient of an effect with one term, 0 where the part lacks it."""
     first = 0
@@ -315,13 +353,26 @@ def _temperature_range(parts: list[Part]) -> tuple[float, float] | None:
     return (low, high) if low < high and math.isfinite(high - low) else None
 
 
+def adapted_units(model: Model, plan: Plan) -> dict[str, str]:
+    """Return name and unit of each parameter that is adapted, in the core's order."""
+    made, part = model.estimators.get("adaptation"), plan.observed
+    if not isinstance(made, Adaptation) or part is None:
+        return {}
+    return {
+        f"{effect.name}.{term.name}": unit_in(term.unit, part.target, part.known_load)
+        for effect in made.adapted(part)
+        for term in effect.terms
+    }
+
+
 def reads_of(plan: Plan) -> set[str]:
     """Return the channels that the models between the stages, and the stages behind, read."""
     effects = [
         effect for part in plan.models.values() if part is not None for effect in part.effects
     ]
     reads = {name for effect in effects for name in effect.reads}
-    if plan.inertia or plan.link_inertia or plan.estimating.keys() & {"merge", "collision"}:
+    by_speed = plan.estimating.keys() & {"merge", "collision", "adaptation"}
+    if plan.inertia or plan.link_inertia or by_speed:
         reads.add("output_velocity")
     return reads
 

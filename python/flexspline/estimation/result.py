@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntFlag
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, overload
@@ -66,20 +66,24 @@ class Estimate:
     columns : `COLUMNS`, those of both observers, compliance, merged and contact where the model
         has the estimator. `status` holds the bits of `flexspline.estimation.Status`.
     notes : sentences on what was derived, missing, extrapolated or held.
+    adapted : parameters that an adaptation learned, with their units: columns behind all others,
+        each row with what was known behind it.
     """
 
     name: str
     columns: Mapping[str, Array]
     notes: tuple[str, ...] = ()
+    adapted: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        ordered = {name: self.columns[name] for name in COLUMNS if name in self.columns}
+        names = (*COLUMNS, *self.adapted)
+        ordered = {name: self.columns[name] for name in names if name in self.columns}
         for data in ordered.values():
             data.flags.writeable = False
         object.__setattr__(self, "columns", MappingProxyType(ordered))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return (Estimate, (self.name, dict(self.columns), self.notes))
+        return (Estimate, (self.name, dict(self.columns), self.notes, dict(self.adapted)))
 
     def __len__(self) -> int:
         return len(self.columns["time"])
@@ -228,7 +232,8 @@ def _rows(made: Estimate) -> list[tuple[str, ...]]:
         good = data[np.isfinite(data)]
         sizes = (good.mean(), good.min(), good.max()) if good.size else (np.nan,) * 3
         empty = len(data) - good.size
-        found.append((name, COLUMNS[name], *(short(float(s), 4) for s in sizes), str(empty)))
+        unit = COLUMNS.get(name) or made.adapted[name]
+        found.append((name, unit, *(short(float(s), 4) for s in sizes), str(empty)))
     return found
 
 

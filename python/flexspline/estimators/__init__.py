@@ -9,6 +9,7 @@ from __future__ import annotations
 from types import MappingProxyType
 from typing import TypeAlias
 
+from flexspline.estimators.adaptation import Adaptation
 from flexspline.estimators.external_torque import Collision, Compliance, Merge, Observer
 from flexspline.estimators.sensing import (
     Calibration,
@@ -22,6 +23,7 @@ __all__ = [
     "ESTIMATORS",
     "PREPROCESSING",
     "SENSING",
+    "Adaptation",
     "Calibration",
     "Collision",
     "Compliance",
@@ -44,6 +46,7 @@ Estimator: TypeAlias = (
     | Compliance
     | Merge
     | Collision
+    | Adaptation
 )
 
 ESTIMATORS: MappingProxyType[str, type[Estimator]] = MappingProxyType(
@@ -58,6 +61,7 @@ ESTIMATORS: MappingProxyType[str, type[Estimator]] = MappingProxyType(
         "compliant_observer": Observer,
         "merge": Merge,
         "collision": Collision,
+        "adaptation": Adaptation,
     }
 )  # by their `key`, in the order in which they run
 PREPROCESSING = ("reading_checks", "differentiator")

@@ -81,7 +81,6 @@ __all__ = [
     "refined",
 ]
 
-RATE = 100.0  # Hz, of the trajectory file
 MOST_QUESTIONS = 6
 TRIED_WIDER = 3
 WIDER = 1.3  # times t by doubling a limit, for the limit to be named
@@ -144,7 +143,7 @@ def planned(
 
 def _plan(bench: Bench, bounds: Bounds, errors: Mapping[str, float]) -> Plan:
     from flexspline.experiment.plan import plan_sentence
-    from flexspline.experiment.recording import commanded
+    from flexspline.experiment.recording import RATE, commanded
 
     ranked = best_of_family(bench, bounds)
     best = refined(bench, bounds, ranked[0])

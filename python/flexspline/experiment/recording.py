@@ -6,7 +6,7 @@ limits.
     strokes       to and fro at three constant speeds
     sines         a sum of three sines
     small cycles  slow reversals over a small angle, a smaller one in between, at several places
-    holds         rests at several places, each reached from both sides
+    holds         rests at several places, on the way up and on the way down
     rest          at one place
 
 Every path starts and ends at rest at the same angle, so that it can be repeated at another load or
@@ -62,6 +62,8 @@ __all__ = [
 ]
 
 Array = NDArray[np.float64]
+
+RATE = 100.0  # Hz, of the trajectory file
 
 REST = 1.0  # s at least, in which a load changes
 STEEPEST = 1.875  # of a smooth step of one second and one unit
@@ -234,7 +236,7 @@ def holds(u: Array, bounds: Bounds) -> Drawn:
         return holds(np.array([0.7 * u[0], min(u[1] + 0.2, 1.0), 0.7 * u[2]]), bounds)
     pauses = rested(left / len(moves))
     pulses = [pulse for move in moves for pulse in [*move, *pauses]]
-    words = f"rests at {count} places {over(low, low + far)}, each reached from both sides"
+    words = f"rests at {count} places {over(low, low + far)}, on the way up and on the way down"
     return Drawn(Pulses(float(low), pulses), words)
 
 
@@ -385,19 +387,23 @@ class Excitation:
 
     def words(self, bounds: Bounds) -> str:
         """What to record, in words."""
-        drawn = self.kind.draw(self.numbers, bounds.lasting(_seconds(self.setting, bounds)))
+        drawn = self.kind.draw(self.numbers, bounds.lasting(_whole_steps(self.setting, bounds)))
         return ", ".join(s for s in (drawn.words, self.setting.words) if s)
 
 
 def commanded(made: Excitation, bounds: Bounds, rate: float) -> dict[str, Array]:
-    """Return time, motion, and load and temperature where they are set, arrays (N,)."""
-    count = max(int(_seconds(made.setting, bounds) * rate), 2)
+    """Return time, motion, and load and temperature where they are set, arrays (N,).
+
+    The path is that of `Excitation.words` at any rate.
+    """
+    seconds = _whole_steps(made.setting, bounds)
+    count = max(int(seconds * rate + 1e-6), 2)
     if count > MOST_ROWS:
         raise InputError(
             f"a run of {count / rate:.4g} s at {rate:.4g} Hz has {count} rows where {MOST_ROWS} "
             "are planned at most; give a shorter duration"
         )
-    drawn = made.kind.draw(made.numbers, bounds.lasting(count / rate))
+    drawn = made.kind.draw(made.numbers, bounds.lasting(seconds))
     path = drawn.path(np.arange(count + 1) / rate)
     pieces = list(_pieces(made.setting.parts, path, bounds, rate))
     rows = np.concatenate([piece for piece, _ in pieces])
@@ -469,6 +475,11 @@ def _seconds(setting: Setting, bounds: Bounds) -> float:
     parts = setting.parts
     rests = sum(_rest(a, b, bounds) for a, b in pairwise(parts))
     return (bounds.duration - rests) / len(parts)
+
+
+def _whole_steps(setting: Setting, bounds: Bounds) -> float:
+    """Seconds of one part in whole steps of the file, so that its last row is at rest."""
+    return max(int(_seconds(setting, bounds) * RATE), 2) / RATE
 
 
 def _rest(before: Part, after: Part, bounds: Bounds) -> float:

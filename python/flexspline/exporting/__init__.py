@@ -12,6 +12,7 @@ from typing import NamedTuple
 from flexspline.errors import FlexsplineWarning, InputError, did_you_mean
 from flexspline.exporting.block import block_bytes
 from flexspline.exporting.cpp_text import namespace_name
+from flexspline.exporting.dcmotor import has_dcmotor
 from flexspline.exporting.fmu import fmu_bytes, sfunction_text
 from flexspline.exporting.header import header_text, own_headers
 from flexspline.exporting.plain_joint import (
@@ -179,7 +180,9 @@ EXPORTS = {
     ),
     "mujoco": Export(
         "a joint of an MJCF file with armature, damping and frictionloss of the model, in SI units "
-        "at the output of the gear." + LOSSES,
+        "at the output of the gear. Where the MuJoCo of this Python is 4 or later, or with "
+        "dcmotor, passive dcmotors beside the joint take Stribeck's friction, presliding friction "
+        "and each order of a ripple." + LOSSES,
         joint=(MJCF_NUMBERS, mjcf_text),
     ),
     "urdf": Export(
@@ -192,6 +195,8 @@ EXPORTS = {
 
 FORMATS = tuple(EXPORTS)
 JOINTS = {name: each.joint for name, each in EXPORTS.items() if each.joint is not None}
+WITH_MOTORS = "mujoco"
+"""The format of `JOINTS` that has passive motors beside a joint."""
 FOLDERS = {name: each.files for name, each in EXPORTS.items() if each.files is not None}
 
 
@@ -204,6 +209,7 @@ def export(
     scalar: str = "float",
     strict: bool = False,
     runs: LogLike | Iterable[LogLike] = (),
+    dcmotor: bool | None = None,
 ) -> Path:
     """Write a model for use outside Python, whole or not at all.
 
@@ -218,6 +224,9 @@ def export(
     runs : of a simulator's joint, runs on which the table tells what is lost too: the root mean
         square of each effect, and the errors of the model and of the joint. Of a part that corrects
         a simulation they hold the channel simulated_torque.
+    dcmotor : of "mujoco", whether MuJoCo's passive `dcmotor` beside the joint takes Stribeck's and
+        presliding friction and each order of a ripple. None: where the MuJoCo of this Python has
+        it, from 4 on. It is not imported.
 
     Returns
     -------
@@ -229,8 +238,8 @@ def export(
         For an unknown format, scalar or target, a number that the core cannot hold, a target that
         is no torque where a simulator's joint needs one, a part without an effect that a plugin
         could run, a compiler that is missing or refuses, runs that lack what the model reads or of
-        which the format says nothing, or a path that cannot be written; with `strict` for what is
-        otherwise warned of.
+        which the format says nothing, `dcmotor` of another format than "mujoco", or a path that
+        cannot be written; with `strict` for what is otherwise warned of.
 
     Warns
     -----
@@ -244,10 +253,11 @@ def export(
     if format not in FORMATS:
         near = did_you_mean(format, FORMATS)
         raise InputError(f"there is no export format '{format}'{near}; give {' or '.join(FORMATS)}")
+    _require_motors(format, dcmotor)
     _warn(model, target, strict)
     if format in JOINTS:
         _, text = JOINTS[format]
-        atomic_write(path, text(joint_of(model, format, target, runs)))
+        atomic_write(path, text(joint_of(model, format, target, runs, dcmotor)))
         return Path(path)
     if as_logs(runs):
         raise InputError(
@@ -311,21 +321,31 @@ def joint_of(
     format: str,
     target: str | None = None,
     runs: LogLike | Iterable[LogLike] = (),
+    dcmotor: bool | None = None,
 ) -> PlainJoint:
     """Return the numbers of a simulator's joint and what they leave out, as `export` writes them.
 
     Parameters
     ----------
     format : one of `JOINTS`.
-    target, runs : as for `export`.
+    target, runs, dcmotor : as for `export`.
 
     Raises
     ------
     InputError
         As `export` does.
     """
+    _require_motors(format, dcmotor)
     numbers, _ = JOINTS[format]
-    return plain_joint(model, target, numbers, runs)
+    motors = has_dcmotor() if dcmotor is None else dcmotor
+    return plain_joint(model, target, numbers, runs, motors if format == WITH_MOTORS else None)
+
+
+def _require_motors(format: str, dcmotor: bool | None) -> None:
+    if dcmotor is not None and format != WITH_MOTORS:
+        raise InputError(
+            f"dcmotor is for the format {WITH_MOTORS}, and {format} has none; leave it out"
+        )
 
 
 def export_warnings(model: Model, target: str | None) -> list[str]:

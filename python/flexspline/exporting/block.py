@@ -1,29 +1,37 @@
 """Parameters of a model as a block of bytes that replaces those of a running program.
 
 The layout is that of `flexspline/block.hpp`, the order that of `flexspline/parameters.hpp`: a block
-fits a program that was compiled with the header of a model of the same structure.
+fits a program that was compiled with the header of a model of the same structure. What such a
+program learned comes back by the block that it saved (`learned_model`).
 """
 
 from __future__ import annotations
 
 import math
+import os
 import struct
 import zlib
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from flexspline.effects import Effect
-from flexspline.errors import InputError
-from flexspline.estimation.plan import Plan, joint_limits, part_limits, plan_of
+from flexspline.errors import InputError, listed
+from flexspline.estimation.plan import Plan, adapted_units, joint_limits, part_limits, plan_of
+from flexspline.estimators import Observer
 from flexspline.exporting.cpp_text import STAGES, Field, Stage, given, stages_in
 from flexspline.exporting.header import by_motor_encoder
 from flexspline.model import Model, Part
 from flexspline.signals import gear_of
 
-__all__ = ["SCALARS", "block_bytes"]
+__all__ = ["SCALARS", "block_bytes", "learned_model"]
 
 SCALARS = ("float", "double")
 VERSION = 2  # with the limits of readings
+HEAD = 16  # bytes before the numbers
 LARGEST = {
     "float": float.fromhex("0x1.fffffep+127"),
     "double": float.fromhex("0x1.fffffffffffffp+1023"),
@@ -66,6 +74,88 @@ def block_bytes(model: Model, scalar: str = "float", target: str | None = None) 
     return block.bytes()
 
 
+def learned_model(model: Model, block: bytes | str | os.PathLike[str]) -> Model:
+    """Return the model with the coefficients that a joint learned, as its saved block has them.
+
+    Parameters
+    ----------
+    model : with an `Adaptation`, as it was exported to the joint.
+    block : its bytes, or the path of a file with them: of `adopt` and `save` on the joint, float or
+        double.
+
+    Returns
+    -------
+    The model whose part of the observer's input has the learned coefficients. All else stays,
+    errors of the fit among it.
+
+    Raises
+    ------
+    InputError
+        Where the model has no adaptation, the file cannot be read, or it is no block of this model.
+    """
+    plan = plan_of(model)
+    names = list(adapted_units(model, plan))
+    if not names:
+        raise InputError(
+            "the model has no estimator adaptation, so no joint learned its coefficients; give the "
+            "model that was exported to the joint"
+        )
+    given = block if isinstance(block, bytes) else _content(Path(block))
+    label = "the block" if isinstance(block, bytes) else f"{block}"
+    scalar = {4: "float", 8: "double"}.get(given[5] if len(given) > HEAD else 0)
+    if scalar is None or given[:4] != b"FLXJ":
+        raise InputError(f"{label} is no block of parameters; give what the joint saved")
+    own = _Block(scalar)
+    own.joint(model, plan)
+    made = own.bytes()
+    whole = given[: len(made)]
+    if whole[:HEAD] != made[:HEAD]:
+        raise InputError(
+            f"{label} is a block of another structure than the model's; give the model that was "
+            "exported to the joint"
+        )
+    (crc,) = struct.unpack("<I", whole[-4:])
+    if len(whole) < len(made) or zlib.crc32(whole[:-4]) != crc:
+        raise InputError(f"{label} is not whole: its checksum does not fit; read it again")
+    part = plan.observed
+    assert part is not None
+    learned: list[float] = []
+    for effect in part.effects[: len({name.split(".")[0] for name in names})]:
+        first = HEAD + own.observed[effect.name]
+        learned += struct.unpack_from(f"<{len(effect.terms)}{own.letter}", whole, first)
+    values = dict(zip(names, learned, strict=True))
+    bad = [name for name, value in values.items() if not math.isfinite(value)]
+    if bad:
+        raise InputError(f"{label}: {listed(bad)} is no finite number; read it again")
+    return _with_values(model, values)
+
+
+def _content(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror}; give what the joint saved") from error
+
+
+def _with_values(model: Model, values: Mapping[str, float]) -> Model:
+    """The model whose part of the observer's input has these coefficients."""
+    observer = model.estimators["observer"]
+    assert isinstance(observer, Observer)
+    key = "drive" if observer.input == "motor_torque" else "sensor"
+    part = model.parts[key]
+    names = [f"{effect.name}.{term.name}" for effect in part.effects for term in effect.terms]
+    kept = zip(names, part.coefficients.tolist(), strict=True)
+    coefficients = np.array([values.get(name, value) for name, value in kept])
+    record = dict(part.record)
+    if "parameters" in record:
+        record["parameters"] = [
+            {**entry, "value": values.get(entry["name"], entry["value"])}
+            for entry in record["parameters"]
+        ]
+    made = replace(part, coefficients=coefficients, record=record)
+    return replace(model, parts={**model.parts, key: made})
+
+
 class _Block:
     """Numbers in the order of the core's visit, and the outline of what they belong to."""
 
@@ -73,6 +163,7 @@ class _Block:
         self.scalar = scalar
         self.letter, self.size = ("f", 4) if scalar == "float" else ("d", 8)
         self.payload, self.outline = bytearray(), bytearray()
+        self.observed: dict[str, int] = {}  # place of the coefficients of the observer's effects
 
     def bytes(self) -> bytes:
         structure, size = zlib.crc32(self.outline), len(self.payload)
@@ -111,6 +202,8 @@ class _Block:
             last = first + len(effect.terms)
             if effect.terms:
                 self._effect(effect, part.coefficients[first:last].tolist())
+            if name == "observed model":
+                self.observed[effect.name] = len(self.payload) - (last - first) * self.size
             first = last
 
     def _gear(self, gear: Mapping[str, Any]) -> None:

@@ -107,6 +107,11 @@ RESULTS = {
     "merge": "external_merged",
     "collision": "contact",
 }
+LEARNING = (  # of a chain with an adaptation
+    "// joint<float>.adapted(state): coefficients as they are learned, in the order of",
+    "//     observed_model; behind a gap Joint<float>::restart(state) keeps them, state = {} not;",
+    "//     Joint<float> kept = joint<float>; kept.adopt(state); flexspline::save(kept, ...)",
+)
 
 
 def header_text(
@@ -395,6 +400,8 @@ def chain_head(plan: Plan, namespace: str) -> Iterator[str]:
         if stage in plan.estimating or (stage == "sensor" and plan.has_sensor):
             yield f"    // out.{name}: unless"
             yield f"    //     has(out.missed, flexspline::Stage::{stage})"
+    if "adaptation" in plan.estimating:
+        yield from (f"    {line}" for line in LEARNING)
     yield "    // has(out.flags, flexspline::Flag::extrapolated), saturated: to be known beside it"
     yield "    // has(out.flags, flexspline::Flag::out_of_range): a reading is beyond its limit"
     yield "    // has(out.faults, flexspline::Fault::speed), ...: what cannot be true"

@@ -6,11 +6,8 @@ costs. Beside runs, their root mean square there says it too, and the error of w
 
 Names get into XML by `attributes` and `comment` alone, in which nothing of a name is markup.
 
-A joint of MuJoCo has armature, damping, frictionloss and stiffness.
-
-MuJoCo 4 has an actuator `dcmotor` too, with back-EMF, cogging and LuGre friction. It is not
-written: it takes volts through the constant and the resistance of a winding, which no model here
-has, and its cogging has one order of the joint's angle, not those of the motor's.
+A joint of MuJoCo has armature, damping, frictionloss and stiffness. MuJoCo 4 has passive DC motors
+beside it, which take ripple, Stribeck's and presliding friction: see `dcmotor`.
 
 A joint of a URDF has damping, friction and limits.
 """
@@ -18,7 +15,7 @@ A joint of a URDF has damping, friction and limits.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
@@ -27,6 +24,7 @@ from numpy.typing import NDArray
 from flexspline.about import __version__
 from flexspline.effects import Effect
 from flexspline.effects.causes import (
+    COGGING,
     COULOMB,
     COULOMB_PER_DIRECTION,
     GRAVITY,
@@ -36,6 +34,7 @@ from flexspline.effects.causes import (
     VISCOUS,
 )
 from flexspline.errors import InputError, listed, printable
+from flexspline.exporting.dcmotor import LUGRE, Motors, PassiveMotor, motors_of
 from flexspline.logs.log import Log
 from flexspline.logs.read import LogLike, as_logs
 from flexspline.model import Model, Part
@@ -128,7 +127,8 @@ class PlainJoint:
     `damping`: by the power of the speed beside it, τ = v (d₀ + d₁ |v| + d₂ v²), up to the last one
     that the model has. `kept`: effect by effect, the number that it is. `position`: range of the
     angle [rad]; `velocity` and `effort`: largest speed [rad/s] and torque [Nm] of the fit's ranges.
-    Each of these is None where the model has no such range.
+    Each of these is None where the model has no such range. `motors`: MuJoCo's, beside the joint.
+    `for_motors`: effects that are lost and that such motors would take.
     """
 
     name: str
@@ -143,6 +143,29 @@ class PlainJoint:
     velocity: float | None
     effort: float | None
     on_runs: OnRuns | None = None
+    motors: tuple[PassiveMotor, ...] = ()
+    for_motors: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class _Split:
+    """An effect as a joint has it: the `kind` of number that it is, and the `rest`, (P,), of it.
+
+    `motors` take what is in neither. `could`: they would, and are not wanted.
+    """
+
+    effect: Effect
+    kind: str
+    rest: Array
+    why: str
+    motors: Motors = field(default_factory=Motors)
+    could: bool = False
+
+    @property
+    def whole(self) -> bool:
+        """Whether nothing is left out."""
+        known = self.effect.name in NUMBERS or bool(self.motors.made)
+        return known and not self.rest.any() and not self.motors.largest
 
 
 def plain_joint(
@@ -150,12 +173,14 @@ def plain_joint(
     target: str | None,
     numbers: Sequence[tuple[str, int]],
     runs: LogLike | Iterable[LogLike] = (),
+    motors: bool | None = None,
 ) -> PlainJoint:
     """Return a part of a model as a joint's numbers.
 
     Parameters
     ----------
     numbers : those that the format has, such as (DAMPING, 0).
+    motors : whether MuJoCo's passive motors take what they can; None: the format has none.
     runs : on which the cost of what is lost is told.
 
     Raises
@@ -168,29 +193,16 @@ def plain_joint(
     to_torque = output_torque(model, part)
     values = dict.fromkeys(numbers, 0.0)
     sweep = _Sweep(model, part)
-    kept, lost, first = dict[str, str](), list[Loss](), 0
-    weights = list[Array]()
+    splits, first = list[_Split](), 0
     for effect in part.effects:
-        mine = slice(first, first + len(effect.terms))
-        first = mine.stop
-        places = NUMBERS.get(effect.name, ())
-        said, why = _said(effect.name, part.coefficients[mine], places, values)
-        for (kind, power), value in zip(places, said, strict=False):
-            if (kind, power) in values:
-                values[kind, power] = to_torque * float(value)
-        if said.any():
-            kept[effect.name] = places[0][0]
-        rest = part.coefficients[mine] - said
-        if rest.any() or not places:
-            torque, missing = sweep.largest(effect, rest)
-            size = None if torque is None else to_torque * torque
-            elsewhere = why == _REMEDIES.get(effect.name)
-            lost.append(Loss(effect.name, size, missing or why, elsewhere))
-            weights.append(np.zeros(len(part.coefficients)))
-            weights[-1][mine] = to_torque * rest
-    on_runs, logs = None, as_logs(runs)
+        last = first + len(effect.terms)
+        coefficients = part.coefficients[first:last]
+        splits.append(_split(model, part, effect, coefficients, to_torque, values, motors))
+        first = last
+    left = [split for split in splits if not split.whole]
+    lost, on_runs, logs = [_loss(split, sweep, to_torque) for split in left], None, as_logs(runs)
     if logs:
-        on_runs, sizes = _on_runs(model, part, logs, to_torque, lost, weights)
+        on_runs, sizes = _on_runs(model, part, logs, to_torque, left)
         lost = [replace(loss, rms=float(size)) for loss, size in zip(lost, sizes, strict=True)]
     lost.sort(key=_size, reverse=True)
     powers = [power for (kind, power), value in values.items() if kind == DAMPING and value]
@@ -205,13 +217,52 @@ def plain_joint(
             values.get((DAMPING, power), 0.0) for power in range(max(powers, default=0) + 1)
         ),
         friction=values.get((FRICTION, 0), 0.0),
-        kept=kept,
+        kept={split.effect.name: split.kind for split in splits if split.kind},
         lost=tuple(lost),
         position=None if position is None else (float(position[0]), float(position[1])),
         velocity=None if speed is None else float(np.abs(speed).max()),
         effort=sweep.effort(to_torque),
         on_runs=on_runs,
+        motors=tuple(motor for split in splits for motor in split.motors.made),
+        for_motors=tuple(split.effect.name for split in splits if split.could),
     )
+
+
+def _split(
+    model: Model,
+    part: Part,
+    effect: Effect,
+    coefficients: Array,
+    to_torque: float,
+    values: dict[tuple[str, int], float],
+    motors: bool | None,
+) -> _Split:
+    """Put what an effect says to a joint's numbers into `values`, and return how it is split."""
+    places = NUMBERS.get(effect.name, ())
+    said, why = _said(effect.name, coefficients, places, values)
+    for (kind, power), value in zip(places, said, strict=False):
+        if (kind, power) in values:
+            values[kind, power] = to_torque * float(value)
+    kind, rest = places[0][0] if said.any() else "", coefficients - said
+    if places or motors is None:
+        return _Split(effect, kind, rest, why)
+    take = motors_of(model, part, effect, to_torque * coefficients)
+    if not take.made:
+        return _Split(effect, kind, rest, take.hinders if motors and take.hinders else why)
+    if not motors:
+        return _Split(effect, kind, rest, why, could=True)
+    rest = np.where(take.taken == 0.0, coefficients, 0.0)
+    return _Split(effect, take.made[0].kind, rest, take.why or "negative", take)
+
+
+def _loss(split: _Split, sweep: _Sweep, to_torque: float) -> Loss:
+    """The row of an effect that is not whole."""
+    elsewhere = split.why == _REMEDIES.get(split.effect.name)
+    if split.motors.made and not split.rest.any():
+        return Loss(split.effect.name, split.motors.largest, split.why)
+    torque, missing = sweep.largest(split.effect, split.rest)
+    size = None if torque is None else to_torque * torque + split.motors.largest
+    return Loss(split.effect.name, size, missing or split.why, elsewhere)
 
 
 def _size(loss: Loss) -> float:
@@ -225,17 +276,19 @@ def _on_runs(
     part: Part,
     logs: Sequence[Log],
     to_torque: float,
-    lost: Sequence[Loss],
-    weights: Sequence[Array],
+    left: Sequence[_Split],
 ) -> tuple[OnRuns, Array]:
     """What is lost of each effect, (L,) root mean squares, and the errors that it makes."""
-    of_each, together, errors = np.zeros(len(lost)), 0.0, np.zeros(3)
+    of_each, together, errors = np.zeros(len(left)), 0.0, np.zeros(3)
     rows = measured = 0
-    here = np.array([not loss.elsewhere for loss in lost], dtype=bool)
+    here = np.array([e.why != _REMEDIES.get(e.effect.name) for e in left], dtype=bool)
+    weights = to_torque * _weights(part, left)
     for log in logs:
         said = model.predict(log, part.target)
         good = np.isfinite(said.predicted)
-        made = model.rows(log, part.target)[good] @ np.reshape(weights, (len(lost), -1)).T
+        made = model.rows(log, part.target)[good] @ weights
+        for place, each in enumerate(left):
+            made[:, place] -= each.motors.torque(log)[good]
         residual = to_torque * said.residual[good]
         known = np.isfinite(residual)
         of_each += (made**2).sum(axis=0)
@@ -252,6 +305,19 @@ def _on_runs(
     three = [float(each) for each in np.sqrt(errors / measured)] if measured else [None] * 3
     found = OnRuns(tuple(log.name for log in logs), rows, float(np.sqrt(together / rows)), *three)
     return found, np.sqrt(of_each / rows)
+
+
+def _weights(part: Part, left: Sequence[_Split]) -> Array:
+    """What multiplies the model's rows, (P, L): of what is left out, and of what motors take."""
+    weights, first = np.zeros((len(part.coefficients), len(left))), 0
+    for effect in part.effects:
+        last = first + len(effect.terms)
+        for place, each in enumerate(left):
+            if each.effect is effect:
+                whole = bool(each.motors.made)
+                weights[first:last, place] = part.coefficients[first:last] if whole else each.rest
+        first = last
+    return weights
 
 
 def heading(joint: PlainJoint, what: str, attributes: Mapping[str, str]) -> Iterator[str]:
@@ -275,6 +341,10 @@ def heading(joint: PlainJoint, what: str, attributes: Mapping[str, str]) -> Iter
         yield "  nothing"
     yield ""
     yield from losses_text(joint, width)
+    if joint.for_motors:
+        yield ""
+        yield f"Passive dcmotors would take {listed(joint.for_motors)}; for MuJoCo 4 and later"
+        yield "export with --dcmotor (dcmotor=True)."
     if joint.on_runs is not None:
         yield ""
         yield from runs_text(joint.on_runs, joint.target)
@@ -477,16 +547,48 @@ def mjcf_text(joint: PlainJoint) -> str:
             f"      <joint {element}/>",
             "    </body>",
             "  </worldbody>",
+            *_actuators(joint),
             "</mujoco>",
             "",
         ]
     )
 
 
+def _actuators(joint: PlainJoint) -> Iterator[str]:
+    """The passive motors of a joint, as lines of an MJCF file."""
+    if not joint.motors:
+        return
+    yield "  <actuator>"
+    for motor in joint.motors:
+        values = [
+            ("name", " ".join(filter(None, (joint.name, motor.effect, motor.part)))),
+            ("joint", joint.name),
+            ("input", "none"),
+            ("motorconst", "0 0"),
+            ("resistance", "1"),
+            (motor.kind, " ".join(map(repr, motor.values))),
+        ]
+        yield f"    <dcmotor {attributes(values)}/>"
+    yield "  </actuator>"
+
+
+def _said_of_motors(joint: PlainJoint) -> Iterator[str]:
+    kinds = {motor.kind for motor in joint.motors}
+    yield ""
+    yield "Each dcmotor is a passive torque beside the joint's, without control and winding: copy"
+    yield "them with the joint. MuJoCo 4 knows them; for an older one export with --no-dcmotor."
+    if COGGING in kinds:
+        yield "cogging: one order of a ripple; amplitude, periods per turn of the joint, phase."
+    if LUGRE in kinds:
+        yield "lugre: friction beside frictionloss, which is not in it. It builds up over an angle"
+        yield "after a reversal, its level over its first number: 1e-05 rad of Stribeck's friction,"
+        yield "the width of each spring of presliding friction. What it remembers is in act."
+
+
 def _said_in_mjcf(joint: PlainJoint) -> Iterator[str]:
-    yield from heading(
-        joint, "MJCF", {ARMATURE: "armature", DAMPING: "damping", FRICTION: "frictionloss"}
-    )
+    names = {kind: kind for kind in (ARMATURE, DAMPING)}
+    names |= {FRICTION: "frictionloss", COGGING: "dcmotor cogging", LUGRE: "dcmotor lugre"}
+    yield from heading(joint, "MJCF", names)
     yield ""
     yield "The line of the joint can be copied into a model of yours; the body here has next to"
     yield "no inertia. The armature is all inertia that the model found: where your link has its"
@@ -500,6 +602,8 @@ def _said_in_mjcf(joint: PlainJoint) -> Iterator[str]:
         yield "about 0.011 s times frictionloss over all inertia with MuJoCo's default solver, and"
         yield "more where damping is strong."
     yield "stiffness: no effect of the model pulls the joint back to an angle."
+    if joint.motors:
+        yield from _said_of_motors(joint)
 
 
 def urdf_text(joint: PlainJoint) -> str:

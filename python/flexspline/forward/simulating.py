@@ -212,8 +212,8 @@ def simulate(
     Raises
     ------
     InputError
-        Without inertia, motor torque or initial angle, with rows that have no value, and where
-        the motion runs away.
+        Without a log, inertia, motor torque or initial angle, with rows that have no value, and
+        where the motion runs away.
     """
     if inputs not in ("linear", "hold"):
         raise InputError(f"inputs is '{inputs}'; give 'linear' or 'hold'")
@@ -225,6 +225,8 @@ def simulate(
         PositionServo.load(controller) if isinstance(controller, (str, os.PathLike)) else controller
     )
     logs = as_logs(log)
+    if not logs:
+        raise InputError("there is no log to simulate; give at least one")
     part = model.part(target)
     how = partial(drive_inputs, controller=law, hold=inputs == "hold", horizon=horizon)
     made = [_simulated(model, part, one, how, steps_per_sample) for one in logs]

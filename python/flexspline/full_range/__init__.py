@@ -40,3 +40,7 @@ __all__ = [
     "train",
     "with_mesh_stiffness",
 ]
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -136,6 +136,9 @@ class Parameter:
         low, high = np.clip(ends, low, high).tolist()
         return low, high
 
+    def __repr__(self) -> str:
+        return f"<Parameter {self}>"
+
     def __str__(self) -> str:
         if not self.determined:
             return f"{self.name}: not determined"

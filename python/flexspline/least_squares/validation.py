@@ -43,6 +43,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.effects import Effect
+from flexspline.formatting import told_apart
 from flexspline.least_squares.estimate import Estimate, counts_of, newton
 from flexspline.least_squares.linear import LinearFit, fit_linear
 from flexspline.least_squares.problem import Problem
@@ -416,11 +417,11 @@ def bands(group: str, values: Array, count: int, unit: str) -> Iterator[tuple[st
     edges = edges[np.concatenate([[True], np.diff(edges) > ROUND * (edges[-1] - edges[0])])]
     if len(edges) < 3:
         return
-    for low, high in pairwise(edges):
+    told = told_apart(np.where(np.abs(edges) < ROUND * (edges[-1] - edges[0]), 0.0, edges).tolist())
+    for (low, high), (first, end) in zip(pairwise(edges), pairwise(told), strict=True):
         last = high == edges[-1]
         mask = (values >= low) & ((values <= high) if last else (values < high))
-        told = 0.0 if abs(low) < ROUND * (edges[-1] - edges[0]) else low
-        yield group, f"{told:.3g} to {high:.3g} {unit}", mask
+        yield group, f"{first} to {end} {unit}", mask
 
 
 def _channel(logs: Sequence[Log], counts: Sequence[Mask], channel: str) -> Array:

@@ -1,5 +1,7 @@
 """Recordings of ROS 1 (.bag) and ROS 2 (.db3, .mcap), and MCAP with messages in JSON.
 
+A bag of ROS 2 is a folder, whose files are read as one, in the order of their numbers.
+
 Each number in a message is a column, called by the path of its field; where several topics have
 that path, with the topic before it: ``/left/joint_states.position[elbow]``. Columns of one topic
 are a series with a clock of its own: ``header.stamp``, where the messages of every topic have one
@@ -39,7 +41,7 @@ from flexspline.logs.one_clock import with_time
 from flexspline.logs.packed import require_memory
 from flexspline.logs.table import Series, Table
 
-__all__ = ["read_bag", "read_mcap", "read_sqlite"]
+__all__ = ["parts_of", "read_bag", "read_mcap", "read_ros2"]
 
 PRIMITIVES: Final = {
     "bool": "?", "byte": "B", "char": "B", "int8": "b", "uint8": "B", "int16": "h", "uint16": "H",
@@ -332,10 +334,62 @@ def read_bag(file: Path | io.BytesIO, label: str, variable: str | None, most: in
         return _Bag(label, variable, most).table(_ros1(stream, label, most), "bag of ROS 1")
 
 
-def read_sqlite(file: Path | io.BytesIO, label: str, variable: str | None, most: int) -> Table:
-    """Return the numbers of a bag of ROS 2 in SQLite; see `read_mcap`."""
+def read_ros2(file: Path | io.BytesIO, label: str, variable: str | None, most: int) -> Table:
+    """Return the numbers of a bag of ROS 2: its folder, or a file of it in SQLite; see `read_mcap`.
+
+    Raises
+    ------
+    InputError
+        As `read_mcap`, and where it is packed or its folder has no file that can be read.
+    """
     if isinstance(file, io.BytesIO):
         raise InputError(f"{label}: a bag of ROS 2 cannot be read while packed; unpack it")
+    files = parts_of(file) if file.is_dir() else [file]
+    with _sound(label, "ROS 2 bag"):
+        return _Bag(label, variable, most).table(_one_by_one(files, label, most), "bag of ROS 2")
+
+
+def parts_of(folder: Path) -> list[Path]:
+    """Return the files of a bag of ROS 2 in the order in which they were recorded.
+
+    Its recorder begins the next file, NAME_0.db3, NAME_1.db3, ... NAME_10.db3, where one is full.
+
+    Raises
+    ------
+    InputError
+        Where there is none, or one of its files is packed or missing.
+    """
+    there = sorted(folder.iterdir())
+    files = [path for path in there if path.suffix in (".db3", ".mcap") and path.is_file()]
+    for path in there:
+        if path.suffix == ".zstd":
+            raise InputError(f"{path}: is packed; unpack the bag (zstd -d), or ros2 bag convert")
+    numbers = {path: int(n) for path in files if (n := path.stem.rpartition("_")[2]).isdecimal()}
+    if not files:
+        raise InputError(f"{folder}: has no .db3 and no .mcap file; copy the whole bag")
+    if len(files) > 1 and sorted(numbers.values()) != [*range(len(files))]:
+        raise InputError(
+            f"{folder}: its files {listed(path.name for path in files)} are not numbered from 0 "
+            "on; copy the whole bag, or give one of them"
+        )
+    return sorted(files, key=lambda path: numbers.get(path, 0))
+
+
+def _one_by_one(files: Sequence[Path], label: str, most: int) -> Iterator[Record]:
+    """Yield what the files of a bag hold, one after the other."""
+    for file in files:
+        name = label if len(files) == 1 else f"{label}: {file.name}"
+        yield from (_mcap_part if file.suffix == ".mcap" else _sqlite_part)(file, name, most)
+
+
+def _mcap_part(file: Path, label: str, most: int) -> Iterator[Record]:
+    from mcap.exceptions import McapError
+
+    with _sound(label, "MCAP file", McapError), file.open("rb") as stream:
+        yield from _mcap(stream, label, most)
+
+
+def _sqlite_part(file: Path, label: str, most: int) -> Iterator[Record]:
     where = f"{file.resolve().as_uri()}?mode=ro&immutable=1"
     with (
         _sound(label, "ROS 2 bag", sqlite3.Error),
@@ -344,7 +398,7 @@ def read_sqlite(file: Path | io.BytesIO, label: str, variable: str | None, most:
         pages, size = (connection.execute(f"PRAGMA page_{x}").fetchone()[0] for x in PAGES)
         if pages * size > file.stat().st_size:  # what is missing would be read as zeros
             raise EOFError("it was cut short")
-        return _Bag(label, variable, most).table(_ros2(connection), "bag of ROS 2")
+        yield from _ros2(connection)
 
 
 @contextlib.contextmanager

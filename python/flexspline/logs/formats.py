@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from flexspline.errors import InputError, listed
 from flexspline.files import require_there
-from flexspline.logs.bag_files import read_bag, read_mcap, read_sqlite
+from flexspline.logs.bag_files import parts_of, read_bag, read_mcap, read_ros2
 from flexspline.logs.frames import (
     from_frame,
     is_frame,
@@ -180,9 +180,10 @@ def _named(path: Path) -> Iterator[None]:
 
 def _sha256(path: Path) -> str:
     digest = hashlib.sha256()
-    with path.open("rb") as file:
-        while chunk := file.read(1 << 20):
-            digest.update(chunk)
+    for part in parts_of(path) if path.is_dir() else [path]:
+        with part.open("rb") as file:
+            while chunk := file.read(1 << 20):
+                digest.update(chunk)
     return digest.hexdigest()
 
 
@@ -207,6 +208,8 @@ def _format(path: Path) -> tuple[Format | None, str]:
     Its beginning says more than its name, but for names of formats of which no beginning is known.
     """
     packed, named = _packed(path), format_named(path)
+    if path.is_dir():
+        return next(each for each in FORMATS if each.read is read_ros2), ""
     if packed or (named is not None and not named.magic):
         return named, packed
     with path.open("rb") as file:
@@ -323,14 +326,18 @@ FORMATS: Final = (
         extra="ros",
     ),
     Format(
-        "ROS 2 bag", (".db3",), read_sqlite, OF_MESSAGES, "a topic",
-        magic=(b"SQLite format 3\0",), extra="ros",
+        "ROS 2 bag", (".db3",), read_ros2, "its folder, or one file of it; " + OF_MESSAGES,
+        "a topic", magic=(b"SQLite format 3\0",), extra="ros",
     ),
     Format(
         "MDF 4", (".mf4", ".mdf"), read_mdf, OF_GROUPS, "a group",
+        pieces="one group read in pieces",
         magic=(b"MDF     ", b"UnFinMF "), extra="mdf",
     ),
-    Format("TDMS", (".tdms",), read_tdms, OF_GROUPS, "a group", magic=(b"TDSm",), extra="tdms"),
+    Format(
+        "TDMS", (".tdms",), read_tdms, OF_GROUPS, "a group", pieces="one group read in pieces",
+        magic=(b"TDSm",), extra="tdms",
+    ),
 )  # fmt: skip
 """Every format of files but delimited text. Reading, writing, help, docstrings, sentences and
 README follow."""

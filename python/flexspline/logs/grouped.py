@@ -35,10 +35,13 @@ CLOCKLESS = (
 
 @dataclass(frozen=True)
 class GroupedChannel:
-    """A channel: its unit in the file, how it is read, and why it cannot be, if so."""
+    """A channel: its unit in the file, how it is read, and why it cannot be, if so.
+
+    `read` returns samples [a, b); all of them, where it is given none.
+    """
 
     name: str
-    read: Callable[[], NDArray[Any]]
+    read: Callable[..., NDArray[Any]]
     unit: str | None = None
     why: str = ""
 
@@ -47,13 +50,14 @@ class GroupedChannel:
 class Group:
     """Channels of `rows` samples at the same instants, which `clock` reads [s], if it has one.
 
-    `part_of`: the group of the file, where that has channels of several clocks.
+    It reads samples [a, b) as a channel does. `part_of`: the group of the file, where that has
+    channels of several clocks.
     """
 
     name: str
     rows: int
     channels: tuple[GroupedChannel, ...]
-    clock: Callable[[], NDArray[Any]] | None
+    clock: Callable[..., NDArray[Any]] | None
     part_of: str = ""
 
 
@@ -66,6 +70,8 @@ def grouped_table(
     notes: tuple[str, ...],
 ) -> Table:
     """Return the channels of all groups, or of the one that `variable` names, as a table.
+
+    Channels of one group can be read in pieces; those of several are laid on one clock as a whole.
 
     Raises
     ------
@@ -100,10 +106,10 @@ def grouped_table(
                 left[name] = why
                 continue
             names.append(name)
-            data.append(Later(group.rows, each.read))
+            data.append(Later(group.rows, each.read, part=each.read))
             units.append(each.unit)
             of_series += [clocked.index(group)] if with_clock else []
-    series = tuple(Series(f"group '{group.name}'", Later(group.rows, group.clock))
+    series = tuple(Series(f"group '{group.name}'", Later(group.rows, group.clock, part=group.clock))
                    for group in clocked if group.clock is not None)  # fmt: skip
     table = Table(
         label,

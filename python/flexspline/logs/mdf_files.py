@@ -286,7 +286,7 @@ class _Mdf:
             if not why and getattr(channel.conversion, "conversion_type", 0) in STATES:
                 self._states.append(channel.name)
             channels.append(GroupedChannel(str(channel.name), read, _unit(channel), why))
-        read_clock = partial(self.column, *clock) if clock is not None else None
+        read_clock = partial(self.clock, *clock) if clock is not None else None
         return Group(name, int(group.channel_group.cycles_nr), tuple(channels), read_clock)
 
     def _clock(self, number: int) -> tuple[int, int] | None:
@@ -316,8 +316,14 @@ class _Mdf:
             or _why_not_converted(channel.conversion)
         )
 
-    def column(self, number: int, place: int) -> NDArray[Any]:
-        """Read a channel, converted as it says; NaN where it is invalid."""
+    def clock(self, number: int, place: int, *rows: int) -> NDArray[np.float64]:
+        """Read a clock as a channel; in seconds, whole ones too."""
+        return np.asarray(self.column(number, place, *rows), dtype=np.float64)
+
+    def column(
+        self, number: int, place: int, first: int = 0, last: int | None = None
+    ) -> NDArray[Any]:
+        """Read samples [first, last) of a channel, converted as it says; NaN where invalid."""
         channel = self._found.groups[number].channels[place]
         with sound(f"{self._label}: channel '{channel.name}'", KIND, LOGGER):
             values, invalid = self._found.get(
@@ -326,6 +332,8 @@ class _Mdf:
                 raw=True,
                 samples_only=True,
                 ignore_invalidation_bits=True,
+                record_offset=first,
+                record_count=None if last is None else last - first,
             )
             if channel.conversion is not None:
                 values = channel.conversion.convert(values, ignore_value2text_conversions=True)

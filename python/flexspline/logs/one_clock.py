@@ -37,16 +37,22 @@ Array = NDArray[np.float64]
 
 
 def with_time(table: Table) -> Table:
-    """Return a table of several series with the column `time`, unless one is called so."""
+    """Return a table of series with the column `time`, unless one is called so.
+
+    One series alone in its file, whose clock counts seconds there, is that column.
+    """
     if not table.series or "time" in (table.names or ()):
         return table
-    clock = Later(table.rows, lambda: np.zeros(0))
+    stamps = table.series[0].stamps
+    alone = len(table.series) == 1 and isinstance(stamps, Later) and stamps.part is not None
+    clock = stamps if alone else Later(table.rows, lambda: np.zeros(0))
     return replace(
         table,
         data=(clock, *table.data),
         names=("time", *(table.names or ())),
         units=("s", *(table.units or [None] * len(table.data))),
-        of_series=(ANY_CLOCK, *table.of_series),
+        series=() if alone else table.series,
+        of_series=() if alone else (ANY_CLOCK, *table.of_series),
     )
 
 

@@ -80,6 +80,10 @@ class Later:
         return self.read()[self.first :]
 
 
+def _exchanged(index: Any) -> Any:
+    return index[::-1] if isinstance(index, tuple) else index
+
+
 @dataclass(frozen=True, eq=False)
 class OnDisk:
     """A dataset of HDF5 as MATLAB sees it, (rows,) or (rows, columns), that stays in its file.
@@ -102,9 +106,9 @@ class OnDisk:
         return math.prod(self.shape)
 
     def transpose(self) -> OnDisk:
-        """Return the matrix with its axes exchanged, for one whose rows are channels."""
+        """Return the matrix with its axes exchanged; a vector stays."""
         turned = self.shape[::-1]
-        return replace(self, shape=turned, read=lambda index: self.read(index[::-1]))
+        return replace(self, shape=turned, read=lambda index: self.read(_exchanged(index)))
 
     def __len__(self) -> int:
         return self.shape[0]
@@ -637,8 +641,9 @@ class _Hdf5:
     def group(self, group: Any) -> dict[str, Any]:
         """Return the numbers in a group as nested dictionaries.
 
-        MATLAB stores columns first, so each matrix comes transposed. Nothing is read that lies in
-        another file: a log could hold what its sender never saw.
+        A matrix of MATLAB, which marks its own, lies in the file transposed, and comes as it is
+        there. Nothing is read that lies in another file: a log could hold what its sender never
+        saw.
         """
         import h5py
 
@@ -658,9 +663,11 @@ class _Hdf5:
     def _dataset(self, inner: Any) -> Any:
         """Return what a dataset holds; None of a kind that no log has."""
         stays = inner.dtype.kind in "fiub" and inner.ndim in (1, 2) and inner.size > 1
+        turned = "MATLAB_class" in inner.attrs
         if self.path is not None and stays and inner.attrs.get("MATLAB_class") != b"char":
             read = partial(_read_stored, self.path, inner.name, self.label)
-            return OnDisk(read, inner.shape[::-1], inner.dtype)
+            stored = OnDisk(read, inner.shape[::-1], inner.dtype)
+            return stored if turned else stored.transpose()
         self.taken += (inner.size or 0) * inner.dtype.itemsize
         require_memory(self.taken, self.most, self.label)
         if inner.attrs.get("MATLAB_class") == b"char":
@@ -671,7 +678,7 @@ class _Hdf5:
                 for each in inner[()]
             ]
         if inner.dtype.kind in "fiub":
-            return np.asarray(inner).T
+            return np.asarray(inner).T if turned else np.asarray(inner)
         return None
 
 

@@ -39,7 +39,7 @@ SCALES: Final = frozenset(
 UNSET: Final = np.datetime64("1904-01-01T00:00:00", "us")  # LabVIEW's zero
 NUMBER: Final = 8  # bytes
 
-Read = Callable[[], NDArray[Any]]
+Read = Callable[..., NDArray[Any]]
 
 
 def read_tdms(file: Path | io.BytesIO, label: str, variable: str | None, most: int) -> Table:
@@ -105,7 +105,7 @@ class _Tdms:
             if key[0] != "rows":
                 read = partial(_instants, *key[1:])
             elif clock is not None and len(clock) == rows:
-                read = partial(self.column, group.name, clock.name, seconds=True)
+                read = partial(self.clock, group.name, clock.name)
             name = group.name if not number else f"{group.name} ({number + 1})"
             each = tuple(self._channel(group, channel) for channel in several)
             made.append(Group(name, rows, each, read, group.name))
@@ -124,14 +124,22 @@ class _Tdms:
         )
         return GroupedChannel(channel.name, read, unit, why)
 
-    def column(self, group: str, name: str, *, seconds: bool = False) -> NDArray[Any]:
-        """Read a channel; `seconds`: a clock, from its first stamp where it is a date."""
+    def column(
+        self, group: str, name: str, first: int = 0, last: int | None = None
+    ) -> NDArray[Any]:
+        """Read samples [first, last) of a channel."""
         with sound(f"{self.label}: channel '{name}'", KIND, "nptdms"), self.opened() as found:
-            values: NDArray[Any] = np.asarray(found[group][name][:])
-        if seconds and values.dtype.kind == "M":
-            made: NDArray[np.float64] = (values - values[0]) / np.timedelta64(1, "s")
-            return made
-        return values
+            return np.asarray(found[group][name][first:last])
+
+    def clock(
+        self, group: str, name: str, first: int = 0, last: int | None = None
+    ) -> NDArray[np.float64]:
+        """Read a clock as a channel [s]; from its first stamp where it is a date."""
+        values = self.column(group, name, first, last)
+        if values.dtype.kind == "M":
+            begun = values[:1] if first == 0 else self.column(group, name, 0, 1)
+            values = (values - begun) / np.timedelta64(1, "s")
+        return np.asarray(values, dtype=np.float64)
 
 
 def _is_clock(channel: Any) -> bool:
@@ -158,8 +166,12 @@ def _begun(channel: Any) -> np.datetime64 | None:
     return None if stamp is None or stamp == UNSET else stamp
 
 
-def _instants(start: float, step: float, rows: int) -> NDArray[np.float64]:
-    return np.asarray(start + step * np.arange(rows), dtype=np.float64)
+def _instants(
+    start: float, step: float, rows: int, first: int = 0, last: int | None = None
+) -> NDArray[np.float64]:
+    return np.asarray(
+        start + step * np.arange(first, rows if last is None else last), dtype=np.float64
+    )
 
 
 def _unknown_scale(properties: list[Mapping[str, Any]]) -> str:

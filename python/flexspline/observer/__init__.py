@@ -29,3 +29,7 @@ __all__ = [
     "subtract",
     "wrench_at_end_effector",
 ]
+
+
+def __dir__() -> list[str]:
+    return __all__

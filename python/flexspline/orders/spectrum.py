@@ -35,6 +35,7 @@ from flexspline.errors import InputError
 from flexspline.lazy import render
 from flexspline.logs import Log
 from flexspline.logs.channels import CHANNELS
+from flexspline.logs.log import require_clock
 from flexspline.logs.read import as_logs
 from flexspline.logs.segments import runs
 from flexspline.orders.parts import Pair, effective_ratio, output_angle, pairs
@@ -139,8 +140,10 @@ def stretches(
     Raises
     ------
     InputError
-        Where no run moves.
+        Where no run moves, or a log has no clock, see `require_clock`.
     """
+    for log in logs:
+        require_clock(log)
     found = [
         stretch
         for run, (log, values) in enumerate(zip(logs, arrays, strict=True))
@@ -409,6 +412,7 @@ def time_spectrum(
             f"log '{log.name}': too few samples for a spectrum over time; "
             "give at least 8 with values"
         )
+    require_clock(log)
     time = log["time"][good]
     even = np.arange(time[0], time[-1], 1 / log.rate)
     y = signal.detrend(np.interp(even, time, data[good]))

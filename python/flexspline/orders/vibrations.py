@@ -61,6 +61,7 @@ leaves behind is no line there, and more than the floor."""
 STRONGEST = 0.2  # of the strongest line of a round: weaker ones may be its leakage
 STEADY = 0.05  # spread of the speeds of what counts as one speed, as in `logs/segments.py`
 MOST = 50  # lines of one kind
+_MOST_SCANNED = 5_000_000  # frequencies, 0.1 kB each: of one hour at 1 kHz, all
 _CYCLES = 1.5  # in a stretch, below which a vibration cannot be told from a trend
 _CHUNK = 1 << 15
 
@@ -134,7 +135,7 @@ def compete(
     """
     timed = [_over_time(part, rate) for part in parts]
     turns, ticks = step_turns(parts), step_turns(timed)
-    top = max(part.highest for part in timed)
+    top = min(max(part.highest for part in timed), _MOST_SCANNED / ticks)
     orders: list[Line] = []
     waves: list[Line] = []
     rest: list[Array] = [part.values for part in parts]

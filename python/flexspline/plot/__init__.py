@@ -19,3 +19,7 @@ __all__ = [
     "residual_over",
     "simulated_motion",
 ]
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from flexspline.comparison.result import ranked
 from flexspline.comparison.search import Band
+from flexspline.formatting import told_apart
 from flexspline.orders.parts import pairs
 from flexspline.plot.canvas import (
     GREY,
@@ -250,8 +251,8 @@ def _marked(ax: Axes, made: Comparison, name: str, bands: list[Band]) -> None:
         return
     every = max(1, -(-(len(bands) + 1) // MOST_TICKS))
     ends = [band.lower for band in bands] + [bands[-1].upper]
-    marks = [k for k in range(0, len(ends), every) if ends[k] is not None]
-    ax.set_xticks(marks, [f"{ends[k]:.3g}".replace("-", "−") for k in marks])
+    marks = {k: end for k in range(0, len(ends), every) if (end := ends[k]) is not None}
+    ax.set_xticks(list(marks), [t.replace("-", "−") for t in told_apart(list(marks.values()))])
     ax.set_xlabel(f"{made.words[name]} [{made.units[name]}]")
 
 

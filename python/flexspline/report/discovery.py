@@ -47,6 +47,7 @@ PLAN = (
 )
 
 MOST_RIVALS = 3
+LIKELY = 0.5  # confidence from which a name is more likely right than wrong
 GRAVE = "Faults of the data, to be fixed first"
 LEFT_OUT = "Left out of the runs, before anything was searched"
 SMALL = "Seen in the data, too little to matter here"
@@ -182,8 +183,7 @@ def verdict(made: Discovery) -> str:
     where = f"on {made.validated_by} that no fit saw{_of_how_many(made)}"
     rmse = f"{padded(made.base_rmse)} to {padded(made.final_rmse)} {made.unit}"
     if made.found:
-        names = listed(made.names, most=len(made.names))
-        return f"{base} lacks {names}: RMSE {rmse} {where}, {_floor_words(made)}."
+        return f"{base} {_names_told(made.found)}: RMSE {rmse} {where}, {_floor_words(made)}."
     little = _unexplained_is_small(made)
     if made.unexplained and not little:
         return (
@@ -204,6 +204,17 @@ def verdict(made: Discovery) -> str:
         f"Nothing is missing in {said} that these runs show: RMSE "
         f"{padded(made.base_rmse)} {made.unit} {where}, noise as far as their channels tell."
     )
+
+
+def _names_told(found: Sequence[Found]) -> str:
+    """Return what is missing; a name that is more likely wrong than right may be missing."""
+    sure = [one.effect for one in found if one.confidence >= LIKELY]
+    unsure = [
+        f"{one.effect} ({100.0 * one.confidence:.0f} %)" for one in found if one.confidence < LIKELY
+    ]
+    told = [f"{verb} {listed(names, most=len(names))}"
+            for verb, names in (("lacks", sure), ("may lack", unsure)) if names]  # fmt: skip
+    return ", and ".join(told)
 
 
 def _unexplained_is_small(made: Discovery) -> bool:

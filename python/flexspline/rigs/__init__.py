@@ -22,3 +22,7 @@ __all__ = [
     "turlapati_rig",
     "zhang_rig",
 ]
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -29,3 +29,7 @@ __all__ = [
     "noise_budget",
     "placement_tolerance",
 ]
+
+
+def __dir__() -> list[str]:
+    return __all__

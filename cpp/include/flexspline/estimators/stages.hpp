@@ -13,6 +13,7 @@
 #include <optional>
 #include <string_view>
 
+#include "flexspline/estimators/adaptation.hpp"
 #include "flexspline/estimators/calibration.hpp"
 #include "flexspline/estimators/collision_detector.hpp"
 #include "flexspline/estimators/compliance.hpp"
@@ -113,6 +114,7 @@ struct NoStages {
   static constexpr AtRest at_rest = AtRest::compliance;
   static constexpr Absent<typename CollisionDetector<S, 1>::Config> collision{};
   static constexpr Watched watched = Watched::observer;
+  static constexpr Absent<typename Adaptation<S, 1>::Config> adaptation{};
 };
 
 /// Any stages, chosen at run time. A stage without a value does not run.
@@ -135,6 +137,7 @@ struct AnyStages {
   AtRest at_rest = AtRest::compliance;
   std::optional<typename CollisionDetector<S>::Config> collision;
   Watched watched = Watched::observer;
+  std::optional<typename Adaptation<S>::Config> adaptation;  ///< of the observer's model
 };
 
 /// What a stage is called.
@@ -215,6 +218,8 @@ constexpr void for_each_stage(Chain& chain, Use&& use, Choose&& choose) {
                 "typename flexspline::CollisionDetector<S, {negative}>::Config", Stage::collision},
       chain.collision);
   choose(watched_ones, chain.watched, runs(chain.collision));
+  use(StageInfo{"adaptation", "adaptation", "typename flexspline::Adaptation<S, {low}>::Config"},
+      chain.adaptation);
 }
 
 }  // namespace flexspline

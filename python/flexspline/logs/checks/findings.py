@@ -137,6 +137,9 @@ class Findings(Sequence[Finding]):
             first, more = found[0], f" ({len(found) - 1} more)" if len(found) > 1 else ""
             raise InputError(f"{self.log_name}: {first.sentence} {first.remedy}".strip() + more)
 
+    def __repr__(self) -> str:
+        return f"<Findings of {self.log_name!r}: {self._count() or 'nothing found'}>"
+
     def __str__(self) -> str:
         return "\n".join([self._found(), *excitation_lines(self.excited)])
 

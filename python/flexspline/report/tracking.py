@@ -1,0 +1,103 @@
+"""A track as text and HTML: what to decide, what changed, what comes, and every parameter."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flexspline.about import __version__
+from flexspline.errors import printable
+from flexspline.files import atomic_write
+from flexspline.formatting import plus_minus, rows_text, short, table_html
+from flexspline.plot.canvas import own_style
+from flexspline.report.html import drawn, templates
+from flexspline.report.text import wrapped
+from flexspline.tracking.result import day, spoken
+
+if TYPE_CHECKING:
+    from flexspline.tracking.result import Track
+
+__all__ = ["track_html", "track_text", "write_track_report"]
+
+Row = tuple[str, ...]
+
+
+def track_text(made: Track) -> str:
+    """Return what `print(track)` shows."""
+    said = [line for sentence in made.sentences for line in wrapped(sentence, "- ", "  ")]
+    notes = [line for sentence in made.remarks for line in wrapped(sentence, "- ", "  ")]
+    blocks = [wrapped(made.verdict), said, [rows_text(parameter_rows(made), (0, 1))], notes]
+    return "\n\n".join("\n".join(printable(line) if k != 2 else line for line in block)
+                       for k, block in enumerate(blocks) if block)  # fmt: skip
+
+
+def track_html(made: Track) -> str:
+    """Return a track as a fragment of HTML without scripts, for notebooks."""
+    return table_html(made.verdict, parameter_rows(made), [*made.sentences, *made.remarks])
+
+
+@own_style()
+def write_track_report(made: Track, path: str | os.PathLike[str]) -> None:
+    """Write a self-contained report, whole or not at all.
+
+    Raises
+    ------
+    InputError
+        Where the file cannot be written.
+    """
+    from flexspline.plot.tracking import LOOK, panels
+
+    page = (
+        templates()
+        .get_template("track.html")
+        .render(
+            title=made.history.joint or "One joint over time",
+            verdict=made.verdict,
+            grave=bool(made.changes),
+            sentences=made.sentences,
+            parameters=parameter_rows(made),
+            figures=[drawn(panel) for panel in panels(made)],
+            look=LOOK,
+            remarks=made.remarks,
+            sessions=session_rows(made),
+            version=__version__,
+        )
+    )
+    atomic_write(path, page)
+
+
+def parameter_rows(made: Track) -> list[Row]:
+    """Return heading and a row for each parameter."""
+    rows: list[Row] = [("parameter", "", "unit", "at first", "now", "per K", "between sessions")]
+    for p in made.parameters:
+        rows.append(
+            (
+                spoken(p.name),
+                p.state,
+                "" if p.unit == "1" else p.unit,
+                _value(*p.at_first),
+                _value(*p.now),
+                _value(*p.by_temperature),
+                short(p.between_sessions, 2),
+            )
+        )
+    return rows
+
+
+def _value(value: float, error: float) -> str:
+    return plus_minus(value, error) if np.isfinite(value) else "–"
+
+
+def session_rows(made: Track) -> list[Row]:
+    """Return heading and a row for each session."""
+    history = made.history
+    rows: list[Row] = [("session", "date", "temperature [°C]", "parameters told")]
+    for label, date, warm, values in zip(
+        history.labels, history.dates, history.temperatures, history.values, strict=True
+    ):
+        when: Any = date.astype("M8[s]").astype(object)
+        told = f"{int(np.isfinite(values).sum())} of {len(values)}"
+        rows.append((label, day(when), short(float(warm), 3), told))
+    return rows

@@ -1,0 +1,478 @@
+"""The result of `track`: each parameter over calendar time, what changed, and what comes when.
+
+Every sentence is made of the numbers beside it. A change is told where it exceeds its threshold and
+its size is told from zero; a date is given only where a change that is told leads there.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
+from datetime import datetime
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexspline.about import __version__
+from flexspline.effects import CATALOGUE
+from flexspline.errors import InputError, did_you_mean, listed
+from flexspline.formatting import plus_minus, short, short_names
+from flexspline.lazy import render
+from flexspline.schema import checked_json
+from flexspline.tracking.changes import (
+    ACCELERATING,
+    LEAST_SESSIONS,
+    RAMP,
+    RUNNING_AWAY,
+    SETTLING,
+    STEP,
+)
+from flexspline.tracking.upkeep import needed_by
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.figure import Figure
+
+    from flexspline.tracking.history import History
+
+__all__ = ["Band", "Change", "Forecast", "Track", "TrackedParameter", "day", "in_unit", "spoken"]
+
+Array = NDArray[np.float64]
+Interval = tuple[datetime, datetime]
+
+MOST_RELATIVE = 3.0  # times the level before; beyond, that level was hardly there
+
+UNLIKELY = 0.1  # chance of a step below which a change is said to be gradual
+
+FORMAT = "flexspline-track"
+VERSION = 1
+NOT_KNOWN, NO_CHANGE, CHANGED, DISPUTED = (
+    "not known yet", "no change told", "changed", "may have changed"
+)  # fmt: skip
+"""States of a parameter; the last: it is one of those that share a change."""
+
+
+@dataclass(frozen=True, eq=False)
+class Band:
+    """The level of a parameter at the reference temperature: median and 95 % on some days, (D,)."""
+
+    dates: NDArray[np.datetime64]
+    middle: Array
+    low: Array
+    high: Array
+
+
+@dataclass(frozen=True, eq=False)
+class TrackedParameter:
+    """One parameter over calendar time; numbers in `unit`.
+
+    Parameters
+    ----------
+    name, unit : "effect.term"; of an order amplitude and quadrature, see `History`.
+    state : "not known yet", "no change told", "changed" or "may have changed".
+    sessions : that tell it.
+    at_first, now : level at the reference temperature, with its standard error.
+    by_temperature : per K at the reference temperature, with its error; NaN where that is not
+        accounted for.
+    between_sessions : standard deviation from session to session once all else is taken out.
+    measured_error : typical standard error of a session.
+    least : a lasting step in the middle of these sessions is told from about this size on.
+    values : (S,) as measured, NaN where a session does not tell it; `corrected`: what they would be
+        at the reference temperature.
+    band : of its level.
+    """
+
+    name: str
+    unit: str
+    state: str
+    sessions: int
+    at_first: tuple[float, float]
+    now: tuple[float, float]
+    by_temperature: tuple[float, float]
+    between_sessions: float
+    measured_error: float
+    least: float
+    values: Array
+    corrected: Array
+    band: Band
+
+    @property
+    def sentence(self) -> str:
+        """What became of it."""
+        name, now = spoken(self.name), in_unit(plus_minus(*self.now), self.unit)
+        if self.state == NOT_KNOWN:
+            return f"{name}: not known yet; {now} so far."
+        if self.state == NO_CHANGE:
+            least = in_unit(short(self.least, 2), self.unit)
+            return f"{name}: no change told, {now}; a lasting step is told from about {least} on."
+        return f"{name}: {self.state}, {plus_minus(*self.at_first)} at first, now {now}."
+
+
+@dataclass(frozen=True)
+class Change:
+    """A change that is told.
+
+    Parameters
+    ----------
+    causes : effects, or orders of one, that it may be; one where it is known which.
+    chances : of them.
+    parameter, unit : which shows it best, of the first cause.
+    kind : "step", "ramp", "settling", "accelerating" or "running away"; None where that is not
+        known yet.
+    at_once : chance that it is a step.
+    date, between : of the onset: median, and 95 %.
+    size, error : what it has made by the last session; `interval`: 95 %.
+    relative : of the level before, NaN where that is not told from zero.
+    per_year : how fast it goes on at the last session; 0 of a step.
+    told_since : the session at which it could first be told.
+    evidence, needed : ln B and what it must exceed.
+    """
+
+    causes: tuple[str, ...]
+    chances: tuple[float, ...]
+    parameter: str
+    unit: str
+    kind: str | None
+    at_once: float
+    date: datetime
+    between: Interval
+    size: float
+    error: float
+    interval: tuple[float, float]
+    relative: float
+    per_year: float
+    told_since: datetime
+    evidence: float
+    needed: float
+
+    @property
+    def known(self) -> bool:
+        """Whether it is known which cause it is."""
+        return len(self.causes) == 1
+
+    @property
+    def sentence(self) -> str:
+        """What changed, since when and by how much."""
+        size = in_unit(plus_minus(abs(self.size), self.error), self.unit)
+        if abs(self.relative) <= MOST_RELATIVE:
+            size += f" ({_percent(self.relative, '+')})"
+        first, last = (day(each) for each in self.between)
+        about = f"{day(self.date)}" + (f" ({first} to {last})" if first != last else "")
+        up = self.size > 0.0
+        name = spoken(self.parameter)
+        faster = f"{name} {'rises' if up else 'falls'} ever faster since {about}, by {size} so far"
+        what = {
+            STEP: f"{name} {'rose' if up else 'fell'} at once by {size} about {about}",
+            RAMP: f"{name} {'rises' if up else 'falls'} since {about}, by {size} so far",
+            ACCELERATING: faster,
+            RUNNING_AWAY: faster,
+            SETTLING: f"{name} {'rose' if up else 'fell'} since {about} by {size} and settles",
+        }.get(
+            self.kind or "",
+            f"{name} {'rose' if up else 'fell'} by {size} since {about}; {self._open}",
+        )
+        if self.known:
+            return f"{what}."
+        others = listed(
+            f"{c} {p:.0%}".replace("%", " %")
+            for c, p in zip(self.causes, self.chances, strict=True)
+        )
+        return f"One of these changed, I do not know which ({others}). If it is the first: {what}."
+
+    @property
+    def _open(self) -> str:
+        """What is not known of its kind."""
+        if self.at_once < UNLIKELY:
+            return "gradually, and how it goes on is not known yet"
+        return "whether at once or gradually is not known yet"
+
+    @property
+    def needs(self) -> str:
+        """What the joint needs."""
+        return needed_by(self.parameter.partition(".")[0]) if self.known else ""
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """When a parameter reaches a limit, at the reference temperature.
+
+    Parameters
+    ----------
+    parameter, unit, limit : which, and what it must not pass.
+    now : level after the last session, with its standard error.
+    chance : that it is reached within `horizon` years of the last session.
+    date : median; None where it is not told that it will be reached.
+    within_80, within_95 : intervals; None as an end: not within the horizon, perhaps never.
+    horizon : years.
+    why_none : why there is no date, or "".
+    """
+
+    parameter: str
+    unit: str
+    limit: float
+    now: tuple[float, float]
+    chance: float
+    date: datetime | None
+    within_80: tuple[datetime | None, datetime | None]
+    within_95: tuple[datetime | None, datetime | None]
+    horizon: float
+    why_none: str = ""
+
+    @property
+    def sentence(self) -> str:
+        """When, or why no date is given."""
+        name, limit = spoken(self.parameter), in_unit(short(self.limit, 4), self.unit)
+        now = f"now {in_unit(plus_minus(*self.now), self.unit)}"
+        if self.why_none:
+            return f"{name} and its limit of {limit}, {now}: {self.why_none}."
+        first, last = self.within_95
+        assert first is not None
+        about = f"{name} reaches its limit of {limit}"
+        if self.date is not None:
+            about += f" about {day(self.date)}"
+        if last is None:
+            return (
+                f"{about}, not before {day(first)} (97.5 %), and within {self.horizon:g} years "
+                f"with a probability of {_percent(self.chance)}; {now}."
+            )
+        early, late = self.within_80
+        inner = "" if early is None or late is None else f"80 % {day(early)} to {day(late)}, "
+        return f"{about} ({inner}95 % {day(first)} to {day(last)}); {now}."
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Track:
+    """One joint over months.
+
+    Parameters
+    ----------
+    history : the sessions, with amplitude and quadrature of orders.
+    parameters : each over time.
+    changes : those that are told, by date.
+    forecasts : one of each limit.
+    reference : °C at which levels are told; NaN where temperature is not accounted for.
+    remarks : what was left out, and what limits all this.
+    """
+
+    history: History
+    parameters: tuple[TrackedParameter, ...]
+    changes: tuple[Change, ...]
+    forecasts: tuple[Forecast, ...]
+    reference: float
+    remarks: tuple[str, ...] = field(default=())
+
+    def __getitem__(self, name: str) -> TrackedParameter:
+        """Return a parameter by "effect.term", or by its effect where that has one."""
+        for parameter in self.parameters:
+            if name in (parameter.name, short_names(parameter.name)):
+                return parameter
+        near = [p for p in self.parameters if p.name.partition(".")[0] == name]
+        if len(near) == 1:
+            return near[0]
+        names = [p.name for p in self.parameters]
+        raise InputError(
+            f"the track has no one parameter '{name}'{did_you_mean(name, names)}; it has "
+            f"{listed(names)}"
+        )
+
+    @property
+    def known(self) -> bool:
+        """Whether there are sessions enough to tell any change."""
+        return any(p.state != NOT_KNOWN for p in self.parameters)
+
+    @property
+    def verdict(self) -> str:
+        """What there is to decide, in a sentence or two."""
+        joint = self.history.joint or "The joint"
+        count = len(self.history)
+        first, last = (day(self.history.dates[k].astype(datetime)) for k in (0, -1))
+        span = f"{count} session{'s' if count > 1 else ''}, {first} to {last}"
+        if not self.known:
+            return (
+                f"{joint}: not known yet. {span}; no change can be told of fewer than "
+                f"{LEAST_SESSIONS} sessions that tell a parameter."
+            )
+        if not self.changes:
+            return f"{joint}: no change is told ({span})."
+        told = len(self.changes)
+        needs = list(dict.fromkeys(c.needs for c in self.changes if c.needs))
+        what = f"{told} change{'s' if told > 1 else ''} told ({span})"
+        return f"{joint}: {what}." + (f" It needs {_and(needs)}." if needs else "")
+
+    @property
+    def sentences(self) -> list[str]:
+        """Changes, forecasts, and the parameters of which nothing is told."""
+        said = [change.sentence for change in self.changes]
+        said += [forecast.sentence for forecast in self.forecasts]
+        limited = {forecast.parameter for forecast in self.forecasts}
+        lead = [c.parameter for c in self.changes if _goes_on(c) and c.parameter not in limited]
+        if lead:
+            names = _and(list(dict.fromkeys(map(spoken, lead))))
+            said.append(f"No limit of {names} is given, so no date: say what it must not pass.")
+        return said
+
+    def to_frame(self) -> pandas.DataFrame:
+        """Return a row for each parameter."""
+        import pandas
+
+        rows = [
+            {
+                "parameter": p.name,
+                "unit": p.unit,
+                "state": p.state,
+                "sessions": p.sessions,
+                "at_first": p.at_first[0],
+                "at_first_error": p.at_first[1],
+                "now": p.now[0],
+                "now_error": p.now[1],
+                "per_kelvin": p.by_temperature[0],
+                "per_kelvin_error": p.by_temperature[1],
+                "between_sessions": p.between_sessions,
+                "measured_error": p.measured_error,
+                "least": p.least,
+            }
+            for p in self.parameters
+        ]
+        return pandas.DataFrame(rows).set_index("parameter")
+
+    def to_json(self) -> str:
+        """Return the text of `track.json`.
+
+        Numbers are in each parameter's unit, dates in ISO 8601.
+        """
+        return checked_json(
+            {
+                "format": FORMAT,
+                "version": VERSION,
+                "made_by": f"flexspline {__version__}",
+                "joint": self.history.joint or None,
+                "verdict": self.verdict,
+                "known": self.known,
+                "reference_temperature": self.reference,
+                "sessions": [
+                    {"name": name, "date": _iso(date), "temperature": float(warm)}
+                    for name, date, warm in zip(
+                        self.history.labels,
+                        self.history.dates,
+                        self.history.temperatures,
+                        strict=True,
+                    )
+                ],
+                "parameters": [_parameter_json(p) for p in self.parameters],
+                "changes": [
+                    {
+                        **asdict(c),
+                        "date": _iso(c.date),
+                        "between": [_iso(each) for each in c.between],
+                        "told_since": _iso(c.told_since),
+                        "sentence": c.sentence,
+                        "needs": c.needs or None,
+                    }
+                    for c in self.changes
+                ],
+                "forecasts": [
+                    {
+                        **asdict(f),
+                        "date": _iso(f.date),
+                        "within_80": [_iso(each) for each in f.within_80],
+                        "within_95": [_iso(each) for each in f.within_95],
+                        "why_none": f.why_none or None,
+                        "sentence": f.sentence,
+                    }
+                    for f in self.forecasts
+                ],
+                "remarks": list(self.remarks),
+            },
+            "track",
+        )
+
+    def summary(self) -> str:
+        """Return verdict, changes, forecasts and a line for each parameter."""
+        return render("track", "text", self)
+
+    def __str__(self) -> str:
+        return self.summary()
+
+    def __repr__(self) -> str:
+        return (
+            f"<Track of {self.history.joint or 'a joint'}: {len(self.history)} sessions, "
+            f"{len(self.parameters)} parameters, {len(self.changes)} changes told>"
+        )
+
+    def _repr_html_(self) -> str:
+        return render("track", "html", self)
+
+    def plot(self) -> Figure:
+        """Return a figure: each parameter over calendar time with its band."""
+        return render("track", "figure", self)
+
+    def report(self, path: str | os.PathLike[str]) -> None:
+        """Write a self-contained HTML report, whole or not at all."""
+        render("track", "report", self, path)
+
+
+def day(when: datetime) -> str:
+    """Return a date as 2027-03-14."""
+    return when.strftime("%Y-%m-%d")
+
+
+def _goes_on(change: Change) -> bool:
+    return change.known and change.at_once < UNLIKELY and change.kind != SETTLING
+
+
+def _iso(when: datetime | np.datetime64 | None) -> str | None:
+    if when is None:
+        return None
+    return (when.astype(datetime) if isinstance(when, np.datetime64) else when).isoformat()
+
+
+def in_unit(number: str, unit: str) -> str:
+    """Return a number with its unit; a share has none."""
+    return number if unit == "1" else f"{number} {unit}"
+
+
+def spoken(name: str) -> str:
+    """Return a parameter as sentences call it: its effect and, where it has several, which."""
+    effect, _, term = name.partition(".")
+    info = CATALOGUE.get(effect)
+    if info is not None and [each.name for each in info.terms] == [term] and not info.pairs:
+        return effect
+    word, _, order = term.partition(" ")
+    return f"{effect} order {order} ({word})" if info is not None and info.pairs else name
+
+
+def _percent(share: float, sign: str = "") -> str:
+    return f"{share:{sign}.0%}".replace("%", " %")
+
+
+def _and(words: Sequence[str]) -> str:
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
+
+
+def _parameter_json(p: TrackedParameter) -> dict[str, Any]:
+    return {
+        "name": p.name,
+        "unit": p.unit,
+        "state": p.state,
+        "sessions": p.sessions,
+        "at_first": p.at_first[0],
+        "at_first_error": p.at_first[1],
+        "now": p.now[0],
+        "now_error": p.now[1],
+        "per_kelvin": p.by_temperature[0],
+        "per_kelvin_error": p.by_temperature[1],
+        "between_sessions": p.between_sessions,
+        "measured_error": p.measured_error,
+        "least": p.least,
+        "values": p.values.tolist(),
+        "corrected": p.corrected.tolist(),
+        "band": {
+            "dates": [_iso(each) for each in p.band.dates],
+            "middle": p.band.middle.tolist(),
+            "low": p.band.low.tolist(),
+            "high": p.band.high.tolist(),
+        },
+        "sentence": p.sentence,
+    }
