@@ -1,6 +1,6 @@
 """How well `track` tells wear: false alarms, delay, what it names, and how far its dates hold.
 
-    python tests/bench/track.py [--joints 100] [--seed 1] [--part delay|forecast|all]
+    python tests/bench/track.py [--joints 100] [--seed 1] [--part false|delay|forecast|all]
 
 Joints of eight parameters, one session a week, as rigs have them and as no model below assumes:
 missed weeks and months, noise of sessions with tails (Student's t of four), a share of it that
@@ -9,25 +9,27 @@ measured errors that are wrong by up to 1.4 and correlated, seasons and single d
 friction that falls with it exponentially. Sizes are in standard deviations of the session noise.
 
 The rivals see the same numbers with the true effect of temperature taken out, which nobody knows on
-a rig: a threshold on each parameter, tabular CUSUM (k = 0.5), and `ruptures` with its costs l2 and
-rbf, asked each week. Each method has the one threshold at which joints without wear raise one alarm
-in ten years over all parameters, found on other joints than those on which it is then counted.
+a rig: a threshold on each parameter, tabular CUSUM (k = 0.5), and one change point by `ruptures`
+(cost l2), asked each week. Each has the threshold at which joints without wear raise one alarm in
+ten years over all parameters; `track` has its own, which raises less.
 """
 
 from __future__ import annotations
 
 import argparse
-import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from datetime import datetime
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.tracking import History, track
+from flexspline.tracking import History, Track, track
 from flexspline.tracking.changes import Series, evidence_over_time, threshold
 
 Array = NDArray[np.float64]
+Course = Callable[[Array], Array]
+Limit = tuple[float, float]
 
 RATE = 0.1  # false alarms in a joint-year
 WEEKS = 156
@@ -93,7 +95,7 @@ def joint(rng: np.random.Generator, weeks: int = WEEKS, count: int = COUNT) -> J
 
 
 KNOWN = ("step of 3", "3 a year", "8 a year", "accelerating", "settling at 4")
-COURSES: dict[str, Callable[[Array], Array]] = {
+COURSES: dict[str, Course] = {
     "step of 3": lambda t: 3.0 * (t >= 0.0),
     "3 a year": lambda t: 3.0 * np.maximum(t, 0.0),
     "8 a year": lambda t: 8.0 * np.maximum(t, 0.0),
@@ -115,10 +117,10 @@ def worn(rng: np.random.Generator, course: str, count: int = COUNT) -> Joint:
     return made
 
 
-def ours(made: Joint) -> Array:
-    """(S, P): what `track` asks of each parameter at each session, above its own h(n)."""
+def ours(made: Joint, parameters: Sequence[int] = range(COUNT)) -> Array:
+    """(S, P): what `track` asks of each parameter at each session, above its own threshold."""
     gains = []
-    for p in range(made.values.shape[1]):
+    for p in parameters:
         own = Series(made.days, made.values[:, p], made.covariance[:, p, p], made.temperatures)
         gains.append(evidence_over_time(own))
     needed = [threshold(n, COUNT) for n in range(1, len(made.days) + 1)]
@@ -151,27 +153,11 @@ def cusum(made: Joint) -> Array:
     return found
 
 
-def of_ruptures(model: str) -> Callable[[Joint], Array]:
-    """Return the penalty below which one change point is found, asked at each session."""
-
-    def ask(made: Joint) -> Array:
-        import ruptures
-
-        z = standard(made)
-        found = np.full_like(z, -np.inf)
-        for p in range(z.shape[1]):
-            for n in range(BASELINE + 2, len(z) + 1):
-                cost = ruptures.costs.cost_factory(model=model).fit(z[:n, p : p + 1])
-                whole = cost.error(0, n)
-                best = min(cost.error(0, k) + cost.error(k, n) for k in range(4, n - 1))
-                found[n - 1, p] = whole - best
-        return found
-
-    return ask
-
-
 def ruptures_l2(made: Joint) -> Array:
-    """The same as `of_ruptures("l2")`, by sums: asked 10⁶ times."""
+    """What the cost l2 of `ruptures` gains by one change point, asked at each session.
+
+    By sums, as it is asked a million times; `check` holds it against `ruptures` itself.
+    """
     z = standard(made)
     found = np.full_like(z, -np.inf)
     total = np.vstack([np.zeros(z.shape[1]), np.cumsum(z, axis=0)])
@@ -182,8 +168,7 @@ def ruptures_l2(made: Joint) -> Array:
     return found
 
 
-METHODS: dict[str, Callable[[Joint], Array]] = {
-    "track": ours,
+RIVALS: dict[str, Callable[[Joint], Array]] = {
     "ruptures l2": ruptures_l2,
     "CUSUM": cusum,
     "threshold": plain,
@@ -239,72 +224,83 @@ class Covered:
         return f"{self.inside / max(self.of, 1):4.0%} of {self.of}"
 
 
+class Tally:
+    """What forecasts and onsets of one course came to."""
+
+    def __init__(self) -> None:
+        self.onset, self.size, self.inner, self.outer = (Covered() for _ in range(4))
+        self.told = self.named = self.dated = 0
+        self.off: list[float] = []
+        self.wide: list[float] = []
+
+    def __str__(self) -> str:
+        return (
+            f"told {self.told}, kind told {self.named}; onset off by {np.median(self.off):+.0f} "
+            f"days, within {self.onset}; size within {self.size}; dates {self.dated}: 80 % "
+            f"{self.inner}, 95 % {self.outer}, both ends {len(self.wide)}, median width "
+            f"{np.median(self.wide) if self.wide else np.nan:.0f} days"
+        )
+
+
+def _limited(made: Joint, course: str, kept: NDArray[np.bool_], reached: float) -> Limit:
+    """A limit that the level reaches on a day, or never, and the day."""
+    law, years = COURSES[course], (reached - made.start) / 365.25
+    order = np.argsort(made.temperatures)
+    reference = float(np.median(made.temperatures[kept]))
+    base = np.interp(reference, made.temperatures[order], made.by_temperature[order, 0])
+    limit = float(base + law(np.array([years]))[0]) + 1e-6
+    if course in ("settling at 4", "step of 3"):
+        return limit + 1.0, np.inf
+    if course == "in jumps":
+        return limit, made.start + 365.25 * (np.floor(4.0 * years) + 1.0) / 4.0
+    return limit, reached
+
+
+def _count(made: Track, truth: Joint, law: Course, reached: float, tally: Tally) -> None:
+    """Count what one track got right."""
+
+    def since(when: datetime | None) -> float:
+        first = made.history.dates[0].astype(datetime)
+        return np.inf if when is None else (when - first).total_seconds() / 86400.0
+
+    start, now = truth.start - truth.days[0], float(made.history.days[-1])
+    change = max(made.changes, key=lambda c: abs(c.size))
+    tally.told += 1
+    tally.named += change.kind is not None
+    tally.onset(since(change.between[0]) <= start <= since(change.between[1]))
+    tally.off.append(since(change.date) - start)
+    true = float(law(np.array([(now - start) / 365.25]))[0])
+    tally.size(change.interval[0] <= true <= change.interval[1])
+    (forecast,) = made.forecasts
+    reached -= truth.days[0]
+    if forecast.why_none:  # beyond it already, or not within the horizon
+        tally.outer(forecast.chance < 1.0 and reached > now + 5.0 * 365.25)
+        return
+    tally.dated += 1
+    for covered, ends in ((tally.inner, forecast.within_80), (tally.outer, forecast.within_95)):
+        covered(since(ends[0]) - 7.0 <= reached <= since(ends[1]) + 7.0)
+    width = since(forecast.within_95[1]) - since(forecast.within_95[0])
+    tally.wide += [width] if np.isfinite(width) else []
+
+
 def forecasts(joints: int, seed: int) -> None:
     """Print how often onset, size and date of a limit lie within their intervals, by course.
 
-    One parameter; a third to two years behind the onset, of a limit that is reached a quarter to
-    two years later, or never.
+    One parameter; a third to one and a half years behind the onset, of a limit that is reached a
+    quarter to two years later, or never. Dates are good to the week of a session.
     """
     for course, law in COURSES.items():
         rng = np.random.default_rng([seed, 11, list(COURSES).index(course)])
-        onset, size, inner, outer = Covered(), Covered(), Covered(), Covered()
-        told = named = dated = 0
-        off, wide = [], []
+        tally = Tally()
         for _ in range(joints):
             made = worn(rng, course, 1)
-            end = made.start + rng.uniform(120.0, 500.0)
-            kept = made.days <= end
-            whole = history(made)
+            kept = made.days <= made.start + rng.uniform(120.0, 500.0)
             now = float(made.days[kept][-1])
-            reached = now + rng.uniform(90.0, 700.0)
-            years = (reached - made.start) / 365.25
-            base = np.interp(
-                float(np.median(made.temperatures[kept])),
-                np.sort(made.temperatures),
-                made.by_temperature[np.argsort(made.temperatures), 0],
-            )
-            limit = float(base + law(np.array([years]))[0] * (1.0 + 1e-9))
-            if course == "settling at 4":
-                limit, reached = limit + 1.0, np.inf
-            if course in ("step of 3", "in jumps"):
-                limit, reached = limit + 1e-6 + 1.0 * (course == "step of 3"), np.inf
-                if course == "in jumps":
-                    reached = made.start + 365.25 * (np.floor(4.0 * years) + 1.0) / 4.0
-            found = track(whole.sessions(kept), limits={"parameter_0": limit}, horizon=5.0)
-            if not found.changes:
-                continue
-            told += 1
-            change = max(found.changes, key=lambda c: abs(c.size))
-            start = (change.between[0] - whole.date(0.0)).total_seconds() / 86400.0
-            stop = (change.between[1] - whole.date(0.0)).total_seconds() / 86400.0
-            onset(start <= made.start <= stop + 1.0)
-            off.append((change.date - whole.date(made.start)).days)
-            true = float(law(np.array([(now - made.start) / 365.25]))[0])
-            size(change.interval[0] <= true <= change.interval[1])
-            named += change.kind is not None
-            (forecast,) = found.forecasts
-            if forecast.chance == 1.0 and forecast.why_none:
-                outer(False)
-                continue
-            if forecast.why_none:  # not within the horizon
-                outer(reached > now + 5.0 * 365.25)
-                continue
-            dated += 1
-            for covered, ends in ((inner, forecast.within_80), (outer, forecast.within_95)):
-                low, high = (
-                    np.inf if each is None else (each - whole.date(0.0)).total_seconds() / 86400.0
-                    for each in ends
-                )
-                covered(low - 7.0 <= reached <= high + 7.0)
-            if forecast.within_95[1] is not None and forecast.within_95[0] is not None:
-                wide.append((forecast.within_95[1] - forecast.within_95[0]).days)
-        print(
-            f"{course:14} told {told} of {joints}, kind told {named}; onset off by "
-            f"{np.median(off) if off else np.nan:+.0f} days, within {onset}; size within {size}; "
-            f"dates {dated}: 80 % {inner}, 95 % {outer}, closed {len(wide)}, median width "
-            f"{np.median(wide) if wide else np.nan:.0f} days",
-            flush=True,
-        )
+            limit, reached = _limited(made, course, kept, now + rng.uniform(90.0, 700.0))
+            found = track(history(made).sessions(kept), limits={"parameter_0": limit}, horizon=5.0)
+            if found.changes:
+                _count(found, made, law, reached, tally)
+        print(f"{course:14} of {joints} {tally}", flush=True)
 
 
 def main() -> None:
@@ -312,52 +308,70 @@ def main() -> None:
     ask = argparse.ArgumentParser(description=__doc__)
     ask.add_argument("--joints", type=int, default=100)
     ask.add_argument("--seed", type=int, default=1)
-    ask.add_argument("--part", choices=("delay", "forecast", "all"), default="all")
+    ask.add_argument("--part", choices=("false", "delay", "forecast", "all"), default="all")
     given = ask.parse_args()
-    if given.part != "forecast":
-        delays(given.joints, given.seed)
-    if given.part != "delay":
-        forecasts(given.joints, given.seed)
+    parts = {"false": false_alarms, "delay": delays, "forecast": forecasts}
+    for name, part in parts.items():
+        if given.part in (name, "all"):
+            part(given.joints, given.seed)
+
+
+def rate(paths: list[Array], level: float) -> str:
+    """Words for how many first alarms there are in a joint-year."""
+    years = WEEKS * 7 / 365.25
+    hit = [first_above(path, level) for path in paths]
+    shares = [(at + 1) / len(p) if at >= 0 else 1.0 for at, p in zip(hit, paths, strict=True)]
+    raised, seen = sum(at >= 0 for at in hit), years * sum(shares)
+    return f"{raised / seen:.3f} a joint-year ({raised} in {seen:.0f} years)"
+
+
+def false_alarms(joints: int, seed: int) -> None:
+    """Print the rate of `track` at its own threshold."""
+    rng = np.random.default_rng([seed, 3])
+    print("track, false alarms:", rate([ours(joint(rng)) for _ in range(joints)], 0.0), flush=True)
+
+
+def check(made: Joint) -> float:
+    """Largest difference of `ruptures_l2` from `ruptures` at one session of each parameter."""
+    import ruptures
+
+    z, n = standard(made), 60
+    found = ruptures_l2(made)[n - 1]
+    apart = []
+    for p in range(z.shape[1]):
+        cost = ruptures.costs.cost_factory(model="l2").fit(z[:n, p : p + 1])
+        best = min(cost.error(0, k) + cost.error(k, n) for k in range(4, n - 2 + 1))
+        apart.append(abs(cost.error(0, n) - best - found[p]))
+    return float(max(apart))
 
 
 def delays(joints: int, seed: int) -> None:
-    """Print rates of false alarms, and delays, of all methods."""
-    years = WEEKS * 7 / 365.25
-    rng = np.random.default_rng(seed)
-    sound = [joint(rng) for _ in range(joints)]
-    fresh = [joint(rng) for _ in range(joints)]
+    """Print delays of all methods: `track` at its own threshold, rivals at the rate `RATE`."""
+    rng = np.random.default_rng([seed, 5])
+    sound, fresh = ([joint(rng) for _ in range(8 * joints)] for _ in range(2))
+    print(f"l2 by sums and by ruptures differ by {check(sound[0]):.1e}")
     levels = {}
-    for name, method in METHODS.items():
-        began = time.time()
-        levels[name] = level_for([method(made) for made in sound], years)
-        paths = [method(made) for made in fresh]
-        hit = [first_above(path, levels[name]) for path in paths]
-        shares = [(at + 1) / len(p) if at >= 0 else 1 for at, p in zip(hit, paths, strict=True)]
-        seen = years * sum(shares)
-        raised = sum(at >= 0 for at in hit)
-        print(
-            f"{name:12} level {levels[name]:6.2f}, on others {raised / seen:.3f} a joint-year "
-            f"({raised} in {seen:.0f} years), {time.time() - began:.0f} s",
-            flush=True,
-        )
+    for name, method in RIVALS.items():
+        levels[name] = level_for([method(made) for made in sound], WEEKS * 7 / 365.25)
+        told = rate([method(made) for made in fresh], levels[name])
+        print(f"{name:12} level {levels[name]:6.2f}, on other joints {told}", flush=True)
     for course in COURSES:
         rng = np.random.default_rng([seed, 7, list(COURSES).index(course)])
-        wearing = [worn(rng, course) for _ in range(joints // 2)]
-        for name, method in METHODS.items():
-            delays, missed, before = [], 0, 0
-            for made in wearing:
-                at = first_above(method(made)[:, made.worn], levels[name])
-                if at < 0:
-                    missed += 1
-                    delays.append(np.inf)
-                elif made.days[at] < made.start:
-                    before += 1
-                else:
-                    delays.append((made.days[at] - made.start) / 7)
-            told = np.sort(delays)
+        wearing = [worn(rng, course) for _ in range(joints)]
+        paths = {"track": [ours(made, [made.worn]) for made in wearing]}
+        for name, method in RIVALS.items():
+            paths[name] = [method(made)[:, made.worn] for made in wearing]
+        for name, own in paths.items():
+            first = [first_above(path, levels.get(name, 0.0)) for path in own]
+            told = [
+                np.inf if at < 0 else (made.days[at] - made.start) / 7.0
+                for at, made in zip(first, wearing, strict=True)
+            ]
+            late = np.sort([each for each in told if each >= 0.0])
             print(
-                f"{course:14} {name:12} median {np.median(told):6.1f} weeks, 90 % "
-                f"{told[int(0.9 * (len(told) - 1))]:6.1f}, missed {missed}, before {before}",
+                f"{course:14} {name:12} median {np.median(late):6.1f} weeks, 90 % "
+                f"{late[int(0.9 * (len(late) - 1))]:6.1f}, worst {late[-1]:6.1f}, missed "
+                f"{np.isinf(late).sum()}, before {len(told) - len(late)}",
                 flush=True,
             )
 

@@ -123,6 +123,18 @@ def test_squares_of_values_are_those_of_the_rows(tmp_path: Path) -> None:
     assert squares_of(run, values) == pytest.approx(float(left @ left), rel=1e-9)
 
 
+def test_channels_read_as_recorded_are_those_of_fit(tmp_path: Path) -> None:
+    log = run_of(MEAN, np.random.default_rng(12), recorder=Recorder())
+    made = estimate_of(
+        [sums_of(log, tmp_path, Plan(PLAN.effects, "sensor_torque", bandwidth=np.inf))]
+    )
+    same = fit(effects(), log, "sensor_torque", fixed=PLAN.held_shapes,
+               options=FitOptions(bandwidth=np.inf))  # fmt: skip
+    assert not same.generalised
+    values = [p.value for p in same.parameters if p.kind == "coefficient"]
+    np.testing.assert_allclose(made.values, values, rtol=1e-9)
+
+
 @pytest.mark.parametrize("memory", [0.0, 0.5])
 def test_intervals_cover_under_noise_with_a_memory(tmp_path: Path, memory: float) -> None:
     """93 to 97 % are asked for; of 150 runs 95 % shows as 92 to 98 (one standard error: 1.8 %)."""

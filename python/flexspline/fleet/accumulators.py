@@ -26,7 +26,7 @@ from flexspline.fleet.plan import Plan
 from flexspline.fleet.sessions import Session, mean_temperature
 from flexspline.least_squares.linear import fit_linear, load_of
 from flexspline.least_squares.options import FitOptions, coefficient_names
-from flexspline.least_squares.problem import Problem
+from flexspline.least_squares.problem import Problem, problem_of
 from flexspline.least_squares.sums import Sums, joined
 from flexspline.logs.log import Fact, Log
 
@@ -186,9 +186,7 @@ def _in_pieces(session: Session) -> bool:
 def _summed(log: Log, plan: Plan) -> tuple[Sums, list[str]]:
     """Sums of a run, or of a piece of one, and what its checks say."""
     said = checked([log], plan.effects, plan.target, plan.known_load) if plan.checks else []
-    how = FitOptions(bandwidth=plan.bandwidth)
-    _, problem_of = posing([log], plan.effects, plan.target, plan.known_load, plan.lowpass, how)
-    problem = problem_of(plan.effects)
+    problem = _posed(log, plan)
     if not problem.runs[0].counted:
         raise InputError(f"{log.name}: no row counts; record longer, or smooth less")
     length = max(round(LEAST_SECONDS * log.rate), problem.runs[0].counted // MOST_BLOCKS, 1)
@@ -196,6 +194,16 @@ def _summed(log: Log, plan: Plan) -> tuple[Sums, list[str]]:
     if not np.isfinite(made.high).all():
         raise InputError(f"{log.name}: sums are not finite; look for values that no joint has")
     return made, said
+
+
+def _posed(log: Log, plan: Plan) -> Problem:
+    """The run as a fit has it; where channels are read as recorded, their noise is not asked."""
+    if plan.bandwidth == np.inf:
+        return problem_of([log], plan.effects, plan.target, known_load=plan.known_load,
+                          lowpass_hz=plan.lowpass, threads=1)  # fmt: skip
+    how = FitOptions(bandwidth=plan.bandwidth)
+    _, posed = posing([log], plan.effects, plan.target, plan.known_load, plan.lowpass, how)
+    return posed(plan.effects)
 
 
 def _sums(problem: Problem, plan: Plan) -> Sums:

@@ -16,8 +16,15 @@ divided by that (CR2 [BellMcCaffrey2002]; in coordinates γ in which A is the un
 
     s_b → (I − A_b)^(−1/2) s_b
 
-and intervals are Student's with ν degrees of freedom, by how evenly a parameter's information is
-spread over the blocks ([Satterthwaite1946]; lags make neighbours one):
+What one block alone tells, as of a single reversal, it fits without a rest: there the scatter of
+other scores stands in, with σ² of a row and m ≥ 1, how many rows go together, of the directions
+that many blocks tell,
+
+    H → H + σ² m Σ_b A_b²
+
+which adds 1/B to what B blocks tell alike. Intervals are Student's with ν degrees of freedom, by
+how evenly a parameter's information is spread over the blocks ([Satterthwaite1946]; lags make
+neighbours one):
 
     ν_k = (Σ_b a_b)² / (Σ_b a_b² (1 + 2 Σ_j w_j²)),     a_b = (A_b)_kk of the parameter's direction
 
@@ -52,6 +59,10 @@ STIFFEST = 0.05
 STEEPEST = 0.8
 """Of the scores from block to block: noise that is slower than that is not known in a run."""
 BLOCKS_A_LAG = 8
+TINY = float(np.finfo(float).tiny)
+UNTOLD = 1e-5
+"""Of the size of columns: what a direction makes of them less than that no instrument tells. Half
+and twice of it are the same for all runs seen."""
 HIDDEN = 1e-6
 """Share of a parameter that the determined directions leave, from which it is not determined."""
 
@@ -114,58 +125,83 @@ def estimate_of(runs: Sequence[RunSums], between: Array | None = None) -> Scored
     """
     ordered = sorted(runs, key=lambda run: run.run)
     high, low = merged(ordered)
-    solution = solve(high, low)
-    values = solution.coefficients
-    gram = (high + low)[:-1, :-1]
-    basis = solution.basis
+    gram, rows = (high + low)[:-1, :-1], sum(run.rows for run in ordered)
+    values, basis = _determined(high, low)
     reading = basis.T @ gram
     shared = [run.shared()[2] for run in ordered]
-    count = sum(map(len, shared))
-    own = sum(len(run.own) for run in ordered)
-    if count < basis.shape[1] + own + LEAST_BLOCKS:
+    count, width = sum(map(len, shared)), basis.shape[1] + sum(len(run.own) for run in ordered)
+    if count < width + LEAST_BLOCKS:
         raise InputError(
-            f"{ordered[0].label}: {count} blocks of rows are too few for the errors of "
-            f"{basis.shape[1] + own} parameters; record longer, or leave effects out"
+            f"{ordered[0].label}: {count} blocks of rows are too few for the errors of {width} "
+            "parameters; record longer, or leave effects out"
         )
-    told = [blocks[:, :-1, :-1] for blocks in shared]
-    scores = [
-        _sharpened(np.einsum("ki,bkl,lj->bij", basis, part, basis, optimize=True),
-                   _scores(blocks, values) @ basis)
-        for part, blocks in zip(told, shared, strict=True)
-    ]  # fmt: skip
-    lags, widen = _going_on(scores)
-    meat = sum((_long_run(part, lags) for part in scores), np.zeros((basis.shape[1],) * 2))
-    meat = widen[:, None] * meat * widen
+    squares = _squares(high, low, values)
+    told = [np.einsum("ki,bkl,lj->bij", basis, blocks[:, :-1, :-1], basis, optimize=True)
+            for blocks in shared]  # fmt: skip
+    scores = [_scores(blocks, values) @ basis for blocks in shared]
+    core, lagged = _core_of(scores, told, squares / max(rows - width, 1))
     if between is not None:
         for blocks in shared:
             moved = basis.T @ blocks[:, :-1, :-1].sum(axis=0)
-            meat += (moved * between) @ moved.T
-    rows = sum(run.rows for run in ordered)
+            core += (moved * between) @ moved.T
     hidden = 1.0 - np.einsum("pr,rp->p", basis, reading) > HIDDEN
-    lengths = solution.lengths
-    covariance = basis @ meat @ basis.T
-    weights = 1.0 - np.arange(1, lags + 1) / (lags + 1.0)
-    inverse = basis @ basis.T
     return Scored(
         values,
-        covariance,
+        basis @ core @ basis.T,
         basis,
         reading,
-        meat,
-        _freedom(np.concatenate(told), inverse, 1.0 + 2.0 * float(weights @ weights)),
-        ~hidden & (lengths > 0.0),
+        core,
+        _freedom(np.concatenate(told), basis, lagged),
+        ~hidden,
         rows,
-        float(np.sqrt(max(solution.residual_squares, 0.0) / rows)),
+        float(np.sqrt(squares / rows)),
         gram,
         count,
     )
 
 
+def _determined(high: Array, low: Array) -> tuple[Array, Array]:
+    """Values (P,) of least norm in the directions that the rows tell, and these (P, R)."""
+    solution = solve(high, low)
+    scaled = solution.factor / solution.lengths
+    _, sizes, right = np.linalg.svd(scaled, full_matrices=False)
+    seen = sizes > UNTOLD * max(float(sizes.max(initial=0.0)), 1.0)
+    basis = right[seen].T / sizes[seen] / solution.lengths[:, None]
+    along = right[seen] @ (solution.coefficients * solution.lengths)
+    return (right[seen].T @ along) / solution.lengths, basis
+
+
+def _core_of(
+    scores: Sequence[Array], told: Sequence[Array], variance: float
+) -> tuple[Array, float]:
+    """H in coordinates in which A is the unit matrix, and 1 + 2 Σ w² of its lags.
+
+    Parameters
+    ----------
+    scores : (B, R) of each run; `told` : (B, R, R), A_b.
+    variance : of the residual at a row.
+    """
+    sharpened = [_sharpened(part, own) for part, own in zip(told, scores, strict=True)]
+    lags, widen = _going_on(sharpened)
+    core = sum((_long_run(part, lags) for part in sharpened), np.zeros((told[0].shape[1],) * 2))
+    core = widen[:, None] * core * widen
+    alone = sum((np.einsum("bij,bjk->ik", part, part) for part in told), np.zeros(core.shape))
+    spread = np.clip(1.0 - np.diag(alone), 0.0, 1.0)
+    memory = float(spread @ np.diag(core)) / max(variance * float(spread.sum()), TINY)
+    core = core + variance * max(memory, 1.0) * alone
+    weights = 1.0 - np.arange(1, lags + 1) / (lags + 1.0)
+    return core, 1.0 + 2.0 * float(weights @ weights)
+
+
+def _squares(high: Array, low: Array, values: Array) -> float:
+    turned = np.append(-values, 1.0)
+    return max(float(turned @ high @ turned + turned @ low @ turned), 0.0)
+
+
 def squares_of(run: RunSums, values: Array) -> float:
     """Return the squares that values (P,) leave of a run, its own terms fitted beside them."""
     high, low, _ = run.shared()
-    turned = np.append(-values, 1.0)
-    return max(float(turned @ high @ turned + turned @ low @ turned), 0.0)
+    return _squares(high, low, values)
 
 
 def _scores(blocks: Array, values: Array) -> Array:
@@ -213,11 +249,9 @@ def _going_on(scores: Sequence[Array]) -> tuple[int, Array]:
     return lags, np.sqrt((1.0 + up) / (1.0 - up) / counted)
 
 
-def _freedom(told: Array, inverse: Array, lagged: float) -> Array:
-    """Degrees of freedom (P,) from the blocks' A_b (B, P, P)."""
-    shares = np.einsum("kp,bpl,lk->bk", inverse, told, inverse, optimize=True)
+def _freedom(told: Array, basis: Array, lagged: float) -> Array:
+    """Degrees of freedom (P,) from the blocks' A_b (B, R, R)."""
+    shares = np.einsum("kr,brs,ks->bk", basis, told, basis, optimize=True)
     squares = np.sum(shares**2, axis=0)
-    total = np.sum(shares, axis=0)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        found = total**2 / squares / lagged
-    return np.asarray(np.where(squares > 0.0, np.maximum(found, 1.0), 1.0))
+    found = np.sum(shares, axis=0) ** 2 / np.maximum(squares, TINY) / lagged
+    return np.asarray(np.maximum(found, 1.0))

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
     from flexspline.model import Model
 
-__all__ = ["fit", "fit_sums", "sessions_from"]
+__all__ = ["fit", "fit_sums", "sessions_from", "summed"]
 
 Array = NDArray[np.float64]
 Folders = str | os.PathLike[str] | Iterable[str | os.PathLike[str]]
@@ -102,23 +102,49 @@ def fit(
     sessions = sessions_from(folders, reading)
     how: dict[str, Any] = {"known_load": known_load, "lowpass": lowpass, "bandwidth": bandwidth}
     how |= {"fixed": dict(fixed or {}), "checks": checks}
+    plan, made, failed = summed(
+        sessions,
+        target,
+        effects,
+        (model, pilot, orders, tuple(per_run)),
+        how,
+        Workers(scheduler, workers),
+        progress,
+    )
+    return fit_sums(made, plan, failed, sessions.remarks)
+
+
+def summed(
+    sessions: Sessions,
+    target: str | None,
+    effects: str | Effect | Iterable[str | Effect] | None,
+    shapes_of: tuple[Model | None, str | None, Mapping[str, Sequence[int]] | None, tuple[str, ...]],
+    how: Mapping[str, Any],
+    workers: Workers,
+    progress: bool,
+) -> tuple[Plan, list[RunSums], list[tuple[str, str]]]:
+    """Return the plan of a fleet, the sums of its runs, and (run, why) of those that have none.
+
+    Parameters
+    ----------
+    shapes_of : model, pilot, orders and terms of single runs, as `fit` takes them.
+    how : the other fields of the plan.
+
+    Raises
+    ------
+    InputError
+        Where effects or options are wrong.
+    """
     with Progress("pilot", progress, unit=""):
-        plan = _plan(sessions, target, effects, model, pilot, orders, tuple(per_run), how)
+        plan = _plan(sessions, target, effects, *shapes_of, how)
     with Progress("runs", progress, total=len(sessions), unit="run") as bar:
-        made = done(
-            partial(accumulators_of, plan=plan),
-            sessions.sessions,
-            Workers(scheduler, workers),
-            bar,
-        )
+        made = done(partial(accumulators_of, plan=plan), sessions.sessions, workers, bar)
     failed = [
         (session.label, each.why)
         for session, each in zip(sessions, made, strict=True)
         if isinstance(each, Failed)
     ]
-    return fit_sums(
-        [each for each in made if isinstance(each, RunSums)], plan, failed, sessions.remarks
-    )
+    return plan, [each for each in made if isinstance(each, RunSums)], failed
 
 
 def sessions_from(folders: Folders | Sessions, reading: Mapping[str, Any]) -> Sessions:

@@ -90,7 +90,8 @@ def track(
     courses = [_course(turned, p, told) for p in range(len(turned.names))]
     states = [_state(turned, p, courses[p], told) for p in range(len(turned.names))]
     forecasts = tuple(
-        _forecast(turned, p, limit, courses[p], states[p], horizon) for p, limit in limited
+        _forecast(turned, p, _limit_of(courses[p], value, is_share), courses[p], states[p], horizon)
+        for p, value, is_share in limited
     )
     parameters = tuple(
         _parameter(turned, p, courses[p], states[p], _shown_until(turned, p, forecasts))
@@ -110,29 +111,27 @@ def track(
 
 def _limits(
     given: Mapping[str, float | str], history: History, turned: History
-) -> list[tuple[int, float]]:
-    """Number and limit of each."""
+) -> list[tuple[int, float, bool]]:
+    """Of each limit: the parameter's number, the value, and whether that is a share."""
     found = []
     for name, value in given.items():
         at = resolve(name, turned.names, f"the limit of {name}", history.names)
-        share = (
-            re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*%\s*", value) if isinstance(value, str) else None
-        )
-        if share:
-            series, _ = turned.series(np.eye(len(turned.names))[at])
-            if not len(series.days):
-                raise InputError(f"the limit of {name}: no session tells it; leave the limit out")
-            level = _plain(series, np.random.default_rng(0)).course(series.days[:1])
-            found.append((at, float(share[1]) / 100.0 * float(np.median(level))))
-            continue
+        share = PERCENT.fullmatch(value) if isinstance(value, str) else None
         try:
-            limit = float(value)
+            limit = float(share[1]) / 100.0 if share else float(value)
         except (TypeError, ValueError):
             limit = math.nan
         if not math.isfinite(limit):
             raise InputError(f"the limit of {name} is '{value}'; give a number, or 150%")
-        found.append((at, limit))
+        found.append((at, limit, share is not None))
     return found
+
+
+def _limit_of(course: Posterior | None, value: float, is_share: bool) -> float:
+    """A limit in the parameter's unit: a share is of its level at first."""
+    if not is_share:
+        return value
+    return math.nan if course is None else value * float(np.median(course.course(np.zeros(1))))
 
 
 def _plain(series: Series, rng: np.random.Generator) -> Posterior:

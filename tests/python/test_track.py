@@ -1,0 +1,302 @@
+"""What changed in a joint over months: told, named, dated and foretold, or said not to be known."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from datetime import datetime
+
+import numpy as np
+import pytest
+from worn_joints import FIRST, LEVELS, NAMES, NOISES, ramp, step, worn_history
+
+from flexspline import InputError
+from flexspline.tracking import History, Track, track
+from flexspline.tracking.changes import (
+    LEAST_SESSIONS,
+    Candidates,
+    Series,
+    evidence_over_time,
+    threshold,
+)
+
+COULOMB, LOAD, OFFSET = NAMES
+
+
+def week(number: float) -> datetime:
+    return (FIRST + np.timedelta64(round(7 * 24 * number), "h")).astype("M8[s]").astype(datetime)
+
+
+def laws(made: Track) -> None:
+    """What holds of every track, whatever the sessions were."""
+    states = {p.name: p.state for p in made.parameters}
+    for change in made.changes:
+        low, high = change.interval
+        assert low > 0.0 or high < 0.0
+        assert low <= change.size <= high
+        assert change.evidence > change.needed
+        assert change.between[0] <= change.date <= change.between[1]
+        assert states[change.parameter] == ("changed" if change.known else "may have changed")
+        assert 0.95 <= sum(change.chances) <= 1.0 + 1e-9
+        assert change.needs == "" or change.known
+    for forecast in made.forecasts:
+        if forecast.within_95[0] is not None:
+            assert states[forecast.parameter] == "changed"
+            assert forecast.why_none == ""
+        else:
+            assert forecast.date is None
+            assert forecast.why_none
+    told = {c.parameter.partition(".")[0] for c in made.changes}
+    for name, state in states.items():
+        assert state in ("no change told", "not known yet") or any(
+            name.partition(".")[0] in cause or name.partition(".")[0] in told
+            for change in made.changes
+            for cause in change.causes
+        )
+    content = json.loads(made.to_json())
+    assert [c["sentence"] for c in content["changes"]] == [c.sentence for c in made.changes]
+    assert all(len(line) <= 120 for line in str(made).splitlines())
+    assert bool(made.changes) == ("told (" in made.verdict and "no change" not in made.verdict)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_step_is_told_of_the_parameter_that_made_it(name: str) -> None:
+    made = track(worn_history(1, worn={name: step(50, 3.0)}))
+    laws(made)
+    (change,) = made.changes
+    assert change.causes == (name,)
+    assert change.kind in ("step", None)
+    assert change.between[0] <= week(50) <= change.between[1]
+    noise = NOISES[NAMES.index(name)]
+    assert change.interval[0] <= 3.0 * noise <= change.interval[1]
+    assert change.told_since <= week(56)
+
+
+def test_wear_is_told_as_gradual_with_its_limit_in_an_interval() -> None:
+    limit = LEVELS[0] + NOISES[0] * 12.0
+    made = track(worn_history(2, 100, worn={COULOMB: ramp(40, 8.0)}), limits={COULOMB: limit})
+    laws(made)
+    (change,) = made.changes
+    assert change.causes == (COULOMB,)
+    assert change.at_once < 0.1
+    assert change.per_year == pytest.approx(8.0 * NOISES[0], rel=0.3)
+    (forecast,) = made.forecasts
+    reached = week(40 + 52.18 * 12.0 / 8.0)
+    first, last = forecast.within_95
+    assert first is not None
+    assert first <= reached
+    assert last is None or reached <= last
+    assert "reaches its limit" in forecast.sentence
+
+
+def test_a_limit_far_away_has_no_date_and_one_that_is_passed_says_so() -> None:
+    history = worn_history(2, 100, worn={COULOMB: ramp(40, 8.0)})
+    far, passed, still = (
+        track(history, limits={name: limit}).forecasts[0]
+        for name, limit in ((COULOMB, 500.0), (COULOMB, 5.3), (OFFSET, 0.8))
+    )
+    assert "not within 5 years" in far.sentence
+    assert "beyond it already" in passed.sentence
+    assert "no change of it is told" in still.sentence
+    assert all(f.date is None and f.within_95 == (None, None) for f in (far, passed, still))
+
+
+def test_a_limit_is_also_a_share_of_the_level_at_first() -> None:
+    made = track(worn_history(2, 100, worn={COULOMB: ramp(40, 8.0)}), limits={COULOMB: "120%"})
+    assert made.forecasts[0].limit == pytest.approx(1.2 * made[COULOMB].at_first[0], rel=0.01)
+    assert made.forecasts[0].limit == pytest.approx(1.2 * LEVELS[0], rel=0.03)
+
+
+def test_what_temperature_explains_is_no_change() -> None:
+    warm = np.where(np.arange(80) < 40, 20.0, 30.0) + np.random.default_rng(0).normal(0, 2.0, 80)
+    made = track(worn_history(3, per_kelvin=0.05, temperature=warm))
+    laws(made)
+    assert made.changes == ()
+    assert any("moves with temperature alone" in remark for remark in made.remarks)
+    unknown = replace(made.history, temperatures=np.full(80, np.nan))
+    assert len(track(unknown).changes) >= 1
+
+
+def test_a_step_that_temperature_takes_too_is_not_told() -> None:
+    """Before it all was cold, behind it all is warm: nobody can tell which it was."""
+    warm = np.where(np.arange(80) < 40, 20.0, 30.0)
+    made = track(worn_history(3, per_kelvin=0.0, temperature=warm, worn={COULOMB: step(40, 4.0)}))
+    assert made.changes == ()
+
+
+def test_a_change_beside_a_season_is_told_with_its_coefficient() -> None:
+    made = track(worn_history(4, 100, worn={COULOMB: step(60, 3.0)}))
+    assert [c.causes for c in made.changes] == [(COULOMB,)]
+    value, error = made[COULOMB].by_temperature
+    assert abs(value - 10.0 * 0.03 * NOISES[0]) < 4.0 * error
+
+
+def test_one_cause_is_one_change_however_confounded() -> None:
+    made = track(worn_history(5, worn={COULOMB: step(45, 1.0)}, correlation=0.99))
+    laws(made)
+    (change,) = made.changes
+    assert change.causes[0] == COULOMB
+    assert any("as far as the others stayed" in remark for remark in made.remarks)
+
+
+def test_what_two_causes_explain_as_well_is_said_not_to_be_known() -> None:
+    """The sum of two that only their difference tells: either moves it the same."""
+    seeds = range(12)
+    made = [
+        track(worn_history(seed, worn={COULOMB: step(45, 0.3)}, correlation=0.99)) for seed in seeds
+    ]
+    open_ones = [c for t in made for c in t.changes if not c.known]
+    assert len(open_ones) >= 4
+    for change in open_ones:
+        assert set(change.causes) <= {COULOMB, LOAD}
+        assert "I do not know which" in change.sentence
+    limited = next(t for t in made if t.changes and not t.changes[0].known)
+    (forecast,) = track(limited.history, limits={COULOMB: 6.0}).forecasts
+    assert forecast.date is None
+    assert "no date before that is known" in forecast.sentence
+
+
+def test_two_causes_are_two_changes() -> None:
+    worn = {COULOMB: step(30, 3.0), OFFSET: ramp(50, 8.0)}
+    made = track(worn_history(6, 110, worn=worn))
+    laws(made)
+    assert sorted(c.causes for c in made.changes) == [(COULOMB,), (OFFSET,)]
+    assert [c.date for c in made.changes] == sorted(c.date for c in made.changes)
+
+
+def test_a_single_session_is_an_accident_and_no_change() -> None:
+    history = worn_history(7)
+    values = history.values.copy()
+    values[40] += 12.0 * np.array(NOISES)
+    values[-1] += 12.0 * np.array(NOISES)
+    made = track(replace(history, values=values))
+    assert made.changes == ()
+
+
+def test_an_order_that_grows_is_told_whatever_its_phase() -> None:
+    names = ("output_ripple.cosine 2", "output_ripple.sine 2", "offset.offset")
+    for phase in (0.0, 1.0, 2.5, 4.0):
+        at = np.array([np.cos(phase), np.sin(phase)])
+        history = worn_history(
+            8, names=names, levels=(*(10.0 * at), 0.0), noises=(1.0, 1.0, 1.0), units=("Nm",) * 3,
+            worn={name: step(50, 3.0 * part) for name, part in zip(names, at, strict=False)},
+        )  # fmt: skip
+        made = track(history)
+        laws(made)
+        (change,) = made.changes
+        assert change.causes == ("output_ripple, order 2",)
+        assert change.parameter == "output_ripple.amplitude 2"
+        assert change.size == pytest.approx(3.0, abs=4.0 * change.error)
+
+
+@pytest.mark.parametrize("count", [1, 2, LEAST_SESSIONS - 1])
+def test_of_few_sessions_nothing_is_known_yet(count: int) -> None:
+    made = track(worn_history(9, count), limits={COULOMB: 9.0})
+    laws(made)
+    assert not made.known
+    assert "not known yet" in made.verdict
+    assert made.forecasts[0].date is None
+
+
+def test_a_bad_day_is_followed_as_a_good_one(recwarn: pytest.WarningsRecorder) -> None:
+    """Sessions that are not told, on one day, months apart, without temperature."""
+    history = worn_history(10, 90, worn={COULOMB: step(60, 4.0)})
+    values, warm = history.values.copy(), history.temperatures.copy()
+    values[5] = np.nan
+    values[10:20, 2] = np.nan
+    warm[[3, 22, 63]] = np.nan
+    kept = np.r_[0:30, 45:90]
+    worse = replace(history, values=values, temperatures=warm).sessions(kept)
+    dates = worse.dates.copy()
+    dates[20] = dates[21]
+    made = track(replace(worse, dates=dates))
+    laws(made)
+    assert [c.causes for c in made.changes] == [(COULOMB,)]
+    assert any("3 sessions of unknown temperature" in r for r in made.remarks)
+    assert any("No session from" in r for r in made.remarks)
+    assert not recwarn.list
+
+
+def test_the_order_of_sessions_units_and_dates_makes_no_difference() -> None:
+    history = worn_history(11, worn={LOAD: step(50, 3.0)})
+    (change,) = track(history).changes
+    order = np.random.default_rng(0).permutation(len(history))
+    (shuffled,) = track(history.sessions(order)).changes
+    assert shuffled == change
+    scaled = replace(history, values=1e3 * history.values, covariance=1e6 * history.covariance)
+    (other,) = track(scaled).changes
+    assert other.evidence == pytest.approx(change.evidence, rel=1e-6)
+    assert other.size == pytest.approx(1e3 * change.size, rel=1e-6)
+    (mirrored,) = track(replace(history, values=-history.values)).changes
+    assert mirrored.size == pytest.approx(-change.size, rel=0.02)
+
+
+def test_the_evidence_over_time_is_nearly_that_of_the_sessions_until_then() -> None:
+    """What is usual between neighbours, by which accidents are judged, is that of all sessions."""
+    history = worn_history(12, 60, worn={COULOMB: step(40, 2.0)})
+    series, _ = history.series(np.eye(3)[0])
+    path = evidence_over_time(series)
+    assert np.isneginf(path[: LEAST_SESSIONS - 1]).all()
+    for count in (8, 15, 25, 26, 40, 45, 60):
+        alone = Candidates.of(series.until(count)).evidence[0]
+        assert path[count - 1] == pytest.approx(alone, abs=1.0)
+
+
+def test_the_threshold_grows_with_parameters_and_falls_with_sessions() -> None:
+    assert threshold(100, 8) > threshold(100, 1)
+    assert threshold(10, 1) > threshold(100, 1)
+
+
+def test_joints_that_do_not_wear_raise_few_alarms() -> None:
+    """Forty joint-years of three parameters in autoregressive noise with tails."""
+    rng = np.random.default_rng(5)
+    raised = 0
+    for _ in range(20):
+        noise = rng.standard_t(4, size=(104, 3)) / np.sqrt(2.0)
+        for s in range(1, 104):
+            noise[s] = 0.4 * noise[s - 1] + np.sqrt(1.0 - 0.4**2) * noise[s]
+        for p in range(3):
+            series = Series(7.0 * np.arange(104.0), noise[:, p], np.full(104, 0.3))
+            needed = [threshold(n, 3) for n in range(1, 105)]
+            raised += bool((evidence_over_time(series) > needed).any())
+    assert raised <= 9  # more than 9 of a mean of 4: 0.8 %
+
+
+def test_after_a_service_a_joint_begins_anew() -> None:
+    history = worn_history(13, 100, worn={COULOMB: step(40, 4.0)})
+    assert track(history).changes
+    made = track(history.since("2026-11-01"))
+    assert made.changes == ()
+    assert made.history.dates[0] >= np.datetime64("2026-11-01")
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"limits": {"colomb_friction": 1.0}}, "there is no parameter 'colomb_friction'"),
+        ({"limits": {COULOMB: "much"}}, "give a number, or 150%"),
+        ({"limits": {COULOMB: np.nan}}, "give a number, or 150%"),
+        ({"horizon": 0.0}, "give one above 0"),
+    ],
+)
+def test_a_wrong_call_is_refused_in_a_sentence(wrong: dict, said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        track(worn_history(1, 10), **wrong)
+
+
+def test_a_history_that_is_none_is_refused() -> None:
+    history = worn_history(1, 10)
+    for change, said in (
+        ({"values": history.values[:5]}, "values of the history are of shape"),
+        ({"covariance": -history.covariance}, "a variance of the history is negative"),
+        ({"names": ("a.b",) * 3}, "two parameters of the history have one name"),
+        ({"dates": np.array(["NaT"] * 10, dtype="M8[s]")}, "has no date"),
+    ):
+        with pytest.raises(InputError, match=said):
+            replace(history, **change)
+    with pytest.raises(InputError, match="needs a session and a parameter"):
+        History(np.array([], dtype="M8[s]"), (), (), np.empty((0, 0)), np.empty((0, 0)))
+    with pytest.raises(InputError, match="no session is from 2100-01-01 on"):
+        history.since("2100-01-01")
+    with pytest.raises(InputError, match="is no date"):
+        history.since("yesterday")

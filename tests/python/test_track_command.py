@@ -1,0 +1,203 @@
+"""`flexspline track`: models or runs of one joint, by date, to track.json and a report."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli_calls import call
+from figure_layout import figure_faults, page_faults
+from fit_logs import FRICTION, WIDTH, autoregressive, friction, motion, simulated
+from worn_joints import NAMES, ramp, worn_history
+
+import flexspline
+from flexspline import InputError, Model
+from flexspline.logs.log import Log
+from flexspline.logs.writing import write_log
+from flexspline.tracking import History, history_of, track
+
+EFFECTS = "offset,coulomb_friction,viscous_friction,inertia"
+HELD = {"direction_width": WIDTH}
+COUNT, ONSET = 14, 8
+
+
+def date(week: int) -> str:
+    return str(np.datetime64("2027-01-04") + 7 * week)
+
+
+@cache
+def runs() -> tuple[Log, ...]:
+    """Fourteen weeks of a joint whose Coulomb friction doubles in the ninth."""
+    found = []
+    for week in range(COUNT):
+        generator = np.random.default_rng([week, 5])
+        worn = FRICTION * np.array([1.0, 2.0 if week >= ONSET else 1.0, 1.0, 1.0])
+        worn = worn * (1.0 + 0.01 * generator.normal(size=4))
+        noise = autoregressive(generator, 1000)
+        warm = np.full(1000, 20.0 + 2.0 * np.sin(week))
+        name = f"run {week}"
+        log = simulated(friction(), worn, motion(week, 1000), noise, name, temperature=warm)
+        found.append(log.with_facts({"date": date(week)}))
+    return tuple(found)
+
+
+@cache
+def history() -> History:
+    return history_of(runs(), target="sensor_torque", effects=EFFECTS.split(","), fixed=HELD)
+
+
+def write_all(folder: Path, dated: bool = True) -> Path:
+    for week, log in enumerate(runs()):
+        plain = Log(log.columns, {k: v for k, v in log.facts.items() if k != "date"})
+        write_log(plain, folder / (f"{date(week)}.csv" if dated else f"w{week}.csv"))
+    return folder
+
+
+def write_models(folder: Path, count: int = COUNT, **more) -> list[Path]:
+    paths = []
+    for week, log in enumerate(runs()[:count]):
+        made = flexspline.fit(EFFECTS.split(","), log, "sensor_torque", fixed=HELD, checks=False)
+        paths.append(folder / f"joint {date(week)}.json")
+        made.model.save(paths[-1])
+    return paths
+
+
+def test_runs_become_a_history_by_date() -> None:
+    made = history()
+    assert len(made) == COUNT
+    assert made.names == (
+        "offset.offset", "coulomb_friction.level", "viscous_friction.viscosity", "inertia.inertia",
+    )  # fmt: skip
+    assert np.isfinite(made.values).all()
+    assert np.isfinite(made.covariance).all()
+    assert made.temperatures[0] == pytest.approx(20.0)
+    (change,) = track(made).changes
+    assert change.causes == ("coulomb_friction.level",)
+    assert change.sentence.startswith("coulomb_friction rose")
+    assert change.needs == "a look at its lubricant and bearings"
+
+
+def test_the_command_writes_what_the_call_tells(tmp_path: Path) -> None:
+    data = tmp_path / "runs"
+    data.mkdir()
+    write_all(data)
+    result = call(
+        "track", data, "--target", "sensor_torque", "--effects", EFFECTS, "--fix",
+        f"direction_width={WIDTH}", "--limit", "coulomb_friction=2", "--out", tmp_path / "out",
+        "--json",
+    )  # fmt: skip
+    assert result.exit_code == 0, result.stderr
+    said = json.loads(result.stdout)
+    written = json.loads((tmp_path / "out" / "track.json").read_text())
+    assert said["changes"] == written["changes"]
+    assert [c["causes"] for c in written["changes"]] == [["coulomb_friction.level"]]
+    assert len(written["sessions"]) == COUNT
+    assert written["forecasts"][0]["parameter"] == "coulomb_friction.level"
+    assert page_faults(tmp_path / "out" / "report.html") == []
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "coulomb_friction rose" in page
+
+
+def test_models_of_each_session_tell_the_same(tmp_path: Path) -> None:
+    paths = write_models(tmp_path)
+    made = history_of(paths)
+    at = [made.names.index(name) for name in history().names]
+    assert made.values[:, at] == pytest.approx(history().values, rel=1e-6)
+    result = call("track", *paths, "--out", tmp_path / "out")
+    assert result.exit_code == 0, result.stderr
+    assert "coulomb_friction rose" in result.stdout
+    assert "wrote track.json and report.html" in result.stdout
+
+
+def test_a_table_gives_dates_and_temperatures(tmp_path: Path) -> None:
+    paths = write_models(tmp_path, 3)
+    table = tmp_path / "dates.csv"
+    rows = [f"{path.name},2026-05-0{k + 1},{20 + k}" for k, path in enumerate(paths)]
+    table.write_text("run,date,temperature\n" + "\n".join(rows) + "\n")
+    made = history_of(paths, dates=table)
+    assert [str(each)[:10] for each in made.dates] == ["2026-05-01", "2026-05-02", "2026-05-03"]
+    assert made.temperatures == pytest.approx([20.0, 21.0, 22.0])
+    table.write_text("run,date\nm,yesterday\n")
+    with pytest.raises(InputError, match="line 2: has no run or no date"):
+        history_of(paths, dates=table)
+
+
+def test_a_run_that_cannot_be_fitted_is_left_out_and_told() -> None:
+    first = runs()[0]
+    still = np.zeros(len(first))
+    broken = Log(
+        {**first.columns, "output_velocity": still, "output_acceleration": still,
+         "output_position": still, "sensor_torque": np.full(len(first), np.nan)},
+        {**first.facts, "name": "broken"},
+    )  # fmt: skip
+    made = history_of(
+        [*runs()[:9], broken], target="sensor_torque", effects=EFFECTS.split(","), fixed=HELD
+    )
+    assert len(made) == 9
+    assert any(remark.startswith("broken is left out") for remark in made.remarks)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--effects", EFFECTS), "say which target is explained"),
+        (("--target", "sensor_torque"), "give either a model or effects"),
+        (("--effects", EFFECTS, "--target", "sensor_torque"), "has no date"),
+        (("--model", "m.json", "--effects", EFFECTS), "give one of them"),
+        (("--effects", EFFECTS, "--limit", "x"), "is not written NAME=VALUE"),
+        (("--effects", EFFECTS, "--horizon", "0"), "Invalid value for '--horizon'"),
+    ],
+)
+def test_a_wrong_call_ends_with_a_sentence(tmp_path: Path, arguments: tuple, said: str) -> None:
+    write_all(tmp_path, dated=False)
+    result = call("track", tmp_path / "w0.csv", *arguments, "--out", tmp_path / "out")
+    assert result.exit_code == 2
+    assert said in result.stderr
+    assert len(result.stderr.splitlines()) == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_models_and_runs_are_not_mixed(tmp_path: Path) -> None:
+    (model,) = write_models(tmp_path, 1)
+    with pytest.raises(InputError, match=r"is no model, and .* is one"):
+        history_of([model, runs()[0]])
+
+
+def test_models_of_two_joints_are_not_one(tmp_path: Path) -> None:
+    paths = write_models(tmp_path, 2)
+    for path, joint in zip(paths, ("elbow", "wrist"), strict=True):
+        model = Model.load(path)
+        replace(model, facts={**model.facts, "joint": joint}).save(path)
+    with pytest.raises(InputError, match="of 2 joints"):
+        history_of(paths)
+
+
+def test_shapes_that_differ_between_models_are_told(tmp_path: Path) -> None:
+    paths = []
+    for week, width in enumerate((0.05, 0.09)):
+        made = flexspline.fit(
+            EFFECTS.split(","), runs()[week], "sensor_torque", fixed={"direction_width": width},
+            checks=False,
+        )  # fmt: skip
+        paths.append(tmp_path / f"{date(week)}.json")
+        made.model.save(paths[-1])
+    assert any("direction_width differs between" in remark for remark in history_of(paths).remarks)
+
+
+def test_figure_and_report_hold_together(tmp_path: Path) -> None:
+    made = track(
+        worn_history(2, 100, worn={NAMES[0]: ramp(40, 8.0)}), limits={NAMES[0]: 6.2, NAMES[1]: 90.0}
+    )
+    figure = made.plot()
+    assert figure_faults(figure) == []
+    made.report(tmp_path / "report.html")
+    assert page_faults(tmp_path / "report.html") == []
+    page = (tmp_path / "report.html").read_text()
+    for sentence in made.sentences:
+        assert sentence[:20] in page
+    assert made.to_frame().loc[NAMES[0], "state"] == "changed"
+    assert "<table>" in made._repr_html_()
