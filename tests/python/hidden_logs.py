@@ -144,3 +144,29 @@ def evidence(made: Fit, name: str) -> float:
 def _terms(made: Fit, name: str) -> tuple[flexspline.effects.TermInfo, ...]:
     (own,) = (e for e in made.part.effects if e.name == name)
     return own.terms
+
+
+def torque_hiding(truth: Truth | None, seed: int, speed: float = 2.0) -> tuple[Channels, Array]:
+    """Channels of a run, and its torque: load, friction, noise, and what is hidden in it [Nm]."""
+    c = rich_run(seed, speed=speed)
+    torque = c[LOAD] + friction_of(c) + noise(seed, len(c["time"]))
+    return c, torque if truth is None else torque + truth(c)
+
+
+def floor_of(a_noise: Callable[[int, int], Array] = noise, samples: int = 8000) -> float:
+    """What the noise alone leaves, RMS."""
+    return float(np.sqrt(np.mean([np.var(a_noise(seed, samples)) for seed in SEEDS])))
+
+
+def closes_the_gap(base: Fit, made: Fit, name: str, floor: float) -> None:
+    """With the effect that is hidden the error on held-out rows falls to the noise."""
+    assert base.cv_rmse > 1.3 * floor
+    assert share_closed(base, made, floor) >= CLOSED
+    assert evidence(made, name) > 50.0
+
+
+def gains_nothing(base: Fit, made: Fit, name: str) -> None:
+    """With an effect that is not there the error on held-out rows stays."""
+    assert made.cv_rmse > (1.0 - NOTHING) * base.cv_rmse
+    # a mean of squares of 1 to 6 normal numbers; a shape that was searched takes the best of many
+    assert evidence(made, name) < 16.0

@@ -11,6 +11,7 @@ import pandas
 import pytest
 from bags import joint_state, write_bag2
 from cli_calls import call
+from foreign_files import refused
 from recorded_presets import (
     STEPS,
     TIME,
@@ -334,14 +335,6 @@ def test_a_wrong_name_is_answered_with_those_that_exist(tmp_path: Path) -> None:
     )
     made = call("check", tmp_path / "none.csv", "--preset", "abb")
     assert made.exit_code == 2 and "there is no preset 'abb'; the presets are" in made.stderr
-
-
-def refused(path: Path, columns: Any = None, **how: Any) -> str:
-    with pytest.raises(InputError) as caught:
-        read_log(path, columns, **how)
-    said = str(caught.value)
-    assert said.startswith(str(path)) and "; " in said and said.isprintable()
-    return said
 
 
 def test_a_file_of_another_recorder_is_refused_with_what_both_have(tmp_path: Path) -> None:

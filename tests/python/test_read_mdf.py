@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gzip
 import itertools
 import struct
 import sys
@@ -12,13 +11,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import foreign_files
 import numpy as np
 import pytest
 from asammdf import MDF, Signal
 from asammdf.blocks.conversion_utils import from_dict
-from cli_calls import call
 
-from flexspline import InputError, joints_of, read_log
+from flexspline import joints_of, read_log
 
 FAST, SLOW = np.arange(1000) * 0.001, np.arange(95) * 0.01
 COUNTS = np.round(1000.0 * np.sin(5.0 * FAST)).astype("<i4")
@@ -118,22 +117,12 @@ def test_channels_of_one_name_are_told_apart_by_their_group(tmp_path: Path) -> N
 
 
 def test_a_file_is_known_by_its_beginning_and_unpacked(tmp_path: Path) -> None:
-    content = both(tmp_path / "a.mf4").read_bytes()
-    (tmp_path / "run.dat").write_bytes(content)
-    (tmp_path / "a.mf4.gz").write_bytes(gzip.compress(content))
-    for name in ("run.dat", "a.mf4.gz"):
-        assert len(read_log(tmp_path / name, MAP)) == 1000
+    foreign_files.known_by_its_beginning_and_packed(both(tmp_path / "a.mf4"), MAP, 1000)
 
 
 def test_init_guesses_a_map_and_convert_takes_it(tmp_path: Path) -> None:
-    path = both(tmp_path / "a.mf4", 1)
-    made = call("init", path, "--out", tmp_path / "map.toml")
-    assert made.exit_code == 0, made.output
-    text = (tmp_path / "map.toml").read_text()
-    assert 'output_position = {source = "q", unit = "deg"}' in text
-    made = call("convert", path, "--columns", tmp_path / "map.toml", "--out", tmp_path / "run.csv")
-    assert made.exit_code == 0, made.output
-    log = read_log(tmp_path / "run.csv")
+    entry = 'output_position = {source = "q", unit = "deg"}'
+    log = foreign_files.converted_by_a_guessed_map(both(tmp_path / "a.mf4", 1), entry)
     assert log["output_position"] == pytest.approx(
         np.radians(0.01 * COUNTS + 2.0)[: len(log)], abs=1e-9
     )
@@ -155,11 +144,7 @@ def test_nothing_is_printed_by_a_long_reading(
 
 
 def refused(path: Path, columns: Any = None, **how: Any) -> str:
-    with pytest.raises(InputError) as caught:
-        read_log(path, columns or MAP, **how)
-    said = str(caught.value)
-    assert said.startswith(str(path)) and "; " in said and said.isprintable()
-    return said
+    return foreign_files.refused(path, columns or MAP, **how)
 
 
 def test_a_formula_is_never_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -247,14 +232,7 @@ def timeless(path: Path) -> Path:
 def test_a_group_without_time_is_read_alone_with_a_rate(tmp_path: Path) -> None:
     path = timeless(tmp_path / "a.mf4")
     assert np.array_equal(read_log(path, MAP)["sensor_torque"], TORQUE)
-    said = refused(path, {**MAP, "temperature": "heat"})
-    assert "its group 'oven' has no channel of time; read that group alone, by variable='oven'" in (
-        said
-    )
-    log = read_log(path, {"temperature": "heat"}, variable="oven", rate=100)
-    assert np.array_equal(log["temperature"], HEAT)
-    said = refused(path, {"temperature": "heat"}, variable="oven")
-    assert "no time stamps; map a column to 'time' or give the rate" in said
+    foreign_files.read_alone_with_a_rate(path, MAP, HEAT)
 
 
 def test_several_groups_of_which_none_has_time_are_refused(tmp_path: Path) -> None:
@@ -313,30 +291,11 @@ def test_a_file_that_was_cut_short_is_refused(packed: int, share: float, tmp_pat
 def test_damaged_bytes_are_refused_or_read_and_nothing_else(
     packed: int, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    content = both(tmp_path / "a.mf4", packed).read_bytes()
-    random = np.random.default_rng(5)
-    refusals = 0
-    for _ in range(40):
-        damaged = bytearray(content)
-        for at in random.integers(0, min(len(content), 8000), 12):
-            damaged[at] = random.integers(256)
-        (tmp_path / "a.mf4").write_bytes(bytes(damaged))
-        try:
-            read_log(tmp_path / "a.mf4", {**MAP, "temperature": "heat"}, max_memory=0.1)
-        except InputError as error:
-            refusals += 1
-            assert str(error).startswith(str(tmp_path / "a.mf4"))
-    assert refusals > 5
+    foreign_files.refused_or_read_when_damaged(
+        both(tmp_path / "a.mf4", packed), {**MAP, "temperature": "heat"},
+        times=40, until=8000, bytes_at_once=12,
+    )  # fmt: skip
     assert capfd.readouterr() == ("", "")
-
-
-@pytest.mark.parametrize("kind", [b"##DG", b"##CG", b"##CN"])
-def test_a_list_of_blocks_that_leads_back_to_itself_is_refused(kind: bytes, tmp_path: Path) -> None:
-    content = bytearray(both(tmp_path / "a.mf4").read_bytes())
-    at = content.index(kind)
-    struct.pack_into("<Q", content, at + 24, at)
-    (tmp_path / "a.mf4").write_bytes(bytes(content))
-    assert "a list of blocks leads back to itself" in refused(tmp_path / "a.mf4")
 
 
 def test_samples_that_are_promised_and_not_there_are_missed(tmp_path: Path) -> None:

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import gzip
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import foreign_files
 import numpy as np
 import pytest
-from cli_calls import call
 from nptdms import ChannelObject, GroupObject, RootObject, TdmsWriter
 
-from flexspline import InputError, joints_of, read_log
+from flexspline import joints_of, read_log
 
 FAST, SLOW = np.arange(1000) * 0.001, np.arange(95) * 0.01
 ANGLE = np.degrees(np.sin(5.0 * FAST))
@@ -107,11 +106,7 @@ def test_channels_of_one_name_are_told_apart_by_their_group(tmp_path: Path) -> N
 
 
 def test_a_file_is_known_by_its_beginning_and_unpacked(tmp_path: Path) -> None:
-    content = both(tmp_path / "a.tdms").read_bytes()
-    (tmp_path / "recording").write_bytes(content)
-    (tmp_path / "b.tdms.gz").write_bytes(gzip.compress(content))
-    for name in ("recording", "b.tdms.gz"):
-        assert len(read_log(tmp_path / name, MAP)) == 1000
+    foreign_files.known_by_its_beginning_and_packed(both(tmp_path / "a.tdms"), MAP, 1000)
 
 
 def test_the_index_beside_a_file_is_not_looked_at(tmp_path: Path) -> None:
@@ -121,13 +116,8 @@ def test_the_index_beside_a_file_is_not_looked_at(tmp_path: Path) -> None:
 
 
 def test_init_guesses_a_map_and_check_takes_it(tmp_path: Path) -> None:
-    path = both(tmp_path / "a.tdms")
-    made = call("init", path, "--out", tmp_path / "map.toml")
-    assert made.exit_code == 0, made.output
-    assert 'output_position = {source = "q", unit = "deg"}' in (tmp_path / "map.toml").read_text()
-    made = call("convert", path, "--columns", tmp_path / "map.toml", "--out", tmp_path / "run.csv")
-    assert made.exit_code == 0, made.output
-    log = read_log(tmp_path / "run.csv")
+    entry = 'output_position = {source = "q", unit = "deg"}'
+    log = foreign_files.converted_by_a_guessed_map(both(tmp_path / "a.tdms"), entry)
     assert log.facts["gear_ratio"] == 100
     assert log["output_position"] == pytest.approx(np.radians(ANGLE)[1:941], abs=1e-9)
 
@@ -149,11 +139,7 @@ def test_a_recording_that_stopped_is_read_and_said_to_have_no_end(tmp_path: Path
 
 
 def refused(path: Path, columns: Any = None, **how: Any) -> str:
-    with pytest.raises(InputError) as caught:
-        read_log(path, columns or MAP, **how)
-    said = str(caught.value)
-    assert said.startswith(str(path)) and "; " in said and said.isprintable()
-    return said
+    return foreign_files.refused(path, columns or MAP, **how)
 
 
 def test_a_conversion_that_is_not_known_is_refused_by_name(
@@ -172,12 +158,7 @@ def test_a_conversion_that_is_not_known_is_refused_by_name(
 def test_a_group_without_time_is_read_alone_with_a_rate(tmp_path: Path) -> None:
     path = written(tmp_path / "a.tdms", [*drive(), ChannelObject("oven", "heat", HEAT)])
     assert len(read_log(path, MAP)) == 1000
-    said = refused(path, {**MAP, "temperature": "heat"})
-    assert "its group 'oven' has no channel of time; read that group alone" in said
-    log = read_log(path, {"temperature": "heat"}, variable="oven", rate=100)
-    assert np.array_equal(log["temperature"], HEAT)
-    said = refused(path, {"temperature": "heat"}, variable="oven")
-    assert "no time stamps; map a column to 'time' or give the rate" in said
+    foreign_files.read_alone_with_a_rate(path, MAP, HEAT)
 
 
 def test_several_groups_of_which_none_has_time_are_refused(tmp_path: Path) -> None:
@@ -224,20 +205,10 @@ def test_what_is_called_tdms_and_is_none_is_refused(content: bytes, tmp_path: Pa
 def test_damaged_bytes_are_refused_or_read_and_nothing_else(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    content = both(tmp_path / "a.tdms").read_bytes()
-    random = np.random.default_rng(5)
-    refusals = 0
-    for _ in range(60):
-        damaged = bytearray(content)
-        for at in random.integers(0, 1200, 6):
-            damaged[at] = random.integers(256)
-        (tmp_path / "a.tdms").write_bytes(bytes(damaged))
-        try:
-            read_log(tmp_path / "a.tdms", {**MAP, "temperature": "heat"}, max_memory=0.1)
-        except InputError as error:
-            refusals += 1
-            assert str(error).startswith(str(tmp_path / "a.tdms"))
-    assert refusals > 5
+    foreign_files.refused_or_read_when_damaged(
+        both(tmp_path / "a.tdms"), {**MAP, "temperature": "heat"},
+        times=60, until=1200, bytes_at_once=6,
+    )  # fmt: skip
     assert capfd.readouterr() == ("", "")
 
 

@@ -387,8 +387,9 @@ def require_own_zeros(runs: Sequence[CalibrationRun], degree: int) -> None:
     if told == 0:
         raise InputError(
             "the temperature stays the same within each run (to half a kelvin or its noise), so "
-            "that a zero of its own for each run and a drift with temperature cannot be told "
-            "apart; record runs in which the temperature changes, or give degree=0 (--degree 0)"
+            "that a zero of its own for each run and a drift with temperature are "
+            "indistinguishable; record runs in which the temperature changes, or give degree=0 "
+            "(--degree 0)"
         )
     if told < degree:
         raise InputError(

@@ -42,7 +42,7 @@ def commands() -> None:
       calibrate  a bridge's volts to torque   flexspline calibrate
       fit      effects to a target            flexspline fit
       judge    held-out error, confounding    what fit prints, and report.html
-      predict  on runs it never saw           flexspline predict
+      predict  held-out runs                  flexspline predict
       simulate the motion from its inputs     flexspline simulate
       compare  where model and runs disagree  flexspline compare
       models   of one target, side by side    flexspline compare-models

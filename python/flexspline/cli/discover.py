@@ -22,7 +22,6 @@ from flexspline.cli.options import (
     controller,
     effects_by_target,
     fitted_controller,
-    fixed,
     is_table,
     known_load,
     loaded,
@@ -30,8 +29,8 @@ from flexspline.cli.options import (
     model_joint,
     named,
     named_effects,
+    of_a_fit,
     on_terminal,
-    orders,
     reading,
     refuse_overwriting,
     repairs,
@@ -204,11 +203,7 @@ def _numbers(text: str) -> tuple[float, ...]:
     "--exclude", metavar="A,B,C", type=EFFECTS, help="Effects that are known not to be there."
 )
 @click.option("--out", required=True, metavar="DIR", type=FILE, help="Folder for what is found.")
-@known_load
-@lowpass
-@bandwidth
-@orders
-@fixed
+@of_a_fit
 @click.option(
     "--limit",
     "limits",

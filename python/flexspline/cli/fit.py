@@ -18,17 +18,13 @@ from flexspline.cli.options import (
     FILE,
     Reading,
     Taught,
-    bandwidth,
     effects_by_target,
     fitted_controller,
-    fixed,
-    known_load,
     loaded,
-    lowpass,
     named,
     named_effects,
+    of_a_fit,
     on_terminal,
-    orders,
     positive,
     reading,
     refuse_overwriting,
@@ -213,11 +209,7 @@ def _require_call(names: list[str], target: str, options: dict[str, Any], foreig
 @click.option(
     "--into", metavar="MODEL.json", type=FILE, help="Add this part to a model of the same joint."
 )
-@known_load
-@lowpass
-@bandwidth
-@orders
-@fixed
+@of_a_fit
 @click.option(
     "--bound",
     multiple=True,
@@ -286,11 +278,11 @@ def fit(
 ) -> None:
     """Fit physical effects to runs, all together.
 
-    Reads the runs, checks them, fits the effects by least squares, and judges the fit on rows
-    that it never saw. Prints the verdict: each term with its error and unit, what the runs
-    cannot tell apart, and where the error is largest. DIR receives model.json (the joint, all
-    that predict and export need) and report.html (open it in a browser). A fit by simulation goes
-    on from there until the simulated motion is the measured one, and leaves the law as servo.json.
+    Reads the runs, checks them, fits the effects by least squares, and judges the fit on held-out
+    rows. Prints the verdict: each term with its error and unit, what is indistinguishable in these
+    runs, and where the error is largest. DIR receives model.json (the joint, all that predict and
+    export need) and report.html (open it in a browser). A fit by simulation goes on from there
+    until the simulated motion is the measured one, and leaves the law as servo.json.
 
     A run is a CSV file with one line of channel names (time, output_position, output_velocity,
     sensor_torque, ...) in SI units; lines "# gear_ratio: 100" above it give facts, which the

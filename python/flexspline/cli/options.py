@@ -67,6 +67,7 @@ __all__ = [
     "model_joint",
     "named",
     "named_effects",
+    "of_a_fit",
     "on_terminal",
     "orders",
     "out_file",
@@ -354,6 +355,13 @@ def speed_above(command: Command) -> Command:
         help="Rows whose output is slower are left out of the errors; its speed is "
         "output_velocity, or the derivative of output_position.",
     )(command)
+
+
+def of_a_fit(command: Command) -> Command:
+    """Add what every fit to a target asks."""
+    for add in (fixed, orders, bandwidth, lowpass, known_load):
+        command = add(command)
+    return command
 
 
 def out_files(command: Command) -> Command:

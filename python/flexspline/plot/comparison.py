@@ -72,7 +72,7 @@ After = Mapping[str, Mapping[str, float]]
 
 RUN = (
     "At most ten seconds from the middle of the first run. Where a model is judged on held-out "
-    "rows, what is drawn is what fits said that never saw them."
+    "rows, what is drawn is predicted by fits without them."
 )
 MISSED = (
     "Measured less modelled over all runs: median and the band that holds 90 % of the rows. A "

@@ -6,7 +6,7 @@ A planned run is drawn as its command over time, with the information that is ex
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -50,16 +50,16 @@ MOST_RUNS = 6
 BEFORE, AFTER = PALETTE[3], PALETTE[0]
 
 LOOK_FOR = {
-    "run": "The stretch in which the named effects change most, predicted by fits that never saw "
+    "run": "The stretch in which the named effects change most, predicted by fits without "
     "it; short where they change fast. The extended model should lie on what was measured where "
     "the base does not.",
     "left": "The same stretch: measured less predicted. What is left should be noise about zero.",
-    "shrunk": "RMS on folds that no fit saw, before (open) and after (full), in parts of the runs "
+    "shrunk": "RMS on held-out folds, before (open) and after (full), in parts of the runs "
     "and in bands of the residual; the dashed line is how low it could get over all rows.",
     "driven": "The run on which the forward simulation gained most, or lost least: both models "
-    "start from the measured state and see nothing but the inputs, by fits that never saw the run. "
+    "start from the measured state and see nothing but the inputs, by fits without the run. "
     "What friction is wrong about adds up here.",
-    "orders": "Amplitude of the residual over orders of the output, on folds that no fit saw. "
+    "orders": "Amplitude of the residual over orders of the output, on held-out folds. "
     "Lines that the extended model no longer has are explained.",
 }
 
@@ -90,20 +90,10 @@ def panels(made: Discovery) -> list[Panel]:
 def held_out_run(made: Discovery, ax: Axes | None = None) -> Axes:
     """Draw measured, base and extended model over the most telling seconds of a held-out run."""
     ax = axes_or_new(ax)
-    number, some = _telling(made)
-    run = made.runs[number]
-    time = run.log["time"] - run.log["time"][0]
-    lines = [("measured", run.measured, GREY, 1.6)]
-    lines += [("base model", run.base, BEFORE, 1.0)]
-    if made.found:
-        lines += [("extended model", run.final, AFTER, 1.0)]
-    for label, values, colour, width in lines:
-        at = outline(values[some]) + some.start
-        ax.plot(time[at], values[at], color=colour, linewidth=width, label=label)
-    ax.set(
-        xlabel="time since the start of the run [s]",
-        ylabel=f"{made.what.replace('_', ' ')} [{made.unit}]",
-    )
+    run, some, models = _told_run(made)
+    for label, values, colour, width in [("measured", run.measured, GREY, 1.6), *models]:
+        _over_time(ax, run, some, values, color=colour, linewidth=width, label=label)
+    ax.set_ylabel(f"{made.what.replace('_', ' ')} [{made.unit}]")
     part = part_of(run.log["time"], some)
     titled(ax, f"Predicted without having seen it, {plain(run.log.name)}{part}")
     legend(ax)
@@ -113,24 +103,37 @@ def held_out_run(made: Discovery, ax: Axes | None = None) -> Axes:
 def left_over(made: Discovery, ax: Axes | None = None) -> Axes:
     """Draw what base and extended model leave of the same seconds."""
     ax = axes_or_new(ax)
-    number, some = _telling(made)
-    run = made.runs[number]
-    time = run.log["time"] - run.log["time"][0]
-    lines = [("base model", run.base, BEFORE)]
-    if made.found:
-        lines += [("extended model", run.final, AFTER)]
-    for label, values, colour in lines:
+    run, some, models = _told_run(made)
+    for label, values, colour, _ in models:
         left = run.measured - values
-        at = outline(left[some]) + some.start
-        ax.plot(time[at], left[at], color=colour, linewidth=0.8, label=label)
+        _over_time(ax, run, some, left, color=colour, linewidth=0.8, label=label)
     ax.axhline(0.0, color=INK, linewidth=0.8)
-    ax.set(
-        xlabel="time since the start of the run [s]",
-        ylabel=f"measured − predicted [{made.unit}]",
-    )
+    ax.set_ylabel(f"measured − predicted [{made.unit}]")
     titled(ax, "What is left of it")
     legend(ax)
     return ax
+
+
+Line = tuple[str, Array, str, float]
+"""Label, values, colour, width."""
+
+
+def _told_run(made: Discovery) -> tuple[HeldRun, slice, list[Line]]:
+    """The most telling run, the rows of it that are shown, and what the models say of it."""
+    number, some = _telling(made)
+    return made.runs[number], some, _models(made, made.runs[number])
+
+
+def _models(made: Discovery, run: HeldRun) -> list[Line]:
+    lines = [("base model", run.base, BEFORE, 1.0)]
+    return [*lines, ("extended model", run.final, AFTER, 1.0)] if made.found else lines
+
+
+def _over_time(ax: Axes, run: HeldRun, some: slice, values: Array, **how: Any) -> None:
+    time = run.log["time"] - run.log["time"][0]
+    at = outline(values[some]) + some.start
+    ax.plot(time[at], values[at], **how)
+    ax.set_xlabel("time since the start of the run [s]")
 
 
 def driven_forward(made: Discovery, ax: Axes | None = None) -> Axes:
@@ -146,20 +149,12 @@ def driven_forward(made: Discovery, ax: Axes | None = None) -> Axes:
         return float(before - after if made.found else before)
 
     run = max(made.motion.runs, key=gain)
-    time = run.log["time"] - run.log["time"][0]
-    lines = [("base model", run.base, BEFORE)]
-    if made.found:
-        lines += [("extended model", run.final, AFTER)]
-    for label, values, colour in lines:
+    for label, values, colour, width in _models(made, run):
         left = run.measured - values
-        at = outline(left)
-        ax.plot(time[at], left[at], color=colour, linewidth=1.0, label=label)
+        _over_time(ax, run, slice(0, len(left)), left, color=colour, linewidth=width, label=label)
     ax.axhline(0.0, color=INK, linewidth=0.8)
     words = made.motion.channel.replace("_", " ")
-    ax.set(
-        xlabel="time since the start [s]",
-        ylabel=f"{words}, measured − simulated [{made.motion.unit}]",
-    )
+    ax.set_ylabel(f"{words}, measured − simulated [{made.motion.unit}]")
     titled(ax, f"Driven forward from its inputs: {plain(run.log.name)}")
     legend(ax)
     return ax

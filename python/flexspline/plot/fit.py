@@ -80,8 +80,8 @@ LOOK_FOR = {
     "temperature": "The median should lie on zero at every temperature. A slope is drift.",
     "load": "The median should lie on zero at every load. A slope is a wrong gain, a bend a sensor "
     "that is not linear, and a band that widens with the load friction that grows with it.",
-    "components": "What the prediction is made of. Effects that these runs cannot tell apart are "
-    "drawn as their sum.",
+    "components": "What the prediction is made of. Effects that are indistinguishable in these "
+    "runs are drawn as their sum.",
     "components over": "The median contribution at each speed; a band holds 90 % where an effect "
     "depends on more than the speed.",
     "orders": "Lines of the target that the residual no longer has are explained. A line that is "

@@ -328,7 +328,7 @@ def _held_zero(result: CalibrationResult) -> str:
             "others', so that its error holds the spread of the zeros; in sample each has its own."
         )
     return (
-        " A block is read with the zero of the rest of its run: a run that was never seen is off "
+        " A block is read with the zero of the rest of its run: a held-out run is off "
         "by the spread of the zeros as well."
     )
 
