@@ -207,6 +207,16 @@ runpy.run_module("flexspline", run_name="__main__")
     assert said.stderr == "flexspline: interrupted; nothing was written\n"
 
 
+def test_the_end_of_memory_is_no_defect(monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: object, **options: object) -> Model:
+        raise MemoryError
+
+    monkeypatch.setattr(Model, "load", full)
+    result = call("export", "--model", "m.json", "--format", "json", "--out", "o.json")
+    assert result.exit_code == 2
+    assert result.stderr.startswith("flexspline: memory ends") and result.stderr.count("\n") == 1
+
+
 def test_an_interrupt_is_130(monkeypatch: pytest.MonkeyPatch) -> None:
     def interrupted(*_: object, **options: object) -> Model:
         raise KeyboardInterrupt
