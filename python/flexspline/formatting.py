@@ -107,8 +107,11 @@ def truncated(share: float, decimals: int = 3) -> str:
 
 
 def short_names(text: str) -> str:
-    """Write "offset.offset" as "offset": an effect whose only term is called as it is."""
-    return re.sub(r"\b(\w+)\.\1\b", r"\1", text)
+    """Write "offset.offset" as "offset": an effect whose only term is called as it is.
+
+    A number, 3.3, stays.
+    """
+    return re.sub(r"\b([a-z]\w*)\.\1\b", r"\1", text)
 
 
 def rows_text(rows: Sequence[Sequence[str]], left: Collection[int] = (0,)) -> str:

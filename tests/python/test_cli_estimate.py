@@ -187,3 +187,20 @@ def test_the_installed_command_does_the_same(tmp_path: Path, run: Path, model: P
     )
     assert done.returncode == 0 and done.stderr == ""
     assert len(out.read_text().splitlines()) == 1501
+
+
+def test_estimate_takes_a_least_speed_and_strict_refuses_what_is_extrapolated(
+    tmp_path: Path, run: Path, model: Path
+) -> None:
+    out = tmp_path / "external.csv"
+    result = call("estimate", "--model", model, run, "--out", out, "--speed-above", 0.3)
+    assert result.exit_code == 0, result.stderr
+    assert "slower than 0.3 rad/s and left out" in result.stdout
+    log = raw_log(800)
+    hot = log.with_columns({"sensor_voltage": 1e4 * log["sensor_voltage"]}, note="overload")
+    write_log(hot, tmp_path / "hot.csv")
+    refused = tmp_path / "refused.csv"
+    lines = ("estimate", "--model", model, tmp_path / "hot.csv", "--out", refused)
+    result = call(*lines, "--strict")
+    assert result.exit_code == 2 and "status" in result.stderr and not refused.exists()
+    assert call(*lines).exit_code == 0

@@ -196,3 +196,24 @@ def test_a_process_ended_half_way_leaves_the_old_model(
         assert process.returncode == 130
         assert said.count("\n") == 1
         assert list(tmp_path.iterdir()) == [out]
+
+
+def test_two_processes_that_write_to_one_folder_leave_a_whole_model(
+    tmp_path: Path, runs: list[Path]
+) -> None:
+    out, alone = tmp_path / "joint", []
+    for number in (1, 2):
+        assert call(*fit_arguments(runs[:number], tmp_path / f"{number}")).exit_code == 0
+        alone.append((tmp_path / f"{number}" / "model.json").read_bytes())
+    both = [
+        subprocess.Popen(
+            [sys.executable, "-m", "flexspline", *map(str, fit_arguments(runs[:number], out))],
+            stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
+        )
+        for number in (1, 2)
+    ]  # fmt: skip
+    for process in both:
+        _, said = process.communicate(timeout=120)
+        assert process.returncode == 0 or (process.returncode == 2 and said.count("\n") == 1), said
+    assert (out / "model.json").read_bytes() in alone
+    assert not list(tmp_path.glob(".*"))

@@ -213,6 +213,31 @@ def test_a_defect_is_one_line_and_the_traceback_is_there_for_the_asking(
     assert "Traceback" in call(*asked).stderr
 
 
+def test_an_interrupt_while_the_command_is_imported_is_one_line() -> None:
+    asked = """
+import runpy, sys
+class Interrupting:
+    def find_spec(self, name, *_):
+        if name == "flexspline.cli.fit":
+            raise KeyboardInterrupt
+sys.meta_path.insert(0, Interrupting())
+runpy.run_module("flexspline", run_name="__main__")
+"""
+    said = subprocess.run([sys.executable, "-c", asked], capture_output=True, text=True)
+    assert said.returncode == 130
+    assert said.stderr == "flexspline: interrupted; nothing was written\n"
+
+
+def test_the_end_of_memory_is_no_defect(monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: object, **options: object) -> Model:
+        raise MemoryError
+
+    monkeypatch.setattr(Model, "load", full)
+    result = call("export", "--model", "m.json", "--format", "json", "--out", "o.json")
+    assert result.exit_code == 2
+    assert result.stderr.startswith("flexspline: memory ends") and result.stderr.count("\n") == 1
+
+
 def test_an_interrupt_is_130(monkeypatch: pytest.MonkeyPatch) -> None:
     def interrupted(*_: object, **options: object) -> Model:
         raise KeyboardInterrupt

@@ -445,3 +445,19 @@ def test_a_collision_needs_only_what_it_watches() -> None:
     model = joint(BY_MOTOR, Compliance(), MERGE, COLLISION)
     made = flexspline.estimate(model, without(raw_log(500), "sensor_voltage"))
     assert np.isfinite(made["contact"]).all()
+
+
+def test_slow_rows_are_left_out_of_the_errors_and_counted() -> None:
+    log = raw_log()
+    bare = without(log, "reference_torque").with_facts({"name": "bare"})
+    made = flexspline.estimate(whole_joint(), [log, bare], speed_above=0.3)
+    fast = np.abs(log["output_velocity"]) >= 0.3
+    assert 0 < np.count_nonzero(fast) < len(log)
+    errors = (made[0]["external_torque_sensor"] - log["reference_torque"])[fast]
+    expected = np.sqrt(np.mean(errors[np.isfinite(errors)] ** 2))
+    assert made.rmse["external_torque_sensor"] == pytest.approx(expected, rel=1e-12)
+    assert made.slow_rows == np.count_nonzero(~fast)
+    assert f"{made.slow_rows} rows are slower than 0.3 rad/s" in str(made)
+    for logs in (log, [bare]):
+        with pytest.raises(InputError, match="list of logs"):
+            flexspline.estimate(whole_joint(), logs, speed_above=0.3)

@@ -328,6 +328,25 @@ def test_the_command_line_reads_these_too(tmp_path: Path) -> None:
     assert read_log(tmp_path / "run.csv")["sensor_torque"].tolist() == [0.002, 0.004, 0.006]
 
 
+def test_what_is_known_of_a_text_is_given_to_the_guess(tmp_path: Path) -> None:
+    rows = "".join(f"{k / 100:g};{k / 50:g};{np.sin(k / 9):.3f}\n" for k in range(300))
+    decoy = "gains\n" + "1;2;3\n" * 40
+    text = f"{decoy}Zeit;Winkel [°];Moment [Nm]\ns;deg;Nm\n{rows}"
+    run, made_map = tmp_path / "run.txt", tmp_path / "map.toml"
+    run.write_bytes(text.encode("cp850"))
+    line = ("init", run, "--out", made_map, "--skip-lines", 41, "--units-row")
+    assert call(*line, "--encoding", "cp850").exit_code == 0
+    log = read_log(run, made_map)
+    assert len(log) == 300 and {"time", "output_position"} <= set(log.channels)
+    assert np.ptp(log["output_position"]) == pytest.approx(np.radians(299 / 50))
+    assert "skip_lines = 41" in made_map.read_text() and "cp850" in made_map.read_text()
+    for wrong in (("--encoding", "nonsense"), ("--skip-lines", 5000)):
+        made = call(*line[:4], *wrong)
+        assert made.exit_code == 2 and made.stderr.count("\n") == 1, made.stderr
+    np.savez(tmp_path / "run.npz", t=np.arange(9.0), q=np.arange(9.0))
+    assert "is no text" in call("init", tmp_path / "run.npz", "--encoding", "utf-8").stderr
+
+
 def test_an_option_overrules_the_map_also_where_it_says_no_or_none(tmp_path: Path) -> None:
     (tmp_path / "run.txt").write_text("t;w\n0;1\n1;2\n2;3\n")
     (tmp_path / "map.toml").write_text(

@@ -127,3 +127,8 @@ def test_no_two_edges_of_bands_read_the_same() -> None:
     )  # fmt: skip
     assert labels_of(np.array([-np.inf, np.inf]), "") == ("all",)
     assert told_apart([0.1, 0.1, np.nan, 1.0]) == ["0.1", "0.1", "–", "1"]
+
+
+def test_a_name_said_twice_is_said_once_and_a_number_is_no_name() -> None:
+    known = "offset.offset + 1.1·inertia.inertia = 12.12 ± 0.22 Nm over 3.3 rad of run1.run1"
+    assert short_names(known) == "offset + 1.1·inertia = 12.12 ± 0.22 Nm over 3.3 rad of run1"

@@ -33,6 +33,7 @@ from flexspline.cli.options import (
     refuse_overwriting,
     repairs,
     target,
+    text_file,
     warn,
 )
 from flexspline.cli.speech import found, is_json, say, tell
@@ -263,6 +264,7 @@ def _list_presets() -> None:
     "what each reads, by which source, and what is left to be said.",
 )
 @click.option("--rate", type=positive, metavar="HZ", help="Of a recording without time stamps.")
+@text_file
 @click.option(MAX_MEMORY[0], **MAX_MEMORY[1])
 def init(
     recording: str | None,
@@ -270,15 +272,18 @@ def init(
     joint: str | None,
     list_presets: bool,
     rate: float | None,
+    encoding: str | None,
+    skip_lines: int | None,
+    units_row: bool | None,
     max_memory: float | None,
 ) -> None:
     """Guess which column of a recording is which channel, and write a column map.
 
     RECORDING is a file of any of the formats below, packed or not. Of text, as any recorder writes
     it, encoding, preamble, names, a row of units, separators, decimal sign and time stamps are
-    found by looking. Channels come from names and units, and from physics: a velocity is a
-    position's derivative, the motor turns N times as far as the output, a drive does work against
-    friction.
+    found by looking, as far as no option says them. Channels come from names and units, and from
+    physics: a velocity is a position's derivative, the motor turns N times as far as the output, a
+    drive does work against friction.
 
     Each entry of the map has its reason beside it, and what is unsure says so. Look at these and
     at the figure before the first fit; signs of torques that only the rig knows are yours to see.
@@ -306,7 +311,15 @@ def init(
 
     from flexspline.recordings import guess_map
 
-    guess = guess_map(recording, joint=joint, rate=rate, max_memory=max_memory)
+    guess = guess_map(
+        recording,
+        joint=joint,
+        rate=rate,
+        encoding=encoding,
+        skip_lines=skip_lines or 0,
+        units_row=units_row,
+        max_memory=max_memory,
+    )
     found(guess.to_json())
     say(str(guess))
     guess.save(out)

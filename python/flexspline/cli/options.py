@@ -82,6 +82,7 @@ __all__ = [
     "speed_above",
     "strict",
     "target",
+    "text_file",
     "threads",
     "warn",
 ]
@@ -346,6 +347,13 @@ def strict(command: Command) -> Command:
     return click.option("--strict", is_flag=True, help=says)(command)
 
 
+def text_file(command: Command) -> Command:
+    """--encoding NAME, --skip-lines N, --units-row"""
+    for name, settings in reversed(TEXT):
+        command = click.option(name, **settings)(command)
+    return command
+
+
 def speed_above(command: Command) -> Command:
     """--speed-above RAD_PER_S"""
     return click.option(
@@ -457,6 +465,17 @@ MAX_MEMORY: tuple[str, dict[str, Any]] = (
         "metavar": "GB",
         "help": "What a file may unfold to; by default half of what is free.",
     },
+)
+TEXT: tuple[tuple[str, dict[str, Any]], ...] = (
+    ("--encoding", {"metavar": "NAME", "help": "Of text files, such as latin-1."}),
+    (
+        "--skip-lines",
+        {"type": click.IntRange(0), "metavar": "N", "help": "Above the table of a text file."},
+    ),
+    (
+        "--units-row/--no-units-row",
+        {"default": None, "help": "Whether the row below the names holds units."},
+    ),
 )
 
 
@@ -572,15 +591,7 @@ def reading(
                 "this, or back; without a number by more than 25 median steps.",
             },
         ),
-        ("--encoding", {"metavar": "NAME", "help": "Of text files, such as latin-1."}),
-        (
-            "--skip-lines",
-            {"type": click.IntRange(0), "metavar": "N", "help": "Above the table of a text file."},
-        ),
-        (
-            "--units-row/--no-units-row",
-            {"default": None, "help": "Whether the row below the names holds units."},
-        ),
+        *TEXT,
         MAX_MEMORY,
     ]
     names = [name.partition("/")[0][2:].replace("-", "_") for name, _ in options]

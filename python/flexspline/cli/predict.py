@@ -197,9 +197,17 @@ def _bits() -> tuple[str, list[tuple[str, str]]]:
     metavar="HZ",
     help="Of the velocity that is derived where run and model have none; default 20.",
 )
+@speed_above
+@strict
 @reading()
 def estimate(
-    runs: tuple[str, ...], model_path: str, out: str, bandwidth: float | None, reading: Reading
+    runs: tuple[str, ...],
+    model_path: str,
+    out: str,
+    bandwidth: float | None,
+    speed_above: float | None,
+    strict: bool,
+    reading: Reading,
 ) -> None:
     """Run the model's estimators over runs, sample by sample, as the joint would.
 
@@ -211,6 +219,8 @@ def estimate(
     status says which. Of several runs a folder receives a file for each, named after the run's;
     where runs have a reference_torque a table says the error of each external torque beside it, by
     run and pooled.
+
+    --strict refuses rows outside of what the model was made for: status 1, 2 and 262144.
 
     \b
     Examples:
@@ -225,10 +235,15 @@ def estimate(
 
     from flexspline.estimation import estimate as run_chain
 
-    made = run_chain(joint, logs, bandwidth=bandwidth)
+    made = run_chain(joint, logs, bandwidth=bandwidth, speed_above=speed_above)
+    if strict:
+        from flexspline.model import refuse_warnings
+
+        refuse_warnings([said for one in made for said in one.warnings])
     _save(made.runs, out, names)
     found({"unit": "Nm", "rmse": made.rmse, "runs": [one.name for one in made.runs]})
-    say(f"{made}\n\n{_wrote(out, names)}" if names else f"{made[0]}\nwrote {out}")
+    shown = made[0] if speed_above is None else made
+    say(f"{made}\n\n{_wrote(out, names)}" if names else f"{shown}\nwrote {out}")
 
 
 @click.command(cls=Taught, sections=(repairs,))

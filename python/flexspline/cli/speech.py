@@ -49,6 +49,7 @@ COMPLETE = "_FLEXSPLINE_COMPLETE"  # what a shell asks for, in this variable
 
 DEFECT, WRONG, INTERRUPTED, NO_READER = 1, 2, 130, 141
 TRACEBACK = "FLEXSPLINE_TRACEBACK"
+NOTHING = "nothing was written"
 
 
 @dataclass
@@ -224,9 +225,11 @@ class Commands(click.Group):
             os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
             return NO_READER
         except (click.Abort, KeyboardInterrupt):
-            return _say("interrupted; nothing was written", INTERRUPTED)
+            return _say(f"interrupted; {NOTHING}", INTERRUPTED)
         except OSError as error:
             return _say(f"{error.filename or 'standard output'}: {error.strerror or error}", WRONG)
+        except MemoryError:
+            return _say("memory ends: give fewer or shorter runs, or make room; " + NOTHING, WRONG)
         except Exception as error:
             return _defect(error)
 

@@ -32,7 +32,7 @@ from flexspline.estimation.result import Estimate, Estimates, Status
 from flexspline.logs.local_fit import require_bandwidth
 from flexspline.logs.log import Log, require_clock
 from flexspline.logs.read import LogLike, as_logs, is_one, with_motor_torque
-from flexspline.logs.segments import median_step, runs
+from flexspline.logs.segments import median_step, output_speed, runs
 from flexspline.model import Model
 from flexspline.part import Part
 from flexspline.signals import channels_for, gear_of
@@ -83,10 +83,18 @@ def estimate(  # type: ignore[overload-overlap]
 ) -> Estimate: ...
 @overload
 def estimate(
-    model: Model, log: Iterable[LogLike], *, bandwidth: float | None = None
+    model: Model,
+    log: Iterable[LogLike],
+    *,
+    bandwidth: float | None = None,
+    speed_above: float | None = None,
 ) -> Estimates: ...
 def estimate(
-    model: Model, log: LogLike | Iterable[LogLike], *, bandwidth: float | None = None
+    model: Model,
+    log: LogLike | Iterable[LogLike],
+    *,
+    bandwidth: float | None = None,
+    speed_above: float | None = None,
 ) -> Estimate | Estimates:
     """Run a model's estimators over a log, sample by sample, by the code that the joint runs.
 
@@ -106,6 +114,8 @@ def estimate(
         A reference torque is never read. Or several logs, such as a list.
     bandwidth : Hz, of the causal differentiator where the model has none; None for 20 Hz, or a
         quarter of a low rate.
+    speed_above : rad/s, of several logs; rows whose output is slower are left out of the errors.
+        The speed is that of `output_velocity`, else of the derivative of `output_position`.
 
     Returns
     -------
@@ -127,7 +137,7 @@ def estimate(
     InputError
         Where the model has nothing to estimate with or lacks what an estimator reads, the log
         lacks every channel that they read, its time does not increase, or the observer's gain is
-        not stable at its rate.
+        not stable at its rate; for a `speed_above` with one log, or with none that has a reference.
 
     Sources
     -------
@@ -137,10 +147,31 @@ def estimate(
     plan, logs = plan_of(model), as_logs(log)
     if not logs:
         raise InputError("there is no log to estimate from; give at least one")
+    compared = not is_one(log) and any(LOAD in one.channels for one in logs)
+    if speed_above is not None and not compared:
+        raise InputError(
+            f"speed_above is of errors beside {LOAD}; give a list of logs, one of which has it, or "
+            "leave speed_above out"
+        )
     made = tuple(_estimate(model, plan, one, bandwidth) for one in logs)
     if is_one(log):
         return made[0]
-    return Estimates(made, tuple(one[LOAD] if LOAD in one.channels else None for one in logs))
+    if speed_above is None:
+        return Estimates(made, tuple(_reference(one) for one in logs))
+    known = [one for one in logs if LOAD in one.channels]
+    slow = sum(int(np.count_nonzero(_slow(one, speed_above))) for one in known)
+    return Estimates(made, tuple(_reference(one, speed_above) for one in logs), speed_above, slow)
+
+
+def _slow(log: Log, least: float) -> NDArray[np.bool_]:
+    return output_speed(log, least) < least
+
+
+def _reference(log: Log, least: float | None = None) -> NDArray[np.float64] | None:
+    """The reference, NaN in rows slower than `least`; None where the log has none."""
+    if LOAD not in log.channels:
+        return None
+    return log[LOAD] if least is None else np.where(_slow(log, least), np.nan, log[LOAD])
 
 
 def _estimate(model: Model, plan: Plan, log: Log, bandwidth: float | None) -> Estimate:

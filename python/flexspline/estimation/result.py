@@ -8,7 +8,7 @@ outside world in +q. No estimator ever reads the reference.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntFlag
 from types import MappingProxyType
@@ -108,6 +108,12 @@ class Estimate:
     def flagged(self, bit: Status) -> NDArray[np.bool_]:
         """Rows with this bit, (N,)."""
         return np.asarray((self.status & int(bit)) != 0)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """A sentence on each kind of rows outside of what the model was made for."""
+        beyond = (Status.EXTRAPOLATED, Status.SATURATED, Status.OUT_OF_RANGE)
+        return tuple(f"{self.name}: {said}" for said in _flagged(self, beyond))
 
     @property
     def contacts(self) -> tuple[tuple[float, float], ...]:
@@ -242,12 +248,15 @@ def _sentences(made: Estimate) -> list[str]:
     said = []
     if "contact" in made:
         said.append(_contacts(made))
-    status = made.status
-    for bit, meaning in MEANING.items():
-        rows = int(np.count_nonzero(status & int(bit)))
+    return [*said, *_flagged(made, MEANING), *made.notes]
+
+
+def _flagged(made: Estimate, bits: Iterable[Status]) -> Iterator[str]:
+    """Yield what is flagged, and in how many rows."""
+    for bit in bits:
+        rows = int(np.count_nonzero(made.flagged(bit)))
         if rows:
-            said.append(f"status {int(bit)} in {rows} of {len(made)} rows: {meaning}")
-    return [*said, *made.notes]
+            yield f"status {int(bit)} in {rows} of {len(made)} rows: {MEANING[bit]}"
 
 
 def _contacts(made: Estimate) -> str:
@@ -271,11 +280,16 @@ class Estimates(Sequence[Estimate]):
     Parameters
     ----------
     runs : at least one.
-    references : `reference_torque` of each run, (N,) in Nm, or None where it has none.
+    references : `reference_torque` of each run, (N,) in Nm, or None where it has none; NaN in rows
+        that are left out of the errors.
+    speed_above : rad/s of the output, below which they were left out; None for none.
+    slow_rows : how many.
     """
 
     runs: tuple[Estimate, ...]
     references: tuple[Array | None, ...]
+    speed_above: float | None = None
+    slow_rows: int = 0
 
     def __len__(self) -> int:
         return len(self.runs)
@@ -374,6 +388,11 @@ class Estimates(Sequence[Estimate]):
         ]
         if bare:
             said.append(f"no reference_torque to compare with: {listed(bare)}")
+        if self.speed_above is not None:
+            said.append(
+                f"{self.slow_rows} rows are slower than {self.speed_above:g} rad/s and left out of "
+                "these errors"
+            )
         return said
 
 

@@ -74,6 +74,9 @@ def guess_map(
     *,
     joint: str | None = None,
     rate: float | None = None,
+    encoding: str | None = None,
+    skip_lines: int = 0,
+    units_row: bool | None = None,
     max_memory: float | None = None,
 ) -> Guess:
     """Guess the column map of a recording, with a reason for each entry.
@@ -88,6 +91,10 @@ def guess_map(
         of all, with ``{joint}`` in its sources, which is guessed from that one.
     rate : float, optional
         Rows per second [Hz], where the recording has no time stamps.
+    encoding, units_row : optional
+        Of a text file, as `read_log` takes them, where they are known; else they are found.
+    skip_lines : int
+        Lines at the start of a text file that are not looked at.
     max_memory : float, optional
         What a file may unfold to [GB]; by default half of what is free.
 
@@ -109,7 +116,12 @@ def guess_map(
     """
     path = Path(recording)
     text = unpacked_text(path, max_memory)
-    layout = TextLayout() if text is None else text_layout(text, str(path))
+    Dialect(encoding=encoding or "utf-8", skip_lines=skip_lines)  # says what cannot be
+    if text is None and (encoding or skip_lines or units_row is not None):
+        raise InputError(f"{path}: is no text; leave encoding, skip_lines and units_row out")
+    layout = TextLayout() if text is None else text_layout(
+        text, str(path), encoding=encoding, skip_lines=skip_lines, units_row=units_row
+    )  # fmt: skip
     dialect = {key: value for key, value in layout.read.items() if key != "drop_rows"}
     table, _ = read_table(
         path, None, Dialect(**dialect), layout.read.get("drop_rows", 0), max_memory

@@ -64,16 +64,27 @@ class _Heads:
     commented: bool = False
 
 
-def text_layout(content: bytes, label: str) -> TextLayout:
+def text_layout(
+    content: bytes,
+    label: str,
+    *,
+    encoding: str | None = None,
+    skip_lines: int = 0,
+    units_row: bool | None = None,
+) -> TextLayout:
     """Return how the text in these bytes is to be read.
+
+    `encoding`, `units_row`: where they are known. `skip_lines`: lines at its start that are not
+    looked at.
 
     Raises
     ------
     InputError
         Where no stretch of lines looks like a table of numbers.
     """
-    encoding = _encoding(content, label)
+    encoding = encoding or _encoding(content, label)
     lines = decoded(content, label, encoding).rstrip("\n").split("\n")
+    lines[:skip_lines] = [""] * min(skip_lines, len(lines))
     separator, decimal = _way_to_write(lines[:LOOKED_AT])
     first, width = _table(lines[:LOOKED_AT], separator, decimal)
     if first is None:
@@ -86,14 +97,15 @@ def text_layout(content: bytes, label: str) -> TextLayout:
     heads = _heads(lines[:first], separator, width, all(row[-1] == "" for row in rows))
     footer = _footer(lines[max(first, len(lines) - LAST) :], separator, decimal, width, numeric)
     begin = first if heads.line is None else heads.line
-    skip = begin if any(line.strip() for line in lines[:begin]) and not heads.commented else 0
+    above = skip_lines > 0 or any(line.strip() for line in lines[:begin])
+    skip = begin if above and not heads.commented else skip_lines
     read: dict[str, Any] = {
         "separator": SAID.get(separator, separator),
         "decimal": decimal,
         "header": heads.line is not None,
         "encoding": encoding,
         "skip_lines": skip,
-        "units_row": heads.units_row,
+        "units_row": heads.units_row if units_row is None else units_row,
         "drop_rows": heads.dropped,
         "skip_footer": footer,
     }
