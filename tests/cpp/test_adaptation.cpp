@@ -164,6 +164,58 @@ TEST_CASE_TEMPLATE("one direction alone, however long, leaves the other as it wa
   CHECK(std::abs(rig.value(1) - 8) < 0.6);
 }
 
+TEST_CASE_TEMPLATE("what two of four directions say leaves the other two as they were", S, float,
+                   double) {
+  using Its = Adaptation<S, 4>;
+  Rig<S, 4> rig;
+  rig.config.noise = S(0.25);
+  rig.config.interval = S(0.125);
+  rig.config.memory = S(100);
+  constexpr std::array variance{0.3, 0.02, 1.5, 0.1};
+  for (std::size_t k = 0; k < 4; ++k) {
+    rig.config.low[k] = S(-4);
+    rig.config.high[k] = S(4);
+    rig.config.factor[k * (k + 3) / 2] = S(variance[k]);
+  }
+  Motion motion;
+  for (int k = 0; k < 1'000'000; ++k) {
+    const double a = motion.next(), b = motion.next();  // rows of (1, 2, 0, 1) and (0, 1, 1, −1)
+    const double y = 0.3 * a - 0.2 * b + 0.25 * motion.noise(motion.random);
+    (void)rig.feed({S(a), S(2 * a + b), S(b), S(a - b)}, S(y));
+  }
+  const auto times = [&](const std::array<double, 4>& x) {  // P x = U D Uᵀ x
+    std::array<double, 4> inner{}, outer{};
+    const auto u = [&](std::size_t j, std::size_t k) {
+      return j == k ? 1.0 : static_cast<double>(rig.state.factor[k * (k + 1) / 2 + j]);
+    };
+    for (std::size_t k = 0; k < 4; ++k) {
+      for (std::size_t j = 0; j <= k; ++j) inner[k] += u(j, k) * x[j];
+      inner[k] *= static_cast<double>(rig.state.factor[k * (k + 3) / 2]);
+    }
+    for (std::size_t j = 0; j < 4; ++j) {
+      for (std::size_t k = j; k < 4; ++k) outer[j] += u(j, k) * inner[k];
+    }
+    return outer;
+  };
+  for (const std::array<double, 4> n : {std::array{-1.0, 0.0, 1.0, 1.0}, {-3.0, 1.0, 0.0, 1.0}}) {
+    std::array<double, 4> weighted_n{};  // R n of the start
+    double across = 0, size = 0;
+    for (std::size_t k = 0; k < 4; ++k) {
+      weighted_n[k] = n[k] / variance[k];
+      across += weighted_n[k] * static_cast<double>(rig.state.moved[k]);
+      size += std::abs(weighted_n[k] * static_cast<double>(rig.state.moved[k]));
+    }
+    const auto again = times(weighted_n);
+    for (std::size_t k = 0; k < 4; ++k) CHECK(std::abs(again[k] - n[k]) < rounding<S>(1e4));
+    CHECK(std::abs(across) < rounding<S>(1e4) * size);
+  }
+  const auto now = Its::coefficients(rig.state, rig.model);
+  const double first = double(now[0]) + 2 * double(now[1]) + double(now[3]);
+  const double second = double(now[1]) + double(now[2]) - double(now[3]);
+  CHECK(first == doctest::Approx(0.3).epsilon(0.2));
+  CHECK(second == doctest::Approx(-0.2).epsilon(0.2));
+}
+
 TEST_CASE_TEMPLATE("ten million blocks do not make it drift", S, float, double) {
   auto rig = friction<S>();
   Motion motion;

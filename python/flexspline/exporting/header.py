@@ -109,7 +109,7 @@ RESULTS = {
 }
 LEARNING = (  # of a chain with an adaptation
     "// joint<float>.adapted(state): coefficients as they are learned, in the order of",
-    "//     observed_model; behind a gap Joint<float>::restart(state) keeps them, state = {} not;",
+    "//     observed_model; Joint<float>::restart(state) keeps them, state = {} does not;",
     "//     Joint<float> kept = joint<float>; kept.adopt(state); flexspline::save(kept, ...)",
 )
 
@@ -383,7 +383,8 @@ def chain_head(plan: Plan, namespace: str) -> Iterator[str]:
     yield ""
     yield "Once per control period, the same options of the compiler:"
     yield ""
-    yield f"    {namespace}::Joint<float>::State state;  // lives on; {{}} after a gap"
+    behind = "restart(state)" if "adaptation" in plan.estimating else "{}"
+    yield f"    {namespace}::Joint<float>::State state;  // lives on; {behind} after a gap"
     yield f"    {namespace}::Joint<float>::Chain::Output out;  // lives on: last good values"
     yield ""
     yield "    flexspline::Reading<float> in;  // what is not read stays as it is: missing"

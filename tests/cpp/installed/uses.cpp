@@ -227,6 +227,23 @@ const std::vector<Use> others = {
        return near(two.row(Sample<S>{})[2], 1);
      }},
 
+    {"estimators/adaptation.hpp",
+     [] {
+       using Its = Adaptation<S, 1>;
+       typename Its::Config config;
+       config.interval = S(0.1L);
+       config.memory = S(1);
+       config.low = {S(1)};
+       config.high = {S(4)};
+       config.factor = {S(1)};
+       typename Its::State state;
+       for (int k = 0; k < 200; ++k) {
+         const auto status =
+             Its::step(config, state, {S(2)}, {S(0.1L), S(6), S(0), S(1), true, {S(8)}});
+         if (status != Status::ok) return false;
+       }
+       return near(Its::coefficients(state, {S(2)})[0], 2.75);
+     }},
     {"estimators/calibration.hpp",
      [] {
        const Calibration<S> line{S(60), S(2)};

@@ -356,16 +356,22 @@ struct Adaptation {
     std::size_t count = 0;
   };
 
+  /// The coefficient, over half its range, of which W says most.
+  static constexpr std::size_t strongest(const Factor& seen, const Numbers& most) noexcept {
+    std::size_t pivot = 0;
+    for (std::size_t k = 1; k < N; ++k) {
+      if (seen[diagonal(k)] * most[k] > seen[diagonal(pivot)] * most[pivot]) pivot = k;
+    }
+    return pivot;
+  }
+
   static constexpr Round directions(const Config& config, const State& state,
                                     const Numbers& most) noexcept {
     Factor left = state.seen;
     Numbers said = state.said;
     Round made;
     while (made.count < N) {
-      std::size_t pivot = 0;
-      for (std::size_t k = 1; k < N; ++k) {
-        if (left[diagonal(k)] * most[k] > left[diagonal(pivot)] * most[pivot]) pivot = k;
-      }
+      const std::size_t pivot = strongest(left, most);
       const S weight = left[diagonal(pivot)];
       const bool enough = weight * most[pivot] >= config.least_information && weight > S(0);
       if (!enough) break;
