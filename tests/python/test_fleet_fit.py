@@ -170,6 +170,20 @@ def test_few_joints_and_wrong_calls_are_refused(line: Path, tmp_path: Path) -> N
                   fixed={"direction_width": 0.01})  # fmt: skip
 
 
+def test_a_damaged_pilot_leaves_its_place_to_the_next(tmp_path: Path) -> None:
+    fleet_in(tmp_path, 4, 1)
+    broken = tmp_path / "joint00"
+    broken.mkdir()
+    (broken / "run.csv").write_text("time,sensor_torque\n0,1\n" + "0,x\n" * 200_000)
+    made = fit_fleet(tmp_path, "sensor_torque", NAMES, workers=0)
+    assert (
+        made.plan.pilot.startswith("held as a fit of joint0") and "joint00" not in made.plan.pilot
+    )
+    assert [what for what, _ in made.failed] == ["joint00/run"]
+    with pytest.raises(InputError, match="the pilot joint joint00, which is to tell"):
+        fit_fleet(tmp_path, "sensor_torque", NAMES, workers=0, pilot="joint00")
+
+
 def test_the_command_leaves_numbers_pages_and_models(line: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     asked = ("fleet", "fit", line, "--target", "sensor_torque", "--effects", EFFECTS)

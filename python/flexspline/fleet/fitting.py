@@ -24,7 +24,7 @@ from flexspline.errors import InputError, listed
 from flexspline.fleet.accumulators import RunSums, accumulators_of
 from flexspline.fleet.cluster import Failed, Workers, done
 from flexspline.fleet.estimates import Scored, estimate_of, squares_of
-from flexspline.fleet.plan import Plan, plan_of_model, plan_of_pilot
+from flexspline.fleet.plan import PilotError, Plan, plan_of_model, plan_of_pilot
 from flexspline.fleet.population import LEAST_UNITS, population_of, run_to_run
 from flexspline.fleet.result import FleetFit, HeldOut, RunFit, UnitFit
 from flexspline.fleet.sessions import Sessions, sessions_of
@@ -40,6 +40,7 @@ __all__ = ["fit", "fit_sums", "sessions_from", "summed"]
 Array = NDArray[np.float64]
 Folders = str | os.PathLike[str] | Iterable[str | os.PathLike[str]]
 
+PILOTS = 3  # joints that are asked for shapes and orders, those with most data first
 ENOUGH = 4.0
 """Degrees of freedom of a run's estimate, from which it counts for the spread between runs: with
 fewer an error may be far too small by chance, and the run would seem to differ."""
@@ -233,10 +234,16 @@ def _plan(
     sizes = {name: sum(each.size for each in sessions.of(name)) for name in sessions.units}
     if pilot is not None and pilot not in sizes:
         raise InputError(f"pilot: there is no joint '{pilot}'; the joints are {listed(sizes)}")
-    chosen = pilot or max(sizes, key=lambda name: sizes[name])
-    return plan_of_pilot(
-        effects, sessions.of(chosen), target, orders=orders, per_run=per_run, **how
-    )
+    largest = sorted(sizes, key=lambda name: (-sizes[name], name))[:PILOTS]
+    errors = []
+    for name in [pilot] if pilot is not None else largest:
+        try:
+            return plan_of_pilot(
+                effects, sessions.of(name), target, orders=orders, per_run=per_run, **how
+            )
+        except PilotError as error:
+            errors.append(error)
+    raise errors[0]
 
 
 def _each_alone(runs: Sequence[RunSums]) -> dict[str, Scored]:

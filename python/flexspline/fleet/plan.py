@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from flexspline.effects import UNITS, Effect, require_effects, unit_in
 from flexspline.errors import InputError, listed
+from flexspline.fleet.sessions import readable
 from flexspline.formatting import short_names
 from flexspline.least_squares.options import coefficient_names, constraints_of, resolve, shapes_of
 from flexspline.signals import require_one_unit
@@ -21,10 +22,14 @@ if TYPE_CHECKING:
     from flexspline.least_squares.options import Constraints
     from flexspline.model import Model
 
-__all__ = ["Plan", "plan_of_model", "plan_of_pilot"]
+__all__ = ["PilotError", "Plan", "plan_of_model", "plan_of_pilot"]
 
 PILOT_RUNS = 3
 """Of the pilot joint, the longest: shapes are common to all runs, and more tell them no better."""
+
+
+class PilotError(InputError):
+    """The runs of the pilot joint tell no shapes and orders."""
 
 
 @dataclass(frozen=True)
@@ -155,6 +160,11 @@ def plan_of_pilot(
     Parameters
     ----------
     sessions : of the pilot joint; its longest `PILOT_RUNS` are fitted.
+
+    Raises
+    ------
+    PilotError
+        Where they cannot be fitted.
     """
     from flexspline.fitting import with_orders
 
@@ -193,23 +203,28 @@ def _piloted(
     from flexspline.least_squares.options import FitOptions
 
     longest = sorted(sessions, key=lambda session: (-session.size, session.run))[:PILOT_RUNS]
-    logs, unit = [session.read() for session in longest], longest[0].unit
-    own = tuple(per_run) if len(logs) > 1 else ()
-    options = FitOptions(bandwidth=how["bandwidth"], per_run=own)
-    made = fit(
-        chosen,
-        logs,
-        target,
-        known_load=how["known_load"],
-        lowpass=how["lowpass"],
-        fixed=fixed,
-        checks=how["checks"],
-        options=options,
-    )
+    unit = longest[0].unit
+    try:
+        logs, _ = readable(longest)
+        own = tuple(per_run) if len(logs) > 1 else ()
+        made = fit(
+            chosen,
+            logs,
+            target,
+            known_load=how["known_load"],
+            lowpass=how["lowpass"],
+            fixed=fixed,
+            checks=how["checks"],
+            options=FitOptions(bandwidth=how["bandwidth"], per_run=own),
+        )
+    except InputError as error:
+        raise PilotError(
+            f"the pilot joint {unit}, which is to tell shapes and orders: {error}"
+        ) from error
     kept = [each.name for each in made.part.effects]
     lost = [each.name for each in chosen if each.name not in kept]
     found = [*loose, *(f"orders of {each.name}" for each in made.part.effects if each.harmonics)]
-    by = f"{unit} ({listed(session.run for session in longest)})"
+    by = f"{unit} ({listed(log.name for log in logs)})"
     said = f"held as a fit of {by} found them: {listed(map(short_names, found))}"
     ends = [p.name for p in made.parameters if p.kind == "shape" and p.state.startswith("at ")]
     said += f"; {listed(ends)} ended at a bound, which is no value of a joint" if ends else ""

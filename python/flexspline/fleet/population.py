@@ -14,6 +14,10 @@ and can be judged with few joints:
 The error of μ is that of [HartungKnapp2001] and no smaller than 1/√(Σ 1/d_u), with U − 1 degrees of
 freedom; the interval of σ is where −2 ℓ rises by the 95 % point of χ² with one.
 
+Variances v are estimates as well, of ν degrees of freedom. One that is too small by chance would
+have too much weight, and many would make joints differ that are alike; v ν/(ν − 2), the variance of
+Student's t, takes its place.
+
 Correlations of b are those of pairs of parameters, each maximising the likelihood of its pair with
 means and spreads as they are (composite likelihood [Varin2011]), times (1 − ρ²): of few
 joints they are drawn towards zero. Σ is the nearest matrix with these that is a covariance.
@@ -170,12 +174,19 @@ def population_of(units: Sequence[Scored]) -> Population:
     errors = np.array([unit.errors for unit in units])
     freedom = np.array([unit.degrees_of_freedom for unit in units])
     told = np.isfinite(errors)
-    each, squared = range(values.shape[1]), errors**2
+    each, squared = range(values.shape[1]), errors**2 * _loose(freedom)
     outlying = np.column_stack([_far(values[:, k], squared[:, k], told[:, k]) for k in each])
     for _ in range(PATIENCE):
         regular = told & ~outlying
         tested = [
-            _left_out(values[:, k], squared[:, k], freedom[:, k], told[:, k], regular[:, k])
+            _left_out(
+                values[:, k],
+                errors[:, k] ** 2,
+                squared[:, k],
+                freedom[:, k],
+                told[:, k],
+                regular[:, k],
+            )
             for k in each
         ]
         p, mean, spread = (np.column_stack([one[i] for one in tested]) for i in range(3))
@@ -282,6 +293,11 @@ def _reml(values: Array, variances: Array, chosen: NDArray[np.bool_]) -> Array:
     return np.asarray(squared)
 
 
+def _loose(freedom: Array) -> Array:
+    """ν/(ν − 2), two at most: by how much a value is further off than a variance of ν says."""
+    return np.asarray(np.where(freedom > 4.0, freedom / np.maximum(freedom - 2.0, 2.0), 2.0))
+
+
 def _positive(variances: Array) -> Array:
     return np.maximum(variances, LEAST)
 
@@ -336,12 +352,13 @@ def _profile(values: Array, variances: Array, best: float) -> tuple[float, float
 
 
 def _left_out(
-    values: Array, variances: Array, freedom: Array, told: NDArray[np.bool_],
+    values: Array, own: Array, variances: Array, freedom: Array, told: NDArray[np.bool_],
     regular: NDArray[np.bool_],
 ) -> tuple[Array, Array, Array]:  # fmt: skip
     """Of each joint given the others that are regular: p, their mean, its predictive error; (U,).
 
-    NaN where the joint does not determine the parameter or too few others do.
+    `own`: variance of each as it was estimated; `variances`: as the others' weights take it. NaN
+    where the joint does not determine the parameter or too few others do.
     """
     p, mean, error = (np.full(len(values), np.nan) for _ in range(3))
     step = AT_ONCE if regular.sum() <= TOGETHER else len(values)
@@ -352,8 +369,8 @@ def _left_out(
         if not len(rows):
             continue
         middle, spread, loose = _of_others(values, variances, regular, rows)
-        total = _positive(spread + variances[rows])
-        known = 2.0 * total**2 / _positive(loose + 2.0 * variances[rows] ** 2 / freedom[rows])
+        total = _positive(spread + own[rows])
+        known = 2.0 * total**2 / _positive(loose + 2.0 * own[rows] ** 2 / freedom[rows])
         mean[rows], error[rows] = middle, np.sqrt(total)
         off = np.abs(values[rows] - middle) / error[rows]
         p[rows] = 2.0 * student.sf(off, np.clip(known, 1.0, 1e6))

@@ -32,7 +32,7 @@ Array = NDArray[np.float64]
 MOST_NAMED = 40  # joints that have a row of their own; of more a histogram is drawn
 ROW = 0.21  # inches of a joint's row
 SURE = 1.96  # standard errors of a bar
-BINS = 40
+BINS = 40  # at most
 
 NAMED = (
     "Each joint's own estimate (line: 95 % interval) and its value given the fleet (dot); shaded: "
@@ -110,7 +110,8 @@ def _counted(made: FleetFit, number: int, ax: Axes) -> None:
     drawn = np.array([unit.shrunken.values[number] for unit in made.units])
     out = np.array([bool(unit.outlying[number]) for unit in made.units])
     shown = drawn[~out & np.isfinite(drawn)]
-    ax.hist(shown, BINS, color=PALETTE[0], alpha=0.75, label="joints, given the fleet")
+    bins = int(np.clip(1.5 * np.sqrt(len(shown)), 8, BINS))
+    ax.hist(shown, bins, color=PALETTE[0], alpha=0.75, label="joints, given the fleet")
     if out.any():
         own = np.array([unit.own.values[number] for unit in made.units])[out]
         ax.plot(own, np.zeros(len(own)), "D", color=PALETTE[3], markersize=6.0, clip_on=False,

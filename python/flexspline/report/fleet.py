@@ -62,8 +62,9 @@ SPREAD = (
     "those behind its mean and spread."
 )
 OUT = (
-    "Of all that are told, one in twenty is a joint like the others (false discovery rate 5 %). p "
-    "is the chance of such a value given the others' mean, spread, and this joint's own error."
+    "In the long run at most one in twenty of those told is a joint like the others (false "
+    "discovery rate 5 %). p is the chance of such a value given the others' mean, spread, and this "
+    "joint's own error."
 )
 DIFFERS = "What these fits differ in from flexspline.fit: " + "; ".join(DIFFERENCES) + "."
 
@@ -130,6 +131,7 @@ def fleet_text(made: FleetFit) -> str:
         if made.outlying
         else [],
         _lines(_held_sentences(made)),
+        _lines(_single(made)),
         _lines(_left_sentences(made)),
     ]
     return "\n\n".join("\n".join(block) for block in blocks if block)
@@ -241,7 +243,18 @@ def _minutes(seconds: float) -> str:
 
 
 def _pilot(made: FleetFit) -> list[str]:
-    return [_sentence(made.plan.pilot)] if made.plan.pilot else []
+    said = [_sentence(made.plan.pilot)] if made.plan.pilot else []
+    return [*said, *_single(made)]
+
+
+def _single(made: FleetFit) -> list[str]:
+    """What one run of each joint leaves open."""
+    if np.isfinite(made.run_spread).any():
+        return []
+    return [
+        "No joint has two runs that tell how much parameters differ between runs, by temperature "
+        "or mounting: spread and joints that stand out may hold some of that."
+    ]
 
 
 def _sentence(text: str) -> str:
