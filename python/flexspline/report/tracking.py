@@ -28,7 +28,8 @@ def track_text(made: Track) -> str:
     """Return what `print(track)` shows."""
     said = [line for sentence in made.sentences for line in wrapped(sentence, "- ", "  ")]
     notes = [line for sentence in made.remarks for line in wrapped(sentence, "- ", "  ")]
-    blocks = [wrapped(made.verdict), said, [rows_text(parameter_rows(made), (0, 1))], notes]
+    table = [row[:-1] for row in parameter_rows(made)]  # a line of a terminal has less room
+    blocks = [wrapped(made.verdict), said, [rows_text(table, (0, 1))], notes]
     return "\n\n".join("\n".join(printable(line) if k != 2 else line for line in block)
                        for k, block in enumerate(blocks) if block)  # fmt: skip
 

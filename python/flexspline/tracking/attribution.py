@@ -29,7 +29,9 @@ from flexspline.tracking.changes import (
     LEAST_SESSIONS,
     NOISES,
     Candidates,
+    Series,
     Shape,
+    evidence_over_time,
     threshold,
 )
 from flexspline.tracking.history import History, cause_of
@@ -124,39 +126,95 @@ def _spread(values: Array) -> Array:
 
 def detected(history: History) -> list[Told]:
     """Return the changes that a history tells, in the order of their evidence."""
-    weights = weights_of(history)
-    width = len(history.names)
-    known: list[list[Shape]] = [[] for _ in range(width)]
-    kept: dict[int, tuple[tuple[Shape, ...], float, Candidates | None]] = {}
-    found: list[Told] = []
-    spent: set[int] = set()
-    while len(found) < MOST_CHANGES:
-        best, excess = -1, 0.0
-        for p in range(width):
-            beside = _known_of(weights[p], known)
-            if p not in kept or kept[p][0] != beside:
-                kept[p] = (beside, *_asked(history, weights[p], beside))
-            if p not in spent and kept[p][1] > excess:
-                best, excess = p, kept[p][1]
-        if best < 0:
-            break
-        beside, _, candidates = kept[best]
-        assert candidates is not None
-        shape = _likeliest(candidates)
-        causes, chances, parameters = _blamed(history, weights, shape, known)
-        needed = threshold(len(candidates.series.days), history.looked_at)
-        own = weights[parameters[0]]
-        others = _known_of(own, known)
-        change = Told(causes, chances, parameters, shape, own, needed + excess, needed, others)
-        if not _is_told(_sizes(history, change)):
-            spent.add(best)
-            continue
-        found.append(change)
-        for cause in causes:
-            for p in range(width):
-                if cause_of(history.names[p]) == cause:
-                    known[p].append(shape)
-    return _settled(history, found)
+    search = _Search(history)
+    while len(search.found) < MOST_CHANGES and (search.next_one() or search.passed_one()):
+        pass
+    return _settled(history, search.found)
+
+
+class _Search:
+    """Changes told so far, and what is asked of each parameter beside them."""
+
+    def __init__(self, history: History) -> None:
+        self.history = history
+        self.weights = weights_of(history)
+        self.width = len(history.names)
+        self.known: list[list[Shape]] = [[] for _ in range(self.width)]
+        self.kept: dict[int, tuple[tuple[Shape, ...], float, Candidates | None]] = {}
+        self.found: list[Told] = []
+        self.spent: set[int] = set()
+
+    def next_one(self) -> bool:
+        """Tell the change of most evidence, if there is one."""
+        while True:
+            excess, best = max((self._asked(p), -p) for p in range(self.width))
+            candidates = self.kept[-best][2]
+            if excess <= 0.0 or candidates is None:
+                return False
+            shape, count = _likeliest(candidates), len(candidates.series.days)
+            change = self._blamed(self.history, shape, excess, count)
+            if _is_told(_sizes(self.history, change)):
+                self._know(change)
+                return True
+            self.spent.add(-best)
+
+    def passed_one(self) -> bool:
+        """Tell what could be told at an earlier session and is undone since, as by a repair.
+
+        Alone it is no more evident at the last session; beside it what undid it has to be.
+        """
+        for p in range(self.width):
+            series = self._series(p)
+            if p in self.spent or len(series.days) < LEAST_SESSIONS:
+                continue
+            needed = [threshold(n, self.history.looked_at) for n in range(1, len(series.days) + 1)]
+            over = evidence_over_time(series) - np.array(needed)
+            at = int(np.argmax(over))
+            self.spent.add(p)
+            if over[at] <= 0.0:
+                continue
+            shape = _likeliest(Candidates.of(series.until(at + 1)))
+            until = self.history.sessions(self.history.days <= series.days[at])
+            first = self._blamed(until, shape, float(over[at]), at + 1)
+            before = [[*shapes] for shapes in self.known]
+            self._know(first)
+            if self.next_one():
+                return True
+            self.known = before
+            self.found.remove(first)
+        return False
+
+    def _series(self, p: int) -> Series:
+        series, _ = self.history.series(self.weights[p])
+        return series.beside(*_known_of(self.weights[p], self.known))
+
+    def _asked(self, p: int) -> float:
+        """By how much the evidence of a parameter exceeds what is needed; kept."""
+        beside = _known_of(self.weights[p], self.known)
+        if p in self.kept and self.kept[p][0] == beside:
+            return -np.inf if p in self.spent else self.kept[p][1]
+        series = self._series(p)
+        excess, candidates = -np.inf, None
+        if len(series.days) >= LEAST_SESSIONS + len(beside):
+            candidates = Candidates.of(series)
+            needed = threshold(len(series.days), self.history.looked_at)
+            excess = float(candidates.evidence[-1]) - needed
+        self.kept[p] = (beside, excess, candidates)
+        self.spent.discard(p)
+        return excess
+
+    def _blamed(self, history: History, shape: Shape, excess: float, sessions: int) -> Told:
+        causes, chances, parameters = _blamed(history, shape, self.known)
+        needed = threshold(sessions, self.history.looked_at)
+        own = self.weights[parameters[0]]
+        others = _known_of(own, self.known)
+        return Told(causes, chances, parameters, shape, own, needed + excess, needed, others)
+
+    def _know(self, change: Told) -> None:
+        self.found.append(change)
+        for p in range(self.width):
+            if cause_of(self.history.names[p]) in change.causes:
+                self.known[p].append(change.shape)
 
 
 def _settled(history: History, found: Sequence[Told]) -> list[Told]:
@@ -193,18 +251,6 @@ def _others(history: History, change: Told, found: Sequence[Told]) -> tuple[Shap
 def _known_of(weights: Array, known: Sequence[Sequence[Shape]]) -> tuple[Shape, ...]:
     every = (shape for p in np.flatnonzero(weights).tolist() for shape in known[p])
     return tuple(dict.fromkeys(every))
-
-
-def _asked(
-    history: History, weights: Array, beside: tuple[Shape, ...]
-) -> tuple[float, Candidates | None]:
-    """By how much a series exceeds what is needed."""
-    series, _ = history.series(weights)
-    if len(series.days) < LEAST_SESSIONS + len(beside):
-        return -np.inf, None
-    candidates = Candidates.of(series.beside(*beside))
-    needed = threshold(len(series.days), history.looked_at)
-    return float(candidates.evidence[-1]) - needed, candidates
 
 
 def _likeliest(candidates: Candidates) -> Shape:
@@ -269,7 +315,7 @@ def moved(history: History, p: int, shape: Shape, known: Sequence[Shape]) -> _Mo
 
 
 def _blamed(
-    history: History, weights: Array, shape: Shape, known: Sequence[Sequence[Shape]]
+    history: History, shape: Shape, known: Sequence[Sequence[Shape]]
 ) -> tuple[tuple[str, ...], tuple[float, ...], tuple[int, ...]]:
     """Causes that explain what happened at an onset, their chances, and what shows each best."""
     width = len(history.names)

@@ -77,6 +77,7 @@ LEAST_SESSIONS: Final = 8
 """Below, nothing is told: level, temperature and noise take four of them."""
 BEFORE: Final = 4  # sessions before a step, from which the level is known
 AFTER: Final = 2  # sessions from a change on: one alone is an accident
+MOST_ONSETS: Final = 200  # of longer histories every second session, or fewer, may be an onset
 FAR: Final = 1.5  # of the typical distance of neighbours: 2.1 standard errors of white noise
 LEAST_SPAN: Final = 1.0  # K; within it temperature moves nothing that could be told
 BENDS_FROM: Final = 26  # sessions from which a bend over temperature is fitted as well: half a year
@@ -310,14 +311,19 @@ def _likelihoods(
     head, tail = white[:, :width], white[:, width:]
 
     def sums(a: Array, b: Array, ends_a: Array, ends_b: Array) -> Array:
-        """Sums of products over all rows up to each, the last as it is known by then."""
-        products = np.cumsum(a * b, axis=0)
-        return np.asarray((products - a * b + ends_a * ends_b)[rows])
+        """Σ aᵀb (n, A, B) over all rows up to each, the last as it is known by then."""
+        if rows.start:
+            whole = a[:-1].T @ b[:-1] + ends_a[-1:].T @ ends_b[-1:]
+            return np.asarray(whole[None])
+        products = a[:, :, None] * b[:, None, :]
+        ended = ends_a[:, :, None] * ends_b[:, None, :]
+        return np.asarray(np.cumsum(products, axis=0) - products + ended)
 
     lone, ends = last[:, :width], last[:, width:]
-    gram = sums(head[:, :, None], head[:, None, :], lone[:, :, None], lone[:, None, :])
-    cross = sums(head[:, :, None], tail[:, None, :], lone[:, :, None], ends[:, None, :])
-    squares = sums(tail, tail, ends, ends)
+    gram = sums(head, head, lone, lone)
+    cross = sums(head, tail, lone, ends)
+    products = np.cumsum(tail**2, axis=0) - tail**2 + ends**2
+    squares = products[rows]
     inner = gram[:, 1:, 1:]
     ridge = 1e-9 * np.einsum("nkk->nk", inner)[:, :, None] * np.eye(width - 1)
     solved = np.linalg.solve(

@@ -244,7 +244,9 @@ class History:
             values[:, p] = self.values[:, used] @ row[used]
         covariance = np.where(np.isfinite(self.covariance), self.covariance, 0.0)
         covariance = turn @ covariance @ turn.T
-        covariance[~np.isfinite(values)[:, :, None] | ~np.isfinite(values)[:, None, :]] = np.nan
+        known = np.isfinite(np.einsum("spp->sp", self.covariance))
+        unknown = np.any(~known[:, None, :] & (turn != 0.0), axis=2) | ~np.isfinite(values)
+        covariance[unknown[:, :, None] | unknown[:, None, :]] = np.nan
         return replace(self, names=tuple(names), values=values, covariance=covariance)
 
     def _orders(self) -> Iterator[tuple[int, int, str]]:

@@ -44,6 +44,7 @@ Interval = tuple[datetime, datetime]
 
 MOST_RELATIVE = 3.0  # times the level before; beyond, that level was hardly there
 
+DIFFERENT = 2.0  # standard errors by which a level is another than at first
 UNLIKELY = 0.1  # chance of a step below which a change is said to be gradual
 
 FORMAT = "flexspline-track"
@@ -97,6 +98,12 @@ class TrackedParameter:
     values: Array
     corrected: Array
     band: Band
+
+    @property
+    def differs(self) -> bool:
+        """Whether it is now another than at first: what a repair has undone is none."""
+        error = float(np.hypot(self.at_first[1], self.now[1]))
+        return abs(self.now[0] - self.at_first[0]) > DIFFERENT * error
 
     @property
     def sentence(self) -> str:
@@ -229,17 +236,21 @@ class Forecast:
             return f"{name} and its limit of {limit}, {now}: {self.why_none}."
         first, last = self.within_95
         assert first is not None
-        about = f"{name} reaches its limit of {limit}"
-        if self.date is not None:
-            about += f" about {day(self.date)}"
         if last is None:
+            when = "may reach" if self.date is None else "reaches"
+            about = "" if self.date is None else f" about {day(self.date)},"
             return (
-                f"{about}, not before {day(first)} (97.5 %), and within {self.horizon:g} years "
-                f"with a probability of {_percent(self.chance)}; {now}."
+                f"{name} {when} its limit of {limit}{about} not before {day(first)} (97.5 %), "
+                f"within {self.horizon:g} years with a probability of {_percent(self.chance)}; "
+                f"{now}."
             )
+        assert self.date is not None
         early, late = self.within_80
         inner = "" if early is None or late is None else f"80 % {day(early)} to {day(late)}, "
-        return f"{about} ({inner}95 % {day(first)} to {day(last)}); {now}."
+        return (
+            f"{name} reaches its limit of {limit} about {day(self.date)} ({inner}95 % {day(first)} "
+            f"to {day(last)}); {now}."
+        )
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -297,7 +308,8 @@ class Track:
         if not self.changes:
             return f"{joint}: no change is told ({span})."
         told = len(self.changes)
-        needs = list(dict.fromkeys(c.needs for c in self.changes if c.needs))
+        lasting = [c for c in self.changes if c.needs and self[c.parameter].differs]
+        needs = list(dict.fromkeys(c.needs for c in lasting))
         what = f"{told} change{'s' if told > 1 else ''} told ({span})"
         return f"{joint}: {what}." + (f" It needs {_and(needs)}." if needs else "")
 

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.errors import InputError
+from flexspline.errors import InputError, listed
 from flexspline.least_squares.options import resolve
 from flexspline.tracking.attribution import Told, detected, drawn, moved
 from flexspline.tracking.changes import (
@@ -36,6 +36,7 @@ from flexspline.tracking.result import (
     Forecast,
     Track,
     TrackedParameter,
+    spoken,
 )
 
 __all__ = ["track"]
@@ -47,6 +48,8 @@ HORIZON: Final = 5.0  # years
 MOST_HORIZON: Final = 50.0
 CLEAR: Final = 0.9
 """Chance from which the kind of a change is told; below, it is said not to be known yet."""
+TOGETHER: Final = 0.7
+"""Correlation of temperature and date from which half of a drift is taken for temperature's."""
 BANDED: Final = 121  # days on which a band is told
 STEPS_A_YEAR: Final = 52  # of a forecast
 
@@ -373,5 +376,13 @@ def _by_temperature(history: History, states: Sequence[str]) -> list[str]:
         series, _ = history.series(np.eye(len(history.names))[p])
         cold = Series(series.days, series.values, series.variances)
         if Candidates.of(cold).evidence[-1] > threshold(len(series.days), history.looked_at):
-            found.append(name)
-    return [f"{', '.join(found)}: moves with temperature alone."] if found else []
+            found.append(spoken(name))
+    said = [f"What looks like a change of {listed(found)} goes with temperature."] if found else []
+    told = np.isfinite(history.temperatures)
+    warm, days = history.temperatures[told], history.days[told]
+    if np.ptp(warm) > 0.0 and np.ptp(days) > 0.0:
+        together = float(np.corrcoef(warm, days)[0, 1])
+        if abs(together) > TOGETHER:
+            way = "rose" if together > 0.0 else "fell"
+            said.append(f"Temperature {way} over these sessions: what wore with it is not told.")
+    return said
