@@ -1,29 +1,28 @@
 """The best joint that MuJoCo has built in for the servo of notebooks/mujoco_plugin.ipynb.
 
     python tests/bench/mujoco_rival.py [--starts 6] [--evaluations 40]
-                                       [--with-frictionloss | --wide]
+                                       [--simplex 400] [--with-frictionloss]
 
 Armature, damping, torque, back-EMF and the LuGre friction of a passive `dcmotor`, with frictionloss
 or without, by least squares of the simulated angle over the notebook's twelve logs, from several
-starts; with --wide by differential evolution over `WIDE` too, and a simplex from its best, which
-the steps of a joint that sticks do not stop. Prints what each finds, its RMSE over the twelve, and
+starts, and from the best of them by a simplex, which the steps of a joint that sticks do not stop.
+Prints what each finds, its RMSE over the twelve, and
 at last that of the best over the four held out. The drive law, the logs and the loss are those of
 the notebook and of mujoco_pendulum.ipynb, which identified damping and frictionloss. Needs `mujoco`
-4 and the measured logs (FLEXSPLINE_DATA). A start takes 10 s of processor time, --wide 12 min.
+4 and the measured logs (FLEXSPLINE_DATA). Takes 2 min of processor time.
 """
 
 from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import differential_evolution, least_squares, minimize
+from scipy.optimize import least_squares, minimize
 
 from flexspline.logs import ColumnSource, Log, read_log
 
@@ -84,13 +83,7 @@ STARTS = [  # stiffness, bristle damping, Coulomb's level, beyond it at rest, St
 ]
 LEAST = np.log((1e-3, 1e-4, 1e-5, 1e-5, 0.05, 1e-6, 1e-5, 1e-6, 1e-3, 1e-6))
 MOST = np.log((1.0, 1.0, 1.0, 0.1, 2e3, 0.3, 1.0, 1.0, 20.0, 1.0))
-WIDE = np.log(
-    [
-        *((0.04, 0.15), (0.01, 0.08), (1e-3, 0.03), (3e-4, 0.006), (0.3, 500.0)),
-        *((1e-6, 0.1), (1e-3, 0.1), (1e-3, 0.2), (0.02, 10.0)),
-    ]
-)
-SEED = 1
+SIDE = 0.15  # of the simplex, in logarithms
 
 
 def driven(scene: Any, log: Log, joint: Array) -> Array:
@@ -127,10 +120,8 @@ def main() -> None:
     parser.add_argument("--starts", type=int, default=len(STARTS))
     parser.add_argument("--evaluations", type=int, default=40)
     parser.add_argument("--with-frictionloss", action="store_true")
-    parser.add_argument("--wide", action="store_true", help="without frictionloss")
+    parser.add_argument("--simplex", type=int, default=400, help="evaluations")
     given = parser.parse_args()
-    if given.wide and given.with_frictionloss:
-        parser.error("--wide is for LuGre friction alone; leave --with-frictionloss out")
     every = [
         read_log(path, COLUMNS, gear_ratio=1.0, repair="velocity_from_position")
         for path in sorted((DATA / "xl330_pendulum").glob("*.json"))
@@ -167,29 +158,17 @@ def main() -> None:
         )
         tell(found.x, f"start {number + 1}")
         found_points.append(found.x)
-    if given.wide:
-        found_points.append(wide(lambda point: rmse(point, logs)))
-        tell(found_points[-1], "wide search")
     best = min(found_points, key=lambda point: rmse(point, logs))
+    corners = np.vstack([best, best + SIDE * np.eye(count)])
+    options = {"maxfev": given.simplex, "xatol": 1e-3, "fatol": 1e-3, "initial_simplex": corners}
+    polished = minimize(
+        lambda point: rmse(point, logs), best, method="Nelder-Mead", options=options
+    )
+    best = polished.x
+    tell(best, "simplex")
     by_log = ", ".join(f"{rmse(best, [log]):.1f}" for log in held_out)
     print(f"best: {rmse(best, held_out):.1f} mrad on the four held out ({by_log})")
     print("  " + ", ".join(f"{v:.6g}" for v in np.exp(best)))
-
-
-def wide(rmse: Callable[[Array], float]) -> Array:
-    """The best of the whole range: by evolution, and a simplex of 0.15 from there."""
-    options: dict[str, Any] = {"mutation": (0.4, 0.9), "recombination": 0.8, "init": "sobol"}
-    evolved = differential_evolution(
-        rmse, WIDE, popsize=8, maxiter=45, tol=1e-8, polish=False, seed=SEED, **options
-    )
-    corners = np.vstack([evolved.x, evolved.x + 0.15 * np.eye(len(evolved.x))])
-    polished = minimize(
-        rmse,
-        evolved.x,
-        method="Nelder-Mead",
-        options={"maxfev": 800, "xatol": 1e-3, "fatol": 1e-3, "initial_simplex": corners},
-    )
-    return np.asarray(polished.x)
 
 
 if __name__ == "__main__":
