@@ -263,7 +263,8 @@ def _numbers(
     if by_actuators:
         left_out = (
             f"{path}: joint '{joint.name}': what its actuators add to it is left out "
-            f"({listed(by_actuators)}); let discover find it in runs, or fit its effects",
+            f"({shortened(listed(by_actuators), 300)}); let discover find it in runs, or fit its "
+            "effects",
         )
     if any(read[SPRING]):
         left_out += (

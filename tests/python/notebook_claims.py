@@ -73,10 +73,13 @@ assert {path.name for path in pathlib.Path("controller").iterdir()} == {"joint.h
 """,
     "mujoco_plugin": """
 assert apart <= 1e-12 and len(seen) > 3000
-built, plugin = np.array(rows)
+built, lugre, plugin = np.array(rows)
 assert (plugin < built).tolist() == [False, True, True, True]
 assert np.argmax(built - plugin) == 3 and plugin[0] - built[0] < 10.0
-assert both[0] > 60.0 and both[1] < 45.0
+assert both[0] > 60.0 and both[2] < 45.0
+assert both[2] < 0.6 * min(both[:2]) and (plugin <= lugre).all()
+assert 1.4 < fitted[0] - fitted[1] < 1.6 and both[1] > both[0] + 1.0
+assert np.argmax(lugre) == 3 and lugre[3] > 100.0
 assert held_out[0]["enabled"].min() == 0.0
 """,
     "turlapati": """

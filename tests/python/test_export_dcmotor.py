@@ -24,6 +24,7 @@ from flexspline.errors import InputError
 from flexspline.exporting import export, joint_of
 from flexspline.logs.log import Log
 from flexspline.model import Model, Part
+from flexspline.prepared import Preparation, prepared
 
 Array = NDArray[np.float64]
 
@@ -223,6 +224,20 @@ def test_a_run_with_a_gap_starts_its_bristles_anew() -> None:
     assert gap.rms == pytest.approx(apart.rms, rel=1e-12)
 
 
+def test_a_model_of_filtered_runs_has_its_bristles_on_the_filtered_angle() -> None:
+    plain = one_of(SPRUNG, SPRUNG_NUMBERS)
+    time = 1e-2 * np.arange(2000)
+    angle = 0.3 * np.sin(time) + 0.02 * np.sin(40.0 * time)
+    log = Log.from_arrays(time=time, output_position=angle, output_velocity=np.cos(time))
+    part = plain.part().preparing([Preparation("output_position", "output_position", 2.0)])
+    filtered = Model({"drive": part}, plain.facts)
+    by_hand = prepared(log, filtered.part().preparations)
+    assert np.ptp(by_hand["output_position"] - angle) > 0.01
+    (loss,) = joint_of(filtered, "mujoco", runs=log, dcmotor=True).lost
+    (expected,) = joint_of(plain, "mujoco", runs=by_hand, dcmotor=True).lost
+    assert loss.rms == pytest.approx(expected.rms, rel=1e-9)
+
+
 def test_what_no_bristle_is_stays_lost(tmp_path: Path) -> None:
     text = text_of(one_of((effect("stribeck_friction"),), [-0.2]), tmp_path)
     assert not motors_in(text) and "stribeck_friction" in losses_of(text)
@@ -252,7 +267,7 @@ def test_a_mujoco_decides_by_its_version_and_is_not_imported(
 
     monkeypatch.setattr("importlib.metadata.version", missing)
     assert text_of(model, tmp_path, None) == asked[False]
-    assert "would take presliding_friction; for MuJoCo 4 and later" in asked[False]
+    assert "dcmotors of MuJoCo 4 would take presliding_friction:\n" in asked[False]
     assert losses_of(asked[False])["presliding_friction"] == "0.35"
     monkeypatch.undo()
     model.save(tmp_path / "model.json")

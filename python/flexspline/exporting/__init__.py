@@ -285,7 +285,9 @@ def mujoco_plugin(
 
     The plugin is the passive force of one joint: what the model says that the joint takes beside
     its load, by the core's own code in double, with the memory of effects that have one in mjData.
-    Inertia and weight are left to MuJoCo, errors of a sensor left out. `mujoco-joint.hpp` in the
+    Inertia and weight are left to MuJoCo, errors of a sensor left out. Nothing twists: compliance
+    and backlash of a torsion are not in it, and the temperature stays what the MJCF says, for no
+    model here has the joint's losses heat it. `mujoco-joint.hpp` in the
     folder says with which numbers it works. The compiler is $CXX, else c++; headers and library of
     MuJoCo are those of Python's `mujoco`.
 

@@ -14,9 +14,9 @@ LuGre friction, z the stretch of a bristle:
 
     τ = −σ₀ z,    dz/dt = v − σ₀ |v| z / g(v),    g(v) = F_c + (F_s − F_c) exp(−(v / v_s)²)
 
-In steady motion that is g(v) sgn(v): Stribeck's friction with F_c = 0 and F_s its level. Coulomb
-friction stays the joint's frictionloss, so that it counts once, and what `PATH` says of the stretch
-hardly shows.
+In steady motion that is g(v) sgn(v): Stribeck's friction with F_c = 0 and F_s its level, where the
+speed is far above direction_width. Coulomb friction stays the joint's frictionloss, so that it
+counts once, and `PATH`, from which σ₀ comes, hardly shows.
 
 With F_s = F_c = c and σ₀ = c / w it is a spring of presliding friction, of level c and width w,
 that gives way gradually: after a reversal it has 1 − 2 exp(−x / w) of its level, where the spring

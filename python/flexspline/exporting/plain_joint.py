@@ -35,10 +35,11 @@ from flexspline.effects.causes import (
 )
 from flexspline.errors import InputError, listed, printable
 from flexspline.exporting.dcmotor import LUGRE, Motors, PassiveMotor, motors_of
-from flexspline.logs.log import Log
+from flexspline.logs.log import Log, measurable
 from flexspline.logs.read import LogLike, as_logs
 from flexspline.model import Model, Part
 from flexspline.own import design_of
+from flexspline.prepared import prepared
 from flexspline.signals import gear_of
 
 __all__ = [
@@ -287,8 +288,9 @@ def _on_runs(
         said = model.predict(log, part.target)
         good = np.isfinite(said.predicted)
         made = model.rows(log, part.target)[good] @ weights
+        seen = prepared(measurable(log)[0], part.preparations)  # as the model's rows are made
         for place, each in enumerate(left):
-            made[:, place] -= each.motors.torque(log)[good]
+            made[:, place] -= each.motors.torque(seen)[good]
         residual = to_torque * said.residual[good]
         known = np.isfinite(residual)
         of_each += (made**2).sum(axis=0)
@@ -343,8 +345,8 @@ def heading(joint: PlainJoint, what: str, attributes: Mapping[str, str]) -> Iter
     yield from losses_text(joint, width)
     if joint.for_motors:
         yield ""
-        yield f"Passive dcmotors would take {listed(joint.for_motors)}; for MuJoCo 4 and later"
-        yield "export with --dcmotor (dcmotor=True)."
+        yield f"Passive dcmotors of MuJoCo 4 would take {listed(joint.for_motors)}:"
+        yield "export with the option dcmotor."
     if joint.on_runs is not None:
         yield ""
         yield from runs_text(joint.on_runs, joint.target)
@@ -576,7 +578,7 @@ def _said_of_motors(joint: PlainJoint) -> Iterator[str]:
     kinds = {motor.kind for motor in joint.motors}
     yield ""
     yield "Each dcmotor is a passive torque beside the joint's, without control and winding: copy"
-    yield "them with the joint. MuJoCo 4 knows them; for an older one export with --no-dcmotor."
+    yield "them with the joint. MuJoCo 4 knows them; for an older one give the option no-dcmotor."
     if COGGING in kinds:
         yield "cogging: one order of a ripple; amplitude, periods per turn of the joint, phase."
     if LUGRE in kinds:
