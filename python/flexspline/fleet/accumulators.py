@@ -35,7 +35,7 @@ __all__ = ["DIFFERENCES", "RunSums", "accumulators_of", "merged"]
 Array = NDArray[np.float64]
 
 MOST_BLOCKS = 64
-"""Of a run. Twice as many halve the memory that noise may have in a block; half as many leave twenty
+"""Of a run. Twice as many halve the memory that noise may have in a block; half as many leave 20
 degrees of freedom for an error."""
 LEAST_SECONDS = 0.5
 """Of a block: in runs of a minute and more blocks of a half, one and two seconds cover within 2 %
