@@ -35,11 +35,12 @@ __all__ = ["DIFFERENCES", "RunSums", "accumulators_of", "merged"]
 Array = NDArray[np.float64]
 
 MOST_BLOCKS = 64
-"""Of a run. Errors are those of so many sums less a third (`estimates.py`): twice as many halve
-what a block may be as long as, half as many leave Student's t of 20 degrees of freedom."""
+"""Of a run. Twice as many halve the memory that noise may have in a block; half as many leave 20
+degrees of freedom for an error."""
 LEAST_SECONDS = 0.5
-"""Of a block: in noise with a memory of up to 2 s, blocks of a half, one and two seconds cover
-alike (`tests/bench/fleet.py coverage`)."""
+"""Of a block: in runs of a minute and more blocks of a half, one and two seconds cover within 2 %
+of each other, in 30 s within 5 % (`tests/bench/fleet.py coverage`); more blocks leave more degrees
+of freedom."""
 LARGE = 400_000_000  # bytes of a file, from which it is read in pieces
 PIECE = 1_000_000  # rows
 JOINT_FACTS = ("gear_ratio", "output_spline", "pole_pairs", "slots", "torque_constant")

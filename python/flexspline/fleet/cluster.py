@@ -150,4 +150,4 @@ def _client(workers: Workers, tasks: int) -> Iterator[Client]:
 
 
 ANSWER = 10  # s
-_QUIET: dict[str, Any] = {"processes": True, "dashboard_address": None, "silence_logs": 50}
+_QUIET: dict[str, Any] = {"processes": True, "dashboard_address": ":0", "silence_logs": 50}

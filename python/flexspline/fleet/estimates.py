@@ -31,6 +31,10 @@ neighbours one):
 L is one, and more where the scores' own correlation asks for it [Andrews1991]; what Bartlett's
 weights miss of it is made up for.
 
+In `tests/bench/fleet.py coverage` 95 % intervals cover 92 to 98 % where the noise's memory is a
+sixtieth of the run or less, and more than 90 % up to a thirtieth. In 30 s of noise with a memory of
+2 s that of an offset covers 83 %: so slow a noise is not known from so short a run.
+
 Where runs do not determine a parameter, β is the solution of least norm and the errors are those of
 what they determine: `basis` spans it.
 """
