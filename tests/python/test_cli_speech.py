@@ -1,15 +1,19 @@
-"""Options of every command: --json, -q, -v, --no-overwrite, and what is kept of a file."""
+"""Options of every command: --json, -q, -v, --no-overwrite, --threads, and what is kept of a file."""
 
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
+import click
 import pytest
 from cli_calls import EFFECTS, call, fitted, write_runs
-from click.testing import Result
+from click.testing import CliRunner, Result
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from flexspline.cli import commands
+from flexspline.cli.speech import spoken
 from flexspline.files import Writing, atomic_write, remove_file, whole_folder, writing
 
 pytestmark = pytest.mark.usefixtures("undrawn")
@@ -224,3 +228,20 @@ def test_a_file_of_an_earlier_call_that_goes_is_kept_like_one_that_is_replaced(
 def test_every_command_has_the_options(name: str) -> None:
     said = call(name, "--help").stdout
     assert all(option in said for option in ("--json", "-q", "-v", "--no-overwrite"))
+
+
+def test_every_command_takes_threads_and_gives_them_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
+    seen: list[tuple[str | None, set[int]]] = []
+
+    def look() -> None:
+        pools = {pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"}
+        seen.append((os.environ.get("OPENBLAS_NUM_THREADS"), pools))
+
+    with threadpool_limits(2):
+        said = CliRunner().invoke(spoken(click.Command("probe", callback=look)), ["--threads", "1"])
+        look()
+    assert said.exit_code == 0, said.output
+    assert seen == [("1", {1}), (None, {2})]
+    said = CliRunner().invoke(commands, ["check", "--threads", "0", "run.csv"])
+    assert said.exit_code == 2 and "--threads" in said.output

@@ -21,6 +21,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -49,6 +50,7 @@ COMPLETE = "_FLEXSPLINE_COMPLETE"  # what a shell asks for, in this variable
 
 DEFECT, WRONG, INTERRUPTED, NO_READER = 1, 2, 130, 141
 TRACEBACK = "FLEXSPLINE_TRACEBACK"
+POOLS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 NOTHING = "nothing was written"
 
 
@@ -145,7 +147,7 @@ def is_quiet() -> bool:
 
 
 def spoken(command: click.Command) -> click.Command:
-    """Give a command the options of speech."""
+    """Give a command the options of speech, and `--threads` where it has none of its own."""
 
     def asked(name: str) -> Callable[[click.Context, click.Parameter, bool], None]:
         def set_it(ctx: click.Context, param: click.Parameter, value: bool) -> None:
@@ -169,7 +171,37 @@ def spoken(command: click.Command) -> click.Command:
                 names, is_flag=True, help=says, callback=then, expose_value=False, is_eager=True
             )
         )
+    if "threads" not in [param.name for param in command.params]:
+        command.params.append(
+            click.Option(
+                ["--threads"],
+                type=click.IntRange(1, 1024),
+                metavar="COUNT",
+                help="Of linear algebra; by default one for each processor.",
+                callback=_limited,
+                expose_value=False,
+                is_eager=True,
+            )
+        )
     return command
+
+
+def _limited(ctx: click.Context, param: click.Parameter, value: int | None) -> None:
+    """Let linear algebra use so many threads, of libraries that are loaded and those to come."""
+    if value is None or ctx.resilient_parsing:
+        return
+    from threadpoolctl import threadpool_limits
+
+    before = {name: os.environ.get(name) for name in POOLS}
+    os.environ.update(dict.fromkeys(POOLS, str(value)))
+    ctx.call_on_close(partial(_restored, before))
+    ctx.with_resource(threadpool_limits(value))
+
+
+def _restored(before: Mapping[str, str | None]) -> None:
+    for name, value in before.items():
+        os.environ.pop(name, None)
+        os.environ.update({} if value is None else {name: value})
 
 
 class Commands(click.Group):
