@@ -1,4 +1,4 @@
-"""Options of every command: --json, -q, -v, --no-overwrite, --threads, and what is kept of a file."""
+"""Options of every command: --json, -q, -v, --no-overwrite, --threads; what is kept of a file."""
 
 from __future__ import annotations
 
