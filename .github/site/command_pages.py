@@ -25,6 +25,8 @@ def write_commands(folder: Path) -> None:
             help_option_names=["-h", "--help"],
         )
         text = f"# flexspline {name}\n\n```text\n{command.get_help(context)}\n```\n"
+        for inner in getattr(command, "commands", {}):
+            text += _inner(name, inner, command.commands[inner])
         (folder / f"{name}.md").write_text(text, encoding="utf-8")
     context = click.Context(commands, info_name="flexspline", terminal_width=WIDTH)
     entries = "\n".join(names)
@@ -33,3 +35,15 @@ def write_commands(folder: Path) -> None:
         f"```{{toctree}}\n:maxdepth: 1\n\n{entries}\n```\n",
         encoding="utf-8",
     )
+
+
+def _inner(group: str, name: str, command: click.Command) -> str:
+    """The section of a command within a command."""
+    context = click.Context(
+        command,
+        info_name=f"flexspline {group} {name}",
+        max_content_width=WIDTH,
+        terminal_width=WIDTH,
+        help_option_names=["-h", "--help"],
+    )
+    return f"\n## flexspline {group} {name}\n\n```text\n{command.get_help(context)}\n```\n"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from flexspline.effects import Effect, effect
 from flexspline.effects.causes import OFFSET
@@ -20,13 +20,14 @@ if TYPE_CHECKING:  # what is heavy is imported where it is used: `flexspline --h
     from flexspline.least_squares.options import Bounds, FitOptions
     from flexspline.least_squares.problem import Problem
     from flexspline.least_squares.result import Fit
+    from flexspline.logs.channel_noise import ChannelNoise
     from flexspline.logs.log import Log
     from flexspline.logs.read import LogLike
     from flexspline.model import Model
     from flexspline.prepared import Preparation
     from flexspline.simulator import Simulated
 
-__all__ = ["fit", "fit_near", "runs_of", "solved", "with_orders"]
+__all__ = ["checked", "fit", "fit_near", "posing", "runs_of", "solved", "with_orders"]
 
 ROWS_A_PARAMETER = 3
 SPARE_ROWS = 20  # beyond those, for the residual to be judged
@@ -98,9 +99,8 @@ def fit(
         projected_effects,
         taken_out,
     )
-    from flexspline.least_squares.problem import problem_of
     from flexspline.least_squares.ripple import with_found_orders
-    from flexspline.prepared import learned, preparations_for, prepared
+    from flexspline.prepared import preparations_for
     from flexspline.signals import require_one_unit
 
     how = FitOptions() if options is None else options
@@ -110,7 +110,7 @@ def fit(
         chosen = [e.without_load() for e in chosen]
     require_one_unit(chosen, target, known_load)
     runs, simulated, remarks = _with_simulation(runs, target, known_load, how)
-    warnings = _checked(runs, chosen, target, known_load) if checks else []
+    warnings = checked(runs, chosen, target, known_load) if checks else []
     given = Given(fixed or {}, bounds or {}, priors or {}, how.robust == "huber")
     own = own_terms(chosen, how, [*given.fixed], len(runs))
     centred = own == (ZERO,) and taken_out(chosen, runs, given)
@@ -119,32 +119,17 @@ def fit(
     at = [e.name for e in chosen].index(OFFSET) if centred else 0
     offset = (at, chosen.pop(at)) if centred else None
 
-    noise, ways = learned(runs, target, known_load, how.bandwidth)
-    ways = _read_by(chosen, known_load, ways)
-    fine = [prepared(log, ways) for log in runs]
-
-    def posed_on(
-        inputs: Sequence[Log], these: Sequence[Effect], rows: Sequence[NDArray[np.bool_]] | None
-    ) -> Problem:
-        made = problem_of(
-            runs,
-            these,
-            target,
-            known_load=known_load,
-            lowpass_hz=lowpass,
-            threads=how.threads,
-            own=() if centred else own,
-            preparations=ways,
-            inputs=inputs,
-            counted=rows,
-            simulated=simulated,
-        )
-        return replace(made, centred=centred, projected=projected)
-
-    counted = _resolved(runs, fine, chosen, ways, target, posed_on)
-
-    def problem(these: Sequence[Effect]) -> Problem:
-        return posed_on(fine, these, counted)
+    noise, problem = posing(
+        runs,
+        chosen,
+        target,
+        known_load,
+        lowpass,
+        how,
+        own=() if centred else own,
+        simulated=simulated,
+        taken_out={"centred": centred, "projected": projected},
+    )
 
     def again(problem: Problem, made: Estimate) -> Estimate:
         return estimate(problem, made.linear.effects, given, bar.step, near=True)
@@ -163,6 +148,64 @@ def fit(
         raw = how.bandwidth == math.inf and bool(preparations_for(noise, target, known_load))
         whole = assembled(posed, made, into, said, found, offset, inputs, late, raw)
         return replace(whole, bandwidth=how.bandwidth)
+
+
+def posing(
+    runs: Sequence[Log],
+    effects: Sequence[Effect],
+    target: str,
+    known_load: str | None,
+    lowpass: float | None,
+    how: FitOptions,
+    *,
+    own: Sequence[str] = (),
+    simulated: Simulated | None = None,
+    taken_out: Mapping[str, Any] | None = None,
+) -> tuple[dict[str, ChannelNoise], Callable[[Sequence[Effect]], Problem]]:
+    """Make runs ready for a fit: what a fit does before it has rows, and nothing after.
+
+    Parameters
+    ----------
+    effects : as they are asked for; which rows count depends on what they read.
+    own, simulated : as `problem_of` takes them.
+    taken_out : `centred` and `projected` of the problem.
+
+    Returns
+    -------
+    Noise of each channel, and what makes the problem of effects.
+
+    Raises
+    ------
+    InputError
+        As `problem_of`, and for a bandwidth that does not suit the runs.
+    """
+    from flexspline.least_squares.problem import problem_of
+    from flexspline.prepared import learned, prepared
+
+    noise, ways = learned(runs, target, known_load, how.bandwidth)
+    ways = _read_by(effects, known_load, ways)
+    fine = [prepared(log, ways) for log in runs]
+
+    def posed_on(
+        inputs: Sequence[Log], these: Sequence[Effect], rows: Sequence[NDArray[np.bool_]] | None
+    ) -> Problem:
+        made = problem_of(
+            runs,
+            these,
+            target,
+            known_load=known_load,
+            lowpass_hz=lowpass,
+            threads=how.threads,
+            own=own,
+            preparations=ways,
+            inputs=inputs,
+            counted=rows,
+            simulated=simulated,
+        )
+        return replace(made, **(taken_out or {}))
+
+    counted = _resolved(runs, fine, effects, ways, target, posed_on)
+    return noise, lambda these: posed_on(fine, these, counted)
 
 
 def _with_simulation(
@@ -301,7 +344,7 @@ def with_orders(
     return chosen
 
 
-def _checked(
+def checked(
     runs: Sequence[Log], effects: Sequence[Effect], target: str, known_load: str | None
 ) -> list[str]:
     """Refuse what makes a fit meaningless and return the faults as sentences.

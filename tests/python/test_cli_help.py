@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -119,7 +120,10 @@ NEEDS = {  # in this order, of one process: what is heavy, once a command has ru
     "check run.csv": set(),
     "orders run.csv --target sensor_torque": set(),
     "convert gaps.csv --columns map.toml --out run2.csv": {"pandas"},  # of cells without a number
-    "convert foreign.csv --columns feet.toml --out run3.csv": {"pint"},  # of a unit that is rare
+    "convert foreign.csv --columns feet.toml --out run3.csv": {  # of a unit that is rare
+        "pint",
+        *({"jinja2"} if find_spec("dask") else ()),  # which pint imports where it is, with this
+    },
 }
 
 

@@ -22,7 +22,7 @@ def tree(tmp_path: Path) -> Path:
         file = tmp_path / "line" / name
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(RUN)
-    (tmp_path / "line" / "a" / "notes.pdf").write_text("x")
+    (tmp_path / "line" / "a" / "notes.docx").write_text("x")
     (tmp_path / "line" / "a" / "model.json").write_text("{}")
     (tmp_path / "line" / ".hidden").mkdir()
     (tmp_path / "line" / ".hidden" / "run.csv").write_text(RUN)
@@ -37,7 +37,7 @@ def test_each_folder_is_a_joint_and_the_files_below_are_its_runs(tree: Path) -> 
     found = sessions_of(tree)
     assert labels(tree) == ["a/2026-11-28/night", "a/run1", "b/run2"]
     assert found.units == ("a", "b")
-    assert len(found.remarks) == 1 and "notes.pdf" in found.remarks[0]
+    assert len(found.remarks) == 1 and "notes.docx" in found.remarks[0]
     assert len(found.sessions[0].read()) == 3
     assert found.sessions[0].read().name == "2026-11-28/night"
 

@@ -12,6 +12,7 @@ from flexspline.cli.demo import demo, reproduce
 from flexspline.cli.discover import compare, discover, models
 from flexspline.cli.export import certify, export
 from flexspline.cli.fit import fit
+from flexspline.cli.fleet import fleet
 from flexspline.cli.logs import check, convert, init, orders
 from flexspline.cli.predict import estimate, predict, simulate
 from flexspline.cli.speech import Commands, spoken
@@ -49,6 +50,7 @@ def commands() -> None:
       discover which effect is missing        flexspline discover
       track    one joint over months          flexspline track
       estimate the torque from outside        flexspline estimate
+      fleet    of joints: fit, discover, compare   flexspline fleet
       export   constants for the robot        flexspline export
       certify  the robot computes the same    flexspline certify
 
@@ -77,7 +79,7 @@ def commands() -> None:
 
 COMMANDS = (
     init, check, orders, fit, calibrate, predict, simulate, compare, models, discover, track,
-    estimate, export, certify, convert, demo, reproduce,
+    estimate, fleet, export, certify, convert, demo, reproduce,
 )  # fmt: skip
 
 for command in COMMANDS:

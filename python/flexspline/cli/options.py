@@ -44,7 +44,9 @@ else:
 __all__ = [
     "EFFECTS",
     "FILE",
+    "REPAIRS",
     "LateChoice",
+    "Listed",
     "Reading",
     "Taught",
     "bandwidth",
@@ -69,6 +71,7 @@ __all__ = [
     "out_file",
     "out_files",
     "positive",
+    "preset_names",
     "reading",
     "refuse_overwriting",
     "repairs",
@@ -126,7 +129,7 @@ def _effect_names() -> Iterable[str]:
     return CATALOGUE
 
 
-def _preset_names() -> Iterable[str]:
+def preset_names() -> Iterable[str]:
     from flexspline.logs.presets import preset_names
 
     return preset_names()
@@ -524,7 +527,7 @@ def reading(
             "--preset",
             {
                 "metavar": "RECORDER",
-                "type": Listed(_preset_names),
+                "type": Listed(preset_names),
                 "help": "A column map that comes with flexspline, over which --columns is laid: "
                 "flexspline init --list-presets.",
             },

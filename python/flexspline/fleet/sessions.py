@@ -38,7 +38,7 @@ from flexspline.logs.read import (
     run_name,
 )
 
-__all__ = ["Session", "Sessions", "date_in", "mean_temperature", "sessions_of"]
+__all__ = ["Session", "Sessions", "date_in", "mean_temperature", "readable", "sessions_of"]
 
 MAP: Final = "map.toml"
 TEXT: Final = (".csv", ".tsv", ".txt", ".dat", ".asc", ".log")
@@ -194,6 +194,25 @@ def mean_temperature(log: Log) -> float | None:
         if channel in log and np.isfinite(log[channel]).any():
             return float(np.nanmean(log[channel]))
     return None
+
+
+def readable(sessions: Sequence[Session]) -> tuple[list[Log], list[tuple[str, str]]]:
+    """Return the runs that can be read, and (UNIT/RUN, why) of those that cannot.
+
+    Raises
+    ------
+    InputError
+        Where none can be read: the first of these sentences.
+    """
+    logs, failed = [], []
+    for session in sessions:
+        try:
+            logs.append(session.read())
+        except InputError as error:
+            failed.append((session.label, str(error)))
+    if not logs:
+        raise InputError(failed[0][1])
+    return logs, failed
 
 
 def date_in(text: str) -> datetime | None:

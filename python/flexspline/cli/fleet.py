@@ -1,0 +1,414 @@
+"""`flexspline fleet fit|discover|compare`: the joints of a fleet, on a machine or on a cluster."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+from flexspline.cli.options import (
+    EFFECTS,
+    FILE,
+    REPAIRS,
+    Listed,
+    Taught,
+    bandwidth,
+    effects_by_target,
+    fixed,
+    known_load,
+    loaded,
+    lowpass,
+    named_effects,
+    on_terminal,
+    orders,
+    positive,
+    preset_names,
+    refuse_overwriting,
+    repairs,
+    speed_above,
+    target,
+)
+from flexspline.cli.speech import Commands, found, say, spoken
+from flexspline.effects import effect
+from flexspline.errors import InputError
+from flexspline.files import whole_folder
+
+if TYPE_CHECKING:
+    from flexspline.fleet.sessions import Sessions
+    from flexspline.model import Model
+
+__all__ = ["fleet"]
+
+Command = TypeVar("Command", bound=Callable[..., Any])
+
+FIT, DISCOVERY, COMPARISON = "fleet.json", "fleet_discovery.json", "fleet_comparison.json"
+REPORT = "report.html"
+FACTS = ("gear_ratio", "output_spline", "torque_constant", "pole_pairs", "slots")
+READ = ("columns", "preset", "repair", "rate", "encoding", "skip_lines", "dates", "joint")
+
+
+@click.group(cls=Commands, no_args_is_help=False)
+def fleet() -> None:
+    """Fit, discover and compare for all joints of a fleet, on one machine or a cluster.
+
+    DIR holds a folder for each joint, and that its runs: DIR/UNIT/RUN.csv, in any format that the
+    other commands read. Several DIRs may hold runs of the same joints, such as a folder for each
+    month. map.toml in DIR, or in the folder of a joint, says what their columns are. Runs are read
+    where they lie, each as a task of its own; a run that cannot be used is left out and named.
+
+    Processes are Dask's: those of this machine, or with --scheduler ADDRESS of a cluster whose
+    machines see the runs under the same paths (pip install 'flexspline[fleet]'). --workers 0 does
+    without. The numbers are the same, to the last bit.
+
+    \b
+    Examples:
+      flexspline fleet fit line7 --target sensor_torque \\
+          --effects offset,coulomb_friction,viscous_friction --out line7_fit
+      flexspline fleet discover line7 --target sensor_torque --effects offset --out line7_lacks
+      flexspline fleet compare line7 --model line7_fit/units/{joint}.json --out line7_gap
+      flexspline fleet fit line7 --scheduler tcp://10.0.0.5:8786 --model joint.json --out all
+    """
+
+
+def _shared(command: Command) -> Command:
+    """Options of who works, how runs are read, and where to."""
+    spline = click.Choice(["circular", "flex"])
+    options: tuple[tuple[str, dict[str, Any]], ...] = (
+        (
+            "--out",
+            {"required": True, "metavar": "DIR", "type": FILE, "help": "Folder for what is found."},
+        ),
+        (
+            "--scheduler",
+            {"metavar": "ADDRESS", "help": "Of a Dask scheduler, such as tcp://10.0.0.5:8786."},
+        ),
+        (
+            "--workers",
+            {
+                "type": click.IntRange(0, 1024),
+                "metavar": "COUNT",
+                "help": "Processes of this machine; by default one for each processor. 0: this one "
+                "alone, without Dask.",
+            },
+        ),
+        (
+            "--columns",
+            {"metavar": "MAP.toml", "type": FILE, "help": "Instead of map.toml in the folders."},
+        ),
+        (
+            "--preset",
+            {
+                "metavar": "RECORDER",
+                "type": Listed(preset_names),
+                "help": "A column map that comes with flexspline.",
+            },
+        ),
+        (
+            "--dates",
+            {
+                "metavar": "DATES.csv",
+                "type": FILE,
+                "help": "Columns run (UNIT/RUN) and date; else a date in a file's name counts.",
+            },
+        ),
+        (
+            "--joint",
+            {
+                "metavar": "A,B|all",
+                "help": "Of a robot's files, whose map has sources such as q_{joint}: each is a "
+                "joint of the fleet, UNIT.A.",
+            },
+        ),
+        ("--gear-ratio", {"type": positive, "metavar": "N", "help": "Of all joints, as sold."}),
+        ("--output-spline", {"type": spline, "help": "The part of the gear that is the output."}),
+        (
+            "--torque-constant",
+            {"type": positive, "metavar": "K", "help": "Nm/A at the motor, of all joints."},
+        ),
+        ("--pole-pairs", {"type": click.IntRange(1), "metavar": "P", "help": "Of the motors."}),
+        ("--slots", {"type": click.IntRange(1), "metavar": "S", "help": "Of the motors."}),
+        (
+            "--repair",
+            {
+                "multiple": True,
+                "metavar": "NAME[=VALUE]",
+                "type": REPAIRS,
+                "help": "A repair of every run, listed below; can be repeated.",
+            },
+        ),
+        ("--rate", {"type": positive, "metavar": "HZ", "help": "Of runs without time stamps."}),
+        ("--encoding", {"metavar": "NAME", "help": "Of text files, such as latin-1."}),
+        (
+            "--skip-lines",
+            {"type": click.IntRange(0), "metavar": "N", "help": "Above the table of a text file."},
+        ),
+    )
+    for name, settings in reversed(options):
+        command = click.option(name, **settings)(command)
+    folders = click.argument("folders", nargs=-1, required=True, metavar="DIR...", type=FILE)
+    return folders(command)
+
+
+@fleet.command("fit", cls=Taught, sections=(effects_by_target, repairs))
+@target(required=False, says="What is explained; it may be left out with --model.")
+@click.option("--effects", "names", metavar="A,B,C", type=EFFECTS, help="Effects, listed below.")
+@click.option(
+    "--model",
+    "model_path",
+    metavar="MODEL.json",
+    type=FILE,
+    help="Or the model of a joint, whose effects, shapes and orders are taken.",
+)
+@click.option(
+    "--pilot",
+    metavar="UNIT",
+    help="The joint that tells shapes and orders; by default the one with most data.",
+)
+@click.option(
+    "--per-run",
+    metavar="NAME,NAME",
+    default="",
+    help="Terms that differ from run to run, such as offset (zeros).",
+)
+@known_load
+@lowpass
+@bandwidth
+@orders
+@fixed
+@_shared
+def fit(
+    folders: tuple[str, ...],
+    target: str | None,
+    names: str | None,
+    model_path: str | None,
+    pilot: str | None,
+    per_run: str,
+    out: str,
+    **options: Any,
+) -> None:
+    """Fit the same effects to every joint, and say what they have in common.
+
+    Each run becomes a few kilobytes of sums, made ready as fit makes it; shapes and orders are
+    held for all, as a pilot joint or --model tells them. Prints mean and spread of each parameter
+    over the joints, with errors; the joints that stand out; and how well the values of each joint,
+    drawn to the fleet by as much as its own runs do not know, predict runs that were held out.
+
+    DIR receives fleet.json (all numbers), report.html (a page for the fleet), and in units a page
+    and a model for each joint, with its values given the fleet, for predict, compare and export.
+
+    \b
+    Examples:
+      flexspline fleet fit line7 --target sensor_torque \\
+          --effects offset,coulomb_friction,viscous_friction --out line7_fit
+      flexspline fleet fit 2026-10 2026-11 --target motor_current --gear-ratio 100 \\
+          --effects offset,coulomb_friction,viscous_friction --per-run offset --out months
+      flexspline fleet fit robots --columns robot.toml --joint all --model joint.json --out all
+    """
+    if (names is None) == (model_path is None):
+        raise InputError("give exactly one of --effects A,B,C and --model MODEL.json")
+    if names is not None and target is None:
+        raise InputError("--target is needed beside --effects; say what is explained")
+    effects = None if names is None else named_effects(names)
+    own = tuple(name.strip() for name in per_run.split(",")) if per_run else ()
+    if "" in own:
+        raise InputError(f"--per-run '{per_run}': a name is missing; write NAME or NAME,NAME")
+    model = None if model_path is None else loaded(model_path, target)
+    sessions = _sessions(folders, out, options, (FIT, REPORT))
+    with whole_folder(out, last=FIT) as draft:
+        from flexspline.fleet import fit as fit_fleet
+        from flexspline.report.fleet import page_names
+
+        made = fit_fleet(
+            sessions,
+            target,
+            effects,
+            model=model,
+            pilot=pilot,
+            orders=options["orders"] or None,
+            fixed=options["fix"],
+            per_run=own,
+            known_load=options["known_load"],
+            lowpass=options["lowpass"],
+            bandwidth=options["bandwidth"],
+            **_work(options),
+        )
+        made.report(draft)
+        for name, page in page_names([unit.name for unit in made.units]).items():
+            made.model(name).save((draft / page).with_suffix(".json"))
+        made.save(draft / FIT)
+        said = str(made)
+        content = made.to_json()
+    found(content)
+    count = len(made.units)
+    say(f"{said}\n\nwrote {FIT}, {REPORT} and units ({count} pages and models) to {Path(out)}")
+
+
+@fleet.command("discover", cls=Taught, sections=(effects_by_target, repairs))
+@target(required=False, says="What is explained; it may be left out with --model.")
+@click.option(
+    "--effects", "names", metavar="A,B,C", type=EFFECTS, help="Effects that are known; or none."
+)
+@click.option(
+    "--model", "model_path", metavar="MODEL.json", type=FILE, help="Or a model to start from."
+)
+@click.option(
+    "--exclude", metavar="A,B,C", type=EFFECTS, help="Effects that are known not to be there."
+)
+@known_load
+@lowpass
+@bandwidth
+@orders
+@fixed
+@_shared
+def discover(
+    folders: tuple[str, ...],
+    target: str | None,
+    names: str | None,
+    model_path: str | None,
+    exclude: str | None,
+    out: str,
+    **options: Any,
+) -> None:
+    """Find what the joints lack, all of them or only some, and how sure that is.
+
+    Looks at each joint by itself, as flexspline discover does. Prints in how many joints each name
+    is found, with the share of such joints that have it, and which joints alone have a name.
+
+    DIR receives fleet_discovery.json, report.html, and in units a page and the extended model of
+    each joint.
+
+    \b
+    Examples:
+      flexspline fleet discover line7 --target sensor_torque \\
+          --effects offset,coulomb_friction,viscous_friction --out line7_lacks
+      flexspline fleet discover line7 --model joint.json --workers 2 --out line7_lacks
+    """
+    if (names is None) == (model_path is None):
+        raise InputError("give exactly one of --effects A,B,C and --model MODEL.json")
+    if names is not None and target is None:
+        raise InputError("--target is needed beside --effects; say what is explained")
+    effects = None if names is None else named_effects(names)
+    given = (name.strip() for name in (exclude or "").split(","))
+    unwanted = [effect(name).name for name in given if name]
+    model = None if model_path is None else loaded(model_path, target)
+    sessions = _sessions(folders, out, options, (DISCOVERY, REPORT))
+    with whole_folder(out, last=DISCOVERY) as draft:
+        from flexspline.fleet import discover as look
+        from flexspline.report.fleet import page_names
+
+        made = look(
+            sessions,
+            target,
+            effects,
+            model=model,
+            exclude=unwanted,
+            orders=options["orders"] or None,
+            fixed=options["fix"] or None,
+            known_load=options["known_load"],
+            lowpass=options["lowpass"],
+            bandwidth=options["bandwidth"],
+            **_work(options),
+        )
+        made.report(draft)
+        for name, page in page_names([unit.name for unit in made.units]).items():
+            made[name].model.save((draft / page).with_suffix(".json"))
+        made.save(draft / DISCOVERY)
+        said = str(made)
+    found(made.to_json())
+    count = len(made.units)
+    say(
+        f"{said}\n\nwrote {DISCOVERY}, {REPORT} and units ({count} pages and models) to {Path(out)}"
+    )
+
+
+@fleet.command("compare", cls=Taught, sections=(repairs,))
+@click.option(
+    "--model",
+    "model_path",
+    required=True,
+    metavar="MODEL.json",
+    type=FILE,
+    help="One for all joints; or with {joint} in its name, which stands for the joint.",
+)
+@target(required=False)
+@lowpass
+@bandwidth
+@speed_above
+@_shared
+def compare(
+    folders: tuple[str, ...], target: str | None, model_path: str, out: str, **options: Any
+) -> None:
+    """Say where a model and the runs of each joint disagree, pooled and for the worst.
+
+    Compares each joint by itself, as flexspline compare does. Nothing is fitted. DIR receives
+    fleet_comparison.json, report.html, and in units a page for each joint.
+
+    \b
+    Examples:
+      flexspline fleet compare line7 --model joint.json --out line7_gap
+      flexspline fleet compare line7 --model line7_fit/units/{joint}.json --out line7_gap
+    """
+    model = _model(model_path, target)
+    sessions = _sessions(folders, out, options, (COMPARISON, REPORT))
+    with whole_folder(out, last=COMPARISON) as draft:
+        from flexspline.fleet import compare as compare_fleet
+
+        made = compare_fleet(
+            model,
+            sessions,
+            target=target,
+            lowpass=options["lowpass"],
+            bandwidth=options["bandwidth"],
+            speed_above=options["speed_above"],
+            **_work(options),
+        )
+        made.report(draft)
+        made.save(draft / COMPARISON)
+        said = str(made)
+    found(made.to_json())
+    count = len(made.units)
+    say(f"{said}\n\nwrote {COMPARISON}, {REPORT} and units ({count} pages) to {Path(out)}")
+
+
+def _model(path: str, target: str | None) -> Model | Callable[[str], Model]:
+    """The model of all joints, or what reads that of each."""
+    if "{joint}" not in path:
+        return loaded(path, target)
+
+    def of_joint(name: str) -> Model:
+        from flexspline.report.fleet import page_names
+
+        file = Path(page_names([name])[name]).stem  # as fleet fit calls it
+        return loaded(path.replace("{joint}", file), target)
+
+    return of_joint
+
+
+def _sessions(
+    folders: tuple[str, ...], out: str, options: Mapping[str, Any], written: tuple[str, ...]
+) -> Sessions:
+    """The runs in the folders; nothing is read before the place for the results is looked at."""
+    refuse_overwriting(out, folders, written)
+    for folder in folders:
+        if Path(out).resolve() == Path(folder).resolve():
+            raise InputError(f"--out {out}: holds the runs; give another folder")
+    from flexspline.fleet.sessions import sessions_of
+
+    how = {key: options[key] for key in (*FACTS, *READ) if options[key] not in (None, ())}
+    names = [name.strip() for name in how.pop("joint", "").split(",") if name.strip()]
+    dates, columns = how.pop("dates", None), how.pop("columns", None)
+    return sessions_of(folders, columns=columns, dates=dates, joints=names, **how)
+
+
+def _work(options: Mapping[str, Any]) -> dict[str, Any]:
+    return {
+        "scheduler": options["scheduler"],
+        "workers": options["workers"],
+        "progress": on_terminal(),
+    }
+
+
+for _command in (fit, discover, compare):
+    spoken(_command)

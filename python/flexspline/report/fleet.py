@@ -1,0 +1,613 @@
+"""A fleet as text and HTML: what joints have in common, who stands out, and a page for each."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexspline.about import __version__
+from flexspline.errors import listed
+from flexspline.files import atomic_write
+from flexspline.fleet.accumulators import DIFFERENCES
+from flexspline.formatting import padded, percent, plus_minus, rows_text, short, table_html
+from flexspline.plot.canvas import Panel, own_style
+from flexspline.report.html import ReportFigure, drawn, templates
+from flexspline.report.text import TARGET_WORDS, wrapped
+
+if TYPE_CHECKING:
+    from flexspline.fleet.comparing import FleetComparison
+    from flexspline.fleet.discovering import FleetDiscovery, UnitDiscovery
+    from flexspline.fleet.result import FleetFit, UnitFit
+
+__all__ = [
+    "PageOf",
+    "Section",
+    "comparison_of_fleet_html",
+    "comparison_of_fleet_text",
+    "discovery_of_fleet_html",
+    "discovery_of_fleet_text",
+    "fleet_html",
+    "fleet_summary",
+    "fleet_text",
+    "page_names",
+    "write_comparison_of_fleet",
+    "write_discovery_of_fleet",
+    "write_fleet_report",
+    "write_page",
+]
+
+Row = tuple[str, ...]
+
+MOST_SHOWN = 12  # rows of a list in a text; pages have them all
+MOST_HELD_OUT = 50  # rows of that table in a page, the worst first
+HELD_OUT = (
+    "The last run of each joint with several was held out, and all made again without these. "
+    "Errors are RMS of the model alone: what a fit to the held-out run itself leaves is taken off."
+)
+SPREAD = (
+    "Mean with its standard error; spread: standard deviation between joints, with its 95 % "
+    "interval; between runs: of one joint. Joints that stand out in a parameter are not among "
+    "those behind its mean and spread."
+)
+OUT = (
+    "In the long run at most one in twenty of those told is a joint like the others (false "
+    "discovery rate 5 %). p is the chance of such a value given the others' mean, spread, and this "
+    "joint's own error."
+)
+DIFFERS = "What these fits differ in from flexspline.fit: " + "; ".join(DIFFERENCES) + "."
+
+
+@dataclass(frozen=True)
+class Section:
+    """A part of a page: sentences, a table whose first row is its head, figures.
+
+    `links`: where the first cell of a row leads to, by its text. `words`: columns of words.
+    """
+
+    id: str
+    title: str
+    sentences: Sequence[str] = ()
+    rows: Sequence[Row] = ()
+    figures: Sequence[ReportFigure] = ()
+    links: dict[str, str] = field(default_factory=dict)
+    words: Sequence[int] = (0,)
+
+
+@dataclass(frozen=True)
+class PageOf:
+    """A page: what stands on top, verdict and sections. `back`: a link and its words."""
+
+    over: str
+    title: str
+    verdict: Sequence[str]
+    grave: bool
+    sections: Sequence[Section]
+    call: str = ""
+    back: tuple[str, str] | None = None
+
+
+def write_page(page: PageOf, path: str | os.PathLike[str]) -> None:
+    """Write a self-contained page, whole or not at all.
+
+    Raises
+    ------
+    InputError
+        Where the file cannot be written.
+    """
+    made = templates().get_template("fleet.html").render(page=page, version=__version__)
+    atomic_write(path, made)
+
+
+def page_names(joints: Sequence[str]) -> dict[str, str]:
+    """Return the file of each joint's page below the folder of the report."""
+    names: dict[str, str] = {}
+    for joint in joints:
+        stem = re.sub(r"[^\w.-]", "_", joint).strip(".") or "joint"
+        taken, number = stem, 2
+        while f"units/{taken}.html" in names.values():
+            taken, number = f"{stem}_{number}", number + 1
+        names[joint] = f"units/{taken}.html"
+    return names
+
+
+def fleet_text(made: FleetFit) -> str:
+    """Return what `print(fleet)` shows."""
+    blocks = [
+        _lines(_verdict(made)),
+        [rows_text(_parameter_rows(made), (0, 1))],
+        [rows_text(_outlying_rows(made)[: MOST_SHOWN + 1], (0, 1, 5)), *_more(made)]
+        if made.outlying
+        else [],
+        _lines(_held_sentences(made)),
+        _lines(_single(made)),
+        _lines(_left_sentences(made)),
+    ]
+    return "\n\n".join("\n".join(block) for block in blocks if block)
+
+
+def fleet_summary(made: FleetFit) -> str:
+    """Return the same, with a table of all joints and all that was left out."""
+    blocks = [
+        fleet_text(made),
+        rows_text(_joint_rows(made)),
+        "\n".join(_lines([f"{what}: {why}" for what, why in made.failed])),
+        "\n".join(_lines([DIFFERS])),
+    ]
+    return "\n\n".join(block for block in blocks if block)
+
+
+def fleet_html(made: FleetFit) -> str:
+    """Return a fleet as a fragment of HTML without scripts, for notebooks."""
+    verdict = _verdict(made)
+    said = [*verdict[1:], *_held_sentences(made), *_left_sentences(made)]
+    return table_html(verdict[0], _parameter_rows(made), said)
+
+
+@own_style()
+def write_fleet_report(made: FleetFit, folder: str | os.PathLike[str]) -> None:
+    """Write `report.html`, and a page for each joint in `units`."""
+    from flexspline.plot.fleet import population_panels
+
+    pages = page_names([unit.name for unit in made.units])
+    sections = [
+        Section("parameters", "Parameters", [SPREAD, *_pilot(made)], _parameter_rows(made),
+                words=(0, 1)),
+        Section("outlying", "Joints that stand out", [OUT if made.outlying else NOBODY],
+                _outlying_rows(made) if made.outlying else (), links=pages, words=(0, 1, 5)),
+        Section("figures", "Joints beside the fleet",
+                figures=[drawn(panel) for panel in population_panels(made)]),
+        Section("joints", "Joints",
+                ["Values given the fleet, with standard errors; those of joints that stand out are "
+                 "their own."], _joint_rows(made), links=pages),
+        *_held_section(made),
+        Section("left", "What was left out", _left_sentences(made, short_list=False) or
+                ["Nothing: every run was used."]),
+        Section("how", "How far this is from a fit of each joint", [DIFFERS]),
+    ]  # fmt: skip
+    verdict = [*_verdict(made), *_held_sentences(made)]
+    title = f"{len(made.units)} joints, {TARGET_WORDS[made.plan.target]}"
+    over = f"flexspline {__version__} · fit of a fleet"
+    write_page(
+        PageOf(over, title, verdict, bool(made.outlying), sections, _call(made)),
+        Path(folder) / "report.html",
+    )
+    for unit in made.units:
+        _write_unit(made, unit, Path(folder) / pages[unit.name])
+
+
+def _write_unit(made: FleetFit, unit: UnitFit, path: Path) -> None:
+    from flexspline.plot.fleet import joint_among_others
+
+    look = (
+        "How far each parameter is from the mean of the others, over what is to be expected of "
+        "spread and errors: beyond ±2 lies one value in twenty of joints like the others."
+    )
+    figure = Panel(partial(joint_among_others, made, unit), look, 1.6 + 0.3 * len(made.parameters))
+    out = [made.parameters[k] for k in np.flatnonzero(unit.outlying)]
+    said = (
+        f"{unit.name} stands out in {listed(out)}: its own values are kept."
+        if out
+        else f"{unit.name} is a joint like the others."
+    )
+    runs = f"{len(unit.runs)} run{'s' if len(unit.runs) > 1 else ''}, {_minutes(unit.seconds)}"
+    unknown = [made.parameters[k] for k in np.flatnonzero(~unit.own.determined)]
+    told = (
+        [f"Its runs do not tell {listed(unknown)} by themselves: that is the fleet's."]
+        if unknown
+        else []
+    )
+    sections = [
+        Section("values", "Values", [
+            "Own: the fit of its runs alone. Given the fleet: drawn to the others' mean by as much "
+            "as its own runs do not know.", *told], _unit_rows(made, unit), words=(0, 1)),
+        Section("figure", "Among the others", figures=[drawn(figure)]),
+        Section("runs", "Runs", rows=_run_rows(made, unit), words=(0, 1, 6)),
+    ]  # fmt: skip
+    over = f"flexspline {__version__} · one of {len(made.units)} joints"
+    verdict = [said, f"{runs}; the fit leaves {padded(unit.rmse)} {made.plan.unit} RMS."]
+    back = ("../report.html", "The fleet")
+    write_page(PageOf(over, unit.name, verdict, bool(out), sections, back=back), path)
+
+
+NOBODY = "No joint stands out."
+
+
+def _verdict(made: FleetFit) -> list[str]:
+    runs = sum(len(unit.runs) for unit in made.units)
+    hours = _minutes(sum(unit.seconds for unit in made.units))
+    what = TARGET_WORDS[made.plan.target]
+    first = f"Fleet of {len(made.units)} joints, {runs} runs, {hours}, {what}."
+    joints = list(dict.fromkeys(one.joint for one in made.outlying))
+    if not joints:
+        return [first, NOBODY]
+    verb = "stands" if len(joints) == 1 else "stand"
+    return [first, f"{len(joints)} {verb} out: {listed(joints, MOST_SHOWN)}."]
+
+
+def _minutes(seconds: float) -> str:
+    if seconds < 600.0:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60.0:.0f} min" if seconds < 2e4 else f"{seconds / 3600.0:.0f} h"
+
+
+def _pilot(made: FleetFit) -> list[str]:
+    said = [_sentence(made.plan.pilot)] if made.plan.pilot else []
+    return [*said, *_single(made)]
+
+
+def _single(made: FleetFit) -> list[str]:
+    """What one run of each joint leaves open."""
+    if np.isfinite(made.run_spread).any():
+        return []
+    return [
+        "No joint has two runs that tell how much parameters differ between runs, by temperature "
+        "or mounting: spread and joints that stand out may hold some of that."
+    ]
+
+
+def _sentence(text: str) -> str:
+    return f"{text[0].upper()}{text[1:]}."
+
+
+def _parameter_rows(made: FleetFit) -> list[Row]:
+    rows: list[Row] = [("parameter", "unit", "mean", "spread", "95 %", "between runs", "joints")]
+    for k, margin in enumerate(made.population.margins):
+        low, high = margin.spread_interval
+        rows.append(
+            (
+                made.parameters[k],
+                made.plan.units[k],
+                plus_minus(margin.mean, margin.mean_error),
+                short(margin.spread, 2),
+                f"{short(low, 2)} … {short(high, 2)}",
+                short(float(made.run_spread[k]), 2),
+                str(margin.units),
+            )
+        )
+    return rows
+
+
+def _outlying_rows(made: FleetFit) -> list[Row]:
+    rows: list[Row] = [("joint", "parameter", "own", "others", "p", "unit")]
+    for one in made.outlying:
+        p = "< 0.0001" if one.p < 1e-4 else f"{one.p:.2g}"
+        expected = plus_minus(one.expected, one.expected_error)
+        own = plus_minus(one.value, one.error)
+        rows.append((one.joint, one.parameter, own, expected, p, one.unit))
+    return rows
+
+
+def _more(made: FleetFit) -> list[str]:
+    rest = len(made.outlying) - MOST_SHOWN
+    return [f"… and {rest} more"] if rest > 0 else []
+
+
+def _joint_rows(made: FleetFit) -> list[Row]:
+    heads = [
+        f"{name} [{unit}]" if unit not in ("", "1") else name
+        for name, unit in zip(made.parameters, made.plan.units, strict=True)
+    ]
+    rows: list[Row] = [("joint", "runs", "time", f"RMSE [{made.plan.unit}]", *heads)]
+    for unit in made.units:
+        values = [
+            plus_minus(float(value), float(error)) + (" !" if out else "")
+            for value, error, out in zip(
+                unit.shrunken.values, unit.shrunken.errors, unit.outlying, strict=True
+            )
+        ]
+        rows.append(
+            (unit.name, str(len(unit.runs)), _minutes(unit.seconds), padded(unit.rmse), *values)
+        )
+    return rows
+
+
+def _unit_rows(made: FleetFit, unit: UnitFit) -> list[Row]:
+    rows: list[Row] = [("parameter", "unit", "own", "given the fleet", "others", "p")]
+    for k, name in enumerate(made.parameters):
+        own = (
+            plus_minus(float(unit.own.values[k]), float(unit.own.errors[k]))
+            if unit.own.determined[k]
+            else "–"
+        )
+        given = plus_minus(float(unit.shrunken.values[k]), float(unit.shrunken.errors[k]))
+        others = plus_minus(float(unit.expected[k]), float(unit.expected_error[k]))
+        p = "–" if not np.isfinite(unit.p[k]) else f"{unit.p[k]:.2g}"
+        rows.append((name, made.plan.units[k], own, given, others, p))
+    return rows
+
+
+def _run_rows(made: FleetFit, unit: UnitFit) -> list[Row]:
+    rows: list[Row] = [
+        ("run", "date", "rows", "time", f"RMSE [{made.plan.unit}]", "temperature [°C]", "remarks")
+    ]
+    for run in unit.runs:
+        date = "–" if run.date is None else run.date.isoformat(sep=" ", timespec="minutes")
+        warm = "–" if run.temperature is None else f"{run.temperature:.1f}"
+        said = "; ".join(run.remarks) or "–"
+        rows.append(
+            (run.run, date, str(run.rows), _minutes(run.seconds), padded(run.rmse), warm, said)
+        )
+    return rows
+
+
+def _held_sentences(made: FleetFit) -> list[str]:
+    held = made.held_out
+    if held is None:
+        return []
+    label, separate, shrunken, mean = held.worst
+    unit = made.plan.unit
+    return [
+        f"On {len(held.runs)} held-out runs the model errs by {padded(held.separate)} {unit} with "
+        f"each joint's own fit, {padded(held.shrunken)} {unit} given the fleet, "
+        f"{padded(held.mean)} {unit} with the fleet's mean; worst {label}: {padded(separate)}, "
+        f"{padded(shrunken)}, {padded(mean)} {unit}."
+    ]
+
+
+def _held_section(made: FleetFit) -> list[Section]:
+    held = made.held_out
+    if held is None:
+        return []
+    unit = made.plan.unit
+    rows: list[Row] = [("run", "rows", "time of the others", f"own fit [{unit}]",
+                        f"given the fleet [{unit}]", f"fleet's mean [{unit}]")]  # fmt: skip
+    worst = sorted(held.runs, key=lambda run: -run[4])
+    for label, count, seconds, *errors in worst[:MOST_HELD_OUT]:
+        rows.append((label, str(count), _minutes(seconds), *map(padded, errors)))
+    rest = len(worst) - MOST_HELD_OUT
+    said = [HELD_OUT, *([f"The {MOST_HELD_OUT} worst of {len(worst)}."] if rest > 0 else [])]
+    return [Section("held_out", "Held-out runs", said, rows)]
+
+
+def _left_sentences(made: FleetFit, short_list: bool = True) -> list[str]:
+    most = MOST_SHOWN if short_list else len(made.failed)
+    said = [f"Left out: {what}: {why}." for what, why in made.failed[:most]]
+    rest = len(made.failed) - most
+    return [*said, *([f"… and {rest} more left out."] if rest > 0 else []), *made.remarks]
+
+
+def _lines(sentences: Sequence[str]) -> list[str]:
+    return [line for sentence in sentences for line in wrapped(sentence)]
+
+
+def _call(made: FleetFit) -> str:
+    plan = made.plan
+    effects = ", ".join(repr(each) for each in plan.effects)
+    given = [f"[{effects}]"]
+    for name in ("known_load", "lowpass", "bandwidth"):
+        if getattr(plan, name) is not None:
+            given.append(f"{name}={getattr(plan, name)!r}")
+    if plan.fixed or plan.held_shapes:
+        given.append(f"fixed={ ({**plan.fixed, **plan.held_shapes})!r}")
+    if plan.own:
+        given.append(f"per_run={list(plan.own)!r}")
+    lines = "".join(f"    {each},\n" for each in ["folders", repr(plan.target), *given])
+    return f"from flexspline import effect\nfleet = flexspline.fleet.fit(\n{lines})"
+
+
+def discovery_of_fleet_text(made: FleetDiscovery) -> str:
+    """Return what `print(discovery)` of a fleet shows."""
+    blocks = [
+        _lines(_discovered(made)),
+        [rows_text(_name_rows(made))] if made.names else [],
+        [rows_text(_looked_rows(made)[: MOST_SHOWN + 1], (0, 1))],
+        _lines(_failed(made.failed, made.remarks)),
+    ]
+    return "\n\n".join("\n".join(block) for block in blocks if block)
+
+
+def discovery_of_fleet_html(made: FleetDiscovery) -> str:
+    """Return it as a fragment of HTML."""
+    said = _discovered(made)
+    rest = [*said[1:], *_failed(made.failed, made.remarks)]
+    return table_html(said[0], _name_rows(made) if made.names else _looked_rows(made), rest)
+
+
+@own_style()
+def write_discovery_of_fleet(made: FleetDiscovery, folder: str | os.PathLike[str]) -> None:
+    """Write `report.html`, and a page for each joint in `units`."""
+    pages = page_names([unit.name for unit in made.units])
+    sections = [
+        Section("names", "Names", [NAMES] if made.names else ["Nothing is found in any joint."],
+                _name_rows(made) if made.names else (), words=(0, 6)),
+        Section("joints", "Joints", [EACH_JOINT], _looked_rows(made), links=pages, words=(0, 1)),
+        Section("left", "What was left out",
+                _failed(made.failed, made.remarks) or ["Nothing: every joint was looked at."]),
+    ]  # fmt: skip
+    title = f"What {len(made.units)} joints lack, {TARGET_WORDS[made.target]}"
+    over = f"flexspline {__version__} · discovery in a fleet"
+    page = PageOf(over, title, _discovered(made), bool(made.names), sections)
+    write_page(page, Path(folder) / "report.html")
+    for unit in made.units:
+        _write_discovered(made, unit, Path(folder) / pages[unit.name])
+
+
+def _write_discovered(made: FleetDiscovery, unit: UnitDiscovery, path: Path) -> None:
+    base, final, floor = unit.rmse
+    found = listed(f"{name} ({sure:.0%})".replace("%", " %") for name, sure in unit.found.items())
+    verdict = [
+        f"{unit.name} lacks {found}." if unit.found else f"{unit.name} lacks nothing by name.",
+        f"Held-out RMSE {padded(base)} to {padded(final)} {made.unit}, noise floor "
+        f"{padded(floor)} {made.unit}; {len(unit.runs)} runs.",
+    ]
+    rows: list[Row] = [("effect", "where", "confidence", f"RMSE before [{made.unit}]", "after",
+                        "explains as well", "evidence")]  # fmt: skip
+    for one in unit.content["found"]:
+        rows.append(
+            (one["effect"], one["where"], f"{one['confidence']:.2f}", padded(one["rmse_before"]),
+             padded(one["rmse_after"]), listed(one["indistinguishable_from"])
+             if one["indistinguishable_from"] else "–", one["evidence"])
+        )  # fmt: skip
+    values: list[Row] = [("parameter", "unit", "value")]
+    for one in unit.content["parameters"]:
+        error = float("nan") if one["standard_error"] is None else one["standard_error"]
+        values.append((one["name"], one["unit"], plus_minus(one["value"], error)))
+    left = unit.content["unexplained"]
+    said = [
+        f"Structure is left that no effect explains: {left['share_of_variance']:.0%} of the gap, "
+        f"carried by {listed(left['depends_on'])}."
+    ] if left else []  # fmt: skip
+    said += [str(fault["name"]) for fault in unit.content["data_faults"]]
+    said += [unit.content["next_experiment"]] if unit.content["next_experiment"] else []
+    sections = [
+        Section("found", "Found", rows=rows if len(rows) > 1 else (), words=(0, 1, 5, 6)),
+        Section("left", "What else there is to say", said or ["Nothing."]),
+        Section("values", "The extended model", rows=values, words=(0, 1)),
+    ]
+    over = f"flexspline {__version__} · one of {len(made.units)} joints"
+    back = ("../report.html", "The fleet")
+    write_page(PageOf(over, unit.name, verdict, bool(unit.found), sections, back=back), path)
+
+
+NAMES = (
+    "In how many joints each name is found, and the share of such joints that have it (95 % "
+    "interval). Confidence: median over these joints, of each by itself, and given in how many "
+    "the name is found. Small: joints in which it is real but too small to matter. As well: "
+    "joints in which it explains the runs as well as a name that is found."
+)
+EACH_JOINT = "Held-out errors of each joint, the worst first."
+
+
+def _discovered(made: FleetDiscovery) -> list[str]:
+    base, final, floor = made.rmse
+    total = len(made.units)
+    whole = [name.effect for name in made.names if len(name.joints) == total]
+    some = [
+        f"{name.effect} in {len(name.joints)} ({listed(name.joints, 4)})"
+        for name in made.names
+        if len(name.joints) < total
+    ]
+    first = f"All {total} joints lack {listed(whole)}."
+    first = first if whole else f"No name is found in all {total} joints."
+    said = [first, *([f"Only some: {'; '.join(some)}."] if some else [])]
+    if made.unexplained:
+        said.append(
+            f"In {len(made.unexplained)} of them structure is left that no effect explains: "
+            f"{listed(made.unexplained, 6)}."
+        )
+    unit = made.unit
+    return [
+        *said,
+        f"Held-out RMSE {padded(base)} to {padded(final)} {unit}, noise floor {padded(floor)} "
+        f"{unit}, RMS over joints.",
+    ]
+
+
+def _name_rows(made: FleetDiscovery) -> list[Row]:
+    rows: list[Row] = [("effect", "joints", "share", "95 %", "confidence", "given the fleet",
+                        "which", "small in", "as well in")]  # fmt: skip
+    for name in made.names:
+        which = "all" if len(name.joints) == len(made.units) else listed(name.joints, 4)
+        rows.append(
+            (
+                name.effect,
+                f"{len(name.joints)} of {len(made.units)}",
+                percent(name.share),
+                f"{percent(name.share_low)} … {percent(name.share_high)}",
+                f"{np.median(name.confidences):.2f}",
+                f"{np.median(name.pooled):.2f}",
+                which,
+                str(len(name.seen)),
+                str(len(name.indistinguishable)),
+            )
+        )
+    return rows
+
+
+def _looked_rows(made: FleetDiscovery) -> list[Row]:
+    unit = made.unit
+    rows: list[Row] = [("joint", "found", "runs", f"RMSE base [{unit}]", f"extended [{unit}]",
+                        f"noise floor [{unit}]")]  # fmt: skip
+    for one in sorted(made.units, key=lambda each: -each.rmse[1]):
+        found = ", ".join(one.found) or "–"
+        rows.append((one.name, found, str(len(one.runs)), *map(padded, one.rmse)))
+    return rows
+
+
+def comparison_of_fleet_text(made: FleetComparison) -> str:
+    """Return what `print(comparison)` of a fleet shows."""
+    blocks = [
+        _lines(_compared(made)),
+        [rows_text(_compared_rows(made)[: MOST_SHOWN + 1], (0, 5))],
+        _lines(_failed(made.failed, made.remarks)),
+    ]
+    return "\n\n".join("\n".join(block) for block in blocks if block)
+
+
+def comparison_of_fleet_html(made: FleetComparison) -> str:
+    """Return it as a fragment of HTML."""
+    said = _compared(made)
+    rest = [*said[1:], *_failed(made.failed, made.remarks)]
+    return table_html(said[0], _compared_rows(made), rest)
+
+
+@own_style()
+def write_comparison_of_fleet(made: FleetComparison, folder: str | os.PathLike[str]) -> None:
+    """Write `report.html`, and a page for each joint in `units`."""
+    pages = page_names([unit.name for unit in made.units])
+    follows: list[Row] = [("follows", "joints", "which", "share of the gap, median")]
+    for words, joints in made.follows.items():
+        shares = [unit.follows[words] for unit in made.units if words in unit.follows]
+        share = percent(min(float(np.median(shares)), 1.0))
+        follows.append((words, f"{len(joints)} of {len(made.units)}", listed(joints, 6), share))
+    sections = [
+        Section("follows", "What the gap follows",
+                [] if made.follows else ["In no joint it follows anything that was measured."],
+                follows if made.follows else (), words=(0, 2)),
+        Section("joints", "Joints", ["The worst first; excess is over the noise floor."],
+                _compared_rows(made), links=pages, words=(0, 5)),
+        Section("left", "What was left out",
+                _failed(made.failed, made.remarks) or ["Nothing: every joint was compared."]),
+    ]  # fmt: skip
+    title = f"{len(made.units)} joints and a model, {made.target.replace('_', ' ')}"
+    over = f"flexspline {__version__} · comparison of a fleet"
+    page = PageOf(over, title, _compared(made), bool(made.follows), sections)
+    write_page(page, Path(folder) / "report.html")
+    for unit in made.units:
+        rows: list[Row] = [("", "band", "rows", f"RMSE [{made.unit}]", "noise floor", "excess")]
+        for name, bands in unit.content.items():
+            if not (isinstance(bands, list) and bands and "noise_floor_error" in bands[0]):
+                continue
+            worst = max(bands, key=lambda band: float(band["excess"] or 0.0))
+            rows.append((name.replace("_", " "), str(worst["label"]), str(worst["rows"]),
+                         *(padded(float(worst[key] or 0.0))
+                           for key in ("rmse", "noise_floor", "excess"))))  # fmt: skip
+        sections = [Section("worst", "Worst bands", rows=rows, words=(0, 1))]
+        over = f"flexspline {__version__} · one of {len(made.units)} joints"
+        back = ("../report.html", "The fleet")
+        said = [str(sentence) for sentence in unit.content["sentences"]]
+        joint = PageOf(over, unit.name, said, bool(unit.follows), sections, back=back)
+        write_page(joint, Path(folder) / pages[unit.name])
+
+
+def _compared(made: FleetComparison) -> list[str]:
+    unit, worst = made.unit, made.worst
+    said = [
+        f"The gap between measured and modelled {made.target.replace('_', ' ')} of "
+        f"{len(made.units)} joints is {padded(made.rmse)} {unit} RMS against a noise floor of "
+        f"{padded(made.noise_floor)} {unit}.",
+        f"Worst is {worst.name}: {padded(worst.rmse)} {unit}, noise floor "
+        f"{padded(worst.noise_floor)} {unit}.",
+    ]
+    first = [f"{words} in {len(joints)}" for words, joints in list(made.follows.items())[:4]]
+    return [*said, f"It follows {'; '.join(first)} of {len(made.units)} joints."] if first else said
+
+
+def _compared_rows(made: FleetComparison) -> list[Row]:
+    unit = made.unit
+    rows: list[Row] = [("joint", "rows", f"RMSE [{unit}]", "noise floor", "excess", "follows")]
+    for one in sorted(made.units, key=lambda each: (-each.excess, -each.rmse)):
+        sizes = (padded(one.rmse), padded(one.noise_floor), padded(one.excess))
+        rows.append((one.name, str(one.rows), *sizes, ", ".join(one.follows) or "–"))
+    return rows
+
+
+def _failed(failed: Sequence[tuple[str, str]], remarks: Sequence[str]) -> list[str]:
+    return [*(f"Left out: {what}: {why}." for what, why in failed), *remarks]
