@@ -108,7 +108,7 @@ def track(
         tuple(changes),
         forecasts,
         reference,
-        (*turned.remarks, *_remarks(turned, told, states)),
+        (*turned.remarks, *_remarks(turned, told, states), *_of_dates(forecasts)),
     )
 
 
@@ -365,6 +365,16 @@ def _remarks(history: History, told: Sequence[Told], states: Sequence[str]) -> l
             "were."
         )
     return said
+
+
+def _of_dates(forecasts: Sequence[Forecast]) -> list[str]:
+    """What a date holds for."""
+    if not any(forecast.within_95[0] for forecast in forecasts):
+        return []
+    return [
+        "Dates hold for wear that goes on as so far, at most by the third power of time; what runs "
+        "away faster, such as by e each four months, gets there before the interval."
+    ]
 
 
 def _by_temperature(history: History, states: Sequence[str]) -> list[str]:
