@@ -122,4 +122,18 @@ shown = claims.story.tables["table3"]["ours"]
 assert shown["order 200: amplitude"] > shown["order 2: amplitude"] > shown["order 4: amplitude"]
 assert shown["order 404: amplitude"] < shown["order 202: amplitude"] < 1.0
 """,
+    "fleet": """
+assert len(set(workers.values()) - set(left.values())) == 1
+assert set(made.changed) == set(WORN) and len(made.quiet) == 37 and not made.failed
+causes = {"coulomb": "coulomb_friction.level", "load": "load_dependent_friction.factor",
+          "zero": "offset.offset"}
+for joint, (what, since, _) in WORN.items():
+    (change,) = made[joint].changes
+    assert change.parameter == causes[what]
+    onset = date(2026, 1, 5) + timedelta(days=EVERY * since)
+    assert change.between[0].date() <= onset + timedelta(days=EVERY)
+    assert onset - timedelta(days=EVERY) <= change.between[1].date()
+assert same and alone.to_json() == made.to_json()
+assert made["joint07"].forecasts[0].date is not None
+""",
 }

@@ -29,6 +29,8 @@ def run(name: str, folder: Path, last_cell: str | None = None) -> None:
             minversion="4" if newest else None,
             reason="pip install mujoco to run its notebook",
         )
+    if any("from distributed" in cell.source for cell in notebook.cells):
+        pytest.importorskip("distributed", reason="pip install '.[fleet]' to run its notebook")
     if last_cell is not None:
         notebook.cells.append(nbformat.v4.new_code_cell(last_cell))
     nbclient.NotebookClient(

@@ -49,7 +49,7 @@ def commands() -> None:
       discover which effect is missing        flexspline discover
       track    one joint over months          flexspline track
       estimate the torque from outside        flexspline estimate
-      fleet    of joints: fit, discover, compare   flexspline fleet
+      fleet    the same of many joints        flexspline fleet
       export   constants for the robot        flexspline export
       certify  the robot computes the same    flexspline certify
 

@@ -20,7 +20,7 @@ from flexspline.formatting import padded, percent, plus_minus, rows_text, short,
 from flexspline.plot.canvas import Panel, own_style
 from flexspline.report.html import ReportFigure, drawn, templates
 from flexspline.report.text import TARGET_WORDS, wrapped
-from flexspline.tracking.result import day, in_unit
+from flexspline.tracking.result import day, in_unit, spoken
 
 if TYPE_CHECKING:
     from flexspline.fleet.comparing import FleetComparison
@@ -671,7 +671,8 @@ def _change_rows(made: FleetTrack) -> list[Row]:
             first, last = (day(each) for each in one.between)
             since = f"{day(one.date)} ({first} to {last})" if first != last else day(one.date)
             size = in_unit(plus_minus(one.size, one.error), one.unit)
-            rows.append((name, " or ".join(one.causes), since, size, one.needs or "–"))
+            causes = " or ".join(map(spoken, one.causes))
+            rows.append((name, causes, since, size, one.needs or "–"))
     return rows
 
 

@@ -31,7 +31,7 @@ from flexspline.lazy import render
 from flexspline.progress import Progress
 from flexspline.schema import checked_json
 from flexspline.tracking.history import History
-from flexspline.tracking.result import Change, Track, day
+from flexspline.tracking.result import Change, Track, day, spoken
 from flexspline.tracking.tracking import HORIZON, track
 
 if TYPE_CHECKING:
@@ -107,16 +107,16 @@ class FleetTrack:
             [
                 {
                     "joint": name,
-                    "cause": " or ".join(change.causes),
-                    "date": change.date,
-                    "from": change.between[0],
-                    "to": change.between[1],
+                    "cause": " or ".join(map(spoken, change.causes)),
+                    "date": change.date.date(),
+                    "from": change.between[0].date(),
+                    "to": change.between[1].date(),
                     "parameter": change.parameter,
                     "size": change.size,
                     "error": change.error,
                     "unit": change.unit,
                     "kind": change.kind or "not known yet",
-                    "told_since": change.told_since,
+                    "told_since": change.told_since.date(),
                     "needs": change.needs,
                 }
                 for name, changes in self.changed.items()
@@ -136,7 +136,11 @@ class FleetTrack:
             "verdict": self.verdict,
             "changed": {
                 name: [
-                    {"causes": list(c.causes), "date": day(c.date), "sentence": c.sentence}
+                    {
+                        "causes": [spoken(cause) for cause in c.causes],
+                        "date": day(c.date),
+                        "sentence": c.sentence,
+                    }
                     for c in changes
                 ]
                 for name, changes in self.changed.items()
