@@ -326,9 +326,13 @@ def rate(paths: list[Array], level: float) -> str:
 
 
 def false_alarms(joints: int, seed: int) -> None:
-    """Print the rate of `track` at its own threshold."""
+    """Print the rate of `track` at its own threshold, and at that of joints in a fleet."""
     rng = np.random.default_rng([seed, 3])
-    print("track, false alarms:", rate([ours(joint(rng)) for _ in range(joints)], 0.0), flush=True)
+    paths = [ours(joint(rng)) for _ in range(joints)]
+    print("track, false alarms:", rate(paths, 0.0), flush=True)
+    for among in (10, 40):
+        more = threshold(WEEKS, COUNT * among) - threshold(WEEKS, COUNT)
+        print(f"as one of {among} joints of a fleet:", rate(paths, more), flush=True)
 
 
 def check(made: Joint) -> float:
