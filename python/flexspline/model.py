@@ -544,7 +544,7 @@ def lowpass_remark(part: Part, lowpass_hz: float | None, who: str = "") -> str:
         )
     return (
         f"{who} was fitted behind a low pass of {fitted:g} Hz, and here {here}: errors are not "
-        "those of its fit, which left out what lies above. To compare as it was fitted, give "
+        "those of its fit, which has nothing of what lies above. To compare as it was fitted, give "
         f"lowpass (--lowpass {fitted:g})."
     )
 

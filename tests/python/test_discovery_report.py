@@ -348,8 +348,8 @@ def test_the_floor_of_the_verdict_is_that_of_the_map() -> None:
     ("confidences", "told"),
     [
         ((0.98,), "lacks motor_crosstalk: RMSE"),
-        ((0.24, 0.04), "may lack motor_crosstalk (24 %), cogging (4 %): RMSE"),
-        ((0.98, 0.04), "lacks motor_crosstalk, and may lack cogging (4 %): RMSE"),
+        ((0.24, 0.04), "may lack motor_crosstalk at 24 %, cogging at 4 %: RMSE"),
+        ((0.98, 0.04), "lacks motor_crosstalk, and may lack cogging at 4 %: RMSE"),
     ],
 )
 def test_a_headline_is_no_surer_than_its_names(confidences: tuple[float, ...], told: str) -> None:

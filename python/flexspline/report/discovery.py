@@ -210,7 +210,9 @@ def _names_told(found: Sequence[Found]) -> str:
     """Return what is missing; a name that is more likely wrong than right may be missing."""
     sure = [one.effect for one in found if one.confidence >= LIKELY]
     unsure = [
-        f"{one.effect} ({100.0 * one.confidence:.0f} %)" for one in found if one.confidence < LIKELY
+        f"{one.effect} at {100.0 * one.confidence:.0f} %"
+        for one in found
+        if one.confidence < LIKELY
     ]
     told = [f"{verb} {listed(names, most=len(names))}"
             for verb, names in (("lacks", sure), ("may lack", unsure)) if names]  # fmt: skip
