@@ -86,6 +86,7 @@ Masks = list[NDArray[np.bool_]]
 HALF = 0.5  # of the bandwidth: what a smoother that is off by an octave would tell
 SLOW = "temperature"
 LEAST = 0.5  # of a run: where less would count, all of it does
+DERIVED = 3  # rows between two gaps from which an acceleration can be derived
 SHORT = 0.05  # s: the noise of the target is what it differs by after so long, in the median
 
 
@@ -485,13 +486,14 @@ def _run(
     y = target_of(log, target, known_load)
     if simulated is not None:
         y = y - simulation_of(log, target, simulated, known_load)
-    log = channels_for(made, effects, known_load)
-    channels = core_channels(log, effects, known_load)
+    recorded, log = log, channels_for(made, effects, known_load)
+    stretches = [(int(first), int(last)) for first, last in runs(log["time"])]
+    channels, lone = _without_lone(core_channels(log, effects, known_load), recorded, stretches)
+    stretches = [rows for rows in stretches if rows not in lone]
     require_finite(log, {**channels, target: y})
     for effect in effects:
         if isinstance(effect, OwnEffect):
             effect.require_by_row(channels, len(log), log.name)
-    stretches = [(int(first), int(last)) for first, last in runs(log["time"])]
     if cutoff is not None:
         require_bandwidth(cutoff, log.rate, f"log '{log.name}', low pass")
         smooth = lowpass(y, log["time"], cutoff)
@@ -504,6 +506,33 @@ def _run(
             )
     filtered = None if cutoff is None else LowPass(log["time"], cutoff)
     return Run(log, channels, y, tuple(stretches), tuple(stretches), filtered)
+
+
+def _without_lone(
+    channels: dict[str, Array], recorded: Log, stretches: Sequence[tuple[int, int]]
+) -> tuple[dict[str, Array], list[tuple[int, int]]]:
+    """Return channels with zeros for what rows alone between two gaps do not tell, and these rows.
+
+    One row has no velocity and two have no acceleration; they do not count. What was recorded as no
+    number stays, for it is refused.
+    """
+    unknown = {
+        name: ~np.isfinite(values) & (np.isfinite(recorded[name]) if name in recorded else True)
+        for name, values in channels.items()
+    }
+    lone = [
+        (first, last)
+        for first, last in stretches
+        if last - first < DERIVED and any(each[first:last].any() for each in unknown.values())
+    ]
+    if not lone or len(lone) == len(stretches):
+        return channels, []
+    at = np.zeros(len(recorded), dtype=bool)
+    for first, last in lone:
+        at[first:last] = True
+    return {
+        name: np.where(unknown[name] & at, 0.0, values) for name, values in channels.items()
+    }, lone
 
 
 def settled(problem: Problem, effects: Sequence[Effect]) -> Problem:
