@@ -20,10 +20,10 @@ Student's t, takes its place.
 
 Correlations of b are those of pairs of parameters, each maximising the likelihood of its pair with
 means and spreads as they are (composite likelihood [Varin2011]), times (1 − ρ²): of few
-joints they are drawn towards zero. Σ is the nearest matrix with these that is a covariance.
+joints they are shrunk towards zero. Σ is the nearest matrix with these that is a covariance.
 
 The value of a joint given fleet and log is the mean of b_u given β_u (BLUP [Robinson1991]): a long
-log keeps its own value, a short one is drawn towards the fleet's mean by as much as it does not
+log keeps its own value, a short one is shrunk towards the fleet's mean by as much as it does not
 know. With γ = F β what the log determines (`estimates.py`), and C its covariance,
 
     β̃_u = μ + K (γ_u − F μ),     K = Σ Fᵀ (F Σ Fᵀ + C)⁻¹

@@ -29,7 +29,6 @@ from flexspline.tracking.changes import (
     SETTLING,
     STEP,
 )
-from flexspline.tracking.upkeep import needed_by
 
 if TYPE_CHECKING:
     import pandas
@@ -457,6 +456,26 @@ def spoken(name: str) -> str:
 
 def _percent(share: float, sign: str = "") -> str:
     return f"{share:{sign}.0%}".replace("%", " %")
+
+
+def needed_by(effect: str) -> str:
+    """Return what to look at or to do, as words behind "It needs"; "" of an effect of your own."""
+    info = CATALOGUE.get(effect)
+    if info is None:
+        return ""
+    if info.traits.constant:
+        return "a new zero"
+    if info.carries_load:
+        return "a look at what it carries: a mass has changed"
+    if info.targets == "D":
+        return "a look at its gear: what it yields has changed"
+    if info.pairs:
+        return "a look at what turns at that order: bearings, wave generator, teeth"
+    if info.traits.known_load or (info.reads == ("load",) and not info.traits.dissipative):
+        return "a new calibration of its torque"
+    if "output_velocity" in info.reads or info.traits.dissipative:
+        return "a look at its lubricant and bearings"
+    return "a look at its sensor"
 
 
 def _and(words: Sequence[str]) -> str:
