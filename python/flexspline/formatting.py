@@ -87,8 +87,8 @@ def padded(value: float, digits: int = 3) -> str:
 
 
 def percent(share: float) -> str:
-    """Return a share in whole per cent, such as "57 %"."""
-    return f"{share:.0%}".replace("%", " %")
+    """Return a share in whole per cent, such as "57 %", never "-0 %"."""
+    return f"{round(100.0 * share) + 0.0:.0f} %" if math.isfinite(share) else "–"
 
 
 def decimals_for(size: float) -> int:

@@ -596,11 +596,11 @@ def refuse_warnings(said: Sequence[str]) -> None:
         raise InputError(f"{said[0]}{more}; without strict this is a warning")
 
 
-def sign_warnings(part: Part) -> list[str]:
+def sign_warnings(part: Part, *, significant: bool = False) -> list[str]:
     """Return a sentence for each friction and inertia below zero, which no drive has.
 
     Of a drive alone, for a sensor may see friction from either side; and of a drive itself, for
-    what corrects a foreign simulation may be too much in that.
+    what corrects a foreign simulation may be too much in that. `significant`: those alone.
     """
     if PART_OF[part.target] != "drive" or part.simulated is not None:
         return []
@@ -617,11 +617,13 @@ def sign_warnings(part: Part) -> list[str]:
         if effect.name == COULOMB_PER_DIRECTION:
             level = 0.5 * (values[0] - values[1])
             checked.append((f"the level of {effect.name}", level, effect.terms[0].unit, "friction"))
+    near = {p["name"] for p in part.record.get("parameters", ()) if not _significant(p)}
     return [
-        f"{name} = {value:.3g} {unit_in(unit, part.target, part.known_load)} is negative "
-        f"{what}, which no drive has; fit it again with bounds, or with runs that show it"
+        f"{short_names(name)} = {value:.3g} {unit_in(unit, part.target, part.known_load)} is "
+        f"negative {what}, which no drive has{', and not significant' * (name in near)}; fit it "
+        "again with bounds, or with runs that show it"
         for name, value, unit, what in checked
-        if value < 0.0
+        if value < 0.0 and not (significant and name in near)
     ]
 
 
