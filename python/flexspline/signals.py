@@ -73,7 +73,7 @@ def target_of(log: Log, target: str, known_load: str | None) -> Array:
 
 def _require_output_torque(known_load: str | None, target: str) -> None:
     """Refuse a known load that is no torque at the output, or the target itself."""
-    if known_load is None or known_load not in CHANNELS:  # a column of the user's own
+    if known_load is None or known_load not in CHANNELS:  # refused where it is read
         return
     remedy = "give a channel with the load at the output, such as reference_torque, or leave it out"
     if known_load == target:

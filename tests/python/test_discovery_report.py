@@ -405,17 +405,27 @@ def test_the_floor_of_the_verdict_is_that_of_the_map() -> None:
         ((0.98,), "lacks motor_crosstalk: RMSE"),
         ((0.24, 0.04), "may lack motor_crosstalk at 24 %, cogging at 4 %: RMSE"),
         ((0.98, 0.04), "lacks motor_crosstalk, and may lack cogging at 4 %: RMSE"),
+        ((0.04, 0.98), "may lack motor_crosstalk at 4 %, and lacks cogging: RMSE"),
     ],
 )
 def test_a_headline_is_no_surer_than_its_names(confidences: tuple[float, ...], told: str) -> None:
     (one,) = found().found
     names = ("motor_crosstalk", "cogging")
     several = tuple(
-        replace(one, effect=name, confidence=confidence)
-        for name, confidence in zip(names, confidences, strict=False)
+        replace(one, effect=name, confidence=confidence, share_of_gap=share)
+        for name, confidence, share in zip(names, confidences, (0.9, 0.1), strict=False)
     )
     said = verdict(replace(found(), found=several))
     assert f"The model of the sensor torque {told} " in said
+
+
+def test_a_headline_names_what_explains_the_runs_as_well() -> None:
+    (one,) = found().found
+    either = replace(one, confidence=0.4, indistinguishable_from=("gravity",))
+    said = verdict(replace(found(), found=(either,)))
+    assert "may lack motor_crosstalk or gravity at 40 %: RMSE" in said
+    several = replace(either, indistinguishable_from=("gravity", "cogging"))
+    assert "may lack motor_crosstalk at 40 %: RMSE" in verdict(replace(found(), found=(several,)))
 
 
 def test_names_that_were_all_taken_back_are_not_told_as_nothing_missing() -> None:

@@ -113,9 +113,3 @@ def test_a_known_load_that_is_no_torque_at_the_output_is_refused(target: str, lo
     says = "is the target itself" if load == target else "is no torque at the output"
     with pytest.raises(InputError, match=f"the known load {load} {says}.*reference_torque"):
         target_of(run(), target, load)
-
-
-def test_a_known_load_may_be_a_column_of_ones_own() -> None:
-    log = run()
-    own = log.with_columns({"brake": np.ones(len(log))}, note="a brake")
-    assert np.allclose(target_of(own, "sensor_torque", "brake"), log["sensor_torque"] - 1.0)

@@ -215,16 +215,27 @@ def verdict(made: Discovery) -> str:
 
 
 def _names_told(found: Sequence[Found]) -> str:
-    """Return what is missing; a name that is more likely wrong than right may be missing."""
-    sure = [one.effect for one in found if one.confidence >= LIKELY]
+    """Return what is missing; a name that is more likely wrong than right may be missing.
+
+    What closes most comes first, sure or not, and with what explains the runs as well.
+    """
+    sure = [_or_alias(one) for one in found if one.confidence >= LIKELY]
     unsure = [
-        f"{one.effect} at {100.0 * one.confidence:.0f} %"
+        f"{_or_alias(one)} at {100.0 * one.confidence:.0f} %"
         for one in found
         if one.confidence < LIKELY
     ]
-    told = [f"{verb} {listed(names, most=len(names))}"
-            for verb, names in (("lacks", sure), ("may lack", unsure)) if names]  # fmt: skip
+    verbs = [("lacks", sure), ("may lack", unsure)]
+    if max(found, key=lambda one: one.share_of_gap).confidence < LIKELY:
+        verbs.reverse()
+    told = [f"{verb} {listed(names, most=len(names))}" for verb, names in verbs if names]
     return ", and ".join(told)
+
+
+def _or_alias(one: Found) -> str:
+    """A name, and the one that explains the runs as well; of several the list below tells."""
+    aliases = one.indistinguishable_from
+    return f"{one.effect} or {aliases[0]}" if len(aliases) == 1 else one.effect
 
 
 def _unexplained_is_small(made: Discovery) -> bool:
