@@ -55,6 +55,7 @@ __all__ = [
     "Part",
     "Prediction",
     "Predictions",
+    "fitted_to",
     "lowpass_remark",
     "own_of_runs",
     "part_warnings",
@@ -547,6 +548,18 @@ def lowpass_remark(part: Part, lowpass_hz: float | None, who: str = "") -> str:
         "those of its fit, which has nothing of what lies above. To compare as it was fitted, give "
         f"lowpass (--lowpass {fitted:g})."
     )
+
+
+def fitted_to(part: Part, log: Log) -> bool:
+    """Whether the part's record says that it was fitted to this log: its file, or name and rows."""
+    own = log.source.sha256 if log.source else None
+
+    def same(entry: Mapping[str, Any]) -> bool:
+        if own is not None or entry.get("sha256") is not None:
+            return bool(entry.get("sha256") == own)
+        return bool(entry.get("name") == log.name and entry.get("rows") == len(log))
+
+    return any(same(entry) for entry in part.record.get("logs", ()))
 
 
 def range_warnings(part: Part, log: Log) -> list[str]:
