@@ -174,13 +174,14 @@ TOLD = {ROUND: "motor_position", DIRECTION: "output_velocity"}
 class BasisFunctions:
     """Functions of some channels: `columns` makes them, (N, C), from the values of these.
 
-    `past`: whether they are of what a channel was, too.
+    `past`: whether they are of what a channel was, too. `plain`: whether they are powers alone.
     """
 
     channels: tuple[str, ...]
     columns: Basis
     count: int
     past: bool = False
+    plain: bool = False
 
 
 def channel_told(name: str, known_load: str | None) -> str:
@@ -292,7 +293,7 @@ def _powers(
         parts = np.column_stack([one(values) for one in scaled])
         return np.column_stack([np.prod(parts**powers, axis=1) for powers in exponents])
 
-    return BasisFunctions(names, columns, len(exponents))
+    return BasisFunctions(names, columns, len(exponents), plain=True)
 
 
 def _waves(sample: Values, name: str) -> BasisFunctions:
