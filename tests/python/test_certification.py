@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import flexspline
-from flexspline.certification.certifying import derived_on_device
+from flexspline.certification import derived_on_device
 from flexspline.certification.program import CHANNELS, RESULT, ROW, instruction_cost, rows_of
 from flexspline.certification.result import Output, differences, same_bits
 from flexspline.logs.log import Log
