@@ -16,7 +16,7 @@ from flexspline.lazy import attached
 from flexspline.presentation import register_renderers
 
 if TYPE_CHECKING:
-    from flexspline.calibration.calibrating import calibrate
+    from flexspline.calibration import calibrate
     from flexspline.calibration.result import CalibrationResult
     from flexspline.certification import Certificate, certify
     from flexspline.comparison.comparing import compare
@@ -166,7 +166,7 @@ _HOME = {
     "Thermistor": "estimators",
     "Track": "tracking.result",
     "accumulate": "least_squares.sums",
-    "calibrate": "calibration.calibrating",
+    "calibrate": "calibration",
     "certify": "certification",
     "check": "logs.checks",
     "compare": "comparison.comparing",
