@@ -45,7 +45,7 @@ from flexspline.certification.result import (
     same_bits,
 )
 from flexspline.errors import InputError, listed
-from flexspline.estimation.chain import estimate, measurable
+from flexspline.estimation import estimate, measurable
 from flexspline.estimation.plan import BANDWIDTH, adapted_units, plan_of, with_derivatives
 from flexspline.estimation.result import Estimate
 from flexspline.estimators import Differentiator, Estimator, ReadingChecks

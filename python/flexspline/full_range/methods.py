@@ -50,7 +50,7 @@ from scipy.optimize import minimize_scalar
 from flexspline import _core
 from flexspline.effects.causes import WAVE_GENERATOR
 from flexspline.errors import InputError
-from flexspline.estimation.chain import run_joint
+from flexspline.estimation import run_joint
 from flexspline.estimation.plan import Plan, plan_of
 from flexspline.estimators import Compliance, Merge, Observer
 from flexspline.full_range.torsion_part import only
