@@ -53,7 +53,7 @@ if TYPE_CHECKING:
     from flexspline.model import Model, Part, Prediction, Predictions
     from flexspline.output_error.fitting import fit_motion
     from flexspline.own import OwnEffect, own_effect
-    from flexspline.recordings.guessing import guess_map
+    from flexspline.recordings import guess_map
     from flexspline.recordings.result import Guess
     from flexspline.tracking.history import History
     from flexspline.tracking.result import Track
@@ -177,7 +177,7 @@ _HOME = {
     "convert": "logs.read",
     "fit": "deprecated",
     "fit_motion": "output_error.fitting",
-    "guess_map": "recordings.guessing",
+    "guess_map": "recordings",
     "history_of": "tracking.sources",
     "joints_of": "logs.read",
     "learned_model": "exporting.block",
