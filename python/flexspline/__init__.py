@@ -42,8 +42,8 @@ if TYPE_CHECKING:
     from flexspline.experiment.plan import Limits, Plan
     from flexspline.exporting import export, mujoco_plugin
     from flexspline.exporting.block import learned_model
+    from flexspline.forward import ForwardRun, simulate
     from flexspline.forward.servo import PositionServo
-    from flexspline.forward.simulating import ForwardRun, simulate
     from flexspline.least_squares.options import FitOptions, MotionOptions
     from flexspline.least_squares.result import Fit
     from flexspline.least_squares.sums import accumulate
@@ -145,7 +145,7 @@ _HOME = {
     "Findings": "logs.checks",
     "Fit": "least_squares.result",
     "FitOptions": "least_squares.options",
-    "ForwardRun": "forward.simulating",
+    "ForwardRun": "forward",
     "Guess": "recordings.result",
     "History": "tracking.history",
     "Limits": "experiment.plan",
@@ -187,7 +187,7 @@ _HOME = {
     "read_log": "logs.read",
     "read_pieces": "logs.read",
     "read_runs": "logs.read",
-    "simulate": "forward.simulating",
+    "simulate": "forward",
     "track": "tracking.tracking",
 }
 
