@@ -18,7 +18,7 @@ from flexspline.collision.result import DetectorCalibration, Residual
 from flexspline.estimation.result import Estimate, Status
 from flexspline.logs.log import Log
 from flexspline.logs.segments import true_ranges
-from flexspline.observer.observing import observer_delay, observer_noise
+from flexspline.observer import observer_delay, observer_noise
 from flexspline.plot.canvas import (
     GREY,
     INK,
