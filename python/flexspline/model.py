@@ -30,7 +30,7 @@ from flexspline.effects.causes import (
 )
 from flexspline.errors import FlexsplineWarning, InputError, did_you_mean, listed, shortened
 from flexspline.estimators import ESTIMATORS, Estimator
-from flexspline.estimators.needs import require_complete
+from flexspline.estimators.checks import require_complete
 from flexspline.files import atomic_write, refuse_special
 from flexspline.formatting import short, short_names
 from flexspline.joint_file import JointNumbers, is_joint_file, read_joint

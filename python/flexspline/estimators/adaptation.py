@@ -12,9 +12,15 @@ from flexspline import _core
 from flexspline.effects import Effect
 from flexspline.effects.causes import INERTIA
 from flexspline.errors import InputError, did_you_mean, listed
-from flexspline.estimators.checks import Entry, above_zero, choice
+from flexspline.estimators.checks import (
+    Entry,
+    Estimators,
+    Parts,
+    above_zero,
+    choice,
+    require_estimators,
+)
 from flexspline.estimators.external_torque import Observer
-from flexspline.estimators.needs import Estimators, Parts, require_estimators
 from flexspline.part import Part
 
 __all__ = ["MOST_ADAPTED", "Adaptation", "factor_of", "starting_factor"]

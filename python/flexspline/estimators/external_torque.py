@@ -14,16 +14,14 @@ from flexspline.effects.causes import INERTIA
 from flexspline.errors import InputError
 from flexspline.estimators.checks import (
     Entry,
-    above_zero,
-    choice,
-    json_record,
-    numbers,
-)
-from flexspline.estimators.needs import (
     Estimators,
     Parts,
+    above_zero,
+    choice,
     has_effect,
+    json_record,
     link_part,
+    numbers,
     require_estimators,
     require_mesh,
 )
