@@ -16,8 +16,7 @@ from flexspline.lazy import attached
 
 if TYPE_CHECKING:
     from flexspline.fleet.accumulators import RunSums, accumulators_of
-    from flexspline.fleet.comparing import FleetComparison, compare
-    from flexspline.fleet.discovering import FleetDiscovery, discover
+    from flexspline.fleet.each_joint import FleetComparison, FleetDiscovery, compare, discover
     from flexspline.fleet.fitting import fit, fit_sums
     from flexspline.fleet.plan import Plan
     from flexspline.fleet.result import FleetFit
@@ -41,16 +40,16 @@ __all__ = [
 ]
 
 _HOME = {
-    "FleetComparison": "comparing",
-    "FleetDiscovery": "discovering",
+    "FleetComparison": "each_joint",
+    "FleetDiscovery": "each_joint",
     "FleetFit": "result",
     "Plan": "plan",
     "RunSums": "accumulators",
     "Session": "sessions",
     "Sessions": "sessions",
     "accumulators_of": "accumulators",
-    "compare": "comparing",
-    "discover": "discovering",
+    "compare": "each_joint",
+    "discover": "each_joint",
     "fit": "fitting",
     "fit_sums": "fitting",
     "mean_temperature": "sessions",

@@ -23,8 +23,7 @@ from flexspline.report.text import TARGET_WORDS, wrapped
 from flexspline.tracking.result import day, in_unit, spoken
 
 if TYPE_CHECKING:
-    from flexspline.fleet.comparing import FleetComparison
-    from flexspline.fleet.discovering import FleetDiscovery, UnitDiscovery
+    from flexspline.fleet.each_joint import FleetComparison, FleetDiscovery, UnitDiscovery
     from flexspline.fleet.result import FleetFit, UnitFit
     from flexspline.tracking.fleet import FleetTrack
 
