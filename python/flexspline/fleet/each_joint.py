@@ -19,22 +19,20 @@ import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from scipy.stats import beta
 
-from flexspline.about import __version__
 from flexspline.effects import Effect
 from flexspline.errors import InputError, did_you_mean, listed
-from flexspline.files import atomic_write
-from flexspline.fleet.cluster import Failed, Workers, done
+from flexspline.fleet.cluster import Workers, done, require_some, told_apart
 from flexspline.fleet.fitting import Folders, sessions_from
+from flexspline.fleet.result import FleetResult
 from flexspline.fleet.sessions import Session, Sessions, readable
 from flexspline.lazy import render
 from flexspline.model import Model
 from flexspline.progress import Progress
-from flexspline.schema import checked_json
 
 if TYPE_CHECKING:
     import pandas
@@ -93,7 +91,7 @@ class UnitComparison:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class FleetComparison:
+class FleetComparison(FleetResult):
     """The result of `flexspline.fleet.compare`.
 
     Parameters
@@ -103,6 +101,8 @@ class FleetComparison:
     failed : (joint, why) of what was left out.
     remarks : sentences about the folders.
     """
+
+    _name: ClassVar = "fleet_comparison"
 
     target: str
     unit: str
@@ -165,10 +165,7 @@ class FleetComparison:
 
     def to_json(self) -> dict[str, Any]:
         """Return it as `fleet_comparison.json` holds it."""
-        return {
-            "format": "flexspline-fleet-comparison",
-            "version": 1,
-            "made_by": f"flexspline {__version__}",
+        content = {
             "target": self.target,
             "unit": self.unit,
             "rmse": self.rmse,
@@ -180,19 +177,8 @@ class FleetComparison:
                 {"name": unit.name, "runs": list(unit.runs), "comparison": dict(unit.content)}
                 for unit in self.units
             ],
-            "failed": [{"what": what, "why": why} for what, why in self.failed],
-            "remarks": list(self.remarks),
         }
-
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Write `fleet_comparison.json`, whole or not at all.
-
-        Raises
-        ------
-        InputError
-            Where the file cannot be written.
-        """
-        atomic_write(path, checked_json(self.to_json(), "fleet_comparison"))
+        return self._file(content)
 
     def report(self, folder: str | os.PathLike[str]) -> None:
         """Write `report.html`, a page for the fleet, and `units/NAME.html`, one for each joint."""
@@ -258,14 +244,9 @@ def compare(
             failed.append((name, str(error)))
     with Progress("joints", progress, total=len(tasks), unit="joint") as bar:
         made = done(partial(_compared, how=how), tasks, Workers(scheduler, workers), bar)
-    units = [each for each in made if isinstance(each, UnitComparison)]
-    failed += [
-        (its[0].unit, each.why)
-        for (its, _), each in zip(tasks, made, strict=True)
-        if isinstance(each, Failed)
-    ]
-    if not units:
-        raise InputError(f"{failed[0][0]}: {failed[0][1]} (and no other joint can be compared)")
+    units, lost = told_apart([its[0].unit for its, _ in tasks], made)
+    failed += lost
+    require_some(units, failed, "no other joint can be compared")
     failed += [each for unit in units for each in unit.failed]
     first = units[0].content
     return FleetComparison(
@@ -337,7 +318,7 @@ class NameInFleet:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class FleetDiscovery:
+class FleetDiscovery(FleetResult):
     """The result of `flexspline.fleet.discover`.
 
     Parameters
@@ -348,6 +329,8 @@ class FleetDiscovery:
     failed : (joint, why) of what was left out.
     remarks : sentences about the folders.
     """
+
+    _name: ClassVar = "fleet_discovery"
 
     target: str
     unit: str
@@ -391,10 +374,7 @@ class FleetDiscovery:
     def to_json(self) -> dict[str, Any]:
         """Return it as `fleet_discovery.json` holds it."""
         base, final, floor = self.rmse
-        return {
-            "format": "flexspline-fleet-discovery",
-            "version": 1,
-            "made_by": f"flexspline {__version__}",
+        content = {
             "target": self.target,
             "unit": self.unit,
             "names": [asdict(name) for name in self.names],
@@ -404,19 +384,8 @@ class FleetDiscovery:
                 {"name": unit.name, "runs": list(unit.runs), "discovery": dict(unit.content)}
                 for unit in self.units
             ],
-            "failed": [{"what": what, "why": why} for what, why in self.failed],
-            "remarks": list(self.remarks),
         }
-
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Write `fleet_discovery.json`, whole or not at all.
-
-        Raises
-        ------
-        InputError
-            Where the file cannot be written.
-        """
-        atomic_write(path, checked_json(self.to_json(), "fleet_discovery"))
+        return self._file(content)
 
     def report(self, folder: str | os.PathLike[str]) -> None:
         """Write `report.html`, a page for the fleet, and `units/NAME.html`, one for each joint."""
@@ -489,14 +458,8 @@ def discover(
     with Progress("joints", progress, total=len(tasks), unit="joint") as bar:
         look = partial(_looked_at, base=base, how=how)
         made = done(look, tasks, Workers(scheduler, workers), bar)
-    units = [each for each in made if isinstance(each, UnitDiscovery)]
-    failed = [
-        (its[0].unit, each.why)
-        for its, each in zip(tasks, made, strict=True)
-        if isinstance(each, Failed)
-    ]
-    if not units:
-        raise InputError(f"{failed[0][0]}: {failed[0][1]} (and no other joint can be looked at)")
+    units, failed = told_apart(sessions.units, made)
+    require_some(units, failed, "no other joint can be looked at")
     failed += [each for unit in units for each in unit.failed]
     first = units[0].content
     return FleetDiscovery(

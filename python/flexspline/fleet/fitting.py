@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from flexspline.effects import Effect
 from flexspline.errors import InputError, listed
 from flexspline.fleet.accumulators import RunSums, accumulators_of
-from flexspline.fleet.cluster import Failed, Workers, done
+from flexspline.fleet.cluster import Workers, done, told_apart
 from flexspline.fleet.estimates import Scored, estimate_of, squares_of
 from flexspline.fleet.plan import PilotError, Plan, plan_of_model, plan_of_pilot
 from flexspline.fleet.population import LEAST_UNITS, population_of, run_to_run
@@ -140,12 +140,7 @@ def summed(
         plan = _plan(sessions, target, effects, *shapes_of, how)
     with Progress("runs", progress, total=len(sessions), unit="run") as bar:
         made = done(partial(accumulators_of, plan=plan), sessions.sessions, workers, bar)
-    failed = [
-        (session.label, each.why)
-        for session, each in zip(sessions, made, strict=True)
-        if isinstance(each, Failed)
-    ]
-    return plan, [each for each in made if isinstance(each, RunSums)], failed
+    return plan, *told_apart([session.label for session in sessions], made)
 
 
 def sessions_from(folders: Folders | Sessions, reading: Mapping[str, Any]) -> Sessions:
