@@ -55,9 +55,8 @@ if TYPE_CHECKING:
     from flexspline.own import OwnEffect, own_effect
     from flexspline.recordings import guess_map
     from flexspline.recordings.result import Guess
-    from flexspline.tracking.history import History
+    from flexspline.tracking.history import History, history_of
     from flexspline.tracking.result import Track
-    from flexspline.tracking.sources import history_of
     from flexspline.tracking.tracking import track
 
 __all__ = [
@@ -178,7 +177,7 @@ _HOME = {
     "fit": "deprecated",
     "fit_motion": "output_error.fitting",
     "guess_map": "recordings",
-    "history_of": "tracking.sources",
+    "history_of": "tracking.history",
     "joints_of": "logs.read",
     "learned_model": "exporting.block",
     "mujoco_plugin": "exporting",

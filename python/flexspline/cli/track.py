@@ -141,7 +141,7 @@ def track(
     read = [path for path in (*sessions, model_path, dates) if path and Path(path).is_file()]
     refuse_overwriting(out, read, ("track.json", "report.html"))
 
-    from flexspline.tracking.sources import history_of
+    from flexspline.tracking.history import history_of
     from flexspline.tracking.tracking import track as follow
 
     with whole_folder(out, last="track.json") as draft:

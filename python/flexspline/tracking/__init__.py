@@ -5,9 +5,8 @@ so for all joints of a fleet.
 """
 
 from flexspline.tracking.fleet import FleetTrack, history_of_sums, track_fleet
-from flexspline.tracking.history import History
+from flexspline.tracking.history import History, history_of
 from flexspline.tracking.result import Change, Forecast, Track, TrackedParameter
-from flexspline.tracking.sources import history_of
 from flexspline.tracking.tracking import track
 
 __all__ = [
