@@ -14,18 +14,20 @@ from flexspline.errors import InputError, listed
 from flexspline.least_squares.options import resolve
 from flexspline.tracking.attribution import Told, detected, drawn, moved
 from flexspline.tracking.changes import (
+    INTERVAL,
     LEAST_SESSIONS,
     SHAPES,
     STEP,
     YEAR,
     Candidates,
+    Posterior,
     Series,
     Shape,
     evidence_over_time,
+    posterior_of,
     threshold,
 )
 from flexspline.tracking.history import DAY, History, cause_of
-from flexspline.tracking.posterior import LEVEL, Posterior, posterior_of
 from flexspline.tracking.result import (
     CHANGED,
     DISPUTED,
@@ -176,8 +178,8 @@ def _change(history: History, told: Told) -> Change:
     speed = (whole(days[-1:] + 7.0) - sizes) * YEAR / 7.0
     chances = {kind: made.chance(kind) for kind in SHAPES}
     kind = max(chances, key=lambda each: chances[each])
-    first, middle, last = np.percentile(made.starts, [LEVEL[0], 50.0, LEVEL[1]])
-    low, high = np.percentile(sizes, LEVEL)
+    first, middle, last = np.percentile(made.starts, [INTERVAL[0], 50.0, INTERVAL[1]])
+    low, high = np.percentile(sizes, INTERVAL)
     before = made.levels + (made.by_known @ _ones(made) if made.series.known else 0.0)
     level, error = float(np.mean(before)), float(np.std(before))
     size = float(np.mean(sizes))
@@ -245,7 +247,7 @@ def _parameter(
         )  # fmt: skip
     series, at = history.series(np.eye(len(history.names))[p])
     levels, now = course.course(days), course.course(history.days[-1:])
-    low, middle, high = np.percentile(levels, [LEVEL[0], 50.0, LEVEL[1]], axis=0)
+    low, middle, high = np.percentile(levels, [INTERVAL[0], 50.0, INTERVAL[1]], axis=0)
     corrected = nothing.copy()
     corrected[at] = series.values - course.thermal()
     left = corrected[at] - np.median(course.course(series.days), axis=0)
@@ -275,7 +277,7 @@ def _state(history: History, p: int, course: Posterior | None, told: Sequence[To
     if course is None or len(course.series.days) < LEAST_SESSIONS:
         return NOT_KNOWN
     if any(_is_of(history, p, each) for each in told):
-        low, high = np.percentile(course.changed(history.days[-1:])[:, 0], LEVEL)
+        low, high = np.percentile(course.changed(history.days[-1:])[:, 0], INTERVAL)
         shows = any(p in each.parameters for each in told) or low > 0.0 or high < 0.0
         return CHANGED if shows else NO_CHANGE
     if any(cause_of(history.names[p]) in each.causes for each in told):
