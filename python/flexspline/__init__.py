@@ -53,8 +53,7 @@ if TYPE_CHECKING:
     from flexspline.model import Model, Part, Prediction, Predictions
     from flexspline.output_error.fitting import fit_motion
     from flexspline.own import OwnEffect, own_effect
-    from flexspline.recordings import guess_map
-    from flexspline.recordings.result import Guess
+    from flexspline.recordings import Guess, guess_map
     from flexspline.tracking.history import History, history_of
     from flexspline.tracking.result import Track
     from flexspline.tracking.tracking import track
@@ -145,7 +144,7 @@ _HOME = {
     "Fit": "least_squares.result",
     "FitOptions": "least_squares.options",
     "ForwardRun": "forward",
-    "Guess": "recordings.result",
+    "Guess": "recordings",
     "History": "tracking.history",
     "Limits": "experiment.plan",
     "Log": "logs.log",
