@@ -20,10 +20,22 @@ from flexspline.formatting import rows_html, rows_text
 from flexspline.lazy import render
 from flexspline.logs import Log
 from flexspline.logs.read import as_logs
-from flexspline.orders.low import TOGETHER, Faint, find_faint, find_low, less_low
 from flexspline.orders.parts import Candidate, Pair, candidates, effective_ratio, owner, pairs
 from flexspline.orders.parts import pairs as known_pairs
-from flexspline.orders.scan import CLEAR, Estimate, Line, Share, estimates, find_lines, scattered
+from flexspline.orders.scan import (
+    CLEAR,
+    TOGETHER,
+    Estimate,
+    Faint,
+    Line,
+    Share,
+    estimates,
+    find_faint,
+    find_lines,
+    find_low,
+    less_low,
+    scattered,
+)
 from flexspline.orders.spectrum import (
     LONGEST,
     OrderSpectrum,
@@ -186,7 +198,7 @@ class OrderAnalysis:
     """Orders found in runs of one joint, the largest first.
 
     `found` are the orders, `faint` low orders of the output that stand out but are not certain
-    (never part of `found`; see `orders/low.py`), `unit` and `channel` what was looked at,
+    (never part of `found`; see `orders/scan.py`), `unit` and `channel` what was looked at,
     `false_alarm` the probability that noise alone yields any, `scanned` the lowest and highest
     order per output turn, `runs` how many, `spectrum` what the plot shows. Where vibrations were
     looked for, `vibrations` are those that stay at one frequency, `frequencies` the lowest and the
@@ -480,7 +492,7 @@ def find_orders(
     Notes
     -----
     Runs are cut by direction; amplitude and phase may differ between the stretches, and both
-    what keeps its phase and what does not is found. Sources: `orders/scan.py`, `orders/low.py`.
+    what keeps its phase and what does not is found. Sources: `orders/scan.py`, `orders/scan.py`.
     """
     logs = as_logs(logs)
     if not 0 < false_alarm < 1:
