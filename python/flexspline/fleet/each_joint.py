@@ -26,8 +26,8 @@ from scipy.stats import beta
 
 from flexspline.effects import Effect
 from flexspline.errors import InputError, did_you_mean, listed
+from flexspline.fleet import Folders, sessions_from
 from flexspline.fleet.cluster import Workers, done, require_some, told_apart
-from flexspline.fleet.fitting import Folders, sessions_from
 from flexspline.fleet.result import FleetResult
 from flexspline.fleet.sessions import Session, Sessions, readable
 from flexspline.lazy import render
