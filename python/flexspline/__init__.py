@@ -54,9 +54,9 @@ if TYPE_CHECKING:
     from flexspline.output_error.fitting import fit_motion
     from flexspline.own import OwnEffect, own_effect
     from flexspline.recordings import Guess, guess_map
+    from flexspline.tracking import track
     from flexspline.tracking.history import History, history_of
     from flexspline.tracking.result import Track
-    from flexspline.tracking.tracking import track
 
 __all__ = [
     "CATALOGUE",
@@ -186,7 +186,7 @@ _HOME = {
     "read_pieces": "logs.read",
     "read_runs": "logs.read",
     "simulate": "forward",
-    "track": "tracking.tracking",
+    "track": "tracking",
 }
 
 

@@ -141,8 +141,8 @@ def track(
     read = [path for path in (*sessions, model_path, dates) if path and Path(path).is_file()]
     refuse_overwriting(out, read, ("track.json", "report.html"))
 
+    from flexspline.tracking import track as follow
     from flexspline.tracking.history import history_of
-    from flexspline.tracking.tracking import track as follow
 
     with whole_folder(out, last="track.json") as draft:
         history = history_of(

@@ -27,9 +27,9 @@ from flexspline.fleet.result import FleetFit, FleetResult
 from flexspline.fleet.sessions import Sessions
 from flexspline.lazy import render
 from flexspline.progress import Progress
+from flexspline.tracking import HORIZON, track
 from flexspline.tracking.history import History
 from flexspline.tracking.result import Change, Track, day, spoken
-from flexspline.tracking.tracking import HORIZON, track
 
 if TYPE_CHECKING:
     import pandas
