@@ -30,6 +30,8 @@ from flexspline.full_range.methods import (
     Settings,
     Signals,
     StructuralDamping,
+    Transition,
+    choose_transition,
     compliant_observer,
     fit_gaussian_process,
     fit_kalman,
@@ -60,7 +62,6 @@ from flexspline.full_range.torsion_part import (
     torsion_part_from_datasheet,
     with_mesh_stiffness,
 )
-from flexspline.full_range.transition import Transition, choose_transition
 from flexspline.logs.checks import check
 from flexspline.logs.log import Log
 from flexspline.logs.read import as_logs

@@ -28,12 +28,13 @@ from flexspline.full_range.methods import (
     Settings,
     Signals,
     StructuralDamping,
+    Transition,
     compliant_observer,
+    merge_weight,
     merged_by_kalman,
     signals_of,
     two_mass_observer,
 )
-from flexspline.full_range.transition import Transition, merge_weight
 from flexspline.lazy import render
 from flexspline.logs.log import Log
 from flexspline.logs.read import as_logs, with_motor_torque

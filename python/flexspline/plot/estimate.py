@@ -33,8 +33,8 @@ from flexspline.plot.canvas import (
 )
 
 if TYPE_CHECKING:
+    from flexspline.full_range.methods import Transition
     from flexspline.full_range.result import FullRange, SpeedCurve
-    from flexspline.full_range.transition import Transition
 
 __all__ = [
     "contacts_over_time",
