@@ -16,13 +16,11 @@ from flexspline.cli.options import (
     Taught,
     bandwidth,
     effects_by_target,
-    fixed,
-    known_load,
     loaded,
     lowpass,
     named_effects,
+    of_a_fit,
     on_terminal,
-    orders,
     positive,
     preset_names,
     refuse_overwriting,
@@ -154,32 +152,40 @@ def _shared(command: Command) -> Command:
     return folders(command)
 
 
+def _fitted(command: Command) -> Command:
+    """Options of what is fitted, and of who tells its shapes."""
+    options = (
+        target(required=False, says="What is explained; it may be left out with --model."),
+        click.option(
+            "--effects", "names", metavar="A,B,C", type=EFFECTS, help="Effects, listed below."
+        ),
+        click.option(
+            "--model",
+            "model_path",
+            metavar="MODEL.json",
+            type=FILE,
+            help="Or the model of a joint, whose effects, shapes and orders are taken.",
+        ),
+        click.option(
+            "--pilot",
+            metavar="UNIT",
+            help="The joint that tells shapes and orders; by default the one with most data.",
+        ),
+    )
+    for option in reversed(options):
+        command = option(command)
+    return command
+
+
 @fleet.command("fit", cls=Taught, sections=(effects_by_target, repairs))
-@target(required=False, says="What is explained; it may be left out with --model.")
-@click.option("--effects", "names", metavar="A,B,C", type=EFFECTS, help="Effects, listed below.")
-@click.option(
-    "--model",
-    "model_path",
-    metavar="MODEL.json",
-    type=FILE,
-    help="Or the model of a joint, whose effects, shapes and orders are taken.",
-)
-@click.option(
-    "--pilot",
-    metavar="UNIT",
-    help="The joint that tells shapes and orders; by default the one with most data.",
-)
+@_fitted
 @click.option(
     "--per-run",
     metavar="NAME,NAME",
     default="",
     help="Terms that differ from run to run, such as offset (zeros).",
 )
-@known_load
-@lowpass
-@bandwidth
-@orders
-@fixed
+@of_a_fit
 @_shared
 def fit(
     folders: tuple[str, ...],
@@ -209,11 +215,7 @@ def fit(
           --effects offset,coulomb_friction,viscous_friction --per-run offset --out months
       flexspline fleet fit robots --columns robot.toml --joint all --model joint.json --out all
     """
-    if (names is None) == (model_path is None):
-        raise InputError("give exactly one of --effects A,B,C and --model MODEL.json")
-    if names is not None and target is None:
-        raise InputError("--target is needed beside --effects; say what is explained")
-    effects = None if names is None else named_effects(names)
+    effects = _effects(names, model_path, target)
     own = tuple(name.strip() for name in per_run.split(",")) if per_run else ()
     if "" in own:
         raise InputError(f"--per-run '{per_run}': a name is missing; write NAME or NAME,NAME")
@@ -229,13 +231,8 @@ def fit(
             effects,
             model=model,
             pilot=pilot,
-            orders=options["orders"] or None,
-            fixed=options["fix"],
             per_run=own,
-            known_load=options["known_load"],
-            lowpass=options["lowpass"],
-            bandwidth=options["bandwidth"],
-            **_work(options),
+            **_of_the_fit(options),
         )
         made.report(draft)
         for name, page in page_names([unit.name for unit in made.units]).items():
@@ -259,11 +256,7 @@ def fit(
 @click.option(
     "--exclude", metavar="A,B,C", type=EFFECTS, help="Effects that are known not to be there."
 )
-@known_load
-@lowpass
-@bandwidth
-@orders
-@fixed
+@of_a_fit
 @_shared
 def discover(
     folders: tuple[str, ...],
@@ -288,11 +281,7 @@ def discover(
           --effects offset,coulomb_friction,viscous_friction --out line7_lacks
       flexspline fleet discover line7 --model joint.json --workers 2 --out line7_lacks
     """
-    if (names is None) == (model_path is None):
-        raise InputError("give exactly one of --effects A,B,C and --model MODEL.json")
-    if names is not None and target is None:
-        raise InputError("--target is needed beside --effects; say what is explained")
-    effects = None if names is None else named_effects(names)
+    effects = _effects(names, model_path, target)
     given = (name.strip() for name in (exclude or "").split(","))
     unwanted = [effect(name).name for name in given if name]
     model = None if model_path is None else loaded(model_path, target)
@@ -307,12 +296,7 @@ def discover(
             effects,
             model=model,
             exclude=unwanted,
-            orders=options["orders"] or None,
-            fixed=options["fix"] or None,
-            known_load=options["known_load"],
-            lowpass=options["lowpass"],
-            bandwidth=options["bandwidth"],
-            **_work(options),
+            **_of_the_fit(options),
         )
         made.report(draft)
         for name, page in page_names([unit.name for unit in made.units]).items():
@@ -376,27 +360,10 @@ def compare(
 
 
 @fleet.command("track", cls=Taught, sections=(effects_by_target, repairs))
-@target(required=False, says="What is explained; it may be left out with --model.")
-@click.option("--effects", "names", metavar="A,B,C", type=EFFECTS, help="Effects, listed below.")
-@click.option(
-    "--model",
-    "model_path",
-    metavar="MODEL.json",
-    type=FILE,
-    help="Or the model of a joint, whose effects, shapes and orders are taken.",
-)
-@click.option(
-    "--pilot",
-    metavar="UNIT",
-    help="The joint that tells shapes and orders; by default the one with most data.",
-)
+@_fitted
 @limits
 @horizon
-@known_load
-@lowpass
-@bandwidth
-@orders
-@fixed
+@of_a_fit
 @_shared
 def track(
     folders: tuple[str, ...],
@@ -424,11 +391,7 @@ def track(
           --effects offset,coulomb_friction,viscous_friction --out line7_wear
       flexspline fleet track line7 --model joint.json --limit coulomb_friction=150% --out line7_wear
     """
-    if (names is None) == (model_path is None):
-        raise InputError("give exactly one of --effects A,B,C and --model MODEL.json")
-    if names is not None and target is None:
-        raise InputError("--target is needed beside --effects; say what is explained")
-    effects = None if names is None else named_effects(names)
+    effects = _effects(names, model_path, target)
     model = None if model_path is None else loaded(model_path, target)
     sessions = _sessions(folders, out, options, (TRACK, REPORT))
     with whole_folder(out, last=TRACK) as draft:
@@ -441,14 +404,9 @@ def track(
             effects,
             model=model,
             pilot=pilot,
-            orders=options["orders"] or None,
-            fixed=options["fix"],
-            known_load=options["known_load"],
-            lowpass=options["lowpass"],
-            bandwidth=options["bandwidth"],
             limits=limits,
             horizon=horizon,
-            **_work(options),
+            **_of_the_fit(options),
         )
         made.report(draft)
         for name, page in page_names([*made.tracks]).items():
@@ -488,6 +446,27 @@ def _sessions(
     names = [name.strip() for name in how.pop("joint", "").split(",") if name.strip()]
     dates, columns = how.pop("dates", None), how.pop("columns", None)
     return sessions_of(folders, columns=columns, dates=dates, joints=names, **how)
+
+
+def _effects(names: str | None, model_path: str | None, target: str | None) -> list[str] | None:
+    """The effects that are named, where they are not to be those of a model."""
+    if (names is None) == (model_path is None):
+        raise InputError("give exactly one of --effects A,B,C and --model MODEL.json")
+    if names is not None and target is None:
+        raise InputError("--target is needed beside --effects; say what is explained")
+    return None if names is None else named_effects(names)
+
+
+def _of_the_fit(options: Mapping[str, Any]) -> dict[str, Any]:
+    """How the runs of each joint are fitted, and who works."""
+    return {
+        "orders": options["orders"] or None,
+        "fixed": options["fix"] or None,
+        "known_load": options["known_load"],
+        "lowpass": options["lowpass"],
+        "bandwidth": options["bandwidth"],
+        **_work(options),
+    }
 
 
 def _work(options: Mapping[str, Any]) -> dict[str, Any]:
