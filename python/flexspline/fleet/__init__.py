@@ -28,10 +28,16 @@ from numpy.typing import NDArray
 
 from flexspline.effects import Effect
 from flexspline.errors import InputError, listed
-from flexspline.fleet.accumulators import RunSums, accumulators_of
+from flexspline.fleet.accumulators import (
+    PilotError,
+    Plan,
+    RunSums,
+    accumulators_of,
+    plan_of_model,
+    plan_of_pilot,
+)
 from flexspline.fleet.cluster import Workers, done, told_apart
 from flexspline.fleet.estimates import Scored, estimate_of, squares_of
-from flexspline.fleet.plan import PilotError, Plan, plan_of_model, plan_of_pilot
 from flexspline.fleet.population import LEAST_UNITS, population_of, run_to_run
 from flexspline.fleet.result import FleetFit, HeldOut, RunFit, UnitFit
 from flexspline.fleet.sessions import Session, Sessions, mean_temperature, sessions_of

@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 from flexspline.about import __version__
 from flexspline.errors import InputError, did_you_mean, listed
 from flexspline.files import atomic_write
-from flexspline.fleet.accumulators import DIFFERENCES
+from flexspline.fleet.accumulators import DIFFERENCES, Plan
 from flexspline.fleet.estimates import Scored
-from flexspline.fleet.plan import Plan
 from flexspline.fleet.population import Population, Shrunken
 from flexspline.formatting import Page, short_names
 from flexspline.lazy import render

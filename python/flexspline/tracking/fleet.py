@@ -19,10 +19,9 @@ import numpy as np
 from flexspline.effects import Effect
 from flexspline.errors import InputError, did_you_mean, listed
 from flexspline.fleet import Folders, fit_sums, sessions_from, summed
-from flexspline.fleet.accumulators import RunSums
+from flexspline.fleet.accumulators import Plan, RunSums
 from flexspline.fleet.cluster import Workers, done, require_some, told_apart
 from flexspline.fleet.estimates import estimate_of
-from flexspline.fleet.plan import Plan
 from flexspline.fleet.result import FleetFit, FleetResult
 from flexspline.fleet.sessions import Sessions
 from flexspline.lazy import render
