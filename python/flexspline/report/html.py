@@ -30,8 +30,8 @@ from flexspline.least_squares.result import shares
 from flexspline.logs.channels import CHANNELS
 from flexspline.logs.checks import check_verdict
 from flexspline.logs.checks.findings import EXCITED
+from flexspline.plot import panels
 from flexspline.plot.canvas import INK, LEAST, Panel, PlainFigure, axes_or_new, own_style
-from flexspline.plot.fit import panels
 from flexspline.report.tables import (
     between_rows,
     between_sentences,
