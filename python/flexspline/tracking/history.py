@@ -16,7 +16,6 @@ coefficient, and that would look like wear.
 
 from __future__ import annotations
 
-import csv
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -30,7 +29,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexspline.effects import Effect
 from flexspline.errors import InputError, listed
 from flexspline.fitting import fit, with_orders
-from flexspline.fleet.sessions import Session, date_in, mean_temperature, sessions_of
+from flexspline.fleet.sessions import Session, date_in, mean_temperature, rows_of_dates, sessions_of
 from flexspline.least_squares.options import FitOptions, shapes_of
 from flexspline.logs.log import Log
 from flexspline.model import Model, Part
@@ -633,16 +632,8 @@ def _joint_of(facts: Sequence[Mapping[str, Any]]) -> str:
 
 def _table(path: Path) -> dict[str, tuple[datetime, float]]:
     """Date and temperature by name, of a CSV."""
-    try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            rows = list(csv.DictReader(file))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise InputError(
-            f"{path}: the table of dates cannot be read ({error}); give a CSV with the columns run "
-            "and date"
-        ) from error
     found = {}
-    for number, row in enumerate(rows, 2):
+    for number, row in enumerate(rows_of_dates(path), 2):
         name, when = (row.get("run") or "").strip(), date_in(row.get(DATE) or "")
         if not name or when is None:
             raise InputError(
