@@ -14,11 +14,10 @@ import numpy as np
 
 from flexspline.about import __version__
 from flexspline.errors import listed
-from flexspline.files import atomic_write
 from flexspline.fleet.accumulators import DIFFERENCES
 from flexspline.formatting import padded, percent, plus_minus, rows_text, short, table_html
 from flexspline.plot.canvas import Panel, own_style
-from flexspline.report.html import ReportFigure, drawn, templates
+from flexspline.report.html import ReportFigure, drawn, write_html
 from flexspline.report.text import TARGET_WORDS, wrapped
 from flexspline.tracking.result import day, in_unit, spoken
 
@@ -105,8 +104,7 @@ def write_page(page: PageOf, path: str | os.PathLike[str]) -> None:
     InputError
         Where the file cannot be written.
     """
-    made = templates().get_template("fleet.html").render(page=page, version=__version__)
-    atomic_write(path, made)
+    write_html(path, "fleet.html", page=page)
 
 
 def page_names(joints: Sequence[str]) -> dict[str, str]:
