@@ -36,7 +36,7 @@ from flexspline.fleet.accumulators import (
     plan_of_model,
     plan_of_pilot,
 )
-from flexspline.fleet.cluster import Workers, done, told_apart
+from flexspline.fleet.cluster import Workers, done, split_failed
 from flexspline.fleet.estimates import Scored, estimate_of, squares_of
 from flexspline.fleet.population import LEAST_UNITS, population_of, run_to_run
 from flexspline.fleet.result import FleetFit, HeldOut, RunFit, UnitFit
@@ -179,7 +179,7 @@ def summed(
         plan = _plan(sessions, target, effects, *shapes_of, how)
     with Progress("runs", progress, total=len(sessions), unit="run") as bar:
         made = done(partial(accumulators_of, plan=plan), sessions.sessions, workers, bar)
-    return plan, *told_apart([session.label for session in sessions], made)
+    return plan, *split_failed([session.label for session in sessions], made)
 
 
 def sessions_from(folders: Folders | Sessions, reading: Mapping[str, Any]) -> Sessions:

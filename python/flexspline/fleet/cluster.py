@@ -20,7 +20,7 @@ from flexspline.progress import Progress
 if TYPE_CHECKING:
     from distributed import Client
 
-__all__ = ["Failed", "Workers", "done", "require_some", "told_apart"]
+__all__ = ["Failed", "Workers", "done", "require_some", "split_failed"]
 
 Task = TypeVar("Task")
 Made = TypeVar("Made")
@@ -98,7 +98,7 @@ def done(
         return _gathered(client, guarded, tasks, progress)
 
 
-def told_apart(
+def split_failed(
     names: Sequence[str], made: Sequence[Made | Failed]
 ) -> tuple[list[Made], list[tuple[str, str]]]:
     """Return what `done` has made, and (name, why) of the tasks that failed."""

@@ -27,7 +27,7 @@ from scipy.stats import beta
 from flexspline.effects import Effect
 from flexspline.errors import InputError, did_you_mean, listed
 from flexspline.fleet import Folders, sessions_from
-from flexspline.fleet.cluster import Workers, done, require_some, told_apart
+from flexspline.fleet.cluster import Workers, done, require_some, split_failed
 from flexspline.fleet.result import FleetResult
 from flexspline.fleet.sessions import Session, Sessions, readable
 from flexspline.lazy import render
@@ -244,7 +244,7 @@ def compare(
             failed.append((name, str(error)))
     with Progress("joints", progress, total=len(tasks), unit="joint") as bar:
         made = done(partial(_compared, how=how), tasks, Workers(scheduler, workers), bar)
-    units, lost = told_apart([its[0].unit for its, _ in tasks], made)
+    units, lost = split_failed([its[0].unit for its, _ in tasks], made)
     failed += lost
     require_some(units, failed, "no other joint can be compared")
     failed += [each for unit in units for each in unit.failed]
@@ -458,7 +458,7 @@ def discover(
     with Progress("joints", progress, total=len(tasks), unit="joint") as bar:
         look = partial(_looked_at, base=base, how=how)
         made = done(look, tasks, Workers(scheduler, workers), bar)
-    units, failed = told_apart(sessions.units, made)
+    units, failed = split_failed(sessions.units, made)
     require_some(units, failed, "no other joint can be looked at")
     failed += [each for unit in units for each in unit.failed]
     first = units[0].content

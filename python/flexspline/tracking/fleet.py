@@ -20,7 +20,7 @@ from flexspline.effects import Effect
 from flexspline.errors import InputError, did_you_mean, listed
 from flexspline.fleet import Folders, fit_sums, sessions_from, summed
 from flexspline.fleet.accumulators import Plan, RunSums
-from flexspline.fleet.cluster import Workers, done, require_some, told_apart
+from flexspline.fleet.cluster import Workers, done, require_some, split_failed
 from flexspline.fleet.estimates import estimate_of
 from flexspline.fleet.result import FleetFit, FleetResult
 from flexspline.fleet.sessions import Sessions
@@ -209,7 +209,7 @@ def track_fleet(
     ask(histories[0])  # a limit that is wrong is so for all
     with Progress("joints", progress, total=len(histories), unit="joint") as bar:
         tracks = done(ask, histories, whose, bar)
-    told, lost = told_apart([history.joint for history in histories], tracks)
+    told, lost = split_failed([history.joint for history in histories], tracks)
     return FleetTrack(
         fitted,
         {made.history.joint: made for made in told},
