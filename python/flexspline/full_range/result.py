@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from flexspline.errors import InputError
 from flexspline.estimators import Merge
+from flexspline.formatting import blocks_text
 from flexspline.full_range.methods import (
     GaussianProcess,
     MergeRun,
@@ -182,7 +183,7 @@ class FullRange:
             str(self.training).split("\n"),
             self._remarks(),
         ]
-        return "\n\n".join("\n".join(block) for block in blocks if block)
+        return blocks_text(blocks)
 
     def __repr__(self) -> str:
         return f"<FullRange {self.merged}: {self.transition.rmse:.3g} Nm RMSE on its training logs>"

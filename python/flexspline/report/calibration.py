@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.formatting import padded, plus_minus, short
+from flexspline.formatting import blocks_text, padded, plus_minus, short
 from flexspline.plot.canvas import own_style
 from flexspline.report.html import log_facts, templates, write_html
 from flexspline.report.text import Verdict, faults_sentence
@@ -68,7 +68,7 @@ def calibration_text(result: CalibrationResult) -> str:
         [line for sentence in told(result) for line in _wrapped(sentence)],
         _listed("Warnings:", [w for w in result.warnings if w != result.uncertainty.statement]),
     ]
-    return "\n\n".join("\n".join(block) for block in blocks if block)
+    return blocks_text(blocks)
 
 
 def calibration_html(result: CalibrationResult) -> str:

@@ -16,7 +16,7 @@ from flexspline.comparison.models import FITTED
 from flexspline.comparison.result import floor_sentence, ranked, sized
 from flexspline.comparison.search import Band, worst_band
 from flexspline.errors import listed
-from flexspline.formatting import decimals_for, padded, rows_text, table_html
+from flexspline.formatting import blocks_text, decimals_for, padded, rows_text, table_html
 from flexspline.plot.canvas import own_style
 from flexspline.report.html import log_facts, templates, write_html
 from flexspline.report.tables import input_rows, smoothed_rows
@@ -79,7 +79,7 @@ def comparison_text(made: Comparison) -> str:
         _wrapped(floor_sentence(made)),
         _channels(made),
     ]
-    return "\n\n".join("\n".join(block) for block in blocks if block)
+    return blocks_text(blocks)
 
 
 def _channels(made: Comparison) -> list[str]:

@@ -15,7 +15,15 @@ import numpy as np
 from flexspline.about import __version__
 from flexspline.errors import listed
 from flexspline.fleet.accumulators import DIFFERENCES
-from flexspline.formatting import padded, percent, plus_minus, rows_text, short, table_html
+from flexspline.formatting import (
+    blocks_text,
+    padded,
+    percent,
+    plus_minus,
+    rows_text,
+    short,
+    table_html,
+)
 from flexspline.plot.canvas import Panel, own_style
 from flexspline.report.html import ReportFigure, drawn, write_html
 from flexspline.report.text import TARGET_WORDS, wrapped
@@ -131,7 +139,7 @@ def fleet_text(made: FleetFit) -> str:
         _lines(_single(made)),
         _lines(_left_sentences(made)),
     ]
-    return "\n\n".join("\n".join(block) for block in blocks if block)
+    return blocks_text(blocks)
 
 
 def fleet_summary(made: FleetFit) -> str:
@@ -402,7 +410,7 @@ def discovery_of_fleet_text(made: FleetDiscovery) -> str:
         [rows_text(_looked_rows(made)[: MOST_SHOWN + 1], (0, 1))],
         _lines(_failed(made.failed, made.remarks)),
     ]
-    return "\n\n".join("\n".join(block) for block in blocks if block)
+    return blocks_text(blocks)
 
 
 def discovery_of_fleet_html(made: FleetDiscovery) -> str:
@@ -540,7 +548,7 @@ def comparison_of_fleet_text(made: FleetComparison) -> str:
         [rows_text(_compared_rows(made)[: MOST_SHOWN + 1], (0, 5))],
         _lines(_failed(made.failed, made.remarks)),
     ]
-    return "\n\n".join("\n".join(block) for block in blocks if block)
+    return blocks_text(blocks)
 
 
 def comparison_of_fleet_html(made: FleetComparison) -> str:
@@ -624,7 +632,7 @@ def track_of_fleet_text(made: FleetTrack) -> str:
         [rows_text(_change_rows(made)[: MOST_SHOWN + 1], (0, 1, 2, 4))] if made.changed else [],
         _lines(_failed(made.failed, made.remarks)),
     ]
-    return "\n\n".join("\n".join(block) for block in blocks if block)
+    return blocks_text(blocks)
 
 
 def track_of_fleet_html(made: FleetTrack) -> str:
