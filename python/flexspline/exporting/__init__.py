@@ -35,7 +35,7 @@ from flexspline.files import atomic_write, whole_folder
 from flexspline.formatting import documented
 from flexspline.logs.read import LogLike, as_logs
 from flexspline.model import PART_OF, Model, part_warnings, refuse_warnings
-from flexspline.own.header import Header
+from flexspline.own.effect import Header
 
 __all__ = [
     "EXPORTS",

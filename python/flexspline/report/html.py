@@ -12,7 +12,7 @@ import io
 import math
 import os
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any
@@ -30,8 +30,8 @@ from flexspline.least_squares.result import shares
 from flexspline.logs.channels import CHANNELS
 from flexspline.logs.checks import check_verdict
 from flexspline.logs.checks.findings import EXCITED
+from flexspline.plot import panels
 from flexspline.plot.canvas import INK, LEAST, Panel, PlainFigure, axes_or_new, own_style
-from flexspline.plot.fit import panels
 from flexspline.report.tables import (
     between_rows,
     between_sentences,
@@ -104,24 +104,21 @@ def write_report(fit: Fit, path: str | os.PathLike[str]) -> None:
 
     made = shares(fit)
     largest = max(made.values(), default=1.0) or 1.0
-    page = (
-        templates()
-        .get_template("report.html")
-        .render(
-            _common(fit),
-            title=str(fit.model.facts.get("joint", f"Fit of {TARGET_WORDS[fit.target]}")),
-            scores=grouped_scores(fit.scores),
-            figures=report_figures(fit),
-            shares=[(name, padded(size), 100.0 * size / largest) for name, size in made.items()],
-            orders="" if fit.orders is None else str(fit.orders),
-            channels=input_rows(fit.inputs, fit.part.preparations),
-            delay=delay_sentence(fit.delay, fit.unit),
-            logs=used_logs(fit),
-            facts=model_facts(fit),
-            call=python_call(fit),
-        )
+    write_html(
+        path,
+        "report.html",
+        _common(fit),
+        title=str(fit.model.facts.get("joint", f"Fit of {TARGET_WORDS[fit.target]}")),
+        scores=grouped_scores(fit.scores),
+        figures=report_figures(fit),
+        shares=[(name, padded(size), 100.0 * size / largest) for name, size in made.items()],
+        orders="" if fit.orders is None else str(fit.orders),
+        channels=input_rows(fit.inputs, fit.part.preparations),
+        delay=delay_sentence(fit.delay, fit.unit),
+        logs=used_logs(fit),
+        facts=model_facts(fit),
+        call=python_call(fit),
     )
-    atomic_write(path, page)
 
 
 def _common(fit: Fit) -> dict[str, Any]:
@@ -140,7 +137,6 @@ def _common(fit: Fit) -> dict[str, Any]:
         "warnings": [w for w in fit.warnings if w != fit.uncertainty.statement],
         "what": TARGET_WORDS[fit.target],
         "unit": fit.unit,
-        "version": __version__,
     }
 
 
@@ -157,6 +153,23 @@ def templates() -> Environment:
     made.filters["minus"] = minus
     made.filters["together"] = together
     return made
+
+
+def write_html(
+    path: str | os.PathLike[str],
+    template: str,
+    shared: Mapping[str, Any] | None = None,
+    **content: Any,
+) -> None:
+    """Write the page of a template, whole or not at all; it says which version made it.
+
+    Raises
+    ------
+    InputError
+        Where the file cannot be written.
+    """
+    page = templates().get_template(template).render(shared or {}, version=__version__, **content)
+    atomic_write(path, page)
 
 
 def minus(text: str) -> str:
@@ -375,18 +388,14 @@ def write_check_report(
         }
         for k, (log, found) in enumerate(audits, 1)
     ]
-    page = (
-        templates()
-        .get_template("check.html")
-        .render(
-            verdict=check_verdict(audits, target),
-            grave=any(found.forbidding(target) or found.faults for _, found in audits),
-            runs=runs,
-            effects=_effects(audits, excited),
-            version=__version__,
-        )
+    write_html(
+        path,
+        "check.html",
+        verdict=check_verdict(audits, target),
+        grave=any(found.forbidding(target) or found.faults for _, found in audits),
+        runs=runs,
+        effects=_effects(audits, excited),
     )
-    atomic_write(path, page)
 
 
 def _effects(audits: Audits, excited: Sequence[Excited]) -> list[dict[str, Any]]:
