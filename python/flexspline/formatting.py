@@ -88,8 +88,8 @@ def padded(value: float, digits: int = 3) -> str:
 
 
 def percent(share: float) -> str:
-    """Return a share in whole per cent, such as "57 %"; never "-0 %"."""
-    return f"{0.0 if abs(share) <= 0.005 else share:.0%}".replace("%", " %")
+    """Return a share in whole per cent, such as "57 %", never "-0 %"."""
+    return f"{round(100.0 * share) + 0.0:.0f} %" if math.isfinite(share) else "–"
 
 
 def decimals_for(size: float) -> int:

@@ -54,6 +54,7 @@ __all__ = [
     "Part",
     "Prediction",
     "Predictions",
+    "fitted_to",
     "lowpass_remark",
     "own_of_runs",
     "part_warnings",
@@ -540,6 +541,18 @@ def lowpass_remark(part: Part, lowpass_hz: float | None, who: str = "") -> str:
     )
 
 
+def fitted_to(part: Part, log: Log) -> bool:
+    """Whether the part's record says that it was fitted to this log: its file, or name and rows."""
+    own = log.source.sha256 if log.source else None
+
+    def same(entry: Mapping[str, Any]) -> bool:
+        if own is not None or entry.get("sha256") is not None:
+            return bool(entry.get("sha256") == own)
+        return bool(entry.get("name") == log.name and entry.get("rows") == len(log))
+
+    return any(same(entry) for entry in part.record.get("logs", ()))
+
+
 def range_warnings(part: Part, log: Log) -> list[str]:
     """Return a sentence where rows of a log lie outside of what the part was fitted to, or none.
 
@@ -587,11 +600,11 @@ def refuse_warnings(said: Sequence[str]) -> None:
         raise InputError(f"{said[0]}{more}; without strict this is a warning")
 
 
-def sign_warnings(part: Part) -> list[str]:
+def sign_warnings(part: Part, *, significant: bool = False) -> list[str]:
     """Return a sentence for each friction and inertia below zero, which no drive has.
 
     Of a drive alone, for a sensor may see friction from either side; and of a drive itself, for
-    what corrects a foreign simulation may be too much in that.
+    what corrects a foreign simulation may be too much in that. `significant`: those alone.
     """
     if PART_OF[part.target] != "drive" or part.simulated is not None:
         return []
@@ -608,11 +621,13 @@ def sign_warnings(part: Part) -> list[str]:
         if effect.name == COULOMB_PER_DIRECTION:
             level = 0.5 * (values[0] - values[1])
             checked.append((f"the level of {effect.name}", level, effect.terms[0].unit, "friction"))
+    near = {p["name"] for p in part.record.get("parameters", ()) if not _significant(p)}
     return [
-        f"{name} = {value:.3g} {unit_in(unit, part.target, part.known_load)} is negative "
-        f"{what}, which no drive has; fit it again with bounds, or with runs that show it"
+        f"{short_names(name)} = {value:.3g} {unit_in(unit, part.target, part.known_load)} is "
+        f"negative {what}, which no drive has{', and not significant' * (name in near)}; fit it "
+        "again with bounds, or with runs that show it"
         for name, value, unit, what in checked
-        if value < 0.0
+        if value < 0.0 and not (significant and name in near)
     ]
 
 

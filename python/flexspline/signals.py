@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from flexspline.effects import Effect
 from flexspline.errors import InputError, listed
+from flexspline.logs.channels import CHANNELS
 from flexspline.logs.checks.dependence import called, copies
 from flexspline.logs.derive import differentiate
 from flexspline.logs.log import IMAGINABLE, LEAST, Log
@@ -51,6 +52,7 @@ _PER_TARGET = {
 
 def target_of(log: Log, target: str, known_load: str | None) -> Array:
     """Return y of a log, (N,), in the target's unit (see the module docstring)."""
+    _require_output_torque(known_load, target)
     for channel in _PER_TARGET[target]:
         if channel not in log:
             raise InputError(
@@ -67,6 +69,23 @@ def target_of(log: Log, target: str, known_load: str | None) -> Array:
     if target == "motor_current":
         return np.asarray(measured - log[known_load] / torque_of_current(log, known_load))
     return np.asarray(measured - log[known_load])
+
+
+def _require_output_torque(known_load: str | None, target: str) -> None:
+    """Refuse a known load that is no torque at the output, or the target itself."""
+    if known_load is None or known_load not in CHANNELS:  # refused where it is read
+        return
+    remedy = "give a channel with the load at the output, such as reference_torque, or leave it out"
+    if known_load == target:
+        raise InputError(f"the known load {known_load} is the target itself; {remedy}")
+    unit, meaning = CHANNELS[known_load]
+    if known_load == "motor_torque":
+        meaning = "at the motor shaft, with the friction in it that is looked for"
+    if unit != "Nm" or known_load == "motor_torque":
+        raise InputError(
+            f"the known load {known_load} is no torque at the output: it is in {unit}, {meaning}; "
+            f"{remedy}"
+        )
 
 
 def torque_of_current(log: Log, known_load: str) -> float:

@@ -218,6 +218,25 @@ def test_a_comparison_without_a_least_speed_says_none() -> None:
     assert "slower than" not in str(made)
 
 
+def test_errors_on_runs_of_the_fit_are_said_to_be_in_sample_beside_those_held_out() -> None:
+    runs = rig.logs("nothing", runs=2, samples=3000)
+    fit = flexspline.fit(rig.friction(), runs, "sensor_torque", checks=False)
+
+    def said(model: Model, runs: list[Log], lowpass: float | None = None) -> str:
+        made = flexspline.compare(model, runs, lowpass=lowpass)
+        return " ".join(note for note in made.notes if "in-sample" in note)
+
+    told = said(fit.model, runs)
+    assert f"on {fit.validated_by} that no fit saw it has {fit.cv_rmse:#.3g} Nm RMSE." in told
+    assert said(fit.model, runs[:1]).endswith("so its errors here are in-sample.")
+    assert said(fit.model, runs, 10.0).endswith("so its errors here are in-sample.")
+    other = rig.logs("slow", runs=3, samples=2500)[2]
+    assert said(fit.model, [runs[0], other]) == (
+        f"The model was fitted to {runs[0].name}: its errors there are in-sample."
+    )
+    assert said(rig.model(), runs) == ""
+
+
 def test_a_comparison_says_where_the_fit_was_behind_another_low_pass() -> None:
     runs = rig.logs("nothing", runs=2, samples=3000)
     smooth = flexspline.fit(rig.friction(), runs, "sensor_torque", lowpass=10.0, checks=False)

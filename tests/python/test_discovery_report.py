@@ -18,13 +18,23 @@ import flexspline
 from flexspline.discovery.analysis import Rival
 from flexspline.discovery.assemble import where
 from flexspline.discovery.candidates import EXCLUDED
+from flexspline.discovery.confirmation import AlsoSeen
 from flexspline.discovery.result import BY_NAMES, LESSER, Discovery, Motion
 from flexspline.discovery.slices import HeldRun, frequency_bands, order_bands, slices, telling
 from flexspline.experiment.plan import Outlook, plan_sentence
+from flexspline.formatting import percent
+from flexspline.least_squares.identifiability import Combination, Confounded
 from flexspline.logs.log import Log
 from flexspline.plot.comparison import bands_over, plot_comparison
 from flexspline.plot.discovery import held_out_run
-from flexspline.report.discovery import effect_lines, remarks, verdict, where_sentences
+from flexspline.report.discovery import (
+    also_seen_sentences,
+    discovery_call,
+    effect_lines,
+    remarks,
+    verdict,
+    where_sentences,
+)
 
 BASE = ["offset", "coulomb_friction", "viscous_friction", "inertia"]
 ROWS = 2000
@@ -96,6 +106,51 @@ def test_what_is_not_there_is_not_spoken_of() -> None:
     assert "motor_crosstalk" in also
     assert f"Withdrawn: gravity ({LESSER})." in remarks(seen)
     assert any(said.startswith("Rejected: a, b, which are spurious") for said in remarks(seen))
+
+
+def test_the_text_says_what_is_known_of_coefficients_that_are_not_known_alone() -> None:
+    made = found()
+    (one,) = made.found
+    parameters = tuple(
+        replace(p, determined=False) if p.name.startswith(one.effect) else p
+        for p in made.fit.parameters
+    )
+    names = (f"{one.effect}.factor", "offset.offset")
+    known = Combination(((names[0], 1.0), (names[1], 0.5)), 0.25, 0.01, "Nm")
+    group = Confounded(names, False, 99.0, (known,))
+    apart = Confounded(("inertia.inertia", "gravity.sine"), False, 99.0, (known,))
+    fit = replace(made.fit, parameters=parameters, confounded=(group, apart))
+    text = " ".join(str(replace(made, fit=fit)).split())
+    assert f"{one.effect}.factor and offset are indistinguishable" in text
+    assert "= 0.250 ± 0.010 Nm" in text and "gravity" not in text
+
+
+def test_what_is_spurious_is_listed_as_tried_and_none_is_said_to_gain_less_than_chance(
+    tmp_path: Path,
+) -> None:
+    made = replace(found(), doubted=("gravity",), refused={"gravity": "does not hold"})
+    made.report(tmp_path / "report.html")
+    page = (tmp_path / "report.html").read_text()
+    tried = page[page.index('id="tried"') :]
+    assert "spurious: a flexible basis explains the data better" in tried
+    assert "All other effects" not in tried and "this report does not name gain less" in tried
+
+
+def test_the_call_that_makes_it_again_leaves_out_what_was_left_out() -> None:
+    assert "exclude=" not in discovery_call(found())
+    left_out = replace(found(), not_tried={"gravity": EXCLUDED, "cogging": "needs pole pairs"})
+    assert "    exclude=['gravity'],\n" in discovery_call(left_out)
+
+
+@pytest.mark.parametrize(
+    ("share", "said"),
+    [(1.0, "100 %"), (0.999, "100 %"), (0.334, "33 %"), (0.0123, "1.2 %"), (-0.001, "-0.1 %")],
+)
+def test_a_share_reads_as_a_person_writes_it(share: float, said: str) -> None:
+    seen = AlsoSeen("gravity", 0.3, 0.29, 3.0, share)
+    (told,) = also_seen_sentences(replace(found(), also_seen=(seen,)))
+    assert f" {said} of what closes" in told
+    assert percent(-0.004) == "0 %" and percent(-0.006) == "-1 %" and percent(2.0) == "200 %"
 
 
 def turning(values: np.ndarray, rate: float = 100.0) -> Log:
@@ -350,17 +405,27 @@ def test_the_floor_of_the_verdict_is_that_of_the_map() -> None:
         ((0.98,), "lacks motor_crosstalk: RMSE"),
         ((0.24, 0.04), "may lack motor_crosstalk at 24 %, cogging at 4 %: RMSE"),
         ((0.98, 0.04), "lacks motor_crosstalk, and may lack cogging at 4 %: RMSE"),
+        ((0.04, 0.98), "may lack motor_crosstalk at 4 %, and lacks cogging: RMSE"),
     ],
 )
 def test_a_headline_is_no_surer_than_its_names(confidences: tuple[float, ...], told: str) -> None:
     (one,) = found().found
     names = ("motor_crosstalk", "cogging")
     several = tuple(
-        replace(one, effect=name, confidence=confidence)
-        for name, confidence in zip(names, confidences, strict=False)
+        replace(one, effect=name, confidence=confidence, share_of_gap=share)
+        for name, confidence, share in zip(names, confidences, (0.9, 0.1), strict=False)
     )
     said = verdict(replace(found(), found=several))
     assert f"The model of the sensor torque {told} " in said
+
+
+def test_a_headline_names_what_explains_the_runs_as_well() -> None:
+    (one,) = found().found
+    either = replace(one, confidence=0.4, indistinguishable_from=("gravity",))
+    said = verdict(replace(found(), found=(either,)))
+    assert "may lack motor_crosstalk or gravity at 40 %: RMSE" in said
+    several = replace(either, indistinguishable_from=("gravity", "cogging"))
+    assert "may lack motor_crosstalk at 40 %: RMSE" in verdict(replace(found(), found=(several,)))
 
 
 def test_names_that_were_all_taken_back_are_not_told_as_nothing_missing() -> None:

@@ -9,6 +9,7 @@ from fit_logs import WIDTH, autoregressive, chosen, log_with, motion, rows_of, s
 import flexspline
 from flexspline import InputError, effect
 from flexspline.least_squares.linear import PLAIN, Settling
+from flexspline.signals import target_of
 
 HELD = {"direction_width": WIDTH}
 LOADED = [
@@ -100,3 +101,15 @@ def test_loads_that_come_back_and_forth_settle(slopes):
     for _ in range(PLAIN + 2 * len(slopes)):
         load = settling.next(load, offset + matrix @ load)
     assert load == pytest.approx(np.linalg.solve(np.eye(len(slopes)) - matrix, offset), rel=1e-6)
+
+
+def run():
+    return simulated(LOADED, TRUTH, motion(1))
+
+
+@pytest.mark.parametrize("target", ["sensor_torque", "motor_torque", "motor_current", "torsion"])
+@pytest.mark.parametrize("load", ["motor_current", "motor_torque", "output_velocity"])
+def test_a_known_load_that_is_no_torque_at_the_output_is_refused(target: str, load: str) -> None:
+    says = "is the target itself" if load == target else "is no torque at the output"
+    with pytest.raises(InputError, match=f"the known load {load} {says}.*reference_torque"):
+        target_of(run(), target, load)

@@ -67,7 +67,7 @@ def test_a_sound_model_within_its_ranges_is_not_warned_of(tmp_path: Path) -> Non
     ("made", "says"),
     [
         (effect("viscous_friction"), "viscous_friction.viscosity = -0.1 .* negative friction"),
-        (effect("inertia"), "inertia.inertia = -0.1 .* negative inertia"),
+        (effect("inertia"), "inertia = -0.1 .* negative inertia"),
         (effect("coulomb_friction"), "coulomb_friction.level = -0.1 Nm is negative friction"),
     ],
 )
@@ -99,6 +99,37 @@ def test_a_discovery_warns_of_the_same_signs() -> None:
     assert said == sign_warnings(made.fit.part)[0] and "negative friction" in said
     assert f"Check before use: {said}." in " ".join(str(made).split())
     assert json.loads(made.to_json())["warnings"] == [said]
+
+
+@pytest.mark.parametrize(("viscosity", "warned"), [(-0.2, True), (0.2, False)])
+def test_a_fit_warns_of_negative_friction_that_is_significant(
+    viscosity: float, warned: bool
+) -> None:
+    at = motion(1)
+    noise = autoregressive(np.random.default_rng(1), len(at["time"]))
+    velocity = at["output_velocity"]
+    torque = 0.3 * np.tanh(velocity / WIDTH) + viscosity * velocity + noise
+    log = log_with(at, facts=FACTS, motor_torque=torque / 101.0)
+    fit = flexspline.fit(["coulomb_friction", "viscous_friction"], log, "motor_torque")
+    assert (
+        any("negative friction, which no drive has; fit" in said for said in fit.warnings) is warned
+    )
+
+
+def test_a_negative_value_within_its_error_is_said_to_be_that_and_no_matter_of_a_fit() -> None:
+    made = fitted(part("motor_torque", {effect("inertia"): [-0.1]}), -0.1, 0.2)
+    (said,) = sign_warnings(made)
+    assert "negative inertia, which no drive has, and not significant; fit" in said
+    assert sign_warnings(made, significant=True) == []
+    (sure,) = sign_warnings(fitted(made, -0.1, 0.01), significant=True)
+    assert "and not significant" not in sure
+
+
+def fitted(made: Part, value: float, error: float) -> Part:
+    """The part, with what a fit records of its inertia."""
+    entry = {"name": "inertia.inertia", "kind": "coefficient", "value": value,
+             "standard_error": error, "state": "fitted"}  # fmt: skip
+    return replace(made, record={**made.record, "parameters": [entry]})
 
 
 @pytest.mark.parametrize(("values", "warned"), [([1.0, -1.0], 0), ([1.0, 1.2], 1), ([0.9, 0.5], 0)])

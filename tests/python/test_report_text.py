@@ -135,7 +135,7 @@ def test_a_name_said_twice_is_said_once_and_a_number_is_no_name() -> None:
 
 
 @pytest.mark.parametrize(
-    ("share", "said"), [(-0.001, "0 %"), (-0.006, "-1 %"), (0.57, "57 %"), (np.nan, "nan %")]
+    ("share", "said"), [(-0.001, "0 %"), (-0.006, "-1 %"), (0.57, "57 %"), (np.nan, "–")]
 )
 def test_a_share_that_rounds_to_nothing_has_no_sign(share: float, said: str) -> None:
     assert percent(share) == said

@@ -28,7 +28,12 @@ from flexspline.least_squares.noise_model import (
     lagged_products,
     noise_model,
 )
-from flexspline.least_squares.uncertainty import Prior, Uncertainty, parameter_uncertainty
+from flexspline.least_squares.uncertainty import (
+    Prior,
+    Uncertainty,
+    _Sums,
+    parameter_uncertainty,
+)
 
 _study = Path(__file__).parents[1] / "bench" / "coverage.py"
 _spec = importlib.util.spec_from_file_location("coverage_study", _study)
@@ -371,3 +376,32 @@ def test_smooth_noise_beside_smooth_terms_leaves_every_parameter_its_degrees_of_
     assert np.linalg.eigvalsh(spread)[0] > 0.0
     assert (found.degrees_of_freedom > 10.0).all() and (found.degrees_of_freedom < 6000.0).all()
     assert np.isfinite(found.intervals(np.zeros(4))).all()
+
+
+@pytest.mark.parametrize("phi", [(0.9,), (1.6, -0.8), (1.2, -0.3, 0.05), (0.5, 0.2, 0.1, 0.05)])
+def test_what_the_filters_add_behind_a_stretch_is_what_they_add_over_zeros(
+    phi: tuple[float, ...],
+) -> None:
+    generator, order = np.random.default_rng(3), len(phi)
+    noise = NoiseModel(np.array(phi), 1.0, np.eye(order), 1000, 3, 1)
+    rows = generator.standard_normal((200, 3))
+    basis = np.linalg.qr(generator.standard_normal((5, 3)))[0]
+    closed, run_on = _Sums(basis, noise), _Sums(basis, noise)
+    for sums in (closed, run_on):
+        sums.add(rows, rows[:, 0], np.ones(200))
+    closed.close()
+    run_on._filter(np.zeros((4000, 3)))
+    for name in ("meat", "powers", "slopes"):
+        expected = getattr(run_on, name)
+        assert np.allclose(
+            getattr(closed, name), expected, rtol=0.0, atol=1e-13 * abs(expected).max()
+        )
+
+
+def test_noise_as_slow_as_may_be_costs_a_stretch_no_more() -> None:
+    """Its filter rings for 10⁸ rows; that took minutes for each end of a run."""
+    noise = NoiseModel(np.array([1.0 - 1e-7]), 1.0, np.eye(1), 1000, 3, 1)
+    sums = _Sums(np.eye(1), noise)
+    sums.add(np.ones((1, 1)), np.ones(1), np.ones(1))
+    sums.close()
+    assert sums.powers[0] == pytest.approx(0.5e7, rel=1e-6)  # 1 / (1 - φ²)

@@ -24,7 +24,7 @@ from flexspline.least_squares.result import Fit
 from flexspline.logs.derive import with_motion
 from flexspline.logs.log import Log
 from flexspline.logs.read import LogLike, as_logs
-from flexspline.model import Model, Prediction, lowpass_remark
+from flexspline.model import Model, Prediction, fitted_to, lowpass_remark
 from flexspline.signals import require_apart
 
 if TYPE_CHECKING:
@@ -219,20 +219,11 @@ def _told(
         for run in one.runs:
             if _same(run.measured, said.measured) and np.array_equal(run.log["time"], log["time"]):
                 return said, run.held_out, HELD_OUT
-    kept = model.part(target).record.get("logs", ())
-    return said, said.residual, FITTED if any(_of(log, entry) for entry in kept) else PREDICTED
+    return said, said.residual, FITTED if fitted_to(model.part(target), log) else PREDICTED
 
 
 def _same(one: Array, other: Array) -> bool:
     return one.shape == other.shape and bool(np.allclose(one, other, equal_nan=True))
-
-
-def _of(log: Log, entry: Mapping[str, object]) -> bool:
-    """Whether a record of a fitted log is of this one: its file, or without one name and rows."""
-    own = log.source.sha256 if log.source else None
-    if own is not None or entry.get("sha256") is not None:
-        return entry.get("sha256") == own
-    return entry.get("name") == log.name and entry.get("rows") == len(log)
 
 
 def _run(log: Log, told: Sequence[tuple[Prediction, Array, str]]) -> ModelRun:

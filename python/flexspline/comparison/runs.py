@@ -15,7 +15,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.errors import InputError
+from flexspline.errors import InputError, listed
+from flexspline.formatting import padded
 from flexspline.forward import simulate
 from flexspline.forward.servo import PositionServo
 from flexspline.least_squares.problem import away_from_ends, coarser, resolved_rows
@@ -26,7 +27,7 @@ from flexspline.logs.quantisation import quantum, white_noise
 from flexspline.logs.read import LogLike
 from flexspline.logs.segments import median_step, output_speed
 from flexspline.logs.segments import runs as unbroken
-from flexspline.model import Model, Part, lowpass_remark
+from flexspline.model import Model, Part, fitted_to, lowpass_remark
 from flexspline.part import PART_OF
 from flexspline.prepared import VELOCITY, Preparation, learned, prepared
 from flexspline.signals import target_of
@@ -139,7 +140,7 @@ def predicted(
     source = load_source_of(part, logs)
     own = _noise_left(noise, ways)
     runs = tuple(_predicted_run(model, part, log, lowpass, source, own) for log in logs)
-    notes = tuple(filter(None, [lowpass_remark(part, lowpass)]))
+    notes = tuple(filter(None, [lowpass_remark(part, lowpass), _seen_by(part, logs, lowpass)]))
     if part.target != "torsion" and any(way.channel == VELOCITY for way in ways):
         runs, left_out = _resolved(model, part, logs, lowpass, runs)
         notes += left_out
@@ -148,6 +149,25 @@ def predicted(
         runs, part.target, part.unit, False, lowpass, source, part.unit, foreign=foreign,
         notes=notes, inputs=tuple(noise.values()), preparations=tuple(ways), bandwidth=bandwidth,
     )  # fmt: skip
+
+
+def _seen_by(part: Part, logs: Sequence[Log], lowpass: float | None) -> str:
+    """A sentence where the part was fitted to some of the logs, whose errors are then in-sample.
+
+    Where they are all that it was fitted to, with the held-out error of that fit.
+    """
+    seen = [log.name for log in logs if fitted_to(part, log)]
+    if not seen:
+        return ""
+    if len(seen) < len(logs):
+        return f"The model was fitted to {listed(seen)}: its errors there are in-sample."
+    said = "The model was fitted to these runs, so its errors here are in-sample"
+    scores, by = part.record.get("scores", ()), part.record.get("validated", {}).get("by")
+    if not scores or len(part.record["logs"]) != len(logs) or part.record.get("lowpass") != lowpass:
+        return f"{said}."
+    return (
+        f"{said}; on {by} that no fit saw it has {padded(scores[0]['cv_rmse'])} {part.unit} RMSE."
+    )
 
 
 def _resolved(

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from flexspline.effects import CATALOGUE, unit_in
 from flexspline.effects.causes import DERIVED, MESH, SPRINGS, TORSION_LOOP, Formula
+from flexspline.model import sign_warnings as signs_of_a_drive
 from flexspline.orders.parts import effective_ratio
 
 if TYPE_CHECKING:
@@ -89,12 +90,13 @@ def derived_of(fit: Fit) -> tuple[Derived, ...]:
 
 
 def sign_warnings(fit: Fit) -> list[str]:
-    """What a compliance or a loop of the wrong sign says: a spring or a brake that gives energy."""
-    return [
+    """What a compliance, a loop, a friction or an inertia of the wrong sign says."""
+    turned = [
         f"{d.name} is negative: the sign of a torque or of a position may be turned"
         for d in fit.derived
         if d.name in POSITIVE and d.value < 0.0
     ]
+    return turned + signs_of_a_drive(fit.part, significant=True)
 
 
 def _value(formula: Formula, values: Mapping[str, float]) -> float:

@@ -5,9 +5,10 @@ model Ω (autoregressive, starting anew in each stretch):
 
     cov β = (XᵀX)⁻¹ XᵀΩX (XᵀX)⁻¹,     XᵀΩX = σ² Σ_t y_t y_tᵀ,     y = X filtered by 1/A
 
-exactly, if the filter runs on over zeros behind the last row of a stretch. An interval is
-value ± t·error, with Student's t of ν degrees of freedom, because the noise model is estimated
-too ([Satterthwaite1946]; for restricted likelihood [KenwardRoger1997]):
+exactly, if the filter runs on over zeros behind the last row of a stretch; what it would add there
+is summed in closed form from its state (`_Tail`), for slow noise rings longer than a run. An
+interval is value ± t·error, with Student's t of ν degrees of freedom, because the noise model is
+estimated too ([Satterthwaite1946]; for restricted likelihood [KenwardRoger1997]):
 
     ν = 2 / (gᵀ cov(φ) g + 2 / (n - P)),     g = ∂ log(error²) / ∂φ
 
@@ -23,7 +24,7 @@ from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from flexspline.errors import InputError
-from flexspline.least_squares.noise_model import BLOCK, Chunks, NoiseModel, pieces
+from flexspline.least_squares.noise_model import Chunks, NoiseModel, pieces
 
 Array = NDArray[np.float64]
 
@@ -31,7 +32,8 @@ Array = NDArray[np.float64]
 #: 93–97 %. In tests/bench/coverage.py they still do at 15; at 6 they cover 96–100 %, being as wide
 #: as noise that is hardly known makes them. 20 leaves a margin.
 PIECES_NEEDED = 20.0
-_TAIL = 1e-4
+_DOUBLINGS = 64  # of a sum's length: 2⁶⁴ rows, which no root below 1 outlasts
+_GONE = 1e-12  # of the transition: what it adds then is below rounding
 
 
 @dataclass(frozen=True)
@@ -210,6 +212,7 @@ class _Sums:
         self.powers = np.zeros(count)
         self.slopes = np.zeros((noise.order, count))
         self.squares, self.rows = 0.0, 0
+        self.tail = _Tail.of(noise)
         self._forget()
 
     def _forget(self) -> None:
@@ -226,12 +229,12 @@ class _Sums:
         self._filter(rows)
 
     def close(self) -> None:
-        """End of a stretch: let the filter ring out, and forget."""
-        root = self.noise.largest_root
-        left = int(np.ceil(np.log(_TAIL) / np.log(root))) if root > 0.0 and self.first.any() else 0
-        while left > 0:
-            self._filter(np.zeros((min(left, BLOCK), self.basis.shape[1])))
-            left -= BLOCK
+        """End of a stretch: add what the filter would as it rings out, and forget."""
+        if self.noise.order and self.first.any():
+            self.meat += self.tail.squares(self.first)
+            share = self.first @ self.basis.T
+            self.powers += np.einsum("kj,kj->j", share, self.tail.seen @ share)
+            self.slopes += 2.0 * self.tail.lagged(share, self.second, self.last)
         self._forget()
 
     def _filter(self, rows: Array) -> None:
@@ -247,6 +250,64 @@ class _Sums:
                 "tj,tj->j", share, again[order - k : len(again) - k]
             )
         self.last = again[len(again) - order :]
+
+
+@dataclass(frozen=True)
+class _Tail:
+    """Sums over all rows behind a stretch, where the filters run on from their states alone.
+
+    The state s (p,) of 1/A goes on as s ← F s and puts out d = s₀; that of the second filter takes
+    d in: u ← F u + φ d, and puts out w = d + u₀. With both as x = (s, u):
+
+        `seen`: Σ_t (Fᵗ)ᵀ e₀ e₀ᵀ Fᵗ (p, p), so that Σ d² = sᵀ seen s,
+        `both`: Σ_t of products (p, p, 2p), so that Σ s_i w = sᵀ both_i x,
+        `ahead`: rows e₀ᵀ Fᵗ (p + 1, p), so that d_t = ahead_t s.
+
+    Each sum is doubled in length until nothing is left to add.
+    """
+
+    seen: Array
+    both: Array
+    ahead: Array
+
+    @classmethod
+    def of(cls, noise: NoiseModel) -> _Tail:
+        order = noise.order
+        step = np.eye(order, k=1)
+        step[:, :1] += noise.coefficients[:, None]
+        joint = np.kron(np.eye(2), step)
+        joint[order:, :1] += noise.coefficients[:, None]
+        first = np.zeros((order, order))
+        first[:1, :1] = 1.0
+        out = np.zeros(2 * order)
+        out[[0, order] if order else []] = 1.0
+        both = np.eye(order)[:, :, None] * out
+        ahead = [np.eye(1, order)[0]]
+        for _ in range(order):
+            ahead.append(ahead[-1] @ step)
+        seen = first
+        for _ in range(_DOUBLINGS):
+            if np.abs(joint).max(initial=0.0) < _GONE:
+                break
+            seen = seen + step.T @ seen @ step
+            both = both + step.T @ both @ joint
+            step, joint = step @ step, joint @ joint
+        return cls(seen, both, np.array(ahead))
+
+    def squares(self, state: Array) -> Array:
+        """Σ y yᵀ (K, K) of columns whose filter stands at (p, K)."""
+        return np.asarray(state.T @ self.seen @ state)
+
+    def lagged(self, share: Array, second: Array, last: Array) -> Array:
+        """Σ d_t w_{t-k} (p, P), k = 1 … p, from both states (p, P) and the last w (p, P)."""
+        order, count = share.shape
+        x = np.concatenate([share, second])
+        pairs = (share[:, None, :] * x[None, :, :]).reshape(2 * order * order, count)
+        told = self.ahead[1:] @ (self.both.reshape(order, -1) @ pairs)  # rows that are to come
+        outputs = self.ahead[:-1] @ share
+        for k in range(1, order + 1):
+            told[k - 1] += np.einsum("tj,tj->j", outputs[:k], last[order - k :])
+        return np.asarray(told)
 
 
 def _degrees_of_freedom(slopes: Array, powers: Array, noise: NoiseModel) -> Array:

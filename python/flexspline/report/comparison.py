@@ -16,7 +16,14 @@ from flexspline.comparison.models import FITTED
 from flexspline.comparison.result import floor_sentence, ranked, sized
 from flexspline.comparison.search import Band, worst_band
 from flexspline.errors import listed
-from flexspline.formatting import blocks_text, decimals_for, padded, rows_text, table_html
+from flexspline.formatting import (
+    blocks_text,
+    decimals_for,
+    padded,
+    percent,
+    rows_text,
+    table_html,
+)
 from flexspline.plot.canvas import own_style
 from flexspline.report.html import log_facts, templates, write_html
 from flexspline.report.tables import input_rows, smoothed_rows
@@ -195,7 +202,7 @@ def worst_rows(made: Comparison) -> list[Row]:
 def followed(made: Comparison) -> list[str]:
     """Return a sentence for each thing that the gap follows."""
     return [
-        f"follows {f.words}: {_percent(f.share)} of the gap's square above the floor, "
+        f"follows {f.words}: {percent(min(f.share, 1.0))} of the gap's square above the floor, "
         f"chance {_chance(f.chance)}"
         + (f"; nearly as well: {', '.join(f.also)}" if f.also else "")
         + "."
@@ -242,10 +249,6 @@ def _numbers(band: Band, floor: float) -> Row:
 
 def _short(label: str) -> str:
     return label if len(label) <= LONGEST_LABEL else label[: LONGEST_LABEL - 2] + " …"
-
-
-def _percent(share: float) -> str:
-    return f"{100.0 * min(share, 1.0):.0f} %"
 
 
 def _chance(chance: float) -> str:

@@ -18,11 +18,17 @@ from flexspline.discovery.slices import telling
 from flexspline.effects.causes import FRICTION_BY_DIRECTION
 from flexspline.errors import listed
 from flexspline.files import atomic_write
-from flexspline.formatting import decimals_for, padded, plus_minus, short
+from flexspline.formatting import decimals_for, padded, percent, plus_minus, short
 from flexspline.plot.canvas import own_style
 from flexspline.report.html import model_facts, templates, used_logs
 from flexspline.report.tables import input_rows
-from flexspline.report.text import TARGET_WORDS, ParameterLine, known_groups, parameter_lines
+from flexspline.report.text import (
+    TARGET_WORDS,
+    ParameterLine,
+    known_groups,
+    known_text,
+    parameter_lines,
+)
 
 if TYPE_CHECKING:
     from flexspline.discovery.faults import DataFault
@@ -71,6 +77,7 @@ def discovery_text(made: Discovery) -> str:
     for title, sentences in faults_told(made):
         blocks.append("\n".join([f"{title}:", *(_wrapped(said, "- ") for said in sentences)]))
     blocks += [_one(made, number, one) for number, one in enumerate(made.found, 1)]
+    blocks += ["\n".join(known)] if (known := known_text(made.fit, made.names)) else []
     blocks += [_wrapped(sentence) for sentence in remarks(made)]
     return "\n\n".join(blocks)
 
@@ -111,6 +118,7 @@ def write_discovery_report(made: Discovery, path: str | os.PathLike[str]) -> Non
             channels=channel_rows(made),
             delay="",
             searched=searched_sentence(made),
+            refused=refused_rows(made),
             estimator=estimator_sentence(made),
             lines=parameter_lines(made.fit),
             groups=known_groups(made.fit),
@@ -207,16 +215,27 @@ def verdict(made: Discovery) -> str:
 
 
 def _names_told(found: Sequence[Found]) -> str:
-    """Return what is missing; a name that is more likely wrong than right may be missing."""
-    sure = [one.effect for one in found if one.confidence >= LIKELY]
+    """Return what is missing; a name that is more likely wrong than right may be missing.
+
+    What closes most comes first, sure or not, and with what explains the runs as well.
+    """
+    sure = [_or_alias(one) for one in found if one.confidence >= LIKELY]
     unsure = [
-        f"{one.effect} at {100.0 * one.confidence:.0f} %"
+        f"{_or_alias(one)} at {100.0 * one.confidence:.0f} %"
         for one in found
         if one.confidence < LIKELY
     ]
-    told = [f"{verb} {listed(names, most=len(names))}"
-            for verb, names in (("lacks", sure), ("may lack", unsure)) if names]  # fmt: skip
+    verbs = [("lacks", sure), ("may lack", unsure)]
+    if max(found, key=lambda one: one.share_of_gap).confidence < LIKELY:
+        verbs.reverse()
+    told = [f"{verb} {listed(names, most=len(names))}" for verb, names in verbs if names]
     return ", and ".join(told)
+
+
+def _or_alias(one: Found) -> str:
+    """A name, and the one that explains the runs as well; of several the list below tells."""
+    aliases = one.indistinguishable_from
+    return f"{one.effect} or {aliases[0]}" if len(aliases) == 1 else one.effect
 
 
 def _unexplained_is_small(made: Discovery) -> bool:
@@ -338,9 +357,14 @@ def also_seen_sentences(made: Discovery) -> list[str]:
     """Return a sentence for each effect that is real but too small to matter."""
     return [
         f"{one.effect}: {padded(one.rmse_before)} to {padded(one.rmse_after)} {made.unit} held "
-        f"out, {100.0 * one.share_of_gap:.2g} % of what closes (t = {one.t:.1f})"
+        f"out, {_share(one.share_of_gap)} of what closes (t = {one.t:.1f})"
         for one in made.also_seen
     ]
+
+
+def _share(share: float) -> str:
+    """A share with two digits where it is below 10 %, and never "1e+02 %"."""
+    return f"{100.0 * share:.2g} %" if abs(share) < 0.095 else percent(share)
 
 
 def faults_told(made: Discovery) -> list[tuple[str, list[str]]]:
@@ -444,6 +468,12 @@ def driven_sentence(made: Discovery) -> str:
     )
 
 
+def refused_rows(made: Discovery) -> list[tuple[str, str]]:
+    """Return the effects that gained and were not taken, and why, those that are spurious too."""
+    spurious = dict.fromkeys(made.doubted, "spurious: a flexible basis explains the data better")
+    return [*(dict(made.refused) | spurious).items()]
+
+
 def not_tried_sentences(made: Discovery) -> list[str]:
     """Return the effects that were not tried, by the reason."""
     groups: dict[str, list[str]] = {EXCLUDED: [], TAKEN: [], "for lack of channels or facts": []}
@@ -476,12 +506,12 @@ def searched_sentence(made: Discovery) -> str:
     if min(names, functions) >= 1.0:
         return "All rows that count were searched, for names and for what has none."
     first = (
-        f"Of these long runs {100.0 * names:.2g} % of the rows, spread evenly, were searched for "
+        f"Of these long runs {_share(names)} of the rows, spread evenly, were searched for "
         "names first; what was found there was tried and fitted on all rows."
         if names < 1.0
         else "All rows that count were searched for names."
     )
-    rest = f"{100.0 * functions:.2g} %" if functions < 1.0 else "all"
+    rest = _share(functions) if functions < 1.0 else "all"
     return f"{first} What no name explains was looked for on {rest} of the rows."
 
 
@@ -548,6 +578,9 @@ def discovery_call(made: Discovery) -> str:
     fixed = {p.name: p.value for p in made.fit.parameters if p.state == "fixed"}
     if fixed:
         lines.append(f"fixed={fixed!r}")
+    excluded = [name for name, why in made.not_tried.items() if why == EXCLUDED]
+    if excluded:
+        lines.append(f"exclude={excluded!r}")
     if made.by == "simulation":
         lines += ["by='simulation'", "controller=controller", "free_controller=free_controller"]
     return "found = flexspline.discover(\n" + "".join(f"    {x},\n" for x in lines) + ")"

@@ -10,7 +10,7 @@ ripple is its cosine and sine here.
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
 from typing import TYPE_CHECKING
@@ -52,6 +52,7 @@ __all__ = [
     "fit_summary",
     "fit_text",
     "known_groups",
+    "known_text",
     "parameter_lines",
     "parameters_html",
     "parameters_text",
@@ -94,7 +95,7 @@ def fit_text(fit: Fit) -> str:
     blocks = [
         [*wrapped(judged.good), *wrapped(judged.wrong)],
         _parameters(parameter_lines(fit)),
-        _known_text(fit),
+        known_text(fit),
         _between_text(fit),
         _trust(fit),
         _channels(fit),
@@ -139,10 +140,13 @@ def _in_group(lines: Sequence[ParameterLine], number: int) -> bool:
     return any(line.heading for line in lines[: number + 1])
 
 
-def _known_text(fit: Fit) -> list[str]:
-    """Return lines that say what is known of coefficients that are not known by themselves."""
+def known_text(fit: Fit, of: Collection[str] | None = None) -> list[str]:
+    """Return lines that say what is known of coefficients that are not known by themselves.
+
+    `of`: effects, one of which a group has to hold; None: every group.
+    """
     text: list[str] = []
-    for group in known_groups(fit):
+    for group in known_groups(fit, of):
         text += wrapped(f"{group.sentence}.", "", "  ")
         for combination, value in group.known:
             text += wrapped(f"known: {combination} = {value}", "  ", "    ")
@@ -381,8 +385,8 @@ def _derived_lines(fit: Fit) -> list[ParameterLine]:
     ]
 
 
-def known_groups(fit: Fit) -> list[KnownGroup]:
-    """Return what is known of coefficients that are not known by themselves."""
+def known_groups(fit: Fit, of: Collection[str] | None = None) -> list[KnownGroup]:
+    """Return what is known of coefficients that are not known by themselves, as `known_text`."""
     return [
         KnownGroup(
             short_names(group.sentence),
@@ -392,6 +396,7 @@ def known_groups(fit: Fit) -> list[KnownGroup]:
             ),
         )
         for group in fit.confounded
+        if of is None or any(name.split(".")[0] in of for name in group.names)
     ]
 
 
@@ -521,7 +526,7 @@ def parameters_text(fit: Fit) -> str:
     if not fit.parameters:
         return "No parameters: nothing was fitted."
     table = rows_text(_remarks_wrapped(_rows(fit)), left=range(len(HEAD)))
-    return blocks_text([[table], _known_text(fit)])
+    return blocks_text([[table], known_text(fit)])
 
 
 def parameters_html(fit: Fit) -> str:
@@ -584,7 +589,7 @@ def fit_summary(fit: Fit) -> str:
         [f"Fit of {TARGET_WORDS[fit.target]}, {_method(fit)}"],
         [rows_text(_facts(fit), left=(0, 1))],
         [_table(fit)],
-        _known_text(fit),
+        known_text(fit),
         _between_text(fit),
         [*wrapped(judged.good), *wrapped(judged.wrong)],
         [line for sentence in [*trust(fit), *_notes(fit)] for line in wrapped(sentence)],

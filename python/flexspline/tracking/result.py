@@ -438,7 +438,7 @@ def spoken(name: str) -> str:
 
 
 def _percent(share: float, sign: str = "") -> str:
-    return f"{share:{sign}.0%}".replace("%", " %")
+    return f"{round(100.0 * share) + 0.0:{sign}.0f} %"
 
 
 def needed_by(effect: str) -> str:
