@@ -29,6 +29,7 @@ from flexspline.exporting.plugin import (
     library_name,
     plugin_files,
     plugin_of,
+    plugins_of,
     write_plugin,
 )
 from flexspline.files import atomic_write, whole_folder
@@ -116,8 +117,9 @@ def _mujoco_plugin(
     model: Model, path: Path, target: str | None, scalar: str, compiles: bool = False
 ) -> None:
     namespace = namespace_of(path)
-    for own in own_headers(plugin_of(model, target).model, None):
-        _is_there(own, path / f"{namespace}.hpp")
+    for one in plugins_of(model, target).models:
+        for own in own_headers(one, None):
+            _is_there(own, path / f"{namespace}.hpp")
     with whole_folder(path) as draft:
         write_plugin(model, namespace, draft, target)
         if compiles:
