@@ -25,7 +25,7 @@ struct Kept {
 
   static Memory read(const mjtNum* state) noexcept {
     Memory made;
-    std::memcpy(&made, state, sizeof made);
+    std::memcpy(static_cast<void*>(&made), state, sizeof made);
     return made;
   }
 

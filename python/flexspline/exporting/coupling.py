@@ -38,10 +38,14 @@ ANY_TEMPERATURE = (-1e9, 1e9)  # deg C, of a fit that knows no range
 LOADS = 2001  # at which the torsion is looked at, of a range both ways
 TEMPERATURES = 5  # likewise
 REVERSED = 1e-6  # share of the largest load behind a reversal at which all of a loop sticks
-RIGID = 1e-6
-"""A compliance that falls below this share of the mean one is none. Stiffness goes by its inverse,
-so a timestep would have to be a thousandth of what the mean needs; ten times as much or as little
-moves the border between a refusal and such a timestep, and no number of a model that is taken."""
+SHARE_OF_MEAN = 0.1
+"""A model is asked up to the load from which on, just behind a reversal, the torsion grows by less
+than this share of its mean. Stiffness goes by the inverse: with half of it a simulator's timestep
+has to be 1.4 times as short and the model goes a little further, with twice of it the other way."""
+SHARE_OF_LOADS = 0.5
+"""The least share of the fit's loads up to which that has to be; what is asked for less, such as a
+backlash in a gear that is rigid otherwise, is mostly the straight line beyond. A mesh that stiffens
+and a loop of usual size are asked up to 0.8; no number of a model that is taken depends on it."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +60,9 @@ class Coupling:
     ratio : Ñ.
     temperature : deg C, the middle of the fit's range, else 25.
     temperatures : deg C, within which the model is asked.
-    largest_load : Nm at the output, up to which the fit knows it; beyond it is straight.
+    largest_load : Nm at the output, up to which the model is asked; beyond it is straight.
+    fitted_load : Nm at the output, up to which the fit knows it; the largest one, unless a loop
+        that sticks leaves too little of a mesh that stiffens.
     least_compliance : rad at the motor per Nm at the output, the least anywhere.
     left : effects that do not run, and why.
     """
@@ -67,6 +73,7 @@ class Coupling:
     temperature: float
     temperatures: tuple[float, float]
     largest_load: float
+    fitted_load: float
     least_compliance: float
     left: Mapping[str, str]
 
@@ -93,9 +100,9 @@ def coupling_of(model: Model) -> Coupling:
     ------
     InputError
         Where the model has no torsion, none of its effects yields to a load, the gear ratio or the
-        range of loads is missing, or where the torsion does not grow with the load everywhere or a
-        loop has coefficients below zero: then no torque belongs to a torsion, or the coupling
-        gives more work than it takes.
+        range of loads is missing, or where the torsion does not grow with the load up to half of
+        the fit's or a loop has coefficients below zero: then no torque belongs to a torsion, or the
+        coupling gives more work than it takes.
     """
     whole = model.part(TORSION)
     if whole.simulated is not None:
@@ -133,7 +140,8 @@ def coupling_of(model: Model) -> Coupling:
     )
     _require_braking(part)
     temperatures = read_temperatures(ranges)
-    largest = _largest_load(effects, ranges, ratio)
+    fitted = _fitted_load(effects, ranges, ratio)
+    largest, least = _range_of_growth(model, part, ratio, fitted, temperatures)
     return Coupling(
         Model({PART_OF[part.target]: part}, model.facts),
         part,
@@ -141,7 +149,8 @@ def coupling_of(model: Model) -> Coupling:
         0.5 * sum(temperatures) if "temperature" in ranges else USUAL_TEMPERATURE,
         temperatures,
         largest,
-        _least_compliance(model, part, ratio, largest, temperatures),
+        fitted,
+        least,
         left,
     )
 
@@ -181,7 +190,7 @@ def _require_braking(part: Part) -> None:
         first = last
 
 
-def _largest_load(
+def _fitted_load(
     effects: Sequence[Effect], ranges: Mapping[str, Sequence[float]], ratio: float
 ) -> float:
     """Up to which load [Nm] at the output the fit knows what twists."""
@@ -200,10 +209,13 @@ def _largest_load(
     return float(min(known))
 
 
-def _least_compliance(
-    model: Model, part: Part, ratio: float, largest: float, temperatures: tuple[float, float]
-) -> float:
-    """How much the torsion grows with the load at least [rad/Nm], all of a loop sticking."""
+def _range_of_growth(
+    model: Model, part: Part, ratio: float, fitted: float, temperatures: tuple[float, float]
+) -> tuple[float, float]:
+    """Up to which load [Nm] the torsion grows enough, and by how much at least [rad/Nm].
+
+    All of a loop sticks, as just behind a reversal.
+    """
     design = design_of(part.effects, gear_of(model.facts, motor_encoder=False))
     loops = np.concatenate([np.full(len(e.terms), e.info.remembers) for e in part.effects])
 
@@ -216,20 +228,23 @@ def _least_compliance(
     reads_temperature = any("temperature" in effect.reads for effect in part.effects)
     known = temperatures != ANY_TEMPERATURE and reads_temperature
     warm = np.linspace(*temperatures, TEMPERATURES) if known else np.array([USUAL_TEMPERATURE])
-    behind = np.array([0.0, REVERSED * largest])
-    loads = np.linspace(-largest, largest, LOADS)
-    least, mean, at = np.inf, 0.0, 0.0
+    behind = np.array([0.0, REVERSED * fitted])
+    loads = np.linspace(-fitted, fitted, LOADS)
+    grows, mean = np.full(LOADS - 1, np.inf), 0.0
     for temperature in warm:
         sticking = np.diff(torsions(behind, loops, temperature))[0] / behind[1]
         twisted = torsions(loads, ~loops, temperature)
-        grows = -np.diff(twisted) / np.diff(loads) - sticking
-        mean = max(mean, float(np.abs(twisted[-1] - twisted[0]) / (2.0 * largest)))
-        if grows.min() < least:
-            least, at = float(grows.min()), float(loads[int(np.argmin(grows))])
-    if not least > RIGID * mean:
+        mean = max(mean, float(np.abs(twisted[-1] - twisted[0]) / (2.0 * fitted)))
+        grows = np.minimum(grows, -np.diff(twisted) / np.diff(loads) - sticking)
+    ends = np.maximum(np.abs(loads[1:]), np.abs(loads[:-1]))
+    short = ~(grows > SHARE_OF_MEAN * mean)
+    largest = float(ends[~short & (ends < ends[short].min(initial=np.inf))].max(initial=0.0))
+    if largest < SHARE_OF_LOADS * fitted:
+        worst = int(np.argmin(grows))
         raise InputError(
-            f"the torsion of the model does not grow with the load at {at:.3g} Nm just behind a "
-            f"reversal ({least:.3g} rad at the motor per Nm), so that no torque belongs to it; fit "
-            "it with a mesh that gives way, and with a loop no larger than the runs determine"
+            f"the torsion of the model grows by {grows[worst]:.3g} rad at the motor per Nm at "
+            f"{loads[worst]:.3g} Nm just behind a reversal, and by enough up to {largest:.3g} of "
+            f"{fitted:.3g} Nm alone, so that hardly a torque belongs to it; fit it with a mesh "
+            "that gives way, and with a loop no larger than the runs determine"
         )
-    return least
+    return largest, float(grows[ends <= largest].min())

@@ -372,7 +372,7 @@ def _coupling_settings(coupling: Coupling, namespace: str) -> Iterator[str]:
     )
     fields = (
         (coupling.ratio, "ratio", "of the gear"),
-        (coupling.largest_load, "largest_load", "Nm at the output, of the fit"),
+        (coupling.largest_load, "largest_load", "Nm at the output"),
         (coupling.least_compliance, "least_compliance", "rad at the motor per Nm at the output"),
     )
     yield "struct Between {"
@@ -556,9 +556,13 @@ def _said_of_coupling(scene: _Scene, coupling: Coupling) -> Iterator[str]:
     yield ""
     yield from _lists(coupling)
     yield ""
-    yield f"It is up to {coupling.stiffness:.3g} Nm/rad stiff at the output (K), and beyond the"
-    yield f"{coupling.largest_load:.3g} Nm of the fit straight. Its force is that of the start of a"
-    yield "step, with each of MuJoCo's integrators, and a step is refused that is not below"
+    yield f"It is up to {coupling.stiffness:.3g} Nm/rad stiff at the output (K), and straight"
+    yield f"beyond {coupling.largest_load:.3g} Nm."
+    if coupling.largest_load < coupling.fitted_load:
+        yield f"The fit goes up to {coupling.fitted_load:.3g} Nm, where its loop, as it sticks,"
+        yield "leaves too little of what the rest yields."
+    yield "Its force is that of the start of a step, with each of MuJoCo's integrators, and a step"
+    yield "is refused that is not below"
     yield ""
     yield "  2 / sqrt(K (1/J_motor + 1/J_link))"
     yield ""
