@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shutil
 import subprocess
@@ -12,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from cli_calls import call
 from mujoco_plugins import Loaded, loader
 from numpy.typing import NDArray
 from torsion_logs import truth
@@ -393,6 +395,22 @@ def test_a_model_is_asked_no_further_than_its_loop_leaves_the_mesh_something(
     assert coupling.least_compliance == pytest.approx(grows.min(), rel=0.02)
     text = (export(model, tmp_path / "joint", "mujoco-plugin") / "joint.xml").read_text()
     assert f"beyond {coupling.largest_load:.3g} Nm" in text and "The fit goes up to 40 Nm" in text
+
+
+def test_the_command_says_how_long_a_timestep_may_be(tmp_path: Path) -> None:
+    model = with_drive(gear(*GEARS["all"]))
+    model.save(tmp_path / "m.json")
+    arguments = ("export", "--model", tmp_path / "m.json", "--format", "mujoco-plugin")
+    done = call(*arguments, "--out", tmp_path / "wrist")
+    assert done.exit_code == 0, done.output
+    (factor,) = re.findall(r"timestep has to be below (\S+) s / sqrt\(1/J_motor", done.stdout)
+    longest = coupling_of(model).longest_step(MOTOR, LINK)
+    lightness = 1.0 / MOTOR + 1.0 / LINK
+    assert float(factor) / np.sqrt(lightness) == pytest.approx(longest, rel=0.05)
+    done = call(*arguments, "--target", "motor_torque", "--out", tmp_path / "friction")
+    assert done.exit_code == 0 and "timestep" not in done.stdout
+    done = call(*arguments, "--json", "--out", tmp_path / "json")
+    assert json.loads(done.stdout)["stiffness"] == coupling_of(model).stiffness
 
 
 def test_the_plugins_compile_without_a_warning(mujoco: Any, tmp_path: Path) -> None:

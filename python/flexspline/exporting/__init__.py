@@ -51,6 +51,7 @@ __all__ = [
     "mujoco_plugin",
     "namespace_of",
     "plugin_of",
+    "plugins_of",
 ]
 
 
@@ -243,9 +244,10 @@ def export(
     InputError
         For an unknown format, scalar or target, a number that the core cannot hold, a target that
         is no torque where a simulator's joint needs one, a part without an effect that a plugin
-        could run, a torsion to which no torque belongs, a compiler that is missing or refuses, runs that lack what the model reads or of
-        which the format says nothing, `dcmotor` of another format than "mujoco", or a path that
-        cannot be written; with `strict` for what is otherwise warned of.
+        could run, a torsion to which no torque belongs, a compiler that is missing or refuses, runs
+        that lack what the model reads or of which the format says nothing, `dcmotor` of another
+        format than "mujoco", or a path that cannot be written; with `strict` for what is otherwise
+        warned of.
 
     Warns
     -----
