@@ -340,7 +340,7 @@ REFUSED: dict[str, tuple[Model, str]] = {
     ),
     "a loop that gives": (
         gear(MESH, (LOOP[0], [5e-3, -1e-3, 5e-4, 2e-4])),
-        r"torsional_hysteresis.half of the torsion is -0.001 rad, by which each turn",
+        r"torsional_hysteresis.half of the torsion is -0.001 rad, by .*--bound torsional_hysteresis.half=0:",
     ),
     "a loop that sticks too well": (
         gear(MESH, (LOOP[0], [5e-3, 1e-3, 5e-4, 8e-3])),

@@ -7,6 +7,9 @@
 /// T_a. With R = 0 the losses heat nothing. Linear: with T and T_a counted from any temperature it
 /// is the same. P < 0, as of a spring that gives back what it took, cools by as much as it had
 /// heated. A joint has several capacities (windings, teeth, housing): this is the slowest of them.
+///
+/// R is what a joint that has run for long is warmer than the room by, over its losses; t_c the time
+/// in which, at rest, all but 37 % of that is gone.
 #pragma once
 
 #include <tuple>

@@ -181,11 +181,11 @@ def _require_braking(part: Part) -> None:
         last = first + len(effect.terms)
         coefficients = part.coefficients[first:last]
         if effect.info.traits.dissipative and (coefficients < 0.0).any():
-            worst = effect.terms[int(np.argmin(coefficients))].name
+            worst = f"{effect.name}.{effect.terms[int(np.argmin(coefficients))].name}"
             raise InputError(
-                f"{effect.name}.{worst} of the torsion is {coefficients.min():.3g} {part.unit}, by "
-                "which each turn of its loop would give energy; leave the effect out, or record "
-                "loads that rise and fall more often"
+                f"{worst} of the torsion is {coefficients.min():.3g} {part.unit}, by which each "
+                f"turn of its loop would give energy; fit it again with --bound {worst}=0:, or "
+                "without the effect"
             )
         first = last
 
