@@ -50,6 +50,7 @@
 
 #include <limits>
 
+#include "flexspline/find_zero.hpp"
 #include "flexspline/model.hpp"
 #include "flexspline/self_heating.hpp"
 #include "mujoco-instance.hpp"
@@ -164,28 +165,22 @@ class JointPlugin {
       const double scale = period / armature;
       const double pull = armature * before.acceleration - (before.load - before.actuators);
       const double start = d.qvel[joint.dof];
-      const auto beyond = [&](double velocity) {
+      const auto missing = [&](double velocity) {
         typename Model::State unused = before.effects;
-        return velocity - start - scale * (pull + force(velocity, unused));
+        const double more = start + scale * (pull + force(velocity, unused)) - velocity;
+        return math::absolute(more) <= tolerance ? 0.0 : more;
       };
-      double low = start, at_low = beyond(low);
-      double high = start - at_low, at_high = beyond(high);
-      for (int k = 0; k < most_trials && math::absolute(at_high) > tolerance; ++k) {
-        const bool between = at_low * at_high < 0;  // Illinois, and each third time the middle
-        const double secant = (low * at_high - high * at_low) / (at_high - at_low);
-        const double inside = k % 3 == 2 ? 0.5 * (low + high) : secant;
-        const double next = between ? inside : high - at_high;
-        const double at_next = beyond(next);
-        if (!between || at_next * at_high < 0) {
-          low = high;
-          at_low = at_high;
-        } else {
-          at_low *= 0.5;
-        }
-        high = next;
-        at_high = at_next;
+      double low = start, at_low = missing(low);
+      double high = start + at_low, at_high = missing(high);
+      for (int k = 0; k < most_trials && at_low * at_high > 0; ++k) {
+        low = high;
+        at_low = at_high;
+        high += at_high;
+        at_high = missing(high);
       }
-      return high;
+      if (!(at_low * at_high < 0)) return at_low == 0 ? low : high;
+      if (at_low > 0) return find_zero(missing, low, at_low, high, at_high, 0.0);
+      return find_zero(missing, high, at_high, low, at_low, 0.0);
     }
   };
 
