@@ -17,16 +17,9 @@ def write_commands(folder: Path) -> None:
     names = list(commands.commands)
     for name in names:
         command = commands.commands[name]
-        context = click.Context(
-            command,
-            info_name=f"flexspline {name}",
-            max_content_width=WIDTH,
-            terminal_width=WIDTH,
-            help_option_names=["-h", "--help"],
-        )
-        text = f"# flexspline {name}\n\n```text\n{command.get_help(context)}\n```\n"
+        text = f"# {_help(f'flexspline {name}', command)}"
         for inner in getattr(command, "commands", {}):
-            text += _inner(name, inner, command.commands[inner])
+            text += f"\n## {_help(f'flexspline {name} {inner}', command.commands[inner])}"
         (folder / f"{name}.md").write_text(text, encoding="utf-8")
     context = click.Context(commands, info_name="flexspline", terminal_width=WIDTH)
     entries = "\n".join(names)
@@ -37,13 +30,13 @@ def write_commands(folder: Path) -> None:
     )
 
 
-def _inner(group: str, name: str, command: click.Command) -> str:
-    """The section of a command within a command."""
+def _help(name: str, command: click.Command) -> str:
+    """The name of a command, and what its help prints."""
     context = click.Context(
         command,
-        info_name=f"flexspline {group} {name}",
+        info_name=name,
         max_content_width=WIDTH,
         terminal_width=WIDTH,
         help_option_names=["-h", "--help"],
     )
-    return f"\n## flexspline {group} {name}\n\n```text\n{command.get_help(context)}\n```\n"
+    return f"{name}\n\n```text\n{command.get_help(context)}\n```\n"

@@ -16,7 +16,7 @@ from flexspline.lazy import attached
 from flexspline.presentation import register_renderers
 
 if TYPE_CHECKING:
-    from flexspline.calibration.calibrating import calibrate
+    from flexspline.calibration import calibrate
     from flexspline.calibration.result import CalibrationResult
     from flexspline.certification import Certificate, certify
     from flexspline.comparison.comparing import compare
@@ -42,8 +42,8 @@ if TYPE_CHECKING:
     from flexspline.experiment.plan import Limits, Plan
     from flexspline.exporting import export, mujoco_plugin
     from flexspline.exporting.block import learned_model
+    from flexspline.forward import ForwardRun, simulate
     from flexspline.forward.servo import PositionServo
-    from flexspline.forward.simulating import ForwardRun, simulate
     from flexspline.least_squares.options import FitOptions, MotionOptions
     from flexspline.least_squares.result import Fit
     from flexspline.least_squares.sums import accumulate
@@ -53,12 +53,10 @@ if TYPE_CHECKING:
     from flexspline.model import Model, Part, Prediction, Predictions
     from flexspline.output_error.fitting import fit_motion
     from flexspline.own import OwnEffect, own_effect
-    from flexspline.recordings.guessing import guess_map
-    from flexspline.recordings.result import Guess
-    from flexspline.tracking.history import History
+    from flexspline.recordings import Guess, guess_map
+    from flexspline.tracking import track
+    from flexspline.tracking.history import History, history_of
     from flexspline.tracking.result import Track
-    from flexspline.tracking.sources import history_of
-    from flexspline.tracking.tracking import track
 
 __all__ = [
     "CATALOGUE",
@@ -145,8 +143,8 @@ _HOME = {
     "Findings": "logs.checks",
     "Fit": "least_squares.result",
     "FitOptions": "least_squares.options",
-    "ForwardRun": "forward.simulating",
-    "Guess": "recordings.result",
+    "ForwardRun": "forward",
+    "Guess": "recordings",
     "History": "tracking.history",
     "Limits": "experiment.plan",
     "Log": "logs.log",
@@ -166,7 +164,7 @@ _HOME = {
     "Thermistor": "estimators",
     "Track": "tracking.result",
     "accumulate": "least_squares.sums",
-    "calibrate": "calibration.calibrating",
+    "calibrate": "calibration",
     "certify": "certification",
     "check": "logs.checks",
     "compare": "comparison.comparing",
@@ -177,8 +175,8 @@ _HOME = {
     "convert": "logs.read",
     "fit": "deprecated",
     "fit_motion": "output_error.fitting",
-    "guess_map": "recordings.guessing",
-    "history_of": "tracking.sources",
+    "guess_map": "recordings",
+    "history_of": "tracking.history",
     "joints_of": "logs.read",
     "learned_model": "exporting.block",
     "mujoco_plugin": "exporting",
@@ -187,8 +185,8 @@ _HOME = {
     "read_log": "logs.read",
     "read_pieces": "logs.read",
     "read_runs": "logs.read",
-    "simulate": "forward.simulating",
-    "track": "tracking.tracking",
+    "simulate": "forward",
+    "track": "tracking",
 }
 
 

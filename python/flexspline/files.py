@@ -39,6 +39,7 @@ __all__ = [
     "require_there",
     "save_columns",
     "save_table",
+    "text_of",
     "whole_folder",
     "write_columns",
     "writing",
@@ -214,6 +215,23 @@ def refuse_special(path: str | os.PathLike[str], wanted: str) -> None:
         raise InputError(f"{path}: is no name of a file ({error}); give {wanted}") from error
     if not stat.S_ISREG(found.st_mode) and not stat.S_ISDIR(found.st_mode):
         raise InputError(f"{path}: is a device, a pipe or a socket; give {wanted}")
+
+
+def text_of(path: str | os.PathLike[str], wanted: str) -> str:
+    """Return the text of a file; `wanted` ends the sentence where there is none to be read.
+
+    Raises
+    ------
+    InputError
+        Where the file cannot be read, or is no text in UTF-8.
+    """
+    refuse_special(path, wanted)
+    try:
+        return Path(path).read_text(encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror}); give {wanted}") from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: is no text; give {wanted}") from error
 
 
 def require_there(path: str | os.PathLike[str]) -> None:

@@ -17,6 +17,7 @@ from flexspline.errors import printable
 __all__ = [
     "Page",
     "apart",
+    "blocks_text",
     "decimals_for",
     "documented",
     "padded",
@@ -135,6 +136,11 @@ def rows_html(rows: Sequence[Sequence[str]]) -> str:
 
     head, *body = rows
     return line(head, "th") + "".join(line(cells, "td") for cells in body)
+
+
+def blocks_text(blocks: Iterable[Sequence[str]]) -> str:
+    """Return blocks of lines, an empty line between two; a block without lines vanishes."""
+    return "\n\n".join("\n".join(block) for block in blocks if block)
 
 
 def sentences_text(sentences: Iterable[str], width: int = 100) -> list[str]:

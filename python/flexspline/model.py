@@ -12,7 +12,6 @@ import os
 import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Any, overload
 
 import numpy as np
@@ -30,8 +29,8 @@ from flexspline.effects.causes import (
 )
 from flexspline.errors import FlexsplineWarning, InputError, did_you_mean, listed, shortened
 from flexspline.estimators import ESTIMATORS, Estimator
-from flexspline.estimators.needs import require_complete
-from flexspline.files import atomic_write, refuse_special
+from flexspline.estimators.checks import require_complete
+from flexspline.files import atomic_write, refuse_special, text_of
 from flexspline.formatting import short, short_names
 from flexspline.joint_file import JointNumbers, is_joint_file, read_joint
 from flexspline.logs.channels import CHANNELS
@@ -379,15 +378,7 @@ class Model:
             for sentence in numbers.left_out:
                 warnings.warn(sentence, FlexsplineWarning, stacklevel=2)
             return _of_numbers(numbers, target or "motor_torque", str(path))
-        try:
-            text = Path(path).read_text(encoding="utf-8")
-        except OSError as error:
-            raise InputError(
-                f"{path}: cannot be read ({error.strerror}); give a model.json"
-            ) from error
-        except UnicodeDecodeError as error:
-            raise InputError(f"{path}: is no text; give a model.json") from error
-        return cls.from_json(text, str(path), own)
+        return cls.from_json(text_of(path, "a model.json"), str(path), own)
 
     @classmethod
     def from_json(

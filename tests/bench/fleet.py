@@ -33,11 +33,10 @@ from fleet_logs import MEAN, NAMES, SPREAD, drawn
 
 from flexspline import _core
 from flexspline.effects import effect
-from flexspline.fleet.accumulators import RunSums, _folded, accumulators_of
+from flexspline.fleet import fit_sums
+from flexspline.fleet.accumulators import Plan, RunSums, _folded, accumulators_of
 from flexspline.fleet.cluster import Workers, done
 from flexspline.fleet.estimates import estimate_of
-from flexspline.fleet.fitting import fit_sums
-from flexspline.fleet.plan import Plan
 from flexspline.fleet.population import population_of
 from flexspline.fleet.sessions import Session
 from flexspline.least_squares.sums import Sums

@@ -18,6 +18,7 @@ from datetime import datetime, timedelta
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexspline.logs.log import Log
 from flexspline.simulation import (
@@ -31,10 +32,12 @@ from flexspline.simulation import (
     Output,
     Servo,
     Start,
+    Trajectory,
 )
 from flexspline.tracking import History, history_of, track
 
 Sizes = dict[str, float]
+Array = NDArray[np.float64]
 
 WEEKS = 78
 RATIO = 101.0
@@ -86,16 +89,7 @@ def drive(rng: np.random.Generator, made: Sizes, worn: Sizes, room: float) -> Lo
     t = np.arange(0.0, 60.0, 1.0 / 200.0)
     q = 2.0 * np.sin(2.0 * np.pi * t / 20.0) * (1.0 + 0.3 * np.sin(2.0 * np.pi * t / 7.0))
     load = 8.0 * np.sin(2.0 * np.pi * t / 11.0 + 1.0) + 3.0 * np.sin(2.0 * np.pi * t / 3.7)
-    path = joint.simulate(
-        t,
-        servo=Servo(position_gain=30.0, velocity_gain=0.08, integral_gain=1.0),
-        position_command=q,
-        velocity_command=np.gradient(q, t),
-        load_torque=load,
-        room_temperature=room,
-        start=Start(output_position=q[0], output_velocity=float(np.gradient(q, t)[0])),
-    )
-    log = path.log(
+    log = _servoed(joint, t, q, load, room).log(
         output_encoder=Encoder(19),
         noise={"motor_torque": Noise(0.1 / RATIO, 0.02), "reference_torque": Noise(0.02)},
         seed=int(rng.integers(1 << 30)),
@@ -124,16 +118,7 @@ def torsion(rng: np.random.Generator, made: Sizes, worn: Sizes, room: float) -> 
     t = np.arange(0.0, 60.0, 1.0 / 200.0)
     q = 1.5 * np.sin(2.0 * np.pi * t / 60.0)
     load = 25.0 * np.sin(2.0 * np.pi * t / 9.0) + 8.0 * np.sin(2.0 * np.pi * t / 2.3)
-    path = joint.simulate(
-        t,
-        servo=Servo(position_gain=30.0, velocity_gain=0.08, integral_gain=1.0),
-        position_command=q,
-        velocity_command=np.gradient(q, t),
-        load_torque=load,
-        room_temperature=room,
-        start=Start(output_position=q[0], output_velocity=float(np.gradient(q, t)[0])),
-    )
-    log = path.log(
+    log = _servoed(joint, t, q, load, room).log(
         output_encoder=Encoder(22),
         motor_encoder=Encoder(16),
         noise={"reference_torque": Noise(0.05)},
@@ -145,6 +130,19 @@ def torsion(rng: np.random.Generator, made: Sizes, worn: Sizes, room: float) -> 
     dead = gap * np.tanh(load / 1.0) + rng.normal(0.0, 1e-4)
     moved = {"output_position": log["output_position"] - dead / RATIO}
     return log.with_columns(moved, note="backlash")
+
+
+def _servoed(joint: Joint, t: Array, q: Array, load: Array, room: float) -> Trajectory:
+    """The run of a joint that its servo takes along q against a load."""
+    return joint.simulate(
+        t,
+        servo=Servo(position_gain=30.0, velocity_gain=0.08, integral_gain=1.0),
+        position_command=q,
+        velocity_command=np.gradient(q, t),
+        load_torque=load,
+        room_temperature=room,
+        start=Start(output_position=q[0], output_velocity=float(np.gradient(q, t)[0])),
+    )
 
 
 def history(kind: str, number: int, seed: int) -> tuple[History, datetime, float]:

@@ -1,4 +1,5 @@
 // Everything that a device runs, in both precisions, for a look at the symbols that it needs.
+#include "flexspline/coupling.hpp"
 #include "flexspline/effects/catalogue.hpp"
 #include "flexspline/estimators/chain.hpp"
 #include "flexspline/estimators/differentiator.hpp"
@@ -8,6 +9,7 @@
 #include "flexspline/joint.hpp"
 #include "flexspline/model.hpp"
 #include "flexspline/reading_checks.hpp"
+#include "flexspline/self_heating.hpp"
 #include "flexspline/sensor/bridge.hpp"
 #include "flexspline/sensor/electronics.hpp"
 
@@ -45,6 +47,16 @@ Status step_double(const Whole<double>::All& model, Differentiator<double>::Stat
                    Whole<double>::All::State& memory, Sample<double>& at, double radians,
                    double period, double& torque) noexcept {
   return step<double>(model, state, memory, at, radians, period, torque);
+}
+
+using Twisted = Model<float, MeshCompliance<float>, TorsionalHysteresis<float>, Backlash<float>>;
+Status twisted(const Coupling<float>& coupling, const Twisted& model, float torsion,
+               Twisted::State& state, float& torque) noexcept {
+  return coupling.torque(model, {}, torsion, state, torque);
+}
+Status warmed(const SelfHeating<float>& joint, float loss, float period,
+              float& temperature) noexcept {
+  return joint.step(loss, period, temperature);
 }
 
 template <typename S>

@@ -18,8 +18,7 @@ from click.testing import CliRunner
 from every_effect import all_of, exported, rich
 
 import flexspline
-from flexspline import Certificate, InputError, programs
-from flexspline.certification import certifying
+from flexspline import Certificate, InputError, certification, programs
 from flexspline.certification.program import DEVICES, Built, Device
 from flexspline.cli import commands
 from flexspline.effects import effect
@@ -40,7 +39,7 @@ if any(shutil.which(tool) is None for tool in NEEDED):
 def _host_programs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     """The host's program of a header is built once: many tests certify the same model."""
     built: dict[tuple[object, ...], Built] = {}
-    build = certifying.build
+    build = certification.build
 
     def once(
         device: Device, folder: Path, unit: str, scalar: str, options: Sequence[str] = ("-O2",)
@@ -56,7 +55,7 @@ def _host_programs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
         return built[known]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(certifying, "build", once)
+        patch.setattr(certification, "build", once)
         yield
 
 
@@ -196,7 +195,7 @@ def test_the_example_compiles_by_its_makefile_and_runs(tmp_path: Path, target: s
 def test_what_cannot_be_certified_is_refused_with_a_remedy(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(certifying.tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setattr(certification.tempfile, "tempdir", str(tmp_path))
     model, log = small()
     with pytest.raises(InputError, match=r"no device 'cortex-m4' \(did you mean 'cortex-m4f'\?\)"):
         flexspline.certify(model, log, "cortex-m4")

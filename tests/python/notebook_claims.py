@@ -81,6 +81,8 @@ assert both[2] < 0.6 * min(both[:2]) and (plugin <= lugre).all()
 assert 1.4 < fitted[0] - fitted[1] < 1.6 and both[1] > both[0] + 1.0
 assert np.argmax(lugre) == 3 and lugre[3] > 100.0
 assert held_out[0]["enabled"].min() == 0.0
+assert left["plugin"] < 0.3 * left["one stiffness"] and len(load) == len(measured)
+assert coupling.largest_load == coupling.fitted_load
 """,
     "turlapati": """
 assert fit.confounded and len(fit.confounded[0].known) == 2

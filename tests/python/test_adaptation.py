@@ -13,7 +13,7 @@ from drifting_joint import COULOMB, NAMES, RATE, VISCOUS
 import flexspline
 from flexspline import Adaptation, Estimate, InputError, Model, Observer, Part, effect
 from flexspline.estimation.plan import plan_of
-from flexspline.estimators.adaptation import factor_of
+from flexspline.estimators.external_torque import factor_of
 from flexspline.exporting import export
 from flexspline.exporting.block import block_bytes
 from flexspline.logs.log import Log

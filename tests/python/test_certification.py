@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 import flexspline
-from flexspline.certification.certifying import derived_on_device
+from flexspline.certification import Output, derived_on_device, differences, same_bits
 from flexspline.certification.program import CHANNELS, RESULT, ROW, instruction_cost, rows_of
-from flexspline.certification.result import Output, differences, same_bits
 from flexspline.logs.log import Log
 
 OUTPUTS = {"torque": Output(0, "Nm", 4)}

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flexspline.errors import InputError
-from flexspline.reproduce.claims import PAPERS, Claim, claims_of, judged
+from flexspline.reproduce import PAPERS, Claim, claims_of, judged
 
 
 def claim(**criterion: object) -> Claim:

@@ -9,8 +9,15 @@ import pytest
 from scipy import signal, stats
 
 from flexspline import Log, Model, Observer, Part, effect, estimate
-from flexspline.collision import Residual, calibrate_detector, detection_delay, left_out_margin
-from flexspline.collision.calibrating import cluster_peaks, correlation_time, fit_tail
+from flexspline.collision import (
+    Residual,
+    calibrate_detector,
+    cluster_peaks,
+    correlation_time,
+    detection_delay,
+    fit_tail,
+    left_out_margin,
+)
 from flexspline.errors import InputError
 from flexspline.plot.estimate import contacts_over_time, thresholds_of_joints
 

@@ -13,7 +13,7 @@ from scipy.signal import lfilter
 from flexspline.discovery.analysis import Rival
 from flexspline.discovery.basis import PAST, ROUND, Functions, flexible_basis, past_of
 from flexspline.discovery.settings import SETTINGS
-from flexspline.discovery.unexplained import Ceiling, kept, leftover_of, repeated
+from flexspline.discovery.unexplained import Ceiling, kept, leftover_in, leftover_of, repeated
 from flexspline.effects import effect
 from flexspline.least_squares.problem import Problem, problem_of
 from flexspline.regression.candidate_model import HeldOut, held_out, solved_at, working
@@ -200,3 +200,22 @@ def test_what_functions_gain_above_chance_is_less_than_all_that_they_gain() -> N
     found = leftover_of(Ceiling(here, white), base)
     assert set(found.channels) == {LOAD, "output_velocity"}
     assert 0.5 * found.gain < found.net < found.gain
+
+
+def test_a_product_of_channels_that_few_rows_do_not_show_is_seen_on_many() -> None:
+    """A share of the noise's variance that is 7 in the rows of the wide basis, in χ²."""
+    rows, share = 8 * SETTINGS.rows, 7.0 / SETTINGS.rows
+    c = rich_run(3, rows)
+    cause = c[LOAD] * c["output_velocity"]
+    noise = np.random.default_rng(1).normal(size=rows)
+    torque = c[LOAD] + np.sqrt(share) * cause / np.std(cause) + noise
+    here = problem_of([log_of(c, sensor_torque=torque)], [effect("offset")], "sensor_torque",
+                      known_load=LOAD, lowpass_hz=None, threads=1)  # fmt: skip
+    ceiling = Ceiling(here, Whitening(np.ones(1), 1.0, 1))
+    base = replace(working([effect("offset")], 1, {}), coefficients=np.zeros(1))
+    wide, powers = (leftover_in(table, base) for table in ceiling.tables)
+    assert wide.gain == 0.0 < powers.gain
+    found = leftover_of(ceiling, base)
+    assert found.gain == powers.gain
+    assert set(found.channels) == {LOAD, "output_velocity"}
+    assert 0.5 * share * rows < found.gain < 2.0 * share * rows

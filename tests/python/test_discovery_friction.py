@@ -39,8 +39,9 @@ def test_another_turn_at_rest_has_no_name(noise: float) -> None:
 
 
 @pytest.mark.parametrize("noise", [0.03, 0.003])
-@pytest.mark.parametrize("fades", [4.0 * WIDTH, 6.0 * WIDTH])
+@pytest.mark.parametrize(("more", "widths"), [(0.3, 4.0), (0.3, 6.0), (0.15, 4.0)])
 def test_what_fades_over_some_widths_is_stribecks_whatever_the_turn(
-    noise: float, fades: float
+    noise: float, more: float, widths: float
 ) -> None:
-    assert found(noise, 0.3, fades).names == ("stribeck_friction",)
+    """No turn exceeds its level: with a negative share of one, 15 % had been a turn, too."""
+    assert found(noise, more, widths * WIDTH).names == ("stribeck_friction",)

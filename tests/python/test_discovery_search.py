@@ -178,7 +178,7 @@ def test_functions_that_hold_a_name_speak_against_it_only_where_enough_is_unexpl
 
 
 @pytest.mark.parametrize("survives", [0.0, 0.5, 1.0])
-@pytest.mark.parametrize("left", [0.0, 990.0, 2000.0, 9000.0])
+@pytest.mark.parametrize("left", [0.0, 990.0, 2000.0, 9000.0, 58000.0])
 def test_what_functions_take_from_a_confidence_is_said_beside_it(
     survives: float, left: float
 ) -> None:
@@ -186,7 +186,8 @@ def test_what_functions_take_from_a_confidence_is_said_beside_it(
     said = doubt(2e4, survives, left, ["output_velocity", "reference_torque"])
     assert bool(said) == (lost > SETTINGS.bends)
     if said:
-        assert f"gain {left / 2e4:.0%} of what".replace("%", " %") in said
+        share = f"{left / 2e4:.0%} of".replace("%", " %")
+        assert f"gain {share if left < 2e4 else '2.9 times'} what it does" in said
         assert f"keeps {survives:.0%} of that".replace("%", " %") in said
 
 

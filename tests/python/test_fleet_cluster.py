@@ -16,10 +16,9 @@ import pytest
 from fleet_logs import effects, fleet_in
 
 from flexspline.errors import InputError
-from flexspline.fleet.accumulators import RunSums, accumulators_of
+from flexspline.fleet import fit_sums
+from flexspline.fleet.accumulators import Plan, RunSums, accumulators_of
 from flexspline.fleet.cluster import Failed, Workers, done
-from flexspline.fleet.fitting import fit_sums
-from flexspline.fleet.plan import Plan
 from flexspline.fleet.sessions import Session, sessions_of
 from flexspline.progress import Progress
 

@@ -13,7 +13,7 @@ from fleet_logs import MEAN, drawn, run_of
 from flexspline.effects import effect
 from flexspline.errors import InputError
 from flexspline.fleet import FleetComparison, FleetDiscovery, compare, discover
-from flexspline.fleet.discovering import pooled_confidence
+from flexspline.fleet.each_joint import pooled_confidence
 from flexspline.logs.writing import write_log
 from flexspline.model import Model
 from flexspline.part import Part

@@ -14,9 +14,16 @@ from flexspline.effects import effect
 from flexspline.errors import InputError
 from flexspline.fitting import fit
 from flexspline.fleet import accumulators
-from flexspline.fleet.accumulators import MOST_BLOCKS, RunSums, accumulators_of, merged
+from flexspline.fleet.accumulators import (
+    MOST_BLOCKS,
+    Plan,
+    RunSums,
+    accumulators_of,
+    merged,
+    plan_of_model,
+    plan_of_pilot,
+)
 from flexspline.fleet.estimates import estimate_of, squares_of
-from flexspline.fleet.plan import Plan, plan_of_model, plan_of_pilot
 from flexspline.fleet.sessions import Session, sessions_of
 from flexspline.least_squares.options import FitOptions
 from flexspline.logs.log import Log

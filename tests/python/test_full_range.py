@@ -13,8 +13,12 @@ import pytest
 from flexspline.errors import InputError
 from flexspline.estimation import estimate
 from flexspline.full_range import FullRange, Transition, train, with_mesh_stiffness
-from flexspline.full_range.methods import StructuralDamping, fit_structural_damping, signals_of
-from flexspline.full_range.transition import choose_transition
+from flexspline.full_range.methods import (
+    StructuralDamping,
+    choose_transition,
+    fit_structural_damping,
+    signals_of,
+)
 from flexspline.logs.log import Log
 from flexspline.model import Model
 

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import copy
-import itertools
 import os
 import re
 import shutil
 import subprocess
 import sys
 import xml.etree.ElementTree as ET
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -18,6 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 from cli_calls import call
+from mujoco_plugins import Loaded, loader
 from numpy.typing import NDArray
 from test_own_header import compiled as fit_with_header
 
@@ -85,23 +84,9 @@ def mujoco() -> Any:
     return pytest.importorskip("mujoco", reason="mujoco is missing; install flexspline[mujoco]")
 
 
-Loaded = Callable[[Model], str]
-NUMBERS = itertools.count()
-
-
 @pytest.fixture(scope="module")
 def loaded(mujoco: Any, tmp_path_factory: pytest.TempPathFactory) -> Loaded:
-    """Compiles and loads the plugin of a model, each under a name of its own."""
-    if shutil.which("c++") is None:
-        pytest.skip("c++ is missing; install Debian's g++")
-    folder = tmp_path_factory.mktemp("plugins")
-
-    def load(model: Model) -> str:
-        name = f"joint_{next(NUMBERS)}"
-        mujoco.mj_loadPluginLibrary(str(mujoco_plugin(model, folder / name)))
-        return name
-
-    return load
+    return loader(mujoco, tmp_path_factory.mktemp("plugins"))
 
 
 @pytest.fixture(scope="module")
@@ -424,7 +409,8 @@ def test_the_command_writes_a_folder_and_compiles_it(mujoco: Any, tmp_path: Path
     arguments = ("export", "--model", tmp_path / "m.json", "--format", "mujoco-plugin", "--out")
     done = call(*arguments, tmp_path / "wrist")
     assert done.exit_code == 0, done.output
-    sources = {"wrist.hpp", "wrist.cpp", "wrist.xml", "mujoco-joint.hpp"}
+    shared = {"mujoco-instance.hpp", "mujoco-joint.hpp"}
+    sources = {"wrist.hpp", "wrist.cpp", "wrist.xml", *shared}
     assert {path.name for path in (tmp_path / "wrist").iterdir()} == sources
     if shutil.which("c++") is not None:
         done = call(*arguments, "wrist", "--compile")
@@ -441,7 +427,10 @@ REFUSED: dict[str, tuple[Model, str]] = {
         model_of(["inertia", "gravity"]),
         r"no effect that a plugin could run: inertia, gravity; fit friction, or export with",
     ),
-    "a torsion": (model_of(["backlash"], "torsion"), "is in rad, and a simulator's joint has torq"),
+    "a torsion without loads": (
+        model_of(["mesh_compliance"], "torsion"),
+        "does not say up to which load it was fitted, and so not how stiff it gets; fit it again",
+    ),
     "a sensor's errors": (
         model_of(["temperature_drift", "torque_hysteresis"], "sensor_torque"),
         "no effect that a plugin could run: temperature_drift, torque_hysteresis",

@@ -11,7 +11,7 @@ import report_fits
 from golden_texts import NUMBER, is_as_kept
 
 from flexspline.comparison.covariates import labels_of
-from flexspline.formatting import plus_minus, short_names, told_apart, truncated
+from flexspline.formatting import percent, plus_minus, short_names, told_apart, truncated
 from flexspline.least_squares.result import Fit, contributions, shares
 from flexspline.least_squares.ripple import ripple_orders
 from flexspline.least_squares.validation import bands
@@ -132,3 +132,10 @@ def test_no_two_edges_of_bands_read_the_same() -> None:
 def test_a_name_said_twice_is_said_once_and_a_number_is_no_name() -> None:
     known = "offset.offset + 1.1·inertia.inertia = 12.12 ± 0.22 Nm over 3.3 rad of run1.run1"
     assert short_names(known) == "offset + 1.1·inertia = 12.12 ± 0.22 Nm over 3.3 rad of run1"
+
+
+@pytest.mark.parametrize(
+    ("share", "said"), [(-0.001, "0 %"), (-0.006, "-1 %"), (0.57, "57 %"), (np.nan, "–")]
+)
+def test_a_share_that_rounds_to_nothing_has_no_sign(share: float, said: str) -> None:
+    assert percent(share) == said

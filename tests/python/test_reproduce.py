@@ -14,9 +14,10 @@ import pytest
 from cli_calls import call
 from figure_layout import page_faults
 
+from flexspline import reproduce as papers
 from flexspline.errors import InputError
 from flexspline.plot.canvas import axes_or_new
-from flexspline.reproduce import Claim, Story, claims, reproduce
+from flexspline.reproduce import Claim, Story, reproduce
 
 PAPER = "small_paper"
 
@@ -45,8 +46,8 @@ def small_paper(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
         Claim("small_paper.never", "(2)", "< one", "y", 1.0, "Nm", never),
         Claim("small_paper.open", "(3)", "?", None, None, "", unclear),
     )
-    monkeypatch.setattr(claims, "claims_of", lambda paper: rules)
-    monkeypatch.setattr(claims, "PAPERS", (PAPER,))
+    monkeypatch.setattr(papers, "claims_of", lambda paper: rules)
+    monkeypatch.setattr(papers, "PAPERS", (PAPER,))
     yield
 
 
@@ -75,7 +76,7 @@ def test_the_same_seed_gives_the_same_numbers_and_another_seed_others() -> None:
 def test_nothing_is_left_where_a_draw_fails(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(claims, "draw", lambda paper, seed: 1 / 0)
+    monkeypatch.setattr(papers, "draw", lambda paper, seed: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         reproduce(PAPER, tmp_path / "out", draws=1)
     assert not (tmp_path / "out").exists()
@@ -86,10 +87,10 @@ def test_a_paper_that_is_done_stays_where_the_next_one_fails(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     reproduce(PAPER, tmp_path / "alone", draws=2)
-    monkeypatch.setattr(claims, "PAPERS", (PAPER, "another"))
-    draw = claims.draw
+    monkeypatch.setattr(papers, "PAPERS", (PAPER, "another"))
+    draw = papers.draw
     monkeypatch.setattr(
-        claims, "draw", lambda paper, seed: draw(paper, seed) if paper == PAPER else 1 / 0
+        papers, "draw", lambda paper, seed: draw(paper, seed) if paper == PAPER else 1 / 0
     )
     monkeypatch.setitem(
         sys.modules, "flexspline.reproduce.another", sys.modules[f"flexspline.reproduce.{PAPER}"]
@@ -104,7 +105,7 @@ def test_a_paper_that_is_done_stays_where_the_next_one_fails(
 def test_what_the_command_itself_wrote_before_is_neither_kept_nor_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(claims, "PAPERS", (PAPER, "another"))
+    monkeypatch.setattr(papers, "PAPERS", (PAPER, "another"))
     monkeypatch.setitem(
         sys.modules, "flexspline.reproduce.another", sys.modules[f"flexspline.reproduce.{PAPER}"]
     )
@@ -124,7 +125,7 @@ def test_without_scikit_learn_it_is_asked_for_before_anything_is_computed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "sklearn.kernel_ridge", None)
-    monkeypatch.setattr(claims, "draw", pytest.fail)
+    monkeypatch.setattr(papers, "draw", pytest.fail)
     for paper in ("zhang", "all"):
         with pytest.raises(InputError, match=r"pip install 'flexspline\[baselines\]'"):
             reproduce(paper, tmp_path / "out")

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexspline.reproduce import claims_of
-from flexspline.reproduce.claims import draw
+from flexspline.reproduce import claims_of, draw
 
 PAPERS = ("zhang", "turlapati", "full_range")
 

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from flexspline import Calibration, Certificate, Model, effect
-from flexspline.certification.result import Cost, OutputDifference
+from flexspline.certification import Cost, OutputDifference
 from flexspline.estimation import Estimate
 from flexspline.exporting import export
 from flexspline.files import atomic_write

@@ -11,7 +11,8 @@
 ///   load          what the gear transmits, Nm, outward: qfrc_actuator and this force, both of the
 ///                 step before, for MuJoCo asks for passive forces ahead of all others
 ///   motor torque  qfrc_actuator / Ñ of the step before
-///   temperature   °C, a constant of the instance: config key "temperature"
+///   temperature   °C, config key "temperature": a constant, or where a joint that its losses heat
+///                 starts
 ///   period, time  opt.timestep and mjData.time
 ///
 /// In the first step what is of the step before is zero.
@@ -35,54 +36,56 @@
 ///
 /// A: the joint's armature, no more than what truly moves with it, at which this is stable. Not for
 /// Runge–Kutta, whose stages are no steps. plugin_state begins with u, or q̇, for which the force is.
+///
+/// With the config keys "thermal_resistance" R [K/W] and "thermal_time_constant" t_c [s], both of
+/// them, friction heats the joint and its heat goes to the room, "ambient" [°C], by default where it
+/// starts (flexspline/self_heating.hpp):
+///
+///   R C = t_c,   C dT/dt = P − (T − T_a)/R,   P = −F u at the joint, over the step
+///
+/// P is what this force takes: no losses of windings, and what springs and cogging give back counts
+/// against what they took. The model sees T no further than the range that it was fitted in, beyond
+/// which a polynomial may let friction drive. plugin_state[4] is T less "temperature", in K.
 #pragma once
 
-#include <mujoco/mujoco.h>
-
-#include <cstdint>
-#include <cstdlib>
-#include <cstring>
 #include <limits>
-#include <new>
-#include <type_traits>
 
+#include "flexspline/find_zero.hpp"
 #include "flexspline/model.hpp"
+#include "flexspline/self_heating.hpp"
+#include "mujoco-instance.hpp"
 
 namespace flexspline::mujoco {
 
 /// What `Settings` says is constant: `name` of the plugin, `model`, `torque` k, `ratio` Ñ, the
-/// `temperature` [°C] where the MJCF gives none, and the largest `load` [Nm] at rest. The instance
-/// names the joint: config key "joint".
+/// `temperature` [°C] where the MJCF gives none, the `coldest` and `warmest` of the fit, and the
+/// largest `load` [Nm] at rest. The instance names the joint: config key "joint".
 template <typename Settings>
 class JointPlugin {
  public:
   /// Makes the plugin known to MuJoCo, which calls it by the number that is returned.
   static int enter() {
-    static constexpr const char* attributes[] = {"joint", "temperature", "implicit"};
+    static constexpr const char* attributes[] = {
+        "joint",   "temperature",        "implicit",
+        "ambient", "thermal_resistance", "thermal_time_constant"};
     mjpPlugin plugin;
     mjp_defaultPlugin(&plugin);
     plugin.name = Settings::name;
-    plugin.nattribute = 3;
+    plugin.nattribute = int(std::size(attributes));
     plugin.attributes = attributes;
     plugin.capabilityflags = mjPLUGIN_PASSIVE;
-    plugin.nstate = [](const mjModel*, int) { return numbers_of_memory; };
+    plugin.nstate = [](const mjModel*, int) { return Kept<Memory>::numbers; };
     plugin.init = init;
-    plugin.destroy = [](mjData* d, int instance) {
-      delete of(d, instance);
-      d->plugin_data[instance] = 0;
-    };
-    plugin.copy = [](mjData* to, const mjModel*, const mjData* from, int instance) {
-      *of(to, instance) = *of(from, instance);
-    };
+    keep_instances<Joint>(plugin);
     plugin.reset = [](const mjModel*, mjtNum* state, void* data, int) {
       auto& joint = *static_cast<Joint*>(data);
       joint.next = {};
       joint.force = 0;
-      write(joint.next, state);
+      Kept<Memory>::write(joint.next, state);
     };
     plugin.compute = [](const mjModel* m, mjData* d, int instance, int) {
-      Joint& joint = *of(d, instance);
-      const Memory before = read(d->plugin_state + m->plugin_stateadr[instance]);
+      Joint& joint = *instance_of<Joint>(d, instance);
+      const Memory before = Kept<Memory>::read(d->plugin_state + m->plugin_stateadr[instance]);
       const Step step{*d, joint, before, m->opt.timestep, m->dof_armature[joint.dof]};
       joint.next = before;
       joint.next.velocity = joint.implicit ? step.ends_with() : d->qvel[joint.dof];
@@ -90,60 +93,47 @@ class JointPlugin {
       d->qfrc_passive[joint.dof] += joint.force;
     };
     plugin.advance = [](const mjModel* m, mjData* d, int instance) {
-      Joint& joint = *of(d, instance);
+      Joint& joint = *instance_of<Joint>(d, instance);
       joint.next.acceleration = d->qacc[joint.dof];
       joint.next.actuators = d->qfrc_actuator[joint.dof];
       joint.next.load = joint.next.actuators + joint.force;
-      write(joint.next, d->plugin_state + m->plugin_stateadr[instance]);
+      if (joint.heated) {
+        const double loss = -joint.force * joint.next.velocity;
+        (void)joint.heating.step(loss, m->opt.timestep, joint.next.warmer);
+      }
+      Kept<Memory>::write(joint.next, d->plugin_state + m->plugin_stateadr[instance]);
     };
     return mjp_registerPlugin(&plugin);
   }
 
  private:
   using Model = std::remove_cvref_t<decltype(Settings::model)>;
-  static_assert(std::is_same_v<mjtNum, double>);
 
   /// What a step keeps for the next one.
   struct Memory {
-    double velocity = 0, acceleration = 0, actuators = 0, load = 0;
+    double velocity = 0, acceleration = 0, actuators = 0, load = 0, warmer = 0;
     typename Model::State effects{};
   };
-  static_assert(std::is_trivially_copyable_v<Memory>);
-  static constexpr int numbers_of_memory =
-      int((sizeof(Memory) + sizeof(mjtNum) - 1) / sizeof(mjtNum));
 
   /// One instance in one mjData: its joint, and what the step that is under way found.
   struct Joint {
     int position = 0, dof = 0;
     double temperature = Settings::temperature;
     bool implicit = false;
+    bool heated = false;
+    SelfHeating<double> heating{};  ///< temperatures counted from `temperature`
     Memory next{};
     double force = 0;
+
+    /// What the model reads, °C, with a joint warmer than at its start by `warmer`.
+    double temperature_read(double warmer) const noexcept {
+      if (!heated) return temperature;
+      return math::clamp(temperature + warmer, Settings::coldest, Settings::warmest);
+    }
   };
 
   static constexpr int most_trials = 60;
   static constexpr double tolerance = 1e-10;  ///< rad/s, of the velocity at the end of a step
-
-  static Joint* of(const mjData* d, int instance) noexcept {
-    return reinterpret_cast<Joint*>(d->plugin_data[instance]);
-  }
-
-  static Memory read(const mjtNum* state) noexcept {
-    Memory made;
-    std::memcpy(&made, state, sizeof made);
-    return made;
-  }
-
-  /// Padding is written as zero, so that equal memories are equal bits.
-  static void write(Memory memory, mjtNum* state) noexcept {
-#if defined(__has_builtin)
-#if __has_builtin(__builtin_clear_padding)
-    __builtin_clear_padding(&memory);
-#endif
-#endif
-    state[numbers_of_memory - 1] = 0;
-    std::memcpy(state, &memory, sizeof memory);
-  }
 
   /// A step of MuJoCo before it is made: the force by the velocity, and the velocity at its end.
   struct Step {
@@ -158,7 +148,7 @@ class JointPlugin {
       at.output_position = Angle<double>::from_radians(d.qpos[joint.position]);
       at.output_velocity = velocity;
       at.output_acceleration = before.acceleration;
-      at.temperature = joint.temperature;
+      at.temperature = joint.temperature_read(before.warmer);
       at.known_load = before.load;
       at.motor_torque = before.actuators / Settings::ratio;
       at.period = period;
@@ -175,62 +165,39 @@ class JointPlugin {
       const double scale = period / armature;
       const double pull = armature * before.acceleration - (before.load - before.actuators);
       const double start = d.qvel[joint.dof];
-      const auto beyond = [&](double velocity) {
+      const auto missing = [&](double velocity) {
         typename Model::State unused = before.effects;
-        return velocity - start - scale * (pull + force(velocity, unused));
+        const double more = start + scale * (pull + force(velocity, unused)) - velocity;
+        return math::absolute(more) <= tolerance ? 0.0 : more;
       };
-      double low = start, at_low = beyond(low);
-      double high = start - at_low, at_high = beyond(high);
-      for (int k = 0; k < most_trials && math::absolute(at_high) > tolerance; ++k) {
-        const bool between = at_low * at_high < 0;  // Illinois, and each third time the middle
-        const double secant = (low * at_high - high * at_low) / (at_high - at_low);
-        const double inside = k % 3 == 2 ? 0.5 * (low + high) : secant;
-        const double next = between ? inside : high - at_high;
-        const double at_next = beyond(next);
-        if (!between || at_next * at_high < 0) {
-          low = high;
-          at_low = at_high;
-        } else {
-          at_low *= 0.5;
-        }
-        high = next;
-        at_high = at_next;
+      double low = start, at_low = missing(low);
+      double high = start + at_low, at_high = missing(high);
+      for (int k = 0; k < most_trials && at_low * at_high > 0; ++k) {
+        low = high;
+        at_low = at_high;
+        high += at_high;
+        at_high = missing(high);
       }
-      return high;
+      if (!(at_low * at_high < 0)) return at_low == 0 ? low : high;
+      if (at_low > 0) return find_zero(missing, low, at_low, high, at_high, 0.0);
+      return find_zero(missing, high, at_high, low, at_low, 0.0);
     }
   };
 
   static int init(const mjModel* m, mjData* d, int instance) {
     d->plugin_data[instance] = 0;
     Joint joint;
-    const char* name = mj_getPluginConfig(m, instance, "joint");
-    if (name == nullptr || *name == 0) {
-      mju_warning("%s: the instance names no joint; give it a config with key=\"joint\"",
-                  Settings::name);
-      return -1;
-    }
-    const int id = mj_name2id(m, mjOBJ_JOINT, name);
-    if (id < 0) {
-      mju_warning("%s: the model has no joint '%.200s'; give the config \"joint\" the name of one",
-                  Settings::name, name);
-      return -1;
-    }
-    if (m->jnt_type[id] != mjJNT_HINGE) {
-      mju_warning("%s: joint '%.200s' is no hinge; give one that is", Settings::name, name);
-      return -1;
-    }
-    if (is_taken(m, instance, name)) {
-      mju_warning("%s: two instances act on joint '%.200s'; take one away", Settings::name, name);
-      return -1;
-    }
-    if (!read_temperature(mj_getPluginConfig(m, instance, "temperature"), joint.temperature)) {
+    int id = 0;
+    if (!find_hinge(m, instance, Settings::name, "joint", id)) return -1;
+    const char* name = mj_id2name(m, mjOBJ_JOINT, id);
+    joint.position = m->jnt_qposadr[id];
+    joint.dof = m->jnt_dofadr[id];
+    if (!read_number(m, instance, "temperature", joint.temperature)) {
       mju_warning("%s: the temperature of joint '%.200s' is no number of deg C", Settings::name,
                   name);
       return -1;
     }
-    joint.position = m->jnt_qposadr[id];
-    joint.dof = m->jnt_dofadr[id];
-    if (!read_switch(mj_getPluginConfig(m, instance, "implicit"), joint.implicit)) {
+    if (!read_switch(m, instance, "implicit", joint.implicit)) {
       mju_warning("%s: implicit of joint '%.200s' is neither true nor false", Settings::name, name);
       return -1;
     }
@@ -239,31 +206,44 @@ class JointPlugin {
                   Settings::name, name);
       return -1;
     }
+    if (!read_heating(m, instance, name, joint)) return -1;
     if (!joint.implicit) warn_of_chatter(m, joint, name);
-    auto* kept = new (std::nothrow) Joint(joint);
-    d->plugin_data[instance] = reinterpret_cast<std::uintptr_t>(kept);
-    return kept == nullptr ? -1 : 0;
+    return keep(d, instance, joint);
   }
 
-  static bool is_taken(const mjModel* m, int instance, const char* name) {
-    for (int other = 0; other < instance; ++other) {
-      if (m->plugin[other] != m->plugin[instance]) continue;
-      const char* theirs = mj_getPluginConfig(m, other, "joint");
-      if (theirs != nullptr && std::strcmp(theirs, name) == 0) return true;
+  static bool read_heating(const mjModel* m, int instance, const char* name, Joint& joint) {
+    const bool resists = has_config(m, instance, "thermal_resistance");
+    const bool lasts = has_config(m, instance, "thermal_time_constant");
+    joint.heated = resists && lasts;
+    if (resists != lasts) {
+      mju_warning(
+          "%s: joint '%.200s' has one of thermal_resistance and thermal_time_constant; "
+          "give both, or none",
+          Settings::name, name);
+      return false;
     }
-    return false;
-  }
-
-  static bool read_temperature(const char* text, double& temperature) {
-    if (text == nullptr || *text == 0) return true;
-    char* end = nullptr;
-    temperature = std::strtod(text, &end);
-    return *end == 0 && math::is_finite(temperature);
-  }
-
-  static bool read_switch(const char* text, bool& on) {
-    on = text != nullptr && std::strcmp(text, "true") == 0;
-    return on || text == nullptr || *text == 0 || std::strcmp(text, "false") == 0;
+    if (!joint.heated && has_config(m, instance, "ambient")) {
+      mju_warning(
+          "%s: ambient of joint '%.200s' needs a thermal_resistance and a "
+          "thermal_time_constant; give them, or leave it out",
+          Settings::name, name);
+      return false;
+    }
+    double room = joint.temperature;
+    bool good = true;
+    const auto read = [&](const char* key, const char* what, double least, double& value) {
+      if (good && (!read_number(m, instance, key, value) || !(value >= least))) {
+        mju_warning("%s: %s of joint '%.200s' is no %s", Settings::name, key, name, what);
+        good = false;
+      }
+    };
+    using Limits = std::numeric_limits<double>;
+    read("ambient", "number of deg C", Limits::lowest(), room);
+    read("thermal_resistance", "number of K/W from zero on", 0, joint.heating.resistance);
+    read("thermal_time_constant", "number of s above zero", Limits::min(),
+         joint.heating.time_constant);
+    joint.heating.ambient = room - joint.temperature;
+    return good;
   }
 
   /// Whether friction can change sign faster than a step lets it, which MuJoCo's user is told.

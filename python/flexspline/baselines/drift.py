@@ -243,7 +243,7 @@ def compare_drift_methods(
     """
     import pandas
 
-    from flexspline.calibration.calibrating import calibrate
+    from flexspline.calibration import calibrate
     from flexspline.estimators import Calibration, TemperatureCompensation
 
     for name in NEEDED:

@@ -65,7 +65,19 @@ DISAGREES = 0.002  # of the sensitivity
 
 
 @dataclass(frozen=True)
-class CalibrationResult:
+class Views:
+    """What a result shows of its runs."""
+
+    runs: tuple[CalibratedRun, ...]
+    legs: tuple[Leg, ...]
+    points: Points | None
+    thermal_legs: tuple[ThermalLeg, ...]
+    thermal: Thermal | None
+    figures: tuple[Figure, ...]
+
+
+@dataclass(frozen=True)
+class CalibrationResult(Views):
     """The result of `calibrate`: prints as a verdict, one line for each parameter and figure.
 
     Parameters
@@ -97,12 +109,6 @@ class CalibrationResult:
     torque_parameters: tuple[Parameter, ...]
     drift_polynomial: tuple[Parameter, ...]
     confounded: tuple[Confounded, ...]
-    runs: tuple[CalibratedRun, ...]
-    legs: tuple[Leg, ...]
-    points: Points | None
-    thermal_legs: tuple[ThermalLeg, ...]
-    thermal: Thermal | None
-    figures: tuple[Figure, ...]
     full_scale: float | None
     full_scale_source: str
     sensitivity_reason: str
@@ -257,18 +263,6 @@ class CalibratedRun:
     uncompensated: Array
     held_out: Array
     own_zero: float = 0.0
-
-
-@dataclass(frozen=True)
-class Views:
-    """What a result shows of its runs."""
-
-    runs: tuple[CalibratedRun, ...]
-    legs: tuple[Leg, ...]
-    points: Points | None
-    thermal_legs: tuple[ThermalLeg, ...]
-    thermal: Thermal | None
-    figures: tuple[Figure, ...]
 
 
 def views_of(

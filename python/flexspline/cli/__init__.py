@@ -11,11 +11,10 @@ from flexspline.cli.demo import demo, reproduce
 from flexspline.cli.discover import compare, discover, models
 from flexspline.cli.export import certify, export
 from flexspline.cli.fit import calibrate, fit
-from flexspline.cli.fleet import fleet
+from flexspline.cli.fleet import fleet, track
 from flexspline.cli.logs import check, convert, init, orders
 from flexspline.cli.predict import estimate, predict, simulate
 from flexspline.cli.speech import Commands, spoken
-from flexspline.cli.track import track
 
 __all__ = ["commands", "main"]
 

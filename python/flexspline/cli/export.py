@@ -33,6 +33,7 @@ from flexspline.cli.predict import require_simulations
 from flexspline.cli.speech import found, is_json, say
 
 if TYPE_CHECKING:
+    from flexspline.exporting.coupling import Coupling
     from flexspline.exporting.plain_joint import PlainJoint
     from flexspline.logs.log import Log
     from flexspline.model import Model
@@ -136,6 +137,7 @@ def export(
         joint_of,
         mujoco_plugin,
         namespace_of,
+        plugins_of,
     )
     from flexspline.exporting import export as export_model
 
@@ -161,6 +163,8 @@ def export(
     warn(warnings)
     if form in JOINTS and (runs or is_json()):
         _tell_losses(joint_of(joint, form, target, logs, dcmotor))
+    if files:
+        _tell_stiffness(plugins_of(joint, target).coupling)
     alone = [
         f"; for {part.target} it is the correction alone: add what the simulation says"
         for part in joint.parts.values()
@@ -186,6 +190,18 @@ def _runs(
 
     pairs = zip(logs, paired(logs, says), strict=True)
     return [with_simulation(log, target, one, column)[0] for log, one in pairs]
+
+
+def _tell_stiffness(coupling: Coupling | None) -> None:
+    """Say how stiff a gear between two hinges is, and what that means for a timestep."""
+    if coupling is None:
+        return
+    found({"stiffness": coupling.stiffness})
+    say(
+        f"the gear is up to {coupling.stiffness:.3g} Nm/rad stiff at the output; MuJoCo's timestep "
+        f"has to be below {2.0 / coupling.stiffness**0.5:.2g} s / sqrt(1/J_motor + 1/J_link), "
+        "inertias in kg m^2 at the output, better a tenth of that"
+    )
 
 
 def _tell_losses(joint: PlainJoint) -> None:

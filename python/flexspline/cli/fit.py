@@ -513,7 +513,7 @@ def calibrate(
     with whole_folder(out, last="model.json") as draft:
         logs = reading.logs(runs, {} if model is None else model.facts)
 
-        from flexspline.calibration.calibrating import calibrate
+        from flexspline.calibration import calibrate
 
         channel = None if reference.lower() == NO_REFERENCE else reference
         made = calibrate(logs, reference=channel, into=model, **options)

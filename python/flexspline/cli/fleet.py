@@ -1,7 +1,13 @@
-"""`flexspline fleet fit|discover|compare|track`: joints of a fleet, on a machine or a cluster."""
+"""Joints over many sessions: `flexspline track`, and `flexspline fleet fit|discover|compare|track`.
+
+`track` follows one joint over months; the commands of a fleet work on many, on this machine or a
+cluster.
+"""
 
 from __future__ import annotations
 
+import json
+import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -13,6 +19,7 @@ from flexspline.cli.options import (
     FILE,
     REPAIRS,
     Listed,
+    Reading,
     Taught,
     bandwidth,
     effects_by_target,
@@ -20,18 +27,21 @@ from flexspline.cli.options import (
     known_load,
     loaded,
     lowpass,
+    named,
     named_effects,
+    of_a_fit,
     on_terminal,
     orders,
     positive,
     preset_names,
+    reading,
     refuse_overwriting,
     repairs,
     speed_above,
     target,
+    threads,
 )
 from flexspline.cli.speech import Commands, found, say, spoken
-from flexspline.cli.track import horizon, limits
 from flexspline.effects import effect
 from flexspline.errors import InputError
 from flexspline.files import atomic_write, whole_folder
@@ -40,7 +50,8 @@ if TYPE_CHECKING:
     from flexspline.fleet.sessions import Sessions
     from flexspline.model import Model
 
-__all__ = ["fleet"]
+__all__ = ["fleet", "track"]
+
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -49,6 +60,139 @@ TRACK = "fleet_track.json"
 REPORT = "report.html"
 FACTS = ("gear_ratio", "output_spline", "torque_constant", "pole_pairs", "slots")
 READ = ("columns", "preset", "repair", "rate", "encoding", "skip_lines", "dates", "joint")
+
+
+def _limit(text: str) -> float | str:
+    """Read a number, or a share of the level at first."""
+    value = float(text.removesuffix("%"))
+    if not math.isfinite(value):
+        raise ValueError
+    return text if text.endswith("%") else value
+
+
+limits = click.option(
+    "--limit",
+    "limits",
+    multiple=True,
+    metavar="NAME=VALUE",
+    callback=named("NAME=VALUE or NAME=150%", _limit),
+    help="What a parameter must not pass, in its unit, or as 150% of its level at first: when it "
+    "gets there is told. Can be repeated.",
+)
+horizon = click.option(
+    "--horizon",
+    type=positive,
+    default=5.0,
+    show_default=True,
+    metavar="YEARS",
+    help="How far behind the last session a limit is looked for.",
+)
+
+
+@click.command(cls=Taught, sections=(effects_by_target, repairs))
+@click.argument("sessions", nargs=-1, required=True, metavar="MODEL_OR_RUN...", type=FILE)
+@click.option(
+    "--out", required=True, metavar="DIR", type=FILE, help="Folder for track.json and report.html."
+)
+@click.option(
+    "--model",
+    "model_path",
+    metavar="MODEL.json",
+    type=FILE,
+    help="Of runs: its effects and orders are fitted to each, its shapes held.",
+)
+@click.option(
+    "--effects",
+    "names",
+    metavar="A,B,C",
+    type=EFFECTS,
+    help="Of runs, in the place of a model: effects, listed below; shapes of the first run are "
+    "held.",
+)
+@target(required=False, says="Which part of the models, or what is explained of runs.")
+@known_load
+@bandwidth
+@orders
+@fixed
+@click.option(
+    "--dates",
+    metavar="TABLE.csv",
+    type=FILE,
+    help="Columns run and date, of models also temperature; by default dates are in the names of "
+    "files or folders, as 2027-03-14, or the fact date of a run.",
+)
+@click.option(
+    "--since", metavar="DATE", help="Only sessions from then on, as after a service of the joint."
+)
+@limits
+@horizon
+@threads
+@reading()
+def track(
+    sessions: tuple[str, ...],
+    out: str,
+    model_path: str | None,
+    names: str | None,
+    target: str | None,
+    since: str | None,
+    limits: dict[str, float | str],
+    horizon: float,
+    dates: str | None,
+    reading: Reading,
+    **options: Any,
+) -> None:
+    """Follow one joint over months: what changed since when, and what it will need.
+
+    Takes the model.json of each session, or its runs, which are fitted one by one, or a folder of
+    these. Each parameter is looked at over calendar time, temperature accounted for. A change is
+    told where noise alone makes less than one in ten years of weekly sessions, over all parameters
+    together; where two causes explain it as well, both are named. A date for a limit is given only
+    where a change that is told leads there.
+
+    DIR receives track.json and report.html. Of fewer than eight sessions nothing is told.
+
+    \b
+    Examples:
+      flexspline track models/2027-*/model.json --limit coulomb_friction=150% --out track
+      flexspline track runs/ --model joint/model.json --known-load reference_torque --out track
+      flexspline track runs/2027-*.csv --target motor_torque --gear-ratio 100 --out track \\
+          --effects offset,coulomb_friction,viscous_friction,gravity,inertia
+    """
+    reading.refuse_cut("a file is one session")
+    if model_path is not None and names is not None:
+        raise InputError("--model and --effects both say what is fitted; give one of them")
+    model = None if model_path is None else loaded(model_path, target)
+    effects = None if names is None else named_effects(names)
+    read = [path for path in (*sessions, model_path, dates) if path and Path(path).is_file()]
+    refuse_overwriting(out, read, ("track.json", "report.html"))
+
+    from flexspline.tracking import track as follow
+    from flexspline.tracking.history import history_of
+
+    with whole_folder(out, last="track.json") as draft:
+        history = history_of(
+            sessions,
+            target=target,
+            model=model,
+            effects=effects,
+            orders=options["orders"],
+            fixed=options["fix"],
+            known_load=options["known_load"],
+            bandwidth=options["bandwidth"],
+            dates=dates,
+            columns=reading.columns,
+            threads=options["threads"],
+            progress=on_terminal(),
+            **reading.arguments,
+        )
+        if since is not None:
+            history = history.since(since)
+        made = follow(history, limits=limits, horizon=horizon)
+        made.report(draft / "report.html")
+        atomic_write(draft / "track.json", made.to_json())
+        said = str(made)
+    found(json.loads(made.to_json()))
+    say(f"{said}\n\nwrote track.json and report.html to {Path(out)}")
 
 
 @click.group(cls=Commands, no_args_is_help=False)
@@ -154,32 +298,40 @@ def _shared(command: Command) -> Command:
     return folders(command)
 
 
+def _fitted(command: Command) -> Command:
+    """Options of what is fitted, and of who tells its shapes."""
+    options = (
+        target(required=False, says="What is explained; it may be left out with --model."),
+        click.option(
+            "--effects", "names", metavar="A,B,C", type=EFFECTS, help="Effects, listed below."
+        ),
+        click.option(
+            "--model",
+            "model_path",
+            metavar="MODEL.json",
+            type=FILE,
+            help="Or the model of a joint, whose effects, shapes and orders are taken.",
+        ),
+        click.option(
+            "--pilot",
+            metavar="UNIT",
+            help="The joint that tells shapes and orders; by default the one with most data.",
+        ),
+    )
+    for option in reversed(options):
+        command = option(command)
+    return command
+
+
 @fleet.command("fit", cls=Taught, sections=(effects_by_target, repairs))
-@target(required=False, says="What is explained; it may be left out with --model.")
-@click.option("--effects", "names", metavar="A,B,C", type=EFFECTS, help="Effects, listed below.")
-@click.option(
-    "--model",
-    "model_path",
-    metavar="MODEL.json",
-    type=FILE,
-    help="Or the model of a joint, whose effects, shapes and orders are taken.",
-)
-@click.option(
-    "--pilot",
-    metavar="UNIT",
-    help="The joint that tells shapes and orders; by default the one with most data.",
-)
+@_fitted
 @click.option(
     "--per-run",
     metavar="NAME,NAME",
     default="",
     help="Terms that differ from run to run, such as offset (zeros).",
 )
-@known_load
-@lowpass
-@bandwidth
-@orders
-@fixed
+@of_a_fit
 @_shared
 def fit(
     folders: tuple[str, ...],
@@ -209,11 +361,7 @@ def fit(
           --effects offset,coulomb_friction,viscous_friction --per-run offset --out months
       flexspline fleet fit robots --columns robot.toml --joint all --model joint.json --out all
     """
-    if (names is None) == (model_path is None):
-        raise InputError("give exactly one of --effects A,B,C and --model MODEL.json")
-    if names is not None and target is None:
-        raise InputError("--target is needed beside --effects; say what is explained")
-    effects = None if names is None else named_effects(names)
+    effects = _effects(names, model_path, target)
     own = tuple(name.strip() for name in per_run.split(",")) if per_run else ()
     if "" in own:
         raise InputError(f"--per-run '{per_run}': a name is missing; write NAME or NAME,NAME")
@@ -229,13 +377,8 @@ def fit(
             effects,
             model=model,
             pilot=pilot,
-            orders=options["orders"] or None,
-            fixed=options["fix"],
             per_run=own,
-            known_load=options["known_load"],
-            lowpass=options["lowpass"],
-            bandwidth=options["bandwidth"],
-            **_work(options),
+            **_of_the_fit(options),
         )
         made.report(draft)
         for name, page in page_names([unit.name for unit in made.units]).items():
@@ -259,11 +402,7 @@ def fit(
 @click.option(
     "--exclude", metavar="A,B,C", type=EFFECTS, help="Effects that are known not to be there."
 )
-@known_load
-@lowpass
-@bandwidth
-@orders
-@fixed
+@of_a_fit
 @_shared
 def discover(
     folders: tuple[str, ...],
@@ -288,11 +427,7 @@ def discover(
           --effects offset,coulomb_friction,viscous_friction --out line7_lacks
       flexspline fleet discover line7 --model joint.json --workers 2 --out line7_lacks
     """
-    if (names is None) == (model_path is None):
-        raise InputError("give exactly one of --effects A,B,C and --model MODEL.json")
-    if names is not None and target is None:
-        raise InputError("--target is needed beside --effects; say what is explained")
-    effects = None if names is None else named_effects(names)
+    effects = _effects(names, model_path, target)
     given = (name.strip() for name in (exclude or "").split(","))
     unwanted = [effect(name).name for name in given if name]
     model = None if model_path is None else loaded(model_path, target)
@@ -307,12 +442,7 @@ def discover(
             effects,
             model=model,
             exclude=unwanted,
-            orders=options["orders"] or None,
-            fixed=options["fix"] or None,
-            known_load=options["known_load"],
-            lowpass=options["lowpass"],
-            bandwidth=options["bandwidth"],
-            **_work(options),
+            **_of_the_fit(options),
         )
         made.report(draft)
         for name, page in page_names([unit.name for unit in made.units]).items():
@@ -376,29 +506,12 @@ def compare(
 
 
 @fleet.command("track", cls=Taught, sections=(effects_by_target, repairs))
-@target(required=False, says="What is explained; it may be left out with --model.")
-@click.option("--effects", "names", metavar="A,B,C", type=EFFECTS, help="Effects, listed below.")
-@click.option(
-    "--model",
-    "model_path",
-    metavar="MODEL.json",
-    type=FILE,
-    help="Or the model of a joint, whose effects, shapes and orders are taken.",
-)
-@click.option(
-    "--pilot",
-    metavar="UNIT",
-    help="The joint that tells shapes and orders; by default the one with most data.",
-)
+@_fitted
 @limits
 @horizon
-@known_load
-@lowpass
-@bandwidth
-@orders
-@fixed
+@of_a_fit
 @_shared
-def track(
+def track_joints(
     folders: tuple[str, ...],
     target: str | None,
     names: str | None,
@@ -424,11 +537,7 @@ def track(
           --effects offset,coulomb_friction,viscous_friction --out line7_wear
       flexspline fleet track line7 --model joint.json --limit coulomb_friction=150% --out line7_wear
     """
-    if (names is None) == (model_path is None):
-        raise InputError("give exactly one of --effects A,B,C and --model MODEL.json")
-    if names is not None and target is None:
-        raise InputError("--target is needed beside --effects; say what is explained")
-    effects = None if names is None else named_effects(names)
+    effects = _effects(names, model_path, target)
     model = None if model_path is None else loaded(model_path, target)
     sessions = _sessions(folders, out, options, (TRACK, REPORT))
     with whole_folder(out, last=TRACK) as draft:
@@ -441,14 +550,9 @@ def track(
             effects,
             model=model,
             pilot=pilot,
-            orders=options["orders"] or None,
-            fixed=options["fix"],
-            known_load=options["known_load"],
-            lowpass=options["lowpass"],
-            bandwidth=options["bandwidth"],
             limits=limits,
             horizon=horizon,
-            **_work(options),
+            **_of_the_fit(options),
         )
         made.report(draft)
         for name, page in page_names([*made.tracks]).items():
@@ -490,6 +594,27 @@ def _sessions(
     return sessions_of(folders, columns=columns, dates=dates, joints=names, **how)
 
 
+def _effects(names: str | None, model_path: str | None, target: str | None) -> list[str] | None:
+    """The effects that are named, where they are not to be those of a model."""
+    if (names is None) == (model_path is None):
+        raise InputError("give exactly one of --effects A,B,C and --model MODEL.json")
+    if names is not None and target is None:
+        raise InputError("--target is needed beside --effects; say what is explained")
+    return None if names is None else named_effects(names)
+
+
+def _of_the_fit(options: Mapping[str, Any]) -> dict[str, Any]:
+    """How the runs of each joint are fitted, and who works."""
+    return {
+        "orders": options["orders"] or None,
+        "fixed": options["fix"] or None,
+        "known_load": options["known_load"],
+        "lowpass": options["lowpass"],
+        "bandwidth": options["bandwidth"],
+        **_work(options),
+    }
+
+
 def _work(options: Mapping[str, Any]) -> dict[str, Any]:
     return {
         "scheduler": options["scheduler"],
@@ -498,5 +623,5 @@ def _work(options: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-for _command in (fit, discover, compare, track):
+for _command in (fit, discover, compare, track_joints):
     spoken(_command)

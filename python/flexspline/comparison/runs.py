@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from flexspline.errors import InputError, listed
 from flexspline.formatting import padded
+from flexspline.forward import simulate
 from flexspline.forward.servo import PositionServo
-from flexspline.forward.simulating import simulate
 from flexspline.least_squares.problem import away_from_ends, coarser, resolved_rows
 from flexspline.logs.channel_noise import ChannelNoise
 from flexspline.logs.derive import velocity_noise, with_motion

@@ -158,7 +158,7 @@ def confirmed(made: Analysis, fitted: Callable[[Working], Fit], base: Sequence[s
             name, why = (unlikely[-1], UNLIKELY) if unlikely else (lesser[-1], LESSER)
         if why == SMALL:
             one = shown[name]
-            small.append(AlsoSeen(name, *one.rmse, one.t, one.share))
+            small.append(AlsoSeen(name, *one.rmse, one.t, float(np.clip(one.share, -1.0, 1.0))))
             made.searcher.refused.pop(name, None)  # of an earlier step
         elif why:
             made.searcher.refused[name] = why
@@ -278,8 +278,13 @@ def _unlikely(rivals: Mapping[str, Sequence[Rival]], sure: Mapping[str, Sure]) -
 
 
 def _with_tie(rival: Rival, effect: Effect, tied: Sequence[Dependence]) -> Rival:
-    """The rival that reads a channel which these runs hardly tell from one of the effect's."""
-    own = (one.said for one in tied if one.swapped(effect.info.reads, rival.effect.info.reads))
+    """The rival that reads a channel which these runs hardly tell from one of the effect's.
+
+    What remembers is no function of a channel, and of none that follows it.
+    """
+    alike = rival.effect.info.remembers == effect.info.remembers
+    reads = effect.info.reads, rival.effect.info.reads
+    own = (one.said for one in tied if alike and one.swapped(*reads))
     return replace(rival, tied=next(own, ()))
 
 

@@ -89,10 +89,12 @@ def doubt(gain: float, survives: float, left: float, channels: Sequence[str]) ->
     if left <= SETTINGS.bends * gain:
         return ""
     of_these = "this channel" if len(channels) == 1 else "these channels"
+    times = left / max(gain, TINY)
+    much = f"{percent(times)} of" if times <= 1.0 else f"{times:.1f} times"
     return (
         f" The confidence is lower for functions of {listed(channels)} that no name explains: "
-        f"after prewhitening they gain {percent(left / max(gain, TINY))} of what it does, "
-        f"and beside all functions of {of_these} it keeps {percent(survives)} of that."
+        f"after prewhitening they gain {much} what it does, "
+        f"and beside all functions of {of_these} it keeps {percent(max(survives, 0.0))} of that."
     )
 
 

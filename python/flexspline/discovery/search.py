@@ -58,10 +58,10 @@ from flexspline.discovery.evidence import (
     price,
     price_of,
 )
-from flexspline.discovery.physics import LOOPS, driving_spring, impossible
+from flexspline.discovery.physics import LOOPS, driving_spring, impossible, level_of
 from flexspline.discovery.settings import SETTINGS
 from flexspline.effects import UNITS, Effect
-from flexspline.effects.causes import GRAVITY
+from flexspline.effects.causes import COULOMB, GRAVITY, STRIBECK
 from flexspline.errors import InputError
 from flexspline.least_squares.options import SHARED
 from flexspline.least_squares.problem import Problem, problem_of
@@ -79,6 +79,7 @@ from flexspline.regression.gram import (
     gains_of,
     left_of,
     rows_of,
+    solved,
     tabulated,
     thinned,
 )
@@ -245,12 +246,14 @@ def _bends(effect: Effect, named: Effect, tied: Sequence[Dependence]) -> bool:
     """Whether an effect reads nothing but a name's channels, and may bend its form.
 
     Nor, unless it remembers, what in these runs is nearly a function of them. A constant bends
-    nothing.
+    nothing. The torque of a rigid body, and what is in proportion to a known load, are laws: what
+    bends them is another effect.
     """
-    seen, own = {*named.reads}, {*effect.reads}
-    for pair in ({one.channel, one.of} for one in tied if not effect.info.remembers):
-        seen |= pair if pair & {*named.reads} else set()
-    return bool(own) and own <= seen
+    reads, own = {*named.reads}, {*effect.reads}
+    pairs = [{one.channel, one.of} for one in tied if not effect.info.remembers]
+    seen = reads.union(*(pair for pair in pairs if pair & reads))
+    law = named.info.traits.carries_load or named.info.traits.known_load
+    return bool(own) and own <= seen and not law
 
 
 LEFT_OF_FORM = "no more than what the form of a named effect misses"
@@ -510,19 +513,33 @@ class Searcher:
             names = {e.name for e in work.effects}
             more = rivals if known and effect.name not in names else ()
             together = [effect, *(e for e in more if e not in known and e.name not in names)]
-            known.update(self._gains(problem, rest, list(dict.fromkeys(together)), given))
+            known.update(self._gains(problem, rest, list(dict.fromkeys(together)), given, not bent))
         return known[effect]
 
     def _gains(
-        self, problem: Problem, work: Working, effects: Sequence[Effect], given: Given
+        self,
+        problem: Problem,
+        work: Working,
+        effects: Sequence[Effect],
+        given: Given,
+        turning: bool,
     ) -> dict[Effect, float]:
-        """What each effect alone gains beside a model and columns that are given."""
+        """What each effect alone gains beside a model and columns that are given.
+
+        `turning`: whether that is one in which friction turns over. Such a one may take its level
+        later, and never exceeds it, which is what Stribeck friction does.
+        """
         table = tabulated(problem, work.sheet(beside=effects, given=given), self.whitening)
         ends = np.cumsum([len(work.owners()), *(len(effect.terms) for effect in effects)])
         model = np.delete(np.arange(len(table.total) - 1), np.arange(ends[0], ends[-1]))
         left, raw = table.without(model), np.diag(table.total)
+        exceeds = turning and solved(table.total, model)[-1] * level_of(work, COULOMB) < 0.0
+        beside = {STRIBECK: table.without(model[:-1])} if exceeds else {}
         own = zip(effects, ends, ends[1:], strict=False)
-        return {e: gain_of(left, np.arange(first, last), raw)[0] for e, first, last in own}
+        return {
+            e: gain_of(beside.get(e.name, left), np.arange(first, last), raw)[0]
+            for e, first, last in own
+        }
 
     def _apart(
         self, problem: Problem, work: Working, effect: Effect, given: Given

@@ -54,6 +54,7 @@ __all__ = [
     "Overlap",
     "Repeated",
     "kept",
+    "leftover_in",
     "leftover_of",
     "looked_at",
     "repeated",
@@ -68,24 +69,50 @@ FUNCTIONS = "rows of functions"  # what a problem keeps of them
 class Ceiling:
     """Functions of all channels and pairs of them, as a noise sees them.
 
-    `problem`: the rows on which they are looked at, `share` of all that count. `blocks`: products
-    (C, C) over σ² of each of the `groups`.
+    `tables`: all of them on few rows, and powers, of which each takes little evidence, on many.
+    `problem`, `share`: of the first.
     """
 
     def __init__(self, problem: Problem, whitening: Whitening) -> None:
-        self.problem, self.whitening = looked_at(problem), whitening
-        self.share = rows_of(self.problem) / rows_of(problem)
-        self.groups = flexible_basis(self.problem)
-        ends = np.cumsum([0, *(group.count for group in self.groups)])
+        self.whitening = whitening
+        few, groups = looked_at(problem), flexible_basis(problem)
+        plain = [group for group in groups if group.plain]
+        rivals = len(groups) + len(plain)
+        many = _part(problem, round(SETTINGS.rows / SETTINGS.little))
+        self.tables = (
+            FunctionTable(few, groups, whitening, rows_of(few) / rows_of(problem), rivals),
+            FunctionTable(many, plain, whitening, rows_of(many) / rows_of(problem), rivals),
+        )
+        self.problem, self.share = few, self.tables[0].share
+
+
+class FunctionTable:
+    """Some functions on some rows.
+
+    `share`: of all rows that count. `rivals`: how many are asked for, here and elsewhere. `blocks`:
+    products (C, C) over σ² of each of the `groups`.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        groups: Sequence[BasisFunctions],
+        whitening: Whitening,
+        share: float,
+        rivals: int,
+    ) -> None:
+        self.problem, self.groups, self.whitening = problem, groups, whitening
+        self.share, self.rivals = share, rivals
+        ends = np.cumsum([0, *(group.count for group in groups)])
         self.at = [slice(a, b) for a, b in pairwise(ends.tolist())]
         width = self.at[-1].stop + 1
         self.rows, self.columns = list[Rows](), list[Array]()
         self.folds: list[tuple[int, int, int]] = []
-        for number, made in enumerate(_functions(self.problem, self.groups)):
+        for number, made in enumerate(_functions(problem, groups)):
             white, rows = whitening.stretches(made, width)
             self.rows.append(rows)
             self.columns.append(white[:, :-1])
-            self.folds += [(number, a, b) for a, b in fold_blocks(self.problem, number, rows)]
+            self.folds += [(number, a, b) for a, b in fold_blocks(problem, number, rows)]
         parts = [[self.part(fold, at) for fold in self.folds] for at in self.at]
         self.blocks = [self.over_noise(own, own).sum(axis=0) for own in parts]
 
@@ -120,18 +147,23 @@ Made = list[tuple[tuple[int, int], Array]]
 
 def looked_at(problem: Problem) -> Problem:
     """The rows on which flexible functions are looked at."""
-    return thinned(problem, SETTINGS.rows, round(SETTINGS.little * SETTINGS.rows), LEAD)
+    return _part(problem, SETTINGS.rows)
+
+
+def _part(problem: Problem, rows: int) -> Problem:
+    return thinned(problem, rows, round(SETTINGS.little * SETTINGS.rows), LEAD)
 
 
 def _functions(problem: Problem, groups: Sequence[BasisFunctions]) -> list[Made]:
     """Rows of all functions by stretch of each run; one noise after another asks for them."""
     kept: dict[Any, Any] = problem.kept
     stretches = [run.stretches for run in problem.runs]
-    if kept.get(FUNCTIONS, (None,))[0] != stretches:
+    name = f"{FUNCTIONS}, {len(groups)}"
+    if kept.get(name, (None,))[0] != stretches:
         sheet = Sheet((), np.empty(0), (), np.empty(0), Functions(tuple(groups)))
         numbers = range(len(problem.runs))
-        kept[FUNCTIONS] = stretches, [[*sheet.stretches(problem, number)] for number in numbers]
-    made: list[Made] = kept[FUNCTIONS][1]
+        kept[name] = stretches, [[*sheet.stretches(problem, number)] for number in numbers]
+    made: list[Made] = kept[name][1]
     return made
 
 
@@ -141,7 +173,7 @@ class Overlap:
     `chosen`: groups of functions that were taken to the model.
     """
 
-    def __init__(self, ceiling: Ceiling, columns: list[Array], owners: Sequence[str]) -> None:
+    def __init__(self, ceiling: FunctionTable, columns: list[Array], owners: Sequence[str]) -> None:
         self.ceiling, self.columns, self.chosen = ceiling, columns, list[int]()
         self.owners = np.array(owners, dtype=str)
 
@@ -212,8 +244,13 @@ class Leftover:
 
 
 def leftover_of(ceiling: Ceiling, work: Working) -> Leftover:
-    """Find the functions of a flexible basis that still gain beside a model."""
-    overlap = ceiling.beside(work)
+    """Return what the functions that explain most of the residual of a model explain of it."""
+    return max((leftover_in(one, work) for one in ceiling.tables), key=lambda one: one.net)
+
+
+def leftover_in(some: FunctionTable, work: Working) -> Leftover:
+    """Find the functions of a table that still gain beside a model, as all rows would show it."""
+    overlap = some.beside(work)
     above = 0.0
     while len(overlap.chosen) < SETTINGS.tried:
         best = _best(overlap)
@@ -221,14 +258,14 @@ def leftover_of(ceiling: Ceiling, work: Working) -> Leftover:
             break
         above += best[1]
         overlap.chosen.append(best[0])
-    return _summary(overlap, work, above).times(1.0 / ceiling.share)
+    return _summary(overlap, work, above).times(1.0 / some.share)
 
 
 def _best(overlap: Overlap) -> tuple[int, float] | None:
     """The next functions, with their gain above its price."""
     gains = overlap.gains()
     scored = [
-        (gain - chi2.isf(SETTINGS.alpha / len(gains), max(seen, 1)), gain, k)
+        (gain - chi2.isf(SETTINGS.alpha / overlap.ceiling.rivals, max(seen, 1)), gain, k)
         for k, (gain, seen) in enumerate(gains)
         if k not in overlap.chosen
     ]
@@ -347,20 +384,25 @@ def repeated(left: HeldOut) -> Repeated | None:
     for count in (1, 2):
         for columns in combinations(range(len(names)), count):
             own = [place[:, columns] for place in places]
-            after = [value - _predicted(own, values, k) for k, value in enumerate(values)]
+            after = _beyond_others(own, values)
             fall, error = fall_of(values, after, block)
             if fall > SETTINGS.told * error:
                 found.append(Repeated(fall, error, tuple(names[k] for k in columns)))
     return max(found, key=lambda one: one.fall / max(one.error, TINY), default=None)
 
 
-def _predicted(places: Sequence[Array], values: Sequence[Array], fold: int) -> Array:
-    """What the neighbours in other folds say of the rows of one, (n,)."""
-    rest = [k for k in range(len(places)) if k != fold and len(values[k])]
-    others = np.concatenate([values[k] for k in rest]) if rest else np.empty(0)
-    if len(others) < NEIGHBOURS or not len(values[fold]):
-        return np.zeros(len(values[fold]))
-    tree = cKDTree(np.concatenate([places[k] for k in rest]))
-    far, at = tree.query(places[fold], k=NEIGHBOURS)
-    told = SETTINGS.most * others[at].mean(axis=1)
-    return np.where(far[:, -1] < SETTINGS.little, told, 0.0)
+def _beyond_others(places: Sequence[Array], values: Sequence[Array]) -> list[Array]:
+    """What the neighbours in other folds leave of the rows of each, (n,); of many folds in turn."""
+    count = min(len(values), NEIGHBOURS)
+    left = [*values]
+    for turn in range(count):
+        rest = [k for k in range(len(values)) if k % count != turn and len(values[k])]
+        if sum(len(values[k]) for k in rest) < NEIGHBOURS:
+            continue
+        others = np.concatenate([values[k] for k in rest])
+        tree = cKDTree(np.concatenate([places[k] for k in rest]))
+        for k in (k for k in range(turn, len(values), count) if len(values[k])):
+            far, at = tree.query(places[k], k=NEIGHBOURS)
+            told = SETTINGS.most * others[at].mean(axis=1)
+            left[k] = values[k] - np.where(far[:, -1] < SETTINGS.little, told, 0.0)
+    return left

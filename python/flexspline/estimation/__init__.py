@@ -1,6 +1,406 @@
-"""The production chain over a log: what the joint computes, sample by sample."""
+"""The production chain over a log: what the joint computes, sample by sample.
 
-from flexspline.estimation.chain import estimate
+`estimate` runs the joint of a model over a log, by the code that a device runs.
+
+The core's `Joint` (`flexspline/joint.hpp`) is built from the model's plan, with effects and stages
+chosen at run time; on a device both are fixed at compile time.
+
+A log may hold voltages and temperatures that no instrument measures. They mark an overload: SCPI
+instruments write 9.9e37 for it and 9.91e37 for "not a number" (SCPI-99, 7.2.1.4 and 7.2.1.5).
+`measurable` empties them; the joint's own converter cannot give such a number.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Mapping
+from typing import Any, overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexspline import _core
+from flexspline.errors import InputError, listed
+from flexspline.estimation.plan import (
+    READINGS,
+    Plan,
+    adapted_units,
+    joint_limits,
+    made_by,
+    plan_of,
+    with_derivatives,
+)
 from flexspline.estimation.result import Estimate, Estimates, Status
+from flexspline.logs.local_fit import require_bandwidth
+from flexspline.logs.log import Log, require_clock
+from flexspline.logs.read import LogLike, as_logs, is_one, with_motor_torque
+from flexspline.logs.segments import median_step, output_speed, runs
+from flexspline.model import Model
+from flexspline.part import Part
+from flexspline.signals import channels_for, gear_of
 
-__all__ = ["Estimate", "Estimates", "Status", "estimate"]
+__all__ = [
+    "Estimate",
+    "Estimates",
+    "Status",
+    "estimate",
+]
+
+
+Array = NDArray[np.float64]
+
+STAGES = {  # bit of the core's stage: bit of the status, result, column
+    4: (Status.NO_SENSOR, "external_sensor", "external_torque_sensor"),
+    8: (Status.NO_OBSERVER, "external_observer", "external_torque_observer"),
+    16: (Status.NO_COMPLIANCE, "external_compliance", "external_torque_compliance"),
+    32: (Status.NO_MERGED, "external_merged", "external_torque_merged"),
+    64: (Status.NO_CONTACT, "contact", "contact"),
+    128: (
+        Status.NO_COMPLIANT_OBSERVER,
+        "external_compliant_observer",
+        "external_torque_compliant_observer",
+    ),
+}
+CONTACT, DIFFERENTIATOR = 64, 256
+MOST_MISSED = 511  # all stages of the core
+OUT_OF_RANGE = np.uint8(4)  # bit of the core's flags
+FAULTS = 11  # places from the bits of the core's faults to those of the status
+
+Said = dict[str, None]  # sentences, each once, in order
+
+LOAD = "reference_torque"  # the channel through which the effects of a part get their load
+
+VOLTAGES = ("sensor_voltage", "thermistor_voltage")
+MOST_VOLTS = 1e6  # above every bridge and supply
+COLDEST, HOTTEST = -273.15, 1e4  # °C: absolute zero, and above every thermocouple
+
+RANGE_OF = {
+    "sensor_voltage": "voltage_range",
+    "thermistor_voltage": "thermistor_voltage_range",
+    "temperature": "temperature_range",
+}
+
+
+@overload  # a name of a file is one log
+def estimate(  # type: ignore[overload-overlap]
+    model: Model, log: LogLike, *, bandwidth: float | None = None
+) -> Estimate: ...
+@overload
+def estimate(
+    model: Model,
+    log: Iterable[LogLike],
+    *,
+    bandwidth: float | None = None,
+    speed_above: float | None = None,
+) -> Estimates: ...
+def estimate(
+    model: Model,
+    log: LogLike | Iterable[LogLike],
+    *,
+    bandwidth: float | None = None,
+    speed_above: float | None = None,
+) -> Estimate | Estimates:
+    """Run a model's estimators over a log, sample by sample, by the code that the joint runs.
+
+    The chain is the core's: reading checks, differentiator, thermistor, temperature compensation,
+    calibration, the sensor's intrinsic part, observer, compliance, the link's observer, merge,
+    collision, each where the model holds it. A value is NaN where its stage had nothing to work
+    with, and `status` says so; filters, observer, lags and detector start again behind a gap.
+    Nothing that looks ahead is used: a velocity that the log lacks is the causal derivative of its
+    position, and a note says so.
+
+    Parameters
+    ----------
+    model : with estimators, a part for sensor_torque, or both.
+    log : time must increase. `sensor_voltage` is read where the model has a calibration, else
+        `sensor_torque`; `thermistor_voltage` where it has a thermistor, else `temperature`. A
+        voltage or temperature that no instrument measures counts as none.
+        A reference torque is never read. Or several logs, such as a list.
+    bandwidth : Hz, of the causal differentiator where the model has none; None for 20 Hz, or a
+        quarter of a low rate.
+    speed_above : rad/s, of several logs; rows whose output is slower are left out of the errors.
+        The speed is that of `output_velocity`, else of the derivative of `output_position`.
+
+    Returns
+    -------
+    Columns of (N,): time [s], temperature [°C], sensor_torque [Nm], external torques [Nm at the
+    output, positive outward] by sensor, observer, compliance, compliant_observer and merged,
+    contact, status, and the coefficients that an `Adaptation` learned, by their names, each as it
+    was behind the row and on over gaps.
+    Bits of the status (`flexspline.estimation.Status`): 1 extrapolated, 2 saturated, 4 no
+    temperature, 8 no sensor, 16 no observer, 32 no compliance, 64 no merged torque,
+    128 contact not decided, 256 started again, 512 no observer of the link, 1024 no velocity from
+    the angle; what limits and reading checks took out: 2048 sensor, 4096 motor, 8192 speed, 16384
+    motion, 32768 encoders, 131072 temperature; 65536 sensor and observer disagree; 262144 a reading
+    is beyond its limit, which a device takes for missing, and so does this.
+    Of several logs, a list of one included, their `Estimates`: one for each, and the errors of the
+    external torques beside the `reference_torque` of the runs that have one.
+
+    Raises
+    ------
+    InputError
+        Where the model has nothing to estimate with or lacks what an estimator reads, the log
+        lacks every channel that they read, its time does not increase, or the observer's gain is
+        not stable at its rate; for a `speed_above` with one log, or with none that has a reference.
+
+    Sources
+    -------
+    zhang_disturbance_elimination (6)–(11), (16)–(25); full_range_torque_estimation (7), (8),
+    (14)–(20).
+    """
+    plan, logs = plan_of(model), as_logs(log)
+    if not logs:
+        raise InputError("there is no log to estimate from; give at least one")
+    compared = not is_one(log) and any(LOAD in one.channels for one in logs)
+    if speed_above is not None and not compared:
+        raise InputError(
+            f"speed_above is of errors beside {LOAD}; give a list of logs, one of which has it, or "
+            "leave speed_above out"
+        )
+    made = tuple(_estimate(model, plan, one, bandwidth) for one in logs)
+    if is_one(log):
+        return made[0]
+    if speed_above is None:
+        return Estimates(made, tuple(_reference(one) for one in logs))
+    known = [one for one in logs if LOAD in one.channels]
+    slow = sum(int(np.count_nonzero(_slow(one, speed_above))) for one in known)
+    return Estimates(made, tuple(_reference(one, speed_above) for one in logs), speed_above, slow)
+
+
+def _slow(log: Log, least: float) -> NDArray[np.bool_]:
+    return output_speed(log, least) < least
+
+
+def _reference(log: Log, least: float | None = None) -> NDArray[np.float64] | None:
+    """The reference, NaN in rows slower than `least`; None where the log has none."""
+    if LOAD not in log.channels:
+        return None
+    return log[LOAD] if least is None else np.where(_slow(log, least), np.nan, log[LOAD])
+
+
+def _estimate(model: Model, plan: Plan, log: Log, bandwidth: float | None) -> Estimate:
+    _require_increasing(log)
+    _require_stable(plan, log)
+    said: dict[str, None] = {}  # sentences, each once, in order
+    log = with_derivatives(plan, with_motor_torque(log), bandwidth, said)
+    log = measurable(log, said, plan.preprocessing.get("reading_checks", {}))
+    columns = _columns(model, plan, log, run_joint(model, plan, log, said))
+    _require_something(columns, log, tuple(said))
+    return Estimate(log.name, columns, tuple(said), adapted_units(model, plan))
+
+
+def _require_increasing(log: Log) -> None:
+    require_clock(log)
+    bad = np.flatnonzero(~(np.diff(log["time"]) > 0.0))
+    if bad.size:
+        raise InputError(
+            f"log '{log.name}': time does not increase at row {bad[0] + 1}; repair it with "
+            "sort_time or drop_duplicates"
+        )
+
+
+def _require_stable(plan: Plan, log: Log) -> None:
+    step = median_step(log["time"])
+    for key in ("observer", "compliant_observer"):
+        entry = plan.estimating.get(key, {})
+        if entry.get("discretisation") == "euler" and entry["gain"] * step >= 2.0:
+            raise InputError(
+                f"log '{log.name}': the {key.replace('_', ' ')}'s gain of {entry['gain']:g} 1/s by "
+                f"euler is not stable at {1.0 / step:.4g} Hz; give a gain below "
+                f"{2.0 / step:.4g} 1/s or the discretisation exact"
+            )
+
+
+def _columns(model: Model, plan: Plan, log: Log, found: Mapping[str, Any]) -> dict[str, Array]:
+    columns = {"time": np.array(log["time"])}
+    columns |= {name: found[name] for name in ("temperature", "sensor_torque")}
+    units = adapted_units(model, plan)
+    columns |= {name: found["adapted"][:, place] for place, name in enumerate(units)}
+    missed = found["missed"]
+    bits = np.zeros(MOST_MISSED + 1, dtype=np.int64)  # of the status, by those of `missed`
+    some = np.arange(MOST_MISSED + 1)
+    bits[(some & DIFFERENTIATOR) != 0] = Status.NO_VELOCITY
+    for stage, (bit, result, name) in STAGES.items():
+        if result in found:
+            columns[name] = found[result]
+            bits[(some & stage) != 0] |= bit
+    if "contact" in columns:
+        columns["contact"] = np.where(missed & CONTACT, np.nan, columns["contact"])
+    status = bits[missed]
+    status |= found["flags"] & ~OUT_OF_RANGE
+    status[(found["flags"] & OUT_OF_RANGE) != 0] |= Status.OUT_OF_RANGE
+    status |= found["faults"].astype(np.int64) << FAULTS
+    if plan.sensing.keys() & {"thermistor", "temperature_compensation"}:
+        status[np.isnan(found["temperature"])] |= Status.NO_TEMPERATURE
+    status[runs(log["time"])[:, 0]] |= Status.RESTARTED
+    return {**columns, "status": status.astype(np.float64)}
+
+
+def _require_something(columns: Mapping[str, Array], log: Log, said: tuple[str, ...]) -> None:
+    estimates = [name for name in columns if name.startswith("external") or name == "contact"]
+    if not any(np.isfinite(columns[name]).any() for name in estimates):
+        why = f" ({said[-1]})" if said else ""
+        raise InputError(
+            f"log '{log.name}': no row has all that {listed(estimates)} read{why}; "
+            f"it has {listed(log.channels)}; map the columns that are missing"
+        )
+
+
+def run_joint(
+    model: Model, plan: Plan, log: Log, said: Said, *, inputs: bool = False
+) -> dict[str, Any]:
+    """Return what the joint makes of each row of a log, by the core's names, (N,) each.
+
+    Parameters
+    ----------
+    plan : of the model.
+    log : with increasing time and the derivatives that the joint reads and does not make.
+    said : takes sentences on what is missing.
+    inputs : also return what the stages read: momenta, torsion, what the models predict.
+
+    Raises
+    ------
+    InputError
+        Where the log is of another gear, or the differentiator's bandwidth does not suit its rate.
+    """
+    made = plan.preprocessing.get("differentiator")
+    if made is not None:
+        label = f"{log.name}, derivative of output_position"
+        require_bandwidth(made["bandwidth"], log.rate, label)
+    sensing = _sensing(plan, log, said)
+    joint = _core.Joint(
+        {"sensor": plan.has_sensor, **plan.preprocessing, **sensing, **plan.estimating},
+        {name: _model(model, part) for name, part in plan.models.items() if part is not None},
+        effective_ratio=plan.effective_ratio,
+        inertia=plan.inertia,
+        link_inertia=plan.link_inertia,
+        limits=_limits(plan),
+        **_temperatures(plan),
+    )
+    _say_of_models(model, plan, log, said)
+    columns = {name: log[name] for name in ("time", *READINGS) if name in log}
+    return joint.run(columns, runs(log["time"])[:, 0].tolist(), inputs=inputs)
+
+
+def _model(model: Model, part: Part) -> tuple[_core.Design, Array]:
+    by_motor_encoder = "motor_position" in part.record.get("channels", ())
+    effects = [effect.for_core() for effect in part.effects]
+    return _core.Design(effects, **gear_of(model.facts, by_motor_encoder)), part.coefficients
+
+
+def _limits(plan: Plan) -> dict[str, float]:
+    limits = joint_limits(plan)
+    return {name: sys.float_info.max if most is None else most for name, most in limits.items()}
+
+
+def _temperatures(plan: Plan) -> dict[str, float]:
+    if plan.temperature_range is None:
+        return {}
+    return dict(zip(("low", "high"), plan.temperature_range, strict=True))
+
+
+def _sensing(plan: Plan, log: Log, said: Said) -> Mapping[str, Mapping[str, Any]]:
+    """The sensing stages without those whose result is a channel of the log already."""
+    stages = dict(plan.sensing)
+    if "thermistor" in stages and "thermistor_voltage" not in log:
+        stages.pop("thermistor")
+        if "temperature" in log:
+            said["temperature is the log's own: it has no thermistor_voltage"] = None
+    if "calibration" in stages and "sensor_voltage" not in log and "sensor_torque" in log:
+        stages.pop("calibration")
+        stages.pop("temperature_compensation", None)
+        said["sensor_torque is the log's own, not compensated: it has no sensor_voltage"] = None
+    return stages
+
+
+def _say_of_models(model: Model, plan: Plan, log: Log, said: Said) -> None:
+    """Say what the models lack of the log, stage by stage."""
+    made = plan.preprocessing.get("differentiator")
+    named = {"temperature", LOAD, *(() if made is None else made_by(made))} - {*log.channels}
+    log = log.with_columns(dict.fromkeys(named, log["time"]), note="of the joint")
+    if plan.has_sensor:
+        if plan.sensor is None:
+            said[
+                "the model has no part for sensor_torque: what the joint adds to it is not taken "
+                "off"
+            ] = None
+        _say_of_part(model, plan.sensor, log, said)
+    if "compliance" in plan.estimating:
+        _say_of_torsion(model, plan, log, said)
+    if "compliant_observer" in plan.estimating:
+        _say_of_momentum(plan.link_inertia, log, "compliant observer", said)
+    if not plan.has_sensor and plan.observed is not None and _reads_load(plan.observed):
+        how = "the compliance's of the row before: no sensor"
+        if "compliance" not in plan.estimating:
+            how = "it as zero: no sensor, and no estimator compliance"
+        said[f"the effects of the observer's part that read the load take {how}"] = None
+    if "observer" in plan.estimating:
+        _say_of_momentum(plan.inertia, log, "observer", said)
+        _say_of_part(model, plan.observed, log, said)
+        if plan.estimating["observer"]["input"] == "motor_torque" and "motor_torque" not in log:
+            said[f"the observer reads motor_torque, which log '{log.name}' lacks"] = None
+
+
+def _say_of_torsion(model: Model, plan: Plan, log: Log, said: Said) -> None:
+    for name in ("output_position", "motor_position"):
+        if name not in log:
+            said[f"the compliance reads {name}, which log '{log.name}' lacks"] = None
+    _say_of_part(model, plan.torsion, log, said)
+    _say_of_part(model, plan.carried, log, said)
+
+
+def _say_of_momentum(inertia: float, log: Log, whose: str, said: Said) -> None:
+    if inertia == 0.0:
+        said[f"the {whose} is a low pass of its torque: its part knows no inertia"] = None
+    elif "output_velocity" not in log:
+        said[f"the {whose} reads output_velocity, which log '{log.name}' lacks"] = None
+
+
+def _say_of_part(model: Model, part: Part | None, log: Log, said: Said) -> None:
+    """Say what a part lacks of the log, and what it reads as it is: nothing here looks ahead."""
+    if part is None:
+        return
+    for one in part.preparations:
+        said[
+            f"the part for {part.target} was found with {one.channel} {one.how}, zero phase; here "
+            "it reads the channel as it is, as the joint does"
+        ] = None
+    try:
+        channels_for(log, part.effects, None)
+    except InputError as error:
+        said[str(error)] = None
+    else:
+        model.require_scales(log, part)
+
+
+def _reads_load(part: Part) -> bool:
+    return any("load" in effect.reads for effect in part.effects)
+
+
+def measurable(log: Log, said: dict[str, None], checks: Mapping[str, Any] | None = None) -> Log:
+    """Return the log with NaN for values that no instrument measures; `said` gets a sentence each.
+
+    Parameters
+    ----------
+    log : the channels are V and °C.
+    said : sentences, each once, in order.
+    checks : the model's reading checks; a channel that they hold to a range is left to them, for
+        they say in which rows it was outside.
+    """
+    volts = (-MOST_VOLTS, MOST_VOLTS, "V")
+    ranges = {**dict.fromkeys(VOLTAGES, volts), "temperature": (COLDEST, HOTTEST, "°C")}
+    made = {}
+    for name, (low, high, unit) in ranges.items():
+        if name not in log or (checks or {}).get(RANGE_OF[name]) is not None:
+            continue
+        values = log[name]
+        bad = np.flatnonzero(np.isfinite(values) & ((values < low) | (values > high)))
+        if bad.size:
+            made[name] = values.copy()
+            made[name][bad] = np.nan
+            said[
+                f"{name} is {values[bad[0]]:.4g} {unit} in row {bad[0]}, which no instrument "
+                f"measures: {bad.size} such row{'' if bad.size == 1 else 's'} count as empty; look "
+                "for an overload"
+            ] = None
+    return log.with_columns(made, note="overloads are empty") if made else log

@@ -42,7 +42,7 @@ from flexspline.estimators import (
     Observer,
     ReadingChecks,
 )
-from flexspline.estimators.needs import link_part, require_complete
+from flexspline.estimators.checks import link_part, require_complete
 from flexspline.estimators.sensing import DERIVED
 from flexspline.logs.derive import differentiate_causal, lateness
 from flexspline.logs.log import Log

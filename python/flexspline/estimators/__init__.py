@@ -9,8 +9,7 @@ from __future__ import annotations
 from types import MappingProxyType
 from typing import TypeAlias
 
-from flexspline.estimators.adaptation import Adaptation
-from flexspline.estimators.external_torque import Collision, Compliance, Merge, Observer
+from flexspline.estimators.external_torque import Adaptation, Collision, Compliance, Merge, Observer
 from flexspline.estimators.sensing import (
     Calibration,
     Differentiator,

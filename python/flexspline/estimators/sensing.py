@@ -14,6 +14,8 @@ from flexspline.errors import InputError
 from flexspline.estimators.checks import (
     ABSOLUTE_ZERO,
     Entry,
+    Estimators,
+    Parts,
     above_zero,
     choice,
     json_record,
@@ -21,7 +23,6 @@ from flexspline.estimators.checks import (
     numbers,
     span,
 )
-from flexspline.estimators.needs import Estimators, Parts
 
 __all__ = [
     "DERIVED",

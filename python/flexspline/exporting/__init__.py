@@ -29,13 +29,14 @@ from flexspline.exporting.plugin import (
     library_name,
     plugin_files,
     plugin_of,
+    plugins_of,
     write_plugin,
 )
 from flexspline.files import atomic_write, whole_folder
 from flexspline.formatting import documented
 from flexspline.logs.read import LogLike, as_logs
 from flexspline.model import PART_OF, Model, part_warnings, refuse_warnings
-from flexspline.own.header import Header
+from flexspline.own.effect import Header
 
 __all__ = [
     "EXPORTS",
@@ -50,6 +51,7 @@ __all__ = [
     "mujoco_plugin",
     "namespace_of",
     "plugin_of",
+    "plugins_of",
 ]
 
 
@@ -116,8 +118,9 @@ def _mujoco_plugin(
     model: Model, path: Path, target: str | None, scalar: str, compiles: bool = False
 ) -> None:
     namespace = namespace_of(path)
-    for own in own_headers(plugin_of(model, target).model, None):
-        _is_there(own, path / f"{namespace}.hpp")
+    for one in plugins_of(model, target).models:
+        for own in own_headers(one, None):
+            _is_there(own, path / f"{namespace}.hpp")
     with whole_folder(path) as draft:
         write_plugin(model, namespace, draft, target)
         if compiles:
@@ -174,7 +177,10 @@ EXPORTS = {
     "mujoco-plugin": Export(
         "a folder with the sources of an engine plugin of MuJoCo, the line that builds them and an "
         "MJCF file to copy from. It leaves out none of the joint's torques: it is the passive "
-        "force of a joint by the same C++ code, load, angle, direction and memory included",
+        "force of a joint by the same C++ code, load, angle, direction and memory included, and "
+        "its heat if asked for. A torsion by a known load becomes the gear between two hinges, "
+        "motor side and link, with compliance, hysteresis and backlash; the MJCF says how long a "
+        "timestep that bears",
         _mujoco_plugin,
         files=plugin_files,
     ),
@@ -218,7 +224,8 @@ def export(
     model : what `fit` or `Model.load` gives.
     path : file to write, or the folder that some formats are; its stem is the header's namespace.
     format : what leaves, one of the notes below.
-    target : which part, such as "sensor_torque"; None picks the only one, and keeps all in JSON.
+    target : which part, such as "sensor_torque"; None picks the only one, and keeps all in JSON,
+        and a torsion beside another one in a plugin.
     scalar : "float" or "double", the numbers of a binary block.
     strict : refuse what is otherwise warned of.
     runs : of a simulator's joint, runs on which the table tells what is lost too: the root mean
@@ -237,9 +244,10 @@ def export(
     InputError
         For an unknown format, scalar or target, a number that the core cannot hold, a target that
         is no torque where a simulator's joint needs one, a part without an effect that a plugin
-        could run, a compiler that is missing or refuses, runs that lack what the model reads or of
-        which the format says nothing, `dcmotor` of another format than "mujoco", or a path that
-        cannot be written; with `strict` for what is otherwise warned of.
+        could run, a torsion to which no torque belongs, a compiler that is missing or refuses, runs
+        that lack what the model reads or of which the format says nothing, `dcmotor` of another
+        format than "mujoco", or a path that cannot be written; with `strict` for what is otherwise
+        warned of.
 
     Warns
     -----
@@ -281,21 +289,27 @@ def _warn(model: Model, target: str | None, strict: bool) -> None:
 def mujoco_plugin(
     model: Model, path: str | os.PathLike[str], target: str | None = None, strict: bool = False
 ) -> Path:
-    """Export a model as a MuJoCo engine plugin and compile it with this machine's compiler.
+    """Export a model as MuJoCo engine plugins and compile them with this machine's compiler.
 
-    The plugin is the passive force of one joint: what the model says that the joint takes beside
+    One plugin is the passive force of one joint: what the model says that the joint takes beside
     its load, by the core's own code in double, with the memory of effects that have one in mjData.
-    Inertia and weight are left to MuJoCo, errors of a sensor left out. Nothing twists: compliance
-    and backlash of a torsion are not in it, and the temperature stays what the MJCF says, for no
-    model here has the joint's losses heat it. `mujoco-joint.hpp` in the
-    folder says with which numbers it works. The compiler is $CXX, else c++; headers and library of
-    MuJoCo are those of Python's `mujoco`.
+    Inertia and weight are left to MuJoCo, errors of a sensor left out. The temperature is what the
+    MJCF says; with a thermal resistance and a time constant there, the joint's losses heat it.
+
+    Where the model has a torsion, another plugin of the same library couples two hinges, motor side
+    and link: compliance, hysteresis by the load, backlash. Its force is explicit, so that the
+    timestep has to be below a limit, which the MJCF says; a longer one is refused as it is loaded.
+
+    `mujoco-joint.hpp` and `mujoco-coupling.hpp` in the folder say with which numbers they work. The
+    compiler is $CXX, else c++; headers and library of MuJoCo are those of Python's `mujoco`.
 
     Parameters
     ----------
     path : folder to write, as of `export(..., format="mujoco-plugin")`; its name is the plugin's,
-        "flexspline.NAME". A process knows one plugin of a name.
-    target, strict : as of `export`.
+        "flexspline.NAME", that of the coupling "flexspline.NAME_torsion". A process knows one
+        plugin of a name.
+    target : a part alone; None: the torsion and the only other part, where the model has them.
+    strict : as of `export`.
 
     Returns
     -------

@@ -42,7 +42,7 @@ from flexspline.logs.channels import CHANNELS
 from flexspline.logs.derive import lateness
 from flexspline.model import MARGIN, Model, Part, widened
 from flexspline.own import OwnEffect
-from flexspline.own.header import Header
+from flexspline.own.effect import Header
 from flexspline.signals import gear_of
 from flexspline.simulator import Simulated
 

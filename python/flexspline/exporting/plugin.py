@@ -1,4 +1,7 @@
-"""A model as a MuJoCo engine plugin: the passive force of one joint, from the core's own headers.
+"""A model as MuJoCo engine plugins, from the core's own headers, in one library.
+
+One is the passive force of one joint; another, where the model has a torsion, couples the motor's
+hinge and the link's (`coupling`).
 
 MuJoCo has the inertia and the weight of what moves, and its actuators' torque; what the joint takes
 beside these is the plugin's. So of a part's effects
@@ -12,7 +15,7 @@ from __future__ import annotations
 
 import importlib.util
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -22,11 +25,11 @@ from flexspline.about import __version__
 from flexspline.effects import Effect
 from flexspline.effects.causes import GRAVITY, LAG
 from flexspline.errors import InputError, listed
+from flexspline.exporting.coupling import TORSION, Coupling, coupling_of, read_temperatures
 from flexspline.exporting.cpp_text import comment, include, number, string_literal
 from flexspline.exporting.header import by_motor_encoder, header_text, own_headers
 from flexspline.exporting.plain_joint import (
     ARMATURE,
-    PlainJoint,
     attributes,
     output_torque,
     plain_joint,
@@ -40,20 +43,25 @@ from flexspline.signals import gear_of
 
 __all__ = [
     "Plugin",
+    "Plugins",
     "compile_plugin",
     "library_name",
     "plugin_files",
     "plugin_of",
+    "plugins_of",
     "write_plugin",
 ]
 
-COMMON = "mujoco-joint.hpp"  # what all plugins share; no namespace and no own effect is called so
+# What all plugins share; no namespace and no own effect is called so.
+INSTANCE, JOINT, COUPLING = (f"mujoco-{name}.hpp" for name in ("instance", "joint", "coupling"))
 INSTALL = "run pip install 'flexspline[mujoco]'"
 OPTIONS = ("-std=c++20", "-O2", "-ffp-contract=off", "-fvisibility=hidden", "-fPIC", "-shared")
 SUFFIXES = {"darwin": ".dylib", "win32": ".dll"}
 USUAL_TEMPERATURE = 25.0  # deg C, as in the core's sample
 USUAL_SPEED = 1.0  # rad/s, where a model has no range of it
 SPEEDS = 101  # of a range, at which friction is looked at
+UNKNOWN_INERTIA = 1.0  # kg m², in an MJCF to copy from
+SHARE_OF_LONGEST = 0.1  # of an MJCF's timestep: a coupling's resonance is right to 0.2 % then
 
 
 @dataclass(frozen=True)
@@ -68,6 +76,7 @@ class Plugin:
     torque : Nm at the output that the part's unit is worth; the plugin's force is −torque · y.
     ratio : of the gear.
     temperature : deg C, where an MJCF gives none: the middle of the fit's range, else 25.
+    temperatures : deg C, between which the model is asked where the joint heats itself.
     load : Nm, the largest at standstill that the fit knows: its range, and the weight.
     left : effects that do not run, and what has their place.
     """
@@ -77,8 +86,42 @@ class Plugin:
     torque: float
     ratio: float
     temperature: float
+    temperatures: tuple[float, float]
     load: float
     left: Mapping[str, str]
+
+
+@dataclass(frozen=True)
+class Plugins:
+    """What of a model runs in MuJoCo: the force on a joint, the coupling of two hinges, or both."""
+
+    joint: Plugin | None
+    coupling: Coupling | None
+
+    @property
+    def models(self) -> tuple[Model, ...]:
+        """The models of what runs, of one part each."""
+        return tuple(one.model for one in (self.joint, self.coupling) if one is not None)
+
+
+def plugins_of(model: Model, target: str | None = None) -> Plugins:
+    """Return what of a model runs in MuJoCo: of a target that part, else its torsion too.
+
+    Raises
+    ------
+    InputError
+        As `plugin_of` and `coupling_of`.
+    """
+    if target not in (None, TORSION) or PART_OF[TORSION] not in model.parts:
+        return Plugins(plugin_of(model, target), None)
+    others = {name: part for name, part in model.parts.items() if part.target != TORSION}
+    joint = plugin_of(replace(model, parts=others)) if others and target is None else None
+    try:
+        return Plugins(joint, coupling_of(model))
+    except InputError as error:
+        if joint is None:
+            raise
+        raise InputError(f"{error}; or give the target {joint.part.target} alone") from None
 
 
 def plugin_of(model: Model, target: str | None = None) -> Plugin:
@@ -120,13 +163,14 @@ def plugin_of(model: Model, target: str | None = None) -> Plugin:
         known_load=(whole.known_load or "reference_torque") if "load" in reads else None,
         record={key: value for key, value in whole.record.items() if key not in here},
     )
-    low, high = ranges.get("temperature", (USUAL_TEMPERATURE,) * 2)
+    temperatures = read_temperatures(ranges)
     return Plugin(
         Model({PART_OF[part.target]: part}, model.facts),
         part,
         torque,
         float(gear_of(model.facts, motor_encoder=False)["effective_ratio"]),
-        0.5 * (float(low) + float(high)),
+        0.5 * sum(temperatures) if "temperature" in ranges else USUAL_TEMPERATURE,
+        temperatures,
         max(map(abs, ranges.get("known_load", (0.0,)))) + torque * weight,
         left,
     )
@@ -179,30 +223,35 @@ def _require_channels(model: Model, part: Part, reads: set[str]) -> None:
         )
 
 
-def write_plugin(model: Model, namespace: str, folder: Path, target: str | None) -> Plugin:
-    """Write header, source and MJCF of a plugin, NAMESPACE.hpp, .cpp and .xml, into a folder.
+def write_plugin(model: Model, namespace: str, folder: Path, target: str | None) -> None:
+    """Write headers, source and MJCF of plugins, NAMESPACE.hpp, .cpp and .xml, into a folder.
 
     Raises
     ------
     InputError
-        As `plugin_of`; where the core cannot hold a number or an own effect has no header.
+        As `plugins_of`; where the core cannot hold a number or an own effect has no header.
     """
-    plugin = plugin_of(model, target)
-    own = own_headers(plugin.model, None)
-    texts: dict[str, str | bytes] = {header.name: header.text for header in own}
-    texts[f"{namespace}.hpp"] = header_text(plugin.model, namespace, of=model)
-    texts[COMMON] = (firmware_folder() / "mujoco" / COMMON).read_bytes()
-    joint = plain_joint(model, target, ((ARMATURE, 0),))
-    texts[f"{namespace}.xml"] = _mjcf(joint, plugin, namespace)
-    texts[f"{namespace}.cpp"] = "\n".join(_source(plugin, namespace))
-    if len(texts) < len(own) + 4:
+    plugins = plugins_of(model, target)
+    own = {header.name: header.text for one in plugins.models for header in own_headers(one, None)}
+    made: dict[str, str | bytes] = {}
+    shared = [INSTANCE]
+    if plugins.joint is not None:
+        made[f"{namespace}.hpp"] = header_text(plugins.joint.model, namespace, of=model)
+        shared.append(JOINT)
+    if plugins.coupling is not None:
+        name = of_torsion(namespace)
+        made[f"{name}.hpp"] = header_text(plugins.coupling.model, name, of=model)
+        shared.append(COUPLING)
+    made |= {name: (firmware_folder() / "mujoco" / name).read_bytes() for name in shared}
+    made[f"{namespace}.xml"] = _mjcf(_Scene.of(model, plugins, namespace))
+    made[f"{namespace}.cpp"] = "\n".join(_source(plugins, namespace))
+    if own.keys() & made.keys():
         raise InputError(
             f"{folder}: a folder of this name gives the plugin the name of the header of one of "
             "the model's own effects; export to another one"
         )
-    for name, text in texts.items():
+    for name, text in (own | made).items():
         atomic_write(folder / name, text)
-    return plugin
 
 
 def compile_plugin(namespace: str, folder: Path) -> None:
@@ -221,9 +270,10 @@ def compile_plugin(namespace: str, folder: Path) -> None:
 
 
 def plugin_files(namespace: str) -> list[str]:
-    """Return the names of the files of a plugin, beside the headers of own effects."""
+    """Return the names that files of a plugin may have, beside the headers of own effects."""
     sources = [f"{namespace}{suffix}" for suffix in (".hpp", ".cpp", ".xml")]
-    return [*sources, COMMON, library_name(namespace)]
+    headers = [f"{of_torsion(namespace)}.hpp", INSTANCE, JOINT, COUPLING]
+    return [*sources, *headers, library_name(namespace)]
 
 
 def library_name(namespace: str) -> str:
@@ -253,19 +303,16 @@ def _is_library(name: str) -> bool:
     return name.startswith("libmujoco.") or name == "mujoco.lib"
 
 
-def _source(plugin: Plugin, namespace: str) -> Iterator[str]:
-    """The plugin's source: how it is built and used, and what of the model is constant in it."""
-    target = plugin.part.target
-    constants = (
-        (plugin.torque, "torque", "Nm at the output that a unit of the model is worth"),
-        (plugin.ratio, "ratio", "of the gear"),
-        (plugin.temperature, "temperature", "deg C, where the MJCF gives none"),
-        (plugin.load, "load", "Nm, the largest at standstill, as far as the fit knows"),
-    )
+def _source(plugins: Plugins, namespace: str) -> Iterator[str]:
+    """The plugins' source: how it is built and used, and what of the model is constant in it."""
+    joint, coupling = plugins.joint, plugins.coupling
     library = library_name(namespace)
     files = f'{namespace}.cpp "$M"/libmujoco.* -o {library}'
-    yield f"// A MuJoCo plugin, made by flexspline {__version__} of a model of {target}."
-    yield f"// What it does with which numbers: {COMMON} beside it. Build it in this folder with"
+    headers = [name for name, one in ((JOINT, joint), (COUPLING, coupling)) if one is not None]
+    targets = listed(one.part.target for one in (joint, coupling) if one is not None)
+    yield f"// A MuJoCo plugin, made by flexspline {__version__} of a model of {targets}."
+    yield f"// What it does with which numbers: {listed(headers)} beside it."
+    yield "// Build it in this folder with"
     yield "//"
     yield '//   F=$(python3 -c "import flexspline; print(flexspline.get_include())")'
     yield '//   M=$(python3 -c "import mujoco; print(mujoco.__path__[0])")'
@@ -274,25 +321,79 @@ def _source(plugin: Plugin, namespace: str) -> Iterator[str]:
     yield "// and load it, in Python, before the MJCF that names it (an example is beside it):"
     yield "//"
     yield f'//   mujoco.mj_loadPluginLibrary("{library}")'
-    for name, why in plugin.left.items():
-        yield f"//\n// Left out: {name}; {why}."
-    yield include(f"{namespace}.hpp")
-    yield include(COMMON)
+    for one in (joint, coupling):
+        for name, why in one.left.items() if one is not None else ():
+            yield f"//\n// Left out: {name}; {why}."
+    if joint is not None:
+        yield include(f"{namespace}.hpp")
+    if coupling is not None:
+        yield include(f"{of_torsion(namespace)}.hpp")
+    yield from map(include, headers)
     yield ""
     yield "namespace {"
     yield ""
-    yield "struct Settings {"
-    yield f"  static constexpr const char* name = {string_literal(plugin_name(namespace))};"
-    yield f"  static constexpr auto& model = {namespace}::model<double>;"
-    for value, name, what in constants:
-        yield f"  static constexpr double {name} = {number(value, name)};  // {comment(what)}"
-    yield "};"
-    yield ""
+    if joint is not None:
+        yield from _joint_settings(joint, namespace)
+    if coupling is not None:
+        yield from _coupling_settings(coupling, of_torsion(namespace))
     yield "// As the library is loaded; mjPLUGIN_LIB_INIT is another one in each version of MuJoCo."
-    yield "const int slot = flexspline::mujoco::JointPlugin<Settings>::enter();"
+    if joint is not None:
+        yield "const int slot = flexspline::mujoco::JointPlugin<Settings>::enter();"
+    if coupling is not None:
+        yield "const int other = flexspline::mujoco::CouplingPlugin<Between>::enter();"
     yield ""
     yield "}  // namespace"
     yield ""
+
+
+def _joint_settings(plugin: Plugin, namespace: str) -> Iterator[str]:
+    coldest, warmest = plugin.temperatures
+    constants = (
+        (plugin.torque, "torque", "Nm at the output that a unit of the model is worth"),
+        (plugin.ratio, "ratio", "of the gear"),
+        (plugin.temperature, "temperature", "deg C, where the MJCF gives none"),
+        (coldest, "coldest", "deg C, of the fit"),
+        (warmest, "warmest", "deg C, of the fit"),
+        (plugin.load, "load", "Nm, the largest at standstill, as far as the fit knows"),
+    )
+    yield "struct Settings {"
+    yield from _named(namespace)
+    yield from _constants(constants)
+    yield "};"
+    yield ""
+
+
+def _coupling_settings(coupling: Coupling, namespace: str) -> Iterator[str]:
+    coldest, warmest = coupling.temperatures
+    constants = (
+        (coupling.temperature, "temperature", "deg C, where the MJCF gives none"),
+        (coldest, "coldest", "deg C, of the fit"),
+        (warmest, "warmest", "deg C, of the fit"),
+    )
+    fields = (
+        (coupling.ratio, "ratio", "of the gear"),
+        (coupling.largest_load, "largest_load", "Nm at the output"),
+        (coupling.least_compliance, "least_compliance", "rad at the motor per Nm at the output"),
+    )
+    yield "struct Between {"
+    yield from _named(namespace)
+    yield from _constants(constants)
+    yield "  static constexpr flexspline::Coupling<double> coupling{"
+    for value, name, what in fields:
+        yield f"      .{name} = {number(value, name)},  // {comment(what)}"
+    yield "  };"
+    yield "};"
+    yield ""
+
+
+def _named(namespace: str) -> Iterator[str]:
+    yield f"  static constexpr const char* name = {string_literal(plugin_name(namespace))};"
+    yield f"  static constexpr auto& model = {namespace}::model<double>;"
+
+
+def _constants(constants: Iterable[tuple[float, str, str]]) -> Iterator[str]:
+    for value, name, what in constants:
+        yield f"  static constexpr double {name} = {number(value, name)};  // {comment(what)}"
 
 
 def plugin_name(namespace: str) -> str:
@@ -300,35 +401,75 @@ def plugin_name(namespace: str) -> str:
     return f"flexspline.{namespace}"
 
 
-def _mjcf(joint: PlainJoint, plugin: Plugin, namespace: str) -> str:
-    """A file with one hinge joint and the plugin on it."""
-    named = attributes([("name", joint.name)])
-    hinge = attributes([("type", "hinge"), ("axis", "0 0 1"), ("armature", repr(joint.armature))])
-    config = [("joint", joint.name)]
-    if any("temperature" in effect.reads for effect in plugin.part.effects):
-        config.append(("temperature", repr(plugin.temperature)))
-    if joint.armature > 0.0:
-        config.append(("implicit", "true"))
-    inertial = attributes(
-        [("pos", "0 0 0"), ("mass", "0.001"), ("diaginertia", "1e-09 1e-09 1e-09")]
-    )
+def of_torsion(namespace: str) -> str:
+    """Return the namespace of a plugin's coupling."""
+    return f"{namespace}_torsion"
+
+
+@dataclass(frozen=True)
+class _Scene:
+    """What an MJCF to copy from has: hinges, inertias [kg m²] at the output, instances."""
+
+    plugins: Plugins
+    namespace: str
+    link: str
+    motor: str  # the hinge that friction acts on, which without a coupling is the link's
+    armature: float
+    known_armature: bool
+    corrects: bool
+
+    @classmethod
+    def of(cls, model: Model, plugins: Plugins, namespace: str) -> _Scene:
+        link, found, corrects = str(model.facts.get("joint") or "joint"), 0.0, False
+        if plugins.joint is not None:
+            joint = plain_joint(model, plugins.joint.part.target, ((ARMATURE, 0),))
+            found, corrects = joint.armature, joint.corrects
+        if plugins.coupling is None:
+            return cls(plugins, namespace, link, link, found, found > 0.0, corrects)
+        armature = found if found > 0.0 else UNKNOWN_INERTIA
+        return cls(plugins, namespace, link, f"{link}_motor", armature, found > 0.0, corrects)
+
+    def instances(self) -> Iterator[tuple[str, str, list[tuple[str, str]]]]:
+        """Plugin, name of its instance, configs."""
+        joint, coupling = self.plugins.joint, self.plugins.coupling
+        if joint is not None:
+            config = [("joint", self.motor)]
+            if any("temperature" in effect.reads for effect in joint.part.effects):
+                config.append(("temperature", repr(joint.temperature)))
+            if self.known_armature:
+                config.append(("implicit", "true"))
+            yield plugin_name(self.namespace), self.motor, config
+        if coupling is not None:
+            config = [("joint", self.link), ("motor", self.motor)]
+            if any("temperature" in effect.reads for effect in coupling.part.effects):
+                config.append(("temperature", repr(coupling.temperature)))
+            yield plugin_name(of_torsion(self.namespace)), of_torsion(self.link), config
+
+    def timestep(self) -> float | None:
+        """A tenth of the longest one, of two digits; None without a coupling."""
+        if self.plugins.coupling is None:
+            return None
+        longest = self.plugins.coupling.longest_step(self.armature, UNKNOWN_INERTIA)
+        return float(f"{SHARE_OF_LONGEST * longest:.1e}")
+
+
+def _mjcf(scene: _Scene) -> str:
+    """A file with one hinge joint, or two where the gear twists, and the plugins on them."""
+    step = scene.timestep()
+    bodies = [_body(scene.motor, 1e-9, scene.armature)]
+    if step is not None:
+        bodies.append(_body(scene.link, UNKNOWN_INERTIA, 0.0))
     return "\n".join(
         [
-            f"<mujoco {attributes([('model', joint.name)])}>",
-            xml_comment(_said(joint, plugin, namespace), "  "),
+            f"<mujoco {attributes([('model', scene.link)])}>",
+            xml_comment(_said(scene), "  "),
             '  <compiler angle="radian"/>',
+            *([] if step is None else [f"  <option {attributes([('timestep', repr(step))])}/>"]),
             "  <extension>",
-            f"    <plugin {attributes([('plugin', plugin_name(namespace))])}>",
-            f"      <instance {named}>",
-            *(f"        <config {attributes([('key', k), ('value', v)])}/>" for k, v in config),
-            "      </instance>",
-            "    </plugin>",
+            *(line for one in scene.instances() for line in _instance(*one)),
             "  </extension>",
             "  <worldbody>",
-            "    <body>",
-            f"      <inertial {inertial}/>",
-            f"      <joint {named} {hinge}/>",
-            "    </body>",
+            *(line for body in bodies for line in body),
             "  </worldbody>",
             "</mujoco>",
             "",
@@ -336,22 +477,64 @@ def _mjcf(joint: PlainJoint, plugin: Plugin, namespace: str) -> str:
     )
 
 
-def _said(joint: PlainJoint, plugin: Plugin, namespace: str) -> Iterator[str]:
-    yield f"Made by flexspline {__version__} of the model of {plugin.part.target}: a joint whose"
-    yield f"passive force is the plugin of {namespace}.cpp, which says how it is built and loaded."
-    yield "Each joint with it has an instance of its own, which names it."
-    yield ""
+def _instance(plugin: str, name: str, config: list[tuple[str, str]]) -> Iterator[str]:
+    yield f"    <plugin {attributes([('plugin', plugin)])}>"
+    yield f"      <instance {attributes([('name', name)])}>"
+    for key, value in config:
+        yield f"        <config {attributes([('key', key), ('value', value)])}/>"
+    yield "      </instance>"
+    yield "    </plugin>"
+
+
+def _body(name: str, inertia: float, armature: float) -> list[str]:
+    about = " ".join([repr(inertia)] * 3)
+    mass = "0.001" if inertia < 1e-3 else "1"
+    inertial = attributes([("pos", "0 0 0"), ("mass", mass), ("diaginertia", about)])
+    hinge = [("type", "hinge"), ("axis", "0 0 1"), ("armature", repr(armature))]
+    return [
+        "    <body>",
+        f"      <inertial {inertial}/>",
+        f"      <joint {attributes([('name', name)])} {attributes(hinge)}/>",
+        "    </body>",
+    ]
+
+
+def _said(scene: _Scene) -> Iterator[str]:
+    joint, coupling = scene.plugins.joint, scene.plugins.coupling
+    source = f"{scene.namespace}.cpp"
+    if joint is not None:
+        yield f"Made by flexspline {__version__} of the model of {joint.part.target}: a joint whose"
+        yield f"passive force is the plugin of {source}, which says how it is built and loaded."
+        yield "Each joint with it has an instance of its own, which names it."
+        yield ""
+        yield from _lists(joint)
+        yield ""
+        yield from _said_of_joint(scene, joint)
+    if joint is not None and coupling is not None:
+        yield ""
+    if coupling is not None:
+        if joint is None:
+            yield f"Made by flexspline {__version__} of the model of torsion, by the plugin of"
+            yield f"{source}, which says how it is built and loaded."
+            yield ""
+        yield from _said_of_coupling(scene, coupling)
+
+
+def _lists(one: Plugin | Coupling) -> Iterator[str]:
+    """What runs and what does not."""
     yield "The plugin runs:"
-    for effect in plugin.part.effects:
+    for effect in one.part.effects:
         yield f"  {effect.name}"
-    if plugin.left:
+    if one.left:
         yield ""
         yield "Left out, with what has its place:"
-        width = max(map(len, plugin.left))
-        yield from (f"  {name:<{width}}  {why}" for name, why in plugin.left.items())
-    yield ""
+        width = max(map(len, one.left))
+        yield from (f"  {name:<{width}}  {why}" for name, why in one.left.items())
+
+
+def _said_of_joint(scene: _Scene, joint: Plugin) -> Iterator[str]:
     yield "The armature is all inertia that the model found: where your link has its own, take that"
-    if joint.corrects:
+    if scene.corrects:
         yield "off. The model corrects a simulation: keep damping and frictionloss of its joint."
     else:
         yield "off. Leave damping and frictionloss at zero, for the plugin has them."
@@ -359,3 +542,30 @@ def _said(joint: PlainJoint, plugin: Plugin, namespace: str) -> Iterator[str]:
     yield "The config implicit lets friction hold at any timestep. Without it, as for Runge-Kutta,"
     yield "the force is that of the velocity at the start of a step, and MuJoCo warns of steps that"
     yield "are too long for it."
+    if any("temperature" in effect.reads for effect in joint.part.effects):
+        yield ""
+        yield "The joint's own losses heat it where an instance has the configs thermal_resistance"
+        yield "[K/W] and thermal_time_constant [s], and ambient [deg C] if that is not temperature."
+
+
+def _said_of_coupling(scene: _Scene, coupling: Coupling) -> Iterator[str]:
+    yield "The gear twists: the link has a hinge, and the motor's side another one on a body beside"
+    yield "it, with the same axis. The motor's turns as the output would if nothing twisted, so its"
+    yield "armature, its actuator and its friction are those at the output. Inertias of 1 kg m^2"
+    yield "stand for those of your joint."
+    yield ""
+    yield from _lists(coupling)
+    yield ""
+    yield f"It is up to {coupling.stiffness:.3g} Nm/rad stiff at the output (K), and straight"
+    yield f"beyond {coupling.largest_load:.3g} Nm."
+    if coupling.largest_load < coupling.fitted_load:
+        yield f"The fit goes up to {coupling.fitted_load:.3g} Nm, where its loop, as it sticks,"
+        yield "leaves too little of what the rest yields."
+    yield "Its force is that of the start of a step, with each of MuJoCo's integrators, and a step"
+    yield "is refused that is not below"
+    yield ""
+    yield "  2 / sqrt(K (1/J_motor + 1/J_link))"
+    yield ""
+    yield "The timestep here is a tenth of that, at which the resonance is right to 0.2 %. Nothing"
+    yield "damps it but the loop: to damp it, give a fixed tendon over both hinges, coef 1 and -1,"
+    yield "with damping."

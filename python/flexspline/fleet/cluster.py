@@ -20,7 +20,7 @@ from flexspline.progress import Progress
 if TYPE_CHECKING:
     from distributed import Client
 
-__all__ = ["Failed", "Workers", "done"]
+__all__ = ["Failed", "Workers", "done", "require_some", "split_failed"]
 
 Task = TypeVar("Task")
 Made = TypeVar("Made")
@@ -96,6 +96,22 @@ def done(
         return made
     with _client(workers, len(tasks)) as client:
         return _gathered(client, guarded, tasks, progress)
+
+
+def split_failed(
+    names: Sequence[str], made: Sequence[Made | Failed]
+) -> tuple[list[Made], list[tuple[str, str]]]:
+    """Return what `done` has made, and (name, why) of the tasks that failed."""
+    failed = [
+        (name, each.why) for name, each in zip(names, made, strict=True) if isinstance(each, Failed)
+    ]
+    return [each for each in made if not isinstance(each, Failed)], failed
+
+
+def require_some(made: Sequence[object], failed: Sequence[tuple[str, str]], other: str) -> None:
+    """Refuse a fleet of which nothing is left, with the first reason; `other` ends the sentence."""
+    if not made:
+        raise InputError(f"{failed[0][0]}: {failed[0][1]} (and {other})")
 
 
 def _gathered(

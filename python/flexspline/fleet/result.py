@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 from flexspline.about import __version__
 from flexspline.errors import InputError, did_you_mean, listed
 from flexspline.files import atomic_write
-from flexspline.fleet.accumulators import DIFFERENCES
+from flexspline.fleet.accumulators import DIFFERENCES, Plan
 from flexspline.fleet.estimates import Scored
-from flexspline.fleet.plan import Plan
 from flexspline.fleet.population import Population, Shrunken
 from flexspline.formatting import Page, short_names
 from flexspline.lazy import render
@@ -29,9 +28,43 @@ if TYPE_CHECKING:
     import pandas
     from matplotlib.figure import Figure
 
-__all__ = ["FleetFit", "HeldOut", "Outlying", "RunFit", "UnitFit"]
+__all__ = ["FleetFit", "FleetResult", "HeldOut", "Outlying", "RunFit", "UnitFit"]
 
 Array = NDArray[np.float64]
+
+
+class FleetResult:
+    """What a result over a fleet has in common with others: its file, and what was left out."""
+
+    _name: ClassVar[str]
+    """Of its JSON file and of that file's schema."""
+    failed: tuple[tuple[str, str], ...]
+    remarks: tuple[str, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the result as its file holds it."""
+        raise NotImplementedError
+
+    def _file(self, content: Mapping[str, Any]) -> dict[str, Any]:
+        """The content of the file, between what made it and what was left out."""
+        return {
+            "format": f"flexspline-{self._name.replace('_', '-')}",
+            "version": 1,
+            "made_by": f"flexspline {__version__}",
+            **content,
+            "failed": [{"what": what, "why": why} for what, why in self.failed],
+            "remarks": list(self.remarks),
+        }
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the result as JSON, whole or not at all.
+
+        Raises
+        ------
+        InputError
+            Where the file cannot be written.
+        """
+        atomic_write(path, checked_json(self.to_json(), self._name))
 
 
 @dataclass(frozen=True)
@@ -146,7 +179,7 @@ class HeldOut:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class FleetFit:
+class FleetFit(FleetResult):
     """The result of `flexspline.fleet.fit`.
 
     Parameters
@@ -160,6 +193,8 @@ class FleetFit:
     failed : (joint or run, why) of what was left out.
     remarks : sentences about the folders.
     """
+
+    _name: ClassVar = "fleet"
 
     plan: Plan
     units: tuple[UnitFit, ...]
@@ -322,10 +357,7 @@ class FleetFit:
         values: dict[str, list[dict[str, Any]]] = {}
         for row in self._joint_rows():
             values.setdefault(row.pop("joint"), []).append(row)
-        return {
-            "format": "flexspline-fleet",
-            "version": 1,
-            "made_by": f"flexspline {__version__}",
+        content = {
             "plan": self.plan.to_json(),
             "parameters": self._population_rows(),
             "correlation": self.population.correlation.tolist(),
@@ -353,20 +385,8 @@ class FleetFit:
                     for run in held.runs
                 ],
             },
-            "failed": [{"what": what, "why": why} for what, why in self.failed],
-            "remarks": list(self.remarks),
-            "differs_from_fit": list(DIFFERENCES),
         }  # fmt: skip
-
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Write `fleet.json`, whole or not at all.
-
-        Raises
-        ------
-        InputError
-            Where the file cannot be written.
-        """
-        atomic_write(path, checked_json(self.to_json(), "fleet"))
+        return {**self._file(content), "differs_from_fit": list(DIFFERENCES)}
 
     def report(self, folder: str | os.PathLike[str]) -> None:
         """Write `report.html`, a page for the fleet, and `units/NAME.html`, one for each joint.

@@ -38,7 +38,15 @@ from flexspline.logs.read import (
     run_name,
 )
 
-__all__ = ["Session", "Sessions", "date_in", "mean_temperature", "readable", "sessions_of"]
+__all__ = [
+    "Session",
+    "Sessions",
+    "date_in",
+    "mean_temperature",
+    "readable",
+    "rows_of_dates",
+    "sessions_of",
+]
 
 MAP: Final = "map.toml"
 TEXT: Final = (".csv", ".tsv", ".txt", ".dat", ".asc", ".log")
@@ -359,22 +367,32 @@ def _named_apart(sessions: Sequence[Session]) -> list[Session]:
     return made
 
 
-def _table_of_dates(path: Path, sessions: Sequence[Session]) -> dict[str, datetime]:
-    """Dates by UNIT/RUN."""
+def rows_of_dates(path: Path) -> list[dict[str, str]]:
+    """Return the rows of a CSV with the columns run and date.
+
+    Raises
+    ------
+    InputError
+        Where the file cannot be read.
+    """
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
-            rows = list(csv.DictReader(file))
+            return list(csv.DictReader(file))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise InputError(
             f"{path}: the table of dates cannot be read ({error}); give a CSV with the columns run "
             "and date"
         ) from error
+
+
+def _table_of_dates(path: Path, sessions: Sequence[Session]) -> dict[str, datetime]:
+    """Dates by UNIT/RUN."""
     known: dict[str, list[str]] = {}
     for session in sessions:
         for name in {session.label, session.run, session.path.name, _with_suffix(session)}:
             known.setdefault(name, []).append(session.label)
     found: dict[str, datetime] = {}
-    for number, row in enumerate(rows, 2):
+    for number, row in enumerate(rows_of_dates(path), 2):
         run, date = (row.get("run") or "").strip(), (row.get("date") or "").strip()
         if not run or not date:
             raise InputError(

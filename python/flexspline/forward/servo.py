@@ -6,11 +6,10 @@ import json
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from pathlib import Path
 from typing import Any
 
 from flexspline.errors import InputError, did_you_mean, listed
-from flexspline.files import atomic_write, refuse_special
+from flexspline.files import atomic_write, text_of
 from flexspline.logs.log import Log, given_number
 
 __all__ = ["PositionServo"]
@@ -73,13 +72,9 @@ class PositionServo:
         InputError
             Where the file is missing or is no servo; the sentence names the field.
         """
-        refuse_special(path, "a servo.json")
+        text = text_of(path, "a servo.json")
         try:
-            content = json.loads(Path(path).read_text(encoding="utf-8"))
-        except OSError as error:
-            raise InputError(
-                f"{path}: cannot be read ({error.strerror}); give a servo.json"
-            ) from error
+            content = json.loads(text)
         except (ValueError, RecursionError) as error:
             raise InputError(f"{path}: is no JSON; give a servo.json") from error
         return cls.from_fields(content, str(path))

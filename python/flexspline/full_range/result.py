@@ -22,18 +22,20 @@ from numpy.typing import NDArray
 
 from flexspline.errors import InputError
 from flexspline.estimators import Merge
+from flexspline.formatting import blocks_text
 from flexspline.full_range.methods import (
     GaussianProcess,
     MergeRun,
     Settings,
     Signals,
     StructuralDamping,
+    Transition,
     compliant_observer,
+    merge_weight,
     merged_by_kalman,
     signals_of,
     two_mass_observer,
 )
-from flexspline.full_range.transition import Transition, merge_weight
 from flexspline.lazy import render
 from flexspline.logs.log import Log
 from flexspline.logs.read import as_logs, with_motor_torque
@@ -181,7 +183,7 @@ class FullRange:
             str(self.training).split("\n"),
             self._remarks(),
         ]
-        return "\n\n".join("\n".join(block) for block in blocks if block)
+        return blocks_text(blocks)
 
     def __repr__(self) -> str:
         return f"<FullRange {self.merged}: {self.transition.rmse:.3g} Nm RMSE on its training logs>"

@@ -272,8 +272,10 @@ class Problem:
         design = self.design(effects)
         nothing = np.empty(0)
         pieces = []
+        own, place = bool(self.own_columns(effects)), self.place(effects, 0)
         for number, run in enumerate(self.runs):
-            place = self.place(effects, number)
+            if own:
+                place = self.place(effects, number)
             blocks = run.blocks(self.block_rows)
             weight = None if weights is None else weights[number]
             off = nothing if held is None or not held.any() else held[place]
@@ -302,7 +304,7 @@ class Problem:
             lengths = np.array([last - first for first, last in blocks], dtype=np.int64)
             label = np.full(len(blocks), number, dtype=np.int64)
             pieces.append(Sums(high, low, lengths, label))
-            if self.own_columns(effects):
+            if own:
                 pieces[-1] = pieces[-1].spread(place, self.parameters(effects))
         return joined(pieces)
 

@@ -50,6 +50,9 @@ CHUNK = 1 << 15
 TOGETHER = 16
 """Columns with even steps that are filtered at once."""
 
+SHORT = 100
+"""Weights up to which sums are faster than an FFT: five times with 20 weights, as fast with 100."""
+
 MOST_WEIGHTS = 4_000_000
 """Numbers that are kept for a run with uneven steps, 48 MB."""
 
@@ -98,18 +101,21 @@ class LocalFit:
         if len(time) <= self.derivative:
             return np.full(values.shape, np.nan)
         columns = values.reshape(len(time), -1)
-        if self.kernel_of(time) is not None:
+        if self._is_even(time):
             return self._even(columns, _step(time)).reshape(values.shape)
         return self._uneven(time, columns).reshape(values.shape)
 
     def kernel_of(self, time: NDArray[np.float64]) -> NDArray[np.float64] | None:
         """Weights (2h + 1,) of the rows around each row inside an even run; None for others."""
+        return self._kernel(self._bells(_step(time))) if self._is_even(time) else None
+
+    def _is_even(self, time: NDArray[np.float64]) -> bool:
+        """Whether steps are even and the window fits into the run and holds its polynomial."""
         step = _step(time)
-        even = np.max(np.abs(np.diff(time) - step), initial=0.0) <= EVEN * step
         reach = int(self.half_length / step)
-        if not even or 2 * reach >= len(time) or reach < DEGREE[self.derivative] // 2:
-            return None
-        return self._kernel(self._bells(step))
+        if 2 * reach >= len(time) or reach < DEGREE[self.derivative] // 2:
+            return False
+        return bool(np.max(np.abs(np.diff(time) - step), initial=0.0) <= EVEN * step)
 
     def _bells(self, step: float) -> NDArray[np.float64]:
         """Gaussian of the offsets within the half length, times their powers, in σ: (2h + 1, P)."""
@@ -125,41 +131,30 @@ class LocalFit:
 
     def _even(self, columns: NDArray[np.float64], step: float) -> NDArray[np.float64]:
         """One FIR kernel inside, one-sided fits at both ends."""
-        from scipy.signal import oaconvolve
-
         bells = self._bells(step)
         kernel, reach = self._kernel(bells), len(bells) // 2
+        ends = self._ends(bells)
         out = np.empty_like(columns)
         for first in range(0, columns.shape[1], TOGETHER):
             some = slice(first, first + TOGETHER)
             level = columns[0, some]
             even = columns[:, some] - level
-            inside = oaconvolve(even, kernel[::-1, None], mode="valid", axes=0)
-            out[reach : len(even) - reach, some] = inside
-            out[:reach, some] = self._end(even, bells)
-            turned = self._end(even[::-1], bells)[::-1] * (-1) ** self.derivative
+            out[reach : len(even) - reach, some] = _slid(even, kernel)
+            out[:reach, some] = _end(even, bells, ends)
+            turned = _end(even[::-1], bells, ends)[::-1] * (-1) ** self.derivative
             out[len(even) - reach :, some] = turned
             if self.derivative == 0:
                 out[:, some] += level
         return out
 
-    def _end(self, columns: NDArray[np.float64], bells: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The first rows of an even run, whose windows reach over its beginning.
+    def _ends(self, bells: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Polynomials (h, degree + 1) of the first rows, whose windows reach over the beginning.
 
         Row i lacks the weights of the offsets before -i: its moments are sums of the rest.
         """
-        from scipy.signal import oaconvolve
-
         reach, degree = len(bells) // 2, END_DEGREE[self.derivative]
         moments = np.cumsum(bells[::-1, : 2 * degree + 1], axis=0)[reach : 2 * reach]
-        coefficients = self._solve(moments, degree)
-        missing = np.zeros((reach, columns.shape[1]))
-        padded = np.concatenate((missing, columns[: 2 * reach]))
-        sums = [
-            oaconvolve(padded, bells[::-1, p, None], mode="valid", axes=0)
-            for p in range(degree + 1)
-        ]
-        return np.asarray(np.einsum("prm,rp->rm", np.array(sums), coefficients))
+        return self._solve(moments, degree)
 
     def _solve(self, moments: NDArray[np.float64], degree: int) -> NDArray[np.float64]:
         """Polynomials (rows, degree + 1) in offset/σ: times the bell, they are the weights.
@@ -268,6 +263,26 @@ class LocalFit:
         poor = last - first <= degree
         start = np.clip(rows - (degree + 1) // 2, 0, max(count - degree - 1, 0))
         return np.where(poor, start, first), np.where(poor, start + degree + 1, last)
+
+
+def _end(
+    columns: NDArray[np.float64], bells: NDArray[np.float64], polynomials: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """The first rows (h, M) of an even run."""
+    reach = len(bells) // 2
+    padded = np.concatenate((np.zeros((reach, columns.shape[1])), columns[: 2 * reach]))
+    sums = [_slid(padded, bells[:, power]) for power in range(polynomials.shape[1])]
+    return np.asarray(np.einsum("prm,rp->rm", np.array(sums), polynomials))
+
+
+def _slid(columns: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Weighted sums (n - w + 1, M) of w neighbouring rows of (n, M)."""
+    from scipy.signal import oaconvolve
+
+    if len(weights) > SHORT:
+        return np.asarray(oaconvolve(columns, weights[::-1, None], mode="valid", axes=0))
+    turned = weights[::-1]
+    return np.column_stack([np.convolve(column, turned, "valid") for column in columns.T])
 
 
 def _step(time: NDArray[np.float64]) -> float:

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from flexspline.errors import InputError
 from flexspline.logs.frames import short_facts
-from flexspline.logs.grouped import Group, GroupedChannel, grouped_table, named_apart, sound
+from flexspline.logs.one_clock import Group, GroupedChannel, grouped_table, named_apart, sound
 from flexspline.logs.packed import require_memory
 from flexspline.logs.table import Table
 

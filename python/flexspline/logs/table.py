@@ -418,8 +418,10 @@ def _flat(value: Any, path: str) -> Iterator[tuple[str, NDArray[Any]]]:
         for name, inner in value.items():
             yield from _flat(inner, f"{path}.{name}" if path else str(name))
         return
-    many = isinstance(value, (list, tuple)) or (isinstance(value, np.ndarray) and value.ndim == 1)
-    if many and any(isinstance(inner, Mapping) for inner in value):
+    objects = isinstance(value, np.ndarray) and value.ndim == 1 and value.dtype == object
+    if (objects or isinstance(value, (list, tuple))) and any(
+        isinstance(inner, Mapping) for inner in value
+    ):
         for number, inner in enumerate(value):
             label = _label(inner)
             yield from _flat(inner["values"] if label else inner, label or f"{path}[{number}]")

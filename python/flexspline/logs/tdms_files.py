@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.logs.frames import short_facts
-from flexspline.logs.grouped import Group, GroupedChannel, grouped_table, sound
+from flexspline.logs.one_clock import Group, GroupedChannel, grouped_table, sound
 from flexspline.logs.packed import require_memory
 from flexspline.logs.table import Table
 

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from flexspline.errors import InputError, listed
-from flexspline.forward.drive import DriveInputs
+from flexspline.forward import DriveInputs
 from flexspline.forward.servo import PositionServo
 from flexspline.least_squares.options import Bounds, pair_of, resolve, shapes_of
 from flexspline.least_squares.result import Parameter

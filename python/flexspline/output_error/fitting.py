@@ -38,7 +38,7 @@ from flexspline.effects import Effect
 from flexspline.effects.causes import INERTIA
 from flexspline.errors import InputError, listed
 from flexspline.fitting import fit, runs_of, with_orders
-from flexspline.forward.drive import DriveInputs, drive_inputs, require_no_delay
+from flexspline.forward import DriveInputs, drive_inputs, require_no_delay
 from flexspline.forward.servo import PositionServo
 from flexspline.least_squares.options import FitOptions, MotionOptions, bounds_of
 from flexspline.least_squares.problem import problem_of

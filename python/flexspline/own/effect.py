@@ -11,18 +11,27 @@ as a loop or a lag, has no memory here.
 A model's file keeps the effect's name, terms, channels and shapes, and never its function: nothing
 that a file holds is run. Who loads such a model gives the function.
 
+The effect's C++ header, if there is one, is compiled on this machine when it is given. It keeps the
+contract of the catalogue's (`flexspline/effects/effect.hpp`): of an effect `hump` the file is
+`hump.hpp` and the struct `flexspline::Hump`, a template of the number type, with the name, terms,
+channels and shapes of the Python function. It includes no other file of the user's, so that it can
+go beside an exported header. Only a path that a caller gives is compiled; a model's file has none.
+
 `design_of` is the one door to rows of effects: the core's for the catalogue's, a function's for
 one's own.
 """
 
 from __future__ import annotations
 
+import ctypes
 import inspect
 import math
 import os
 import re
+import tempfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
@@ -40,13 +49,16 @@ from flexspline.effects import (
     TermInfo,
 )
 from flexspline.errors import InputError, did_you_mean, listed, one_line, shortened
+from flexspline.files import refuse_special
 from flexspline.logs.channels import CHANNELS
-from flexspline.own.header import Header, compiled
+from flexspline.programs import STRICT, call, firmware_folder, host_compiler, include_folder
 
 __all__ = [
     "Design",
+    "Header",
     "Mixed",
     "OwnEffect",
+    "compiled",
     "core_design",
     "declaration",
     "design_of",
@@ -57,6 +69,8 @@ __all__ = [
 ]
 
 Array = NDArray[np.float64]
+
+POINTER = ctypes.POINTER(ctypes.c_double)
 
 Function = Callable[..., Any]
 
@@ -74,6 +88,121 @@ PROBED = 50  # rows that are computed by themselves too
 AGREEING = 1e-6  # of a column's size: what a header's rows may differ by, from its own tanh or exp
 SAME = 1e-9  # of a column's size: what rows by themselves may differ by, from rounding
 WHOLE = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
+
+
+@dataclass(frozen=True)
+class Header:
+    """A header and the library that was made of it.
+
+    `path`: as it was given. `text`: what was compiled. `reads`, `shapes`: in the header's order.
+    """
+
+    path: Path
+    text: bytes
+    reads: tuple[str, ...]
+    shapes: tuple[str, ...]
+    terms: int
+    library: Any = field(repr=False, compare=False)
+
+    @property
+    def name(self) -> str:
+        """Name of the file, as an exported header includes it."""
+        return self.path.name
+
+    def rows(self, channels: Mapping[str, Array], shapes: Mapping[str, float], size: int) -> Array:
+        """Return the rows of the compiled effect, (size, terms)."""
+        columns = [np.ascontiguousarray(channels[name], dtype=np.float64) for name in self.reads]
+        values = np.array([shapes[name] for name in self.shapes])
+        made = np.empty((size, self.terms))
+        pointers = (POINTER * len(columns))(*map(_pointer, columns))
+        self.library.flexspline_own_rows(size, pointers, _pointer(values), _pointer(made))
+        return made
+
+
+def compiled(path: str | os.PathLike[str], info: EffectInfo) -> Header:
+    """Compile the header of an effect, and hold it to what the Python function says of itself.
+
+    Raises
+    ------
+    InputError
+        Where the file is not there or is called otherwise than the effect, the compiler is missing
+        or refuses, or the header has other terms, channels or shapes.
+    """
+    file, label = Path(path), f"effect '{info.name}'"
+    if file.name != f"{info.name}.hpp":
+        raise InputError(f"{label}: its header is called {file.name}; call it {info.name}.hpp")
+    refuse_special(file, "a C++ header")
+    try:
+        text = file.read_bytes()
+    except OSError as error:
+        raise InputError(
+            f"{label}: its header {file} cannot be read ({error.strerror}); give a C++ header"
+        ) from error
+    with tempfile.TemporaryDirectory(prefix="flexspline-own-", ignore_cleanup_errors=True) as name:
+        library = _library(file.resolve(), Path(name), info)
+    said = [line.split("\t") for line in library.flexspline_own_description().decode().split("\n")]
+    _require_same(info, file, said)
+    reads, shapes = _named(said, "reads"), _named(said, "shape")
+    return Header(file, text, reads, shapes, len(info.terms), library)
+
+
+def _library(file: Path, folder: Path, info: EffectInfo) -> Any:
+    """The header as a library, which stays loaded when its file is gone.
+
+    Its names are hidden: the constants of another header's `Hump` would be taken for its own.
+    """
+    struct = "".join(word.capitalize() for word in info.name.split("_"))
+    made = folder / f"{info.name}.so"
+    options = ["-O2", "-fPIC", "-shared", "-fvisibility=hidden"]
+    options += [f"-DFLEXSPLINE_OWN={struct}", f"-I{include_folder()}"]
+    source = firmware_folder() / "own" / "rows.cpp"
+    call(
+        [host_compiler(), *STRICT.split(), *options, "-include", file, source, "-o", made],
+        folder,
+        does=f"effect '{info.name}': compiling {file}, struct flexspline::{struct}",
+        remedy="correct the header",
+    )
+    library = ctypes.CDLL(str(made))
+    library.flexspline_own_description.restype = ctypes.c_char_p
+    library.flexspline_own_rows.argtypes = [
+        ctypes.c_size_t,
+        ctypes.POINTER(POINTER),
+        POINTER,
+        POINTER,
+    ]
+    library.flexspline_own_rows.restype = None
+    return library
+
+
+def _pointer(values: Array) -> Any:
+    return values.ctypes.data_as(POINTER)
+
+
+def _named(said: Sequence[Sequence[str]], what: str) -> tuple[str, ...]:
+    return tuple(line[1] for line in said if line[0] == what)
+
+
+def _require_same(info: EffectInfo, file: Path, said: Sequence[Sequence[str]]) -> None:
+    """Refuse a header that says something else than the function beside it."""
+    units = [(line[0], f"{line[1]} [{line[2]}]") for line in said[1:]]
+    pairs = {
+        "the name": ([said[0][1]], [info.name]),
+        "the channels": (sorted(_named(said, "reads")), sorted(info.reads)),
+        "the terms": (
+            [text for what, text in units if what == "term"],
+            [f"{term.name} [{term.unit}]" for term in info.terms],
+        ),
+        "the shapes": (
+            [text for what, text in units if what == "shape"],
+            [f"{shape.name} [{shape.unit}]" for shape in info.shapes],
+        ),
+    }
+    for what, (there, here) in pairs.items():
+        if there != here:
+            raise InputError(
+                f"effect '{info.name}': its header {file} has {what} {listed(there)}, and the "
+                f"Python function {listed(here)}; make them the same, in the same order"
+            )
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from flexspline.collision.result import DetectorCalibration, Residual
 from flexspline.estimation.result import Estimate, Status
 from flexspline.logs.log import Log
 from flexspline.logs.segments import true_ranges
-from flexspline.observer.observing import observer_delay, observer_noise
+from flexspline.observer import observer_delay, observer_noise
 from flexspline.plot.canvas import (
     GREY,
     INK,
@@ -33,8 +33,8 @@ from flexspline.plot.canvas import (
 )
 
 if TYPE_CHECKING:
+    from flexspline.full_range.methods import Transition
     from flexspline.full_range.result import FullRange, SpeedCurve
-    from flexspline.full_range.transition import Transition
 
 __all__ = [
     "contacts_over_time",

@@ -17,7 +17,7 @@ from flexspline.plot.canvas import GREY, INK, LEAST, PALETTE, axes_or_new, legen
 
 if TYPE_CHECKING:
     from flexspline.least_squares.result import Fit
-    from flexspline.orders.analysis import OrderAnalysis
+    from flexspline.orders import OrderAnalysis
 
 __all__ = [
     "FIRST",

@@ -11,11 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexspline.about import __version__
-from flexspline.files import atomic_write
-from flexspline.formatting import padded, plus_minus, short
+from flexspline.formatting import blocks_text, padded, plus_minus, short
 from flexspline.plot.canvas import own_style
-from flexspline.report.html import log_facts, templates
+from flexspline.report.html import log_facts, templates, write_html
 from flexspline.report.text import Verdict, faults_sentence
 
 if TYPE_CHECKING:
@@ -70,7 +68,7 @@ def calibration_text(result: CalibrationResult) -> str:
         [line for sentence in told(result) for line in _wrapped(sentence)],
         _listed("Warnings:", [w for w in result.warnings if w != result.uncertainty.statement]),
     ]
-    return "\n\n".join("\n".join(block) for block in blocks if block)
+    return blocks_text(blocks)
 
 
 def calibration_html(result: CalibrationResult) -> str:
@@ -91,22 +89,19 @@ def write_calibration_report(result: CalibrationResult, path: str | os.PathLike[
     from flexspline.report.html import drawn
 
     joint = result.model.facts.get("joint", result.runs[0].log.facts.get("joint"))
-    page = (
-        templates()
-        .get_template("calibration.html")
-        .render(
-            _common(result),
-            title=str(joint or "Calibration of the torque sensor"),
-            charts=[drawn(panel) for panel in panels(result)],
-            folds=[
-                (label, sized(result, rmse))
-                for label, rmse in zip(result.fold_labels, result.fold_rmses, strict=True)
-            ],
-            logs=log_facts([run.log for run in result.runs]),
-            call=_call(result),
-        )
+    write_html(
+        path,
+        "calibration.html",
+        _common(result),
+        title=str(joint or "Calibration of the torque sensor"),
+        charts=[drawn(panel) for panel in panels(result)],
+        folds=[
+            (label, sized(result, rmse))
+            for label, rmse in zip(result.fold_labels, result.fold_rmses, strict=True)
+        ],
+        logs=log_facts([run.log for run in result.runs]),
+        call=_call(result),
     )
-    atomic_write(path, page)
 
 
 def _parameter_text(result: CalibrationResult) -> list[str]:
@@ -165,7 +160,6 @@ def _common(result: CalibrationResult) -> dict[str, Any]:
         "groups": [group.sentence for group in result.confounded],
         "reliable": result.uncertainty.reliable,
         "warnings": [w for w in result.warnings if w != result.uncertainty.statement],
-        "version": __version__,
     }
 
 

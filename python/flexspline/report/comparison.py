@@ -5,22 +5,26 @@ Several models side by side as text and HTML: errors by run and of all rows, AIC
 
 from __future__ import annotations
 
-import math
 import os
 import textwrap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flexspline.about import __version__
 from flexspline.comparison.models import FITTED
 from flexspline.comparison.result import floor_sentence, ranked, sized
 from flexspline.comparison.search import Band, worst_band
 from flexspline.errors import listed
-from flexspline.files import atomic_write
-from flexspline.formatting import decimals_for, padded, percent, rows_text, table_html
+from flexspline.formatting import (
+    blocks_text,
+    decimals_for,
+    padded,
+    percent,
+    rows_text,
+    table_html,
+)
 from flexspline.plot.canvas import own_style
-from flexspline.report.html import log_facts, templates
+from flexspline.report.html import bandwidth_given, log_facts, templates, write_html
 from flexspline.report.tables import input_rows, smoothed_rows
 from flexspline.report.text import TARGET_WORDS, wrapped
 
@@ -81,7 +85,7 @@ def comparison_text(made: Comparison) -> str:
         _wrapped(floor_sentence(made)),
         _channels(made),
     ]
-    return "\n\n".join("\n".join(block) for block in blocks if block)
+    return blocks_text(blocks)
 
 
 def _channels(made: Comparison) -> list[str]:
@@ -111,23 +115,20 @@ def write_comparison_report(made: Comparison, path: str | os.PathLike[str]) -> N
     charts = [ReportFigure(inline_svg(plot_comparison(made), "map of the disagreement"), MAP)]
     if made.spectrum is not None:
         charts.append(ReportFigure(inline_svg(plot_orders(made), "orders of the residual"), ORDERS))
-    page = (
-        templates()
-        .get_template("comparison.html")
-        .render(
-            _common(made),
-            title=str(made.facts.get("joint", "Model and measurement compared")),
-            map=charts[0],
-            spectra=charts[1:],
-            panels=len(panels(made)),
-            tables=band_tables(made),
-            channels=input_rows(made.inputs, made.preparations),
-            delay="",
-            logs=log_facts([run.log for run in made.runs]),
-            call=_call(made),
-        )
+    write_html(
+        path,
+        "comparison.html",
+        _common(made),
+        title=str(made.facts.get("joint", "Model and measurement compared")),
+        map=charts[0],
+        spectra=charts[1:],
+        panels=len(panels(made)),
+        tables=band_tables(made),
+        channels=input_rows(made.inputs, made.preparations),
+        delay="",
+        logs=log_facts([run.log for run in made.runs]),
+        call=_call(made),
     )
-    atomic_write(path, page)
 
 
 def _common(made: Comparison) -> dict[str, Any]:
@@ -144,7 +145,6 @@ def _common(made: Comparison) -> dict[str, Any]:
         "what": made.what.replace("_", " "),
         "unit": made.unit,
         "names": ranked(made),
-        "version": __version__,
     }
 
 
@@ -169,9 +169,7 @@ def _call(made: Comparison) -> str:
         given.append("simulated_motion=True" if made.simulated else "simulated_torque=column")
     if made.lowpass is not None:
         given.append(f"lowpass={made.lowpass!r}")
-    if made.bandwidth is not None:
-        told = f"{made.bandwidth!r}" if math.isfinite(made.bandwidth) else "float('inf')"
-        given.append(f"bandwidth={told}")
+    given += bandwidth_given(made.bandwidth)
     if made.speed_above is not None:
         given.append(f"speed_above={made.speed_above!r}")
     if made.simulated and not foreign:
@@ -276,25 +274,21 @@ def write_models_report(made: ModelComparison, path: str | os.PathLike[str]) -> 
         Where the file cannot be written.
     """
     from flexspline.plot.comparison import model_panels
-    from flexspline.report.html import drawn, log_facts, templates
+    from flexspline.report.html import drawn
 
-    page = (
-        templates()
-        .get_template("models.html")
-        .render(
-            what=TARGET_WORDS[made.target],
-            names=made.names,
-            verdict=_verdict(made),
-            title=_title(made),
-            table=_rows(made),
-            notes=_notes(made),
-            figures=[drawn(panel) for panel in model_panels(made)],
-            logs=log_facts([run.log for run in made.runs]),
-            call=_models_call(made),
-            version=__version__,
-        )
+    write_html(
+        path,
+        "models.html",
+        what=TARGET_WORDS[made.target],
+        names=made.names,
+        verdict=_verdict(made),
+        title=_title(made),
+        table=_rows(made),
+        notes=_notes(made),
+        figures=[drawn(panel) for panel in model_panels(made)],
+        logs=log_facts([run.log for run in made.runs]),
+        call=_models_call(made),
     )
-    atomic_write(path, page)
 
 
 def _verdict(made: ModelComparison) -> str:

@@ -14,17 +14,23 @@ import numpy as np
 
 from flexspline.about import __version__
 from flexspline.errors import listed
-from flexspline.files import atomic_write
 from flexspline.fleet.accumulators import DIFFERENCES
-from flexspline.formatting import padded, percent, plus_minus, rows_text, short, table_html
+from flexspline.formatting import (
+    blocks_text,
+    padded,
+    percent,
+    plus_minus,
+    rows_text,
+    short,
+    table_html,
+)
 from flexspline.plot.canvas import Panel, own_style
-from flexspline.report.html import ReportFigure, drawn, templates
+from flexspline.report.html import ReportFigure, drawn, write_html
 from flexspline.report.text import TARGET_WORDS, wrapped
 from flexspline.tracking.result import day, in_unit, spoken
 
 if TYPE_CHECKING:
-    from flexspline.fleet.comparing import FleetComparison
-    from flexspline.fleet.discovering import FleetDiscovery, UnitDiscovery
+    from flexspline.fleet.each_joint import FleetComparison, FleetDiscovery, UnitDiscovery
     from flexspline.fleet.result import FleetFit, UnitFit
     from flexspline.tracking.fleet import FleetTrack
 
@@ -106,8 +112,7 @@ def write_page(page: PageOf, path: str | os.PathLike[str]) -> None:
     InputError
         Where the file cannot be written.
     """
-    made = templates().get_template("fleet.html").render(page=page, version=__version__)
-    atomic_write(path, made)
+    write_html(path, "fleet.html", page=page)
 
 
 def page_names(joints: Sequence[str]) -> dict[str, str]:
@@ -134,7 +139,7 @@ def fleet_text(made: FleetFit) -> str:
         _lines(_single(made)),
         _lines(_left_sentences(made)),
     ]
-    return "\n\n".join("\n".join(block) for block in blocks if block)
+    return blocks_text(blocks)
 
 
 def fleet_summary(made: FleetFit) -> str:
@@ -405,7 +410,7 @@ def discovery_of_fleet_text(made: FleetDiscovery) -> str:
         [rows_text(_looked_rows(made)[: MOST_SHOWN + 1], (0, 1))],
         _lines(_failed(made.failed, made.remarks)),
     ]
-    return "\n\n".join("\n".join(block) for block in blocks if block)
+    return blocks_text(blocks)
 
 
 def discovery_of_fleet_html(made: FleetDiscovery) -> str:
@@ -543,7 +548,7 @@ def comparison_of_fleet_text(made: FleetComparison) -> str:
         [rows_text(_compared_rows(made)[: MOST_SHOWN + 1], (0, 5))],
         _lines(_failed(made.failed, made.remarks)),
     ]
-    return "\n\n".join("\n".join(block) for block in blocks if block)
+    return blocks_text(blocks)
 
 
 def comparison_of_fleet_html(made: FleetComparison) -> str:
@@ -627,7 +632,7 @@ def track_of_fleet_text(made: FleetTrack) -> str:
         [rows_text(_change_rows(made)[: MOST_SHOWN + 1], (0, 1, 2, 4))] if made.changed else [],
         _lines(_failed(made.failed, made.remarks)),
     ]
-    return "\n\n".join("\n".join(block) for block in blocks if block)
+    return blocks_text(blocks)
 
 
 def track_of_fleet_html(made: FleetTrack) -> str:

@@ -12,7 +12,7 @@ import io
 import math
 import os
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any
@@ -30,8 +30,8 @@ from flexspline.least_squares.result import shares
 from flexspline.logs.channels import CHANNELS
 from flexspline.logs.checks import check_verdict
 from flexspline.logs.checks.findings import EXCITED
+from flexspline.plot import panels
 from flexspline.plot.canvas import INK, LEAST, Panel, PlainFigure, axes_or_new, own_style
-from flexspline.plot.fit import panels
 from flexspline.report.tables import (
     between_rows,
     between_sentences,
@@ -104,24 +104,21 @@ def write_report(fit: Fit, path: str | os.PathLike[str]) -> None:
 
     made = shares(fit)
     largest = max(made.values(), default=1.0) or 1.0
-    page = (
-        templates()
-        .get_template("report.html")
-        .render(
-            _common(fit),
-            title=str(fit.model.facts.get("joint", f"Fit of {TARGET_WORDS[fit.target]}")),
-            scores=grouped_scores(fit.scores),
-            figures=report_figures(fit),
-            shares=[(name, padded(size), 100.0 * size / largest) for name, size in made.items()],
-            orders="" if fit.orders is None else str(fit.orders),
-            channels=input_rows(fit.inputs, fit.part.preparations),
-            delay=delay_sentence(fit.delay, fit.unit),
-            logs=used_logs(fit),
-            facts=model_facts(fit),
-            call=python_call(fit),
-        )
+    write_html(
+        path,
+        "report.html",
+        _common(fit),
+        title=str(fit.model.facts.get("joint", f"Fit of {TARGET_WORDS[fit.target]}")),
+        scores=grouped_scores(fit.scores),
+        figures=report_figures(fit),
+        shares=[(name, padded(size), 100.0 * size / largest) for name, size in made.items()],
+        orders="" if fit.orders is None else str(fit.orders),
+        channels=input_rows(fit.inputs, fit.part.preparations),
+        delay=delay_sentence(fit.delay, fit.unit),
+        logs=used_logs(fit),
+        facts=model_facts(fit),
+        call=python_call(fit),
     )
-    atomic_write(path, page)
 
 
 def _common(fit: Fit) -> dict[str, Any]:
@@ -140,7 +137,6 @@ def _common(fit: Fit) -> dict[str, Any]:
         "warnings": [w for w in fit.warnings if w != fit.uncertainty.statement],
         "what": TARGET_WORDS[fit.target],
         "unit": fit.unit,
-        "version": __version__,
     }
 
 
@@ -157,6 +153,23 @@ def templates() -> Environment:
     made.filters["minus"] = minus
     made.filters["together"] = together
     return made
+
+
+def write_html(
+    path: str | os.PathLike[str],
+    template: str,
+    shared: Mapping[str, Any] | None = None,
+    **content: Any,
+) -> None:
+    """Write the page of a template, whole or not at all; it says which version made it.
+
+    Raises
+    ------
+    InputError
+        Where the file cannot be written.
+    """
+    page = templates().get_template(template).render(shared or {}, version=__version__, **content)
+    atomic_write(path, page)
 
 
 def minus(text: str) -> str:
@@ -249,7 +262,7 @@ def python_call(fit: Fit) -> str:
         lines.append(f"known_load={fit.part.known_load!r}")
     if fit.lowpass is not None:
         lines.append(f"lowpass={fit.lowpass!r}")
-    orders = {e.name: _orders(e) for e in fit.part.effects if e.harmonics}
+    orders = {e.name: orders_given(e) for e in fit.part.effects if e.harmonics}
     fixed = {p.name: p.value for p in fit.parameters if p.state == "fixed"}
     priors = {p.name: p.prior for p in fit.parameters if p.prior is not None}
     for key, value in (("orders", orders), ("fixed", fixed), ("priors", priors)):
@@ -266,14 +279,19 @@ def python_call(fit: Fit) -> str:
     return f"fit = flexspline.{name}(\n" + "".join(f"    {line},\n" for line in lines) + ")"
 
 
+def bandwidth_given(bandwidth: float | None) -> list[str]:
+    """Return the argument of a call that smooths motion to this, Hz; none where the runs tell."""
+    if bandwidth is None:
+        return []
+    return ["bandwidth=" + (f"{bandwidth!r}" if math.isfinite(bandwidth) else "float('inf')")]
+
+
 def _fit_options(fit: Fit) -> list[str]:
     options = []
     if fit.part.simulated is not None:
         options += ["simulation=simulation"] if fit.part.simulated.own_files else []
         options.append(f"simulated_torque={fit.part.simulated.column!r}")
-    if fit.bandwidth is not None:
-        told = f"{fit.bandwidth!r}" if math.isfinite(fit.bandwidth) else "float('inf')"
-        options.append(f"bandwidth={told}")
+    options += bandwidth_given(fit.bandwidth)
     own = [term.term for term in fit.between_runs]
     if own == ["offset.offset"]:
         options.append("offset_per_run=True")
@@ -288,7 +306,8 @@ def _motion_options(found: SimulationFit) -> list[str]:
     return [*given, f"free_controller={free!r}"] if free else given
 
 
-def _orders(effect: Effect) -> list[int | tuple[int, str]]:
+def orders_given(effect: Effect) -> list[int | tuple[int, str]]:
+    """Return the orders of a ripple as a call takes them: with their pair where it is not usual."""
     usual = effect.info.pairs[0]
     return [order if pair == usual else (order, pair) for order, pair in effect.harmonics]
 
@@ -375,18 +394,14 @@ def write_check_report(
         }
         for k, (log, found) in enumerate(audits, 1)
     ]
-    page = (
-        templates()
-        .get_template("check.html")
-        .render(
-            verdict=check_verdict(audits, target),
-            grave=any(found.forbidding(target) or found.faults for _, found in audits),
-            runs=runs,
-            effects=_effects(audits, excited),
-            version=__version__,
-        )
+    write_html(
+        path,
+        "check.html",
+        verdict=check_verdict(audits, target),
+        grave=any(found.forbidding(target) or found.faults for _, found in audits),
+        runs=runs,
+        effects=_effects(audits, excited),
     )
-    atomic_write(path, page)
 
 
 def _effects(audits: Audits, excited: Sequence[Excited]) -> list[dict[str, Any]]:

@@ -20,6 +20,7 @@ import numpy as np
 from flexspline.errors import listed
 from flexspline.formatting import (
     apart,
+    blocks_text,
     decimals_for,
     padded,
     plus_minus,
@@ -102,7 +103,7 @@ def fit_text(fit: Fit) -> str:
         _scores(fit),
         _warnings_text(fit),
     ]
-    return "\n\n".join("\n".join(block) for block in blocks if block)
+    return blocks_text(blocks)
 
 
 def wrapped(sentence: str, first: str = "", rest: str = "") -> list[str]:
@@ -525,7 +526,7 @@ def parameters_text(fit: Fit) -> str:
     if not fit.parameters:
         return "No parameters: nothing was fitted."
     table = rows_text(_remarks_wrapped(_rows(fit)), left=range(len(HEAD)))
-    return "\n\n".join(["\n".join(block) for block in ([table], known_text(fit)) if block])
+    return blocks_text([[table], known_text(fit)])
 
 
 def parameters_html(fit: Fit) -> str:
@@ -594,7 +595,7 @@ def fit_summary(fit: Fit) -> str:
         [line for sentence in [*trust(fit), *_notes(fit)] for line in wrapped(sentence)],
         _warnings_text(fit),
     ]
-    return "\n\n".join("\n".join(block) for block in blocks if block)
+    return blocks_text(blocks)
 
 
 def _method(fit: Fit) -> str:

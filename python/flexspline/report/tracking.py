@@ -7,12 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flexspline.about import __version__
 from flexspline.errors import printable
-from flexspline.files import atomic_write
 from flexspline.formatting import plus_minus, rows_text, short, table_html
 from flexspline.plot.canvas import own_style
-from flexspline.report.html import drawn, templates
+from flexspline.report.html import drawn, write_html
 from flexspline.report.text import wrapped
 from flexspline.tracking.result import day, spoken
 
@@ -50,23 +48,19 @@ def write_track_report(made: Track, path: str | os.PathLike[str]) -> None:
     """
     from flexspline.plot.tracking import LOOK, panels
 
-    page = (
-        templates()
-        .get_template("track.html")
-        .render(
-            title=made.history.joint or "One joint over time",
-            verdict=made.verdict,
-            grave=bool(made.changes),
-            sentences=made.sentences,
-            parameters=parameter_rows(made),
-            figures=[drawn(panel) for panel in panels(made)],
-            look=LOOK,
-            remarks=made.remarks,
-            sessions=session_rows(made),
-            version=__version__,
-        )
+    write_html(
+        path,
+        "track.html",
+        title=made.history.joint or "One joint over time",
+        verdict=made.verdict,
+        grave=bool(made.changes),
+        sentences=made.sentences,
+        parameters=parameter_rows(made),
+        figures=[drawn(panel) for panel in panels(made)],
+        look=LOOK,
+        remarks=made.remarks,
+        sessions=session_rows(made),
     )
-    atomic_write(path, page)
 
 
 def parameter_rows(made: Track) -> list[Row]:

@@ -35,7 +35,7 @@ from flexspline.plot.canvas import (
     titled,
 )
 from flexspline.plot.estimate import error_over_speed
-from flexspline.reproduce.claims import Story
+from flexspline.reproduce import Story
 from flexspline.rigs.full_range import (
     COULOMB,
     INERTIA,

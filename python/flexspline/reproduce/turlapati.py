@@ -26,7 +26,7 @@ from flexspline.least_squares.result import Fit
 from flexspline.logs.derive import lowpass
 from flexspline.logs.log import Log
 from flexspline.plot.canvas import GREY, PALETTE, PlainFigure, axes_or_new, legend, titled
-from flexspline.reproduce.claims import Story
+from flexspline.reproduce import Story
 from flexspline.rigs.turlapati import TurlapatiRig, turlapati_rig
 from flexspline.signals import gear_of
 

@@ -56,7 +56,7 @@ from flexspline.plot.sensor import (
     placement_ripple,
     voltage_drift,
 )
-from flexspline.reproduce.claims import Story
+from flexspline.reproduce import Story
 from flexspline.rigs.zhang import (
     ARM,
     FINE,

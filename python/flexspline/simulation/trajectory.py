@@ -18,7 +18,7 @@ from flexspline.logs.log import Log
 from flexspline.simulation.parts import Harmonic, Start, above, at_least, require_limits, whole
 
 if TYPE_CHECKING:
-    from flexspline.simulation.joint import Joint
+    from flexspline.simulation import Joint
 
 __all__ = [
     "CHANNELS",

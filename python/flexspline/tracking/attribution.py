@@ -26,16 +26,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexspline.tracking.changes import (
+    INTERVAL,
     LEAST_SESSIONS,
     NOISES,
     Candidates,
+    Posterior,
     Series,
     Shape,
     evidence_over_time,
+    posterior_of,
     threshold,
 )
 from flexspline.tracking.history import History, cause_of
-from flexspline.tracking.posterior import LEVEL, Posterior, posterior_of
 
 __all__ = ["Told", "detected", "drawn", "moved", "weights_of"]
 
@@ -266,7 +268,7 @@ def _sizes(history: History, change: Told) -> Array:
 
 def _is_told(sizes: Array) -> bool:
     """Whether a size is told from zero."""
-    low, high = np.percentile(sizes, LEVEL)
+    low, high = np.percentile(sizes, INTERVAL)
     return bool(low > 0.0 or high < 0.0)
 
 

@@ -12,27 +12,23 @@ import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from flexspline.about import __version__
 from flexspline.effects import Effect
 from flexspline.errors import InputError, did_you_mean, listed
-from flexspline.files import atomic_write
-from flexspline.fleet.accumulators import RunSums
-from flexspline.fleet.cluster import Failed, Workers, done
+from flexspline.fleet import Folders, fit_sums, sessions_from, summed
+from flexspline.fleet.accumulators import Plan, RunSums
+from flexspline.fleet.cluster import Workers, done, require_some, split_failed
 from flexspline.fleet.estimates import estimate_of
-from flexspline.fleet.fitting import Folders, fit_sums, sessions_from, summed
-from flexspline.fleet.plan import Plan
-from flexspline.fleet.result import FleetFit
+from flexspline.fleet.result import FleetFit, FleetResult
 from flexspline.fleet.sessions import Sessions
 from flexspline.lazy import render
 from flexspline.progress import Progress
-from flexspline.schema import checked_json
+from flexspline.tracking import HORIZON, track
 from flexspline.tracking.history import History
 from flexspline.tracking.result import Change, Track, day, spoken
-from flexspline.tracking.tracking import HORIZON, track
 
 if TYPE_CHECKING:
     import pandas
@@ -44,7 +40,7 @@ __all__ = ["FleetTrack", "history_of_sums", "track_fleet"]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class FleetTrack:
+class FleetTrack(FleetResult):
     """The joints of a fleet over months.
 
     Parameters
@@ -54,6 +50,8 @@ class FleetTrack:
     failed : (joint or run, why) of what was left out.
     remarks : sentences about the folders.
     """
+
+    _name: ClassVar = "fleet_track"
 
     fit: FleetFit
     tracks: Mapping[str, Track]
@@ -128,10 +126,7 @@ class FleetTrack:
 
     def to_json(self) -> dict[str, Any]:
         """Return it as `fleet_track.json` holds it; each joint's own `track.json` has the rest."""
-        return {
-            "format": "flexspline-fleet-track",
-            "version": 1,
-            "made_by": f"flexspline {__version__}",
+        content = {
             "target": self.fit.plan.target,
             "verdict": self.verdict,
             "changed": {
@@ -147,19 +142,8 @@ class FleetTrack:
             },
             "quiet": list(self.quiet),
             "unknown": list(self.unknown),
-            "failed": [{"what": what, "why": why} for what, why in self.failed],
-            "remarks": list(self.remarks),
         }
-
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Write `fleet_track.json`, whole or not at all.
-
-        Raises
-        ------
-        InputError
-            Where the file cannot be written.
-        """
-        atomic_write(path, checked_json(self.to_json(), "fleet_track"))
+        return self._file(content)
 
     def report(self, folder: str | os.PathLike[str]) -> None:
         """Write `report.html`, a page for the fleet, and `units/NAME.html`, one for each joint."""
@@ -225,15 +209,11 @@ def track_fleet(
     ask(histories[0])  # a limit that is wrong is so for all
     with Progress("joints", progress, total=len(histories), unit="joint") as bar:
         tracks = done(ask, histories, whose, bar)
-    told = dict(zip((history.joint for history in histories), tracks, strict=True))
+    told, lost = split_failed([history.joint for history in histories], tracks)
     return FleetTrack(
         fitted,
-        {name: each for name, each in told.items() if isinstance(each, Track)},
-        (
-            *fitted.failed,
-            *left,
-            *((name, each.why) for name, each in told.items() if isinstance(each, Failed)),
-        ),
+        {made.history.joint: made for made in told},
+        (*fitted.failed, *left, *lost),
         fitted.remarks,
     )
 
@@ -254,8 +234,7 @@ def _histories(runs: Sequence[RunSums], plan: Plan) -> tuple[list[History], list
             histories.append(history_of_sums(joints[name], plan))
         except InputError as error:
             failed.append((name, str(error)))
-    if not histories:
-        raise InputError(f"{failed[0][0]}: {failed[0][1]} (and no other joint can be tracked)")
+    require_some(histories, failed, "no other joint can be tracked")
     return [replace(each, among=len(histories)) for each in histories], failed
 
 

@@ -328,24 +328,7 @@ class Track:
         """Return a row for each parameter."""
         import pandas
 
-        rows = [
-            {
-                "parameter": p.name,
-                "unit": p.unit,
-                "state": p.state,
-                "sessions": p.sessions,
-                "at_first": p.at_first[0],
-                "at_first_error": p.at_first[1],
-                "now": p.now[0],
-                "now_error": p.now[1],
-                "per_kelvin": p.by_temperature[0],
-                "per_kelvin_error": p.by_temperature[1],
-                "between_sessions": p.between_sessions,
-                "measured_error": p.measured_error,
-                "least": p.least,
-            }
-            for p in self.parameters
-        ]
+        rows = [{"parameter": p.name, **_numbers(p)} for p in self.parameters]
         return pandas.DataFrame(rows).set_index("parameter")
 
     def to_json(self) -> str:
@@ -482,9 +465,8 @@ def _and(words: Sequence[str]) -> str:
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
 
 
-def _parameter_json(p: TrackedParameter) -> dict[str, Any]:
+def _numbers(p: TrackedParameter) -> dict[str, Any]:
     return {
-        "name": p.name,
         "unit": p.unit,
         "state": p.state,
         "sessions": p.sessions,
@@ -497,6 +479,13 @@ def _parameter_json(p: TrackedParameter) -> dict[str, Any]:
         "between_sessions": p.between_sessions,
         "measured_error": p.measured_error,
         "least": p.least,
+    }
+
+
+def _parameter_json(p: TrackedParameter) -> dict[str, Any]:
+    return {
+        "name": p.name,
+        **_numbers(p),
         "values": p.values.tolist(),
         "corrected": p.corrected.tolist(),
         "band": {

@@ -15,6 +15,7 @@
 
 #include "flexspline/angle.hpp"
 #include "flexspline/block.hpp"
+#include "flexspline/coupling.hpp"
 #include "flexspline/each_place.hpp"
 #include "flexspline/effects/catalogue.hpp"
 #include "flexspline/estimators/chain.hpp"
@@ -25,6 +26,7 @@
 #include "flexspline/fields.hpp"
 #include "flexspline/joint.hpp"
 #include "flexspline/lagged_slope.hpp"
+#include "flexspline/self_heating.hpp"
 #include "flexspline/sensor/bridge.hpp"
 #include "flexspline/sensor/electronics.hpp"
 #include "flexspline/swap.hpp"
@@ -134,6 +136,16 @@ const std::vector<Use> others = {
        Whole<S> other = joint(S(0));
        return load(saved(joint(S(2))), other) == BlockStatus::ok && steps(other, 3);
      }},
+    {"coupling.hpp",
+     [] {
+       Model<S, MeshCompliance<S>> mesh;
+       std::get<0>(mesh.parts) = {{S(0.01)}, {S(0.01)}};
+       typename Model<S, MeshCompliance<S>>::State state;
+       S torque = 0;
+       const Coupling<S> coupling{S(100), S(10), S(0.0099)};
+       return coupling.torque(mesh, {}, S(-0.02), state, torque) == Status::ok &&
+              math::absolute(mesh_torsion(torque, S(100), S(0.01)) + S(0.02)) < S(1e-5);
+     }},
     {"each_place.hpp",
      [] {
        std::size_t sum = 0;
@@ -145,6 +157,11 @@ const std::vector<Use> others = {
        std::size_t numbers = 0;
        for_each_field<Thermistor<S>>([&](const auto&) { ++numbers; });
        return numbers == 5;
+     }},
+    {"find_zero.hpp",
+     [] {
+       const auto f = [](S x) { return S(2) - x * x; };
+       return near(find_zero(f, S(1), S(1), S(2), S(-2), S(1e-6)), 1.4142136);
      }},
     {"gear.hpp",
      [] {
@@ -204,6 +221,12 @@ const std::vector<Use> others = {
        S left = 0;
        for (const Number<S>& each : numbers<S>) left += Sample<S>{}.*each.at;
        return near(left, 25) && !math::is_finite(Reading<S>{}.temperature);
+     }},
+    {"self_heating.hpp",
+     [] {
+       S temperature = 25;
+       return SelfHeating<S>{S(25), S(2), S(10)}.step(S(3), S(1000), temperature) == Status::ok &&
+              near(temperature, 31);
      }},
     {"status.hpp", [] { return extrapolated(S(3), S(1), S(2)) == Flag::extrapolated; }},
     {"swap.hpp",

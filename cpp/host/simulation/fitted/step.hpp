@@ -6,7 +6,7 @@
 /// kink there, which costs orders in that step alone.
 #pragma once
 
-#include "host/simulation/common/find_zero.hpp"
+#include "flexspline/find_zero.hpp"
 #include "host/simulation/fitted/plant.hpp"
 
 namespace flexspline::batch::forward {
@@ -52,7 +52,7 @@ inline Moved runge_kutta(const Plant& plant, const Inputs& in, double late, doub
 template <typename Function>
 double event_time(const Function& f, double low, double at_low, double high,
                   double at_high) noexcept {
-  return simulation::find_zero(f, low, at_low, high, at_high, 1e-13 * high);
+  return find_zero(f, low, at_low, high, at_high, 1e-13 * high);
 }
 
 /// Which way a joint at rest goes: 0 where friction holds it.

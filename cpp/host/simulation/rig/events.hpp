@@ -8,7 +8,7 @@
 /// exactly: it does not creep. A change and its reverse within one step are not seen.
 #pragma once
 
-#include "host/simulation/common/find_zero.hpp"
+#include "flexspline/find_zero.hpp"
 #include "host/simulation/rig/step.hpp"
 
 namespace flexspline::batch::simulation {

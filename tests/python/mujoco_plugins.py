@@ -1,0 +1,30 @@
+"""What tests of MuJoCo's plugins share: libraries under names of their own, and scenes."""
+
+from __future__ import annotations
+
+import itertools
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from flexspline.exporting import mujoco_plugin
+from flexspline.model import Model
+
+Loaded = Callable[[Model], str]
+NUMBERS = itertools.count()  # a process knows one plugin of a name
+
+
+def loader(mujoco: Any, folder: Path) -> Loaded:
+    """Return what compiles and loads the plugin of a model, each under a name of its own."""
+    if shutil.which("c++") is None:
+        pytest.skip("c++ is missing; install Debian's g++")
+
+    def load(model: Model) -> str:
+        name = f"joint_{next(NUMBERS)}"
+        mujoco.mj_loadPluginLibrary(str(mujoco_plugin(model, folder / name)))
+        return name
+
+    return load
