@@ -332,8 +332,13 @@ def rows_sentence(made: Discovery) -> str:
 
 
 def channel_rows(made: Discovery) -> list[tuple[str, ...]]:
-    """Return channel with unit, noise, quantum, bandwidth and how the rows read it, for a table."""
-    return input_rows(made.inputs, made.fit.part.preparations)
+    """Return channel with unit, noise, quantum, bandwidth, delay and how the rows read it."""
+    late: dict[str, list[float]] = {}
+    for fault in made.data_faults:
+        if "delay" in fault.name:
+            late.setdefault(fault.channel, []).append(fault.size)
+    delays = {channel: float(np.median(sizes)) for channel, sizes in late.items()}
+    return input_rows(made.inputs, made.fit.part.preparations, delays)
 
 
 def inputs_sentence(made: Discovery) -> str:
