@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import IntFlag
 from types import MappingProxyType
@@ -48,7 +48,7 @@ from flexspline.logs.read import LogLike, as_logs, is_one, with_motor_torque
 from flexspline.logs.segments import median_step, output_speed, runs
 from flexspline.model import Model
 from flexspline.part import Part
-from flexspline.prediction import SIZES, error_sizes
+from flexspline.prediction import SIZES, OfRuns, error_sizes
 from flexspline.signals import channels_for, gear_of
 
 if TYPE_CHECKING:
@@ -307,7 +307,7 @@ def _whole(data: Array) -> NDArray[np.object_]:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Estimates(Sequence[Estimate]):
+class Estimates(OfRuns[Estimate]):
     """Estimates of several runs by one model.
 
     Parameters
@@ -323,16 +323,6 @@ class Estimates(Sequence[Estimate]):
     references: tuple[Array | None, ...]
     speed_above: float | None = None
     slow_rows: int = 0
-
-    def __len__(self) -> int:
-        return len(self.runs)
-
-    @overload
-    def __getitem__(self, index: int) -> Estimate: ...
-    @overload
-    def __getitem__(self, index: slice) -> tuple[Estimate, ...]: ...
-    def __getitem__(self, index: int | slice) -> Estimate | tuple[Estimate, ...]:
-        return self.runs[index]
 
     @property
     def estimators(self) -> tuple[str, ...]:
