@@ -121,16 +121,23 @@ def values_of(problem: Problem, number: int, rows: slice) -> dict[str, Array]:
 
 def _past(problem: Problem, number: int) -> dict[str, Array]:
     """Return what channels of a run were some time ago, (N, lags) each."""
-    if max(len(r) for r in problem.runs) > MOST_ROWS:
+    longest = problem.once("longest run", lambda: _longest(problem))
+    if longest is None:
         return {}
 
     def made() -> dict[str, Array]:
         log = problem.runs[number].log
         values = {name: log[name] for name in _channels(problem)}
-        longest = max(float(np.ptp(r.log["time"])) for r in problem.runs)
         return past_of(log["time"], values, [*LAGGED, problem.known_load or ""], longest)
 
     return problem.once(("lags", number), made)
+
+
+def _longest(problem: Problem) -> float | None:
+    """How long the longest run lasts, s; None where its past is not looked at."""
+    if max(len(run) for run in problem.runs) > MOST_ROWS:
+        return None
+    return max(float(np.ptp(run.log["time"])) for run in problem.runs)
 
 
 def _rate(load: Array, time: Array, rows: slice) -> Array:
@@ -142,6 +149,10 @@ def _rate(load: Array, time: Array, rows: slice) -> Array:
 
 def _channels(problem: Problem) -> list[str]:
     """Channels that all runs have and that change, but for the target's own."""
+    return problem.once("channels", lambda: _usable(problem))
+
+
+def _usable(problem: Problem) -> list[str]:
     hidden = {*HIDDEN[problem.target], *NEVER, *({"reference_torque"} - {problem.known_load})}
     logs = [run.log for run in problem.runs]
 
@@ -150,8 +161,7 @@ def _channels(problem: Problem) -> list[str]:
         whole = all(name in log and np.isfinite(log[name]).all() for log in logs)
         return whole and any(np.ptp(log[name]) > 0.0 for log in logs)
 
-    named = [name for name in logs[0].channels if name not in hidden]
-    return problem.once("channels", lambda: [name for name in named if usable(name)])
+    return [name for name in logs[0].channels if name not in hidden and usable(name)]
 
 
 def _motor_angle(run: Run, rows: slice) -> Array:

@@ -158,7 +158,7 @@ def confirmed(made: Analysis, fitted: Callable[[Working], Fit], base: Sequence[s
             name, why = (unlikely[-1], UNLIKELY) if unlikely else (lesser[-1], LESSER)
         if why == SMALL:
             one = shown[name]
-            small.append(AlsoSeen(name, *one.rmse, one.t, one.share))
+            small.append(AlsoSeen(name, *one.rmse, one.t, float(np.clip(one.share, -1.0, 1.0))))
             made.searcher.refused.pop(name, None)  # of an earlier step
         elif why:
             made.searcher.refused[name] = why

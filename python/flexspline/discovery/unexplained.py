@@ -384,20 +384,25 @@ def repeated(left: HeldOut) -> Repeated | None:
     for count in (1, 2):
         for columns in combinations(range(len(names)), count):
             own = [place[:, columns] for place in places]
-            after = [value - _predicted(own, values, k) for k, value in enumerate(values)]
+            after = _beyond_others(own, values)
             fall, error = fall_of(values, after, block)
             if fall > SETTINGS.told * error:
                 found.append(Repeated(fall, error, tuple(names[k] for k in columns)))
     return max(found, key=lambda one: one.fall / max(one.error, TINY), default=None)
 
 
-def _predicted(places: Sequence[Array], values: Sequence[Array], fold: int) -> Array:
-    """What the neighbours in other folds say of the rows of one, (n,)."""
-    rest = [k for k in range(len(places)) if k != fold and len(values[k])]
-    others = np.concatenate([values[k] for k in rest]) if rest else np.empty(0)
-    if len(others) < NEIGHBOURS or not len(values[fold]):
-        return np.zeros(len(values[fold]))
-    tree = cKDTree(np.concatenate([places[k] for k in rest]))
-    far, at = tree.query(places[fold], k=NEIGHBOURS)
-    told = SETTINGS.most * others[at].mean(axis=1)
-    return np.where(far[:, -1] < SETTINGS.little, told, 0.0)
+def _beyond_others(places: Sequence[Array], values: Sequence[Array]) -> list[Array]:
+    """What the neighbours in other folds leave of the rows of each, (n,); of many folds in turn."""
+    count = min(len(values), NEIGHBOURS)
+    left = [*values]
+    for turn in range(count):
+        rest = [k for k in range(len(values)) if k % count != turn and len(values[k])]
+        if sum(len(values[k]) for k in rest) < NEIGHBOURS:
+            continue
+        others = np.concatenate([values[k] for k in rest])
+        tree = cKDTree(np.concatenate([places[k] for k in rest]))
+        for k in (k for k in range(turn, len(values), count) if len(values[k])):
+            far, at = tree.query(places[k], k=NEIGHBOURS)
+            told = SETTINGS.most * others[at].mean(axis=1)
+            left[k] = values[k] - np.where(far[:, -1] < SETTINGS.little, told, 0.0)
+    return left
