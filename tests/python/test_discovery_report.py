@@ -439,7 +439,7 @@ def test_a_headline_names_what_explains_the_runs_as_well() -> None:
     (one,) = found().found
     either = replace(one, confidence=0.4, indistinguishable_from=("gravity",))
     said = verdict(replace(found(), found=(either,)))
-    assert "may lack motor_crosstalk or gravity at 40 %: RMSE" in said
+    assert "may lack motor_crosstalk (or gravity) at 40 %: RMSE" in said
     several = replace(either, indistinguishable_from=("gravity", "cogging"))
     assert "may lack motor_crosstalk at 40 %: RMSE" in verdict(replace(found(), found=(several,)))
 

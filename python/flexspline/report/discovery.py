@@ -236,7 +236,7 @@ def _names_told(found: Sequence[Found]) -> str:
 def _or_alias(one: Found) -> str:
     """A name, and the one that explains the runs as well; of several the list below tells."""
     aliases = one.indistinguishable_from
-    return f"{one.effect} or {aliases[0]}" if len(aliases) == 1 else one.effect
+    return f"{one.effect} (or {aliases[0]})" if len(aliases) == 1 else one.effect
 
 
 def _unexplained_is_small(made: Discovery) -> bool:
