@@ -61,40 +61,35 @@ Array rows(const batch::Design& design, const py::dict& columns, py::ssize_t siz
   return py::reinterpret_borrow<Array>(out);
 }
 
-py::array_t<double> predict(const batch::Design& design, const py::dict& columns, py::ssize_t size,
-                            const Array& coefficients) {
+/// A value of each row; `fill` makes those of a piece.
+template <typename T, typename Fill>
+py::array_t<T> of_each_row(const batch::Design& design, const py::dict& columns, py::ssize_t size,
+                           const Array& coefficients, bool may_be_empty, const Fill& fill) {
   const Borrowed borrowed = borrow(columns, size);
-  require_size(span_of(coefficients), design.columns(), false);
-  py::array_t<double> out(size);
-  double* values = out.mutable_data();
+  require_size(span_of(coefficients), design.columns(), may_be_empty);
+  py::array_t<T> out(size);
+  T* values = out.mutable_data();
   {
     const py::gil_scoped_release release;
     batch::Memory memory = design.fresh();
-    batch::in_pieces({0, static_cast<std::size_t>(size)},
-                     [&](std::size_t first, std::size_t count) {
-                       design.predict(borrowed.channels, first, count, span_of(coefficients),
-                                      memory, values + first);
-                     });
+    batch::in_pieces(
+        {0, static_cast<std::size_t>(size)}, [&](std::size_t first, std::size_t count) {
+          fill(borrowed.channels, first, count, span_of(coefficients), memory, values + first);
+        });
   }
   return out;
 }
 
+py::array_t<double> predict(const batch::Design& design, const py::dict& columns, py::ssize_t size,
+                            const Array& coefficients) {
+  return of_each_row<double>(design, columns, size, coefficients, false,
+                             [&](auto&&... piece) { design.predict(piece...); });
+}
+
 py::array_t<bool> settled(const batch::Design& design, const py::dict& columns, py::ssize_t size,
                           const Array& coefficients) {
-  const Borrowed borrowed = borrow(columns, size);
-  require_size(span_of(coefficients), design.columns(), true);
-  py::array_t<bool> out(size);
-  bool* values = out.mutable_data();
-  {
-    const py::gil_scoped_release release;
-    batch::Memory memory = design.fresh();
-    batch::in_pieces({0, static_cast<std::size_t>(size)},
-                     [&](std::size_t first, std::size_t count) {
-                       design.settled(borrowed.channels, first, count, span_of(coefficients),
-                                      memory, values + first);
-                     });
-  }
-  return out;
+  return of_each_row<bool>(design, columns, size, coefficients, true,
+                           [&](auto&&... piece) { design.settled(piece...); });
 }
 
 std::vector<batch::Rows> blocks_from(const std::vector<std::pair<std::size_t, std::size_t>>& pairs,

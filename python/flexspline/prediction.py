@@ -13,7 +13,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any, TypeVar, overload
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
@@ -25,8 +25,17 @@ from flexspline.formatting import rows_text, sentences_text, short, table_html
 if TYPE_CHECKING:
     import pandas
 
-__all__ = ["SIZES", "Prediction", "Predictions", "error_sizes", "require_rows", "too_slow"]
+__all__ = [
+    "SIZES",
+    "OfRuns",
+    "Prediction",
+    "Predictions",
+    "error_sizes",
+    "require_rows",
+    "too_slow",
+]
 
+Result = TypeVar("Result")
 Array = NDArray[np.float64]
 
 SIZES = ("RMSE", "mean error", "largest error")
@@ -108,21 +117,27 @@ class Prediction:
         return {name: getattr(self, name) for name in ("time", "measured", "predicted", "residual")}
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Predictions(Sequence[Prediction]):
-    """Predictions of several runs by one part of a model, `runs`, at least one."""
+class OfRuns(Sequence[Result]):
+    """Results of several runs, one of each, in their order."""
 
-    runs: tuple[Prediction, ...]
+    runs: tuple[Result, ...]
 
     def __len__(self) -> int:
         return len(self.runs)
 
     @overload
-    def __getitem__(self, index: int) -> Prediction: ...
+    def __getitem__(self, index: int) -> Result: ...
     @overload
-    def __getitem__(self, index: slice) -> tuple[Prediction, ...]: ...
-    def __getitem__(self, index: int | slice) -> Prediction | tuple[Prediction, ...]:
+    def __getitem__(self, index: slice) -> tuple[Result, ...]: ...
+    def __getitem__(self, index: int | slice) -> Result | tuple[Result, ...]:
         return self.runs[index]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Predictions(OfRuns[Prediction]):
+    """Predictions of several runs by one part of a model, `runs`, at least one."""
+
+    runs: tuple[Prediction, ...]
 
     @property
     def target(self) -> str:

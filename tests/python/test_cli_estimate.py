@@ -15,7 +15,7 @@ from cli_calls import call
 
 import flexspline
 from flexspline import Observer
-from flexspline.estimation.result import MEANING
+from flexspline.estimation import MEANING
 from flexspline.logs.log import Log
 from flexspline.logs.writing import write_log
 from flexspline.model import Model

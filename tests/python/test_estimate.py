@@ -27,8 +27,7 @@ from figure_layout import figure_faults
 
 import flexspline
 from flexspline import Collision, Compliance, InputError, Observer, effect
-from flexspline.estimation import Status
-from flexspline.estimation.result import MEANING
+from flexspline.estimation import MEANING, Status
 from flexspline.logs.log import Log
 from flexspline.model import Model, Part
 from flexspline.prepared import Preparation
@@ -116,7 +115,7 @@ def test_columns_are_those_of_the_estimators_that_the_model_holds() -> None:
     blind = Model({"drive": DRIVE}, FACTS).with_estimator(BY_MOTOR)
     assert "external_torque_sensor" not in flexspline.estimate(blind, log)
     everything = flexspline.estimate(whole_joint(), log)
-    assert list(everything.columns) == list(flexspline.estimation.result.COLUMNS)
+    assert list(everything.columns) == list(flexspline.estimation.COLUMNS)
 
 
 def test_every_status_is_a_bit_of_its_own_with_a_meaning() -> None:

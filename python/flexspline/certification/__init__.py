@@ -40,9 +40,8 @@ from flexspline.certification.program import (
     version_of,
 )
 from flexspline.errors import InputError, listed
-from flexspline.estimation import estimate, measurable
+from flexspline.estimation import Estimate, estimate, measurable
 from flexspline.estimation.plan import BANDWIDTH, adapted_units, plan_of, with_derivatives
-from flexspline.estimation.result import Estimate
 from flexspline.estimators import Differentiator, Estimator, ReadingChecks
 from flexspline.estimators.sensing import DERIVED
 from flexspline.exporting import export

@@ -41,7 +41,7 @@ from flexspline.errors import InputError, listed
 from flexspline.files import whole_folder
 
 if TYPE_CHECKING:
-    from flexspline.estimation.result import Estimate
+    from flexspline.estimation import Estimate
     from flexspline.model import Part, Prediction
 
 __all__ = [
@@ -182,7 +182,7 @@ def _told(found: Prediction) -> str:
 
 def _bits() -> tuple[str, list[tuple[str, str]]]:
     """Every bit of the status column."""
-    from flexspline.estimation.result import MEANING
+    from flexspline.estimation import MEANING
 
     return "Status, a sum of", [(str(int(bit)), meaning) for bit, meaning in MEANING.items()]
 

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
 from flexspline.collision.result import DetectorCalibration, Residual
-from flexspline.estimation.result import Estimate, Status
+from flexspline.estimation import Estimate, Status
 from flexspline.logs.log import Log
 from flexspline.logs.segments import true_ranges
 from flexspline.observer import observer_delay, observer_noise

@@ -10,14 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flexspline.about import __version__
 from flexspline.discovery.candidates import EXCLUDED, TAKEN
 from flexspline.discovery.result import BY_ENCODER, BY_FUNCTIONS, BY_NAMES
 from flexspline.discovery.settings import SETTINGS
 from flexspline.discovery.slices import telling
 from flexspline.effects.causes import FRICTION_BY_DIRECTION
 from flexspline.errors import listed
-from flexspline.files import atomic_write
 from flexspline.formatting import decimals_for, padded, percent, plus_minus, short
 from flexspline.plot.canvas import own_style
 from flexspline.report.html import (
@@ -26,6 +24,7 @@ from flexspline.report.html import (
     orders_given,
     templates,
     used_logs,
+    write_html,
 )
 from flexspline.report.tables import input_rows
 from flexspline.report.text import (
@@ -108,32 +107,29 @@ def write_discovery_report(made: Discovery, path: str | os.PathLike[str]) -> Non
 
     where = made.disagreement
     chart = plot_comparison(where.before, where.after if made.found else None)
-    page = (
-        templates()
-        .get_template("discovery.html")
-        .render(
-            _common(made),
-            title=str(made.model.facts.get("joint", f"What the {TARGET_WORDS[made.target]} lacks")),
-            places=where_sentences(made),
-            map=ReportFigure(inline_svg(chart, "map of the disagreement"), MAP),
-            figures=[drawn(panel) for panel in panels(made)],
-            plan=None
-            if made.plan is None
-            else ReportFigure(inline_svg(made.plan.plot(), "run to record next"), PLAN),
-            tables=shrunk_tables(made),
-            channels=channel_rows(made),
-            delay="",
-            searched=searched_sentence(made),
-            refused=refused_rows(made),
-            estimator=estimator_sentence(made),
-            lines=parameter_lines(made.fit),
-            groups=known_groups(made.fit),
-            logs=used_logs(made.fit),
-            facts=model_facts(made.fit),
-            call=discovery_call(made),
-        )
+    write_html(
+        path,
+        "discovery.html",
+        _common(made),
+        title=str(made.model.facts.get("joint", f"What the {TARGET_WORDS[made.target]} lacks")),
+        places=where_sentences(made),
+        map=ReportFigure(inline_svg(chart, "map of the disagreement"), MAP),
+        figures=[drawn(panel) for panel in panels(made)],
+        plan=None
+        if made.plan is None
+        else ReportFigure(inline_svg(made.plan.plot(), "run to record next"), PLAN),
+        tables=shrunk_tables(made),
+        channels=channel_rows(made),
+        delay="",
+        searched=searched_sentence(made),
+        refused=refused_rows(made),
+        estimator=estimator_sentence(made),
+        lines=parameter_lines(made.fit),
+        groups=known_groups(made.fit),
+        logs=used_logs(made.fit),
+        facts=model_facts(made.fit),
+        call=discovery_call(made),
     )
-    atomic_write(path, page)
 
 
 def _common(made: Discovery) -> dict[str, Any]:
@@ -157,7 +153,6 @@ def _common(made: Discovery) -> dict[str, Any]:
         ],
         "grave": bool(made.unexplained and not _unexplained_is_small(made))
         or any(fault.grave for fault in made.data_faults),
-        "version": __version__,
     }
 
 
