@@ -41,7 +41,7 @@ class Settings:
     functions : of one channel; orders that a scan has found and are tried, and orders of the output
         beside them. It went back to its older value after a measured joint had lost its names.
     lines : orders of the motor's angle that are looked at one by one.
-    rows : on which functions of a flexible basis are looked at.
+    rows : on which functions of a flexible basis are looked at; powers alone on `rows / little`.
     """
 
     alpha: float = 0.005
