@@ -142,6 +142,22 @@ def test_the_call_that_makes_it_again_leaves_out_what_was_left_out() -> None:
     assert "    exclude=['gravity'],\n" in discovery_call(left_out)
 
 
+def test_the_call_that_makes_it_again_has_the_bandwidth_and_the_orders_of_the_base() -> None:
+    said = discovery_call(found())
+    assert "bandwidth=" not in said and "orders=" not in said
+    fit = found().fit
+    ripple = flexspline.effect("output_ripple", orders=[1, 3])
+    values = np.append(fit.part.coefficients, np.zeros(len(ripple.terms)))
+    part = replace(fit.part, effects=(*fit.part.effects, ripple), coefficients=values)
+    smoothed = replace(
+        found(),
+        base_effects=(*found().base_effects, "output_ripple"),
+        fit=replace(fit, bandwidth=12.5, part=part),
+    )
+    said = discovery_call(smoothed)
+    assert "    bandwidth=12.5,\n" in said and "    orders={'output_ripple': [1, 3]},\n" in said
+
+
 @pytest.mark.parametrize(
     ("share", "said"),
     [(1.0, "100 %"), (0.999, "100 %"), (0.334, "33 %"), (0.0123, "1.2 %"), (-0.001, "-0.1 %")],

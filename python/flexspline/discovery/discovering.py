@@ -222,9 +222,11 @@ def _by_regression(
         recorded = _Recorded.of(runs, task)
         held = recorded.confirmed(recorded.analysed(free), free)
     rows = _rows(recordings, target, held.made)
+    made = assembled(held, faults, tuple(inputs.values()), rows, limits)
     found = replace(
-        assembled(held, faults, tuple(inputs.values()), rows, limits),
+        made,
         base_effects=tuple(effect.name for effect in task.effects),
+        fit=replace(made.fit, bandwidth=bandwidth),
     )
     judged = graded(found.data_faults, recorded.logs, found.fit, found.noise_floor)
     return replace(found, data_faults=judged)

@@ -5,7 +5,6 @@ Several models side by side as text and HTML: errors by run and of all rows, AIC
 
 from __future__ import annotations
 
-import math
 import os
 import textwrap
 from typing import TYPE_CHECKING, Any
@@ -25,7 +24,7 @@ from flexspline.formatting import (
     table_html,
 )
 from flexspline.plot.canvas import own_style
-from flexspline.report.html import log_facts, templates, write_html
+from flexspline.report.html import bandwidth_given, log_facts, templates, write_html
 from flexspline.report.tables import input_rows, smoothed_rows
 from flexspline.report.text import TARGET_WORDS, wrapped
 
@@ -170,9 +169,7 @@ def _call(made: Comparison) -> str:
         given.append("simulated_motion=True" if made.simulated else "simulated_torque=column")
     if made.lowpass is not None:
         given.append(f"lowpass={made.lowpass!r}")
-    if made.bandwidth is not None:
-        told = f"{made.bandwidth!r}" if math.isfinite(made.bandwidth) else "float('inf')"
-        given.append(f"bandwidth={told}")
+    given += bandwidth_given(made.bandwidth)
     if made.speed_above is not None:
         given.append(f"speed_above={made.speed_above!r}")
     if made.simulated and not foreign:

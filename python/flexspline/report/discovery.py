@@ -18,7 +18,14 @@ from flexspline.effects.causes import FRICTION_BY_DIRECTION
 from flexspline.errors import listed
 from flexspline.formatting import decimals_for, padded, percent, plus_minus, short
 from flexspline.plot.canvas import own_style
-from flexspline.report.html import model_facts, templates, used_logs, write_html
+from flexspline.report.html import (
+    bandwidth_given,
+    model_facts,
+    orders_given,
+    templates,
+    used_logs,
+    write_html,
+)
 from flexspline.report.tables import input_rows
 from flexspline.report.text import (
     TARGET_WORDS,
@@ -569,6 +576,11 @@ def discovery_call(made: Discovery) -> str:
         lines.append(f"known_load={part.known_load!r}")
     if made.fit.lowpass is not None:
         lines.append(f"lowpass={made.fit.lowpass!r}")
+    lines += bandwidth_given(made.fit.bandwidth)
+    base = [e for e in made.fit.part.effects if e.name in made.base_effects and e.harmonics]
+    orders = {effect.name: orders_given(effect) for effect in base}
+    if orders:
+        lines.append(f"orders={orders!r}")
     fixed = {p.name: p.value for p in made.fit.parameters if p.state == "fixed"}
     if fixed:
         lines.append(f"fixed={fixed!r}")

@@ -262,7 +262,7 @@ def python_call(fit: Fit) -> str:
         lines.append(f"known_load={fit.part.known_load!r}")
     if fit.lowpass is not None:
         lines.append(f"lowpass={fit.lowpass!r}")
-    orders = {e.name: _orders(e) for e in fit.part.effects if e.harmonics}
+    orders = {e.name: orders_given(e) for e in fit.part.effects if e.harmonics}
     fixed = {p.name: p.value for p in fit.parameters if p.state == "fixed"}
     priors = {p.name: p.prior for p in fit.parameters if p.prior is not None}
     for key, value in (("orders", orders), ("fixed", fixed), ("priors", priors)):
@@ -279,14 +279,19 @@ def python_call(fit: Fit) -> str:
     return f"fit = flexspline.{name}(\n" + "".join(f"    {line},\n" for line in lines) + ")"
 
 
+def bandwidth_given(bandwidth: float | None) -> list[str]:
+    """Return the argument of a call that smooths motion to this, Hz; none where the runs tell."""
+    if bandwidth is None:
+        return []
+    return ["bandwidth=" + (f"{bandwidth!r}" if math.isfinite(bandwidth) else "float('inf')")]
+
+
 def _fit_options(fit: Fit) -> list[str]:
     options = []
     if fit.part.simulated is not None:
         options += ["simulation=simulation"] if fit.part.simulated.own_files else []
         options.append(f"simulated_torque={fit.part.simulated.column!r}")
-    if fit.bandwidth is not None:
-        told = f"{fit.bandwidth!r}" if math.isfinite(fit.bandwidth) else "float('inf')"
-        options.append(f"bandwidth={told}")
+    options += bandwidth_given(fit.bandwidth)
     own = [term.term for term in fit.between_runs]
     if own == ["offset.offset"]:
         options.append("offset_per_run=True")
@@ -301,7 +306,8 @@ def _motion_options(found: SimulationFit) -> list[str]:
     return [*given, f"free_controller={free!r}"] if free else given
 
 
-def _orders(effect: Effect) -> list[int | tuple[int, str]]:
+def orders_given(effect: Effect) -> list[int | tuple[int, str]]:
+    """Return the orders of a ripple as a call takes them: with their pair where it is not usual."""
     usual = effect.info.pairs[0]
     return [order if pair == usual else (order, pair) for order, pair in effect.harmonics]
 
